@@ -1,0 +1,122 @@
+"""A value known for all time: keys and what lies between them. NumPy only.
+
+    Curve    values at times, linear between keys, held outside; any shape (points of a mesh, a scalar)
+    Motion   transforms at times. M = T R S (translation, rotation, remaining symmetric stretch, by polar
+             decomposition); between keys T and S are linear and R turns at constant speed about a fixed axis (slerp)
+
+Matrices act on columns: p_world = M[:3, :3] p + M[:3, 3]. Times in [s] from the start of the scene.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+def _segment(times: np.ndarray, t: float) -> tuple[int, int, float]:
+    """Keys (a, b) around time t and the fraction of the way from a to b."""
+    b = int(np.searchsorted(times, t, side="right"))
+    if b == 0 or b == len(times):
+        a = max(b - 1, 0)
+        return a, a, 0.0
+    return b - 1, b, float((t - times[b - 1]) / (times[b] - times[b - 1]))
+
+
+@dataclass(eq=False)
+class Curve:
+    """times [s], shape (keys,), increasing; values, shape (keys, ...)."""
+
+    times: np.ndarray
+    values: np.ndarray
+
+    def __post_init__(self):
+        self.times = np.atleast_1d(np.asarray(self.times, np.float64))
+        self.values = np.asarray(self.values)
+        if len(self.times) != len(self.values) or len(self.times) == 0:
+            raise ValueError(f"a curve needs one value a time: {len(self.times)} times, {len(self.values)} values")
+        if not np.all(np.diff(self.times) > 0):
+            raise ValueError("the times of a curve must increase")
+
+    @property
+    def moves(self) -> bool:
+        return len(self.times) > 1
+
+    def at(self, t: float) -> np.ndarray:
+        a, b, s = _segment(self.times, t)
+        if a == b:
+            return self.values[a]
+        return self.values[a] + s * (self.values[b] - self.values[a])
+
+    def __eq__(self, other) -> bool:
+        return (type(self) is type(other) and np.array_equal(self.times, other.times)
+                and np.array_equal(self.values, other.values))
+
+
+def polar(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A = R S with R a rotation (det R = 1) and S symmetric; shape (3, 3). A mirrored A has a negative S."""
+    U, sigma, Vt = np.linalg.svd(A)
+    if np.linalg.det(U @ Vt) < 0:
+        U[:, 2] *= -1
+        sigma[2] *= -1
+    return U @ Vt, Vt.T @ np.diag(sigma) @ Vt
+
+
+def rotation(axis: np.ndarray, angle: float) -> np.ndarray:
+    """Rotation by angle [rad] about a unit axis (Rodrigues), shape (3, 3)."""
+    x, y, z = axis
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K)
+
+
+def turn(R: np.ndarray) -> tuple[np.ndarray, float]:
+    """Unit axis and angle [rad] in [0, pi] of a rotation matrix; the axis of no rotation is x."""
+    skew = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    angle = float(np.arctan2(np.linalg.norm(skew), np.trace(R) - 1.0))
+    if angle < 1e-12:
+        return np.array([1.0, 0.0, 0.0]), 0.0
+    if angle > np.pi - 1e-6:                      # R = 2 n n^T - I nearly: the longest column of R + I is the axis
+        B = R + np.eye(3)
+        n = B[:, int(np.argmax(np.linalg.norm(B, axis=0)))]
+        n = n / np.linalg.norm(n)
+        return (n if n @ skew >= 0 else -n), angle
+    return skew / np.linalg.norm(skew), angle
+
+
+@dataclass(eq=False)
+class Motion(Curve):
+    """Local-to-world transforms: values (keys, 4, 4) in metres."""
+
+    parts: list = field(default_factory=list, repr=False)
+
+    def __post_init__(self):
+        super().__post_init__()
+        self.values = np.asarray(self.values, np.float64).reshape(-1, 4, 4)
+
+    @staticmethod
+    def still(matrix=None) -> "Motion":
+        return Motion(np.zeros(1), (np.eye(4) if matrix is None else np.asarray(matrix, np.float64))[None])
+
+    @staticmethod
+    def at_place(translate=(0.0, 0.0, 0.0)) -> "Motion":
+        M = np.eye(4)
+        M[:3, 3] = translate
+        return Motion.still(M)
+
+    def at(self, t: float) -> np.ndarray:
+        """Transform at time t, shape (4, 4)."""
+        a, b, s = _segment(self.times, t)
+        if a == b:
+            return self.values[a]
+        A, B = self.values[a], self.values[b]
+        if not self.parts:
+            self.parts = [polar(M[:3, :3]) for M in self.values]
+        (Ra, Sa), (Rb, Sb) = self.parts[a], self.parts[b]
+        axis, angle = turn(Ra.T @ Rb)
+        M = np.eye(4)
+        M[:3, :3] = Ra @ rotation(axis, s * angle) @ (Sa + s * (Sb - Sa))
+        M[:3, 3] = A[:3, 3] + s * (B[:3, 3] - A[:3, 3])
+        return M
+
+    def points(self, local: np.ndarray, t: float = 0.0) -> np.ndarray:
+        """World positions [m] in float64 of local points, shape (n, 3)."""
+        M = self.at(t)
+        return np.asarray(local, np.float64) @ M[:3, :3].T + M[:3, 3]

@@ -1,0 +1,249 @@
+"""What exists: plain data in SI units (m, kg, s, rad), NumPy only, one to one with what a USD stage can say.
+
+A scene holds objects, each named by its prim path: cloths, spring nets, colliders, pins. Points are kept as USD keeps
+them, float32 in the object's own frame [m], beside a local-to-world `motion` in float64, so that nothing is lost far from the
+origin and a save followed by a load gives the same scene.
+
+    scene = Scene(gravity=(0, -9.81, 0))
+    flag = scene.cloth("/flag", *shapes.sheet(1.0, 1.0, 32, 32), material=Fabric(stretch=500.0))
+    scene.pin("/pins", flag, points=range(33))
+    scene.sphere("/ball", 0.3, at=(0, -0.5, 0))
+"""
+
+from dataclasses import dataclass, field, fields
+from math import inf
+
+import numpy as np
+
+from wsim.curve import Curve, Motion
+from wsim.fabric import Fabric
+
+INTEGRATORS = ("backward_euler", "bdf2")
+CLOTH_MODELS = ("membrane", "springs")
+
+
+def _array(value, dtype, *shape):
+    """value as a contiguous array of that dtype and shape (-1: any); None stays None."""
+    return None if value is None else np.ascontiguousarray(value, dtype).reshape(shape)
+
+
+class _Compared:
+    """Dataclasses with arrays, equal when every field is."""
+
+    def __eq__(self, other):
+        return type(self) is type(other) and all(
+            _same(getattr(self, f.name), getattr(other, f.name))
+            for f in fields(self) if f.compare)  # type: ignore[arg-type]
+
+
+def _same(a, b) -> bool:
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        return a is not None and b is not None and np.array_equal(a, b)
+    if isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)):
+        return len(a) == len(b) and all(_same(x, y) for x, y in zip(a, b, strict=True))
+    return bool(a == b)
+
+
+@dataclass(eq=False)
+class Cloth(_Compared):
+    """A surface that deforms. Polygons as authored; they are cut into triangles by `wsim.topology`."""
+
+    path: str
+    points: np.ndarray                       # [m] own frame, (n, 3) float32
+    counts: np.ndarray                       # corners of each polygon, (faces,)
+    indices: np.ndarray                      # point of each corner, (sum of counts,)
+    material: Fabric = field(default_factory=Fabric)
+    motion: Motion = field(default_factory=Motion.still)   # own frame to world, [m]
+    velocities: np.ndarray | None = None     # [m/s] own frame, (n, 3); None: at rest
+    rest_points: np.ndarray | None = None    # [m] own frame, (n, 3); None: points
+    masses: np.ndarray | None = None         # [kg] of each point, (n,); None: material density
+    mass: float | None = None                # [kg] of the whole cloth; used where masses is None
+    thicknesses: np.ndarray | None = None    # [m] of each point, (n,); None: material thickness
+    model: str = "membrane"                  # in-plane elasticity: "membrane" (triangle strain) or "springs" (edges)
+    flat: bool = True                        # rest angles are flat; False: those of the rest shape
+    weld: float = 0.0                        # points closer than this [m] are one particle (seams); 0: none
+    tethers: bool = False                    # long-range attachments to the nearest pin
+    drag: float = 0.0                        # aerodynamic drag coefficient, normal to the triangle
+    lift: float = 0.0                        # aerodynamic coefficient along the triangle
+
+    def __post_init__(self):
+        self.points = _array(self.points, np.float32, -1, 3)
+        self.counts, self.indices = _array(self.counts, np.int32, -1), _array(self.indices, np.int32, -1)
+        self.velocities = _array(self.velocities, np.float32, -1, 3)
+        self.rest_points = _array(self.rest_points, np.float32, -1, 3)
+        self.masses, self.thicknesses = _array(self.masses, np.float32, -1), _array(self.thicknesses, np.float32, -1)
+
+
+@dataclass(eq=False)
+class Springs(_Compared):
+    """A net of linear springs between own points."""
+
+    path: str
+    points: np.ndarray                       # [m] own frame, (n, 3) float32
+    edges: np.ndarray                        # points of each spring, (m, 2)
+    stiffness: np.ndarray                    # [N/m], (m,) or (1,) for all
+    masses: np.ndarray                       # [kg], (n,) or (1,) for all
+    lengths: np.ndarray | None = None        # rest lengths [m], (m,); None: those of points
+    damping: float = 0.0                     # relaxation time [s]
+    radius: float = 0.0                      # distance that colliders keep [m]
+    motion: Motion = field(default_factory=Motion.still)
+    velocities: np.ndarray | None = None     # [m/s], (n, 3)
+    static_friction: float = 0.5
+    dynamic_friction: float = 0.5
+
+    def __post_init__(self):
+        self.points, self.edges = _array(self.points, np.float32, -1, 3), _array(self.edges, np.int32, -1, 2)
+        self.stiffness, self.masses = _array(self.stiffness, np.float32, -1), _array(self.masses, np.float32, -1)
+        self.lengths, self.velocities = _array(self.lengths, np.float32, -1), _array(self.velocities, np.float32, -1, 3)
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Half space z <= 0 of the own frame is solid."""
+
+
+@dataclass(frozen=True)
+class Sphere:
+    radius: float                            # [m]
+
+
+@dataclass(frozen=True)
+class Box:
+    half: tuple[float, float, float]         # half edges [m]
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """Along own z; half_height [m] of the straight part."""
+    radius: float
+    half_height: float
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """Along own z."""
+    radius: float
+    half_height: float
+
+
+@dataclass(frozen=True)
+class Cone:
+    """Along own z, apex at +half_height, base of `radius` at -half_height."""
+    radius: float
+    half_height: float
+
+
+@dataclass(eq=False)
+class Surface(_Compared):
+    """A triangle mesh. Closed: its inside is solid. Open: both sides keep `Collider.thickness` away."""
+
+    points: np.ndarray                       # [m] own frame, (n, 3) float32
+    counts: np.ndarray
+    indices: np.ndarray
+    poses: Curve | None = None               # points over time, values (keys, n, 3), for a deforming mesh
+
+    def __post_init__(self):
+        self.points = _array(self.points, np.float32, -1, 3)
+        self.counts, self.indices = _array(self.counts, np.int32, -1), _array(self.indices, np.int32, -1)
+
+
+Shape = Plane | Sphere | Box | Capsule | Cylinder | Cone | Surface
+
+
+@dataclass(eq=False)
+class Collider(_Compared):
+    """A solid that pushes and is not pushed. `motion` is rigid: a scale has gone into the shape's sizes."""
+
+    path: str
+    shape: Shape
+    motion: Motion = field(default_factory=Motion.still)
+    static_friction: float = 0.5
+    dynamic_friction: float = 0.5
+    thickness: float = 0.0                   # [m] kept free around it, besides the cloth's half thickness
+
+
+@dataclass(eq=False)
+class Pin(_Compared):
+    """Points of a cloth or spring net held to a frame, static or animated (USD: PhysicsAttachment, point to xform)."""
+
+    path: str
+    body: str                                # path of the cloth or spring net
+    points: np.ndarray                       # indices in the author's order, (k,)
+    target: str = ""                         # path of the Xform it hangs on; "": an Xform beside the pin
+    motion: Motion = field(default_factory=Motion.still)   # target's frame to world, rigid, [m]
+    places: np.ndarray | None = None         # [m] in the target's frame, (k, 3); None: where the points are at the start
+    stiffness: float = inf                   # [N/m]; inf: hard
+    damping: float = 0.0                     # [N s/m]
+
+    def __post_init__(self):
+        self.points = _array(list(self.points) if isinstance(self.points, range) else self.points, np.int32, -1)
+        self.places = _array(self.places, np.float32, -1, 3)
+
+
+@dataclass(eq=False)
+class Scene(_Compared):
+    """Everything there is. Frame f is at time f / fps [s] after `start`; h = 1 / fps / substeps."""
+
+    gravity: tuple[float, float, float] = (0.0, -9.81, 0.0)   # [m/s^2]
+    wind: tuple[float, float, float] = (0.0, 0.0, 0.0)        # velocity of the air [m/s]
+    air_density: float = 1.2                 # [kg/m^3]
+    air_drag: float = 0.0                    # decay rate of every point's velocity [1/s]
+    up: str = "Y"                            # "Y" or "Z"
+    fps: float = 24.0                        # frames (time codes) a second
+    start: float = 0.0                       # time code of the first frame (the initial state)
+    frames: int = 96                         # frames to simulate
+    substeps: int = 10
+    iterations: int = 4                      # solver iterations a substep
+    integrator: str = "backward_euler"
+    cloths: list[Cloth] = field(default_factory=list)
+    springs: list[Springs] = field(default_factory=list)
+    colliders: list[Collider] = field(default_factory=list)
+    pins: list[Pin] = field(default_factory=list)
+    source: str | None = field(default=None, compare=False)   # file it was loaded from
+    notes: list["Problem"] = field(default_factory=list, compare=False)   # what the loader warned about
+
+    def cloth(self, path: str, points, counts, indices, **more) -> Cloth:
+        """Adds a cloth; see `Cloth` for the fields."""
+        self.cloths.append(Cloth(path, points, counts, indices, **more))
+        return self.cloths[-1]
+
+    def net(self, path: str, points, edges, stiffness, masses, **more) -> Springs:
+        """Adds a spring net; see `Springs` for the fields."""
+        self.springs.append(Springs(path, points, edges, stiffness, masses, **more))
+        return self.springs[-1]
+
+    def collider(self, path: str, shape: Shape, at=(0.0, 0.0, 0.0), **more) -> Collider:
+        """Adds a collider at a place [m], or with motion=Motion(...)."""
+        more.setdefault("motion", Motion.at_place(at))
+        self.colliders.append(Collider(path, shape, **more))
+        return self.colliders[-1]
+
+    def pin(self, path: str, body, points, **more) -> Pin:
+        """Holds points (indices) of a cloth or spring net; see `Pin` for the fields."""
+        self.pins.append(Pin(path, body if isinstance(body, str) else body.path, points, **more))
+        return self.pins[-1]
+
+    def bodies(self) -> list[Cloth | Springs]:
+        """Everything that has points that move, in the order of the state's arrays."""
+        return [*self.cloths, *self.springs]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something wrong with a scene: where, what was found, what is allowed and the mend."""
+
+    path: str
+    text: str
+    fatal: bool = True
+
+    def __str__(self) -> str:
+        return f"{'error' if self.fatal else 'warning'}: {self.path}: {self.text}"
+
+
+class SceneError(Exception):
+    """A scene that cannot be run. `problems` lists everything found, each with its prim path."""
+
+    def __init__(self, problems):
+        self.problems = [problems] if isinstance(problems, Problem) else list(problems)
+        super().__init__("\n".join(str(p) for p in self.problems))
+
