@@ -1,0 +1,65 @@
+"""A USD scene in, a simulated USD layer out.
+
+    import wsim
+    scene = wsim.load("flag.usda")
+    simulation = wsim.Simulation(scene)
+    simulation.run(24)
+    simulation.positions("/flag")
+
+Names are imported when first used, so that `import wsim` costs about a millisecond and reading or writing scenes
+never starts Warp.
+"""
+
+TYPE_CHECKING = False            # as typing's, without importing typing
+if TYPE_CHECKING:
+    from wsim import shapes
+    from wsim.curve import Curve, Motion
+    from wsim.fabric import Fabric
+    from wsim.recorder import Recorder
+    from wsim.scene import (
+        Box,
+        Capsule,
+        Cloth,
+        Collider,
+        Cone,
+        Cylinder,
+        Pin,
+        Plane,
+        Problem,
+        Scene,
+        SceneError,
+        Sphere,
+        Springs,
+        Surface,
+    )
+    from wsim.simulation import Simulation
+    from wsim.usd import load, save
+
+__version__ = "0.0.1"
+
+_HOME = {
+    **dict.fromkeys(("Scene", "Cloth", "Springs", "Collider", "Pin", "Plane", "Sphere", "Box", "Capsule", "Cylinder",
+                     "Cone", "Surface", "Problem", "SceneError"), "wsim.scene"),
+    "Curve": "wsim.curve", "Motion": "wsim.curve", "Fabric": "wsim.fabric", "shapes": "wsim.shapes",
+    "load": "wsim.usd", "save": "wsim.usd", "Simulation": "wsim.simulation", "Recorder": "wsim.recorder",
+}
+__all__ = [  # noqa: F822  (names of __getattr__)
+    "Box", "Capsule", "Cloth", "Collider", "Cone", "Curve", "Cylinder", "Fabric", "Motion", "Pin", "Plane", "Problem",
+    "Recorder", "Scene", "SceneError", "Simulation", "Sphere", "Springs", "Surface", "load", "save", "shapes",
+]
+
+
+def __getattr__(name: str):
+    home = _HOME.get(name)
+    if home is None:
+        raise AttributeError(f"module 'wsim' has no attribute '{name}'; its names: {', '.join(__all__)}")
+    from importlib import import_module
+
+    module = import_module(home)
+    value = module if home == f"wsim.{name}" else getattr(module, name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])
