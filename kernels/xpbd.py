@@ -1,0 +1,94 @@
+"""XPBD projection of one colour of constraints. Macklin, Mueller, Chentanez 2016, eq. 17, 18 and 26:
+
+    dlam = (-C - a lam - gamma G.(d - anchor)) / ((1 + gamma) sum_k w_k |G_k|^2 + a)      dd_k = w_k G_k dlam
+
+    a = alpha / h^2 (compliance alpha); gamma = tau / h, tau [s] the relaxation time of stiffness-proportional damping
+    d displacement of the substep [m]; (d - anchor) / h its velocity; w inverse mass [1/kg], 0 pins the point
+
+`rate` is 1 / h [1/s], h the effective step of the integrator. No point with w > 0 occurs twice in a colour, so a colour
+needs no atomics and its result does not depend on the order of threads. A kernel reads only what its variant needs;
+the arrays that it does not need may be None.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from wsim.kernels.constraint import TABLE
+from wsim.kernels.real import types
+
+
+@cache
+def batch(points: int, value, compliance, scalar):
+    """Struct of a constraint's tables. No stage writes them, so gradients and the overwrite detector stay right."""
+
+    @wp.struct
+    class Batch:
+        point: wp.array(dtype=wp.types.vector(points, int))  # points of each constraint, (m,)
+        rest: wp.array(dtype=value)                           # rest value, (m,)
+        alpha: wp.array(dtype=compliance)                     # compliance, (m,), or (1,) when uniform
+        tau: wp.array(dtype=scalar)                           # relaxation time [s], (m,) or (1,); only when damped
+
+    return Batch
+
+
+@cache
+def projection(constraint: str, *, real=wp.float32, module="unique", multipliers: bool = False, damped: bool = False,
+               uniform: bool = False, backward: bool = False):
+    """(Batch, kernel) of a row of the table of constraints.
+
+    multipliers   lam is read and written: needed when a substep runs more than one iteration
+    damped        tau and a (the anchor) are read
+    uniform       alpha and tau have one entry for all
+    The kernel's arguments: batch, x, w, a, first, rate, d, lam, d_out, lam_out; launched over the constraints of a
+    colour, the first of which is `first`.
+    """
+    row, t = TABLE[constraint], types(real)
+    Batch = batch(row.points, real, real, real)
+    name = "_".join(["project", constraint, *(word for word, on in (
+        ("lam", multipliers), ("damped", damped), ("uniform", uniform)) if on), t.name])
+    options = SimpleNamespace(lam=multipliers, damped=damped, uniform=uniform, unilateral=row.unilateral)
+    return Batch, wp.kernel(_pair(row.formula, Batch, t, options), name=name, module=module, enable_backward=backward)
+
+
+def _pair(formula, Batch, t, options):
+    """Projection of constraints between two points."""
+    real, vec3 = t.scalar, t.vec3
+
+    def project(batch: Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
+                first: int, rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=real),
+                d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=real)):
+        c = first + wp.tid()
+        p = batch.point[c]
+        i = p[0]
+        j = p[1]
+        d0 = d[i]
+        d1 = d[j]
+        w0 = w[i]
+        w1 = w[j]
+        X1 = (x[j] - x[i]) + (d1 - d0)
+        C, G = formula(X1, batch.rest[c])
+        k = c
+        if wp.static(options.uniform):
+            k = 0
+        alpha = batch.alpha[k] * rate * rate
+        S = (w0 + w1) * wp.dot(G, G)
+        r = -C
+        if wp.static(options.lam):
+            r -= alpha * lam[c]
+        if wp.static(options.damped):
+            gamma = batch.tau[k] * rate
+            r -= gamma * wp.dot(G, (d1 - d0) - (a[j] - a[i]))
+            S *= real(1.0) + gamma
+        S += alpha
+        if S > real(0.0):                              # else all pinned or no direction: nothing to move
+            dlam = r / S
+            if wp.static(options.unilateral):
+                dlam = wp.min(dlam, real(0.0))
+            d_out[i] = d0 - (w0 * dlam) * G
+            d_out[j] = d1 + (w1 * dlam) * G
+            if wp.static(options.lam):
+                lam_out[c] = lam[c] + dlam
+
+    return project
