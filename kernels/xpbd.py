@@ -49,7 +49,8 @@ def projection(constraint: str, *, real=wp.float32, module="unique", multipliers
     name = "_".join(["project", constraint, *(word for word, on in (
         ("lam", multipliers), ("damped", damped), ("uniform", uniform)) if on), t.name])
     options = SimpleNamespace(lam=multipliers, damped=damped, uniform=uniform, unilateral=row.unilateral)
-    return Batch, wp.kernel(_pair(row.formula, Batch, t, options), name=name, module=module, enable_backward=backward)
+    shape = {2: _pair, 4: _hinge}[row.points]
+    return Batch, wp.kernel(shape(row.formula, Batch, t, options), name=name, module=module, enable_backward=backward)
 
 
 def _pair(formula, Batch, t, options):
@@ -73,21 +74,77 @@ def _pair(formula, Batch, t, options):
         if wp.static(options.uniform):
             k = 0
         alpha = batch.alpha[k] * rate * rate
-        S = (w0 + w1) * wp.dot(G, G)
+        below = (w0 + w1) * wp.dot(G, G)
         r = -C
         if wp.static(options.lam):
             r -= alpha * lam[c]
         if wp.static(options.damped):
             gamma = batch.tau[k] * rate
             r -= gamma * wp.dot(G, (d1 - d0) - (a[j] - a[i]))
-            S *= real(1.0) + gamma
-        S += alpha
-        if S > real(0.0):                              # else all pinned or no direction: nothing to move
-            dlam = r / S
+            below *= real(1.0) + gamma
+        below += alpha
+        if below > real(0.0):                              # else all pinned or no direction: nothing to move
+            dlam = r / below
             if wp.static(options.unilateral):
                 dlam = wp.min(dlam, real(0.0))
             d_out[i] = d0 - (w0 * dlam) * G
             d_out[j] = d1 + (w1 * dlam) * G
+            if wp.static(options.lam):
+                lam_out[c] = lam[c] + dlam
+
+    return project
+
+
+def _hinge(formula, Batch, t, options):
+    """Projection of constraints between four points."""
+    real, vec3 = t.scalar, t.vec3
+
+    def project(batch: Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
+                first: int, rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=real),
+                d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=real)):
+        c = first + wp.tid()
+        p = batch.point[c]
+        p0 = p[0]
+        p1 = p[1]
+        p2 = p[2]
+        p3 = p[3]
+        x0 = x[p0]
+        d0 = d[p0]
+        d1 = d[p1]
+        d2 = d[p2]
+        d3 = d[p3]
+        w0 = w[p0]
+        w1 = w[p1]
+        w2 = w[p2]
+        w3 = w[p3]
+        X1 = (x[p1] - x0) + (d1 - d0)
+        X2 = (x[p2] - x0) + (d2 - d0)
+        X3 = (x[p3] - x0) + (d3 - d0)
+        C, G1, G2, G3 = formula(X1, X2, X3, batch.rest[c])
+        G0 = -(G1 + G2 + G3)
+        k = c
+        if wp.static(options.uniform):
+            k = 0
+        alpha = batch.alpha[k] * rate * rate
+        below = w0 * wp.dot(G0, G0) + w1 * wp.dot(G1, G1) + w2 * wp.dot(G2, G2) + w3 * wp.dot(G3, G3)
+        r = -C
+        if wp.static(options.lam):
+            r -= alpha * lam[c]
+        if wp.static(options.damped):
+            gamma = batch.tau[k] * rate
+            a0 = a[p0]
+            r -= gamma * (wp.dot(G1, (d1 - d0) - (a[p1] - a0)) + wp.dot(G2, (d2 - d0) - (a[p2] - a0))
+                          + wp.dot(G3, (d3 - d0) - (a[p3] - a0)))
+            below *= real(1.0) + gamma
+        below += alpha
+        if below > real(0.0):
+            dlam = r / below
+            if wp.static(options.unilateral):
+                dlam = wp.min(dlam, real(0.0))
+            d_out[p0] = d0 + (w0 * dlam) * G0
+            d_out[p1] = d1 + (w1 * dlam) * G1
+            d_out[p2] = d2 + (w2 * dlam) * G2
+            d_out[p3] = d3 + (w3 * dlam) * G3
             if wp.static(options.lam):
                 lam_out[c] = lam[c] + dlam
 
