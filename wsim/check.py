@@ -1,0 +1,131 @@
+"""Everything that is wrong with a scene, found before anything is simulated. NumPy only.
+
+    check(scene) -> list of Problem, errors first, each with the prim path, what was found, what is allowed, the mend
+
+An error cannot be simulated; a warning can, but is seldom meant. Here: settings, paths, and how objects hang
+together; `wsim.check_object` has what can be wrong with one object by itself.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from math import inf
+
+import numpy as np
+
+from wsim import check_object, topology
+from wsim.check_object import array, error, number, rigid, warning
+from wsim.scene import INTEGRATORS, Cloth, Pin, Problem, Scene, Springs
+
+STRONG = 50.0       # [m/s^2] five times Earth's gravity; files that take their unit for centimetres hold 981
+
+
+def check(scene: Scene) -> list[Problem]:
+    """Everything found, errors first. Never raises for a bad scene, and does not change it."""
+    found = [*_settings(scene), *_paths(scene)]
+    for cloth in scene.cloths:
+        found += check_object.cloth(cloth)
+    for net in scene.springs:
+        found += check_object.springs(net)
+    for collider in scene.colliders:
+        found += check_object.collider(collider)
+    for pin in scene.pins:
+        found += _pin(pin, scene)
+    if not any(p.fatal for p in found):           # triangles and pieces can be asked only of sound objects
+        found += _support(scene)
+    return sorted(found, key=lambda p: not p.fatal)
+
+
+def _settings(scene: Scene) -> Iterator[Problem]:
+    yield from number("/", "fps", scene.fps, 0.0, True, "author timeCodesPerSecond, 24 say")
+    yield from number("/", "start", scene.start, -inf, mend="author startTimeCode")
+    yield from number("/", "frames", scene.frames, 0, mend="give --frames, or author endTimeCode after startTimeCode")
+    yield from number("/", "substeps", scene.substeps, 1, mend="give --substeps, 10 say")
+    yield from number("/", "iterations", scene.iterations, 1, mend="give --iterations, 4 say")
+    yield from number("/", "air_density", scene.air_density, 0.0)
+    yield from number("/", "air_drag", scene.air_drag, 0.0)
+    if scene.integrator not in INTEGRATORS:
+        yield error("/", f"integrator is '{scene.integrator}'", " or ".join(INTEGRATORS), "choose one of them")
+    if scene.up not in ("Y", "Z"):
+        yield error("/", f"up axis is '{scene.up}'", "Y or Z", "author upAxis on the stage")
+    for name in ("gravity", "wind"):
+        value = getattr(scene, name)
+        if np.shape(value) != (3,) or not np.all(np.isfinite(value)):
+            yield error("/", f"{name} is {value}", "three finite numbers", f"author {name} on the PhysicsScene")
+    size = float(np.linalg.norm(scene.gravity))
+    if size > STRONG:
+        yield warning("/", f"gravity is {size:g} m/s^2", "9.81 or so",
+                      "author metersPerUnit (0.01 for centimetres), or physics:gravityMagnitude in stage units")
+
+
+def _paths(scene: Scene) -> Iterator[Problem]:
+    if not scene.bodies():
+        yield error("/", "nothing here can move: no cloth and no spring net", "at least one",
+                    "apply PhysicsSurfaceDeformableSimAPI to a mesh, or let `wsim new cloth MESH -o SCENE` do it")
+    named = [*scene.cloths, *scene.springs, *scene.colliders, *scene.pins]
+    for path, n in Counter(thing.path for thing in named).items():
+        if n > 1:
+            yield error(path, f"{n} objects have this path", "one", "give each its own")
+        if not path.startswith("/") or path == "/":
+            yield error(path, "this is no prim path", "an absolute path such as /World/cloth", "begin it with /")
+
+
+def _pin(pin: Pin, scene: Scene) -> Iterator[Problem]:
+    path = pin.path
+    yield from number(path, "damping", pin.damping, 0.0)
+    if not pin.stiffness > 0.0:
+        yield error(path, f"stiffness is {pin.stiffness:g}", "> 0; inf for a hard pin", "author physics:stiffness")
+    yield from array(path, "places", pin.places, (len(pin.points),))
+    yield from rigid(path, pin.motion, "take the scale out of the xform that the pin hangs on")
+    if len(pin.points) == 0:
+        yield warning(path, "it holds no points", "at least one", "name points, or remove the pin")
+    body = next((b for b in scene.bodies() if b.path == pin.body), None)
+    if body is None:
+        names = ", ".join(b.path for b in scene.bodies()[:5]) or "none, the scene has no body"
+        yield error(path, f"it holds '{pin.body}', which is no cloth and no spring net here", names, "name one of them")
+        return
+    bad = (pin.points < 0) | (pin.points >= len(body.points))
+    if bad.any():
+        yield error(path, f"it holds point {pin.points[np.argmax(bad)]} of {pin.body}", f"0 to {len(body.points) - 1}",
+                    "count from 0, in the order of the mesh's points")
+
+
+def _pieces(body: Cloth | Springs) -> np.ndarray:
+    """Label of the connected piece of each point, shape (n,); -1 for points of no face or spring."""
+    n, used = len(body.points), np.zeros(len(body.points), bool)
+    if isinstance(body, Springs):
+        edges, corners = body.edges, body.edges.reshape(-1)
+    else:
+        triangles = topology.triangulate(body.points, body.counts, body.indices)[0]
+        edges, corners = topology.edges(triangles), body.indices
+        if body.weld > 0.0:                       # a duplicate of a seam goes with the particle that it is welded to
+            particle = topology.weld(body.motion.points(body.points), body.weld)
+            first = np.unique(particle, return_index=True)[1]
+            edges = np.concatenate([edges, np.stack([np.arange(n), first[particle]], axis=1)])
+    used[corners] = True
+    return np.where(used, topology.islands(n, edges), -1)
+
+
+def _support(scene: Scene) -> Iterator[Problem]:
+    """What keeps each body from falling: pins that leave something free, or colliders; and no loose pieces."""
+    falls = bool(np.any(np.asarray(scene.gravity) != 0.0))
+    for body in scene.bodies():
+        path, n = body.path, len(body.points)
+        held, hard = np.zeros(n, bool), np.zeros(n, bool)
+        for pin in (p for p in scene.pins if p.body == path):
+            held[pin.points] = True
+            hard[pin.points] |= pin.stiffness == inf
+        if hard.all():
+            yield error(path, f"all {n} points are pinned: nothing can move", "at least one free point",
+                        "pin fewer points, or make it a collider")
+        if falls and not held.any() and not scene.colliders:
+            yield warning(path, "no pin holds it and nothing lies below: it falls for ever", "a pin or a collider",
+                          "add a PhysicsAttachment, or apply PhysicsCollisionAPI to what it should land on")
+        label = _pieces(body)
+        pieces = np.unique(label[label >= 0])
+        loose = np.setdiff1d(pieces, label[held])
+        if len(pieces) > 1 and len(loose):
+            yield warning(path, f"{len(loose)} of its {len(pieces)} separate pieces are held by no pin",
+                          "one piece, or pieces meant to fall apart",
+                          "sew them (weld: a distance), pin each of them, or split the mesh")
+        if isinstance(body, Springs) and (label < 0).any():
+            yield warning(path, f"{(label < 0).sum()} points belong to no spring", "none", "remove them")
