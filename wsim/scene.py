@@ -63,8 +63,8 @@ class Cloth(_Compared):
     flat: bool = True                        # rest angles are flat; False: those of the rest shape
     weld: float = 0.0                        # points closer than this [m] are one particle (seams); 0: none
     tethers: bool = False                    # long-range attachments to the nearest pin
-    drag: float = 0.0                        # aerodynamic drag coefficient, normal to the triangle
-    lift: float = 0.0                        # aerodynamic coefficient along the triangle
+    drag: float = 0.0                        # aerodynamic drag coefficient (against the relative wind)
+    lift: float = 0.0                        # aerodynamic lift coefficient (across the relative wind)
 
     def __post_init__(self):
         self.points = _array(self.points, np.float32, -1, 3)

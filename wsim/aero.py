@@ -1,0 +1,60 @@
+"""Wind on cloth: two launches a substep, after prediction. See kernels/aero.py for the law."""
+
+import numpy as np
+import warp as wp
+
+from wsim import topology
+from wsim.kernels import aero as kernels
+from wsim.kernels.real import types
+from wsim.model import Model
+from wsim.scene import Cloth, Scene
+from wsim.stage import Clock, Method, Stage
+from wsim.state import State
+
+
+def wants(scene: Scene) -> str:
+    """Why this method is needed, or ""."""
+    return "" if not any(c.drag or c.lift for c in scene.cloths) else "a cloth has drag or lift"
+
+
+class Aero(Method):
+    """Drag and lift on the triangles of every cloth that has some."""
+
+    def __init__(self, model: Model, state: State, constants):
+        super().__init__("aero")
+        self.model, self.state, self.constants = model, state, constants
+        real, module, t = model.real, model.module, types(model.real)
+        cloths = [b for b in model.bodies if isinstance(b.source, Cloth) and (b.source.drag or b.source.lift)]
+        triangles = np.concatenate([b.triangles for b in cloths])
+        starts, items = topology.incident(triangles, model.points)
+        self.triangle = model.upload(triangles, wp.vec3i)
+        self.first, self.item = model.upload(starts.astype(np.int32), int), model.upload(items.astype(np.int32), int)
+        self.air = kernels.air(real)()
+        rho = model.scene.air_density / 6.0
+        self.air.wind = model.upload(np.tile(np.asarray(model.scene.wind, model.dtype), (len(model.bodies), 1)), t.vec3)
+        coefficient = [(getattr(b.source, "drag", 0.0), getattr(b.source, "lift", 0.0)) for b in model.bodies]
+        self.air.drag = model.upload(np.array([rho * d for d, _ in coefficient]), t.scalar)
+        self.air.lift = model.upload(np.array([rho * c for _, c in coefficient]), t.scalar)
+        self.force = wp.zeros(len(triangles), dtype=t.vec3, device=model.device)
+        self.k = wp.zeros(len(triangles), dtype=t.scalar, device=model.device)
+        self.press, self.blow = kernels.press(real, module), kernels.blow(real, module)
+        size = np.dtype(model.dtype).itemsize
+        self.stages = [Stage("wind", "predict", self.launch, 2, len(triangles) * (12 + 22 * size)
+                             + model.points * 11 * size, what=f"{len(triangles)} triangles")]
+
+    def launch(self, clock: Clock) -> None:
+        s, c, device = self.state, self.constants, self.model.device
+        wp.launch(self.press, self.k.size, [self.triangle, c.object, self.air, s.x, s.v], [self.force, self.k],
+                  device=device)
+        wp.launch(self.blow, self.model.points, [self.first, self.item, self.force, self.k, c.w, s.d, clock.g], [s.d],
+                  device=device)
+
+    def set(self, path: str, name: str, value) -> bool:
+        """wind [m/s] over one cloth or, with path "/", over all."""
+        rows = [b.number for b in self.model.bodies if path in ("/", b.path)]
+        if name != "wind" or not rows:
+            return False
+        values = self.air.wind.numpy()
+        values[rows] = value
+        self.air.wind.assign(values)
+        return True

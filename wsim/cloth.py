@@ -1,0 +1,168 @@
+"""Which constraints a cloth or a spring net is made of, and how stiff each is. NumPy only.
+
+Springs along the edges of a cloth carry k = stretch * A / l^2, A the area of the triangles at the edge (Van Gelder 1998,
+Approximate simulation of elastic membranes by triangulated spring meshes); the diagonals of authored quads carry shear
+instead. Hinges carry bend * l^2 / A: for sheets of right-angled or equilateral triangles that is the energy
+1/2 bend kappa^2 per area (Seung, Nelson 1988; Grinspun et al. 2003 differ by a constant).
+"""
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+
+from wsim import topology
+from wsim.color import color
+from wsim.model import Body
+from wsim.scene import Cloth, Springs
+
+
+@dataclass
+class Rows:
+    """Constraints of one kind on one body: alpha = shape / stiffness, so a live stiffness needs no rebuilding."""
+
+    kind: str                     # row of the table of constraints
+    parameter: str                # name of the stiffness in the scene
+    ids: np.ndarray               # places in the arrays, (m, k)
+    rest: np.ndarray              # (m,) or (m, 2, 2)
+    shape: np.ndarray             # compliance at stiffness 1, (m,); 0: hard
+    stiffness: np.ndarray         # (m,) or (1,)
+    tau: float = 0.0              # relaxation time [s]
+    body: Body | None = None
+    colors: np.ndarray | None = None
+
+    @property
+    def alpha(self) -> np.ndarray:
+        return self.shape / self.stiffness
+
+    def moved(self, body: Body) -> "Rows":
+        """The same constraints on a copy of the body in another world."""
+        assert self.body is not None
+        return Rows(self.kind, self.parameter, self.ids + (body.first - self.body.first), self.rest, self.shape,
+                    self.stiffness, self.tau, body, self.colors)
+
+
+def rows_of(body: Body) -> list[Rows]:
+    """Every constraint of a body, coloured."""
+    source = body.source
+    made = [r for r in (_net(body, source) if isinstance(source, Springs) else _cloth(body, source)) if len(r.ids)]
+    for kind in {r.kind for r in made}:
+        same = [r for r in made if r.kind == kind]                 # one launch mixes them: coloured jointly
+        colors = color(np.concatenate([r.ids for r in same]) - body.first, body.count)
+        ends = np.cumsum([len(r.ids) for r in same])
+        for r, part in zip(same, np.split(colors, ends[:-1]), strict=True):
+            r.body, r.colors = body, part
+    return made
+
+
+def _lengths(body: Body, ids: np.ndarray) -> np.ndarray:
+    p = body.rest[ids - body.first]
+    return np.linalg.norm(p[:, 1] - p[:, 0], axis=1)
+
+
+def _net(body: Body, net: Springs) -> list[Rows]:
+    rest = _lengths(body, body.edges) if net.lengths is None else net.lengths.astype(np.float64)
+    return [Rows("distance", "stiffness", body.edges, rest, np.ones(len(rest)), net.stiffness.astype(np.float64),
+                 net.damping)]
+
+
+def _cloth(body: Body, cloth: Cloth) -> list[Rows]:
+    fabric = cloth.material
+    hinges = topology.hinges(body.triangles)
+    rows = _membrane(body, cloth) if cloth.model == "membrane" else _edges(body, cloth, hinges)
+    if fabric.bend > 0.0 and len(hinges):
+        rows.append(_hinges(body, cloth, hinges))
+    if isfinite(fabric.strain_limit):
+        longest = (1.0 + fabric.strain_limit) * _lengths(body, body.edges)
+        rows.append(Rows("limit", "strain_limit", body.edges, longest, np.zeros(len(longest)), np.ones(1)))
+    return rows
+
+
+def _membrane(body: Body, cloth: Cloth) -> list[Rows]:
+    """Triangle strain: rest is the inverse of the edge matrix in the triangle's plane, shape 1 / area."""
+    local, areas = flat(body.rest[body.triangles - body.first])
+    good = areas > 0.0
+    inverse = np.linalg.inv(local[good])
+    return [Rows("membrane", "stretch", body.triangles[good], inverse, 1.0 / areas[good], np.ones(1),
+                 cloth.material.damping)]
+
+
+def flat(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Edge matrices Dm (columns: edges 01 and 02 in the plane of the triangle [m]) and areas [m^2] of corners (t, 3, 3).
+
+    The first axis (warp) is the projection of the longest axis-aligned direction that all triangles share: x of the rest
+    shape where the triangle is not perpendicular to it, else y.
+    """
+    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(e1, e2)
+    double = np.linalg.norm(normal, axis=1)
+    unit = normal / np.where(double > 0, double, 1.0)[:, None]
+    u = np.array([1.0, 0.0, 0.0]) - unit * unit[:, :1]
+    bad = np.linalg.norm(u, axis=1) < 0.1
+    u[bad] = np.array([0.0, 1.0, 0.0]) - unit[bad] * unit[bad, 1:2]
+    u /= np.linalg.norm(u, axis=1)[:, None]
+    v = np.cross(unit, u)
+    Dm = np.stack([np.stack([(u * e1).sum(1), (u * e2).sum(1)], 1), np.stack([(v * e1).sum(1), (v * e2).sum(1)], 1)], 1)
+    return Dm, 0.5 * double
+
+
+def _edges(body: Body, cloth: Cloth, hinges: np.ndarray) -> list[Rows]:
+    """Springs along authored edges (stretch) and across authored quads, both diagonals (shear)."""
+    fabric = cloth.material
+    edges, area = body.edges, _edge_areas(body)
+    inner = hinges[_same_polygon(body, hinges)]
+    key = edges.min(1).astype(np.int64) * (body.last + 1) + edges.max(1)
+    across = np.isin(key, inner[:, :2].min(1).astype(np.int64) * (body.last + 1) + inner[:, :2].max(1))
+    rows = [_spring(body, "stretch", edges[~across], area[~across], fabric.stretch, fabric.damping)]
+    if len(inner) and fabric.shear > 0.0:
+        diagonals = np.concatenate([inner[:, :2], inner[:, 2:]]).astype(np.int32)
+        areas = topology.areas(body.rest, inner[:, [0, 1, 2]] - body.first) \
+            + topology.areas(body.rest, inner[:, [1, 0, 3]] - body.first)
+        rows.append(_spring(body, "shear", diagonals, np.tile(areas, 2), fabric.shear, fabric.damping))
+    return rows
+
+
+def _spring(body: Body, parameter: str, ids: np.ndarray, area: np.ndarray, stiffness: float, tau: float) -> Rows:
+    length = _lengths(body, ids)
+    good = (length > 0.0) & (area > 0.0)
+    return Rows("distance", parameter, ids[good], length[good], length[good]**2 / area[good], np.array([stiffness]), tau)
+
+
+def _edge_areas(body: Body) -> np.ndarray:
+    """Area of the triangles at each edge of `body.edges`."""
+    t, n = body.triangles.astype(np.int64), body.last + 1
+    ends = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
+    keys = ends.min(1) * n + ends.max(1)
+    own = body.edges.min(1).astype(np.int64) * n + body.edges.max(1)
+    order = np.argsort(own)
+    row = order[np.searchsorted(own[order], keys)]
+    return np.bincount(row, np.tile(topology.areas(body.rest, body.triangles - body.first), 3), len(own))
+
+
+def _same_polygon(body: Body, hinges: np.ndarray) -> np.ndarray:
+    """Whether both triangles of a hinge were cut from one authored quad."""
+    size = np.bincount(body.polygon, minlength=1)
+    t = np.sort(body.triangles, axis=1).astype(np.int64)
+    n = body.last + 1
+    key = (t[:, 0] * n + t[:, 1]) * n + t[:, 2]
+    order = np.argsort(key)
+
+    def polygon(corners):
+        s = np.sort(corners, axis=1).astype(np.int64)
+        return body.polygon[order[np.searchsorted(key[order], (s[:, 0] * n + s[:, 1]) * n + s[:, 2])]]
+
+    left, right = polygon(hinges[:, [0, 1, 2]]), polygon(hinges[:, [0, 1, 3]])
+    return (left == right) & (size[left] == 2)
+
+
+def _hinges(body: Body, cloth: Cloth, hinges: np.ndarray) -> Rows:
+    p = body.rest[hinges - body.first]
+    n2, n3 = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), np.cross(p[:, 3] - p[:, 0], p[:, 1] - p[:, 0])
+    area = 0.5 * (np.linalg.norm(n2, axis=1) + np.linalg.norm(n3, axis=1))
+    edge = p[:, 1] - p[:, 0]
+    length = np.linalg.norm(edge, axis=1)
+    sine = -((p[:, 3] - p[:, 0]) * n2).sum(1) * length
+    rest = np.zeros(len(p)) if cloth.flat else np.arctan2(sine, (n2 * n3).sum(1))
+    good = (length > 0.0) & (area > 0.0)
+    return Rows("dihedral", "bend", hinges[good], rest[good], area[good] / length[good]**2,
+                np.array([cloth.material.bend]), cloth.material.damping)

@@ -1,0 +1,89 @@
+"""Energy, strain and the closing report: what a user reads to trust a run. NumPy in float64 on what the device holds.
+
+    kinetic    1/2 sum m v^2 [J]            gravity   -sum m g.x [J], from the origin of the world
+    strain     |length - rest| / rest of every edge of a cloth or spring
+"""
+
+import numpy as np
+import warp as wp
+
+from wsim.model import Body
+from wsim.plan import Plan
+
+
+def edge_strain(body: Body, x: np.ndarray) -> np.ndarray:
+    """Signed strain of every edge with a rest length, (m,)."""
+    def length(p, ids):
+        return np.linalg.norm(p[ids[:, 1]] - p[ids[:, 0]], axis=1)
+    lengths = getattr(body.source, "lengths", None)
+    rest = length(body.rest, body.edges - body.first) if lengths is None else lengths.astype(np.float64)
+    good = rest > 0.0
+    return length(x, body.edges[good]) / rest[good] - 1.0
+
+
+def gather(plan: Plan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
+    """Indicators of every method and of the points: strain, energies [J], and what each method adds.
+
+    x [m] relative to each body's origin and v [m/s], solver order, float64.
+    """
+    model = plan.model
+    masses = model.stack("masses")
+    constants = plan.methods[0].constants            # type: ignore[attr-defined]
+    free = constants.w.numpy() > 0.0
+    gravity = constants.gravity.numpy().astype(np.float64)
+    strains = [edge_strain(b, x) for b in model.bodies if len(b.edges)]
+    out: dict[str, float] = {}
+    if strains:
+        strain = np.concatenate(strains)
+        out["max_strain"] = float(np.abs(strain).max(initial=0.0))
+        out["rms_strain"] = float(np.sqrt(np.mean(strain**2))) if len(strain) else 0.0
+    out["kinetic_energy"] = float(0.5 * np.sum(masses * free * np.sum(v**2, axis=1)))
+    out["gravity_energy"] = float(-sum(
+        np.sum(masses[b.first:b.last, None] * (x[b.first:b.last] + b.origin) * gravity[b.number]) for b in model.bodies))
+    for method in plan.methods:
+        out |= method.indicators(x, v)
+    out["energy"] = out["kinetic_energy"] + out["gravity_energy"] + out.get("elastic_energy", 0.0)
+    return out
+
+
+def profile(plan: Plan) -> dict[str, float]:
+    """Milliseconds a substep of each stage, launched one by one from the current state, which is put back."""
+    from time import perf_counter
+    plan.state.snapshot()
+    spent: dict[str, float] = {}
+    clock, repeats = plan.clock, 3
+    device = plan.model.device
+    for stage in (s for m in plan.methods for s in m.stages if s.rate != "frame"):
+        times = clock.iterations if stage.rate == "iteration" else 1
+        clock.k = clock.i = 0
+        stage.launch(clock)
+        wp.synchronize_device(device)
+        began = perf_counter()
+        for _ in range(repeats):
+            stage.launch(clock)
+        wp.synchronize_device(device)
+        spent[stage.name] = 1e3 * times * (perf_counter() - began) / repeats
+    plan.state.restore()
+    return spent
+
+
+def report(sim, with_profile: bool = True) -> dict:
+    """What ran and how well, ready for JSON. ms of a stage are those of single launches, without the graph's saving."""
+    plan, times = sim.plan, sim.milliseconds
+    later = times[1:] or times
+    ms = float(np.mean(later)) if later else 0.0
+    spent = profile(plan) if with_profile and sim.frame else {}
+    constraints = getattr(plan.method("xpbd"), "constraints", 0)
+    a_second = 1e3 * plan.clock.substeps / ms if ms else 0.0
+    return {
+        "device": str(sim.device), "device_name": sim.device.name, "precision": sim.precision, "worlds": sim.worlds,
+        "frames": sim.frame, "substeps": plan.clock.substeps, "iterations": plan.clock.iterations,
+        "integrator": "bdf2" if plan.clock.multistep else "backward_euler",
+        "points": plan.model.points, "constraints": constraints, "ms_per_frame": ms,
+        "points_per_second": plan.model.points * a_second,
+        "constraints_per_second": constraints * plan.clock.iterations * a_second,
+        "seconds": dict(sim.seconds), "error": sim.indicators(),
+        "stages": [{k: r[k] for k in ("name", "phase", "launches", "bytes")} | {"ms": spent.get(r["name"])}
+                   for r in plan.table()],
+        "skipped": plan.skipped, "warnings": sim.warnings,
+    }

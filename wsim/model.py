@@ -1,0 +1,168 @@
+"""A scene made ready for one device and precision: which point is where in the arrays, and what never changes in a run.
+
+Points of all bodies of all worlds stand in one set of arrays, in locality order inside each body (design: neighbours in space
+are neighbours in memory). A body is a cloth or a spring net of one world; `Body.index` leads from the author's points to the
+arrays (welded duplicates share a place). Positions are kept relative to an origin per body, so that nothing is lost far away.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wsim import topology
+from wsim.color import locality
+from wsim.scene import Cloth, Scene, Springs
+
+
+@dataclass
+class Body:
+    """One cloth or spring net of one world, in solver order."""
+
+    world: int
+    source: Cloth | Springs
+    number: int                          # row of this body in the tables per object
+    first: int                           # first of its points in the arrays
+    index: np.ndarray                    # author's point -> place in the arrays, (n,)
+    origin: np.ndarray                   # [m] world, (3,), float64
+    places: np.ndarray                   # initial positions [m] relative to origin, solver order, (points, 3)
+    velocities: np.ndarray               # initial [m/s] world, (points, 3)
+    rest: np.ndarray                     # rest positions [m], any frame of the same size, (points, 3)
+    masses: np.ndarray                   # [kg], (points,)
+    reach: np.ndarray                    # half thickness [m], (points,)
+    friction: tuple[float, float]        # static, dynamic
+    triangles: np.ndarray                # places in the arrays, (t, 3); empty for springs
+    polygon: np.ndarray                  # author's polygon of each triangle, (t,)
+    edges: np.ndarray                    # places in the arrays, (m, 2)
+
+    @property
+    def path(self) -> str:
+        return self.source.path
+
+    @property
+    def count(self) -> int:
+        return len(self.masses)
+
+    @property
+    def last(self) -> int:
+        return self.first + self.count
+
+
+@dataclass
+class Model:
+    """Bodies of every world, and the tables over points and objects that every method reads."""
+
+    scene: Scene
+    worlds: int
+    device: object                       # warp device
+    real: type                           # wp.float32 or wp.float64
+    module: str                          # name of the Warp module that holds the plan's kernels
+    bodies: list[Body]
+    dropped: list[str] = field(default_factory=list)      # what was left out while building, in words
+    arrays: dict = field(default_factory=dict)            # device tables by name
+
+    @property
+    def points(self) -> int:
+        return self.bodies[-1].last if self.bodies else 0
+
+    @property
+    def dtype(self):
+        """NumPy type of the precision."""
+        return np.float32 if self.real.__name__ == "float32" else np.float64
+
+    def body(self, path: str | None, world: int = 0) -> Body:
+        """The body of that path (None: the only one). Raises KeyError that lists the paths there are."""
+        found = [b for b in self.bodies if b.world == world and path in (None, b.path)]
+        if len(found) != 1:
+            paths = sorted({b.path for b in self.bodies})
+            raise KeyError(f"path={path!r}, world={world} names {len(found)} bodies; there are {paths} in worlds 0 to "
+                           f"{self.worlds - 1}")
+        return found[0]
+
+    def stack(self, name: str) -> np.ndarray:
+        """One field of all bodies in solver order."""
+        return np.concatenate([getattr(b, name) for b in self.bodies])
+
+    def upload(self, values, dtype):
+        """Device array of NumPy values, in the model's precision where dtype is a real type."""
+        import warp as wp
+        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+
+
+def cloth_masses(cloth: Cloth, triangles: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    """Mass of each author's point [kg]: authored, or rest area times thickness times density, a third to each corner."""
+    if cloth.masses is not None:
+        return cloth.masses.astype(np.float64)
+    n = len(cloth.points)
+    thickness = np.full(n, cloth.material.thickness) if cloth.thicknesses is None else cloth.thicknesses
+    area = topology.areas(rest, triangles)
+    share = area * np.asarray(thickness, np.float64)[triangles].mean(axis=1) * cloth.material.density / 3.0
+    masses = np.bincount(triangles.ravel(), np.repeat(share, 3), n)
+    if cloth.mass is not None:
+        masses *= cloth.mass / masses.sum()
+    return masses
+
+
+def _surface(cloth: Cloth) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles and their polygons, rest positions [m] in world size, masses of the author's points."""
+    triangles, polygon = topology.triangulate(cloth.points, cloth.counts, cloth.indices)
+    rest = cloth.motion.points(cloth.points if cloth.rest_points is None else cloth.rest_points, 0.0)
+    return triangles, polygon, rest - rest.mean(axis=0), cloth_masses(cloth, triangles, rest)
+
+
+def make_body(source: Cloth | Springs, world: int, number: int, first: int) -> Body:
+    """Welds, orders and measures one body. Every field but the motion is independent of the device."""
+    places = source.motion.points(source.points, 0.0)
+    n = len(places)
+    if isinstance(source, Cloth):
+        triangles, polygon, rest, masses = _surface(source)
+        edges = np.zeros((0, 2), np.int32)
+        particle = topology.weld(places, source.weld) if source.weld > 0.0 else np.arange(n)
+        thick = np.full(n, source.material.thickness) if source.thicknesses is None else source.thicknesses
+        reach, friction = 0.5 * thick, (source.material.static_friction, source.material.dynamic_friction)
+    else:
+        triangles, polygon, edges = np.zeros((0, 3), np.int32), np.zeros(0, np.int32), source.edges
+        rest = places - places.mean(axis=0)
+        masses = np.broadcast_to(source.masses, n).astype(np.float64)
+        particle, reach = np.arange(n), np.full(n, source.radius)
+        friction = (source.static_friction, source.dynamic_friction)
+    count = int(particle.max()) + 1 if n else 0
+    one = np.zeros(count, np.int64)
+    one[particle[::-1]] = np.arange(n)[::-1]                       # first author's point of each particle
+    order = locality(rest[one])                                    # order[new] = old
+    place = np.empty(count, np.int64)
+    place[order] = np.arange(count)
+    index = first + place[particle]
+    one = one[order]
+    spin = source.motion.at(0.0)[:3, :3]
+    velocities = np.zeros((n, 3)) if source.velocities is None else source.velocities @ spin.T
+    origin = 0.5 * (places.min(axis=0) + places.max(axis=0)) if n else np.zeros(3)
+    origin = np.round(origin)                                      # whole metres: the origin itself is exact
+    triangles = index[triangles]
+    whole = _distinct(triangles)
+    triangles, polygon = triangles[whole], polygon[whole]
+    edges = topology.edges(triangles) if isinstance(source, Cloth) else index[edges]
+    return Body(world, source, number, first, index, origin, places[one] - origin, velocities[one], rest[one],
+                np.bincount(place[particle], masses, count), reach[one], friction,
+                triangles.astype(np.int32), polygon, edges.astype(np.int32))
+
+
+def _distinct(triangles: np.ndarray) -> np.ndarray:
+    """Whether the corners of each triangle are three different points: a weld may have joined some."""
+    a, b, c = triangles.T
+    return (a != b) & (b != c) & (c != a)
+
+
+def build(scene: Scene, worlds: int, device, real, module: str) -> Model:
+    """Bodies of all worlds; worlds are copies of one scene standing behind each other in the arrays."""
+    from dataclasses import replace
+    bodies: list[Body] = []
+    first = 0
+    single = []
+    for number, source in enumerate(scene.bodies()):
+        single.append(make_body(source, 0, number, first))
+        first = single[-1].last
+    for world in range(worlds):
+        shift, rows = world * first, world * len(single)
+        bodies += [replace(b, world=world, number=b.number + rows, first=b.first + shift, index=b.index + shift,
+                           triangles=b.triangles + shift, edges=b.edges + shift) for b in single]
+    return Model(scene, worlds, device, real, module, bodies)

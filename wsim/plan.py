@@ -1,0 +1,179 @@
+"""The ordered list of stages that a scene needs, and why each other method is left out.
+
+`build` imports the methods that the scene wants, lets each make its tables, and runs a frame:
+
+    frame    every stage of rate "frame" in phase pose, then `substeps` times
+             pose, predict, collide; `iterations` times solve; finish;      at last the stages "frame" of deform
+"""
+
+import hashlib
+import json
+from dataclasses import dataclass, field
+
+import numpy as np
+import warp as wp
+
+from wsim import model as models
+from wsim.kernels.real import types
+from wsim.model import Model
+from wsim.scene import Cloth, Scene
+from wsim.stage import PHASES, Clock, Method, Stage
+from wsim.state import ANCHOR, HISTORY, POINTS, State
+
+
+def why(scene: Scene) -> dict[str, str]:
+    """For each method: why the scene needs it, or "" and it is not even imported."""
+    wind = any(c.drag or c.lift for c in scene.cloths)
+    kinds = sorted({type(c.shape).__name__.lower() for c in scene.colliders})
+    return {
+        "points": "there are points that move",
+        "pins": f"{len(scene.pins)} pins" if scene.pins else "",
+        "aero": "a cloth has drag or lift" if wind else "",
+        "xpbd": "cloth or springs" if scene.bodies() else "",
+        "contact": f"colliders: {', '.join(kinds)}" if kinds else "",
+    }
+
+
+WITHOUT = {"pins": "nothing is pinned", "aero": "no cloth has drag or lift", "contact": "there is no collider",
+           "xpbd": "there is no cloth and no spring net",
+           "history": "backward Euler needs no earlier step", "fem": "there is no soft body",
+           "rigid": "there is no rigid body", "fluid": "there is no fluid", "gradients": "not asked for"}
+
+
+@dataclass
+class Plan:
+    """Stages in order; `methods` own them; `skipped` says what is not there and why."""
+
+    model: Model
+    state: State
+    clock: Clock
+    methods: list[Method]
+    status: wp.array
+    skipped: list[dict] = field(default_factory=list)
+
+    def stages(self, phase: str, rate: str) -> list[Stage]:
+        return [s for m in self.methods for s in m.stages if s.phase == phase and s.rate == rate]
+
+    def method(self, name: str) -> Method | None:
+        return next((m for m in self.methods if m.name == name), None)
+
+    def before_frame(self, time: float) -> None:
+        for method in self.methods:
+            method.before_frame(time, self.clock)
+
+    def frame(self) -> None:
+        """Launches one frame: all that a graph holds."""
+        clock = self.clock
+        self.status.zero_()
+        self.state.snapshot()
+        for phase in PHASES[:-1]:
+            for stage in self.stages(phase, "frame"):
+                stage.launch(clock)
+        for clock.k in range(clock.substeps):
+            self.substep()
+        for stage in self.stages("deform", "frame"):
+            stage.launch(clock)
+
+    def substep(self) -> None:
+        clock = self.clock
+        for phase in ("pose", "predict", "collide"):
+            for stage in self.stages(phase, "substep"):
+                stage.launch(clock)
+        for clock.i in range(clock.iterations):
+            for stage in self.stages("solve", "iteration"):
+                stage.launch(clock)
+        for phase in ("solve", "finish", "deform"):
+            for stage in self.stages(phase, "substep"):
+                stage.launch(clock)
+
+    def table(self) -> list[dict]:
+        """Stages in the order of a substep: name, phase, rate, what, launches and bytes a substep."""
+        rows = []
+        for phase in PHASES:
+            for rate in ("frame", "iteration", "substep"):
+                for s in self.stages(phase, rate):
+                    times = self.clock.iterations if rate == "iteration" else 1
+                    rows.append({"name": s.name, "phase": phase, "rate": rate, "what": s.what,
+                                 "launches": s.launches * times, "bytes": int(s.bytes) * times})
+        return rows
+
+    def describe(self) -> str:
+        """The plan in words: what `wsim plan` prints."""
+        c, m = self.clock, self.model
+        rows = self.table()
+        lines = [f"{m.points} points in {len(m.bodies)} bodies, {m.worlds} world{'s' * (m.worlds > 1)}, "
+                 f"{m.real.__name__} on {m.device}",
+                 f"{c.substeps} substeps of {c.h * 1e3:.3f} ms, {c.iterations} iterations, "
+                 + ("BDF2 while its residual is met" if c.multistep else "backward Euler"),
+                 f"{'phase':<9}{'stage':<14}{'rate':<10}{'launches':>9}{'MB':>9}  on"]
+        lines += [f"{r['phase']:<9}{r['name']:<14}{r['rate']:<10}{r['launches']:>9}{r['bytes'] / 1e6:>9.2f}  {r['what']}"
+                  for r in rows]
+        a_substep = [r for r in rows if r["rate"] != "frame"]
+        lines.append(f"a substep: {sum(r['launches'] for r in a_substep)} launches, "
+                     f"{sum(r['bytes'] for r in a_substep) / 1e6:.2f} MB moved; state {self.state.bytes / 1e6:.2f} MB")
+        return "\n".join(lines + [f"left out: {s['stage']}: {s['why']}" for s in self.skipped])
+
+
+def _fields(scene: Scene):
+    """State of the points that this scene needs."""
+    multistep = scene.integrator == "bdf2"
+    return POINTS + (ANCHOR if multistep or scene.colliders else ()) + (HISTORY if multistep else ())
+
+
+def _module(scene: Scene, real, reasons: dict[str, str]) -> str:
+    """Name of the Warp module of this set of kernels: scenes that need the same kernels share it."""
+    kinds = [sorted(name for name, reason in reasons.items() if reason), real.__name__, scene.integrator,
+             scene.iterations > 1, sorted({type(c.shape).__name__ for c in scene.colliders}), bool(scene.springs),
+             sorted({(c.model, c.material.damping > 0, c.material.bend > 0, np.isfinite(c.material.strain_limit),
+                      c.tethers) for c in scene.cloths}),
+             sorted({(s.damping > 0, len(s.stiffness) > 1) for s in scene.springs}),
+             sorted({bool(np.isfinite(p.stiffness)) for p in scene.pins})]
+    return "wsim_" + hashlib.sha256(json.dumps(kinds, default=str).encode()).hexdigest()[:12]
+
+
+def build(scene: Scene, *, device, real, worlds: int = 1) -> Plan:
+    """Model, state and stages of a checked scene."""
+    reasons = why(scene)
+    model = models.build(scene, worlds, device, real, _module(scene, real, reasons))
+    state = State.allocate(_fields(scene), model.points, types(real).vec3, device)
+    clock = Clock(1.0 / scene.fps, scene.substeps, scene.iterations, scene.integrator == "bdf2")
+    status = wp.zeros(4, dtype=int, device=device)
+    plan = Plan(model, state, clock, [], status)
+    plan.skipped = [{"stage": name, "why": text} for name, text in WITHOUT.items()
+                    if not reasons.get(name) and not (name == "history" and clock.multistep)]
+    _add(plan, scene, reasons)
+    _start(model, state)
+    return plan
+
+
+def _add(plan: Plan, scene: Scene, reasons: dict[str, str]) -> None:
+    """Imports what is wanted and appends its stages; contacts come last."""
+    from wsim.points import Pins, Points
+    model, state, status = plan.model, plan.state, plan.status
+    struck = None
+    if reasons["contact"] and plan.clock.multistep:
+        struck = wp.zeros(model.points, dtype=int, device=model.device)
+    points = Points(model, state, status, struck)
+    plan.methods.append(points)
+    if reasons["pins"]:
+        plan.methods.append(Pins(model, state, points))
+    if reasons["aero"]:
+        from wsim.aero import Aero
+        plan.methods.append(Aero(model, state, points.constants))
+    if reasons["xpbd"]:
+        from wsim.xpbd import Xpbd
+        plan.methods.append(Xpbd(model, state, points, status, plan.clock))
+    if reasons["contact"]:
+        from wsim.contact import Contact
+        plan.methods.append(Contact(model, state, points, status, struck, plan.clock))
+    plan.skipped += [{"stage": "membrane", "why": "no cloth has triangle strain"}] * (
+        not any(isinstance(b.source, Cloth) and b.source.model == "membrane" for b in model.bodies))
+
+
+def _start(model: Model, state: State) -> None:
+    """Initial positions with their rounding remainder, and velocities."""
+    places, dtype = model.stack("places"), model.dtype
+    x = places.astype(dtype)
+    state.x.assign(x)
+    state.e.assign((places - x).astype(dtype))
+    state.v.assign(model.stack("velocities").astype(dtype))

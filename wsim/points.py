@@ -1,0 +1,191 @@
+"""Free points and pins: prediction, velocities, where pinned points go. See kernels/points.py for the equations."""
+
+from math import isfinite
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels import points as kernels
+from wsim.kernels.real import types
+from wsim.model import Body, Model
+from wsim.scene import Motion, Pin
+from wsim.stage import NOT_FINITE, Clock, Method, Stage
+from wsim.state import State
+
+
+class Points(Method):
+    """Stages predict and finish, and the guard that no position stops being a number."""
+
+    def __init__(self, model: Model, state: State, status: wp.array, struck: wp.array | None):
+        super().__init__("points")
+        self.model, self.state, self.status, self.struck = model, state, status, struck
+        real, module = model.real, model.module
+        bdf2 = state.has("s")
+        self.constants = self.tables()
+        self.kernels = {
+            "predict": kernels.predict_euler(real, module), "finish": kernels.finish_euler(real, module),
+            "guard": kernels.not_finite(real, module)}
+        if bdf2:
+            self.kernels |= {"predict_bdf2": kernels.predict_bdf2(real, module),
+                             "finish_bdf2": kernels.finish_bdf2(real, module)}
+        size = 3 * np.dtype(model.dtype).itemsize * model.points
+        self.stages = [
+            Stage("predict", "predict", self.predict, 1, size * (6 if bdf2 else 4), what=f"{model.points} points"),
+            Stage("velocity", "finish", self.finish, 1, size * (11 if bdf2 else 6), what=f"{model.points} points"),
+            Stage("guard", "deform", self.guard, 1, 2 * size, rate="frame", what="not finite"),
+        ]
+
+    def tables(self):
+        """Inverse masses, object of each point, gravity and air drag of each object."""
+        model, t = self.model, types(self.model.real)
+        scene, bodies = model.scene, model.bodies
+        inverse = 1.0 / model.stack("masses")
+        for pin in hard_pins(model):
+            inverse[pin.places] = 0.0
+        c = kernels.constants(model.real)()
+        c.w = model.upload(inverse, t.scalar)
+        c.object = model.upload(np.repeat([b.number for b in bodies], [b.count for b in bodies]).astype(np.int32), int)
+        c.gravity = model.upload(np.tile(np.asarray(scene.gravity, model.dtype), (len(bodies), 1)), t.vec3)
+        c.decay = model.upload(np.full(len(bodies), scene.air_drag, model.dtype), t.scalar)
+        return c
+
+    @property
+    def anchor(self) -> wp.array:
+        """Backward Euler without contacts measures velocity from e itself: no array of its own."""
+        return self.state.a if self.state.has("a") else self.state.e
+
+    def predict(self, clock: Clock) -> None:
+        s, n = self.state, self.model.points
+        if clock.bdf2:
+            wp.launch(self.kernels["predict_bdf2"], n, [self.constants, s.e, s.v, s.s, s.u, clock.g],
+                      [self.anchor, s.d], device=self.model.device)
+        else:
+            wp.launch(self.kernels["predict"], n, [self.constants, s.e, s.v, clock.g], [self.anchor, s.d],
+                      device=self.model.device)
+
+    def finish(self, clock: Clock) -> None:
+        s, n = self.state, self.model.points
+        if clock.multistep:
+            wp.launch(self.kernels["finish_bdf2"], n,
+                      [self.anchor, s.d, s.x, s.e, s.v, self.struck, clock.h, clock.g], [s.x, s.e, s.v, s.s, s.u],
+                      device=self.model.device)
+        else:
+            wp.launch(self.kernels["finish"], n, [self.anchor, s.d, s.x, clock.g], [s.x, s.e, s.v],
+                      device=self.model.device)
+
+    def guard(self, clock: Clock) -> None:
+        wp.launch(self.kernels["guard"], self.model.points, [self.state.x, self.state.v], [self.status[NOT_FINITE:]],
+                  device=self.model.device)
+
+    def set(self, path: str, name: str, value) -> bool:
+        """gravity [m/s^2] and air_drag [1/s], of one body or, with path "/", of all."""
+        rows = [b.number for b in self.model.bodies if path in ("/", b.path)]
+        if name not in ("gravity", "air_drag") or not rows:
+            return False
+        array = self.constants.gravity if name == "gravity" else self.constants.decay
+        values = array.numpy()
+        values[rows] = value
+        array.assign(values)
+        return True
+
+
+class _Pinned:
+    """A pin of one world: its places in the arrays and its points in the target's frame."""
+
+    def __init__(self, pin: Pin, body: Body):
+        self.pin, self.body, self.motion = pin, body, pin.motion
+        self.places = body.index[pin.points]
+        start = body.source.motion.points(body.source.points[pin.points], 0.0)
+        self.locals = pin.places if pin.places is not None else _local(pin.motion, start)
+
+    def targets(self, time: float) -> np.ndarray:
+        """Where its points belong at `time` [s], relative to the body's origin [m]."""
+        return self.motion.points(self.locals, time) - self.body.origin
+
+
+def _local(motion: Motion, places: np.ndarray) -> np.ndarray:
+    M = motion.at(0.0)
+    return np.linalg.solve(M[:3, :3], (places - M[:3, 3]).T).T
+
+
+def pins_of(model: Model) -> list[_Pinned]:
+    """Every pin of every world."""
+    return [_Pinned(p, b) for p in model.scene.pins for b in model.bodies if b.path == p.body]
+
+
+def hard_pins(model: Model) -> list[_Pinned]:
+    return [p for p in pins_of(model) if not isfinite(p.pin.stiffness)]
+
+
+class Pins(Method):
+    """Stages pose (hard pins) and hold (soft pins). Targets of a whole frame are computed in float64 on the host and uploaded
+    only when a pin moves or was set."""
+
+    def __init__(self, model: Model, state: State, points: Points):
+        super().__init__("pins")
+        self.model, self.state, self.points = model, state, points
+        pins = pins_of(model)
+        self.groups = {"hard": [p for p in pins if not isfinite(p.pin.stiffness)],
+                       "soft": [p for p in pins if isfinite(p.pin.stiffness)]}
+        self.place: dict[str, wp.array] = {}
+        self.target: dict[str, wp.array] = {}
+        self.changed = True
+        t, real, module = types(model.real), model.real, model.module
+        for kind, group in self.groups.items():
+            if group:
+                places = np.concatenate([p.places for p in group])
+                self.place[kind] = model.upload(places.astype(np.int32), int)
+                self.target[kind] = wp.zeros((1, len(places)), dtype=t.vec3, device=model.device)
+        if self.groups["hard"]:
+            self.move = kernels.move_pins(real, module)
+            n = self.place["hard"].size
+            self.stages.append(Stage("pins", "predict", self.pose, 1, n * 40, what=f"{n} points"))
+        if self.groups["soft"]:
+            self.add_soft(t, real, module)
+
+    def add_soft(self, t, real, module) -> None:
+        group, n = self.groups["soft"], self.place["soft"].size
+        each = [len(p.places) for p in group]
+        self.alpha = self.model.upload(np.repeat([1.0 / p.pin.stiffness for p in group], each), t.scalar)
+        self.damping = self.model.upload(np.repeat([p.pin.damping for p in group], each), t.scalar)
+        self.lam = wp.zeros(n, dtype=t.vec3, device=self.model.device)
+        self.hold_kernel = kernels.hold_pins(real, module)
+        self.stages.append(Stage("soft pins", "solve", self.hold, 1, n * 80, "iteration", f"{n} points"))
+
+    def pose(self, clock: Clock) -> None:
+        s = self.state
+        wp.launch(self.move, self.place["hard"].size, [self.place["hard"], self.target["hard"], s.x, clock.k], [s.d],
+                  device=self.model.device)
+
+    def hold(self, clock: Clock) -> None:
+        s = self.state
+        if clock.i == 0:
+            self.lam.zero_()
+        wp.launch(self.hold_kernel, self.lam.size,
+                  [self.place["soft"], self.alpha, self.damping, self.target["soft"], self.points.constants.w, s.x,
+                   self.points.anchor, s.d, self.lam, clock.k, clock.g], [s.d, self.lam], device=self.model.device)
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        moves = any(p.motion.moves for g in self.groups.values() for p in g)
+        rows = clock.substeps
+        if not (moves or self.changed or any(t.shape[0] != rows for t in self.target.values())):
+            return
+        self.changed = False
+        for kind, group in self.groups.items():
+            if group:
+                values = np.stack([np.concatenate([p.targets(time + (k + 1) * clock.h) for p in group])
+                                   for k in range(rows)])
+                if self.target[kind].shape[0] != rows:
+                    self.target[kind] = self.model.upload(values, types(self.model.real).vec3)
+                else:
+                    self.target[kind].assign(values.astype(self.model.dtype))
+
+    def set(self, path: str, name: str, value) -> bool:
+        """motion of a pin: a Motion or a (4, 4) matrix; it takes effect with the next frame."""
+        hit = [p for g in self.groups.values() for p in g if p.pin.path == path]
+        if name != "motion" or not hit:
+            return False
+        for p in hit:
+            p.motion = value if isinstance(value, Motion) else Motion.still(value)
+        self.changed = True
+        return True

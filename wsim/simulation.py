@@ -1,0 +1,255 @@
+"""Runs a scene, frame by frame. A frame is a transaction: it is committed whole or repeated.
+
+All substeps of a frame are captured once as a graph and replayed. After each frame one small status word is read; where it
+says that a buffer overflowed, a residual was missed or a position is no number, the frame's snapshot is restored, the buffer
+grown or the variant switched, the graph captured again and the frame repeated. Nothing is dropped in silence.
+"""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import warp as wp
+
+from wsim import measure
+from wsim import plan as plans
+from wsim.check import check
+from wsim.scene import Motion, Problem, Scene, SceneError
+from wsim.stage import NOT_FINITE, OVERFLOW, RESIDUAL
+
+PRECISIONS = {"float32": wp.float32, "float64": wp.float64}
+REPEATS = 8            # a frame that is not done after so many repeats is an error, not a loop
+
+
+def _device(name):
+    """The Warp device of that name; None: the first GPU, else the CPU. Raises SceneError with those there are."""
+    try:
+        return wp.get_device(name)
+    except Exception:
+        have = ", ".join(str(d) for d in wp.get_devices())
+        raise SceneError(Problem("device", f"there is no device {name!r}; allowed are {have}")) from None
+
+
+class Simulation:
+    """A scene on a device.
+
+    scene      a `Scene`, or the path of a USD stage
+    device     "cpu", "cuda:0", ...; None takes the GPU if there is one
+    precision  "float32" or "float64" (the measuring instrument)
+    worlds     so many independent copies of the scene in one set of arrays
+    gradients  not available for these methods: True raises
+    Raises SceneError with every problem of the scene.
+    """
+
+    def __init__(self, scene: Scene, *, device=None, precision: str = "float32", worlds: int = 1,
+                 gradients: bool = False):
+        began = time.perf_counter()
+        if precision not in PRECISIONS:
+            raise SceneError(Problem("precision", f"found {precision!r}; allowed are {', '.join(PRECISIONS)}"))
+        if gradients:
+            raise SceneError(Problem("gradients", "found True; no method differentiates yet, allowed is False"))
+        if worlds < 1:
+            raise SceneError(Problem("worlds", f"found {worlds}; allowed is 1 or more"))
+        problems = check(scene)
+        if any(p.fatal for p in problems):
+            raise SceneError([p for p in problems if p.fatal])
+        self.scene, self.precision, self.worlds = scene, precision, worlds
+        self.device = _device(device)
+        self.warnings = [str(p) for p in (*scene.notes, *problems) if not p.fatal]
+        self.seconds: dict[str, float] = {}
+        self.graph = None
+        self._build()
+        self.seconds["build"] = time.perf_counter() - began
+
+    def _build(self) -> None:
+        self.frame = 0
+        self.graph = None
+        try:
+            self.plan = plans.build(self.scene, device=self.device, real=PRECISIONS[self.precision], worlds=self.worlds)
+        except RuntimeError as error:
+            raise _memory(error, self.device) from None
+        self.model, self.state = self.plan.model, self.plan.state
+        self.milliseconds: list[float] = []
+
+    # frames
+
+    @property
+    def time(self) -> float:
+        """[s] since the scene's start."""
+        return self.frame / self.scene.fps
+
+    def step(self) -> None:
+        """One frame. Raises SceneError when it cannot be finished."""
+        began = time.perf_counter()
+        self._load()
+        for _ in range(REPEATS):
+            self.plan.before_frame(self.time)
+            self._replay()
+            if not self._mend(self.plan.status.numpy()):
+                break
+            self.state.restore()
+            self.graph = None
+        else:
+            raise SceneError(Problem("frame", f"frame {self.frame + 1} was repeated {REPEATS} times and still does not "
+                                     "hold; give it more substeps"))
+        self.plan.clock.starting = False
+        self.frame += 1
+        self.milliseconds.append(1e3 * (time.perf_counter() - began))
+        self.seconds.setdefault("first_frame", time.perf_counter() - began)
+
+    def run(self, frames: int | None = None, each: Callable | None = None) -> None:
+        """So many frames (None: the scene's); `each(simulation)` is called after every one."""
+        for _ in range(self.scene.frames if frames is None else frames):
+            self.step()
+            if each:
+                each(self)
+
+    def _load(self) -> None:
+        """Compiles the plan's kernels, once."""
+        if "compile" in self.seconds:
+            return
+        began = time.perf_counter()
+        headers = wp.config.use_precompiled_headers
+        wp.config.use_precompiled_headers = False          # one module: the header costs more than it saves
+        try:
+            wp.load_module(self.model.module, device=self.device)
+        finally:
+            wp.config.use_precompiled_headers = headers
+        self.seconds["compile"] = time.perf_counter() - began
+
+    def _replay(self) -> None:
+        if self.plan.clock.starting and self.plan.clock.multistep:
+            self.plan.frame()                              # its first substep differs: not worth a graph of its own
+            return
+        if self.graph is None:
+            began = time.perf_counter()
+            with wp.ScopedCapture(device=self.device, force_module_load=False) as capture:
+                self.plan.frame()
+            self.graph = capture.graph
+            self.seconds["capture"] = time.perf_counter() - began
+        wp.capture_launch(self.graph)
+
+    def _mend(self, status: np.ndarray) -> bool:
+        """Whether the frame must be repeated, after making it possible."""
+        if not status.any():
+            return False
+        clock = self.plan.clock
+        if status[NOT_FINITE]:
+            self._refine(int(status[NOT_FINITE]) - 1)
+        if status[OVERFLOW]:
+            for method in self.plan.methods:
+                grown = method.grow(status)
+                if grown:
+                    self.warnings.append(f"frame {self.frame + 1}: {grown}; the frame was repeated")
+        if status[RESIDUAL] and clock.multistep:
+            clock.multistep = False
+            self.warnings.append(f"frame {self.frame + 1}: {status[RESIDUAL]} constraint batches missed the residual that "
+                                 "BDF2 needs; backward Euler from here on (more iterations or substeps keep BDF2)")
+        return True
+
+    def _refine(self, point: int) -> None:
+        clock = self.plan.clock
+        body = next(b for b in self.model.bodies if b.first <= point < b.last)
+        where = int(np.flatnonzero(body.index == point)[0])
+        if clock.substeps >= 16 * self.scene.substeps:
+            raise SceneError(Problem(body.path, f"point {where} stopped being a number in frame {self.frame + 1}, with "
+                                     f"{clock.substeps} substeps too; look for infinite velocities or parameters"))
+        clock.substeps *= 2
+        self.warnings.append(f"frame {self.frame + 1}: point {where} of {body.path} stopped being a number; repeated with "
+                             f"{clock.substeps} substeps, which stay")
+
+    def reset(self) -> None:
+        """Back to the scene's initial state, with the scene's own parameters."""
+        self._build()
+
+    # reading and setting
+
+    def positions(self, path: str | None = None, world: int = 0, device: bool = False):
+        """World positions [m] of a body's points, float64, (n, 3), in the author's order.
+
+        device=True: (array of all points on the device in solver order, relative to the body's origin, index table);
+        no copy is made and nothing is waited for.
+        """
+        body = self.model.body(path, world)
+        if device:
+            return self.state.x, body.index
+        x = self.state.x.numpy().astype(np.float64) + self.state.e.numpy()
+        return x[body.index] + body.origin
+
+    def velocities(self, path: str | None = None, world: int = 0, device: bool = False):
+        """Velocities [m/s] of a body's points, as `positions`."""
+        body = self.model.body(path, world)
+        return (self.state.v, body.index) if device else self.state.v.numpy().astype(np.float64)[body.index]
+
+    def poses(self, path: str | None = None) -> dict[str, np.ndarray]:
+        """Local-to-world transforms (4, 4) [m] of the colliders at the current time, by path."""
+        return {c.path: c.motion.at(self.time) for c in self.scene.colliders if path in (None, c.path)}
+
+    def set(self, path: str, name: str, value) -> None:
+        """A live parameter, from the next frame on, without rebuilding.
+
+        "/" names the whole scene. gravity, air_drag, wind; stretch, shear, bend, damping of a cloth; stiffness of springs;
+        motion of a pin or collider; positions and velocities (world, author's order) of a body.
+        Raises SceneError if nothing of that path has such a parameter.
+        """
+        if name in ("positions", "velocities"):
+            self._place(self.model.body(path), name, np.asarray(value, np.float64))
+            return
+        if isinstance(value, np.ndarray) and value.shape == (4, 4):
+            value = Motion.still(value)
+        if not any([m.set(path, name, value) for m in self.plan.methods]):
+            raise SceneError(Problem(path, f"has no live parameter {name!r}; there are gravity, air_drag, wind, stretch, "
+                                     "shear, bend, damping, stiffness, motion, positions, velocities"))
+
+    def _place(self, body, name: str, values: np.ndarray) -> None:
+        if values.shape != (len(body.index), 3) or not np.isfinite(values).all():
+            raise SceneError(Problem(body.path, f"{name} must be finite with shape ({len(body.index)}, 3); found "
+                                     f"{values.shape}"))
+        array = self.state.x if name == "positions" else self.state.v
+        now = array.numpy()
+        exact = values - body.origin if name == "positions" else values
+        now[body.index] = exact
+        array.assign(now)
+        if name == "positions":
+            rest = self.state.e.numpy()
+            rest[body.index] = exact - now[body.index]
+            self.state.e.assign(rest)
+        self.plan.clock.starting = True
+        self.graph = None
+
+    def fields(self, path: str | None = None) -> dict[str, np.ndarray]:
+        """The persistent fields of a body in the author's order: what an exact restart needs."""
+        body = self.model.body(path)
+        return {f.name: self.state.arrays[f.name].numpy()[body.index] for f in self.state.fields if f.persistent}
+
+    def restart(self, frame: int, fields: dict[str, dict[str, np.ndarray]]) -> None:
+        """Goes on after `frame` frames with the fields that an earlier run left, by path and name."""
+        for path, values in fields.items():
+            body = self.model.body(path)
+            for name, value in values.items():
+                now = self.state.arrays[name].numpy()
+                now[body.index] = value
+                self.state.arrays[name].assign(now)
+        self.frame = frame
+        missing = {f.name for f in self.state.fields if f.persistent} - set().union(*fields.values(), set())
+        self.plan.clock.starting = bool(missing & {"s", "u"})
+
+    # measuring
+
+    def indicators(self) -> dict[str, float]:
+        """Error indicators and energies now: strain, residual, penetration, energy [J]."""
+        x = self.state.x.numpy().astype(np.float64) + self.state.e.numpy()
+        return measure.gather(self.plan, x, self.state.v.numpy().astype(np.float64))
+
+    def report(self, profile: bool = True) -> dict:
+        """What ran and how well: device, precision, frames, times, errors, stages, what was skipped, warnings."""
+        return measure.report(self, profile)
+
+
+def _memory(error: Exception, device) -> SceneError:
+    """A failed allocation in words; anything else as it is."""
+    if "alloc" in str(error).lower() or "memory" in str(error).lower():
+        return SceneError(Problem(str(device), f"out of memory ({error}); use a smaller scene, fewer worlds, "
+                                  "float32 or another device"))
+    raise error
+

@@ -1,0 +1,77 @@
+"""A stage is one named pass of a frame; a method is the owner of some stages.
+
+The phases stand in the order of PHASES within a substep; solve repeats `iterations` times; stages of a phase run in the order in
+which methods were added, contacts last. A stage launches kernels and nothing else: no allocation, no read of a device array,
+no branch on one, so that a frame can be captured.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+PHASES = ("pose", "predict", "collide", "solve", "finish", "deform")
+OVERFLOW, RESIDUAL, NOT_FINITE = 0, 1, 2          # places in the status word: capacity wanted, stages failed, point + 1
+
+
+@dataclass
+class Clock:
+    """Where a frame is while its stages are launched. h, g in [s]."""
+
+    dt: float                     # frame step
+    substeps: int
+    iterations: int
+    multistep: bool               # BDF2; False: backward Euler
+    k: int = 0                    # substep of the frame
+    i: int = 0                    # iteration of the substep
+    starting: bool = True         # no history yet: the first substep of a run is backward Euler
+
+    @property
+    def h(self) -> float:
+        return self.dt / self.substeps
+
+    @property
+    def bdf2(self) -> bool:
+        """Whether this very substep is one of BDF2."""
+        return self.multistep and not (self.starting and self.k == 0)
+
+    @property
+    def g(self) -> float:
+        """Effective step: v = (d - a) / g and compliance enters as alpha / g^2."""
+        return self.h * (2.0 / 3.0) if self.bdf2 else self.h
+
+
+@dataclass
+class Stage:
+    """`launch(clock)` issues `launches` kernels that move about `bytes` of device memory."""
+
+    name: str
+    phase: str
+    launch: Callable[[Clock], None]
+    launches: int
+    bytes: int
+    rate: str = "substep"         # "frame", "substep" or "iteration"
+    what: str = ""                # how many of what, in words
+
+
+@dataclass
+class Method:
+    """Stages of one method, and what it offers around a frame. Every hook may stay as it is."""
+
+    name: str
+    stages: list[Stage] = field(default_factory=list)
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        """Uploads what is known on the host about the frame that starts at `time` [s]."""
+
+    def grow(self, status: np.ndarray) -> str:
+        """Makes room for what overflowed; returns what grew, in words, or "" if nothing of this method did."""
+        return ""
+
+    def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
+        """Error indicators from positions [m] (relative to the objects' origins) and velocities [m/s], solver order."""
+        return {}
+
+    def set(self, path: str, name: str, value) -> bool:
+        """Takes a live parameter; False if it is none of this method's."""
+        return False

@@ -1,0 +1,117 @@
+"""Graph-coloured XPBD over all bodies: one batch a kind of constraint, one launch a colour. See kernels/xpbd.py.
+
+Colours are found once per body and shared by its copies in other worlds; bodies do not touch, so colour c of the scene is the
+union of the bodies' colours c. Inside a colour constraints stand in the order of their points. Multipliers are zeroed each
+substep and kept through its iterations; with one iteration they do not exist.
+"""
+
+import numpy as np
+import warp as wp
+
+from wsim.cloth import Rows, rows_of
+from wsim.kernels import xpbd as kernels
+from wsim.kernels.real import types
+from wsim.model import Model
+from wsim.stage import RESIDUAL, Clock, Method, Stage
+from wsim.state import State
+
+ORDER = ("membrane", "distance", "dihedral", "limit")        # of the kinds within an iteration
+
+
+class Batch:
+    """All constraints of one kind, on the device, by colour."""
+
+    def __init__(self, kind: str, rows: list[Rows], model: Model, clock: Clock):
+        self.kind, self.rows, self.model = kind, rows, model
+        colors = np.concatenate([r.colors for r in rows if r.colors is not None])
+        ids = np.concatenate([r.ids for r in rows]).astype(np.int32)
+        self.order = np.lexsort((ids.min(axis=1), colors))
+        self.starts = np.concatenate([[0], np.cumsum(np.bincount(colors))])
+        self.size = len(ids)
+        self.multipliers = clock.iterations > 1
+        self.damped = any(r.tau > 0.0 for r in rows)
+        alpha, tau = self.values()
+        paths = {r.body.path for r in rows if r.body is not None}
+        self.uniform = bool(len(paths) == 1 and np.ptp(alpha) == 0.0 and np.ptp(tau) == 0.0)
+        self.table, self.kernel = kernels.projection(
+            kind, real=model.real, module=model.module, multipliers=self.multipliers, damped=self.damped,
+            uniform=self.uniform)
+        self.data = self.table()
+        self.data.point = model.upload(ids[self.order], wp.types.vector(ids.shape[1], int))
+        self.data.rest = model.upload(np.concatenate([r.rest for r in rows])[self.order], types(model.real).scalar)
+        self.data.alpha = self.send(alpha)
+        self.data.tau = self.send(tau) if self.damped else None
+        self.lam = wp.zeros(self.size if self.multipliers else 0, dtype=model.real, device=model.device)
+
+    def values(self) -> tuple[np.ndarray, np.ndarray]:
+        """Compliance and relaxation time of each constraint in the order of the rows."""
+        return (np.concatenate([np.broadcast_to(r.alpha, len(r.ids)) for r in self.rows]),
+                np.concatenate([np.full(len(r.ids), r.tau) for r in self.rows]))
+
+    def send(self, values: np.ndarray) -> wp.array:
+        kept = values[:1] if self.uniform else values[self.order]
+        return self.model.upload(kept, types(self.model.real).scalar)
+
+    def refresh(self) -> None:
+        """Uploads the rows' compliances and relaxation times anew, into the same arrays."""
+        alpha, tau = self.values()
+        self.data.alpha.assign(self.send(alpha))
+        if self.damped:
+            self.data.tau.assign(self.send(tau))
+
+    @property
+    def bytes(self) -> int:
+        """Moved by one iteration, when every gather hits the cache once: tables, multipliers, x, d, w, d out."""
+        real = np.dtype(self.model.dtype).itemsize
+        k = self.rows[0].ids.shape[1]
+        return self.size * (4 * k + real * (1 + (not self.uniform) + 2 * self.multipliers)
+                            + k * real * (10 + 3 * self.damped))
+
+
+class Xpbd(Method):
+    """Stages solve: one per kind, each a launch a colour; before them, once a substep, the multipliers are zeroed."""
+
+    def __init__(self, model: Model, state: State, points, status: wp.array, clock: Clock):
+        super().__init__("xpbd")
+        self.model, self.state, self.points, self.status = model, state, points, status
+        singles = {b.path: rows_of(b) for b in model.bodies if b.world == 0}
+        rows = [r if b.world == 0 else r.moved(b) for b in model.bodies for r in singles[b.path]]
+        self.batches = [Batch(kind, [r for r in rows if r.kind == kind], model, clock)
+                        for kind in ORDER if any(r.kind == kind for r in rows)]
+        self.parameters = {(r.body.path, r.parameter) for r in rows if r.body is not None}
+        if clock.iterations > 1 and self.batches:
+            size = sum(b.lam.capacity for b in self.batches)
+            self.stages.append(Stage("multipliers", "collide", self.zero, len(self.batches), size, what="zeroed"))
+        for batch in self.batches:
+            self.stages.append(Stage(
+                batch.kind, "solve", lambda clock, batch=batch: self.project(batch, clock), len(batch.starts) - 1,
+                batch.bytes, "iteration", f"{batch.size} constraints in {len(batch.starts) - 1} colours"))
+
+    def zero(self, clock: Clock) -> None:
+        for batch in self.batches:
+            batch.lam.zero_()
+
+    def project(self, batch: Batch, clock: Clock) -> None:
+        s, w, a = self.state, self.points.constants.w, self.points.anchor
+        for first, last in zip(batch.starts[:-1], batch.starts[1:], strict=True):
+            wp.launch(batch.kernel, int(last - first),
+                      [batch.data, s.x, w, a if batch.damped else None, int(first), 1.0 / clock.g, s.d, batch.lam],
+                      [s.d, batch.lam], device=self.model.device)
+
+    def set(self, path: str, name: str, value) -> bool:
+        """stretch, shear, bend of a cloth, stiffness of a spring net, damping [s] of either."""
+        hit = False
+        for batch in self.batches:
+            for r in batch.rows:
+                if r.body is not None and r.body.path == path and name in (r.parameter, "damping"):
+                    if name == "damping":
+                        r.tau = float(value)
+                    else:
+                        r.stiffness = np.atleast_1d(np.asarray(value, np.float64))
+                    hit = True
+            batch.refresh()
+        return hit
+
+    @property
+    def constraints(self) -> int:
+        return sum(b.size for b in self.batches)
