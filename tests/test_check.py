@@ -40,7 +40,7 @@ MISTAKES = {
     "index": (lambda s: s.cloths[0].indices.__setitem__(3, 99), "/cloth", "99"),
     "counts": (lambda s: s.cloths[0].counts.__setitem__(0, 5), "/cloth", "37"),
     "velocities": (lambda s: setattr(s.cloths[0], "velocities", np.zeros((3, 3))), "/cloth", "3 velocities"),
-    "nan velocity": (lambda s: setattr(s.cloths[0], "velocities", np.full((16, 3), inf)), "/cloth", "16 velocities are"),
+    "nan velocity": (lambda s: setattr(s.cloths[0], "velocities", np.full((16, 3), inf)), "/cloth", "16 velocities"),
     "zero mass": (lambda s: setattr(s.cloths[0], "masses", np.zeros(16, np.float32)), "/cloth", "16 of 16 masses"),
     "negative mass": (lambda s: setattr(s.cloths[0], "mass", -1.0), "/cloth", "mass is -1"),
     "thickness": (lambda s: setattr(s.cloths[0], "thicknesses", -np.ones(16, np.float32)), "/cloth", "thicknesses"),

@@ -1,0 +1,185 @@
+"""The command line: what can be asked, and what a failure looks like.
+
+    0 done    1 failed, with one message    2 asked wrongly    130 interrupted, the frames so far are saved
+
+Commands import what they need when they run, so that `wsim --help` stays a matter of milliseconds.
+"""
+
+import argparse
+import errno
+import os
+import sys
+
+from wsim import __version__
+
+DONE, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
+
+
+def whole(text: str) -> int:
+    """An argument that counts: 1, 2, 3 ..."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is too small; it must be 1 or more")
+    return value
+
+
+def whole_or_none(text: str) -> int:
+    """An argument that counts and may be 0."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is negative; it must be 0 or more")
+    return value
+
+
+def length(text: str) -> float:
+    """A length [m] >= 0."""
+    value = float(text)
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is no length; it must be a finite number of metres, 0 or more")
+    return value
+
+
+def pixels(text: str) -> tuple[int, int]:
+    """960x540"""
+    width, _, height = text.lower().partition("x")
+    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
+        raise argparse.ArgumentTypeError(f"{text} is no size; write it as 960x540")
+    return int(width), int(height)
+
+
+def variant(text: str) -> tuple[str, str, str]:
+    """/prim:set=variant"""
+    prim, _, rest = text.partition(":")
+    name, _, value = rest.partition("=")
+    if not (prim.startswith("/") and name and value):
+        raise argparse.ArgumentTypeError(f"{text} is no variant; write it as /prim:set=variant")
+    return prim, name, value
+
+
+for _kind, _name in ((whole, "number"), (whole_or_none, "number"), (length, "length")):
+    _kind.__name__ = _name                      # argparse says "invalid number value"
+
+
+def parser() -> argparse.ArgumentParser:
+    top = argparse.ArgumentParser(prog="wsim", description="A USD scene in, a simulated USD layer out.")
+    top.add_argument("--version", action="version", version=f"wsim {__version__}")
+    commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for add in (_run, _new, _check, _plan, _view, _picture):
+        add(commands)
+    for command in commands.choices.values():
+        command.add_argument("--debug", action="store_true", help="show where an error came from")
+    return top
+
+
+def _solver(command) -> None:
+    """Options that change what is simulated."""
+    command.add_argument("--device", help="cpu, cuda:0 ... (default: the GPU if there is one)")
+    command.add_argument("--precision", choices=("float32", "float64"), default="float32")
+    command.add_argument("--substeps", type=whole, metavar="N", help="substeps a frame (default: the scene's)")
+    command.add_argument("--iterations", type=whole, metavar="N", help="iterations a substep (default: the scene's)")
+    command.add_argument("--integrator", choices=("backward_euler", "bdf2"), help="default: the scene's")
+    _choices(command)
+
+
+def _choices(command) -> None:
+    command.add_argument("--variant", type=variant, action="append", default=[], metavar="/PRIM:SET=NAME",
+                         help="choose a variant; may be repeated")
+
+
+def _run(commands) -> None:
+    run = commands.add_parser("run", help="simulate a scene into a result layer over it")
+    run.add_argument("scene")
+    run.add_argument("-o", "--output", required=True, metavar="OUT", help="result: .usdc, .usda or .usd")
+    run.add_argument("--frames", type=whole_or_none, metavar="N", help="default: the scene's")
+    _solver(run)
+    run.add_argument("--preroll", type=whole_or_none, default=0, metavar="N",
+                     help="frames simulated before the first one and not written, to settle")
+    run.add_argument("--samples", type=whole, default=1, metavar="N", help="samples written a frame, for motion blur")
+    run.add_argument("--restart", metavar="RESULT", help="go on from the last frame of an earlier result")
+    run.add_argument("--flatten", action="store_true", help="one file that holds the scene too")
+    run.add_argument("--png", metavar="FILE", help="picture of the last frame")
+    run.add_argument("--view", action="store_true", help="live view (needs the extra `view`)")
+    run.add_argument("--json", action="store_true", help="print the closing report as JSON")
+    run.add_argument("--quiet", action="store_true", help="no progress and no closing report")
+
+
+def _new(commands) -> None:
+    new = commands.add_parser("new", help="make a scene of a bare mesh").add_subparsers(dest="kind", required=True)
+    cloth = new.add_parser("cloth", help="a scene in which a mesh is cloth; the mesh is referred to and stays as it is")
+    cloth.add_argument("mesh", help="USD file")
+    cloth.add_argument("-o", "--output", required=True, metavar="SCENE")
+    cloth.add_argument("--prim", metavar="PATH", help="which mesh (default: the only one)")
+    cloth.add_argument("--fabric", default="cotton", metavar="NAME", help="silk, cotton, denim, leather or rubber")
+    cloth.add_argument("--weld", type=length, metavar="METRES", help="sew points closer than this (seams)")
+    cloth.add_argument("--debug", action="store_true", help="show where an error came from")
+
+
+def _check(commands) -> None:
+    check = commands.add_parser("check", help="say everything that is wrong with a scene")
+    check.add_argument("scene")
+    check.add_argument("--json", action="store_true", help="print what was found as JSON")
+    _choices(check)
+
+
+def _plan(commands) -> None:
+    plan = commands.add_parser("plan", help="show the stages that a scene needs, and why the rest is left out")
+    plan.add_argument("scene")
+    plan.add_argument("--json", action="store_true", help="print the stages as JSON")
+    _solver(plan)
+
+
+def _view(commands) -> None:
+    view = commands.add_parser("view", help="show a result (needs the extra `view`)")
+    view.add_argument("result")
+
+
+def _picture(commands) -> None:
+    picture = commands.add_parser("picture", help="draw a result: still, contact sheet or animation")
+    picture.add_argument("result")
+    picture.add_argument("-o", "--output", required=True, metavar="FILE", help="picture: .png or .gif")
+    picture.add_argument("--frame", type=float, metavar="CODE", help="time code of a still (default: the last)")
+    picture.add_argument("--sheet", type=whole, metavar="N", help="contact sheet of N frames")
+    picture.add_argument("--animate", action="store_true", help="all frames: an animated PNG, or a GIF")
+    picture.add_argument("--size", type=pixels, default=(960, 540), metavar="WxH")
+    picture.add_argument("--camera", metavar="PATH", help="a camera of the stage, or auto (default: its first)")
+    picture.add_argument("--device", help="cpu, cuda:0 ... (default: the GPU if there is one)")
+
+
+def explain(error: BaseException) -> str:
+    """A failure in words: what and where, never a traceback."""
+    from wsim.scene import SceneError
+
+    if isinstance(error, SceneError):
+        return str(error)
+    text = " ".join(str(error).split())
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return f"error: the disk is full ({error.filename or text}); free space or write elsewhere with -o"
+    if isinstance(error, OSError):
+        return f"error: {text}"
+    if isinstance(error, ModuleNotFoundError) and (error.name or "").split(".")[0] == "rerun":
+        return "error: the viewer needs rerun; install it: pip install 'wsim[view]' (or: pip install rerun-sdk)"
+    if isinstance(error, MemoryError) or "out of memory" in text.lower():
+        return f"error: out of memory ({text}); use a smaller scene, --precision float32 or another --device"
+    return f"error: unexpected {type(error).__name__}: {text}; please report this, with what --debug shows"
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Runs a command; returns the exit code. Usage errors leave by SystemExit(2), as argparse does."""
+    args = parser().parse_args(argv)
+    from wsim import commands
+
+    try:
+        return getattr(commands, args.command)(args)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:                     # the reader of our output went away (| head): nobody to tell
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except Exception as error:
+        if args.debug:
+            import traceback
+
+            traceback.print_exc()
+        print(explain(error), file=sys.stderr)
+        return FAILED
