@@ -83,10 +83,11 @@ def distance(X: Any, l0: Any):
 def dihedral(X: Any, theta0: Any):
     """C = theta - theta0 [rad] at the hinge x0-x1 between the triangles (x0, x1, x2) and (x1, x0, x3); flat: theta = 0.
 
-    theta > 0 when the hinge folds towards the side that the normals point to. With E = X1, N2 = E x X2, N3 = X3 x E
-    (normals, twice the areas long), t_k = X_k.E / |E|^2 the foot and H_k = |N_k|^2 / |E|^2 the square of each height:
+    theta > 0 when the hinge folds away from the side that the normals point to (a ridge, seen from there). With E = X1,
+    N2 = E x X2, N3 = X3 x E (normals, twice the areas long), t_k = X_k.E / |E|^2 the foot of each height and
+    H_k = |N_k|^2 / |E|^2 its square:
 
-        theta = atan2(|E| X3.N2, N2.N3),   G_k = N_k / (|E| H_k),   G_1 = -(t_2 G_2 + t_3 G_3)
+        theta = atan2(-|E| X3.N2, N2.N3),   G_k = -N_k / (|E| H_k),   G_1 = -(t_2 G_2 + t_3 G_3)
 
     (Tamstorf, Grinspun 2013, section 3; N2 x N3 = -(X3.N2) E.) Nothing is normalised, so it holds at every scale.
     A triangle without area has no angle: C = 0, G = 0.
@@ -107,8 +108,8 @@ def dihedral(X: Any, theta0: Any):
     G3 = type(E)()
     if both > type(theta0)(0.0):
         L = wp.sqrt(LL)
-        s = q * L / both                                 # 1 / (|E| H2 H3): one division serves both
-        C = wrap(arctangent(L * wp.dot(X3, N2), wp.dot(N2, N3)) - theta0)
+        s = -q * L / both                              # -1 / (|E| H2 H3): one division serves both
+        C = wrap(arctangent(-L * wp.dot(X3, N2), wp.dot(N2, N3)) - theta0)
         G2 = (s * H3) * N2
         G3 = (s * H2) * N3
         G1 = -(q * wp.dot(E, X2)) * G2 - (q * wp.dot(E, X3)) * G3

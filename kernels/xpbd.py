@@ -127,7 +127,7 @@ def pivot(s: Any, before: Any, tiny: Any):
 
 @wp.func
 def solve_block(S: Any, r: Any, tiny: Any):
-    """y with S y = r, S symmetric positive semidefinite 3 x 3 (L D L^T). A row that depends on earlier ones gets y = 0."""
+    """y with S y = r, S symmetric, positive or semidefinite (L D L^T). A row that depends on earlier ones gets y = 0."""
     q0 = pivot(S[0, 0], S[0, 0], tiny)
     l10 = S[1, 0] * q0
     l20 = S[2, 0] * q0

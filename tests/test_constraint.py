@@ -67,7 +67,7 @@ def angle(p):
     e = p[1] - p[0]
     a, b = np.cross(e, p[2] - p[0]), np.cross(p[3] - p[0], e)
     a, b, e = a / np.linalg.norm(a), b / np.linalg.norm(b), e / np.linalg.norm(e)
-    return math.atan2(-np.dot(np.cross(a, b), e), a @ b)
+    return math.atan2(np.dot(np.cross(a, b), e), a @ b)
 
 
 def rest_of(name, p):
@@ -167,13 +167,13 @@ def test_degenerate_shapes_give_finite_numbers(evaluators, name, real):
 
 
 @pytest.mark.parametrize("fold", [0.0, 1e-6, 0.3, 1.5, 3.0, -0.3, -3.0])
-def test_dihedral_measures_the_fold_towards_the_normals(evaluators, fold):
-    p = np.array([[0, 0, 0], [1, 0, 0], [0.3, 1, 0], [0.6, -math.cos(fold), math.sin(fold)]])
+def test_dihedral_measures_the_fold_away_from_the_normals(evaluators, fold):
+    p = np.array([[0, 0, 0], [1, 0, 0], [0.3, 1, 0], [0.6, -math.cos(fold), -math.sin(fold)]])
     assert evaluators("dihedral")(p, 0.0)[0][0] == pytest.approx(fold, abs=1e-15)
 
 
 def test_dihedral_takes_the_short_way_round(evaluators):
-    p = np.array([[0, 0, 0], [1, 0, 0], [0.3, 1, 0], [0.6, -math.cos(3.0), math.sin(3.0)]])
+    p = np.array([[0, 0, 0], [1, 0, 0], [0.3, 1, 0], [0.6, -math.cos(3.0), -math.sin(3.0)]])
     assert evaluators("dihedral")(p, -3.0)[0][0] == pytest.approx(6.0 - 2 * math.pi, abs=1e-14)
 
 

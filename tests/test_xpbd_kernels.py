@@ -69,7 +69,7 @@ def test_masses_share_the_correction_inversely():
 
 @pytest.mark.parametrize("iterations, rate", [(40, 10.0), (60, 100.0), (5, 1000.0)])
 def test_converged_force_is_displacement_over_compliance(iterations, rate):
-    """A mass on a spring moved by d~ in a step: d = d~ / (1 + w h^2 / alpha), for every step and number of iterations."""
+    """A mass on a spring, moved by d~ in a step: d = d~ / (1 + w h^2 / alpha), whatever the step and iterations."""
     alpha, w = 1e-3, 4.0
     p = Problem("distance", [[0.0, 0, 0], [1.0, 0, 0]], [[0, 1]], [1.0], [alpha], [0.0, w], multipliers=True)
     d = p.project(iterations, rate, [[0.0, 0, 0], [0.3, 0, 0]])
