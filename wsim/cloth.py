@@ -6,7 +6,7 @@ instead. Hinges carry bend * l^2 / A: for sheets of right-angled or equilateral 
 1/2 bend kappa^2 per area (Seung, Nelson 1988; Grinspun et al. 2003 differ by a constant).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 
 import numpy as np
@@ -19,27 +19,32 @@ from wsim.scene import Cloth, Springs
 
 @dataclass
 class Rows:
-    """Constraints of one kind on one body: alpha = shape / stiffness, so a live stiffness needs no rebuilding."""
+    """Constraints of one kind on one body. Compliance is shape / stiffness, so a live stiffness needs no rebuilding."""
 
     kind: str                     # row of the table of constraints
-    parameter: str                # name of the stiffness in the scene
     ids: np.ndarray               # places in the arrays, (m, k)
-    rest: np.ndarray              # (m,) or (m, 2, 2)
-    shape: np.ndarray             # compliance at stiffness 1, (m,); 0: hard
-    stiffness: np.ndarray         # (m,) or (1,)
+    rest: np.ndarray              # length [m], angle [rad] (m,), or inverse edge matrix [1/m] (m, 2, 2)
+    shape: np.ndarray             # compliance at stiffness 1, (m,)
+    stiffness: dict               # by name in the scene, each (m,) or (1,): one for a spring, stretch and shear of a membrane
     tau: float = 0.0              # relaxation time [s]
+    poisson: float = 0.0
     body: Body | None = None
     colors: np.ndarray | None = None
 
     @property
     def alpha(self) -> np.ndarray:
-        return self.shape / self.stiffness
+        """Compliances, (m,), or (m, 3) of a membrane: (uu, uv, shear) of plane stress."""
+        if self.kind == "membrane":
+            stretch, shear = self.stiffness["stretch"], self.stiffness["shear"]
+            shear = np.maximum(shear, 1e-6 * stretch)              # a cloth without shear still has a direction
+            one = np.concatenate([1.0 / stretch, -self.poisson / stretch, 1.0 / shear])
+            return self.shape[:, None] * one
+        return self.shape / next(iter(self.stiffness.values()), 1.0)
 
     def moved(self, body: Body) -> "Rows":
         """The same constraints on a copy of the body in another world."""
         assert self.body is not None
-        return Rows(self.kind, self.parameter, self.ids + (body.first - self.body.first), self.rest, self.shape,
-                    self.stiffness, self.tau, body, self.colors)
+        return replace(self, ids=self.ids + (body.first - self.body.first), body=body)
 
 
 def rows_of(body: Body) -> list[Rows]:
@@ -62,7 +67,7 @@ def _lengths(body: Body, ids: np.ndarray) -> np.ndarray:
 
 def _net(body: Body, net: Springs) -> list[Rows]:
     rest = _lengths(body, body.edges) if net.lengths is None else net.lengths.astype(np.float64)
-    return [Rows("distance", "stiffness", body.edges, rest, np.ones(len(rest)), net.stiffness.astype(np.float64),
+    return [Rows("distance", body.edges, rest, np.ones(len(rest)), {"stiffness": net.stiffness.astype(np.float64)},
                  net.damping)]
 
 
@@ -74,17 +79,28 @@ def _cloth(body: Body, cloth: Cloth) -> list[Rows]:
         rows.append(_hinges(body, cloth, hinges))
     if isfinite(fabric.strain_limit):
         longest = (1.0 + fabric.strain_limit) * _lengths(body, body.edges)
-        rows.append(Rows("limit", "strain_limit", body.edges, longest, np.zeros(len(longest)), np.ones(1)))
+        rows.append(Rows("limit", body.edges, longest, np.zeros(len(longest)), {}))
     return rows
+
+
+def tethers(body: Body, pinned: np.ndarray) -> list[Rows]:
+    """Long-range attachments (Kim, Chentanez, Mueller 2012): no point goes farther from the nearest pinned point than the
+    way along the rest edges. pinned: places in the arrays."""
+    if not getattr(body.source, "tethers", False) or not len(pinned):
+        return []
+    way, source = topology.geodesic(body.rest, body.edges - body.first, np.unique(pinned) - body.first)
+    free = np.flatnonzero(np.isfinite(way) & (way > 0.0))
+    ids = np.stack([source[free], free], axis=1).astype(np.int32) + body.first
+    return [Rows("tether", ids, way[free], np.zeros(len(free)), {}, body=body, colors=np.zeros(len(free), np.int32))]
 
 
 def _membrane(body: Body, cloth: Cloth) -> list[Rows]:
     """Triangle strain: rest is the inverse of the edge matrix in the triangle's plane, shape 1 / area."""
     local, areas = flat(body.rest[body.triangles - body.first])
-    good = areas > 0.0
-    inverse = np.linalg.inv(local[good])
-    return [Rows("membrane", "stretch", body.triangles[good], inverse, 1.0 / areas[good], np.ones(1),
-                 cloth.material.damping)]
+    good, fabric = areas > 0.0, cloth.material
+    stiffness = {"stretch": np.array([fabric.stretch]), "shear": np.array([fabric.shear])}
+    return [Rows("membrane", body.triangles[good], np.linalg.inv(local[good]), 1.0 / areas[good], stiffness,
+                 fabric.damping, fabric.poisson)]
 
 
 def flat(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -125,7 +141,7 @@ def _edges(body: Body, cloth: Cloth, hinges: np.ndarray) -> list[Rows]:
 def _spring(body: Body, parameter: str, ids: np.ndarray, area: np.ndarray, stiffness: float, tau: float) -> Rows:
     length = _lengths(body, ids)
     good = (length > 0.0) & (area > 0.0)
-    return Rows("distance", parameter, ids[good], length[good], length[good]**2 / area[good], np.array([stiffness]), tau)
+    return Rows("distance", ids[good], length[good], length[good]**2 / area[good], {parameter: np.array([stiffness])}, tau)
 
 
 def _edge_areas(body: Body) -> np.ndarray:
@@ -164,5 +180,5 @@ def _hinges(body: Body, cloth: Cloth, hinges: np.ndarray) -> Rows:
     sine = -((p[:, 3] - p[:, 0]) * n2).sum(1) * length
     rest = np.zeros(len(p)) if cloth.flat else np.arctan2(sine, (n2 * n3).sum(1))
     good = (length > 0.0) & (area > 0.0)
-    return Rows("dihedral", "bend", hinges[good], rest[good], area[good] / length[good]**2,
-                np.array([cloth.material.bend]), cloth.material.damping)
+    return Rows("dihedral", hinges[good], rest[good], area[good] / length[good]**2,
+                {"bend": np.array([cloth.material.bend])}, cloth.material.damping)

@@ -6,6 +6,7 @@ arrays (welded duplicates share a place). Positions are kept relative to an orig
 """
 
 from dataclasses import dataclass, field
+from math import isfinite
 
 import numpy as np
 
@@ -86,6 +87,13 @@ class Model:
         """Device array of NumPy values, in the model's precision where dtype is a real type."""
         import warp as wp
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+
+
+def hard_places(model: Model) -> np.ndarray:
+    """Places in the arrays of every hard-pinned point."""
+    places = [b.index[p.points] for p in model.scene.pins for b in model.bodies
+              if b.path == p.body and not isfinite(p.stiffness)]
+    return np.concatenate([np.zeros(0, np.int64), *places])
 
 
 def cloth_masses(cloth: Cloth, triangles: np.ndarray, rest: np.ndarray) -> np.ndarray:

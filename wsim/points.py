@@ -7,7 +7,7 @@ import warp as wp
 
 from wsim.kernels import points as kernels
 from wsim.kernels.real import types
-from wsim.model import Body, Model
+from wsim.model import Body, Model, hard_places
 from wsim.scene import Motion, Pin
 from wsim.stage import NOT_FINITE, Clock, Method, Stage
 from wsim.state import State
@@ -40,8 +40,7 @@ class Points(Method):
         model, t = self.model, types(self.model.real)
         scene, bodies = model.scene, model.bodies
         inverse = 1.0 / model.stack("masses")
-        for pin in hard_pins(model):
-            inverse[pin.places] = 0.0
+        inverse[hard_places(model)] = 0.0
         c = kernels.constants(model.real)()
         c.w = model.upload(inverse, t.scalar)
         c.object = model.upload(np.repeat([b.number for b in bodies], [b.count for b in bodies]).astype(np.int32), int)
@@ -111,10 +110,6 @@ def _local(motion: Motion, places: np.ndarray) -> np.ndarray:
 def pins_of(model: Model) -> list[_Pinned]:
     """Every pin of every world."""
     return [_Pinned(p, b) for p in model.scene.pins for b in model.bodies if b.path == p.body]
-
-
-def hard_pins(model: Model) -> list[_Pinned]:
-    return [p for p in pins_of(model) if not isfinite(p.pin.stiffness)]
 
 
 class Pins(Method):

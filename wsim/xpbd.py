@@ -8,14 +8,14 @@ substep and kept through its iterations; with one iteration they do not exist.
 import numpy as np
 import warp as wp
 
-from wsim.cloth import Rows, rows_of
+from wsim.cloth import Rows, rows_of, tethers
 from wsim.kernels import xpbd as kernels
 from wsim.kernels.real import types
-from wsim.model import Model
-from wsim.stage import RESIDUAL, Clock, Method, Stage
+from wsim.model import Model, hard_places
+from wsim.stage import Clock, Method, Stage
 from wsim.state import State
 
-ORDER = ("membrane", "distance", "dihedral", "limit")        # of the kinds within an iteration
+ORDER = ("tether", "membrane", "distance", "dihedral", "limit")        # of the kinds within an iteration
 
 
 class Batch:
@@ -29,35 +29,41 @@ class Batch:
         self.starts = np.concatenate([[0], np.cumsum(np.bincount(colors))])
         self.size = len(ids)
         self.multipliers = clock.iterations > 1
+        self.stale = False
         self.damped = any(r.tau > 0.0 for r in rows)
         alpha, tau = self.values()
         paths = {r.body.path for r in rows if r.body is not None}
-        self.uniform = bool(len(paths) == 1 and np.ptp(alpha) == 0.0 and np.ptp(tau) == 0.0)
-        self.table, self.kernel = kernels.projection(
+        self.uniform = len(paths) == 1 and bool(np.all(alpha == alpha[0]) and np.all(tau == tau[0]))
+        table, self.kernel = kernels.projection(
             kind, real=model.real, module=model.module, multipliers=self.multipliers, damped=self.damped,
             uniform=self.uniform)
-        self.data = self.table()
+        t = types(model.real)
+        self.data = table()
         self.data.point = model.upload(ids[self.order], wp.types.vector(ids.shape[1], int))
-        self.data.rest = model.upload(np.concatenate([r.rest for r in rows])[self.order], types(model.real).scalar)
-        self.data.alpha = self.send(alpha)
-        self.data.tau = self.send(tau) if self.damped else None
-        self.lam = wp.zeros(self.size if self.multipliers else 0, dtype=model.real, device=model.device)
+        rest = np.concatenate([r.rest for r in rows])[self.order]
+        self.data.rest = model.upload(rest, t.mat22 if rest.ndim == 3 else t.scalar)
+        self.entry = t.vec3 if alpha.ndim == 2 else t.scalar
+        self.data.alpha = self.send(alpha, self.entry)
+        self.data.tau = self.send(tau, t.scalar) if self.damped else None
+        self.lam = wp.zeros(self.size if self.multipliers else 0, dtype=self.entry, device=model.device)
 
     def values(self) -> tuple[np.ndarray, np.ndarray]:
         """Compliance and relaxation time of each constraint in the order of the rows."""
-        return (np.concatenate([np.broadcast_to(r.alpha, len(r.ids)) for r in self.rows]),
+        return (np.concatenate([np.broadcast_to(r.alpha, (len(r.ids), *r.alpha.shape[1:])) for r in self.rows]),
                 np.concatenate([np.full(len(r.ids), r.tau) for r in self.rows]))
 
-    def send(self, values: np.ndarray) -> wp.array:
-        kept = values[:1] if self.uniform else values[self.order]
-        return self.model.upload(kept, types(self.model.real).scalar)
+    def send(self, values: np.ndarray, dtype) -> wp.array:
+        return self.model.upload(values[:1] if self.uniform else values[self.order], dtype)
 
     def refresh(self) -> None:
         """Uploads the rows' compliances and relaxation times anew, into the same arrays."""
+        if not self.stale:
+            return
+        self.stale = False
         alpha, tau = self.values()
-        self.data.alpha.assign(self.send(alpha))
+        self.data.alpha.assign(self.send(alpha, self.entry))
         if self.damped:
-            self.data.tau.assign(self.send(tau))
+            self.data.tau.assign(self.send(tau, self.model.real))
 
     @property
     def bytes(self) -> int:
@@ -74,11 +80,12 @@ class Xpbd(Method):
     def __init__(self, model: Model, state: State, points, status: wp.array, clock: Clock):
         super().__init__("xpbd")
         self.model, self.state, self.points, self.status = model, state, points, status
-        singles = {b.path: rows_of(b) for b in model.bodies if b.world == 0}
+        pins = hard_places(model)
+        singles = {b.path: rows_of(b) + tethers(b, pins[(pins >= b.first) & (pins < b.last)])
+                   for b in model.bodies if b.world == 0}
         rows = [r if b.world == 0 else r.moved(b) for b in model.bodies for r in singles[b.path]]
         self.batches = [Batch(kind, [r for r in rows if r.kind == kind], model, clock)
                         for kind in ORDER if any(r.kind == kind for r in rows)]
-        self.parameters = {(r.body.path, r.parameter) for r in rows if r.body is not None}
         if clock.iterations > 1 and self.batches:
             size = sum(b.lam.capacity for b in self.batches)
             self.stages.append(Stage("multipliers", "collide", self.zero, len(self.batches), size, what="zeroed"))
@@ -103,12 +110,16 @@ class Xpbd(Method):
         hit = False
         for batch in self.batches:
             for r in batch.rows:
-                if r.body is not None and r.body.path == path and name in (r.parameter, "damping"):
-                    if name == "damping":
-                        r.tau = float(value)
-                    else:
-                        r.stiffness = np.atleast_1d(np.asarray(value, np.float64))
-                    hit = True
+                if r.body is None or r.body.path != path:
+                    continue
+                if name == "damping" and batch.damped:
+                    r.tau = float(value)
+                elif name in r.stiffness:
+                    r.stiffness = r.stiffness | {name: np.atleast_1d(np.asarray(value, np.float64))}
+                else:
+                    continue
+                batch.stale = hit = True
+        for batch in self.batches:
             batch.refresh()
         return hit
 
