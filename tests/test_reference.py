@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tools.bench import reference
+from tools.bench.converged import converged
 from tools.bench.reference import Net, rms
 from wsim.scene import Scene
 
@@ -71,7 +72,7 @@ def test_pins_stay_and_the_centre_of_a_free_net_falls_freely():
 def test_converged_integrators_have_their_order(small, integrator, order):
     pytest.importorskip("scipy")
     net, x = small
-    errors = [rms(reference.converged(net, (0.1,), 0.1 / steps, integrator)[0] - x) for steps in (80, 160, 320)]
+    errors = [rms(converged(net, (0.1,), 0.1 / steps, integrator)[0] - x) for steps in (80, 160, 320)]
     assert np.all(np.abs(np.log2(ratios(errors)) - order) < 0.25)
 
 
@@ -80,7 +81,7 @@ def test_converged_backward_euler_solves_its_equation(small):
     pytest.importorskip("scipy")
     net, _ = small
     h, seen = 1e-2, []
-    reference.converged(net, (h,), h, "backward_euler", each=lambda t, x, v: seen.append((x, v)))
+    converged(net, (h,), h, "backward_euler", each=lambda t, x, v: seen.append((x, v)))
     (x, v), free = seen[0], net.free
     residual = free * (net.masses[:, None] * (v - h * np.asarray(net.gravity)) - h * net.forces(x))
     assert np.max(np.abs(residual)) < 1e-12 * net.masses[0] / h
@@ -144,4 +145,4 @@ def test_what_the_reference_does_not_know_is_refused():
     with pytest.raises(ValueError, match="multiples of the step"):
         reference.exact(net, (0.02,))
     with pytest.raises(ValueError, match="allowed is"):
-        reference.converged(net, (0.1,), FRAME, "midpoint")
+        converged(net, (0.1,), FRAME, "midpoint")

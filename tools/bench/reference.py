@@ -3,18 +3,16 @@
     m x'' = m g + sum over springs k (|r| - L) r/|r|,   r the vector to the other end; pinned points stay
 
     exact           classical Runge-Kutta of order 4, steps halved until Richardson's estimate of its error is small
-    converged       backward Euler or BDF2 with every step solved by Newton to rounding: what a perfect solver of that
-                    integrator would give, so that integrator error and solver error can be told apart
     spring_cloth    the scene that trajectories are judged by: a square net pinned along one edge, starting horizontal
     chain_*         static stretch and first longitudinal frequency of a hanging chain
     cantilever      a strip bending under its own weight, at any deflection
 
-Order of accuracy: 4, 1 and 2 in h. Runge-Kutta is stable for h omega < 2.83; `exact` starts below that by a row-sum
-bound on the highest frequency. Hairer, Norsett, Wanner 1993, II.1, II.4; Hairer, Wanner 1996, V.1 (BDF2).
+Runge-Kutta is stable for h omega < 2.83; `exact` starts below that by a row-sum bound on the highest frequency.
+Hairer, Norsett, Wanner 1993, II.1, II.4. What a perfect solver of an implicit integrator gives: converged.py.
 """
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import ceil, cos, sin, sqrt
 from pathlib import Path
@@ -108,7 +106,7 @@ def rms(difference: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.sum(difference ** 2, axis=-1))))
 
 
-def _steps(times: Sequence[float], h: float) -> list[int]:
+def steps_between(times: Sequence[float], h: float) -> list[int]:
     """Steps of size h between 0 and the times, one after the other; ValueError if a time is no multiple of h."""
     ends = [round(t / h) for t in times]
     if any(abs(end * h - t) > 1e-9 * t or end <= 0 for end, t in zip(ends, times, strict=True)):
@@ -133,11 +131,11 @@ def exact(net: Net, times: Sequence[float], tolerance: float = 1e-8, folder: Pat
         if cache.exists():
             with np.load(cache) as found:
                 return found["positions"], float(found["error"])
-    _steps(times, frame)
+    steps_between(times, frame)
     coarse, substeps = None, ceil(frame * net.frequency() / 2.0)
     for _ in range(9):
         x, v, positions = net.points, np.zeros_like(net.points), []
-        for steps in _steps(times, frame / substeps):
+        for steps in steps_between(times, frame / substeps):
             x, v = runge_kutta(net, x, v, frame / substeps, steps)
             positions.append(x)
         if coarse is not None:
@@ -148,74 +146,6 @@ def exact(net: Net, times: Sequence[float], tolerance: float = 1e-8, folder: Pat
                 return np.array(positions), error
         coarse, substeps = positions, 2 * substeps
     raise RuntimeError(f"error {error:.1e} m at {substeps // 2} steps a frame; {tolerance:.1e} is not reached")
-
-
-def converged(net: Net, times: Sequence[float], h: float, integrator: str = "bdf2",
-              each: Callable[[float, np.ndarray, np.ndarray], None] | None = None) -> np.ndarray:
-    """Positions (times, n, 3) [m] by "backward_euler" or "bdf2" of step h [s], every step solved to rounding.
-
-    With s the last step and d the unknown one, v = (d - a) / q: a = 0, q = h (backward Euler; the first step of BDF2)
-    or a = s/3, q = 2h/3; v = v~ + q acceleration(x + d), v~ the last velocity or (4 v - v_before) / 3. Each step is
-    M (d - a - q v~) = q^2 f(x + d), solved by Newton with the exact Jacobian (SciPy's sparse LU). each(t, x, v) is
-    called after every step. RuntimeError when Newton does not converge.
-    """
-    if integrator not in ("backward_euler", "bdf2"):
-        raise ValueError(f'integrator is {integrator!r}; allowed is "backward_euler" or "bdf2"')
-    x, v, t = net.points, np.zeros_like(net.points), 0.0
-    s, v_before, positions = None, v, []
-    solve = _newton(net)
-    for steps in _steps(times, h):
-        for _ in range(steps):
-            if integrator == "backward_euler" or s is None:
-                a, q, v_tilde = np.zeros_like(x), h, v
-            else:
-                a, q, v_tilde = s / 3.0, 2.0 * h / 3.0, v + (v - v_before) / 3.0
-            d = solve(x, a + q * (v_tilde + q * net.free * np.asarray(net.gravity)), q)
-            s, v_before = d, v
-            x, v, t = x + d, (d - a) / q, t + h
-            if each is not None:
-                each(t, x, v)
-        positions.append(x)
-    return np.array(positions)
-
-
-def _newton(net: Net) -> Callable[[np.ndarray, np.ndarray, float], np.ndarray]:
-    """solve(x, b, q): d with M (d - b) = q^2 F(x + d), F the spring forces at free points, zero at pins."""
-    from scipy.sparse import csc_matrix, diags
-    from scipy.sparse.linalg import splu
-
-    n, (i, j) = len(net.points), net.edges.T
-    free, masses = np.repeat(net.free[:, 0], 3), np.repeat(net.masses, 3)
-    row, column = np.repeat(np.arange(3), 3), np.tile(np.arange(3), 3)
-    ends = [(i, i, 1.0), (j, j, 1.0), (i, j, -1.0), (j, i, -1.0)]
-    rows = np.concatenate([(3 * a[:, None] + row).ravel() for a, _, _ in ends])
-    columns = np.concatenate([(3 * b[:, None] + column).ravel() for _, b, _ in ends])
-    signs = [sign for _, _, sign in ends]
-
-    def stiffness(x):
-        r = x[j] - x[i]
-        length = np.linalg.norm(r, axis=1)
-        u = r / length[:, None]
-        side = net.stiffness * (1.0 - net.lengths / length)           # across the spring; negative when compressed
-        blocks = (side[:, None, None] * np.eye(3) + (net.stiffness - side)[:, None, None] * u[:, :, None] * u[:, None])
-        values = np.concatenate([sign * blocks.ravel() for sign in signs])
-        keep = diags(free)
-        return keep @ csc_matrix((values, (rows, columns)), (3 * n, 3 * n)) @ keep
-
-    def solve(x, b, q):
-        d = b.copy()
-        scale = float(np.max(net.masses)) * max(float(np.max(np.abs(b))), 1e-12)
-        for _ in range(40):
-            residual = net.masses[:, None] * (d - b) - q * q * net.free * net.forces(x + d)
-            matrix = csc_matrix(diags(masses) + q * q * stiffness(x + d))
-            factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-            change = factors.solve(-residual.ravel()).reshape(-1, 3)
-            d = d + change
-            if np.max(np.abs(change)) < 1e-12:                        # [m]: rounding of positions of size 1
-                return d
-        raise RuntimeError(f"Newton stalls at a residual of {np.max(np.abs(residual)) / scale:.1e} of the inertia")
-
-    return solve
 
 
 def spring_cloth(n: int, *, side: float = 1.0, at=(0.0, 0.0, 0.0), **parameters) -> Scene:

@@ -1,0 +1,271 @@
+"""Writes the example scenes, small commented .usda files. Run: python tools/scenes.py [FOLDER]   (default: scenes)
+
+Numbers come from `wsim.shapes` and `wsim.fabric`; attribute names and units from the table of `wsim.usd.names`. The
+comments are for people who author such files themselves. tests/test_scenes.py holds the files equal to what is written.
+"""
+
+import sys
+import textwrap
+from math import cos, pi, radians, sin
+from pathlib import Path
+
+import numpy as np
+
+from wsim import shapes
+from wsim.fabric import Fabric, fabric
+from wsim.usd.names import UNITS, row
+
+HEADER = """#usda 1.0
+(
+    doc = "{doc}"
+    defaultPrim = "World"
+    metersPerUnit = {metres:g}
+    kilogramsPerUnit = 1
+    upAxis = "Y"
+    timeCodesPerSecond = {fps}
+    framesPerSecond = {fps}
+    startTimeCode = 0
+    endTimeCode = {frames}
+)
+
+def Xform "World"
+{{
+"""
+SOFT = '["PhysicsDeformableBodyAPI", "PhysicsSurfaceDeformableSimAPI", "PhysicsCollisionAPI", "WsimClothAPI", ' \
+       '"MaterialBindingAPI"]'
+
+
+def number(value: float) -> str:
+    """Six digits, no negative zero."""
+    return f"{round(float(value), 6) + 0.0:.6g}"
+
+
+def listed(values) -> str:
+    """An array in brackets, wrapped; rows of an (n, 3) array are tuples."""
+    rows = np.asarray(values)
+    if rows.ndim == 2:
+        items = ["(" + ", ".join(number(v) for v in r) + ")" for r in rows]
+    else:
+        items = [str(v) if np.issubdtype(rows.dtype, np.integer) else number(v) for v in rows]
+    lines = [""]
+    for item in items:
+        if len(lines[-1]) + len(item) > 116:
+            lines.append("")
+        lines[-1] += item + ", "
+    lines = [line.rstrip() for line in lines]
+    lines[-1] = lines[-1].rstrip(",")
+    return f"[{lines[0]}]" if len(lines) == 1 else "\n".join(["[", *lines, "]"])
+
+
+def said(owner: str, metres: float, **values) -> str:
+    """Lines `type name = value  # SI unit` of fields of the table, converted from SI to a stage of that unit."""
+    lines = []
+    for field, value in values.items():
+        r = row(owner, field)
+        length, mass = UNITS[r.unit]
+        kind = ("uniform " if r.uniform else "") + r.type
+        if isinstance(value, (str, bool)):
+            text = f'"{value}"' if isinstance(value, str) else str(value).lower()
+        elif np.ndim(value):
+            text = "(" + ", ".join(f"{v / metres ** length:.6g}" for v in value) + ")"
+        else:
+            text = f"{value / metres ** length:.6g}"
+        unit = "" if r.unit == "1" or not (length or mass or r.unit.endswith("s")) else f"    # {r.unit}"
+        unit = f"    # {value:.6g} {r.unit}" if unit and metres != 1.0 and length and not np.ndim(value) else unit
+        lines.append(f"{kind} {r.attribute} = {text}{unit}")
+    return "\n".join(lines)
+
+
+def block(kind: str, name: str, body: str, apis: str = "", comment: str = "") -> str:
+    """A prim with its body indented by one level."""
+    note = "".join(f"# {line}\n" for line in textwrap.wrap(comment, 112))
+    head = f'{note}def {kind} "{name}"' + (f" (\n    prepend apiSchemas = {apis}\n)" if apis else "")
+    return head + "\n{\n" + indented(body.rstrip("\n")) + "\n}\n"
+
+
+def indented(text: str) -> str:
+    """One level deeper, but for the lines of long arrays: it would be a tenth of the file."""
+    return textwrap.indent(text, "    ", lambda line: line[:1] not in "([]-0123456789\n")
+
+
+def settings(metres: float = 1.0, comment: str = "", **values) -> str:
+    return block("PhysicsScene", "Physics", said("Scene", metres, **values), '["WsimSceneAPI"]',
+                 "Gravity is 9.81 m/s^2 down, as USD has it by default. " + comment)
+
+
+def material(name: str, f: Fabric, metres: float = 1.0, damping: float = 0.0) -> str:
+    """The Material of a fabric preset. The stretch of the proposal is E h / (1 - nu^2)."""
+    values = said("Fabric", metres, stretch=f.stretch / (1.0 - f.poisson ** 2), shear=f.shear, bend=f.bend,
+                  poisson=f.poisson, density=f.density, static_friction=f.static_friction,
+                  dynamic_friction=f.dynamic_friction, damping=damping)
+    return block("Material", name.capitalize(), values,
+                 '["PhysicsMaterialAPI", "PhysicsSurfaceDeformableMaterialAPI", "WsimMaterialAPI"]',
+                 f"The preset \"{name}\" of wsim.fabric, where the sources of its figures are.")
+
+
+def cloth(name: str, surface, fabric_name: str, color, comment: str, metres: float = 1.0, **own) -> str:
+    """A cloth: body, simulation mesh and picture in one Mesh."""
+    points, counts, indices = surface
+    low, high = points.min(axis=0), points.max(axis=0)
+    body = "\n".join(filter(None, [
+        f"float3[] extent = {listed(np.array([low, high]))}",
+        f"point3f[] points = {listed(points)}",
+        f"int[] faceVertexCounts = {listed(counts)}",
+        f"int[] faceVertexIndices = {listed(indices)}",
+        'uniform token subdivisionScheme = "none"',
+        looks(fabric_name, color), said("Cloth", metres, **own),
+        thickness(fabric(fabric_name), metres)]))
+    return block("Mesh", name, body, SOFT, comment)
+
+
+def thickness(f: Fabric, metres: float) -> str:
+    return (f"float[] physics:thicknesses = [{f.thickness / metres:.6g}]\n"
+            'uniform token physics:thicknesses:elementType = "constant"')
+
+
+def looks(material_name: str, color) -> str:
+    return (f"color3f[] primvars:displayColor = [({', '.join(number(c) for c in color)})]\n"
+            f"rel material:binding:physics = </World/{material_name.capitalize()}>")
+
+
+def pin(name: str, body: str, points, target: str, comment: str) -> str:
+    """Holds points of a cloth to an Xform, where they are at the start."""
+    lines = [f"rel physics:src0 = <{body}>", f"int[] physics:indices0 = {listed(np.asarray(points, int))}",
+             'uniform token physics:type0 = "point"', f"rel physics:src1 = <{target}>",
+             'uniform token physics:type1 = "xform"']
+    return block("PhysicsAttachment", name, "\n".join(lines), comment=comment)
+
+
+def solid(kind: str, name: str, body: str, color=(0.55, 0.56, 0.6), comment: str = "", apis: str = "") -> str:
+    """A collider. Without a physics material its friction is 0.5."""
+    color_line = f"color3f[] primvars:displayColor = [({', '.join(number(c) for c in color)})]"
+    return block(kind, name, body + "\n" + color_line, f'["PhysicsCollisionAPI"{apis}]', comment)
+
+
+def moved(x: float, y: float, z: float, more: str = "") -> str:
+    names = '"xformOp:translate"' + (f', "{more}"' if more else "")
+    return (f"double3 xformOp:translate = ({number(x)}, {number(y)}, {number(z)})\n"
+            f"uniform token[] xformOpOrder = [{names}]")
+
+
+def ground(y: float = 0.0) -> str:
+    return solid("Plane", "Ground", 'uniform token axis = "Y"\ndouble width = 8\ndouble length = 8\n' + moved(0, y, 0),
+                 (0.8, 0.8, 0.78), "A plane collides without end; width and length are what is drawn.")
+
+
+def scene(doc: str, parts: list[str], frames: int, fps: int = 24, metres: float = 1.0) -> str:
+    body = "\n".join(indented(part) for part in parts)
+    return HEADER.format(doc=doc, metres=metres, fps=fps, frames=frames) + body + "}\n"
+
+
+def hanging_cloth() -> str:
+    n = 32
+    surface = shapes.sheet(1.0, 1.0, n, n, horizontal=True, at=(0.0, 1.2, 0.0))
+    return scene("A square metre of cotton, held by two corners, swings down from the horizontal.", [
+        settings(substeps=20, iterations=8, air_drag=0.2),
+        material("cotton", fabric("cotton"), damping=1e-3),
+        cloth("Cloth", surface, "cotton", (0.75, 0.2, 0.16), "Simulated and drawn: one Mesh does both."),
+        block("Xform", "Rail", "", comment="What the corners hang on. Animate it, and they follow."),
+        pin("Corners", "/World/Cloth", [0, n], "/World/Rail", "indices0 are points of the mesh in their order."),
+    ], frames=96)
+
+
+def flag() -> str:
+    nx, ny = 30, 20
+    surface = shapes.sheet(1.5, 1.0, nx, ny, at=(0.75, 2.0, 0.0))
+    pole = ('uniform token axis = "Y"\ndouble radius = 0.02\ndouble height = 2.7\n' + moved(-0.02, 1.35, 0)
+            + "\ncolor3f[] primvars:displayColor = [(0.45, 0.4, 0.35)]")
+    return scene("A silk flag on a pole, in a wind of 7 m/s that comes a little from the side.", [
+        settings(comment="The wind is the velocity of the air; what is at rest in it feels it all.",
+                 substeps=24, iterations=6, wind=(6.8, 0.0, 1.6), air_density=1.2),
+        material("silk", fabric("silk"), damping=5e-4),
+        cloth("Flag", surface, "silk", (0.1, 0.3, 0.65), "drag acts along the relative wind, lift across it; a flat "
+              "plate has a drag of 1.2 (Hoerner 1965). Without them wind does nothing.", drag=1.2, lift=1.0),
+        block("Cylinder", "Pole", pole, comment="To be seen only: it has no PhysicsCollisionAPI."),
+        pin("Rope", "/World/Flag", np.arange(ny + 1) * (nx + 1), "/World/Pole", "The edge along the pole."),
+    ], frames=96)
+
+
+def cape_surface(columns: int, rows: int, radius: float, center: np.ndarray, length: float):
+    """A cone, touching a ball at 45 degrees from above, open in front: it lies on the shoulders and can fall."""
+    points, counts, indices = shapes.sheet(1.0, 1.0, columns, rows)
+    turn = radians(230.0) * points[:, 0]                             # -115 .. 115 degrees from the back (-z)
+    down = length * (0.5 - points[:, 1])                             # along the cloth from its upper edge
+    out = (radius + down) * sin(pi / 4)
+    place = np.stack([-out * np.sin(turn), (radius - down) * cos(pi / 4), -out * np.cos(turn)], axis=1)
+    return place + center, counts, indices
+
+
+def cape() -> str:
+    columns, rows, radius, center = 36, 20, 0.25, np.array([0.0, 1.3, 0.0])
+    surface = cape_surface(columns, rows, radius + 0.006, center, 0.85)
+    keys = []
+    for frame in range(0, 121, 3):                                   # rest, walk 1.2 m and back, turning half round
+        s = min(max((frame - 24) / 84.0, 0.0), 1.0)
+        s = s * s * (3.0 - 2.0 * s)
+        keys.append((frame, 0.6 * sin(2.0 * pi * s), 0.9 * s, 180.0 * s))
+    walk = ("double3 xformOp:translate.timeSamples = {\n"
+            + "".join(f"    {f}: ({number(x)}, {center[1]:g}, {number(z)}),\n" for f, x, z, _ in keys) + "}\n"
+            + "double xformOp:rotateY.timeSamples = {\n" + "".join(f"    {f}: {number(a)},\n" for f, _, _, a in keys)
+            + '}\nuniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY"]\n')
+    ball = solid("Sphere", "Ball", f"double radius = {radius}\nfloat3[] extent = [(-0.25, -0.25, -0.25), (0.25, 0.25, "
+                 "0.25)]", (0.82, 0.68, 0.52), "A collider below an animated Xform moves, and drags what touches it.")
+    return scene("A cape of cotton on an animated ball that walks and turns.", [
+        settings(substeps=24, iterations=6, air_density=1.2),
+        material("cotton", fabric("cotton"), damping=1e-3),
+        block("Xform", "Wearer", walk + "\n" + ball, comment="Rests for a second, then walks and turns half round."),
+        cloth("Cape", surface, "cotton", (0.45, 0.08, 0.12), "A cone that opens in front. Air resistance keeps it from "
+              "fluttering like a sheet in vacuum.", drag=1.2, lift=0.6),
+        pin("Collar", "/World/Cape", np.arange(columns + 1), "/World/Wearer", "The upper edge moves with the wearer."),
+    ], frames=120)
+
+
+def tablecloth() -> str:
+    table = ("double size = 1\nfloat3[] extent = [(-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)]\n"
+             "float3 xformOp:scale = (0.9, 0.7, 0.9)\n" + moved(0, 0.35, 0, "xformOp:scale"))
+    surface = shapes.sheet(1.5, 1.5, 30, 30, horizontal=True, at=(0.0, 0.8, 0.0))
+    return scene("A tablecloth of denim falls on a box and drapes over its edges.", [
+        settings(substeps=20, iterations=8, air_drag=0.5),
+        material("denim", fabric("denim"), damping=2e-3),
+        cloth("Tablecloth", surface, "denim", (0.2, 0.32, 0.52), "Starts 10 cm above the table."),
+        solid("Cube", "Table", table, (0.5, 0.36, 0.24), "A Cube of size 1, scaled to 90 x 70 x 90 cm."),
+        ground(),
+    ], frames=72)
+
+
+def shirt() -> str:
+    metres = 0.01
+    points, counts, indices = shapes.torso(0.85)
+    points = points[:, [0, 2, 1]] * (1.0, 1.0, -1.0) / metres         # up is y; the front, +y of the dummy, becomes -z
+    dummy = "\n".join([f"float3[] extent = {listed(np.array([points.min(axis=0), points.max(axis=0)]))}",
+                       f"point3f[] points = {listed(points)}", f"int[] faceVertexCounts = {listed(counts)}",
+                       f"int[] faceVertexIndices = {listed(indices)}", 'uniform token subdivisionScheme = "none"',
+                       moved(0, 76, -5.2)])
+    f = fabric("cotton")
+    garment = "\n".join([looks("cotton", (0.86, 0.86, 0.82)), thickness(f, metres),
+                         'uniform token subdivisionScheme = "none"', moved(0, 4, 0)])
+    mesh = block("Mesh", "Shirt", garment, SOFT, "The garment as it was delivered: a bare mesh in another file, "
+                 "untouched. Its units are not authored; it is in centimetres, and so is this stage. What makes it a "
+                 "cloth is authored here, over the reference.")
+    there = "prepend references = @assets/unisex_shirt.usd@</root/shirt>\n    "
+    mesh = mesh.replace("prepend apiSchemas", there + "prepend apiSchemas", 1)
+    return scene("A shirt drops on a tailor's dummy. Everything is in centimetres.", [
+        settings(metres, substeps=20, iterations=6, air_drag=1.0),
+        material("cotton", f, metres, damping=1e-3), mesh,
+        solid("Mesh", "Dummy", dummy, (0.62, 0.52, 0.43), "A closed mesh is solid; its faces are wound outward.",
+              ', "PhysicsMeshCollisionAPI"'),
+    ], frames=72, metres=metres)
+
+
+SCENES = {"hanging_cloth": hanging_cloth, "flag": flag, "cape": cape, "tablecloth": tablecloth, "shirt": shirt}
+
+
+def main(folder: str = "") -> None:
+    target = Path(folder) if folder else Path(__file__).resolve().parent.parent / "scenes"
+    for name, write in SCENES.items():
+        (target / f"{name}.usda").write_text(write())
+        print(f"{name}.usda  {len(write()) / 1000:.0f} kB")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:2])
