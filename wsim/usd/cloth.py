@@ -1,0 +1,194 @@
+"""Surface deformables <-> `Cloth`.
+
+A body is a prim with PhysicsDeformableBodyAPI; its simulation mesh is the prim itself or its one direct child with
+PhysicsSurfaceDeformableSimAPI, and is what a `Cloth` names. Mass: masses of the mesh before the body's mass, before
+the body's density, before the material's. The rest shape is restShapePoints, else the default value of points; the
+initial state is the value of points and velocities at startTimeCode.
+"""
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from wsim.scene import Cloth
+from wsim.usd import names
+from wsim.usd.attributes import author, read
+from wsim.usd.material import author_fabric, bind, load_fabric, subset_materials
+from wsim.usd.motion import author_motion, placement
+from wsim.usd.names import row
+from wsim.usd.stage import Reading, Units
+
+OWN = ("model", "weld", "tethers", "drag", "lift")            # of WsimClothAPI
+UNREAD = {"physics:restTriVertexIndices": "the triangles of the mesh count",
+          "physics:restAdjTriPairs": "rest angles are flat or those of the rest shape",
+          "physics:restBendAngles": "rest angles are flat or those of the rest shape"}
+
+
+def load_cloth(reading: Reading, mesh: Usd.Prim, body: Usd.Prim) -> Cloth | None:
+    """The cloth of a simulation mesh; None if it has no geometry (which is reported)."""
+    units, path = reading.units, str(mesh.GetPath())
+    if not mesh.IsA(UsdGeom.Mesh):
+        reading.fail(path, f"has {names.SURFACE_SIM} and is a {mesh.GetTypeName() or 'typeless prim'}; it must be a "
+                           "Mesh")
+        return None
+    points, rest = load_points(reading, mesh, "Cloth")
+    counts, indices = (read(mesh, "Cloth", field, units, reading.start) for field in ("counts", "indices"))
+    if points is None or counts is None or indices is None:
+        missing = [n for n, v in (("points", points), ("faceVertexCounts", counts), ("faceVertexIndices", indices))
+                   if v is None]
+        reading.fail(path, f"has no {', '.join(missing)}; a cloth needs all three (is a payload or reference missing?)")
+        return None
+    subset_materials(reading, mesh)
+    for name, counts_instead in UNREAD.items():
+        if mesh.HasAttribute(name) and mesh.GetAttribute(name).HasAuthoredValue():
+            reading.warn(path, f"{name} is not read: {counts_instead}")
+    cloth = Cloth(path, points, counts, indices, motion=placement(reading, mesh).motion,
+                  velocities=read(mesh, "Cloth", "velocities", units, reading.start),
+                  rest_points=_rest(reading, mesh, rest), flat=_flat(reading, mesh))
+    cloth.thicknesses, constant = _thicknesses(reading, mesh, cloth)
+    cloth.masses, cloth.mass = _masses(reading, mesh, body, cloth)
+    cloth.material = load_fabric(reading, mesh, _body_density(reading, body), constant)
+    for field in OWN:
+        value = read(mesh, "Cloth", field, units)
+        if value is not None:
+            setattr(cloth, field, value)
+    return cloth
+
+
+def load_points(reading: Reading, prim: Usd.Prim, owner: str) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Points at the start, and the default points where those differ (then they are the rest shape)."""
+    start = read(prim, owner, "points", reading.units, reading.start)
+    default = read(prim, owner, "points", reading.units)
+    if start is None:
+        return default, None
+    if prim.GetAttribute(row(owner, "points").attribute).GetNumTimeSamples():
+        reading.warn(prim.GetPath(), "points are animated and will be simulated: their value at startTimeCode is the "
+                     "initial state")
+        if default is not None and not np.array_equal(default, start):
+            return start, default
+    return start, None
+
+
+def _rest(reading: Reading, mesh: Usd.Prim, default: np.ndarray | None) -> np.ndarray | None:
+    authored = read(mesh, "Cloth", "rest_points", reading.units)
+    return default if authored is None else authored
+
+
+def _flat(reading: Reading, mesh: Usd.Prim) -> bool:
+    kind = read(mesh, "Elements", "rest_angles", reading.units) or "flat"
+    if kind not in ("flat", "restShape"):
+        reading.fail(mesh.GetPath(), f"{row('Elements', 'rest_angles').attribute} is {kind!r}; allowed is 'flat' or "
+                     "'restShape'")
+    return kind != "restShape"
+
+
+def _elements(reading: Reading, mesh: Usd.Prim, field: str, values: np.ndarray, cloth: Cloth) -> str:
+    """constant, face or point: as authored, else by the number of values; "" if it does not fit (reported)."""
+    sizes = {"point": len(cloth.points), "face": len(cloth.counts), "constant": 1}
+    kind = read(mesh, "Elements", field, reading.units) or next((k for k, n in sizes.items() if n == len(values)), "")
+    name = row("Cloth", field).attribute
+    if kind not in sizes or len(values) != sizes[kind]:
+        reading.fail(mesh.GetPath(), f"{name} has {len(values)} values of elementType {kind!r}; allowed is "
+                     + ", ".join(f"{n} for {k!r}" for k, n in sizes.items()))
+        return ""
+    low = float(np.min(values)) if np.all(np.isfinite(values)) else float("nan")
+    if not low > 0:
+        bad = int(np.flatnonzero(~(np.isfinite(values) & (values > 0)))[0])
+        reading.fail(mesh.GetPath(), f"{name}[{bad}] is {values[bad]:g} (in SI units); allowed is a finite number > 0")
+        return ""
+    return kind
+
+
+def _thicknesses(reading: Reading, mesh: Usd.Prim, cloth: Cloth) -> tuple[np.ndarray | None, float | None]:
+    """(thickness of each point [m] or None, one thickness of the whole [m] or None)."""
+    values = read(mesh, "Cloth", "thicknesses", reading.units)
+    if values is None or len(values) == 0:
+        return None, None
+    kind = _elements(reading, mesh, "thicknesses", values, cloth)
+    if kind == "constant":
+        return None, _refined(reading, mesh, values)
+    if kind == "face":
+        total, faces = _spread(cloth, values), _spread(cloth, np.ones(len(values)))
+        mean = float(np.mean(values))
+        return np.where(faces > 0, total / np.maximum(faces, 1), mean).astype(np.float32), mean
+    if kind == "point":
+        own = read(mesh, "Fabric", "thickness", reading.units)
+        return values, own or float(np.mean(values.astype(np.float64)))
+    return None, None
+
+
+def _refined(reading: Reading, mesh: Usd.Prim, values: np.ndarray) -> float:
+    """A constant thickness [m]: the double beside it (`author_cloth`), if that still rounds to it; else its decimal."""
+    exact = read(mesh, "Fabric", "thickness", reading.units)
+    if exact and np.float32(exact) == values[0]:
+        return exact
+    return float(str(values[0]))
+
+
+def _spread(cloth: Cloth, of_faces: np.ndarray) -> np.ndarray:
+    """Sum over the faces at each point, (n,). Corners out of range are left out: they are reported elsewhere."""
+    of_corners = np.repeat(np.asarray(of_faces, np.float64), np.maximum(cloth.counts, 0))
+    indices = cloth.indices[:len(of_corners)]
+    inside = (indices >= 0) & (indices < len(cloth.points))
+    return np.bincount(indices[inside], of_corners[:len(indices)][inside], len(cloth.points))
+
+
+def _masses(reading: Reading, mesh: Usd.Prim, body: Usd.Prim, cloth: Cloth) -> tuple[np.ndarray | None, float | None]:
+    """(mass of each point [kg] or None, mass of the whole [kg] or None)."""
+    mass = read(body, "Body", "mass", reading.units)
+    if mass is not None and not (np.isfinite(mass) and mass >= 0):
+        reading.fail(body.GetPath(), f"physics:mass is {mass:g}; allowed is a finite number > 0, or 0 for none")
+        mass = None
+    values = read(mesh, "Cloth", "masses", reading.units)
+    if values is None or len(values) == 0:
+        return None, mass or None
+    kind = _elements(reading, mesh, "masses", values, cloth)
+    if kind == "constant":
+        return None, float(str(values[0]))
+    if kind == "face":
+        of_points = _spread(cloth, values / np.maximum(cloth.counts, 1))
+        lightest = of_points[of_points > 0].min(initial=np.inf)
+        return np.where(of_points > 0, of_points, lightest).astype(np.float32), mass or None
+    return (values if kind == "point" else None), mass or None
+
+
+def _body_density(reading: Reading, body: Usd.Prim) -> float | None:
+    density = read(body, "Body", "density", reading.units)
+    if density is not None and not (np.isfinite(density) and density >= 0):
+        reading.fail(body.GetPath(), f"physics:density is {density:g}; allowed is a finite number > 0, or 0 for none")
+        return None
+    return density or None
+
+
+def apply_cloth(mesh: Usd.Prim, cloth: Cloth, units: Units) -> None:
+    """Writes on a mesh what makes it a cloth: schemas, masses, thicknesses, rest shape, wsim's own settings."""
+    for schema in (names.BODY, names.SURFACE_SIM, names.COLLISION, names.WSIM_CLOTH):
+        mesh.AddAppliedSchema(schema)
+    thickness = [cloth.material.thickness] if cloth.thicknesses is None else cloth.thicknesses
+    author(mesh, "Cloth", "thicknesses", thickness, units)
+    author(mesh, "Elements", "thicknesses", "constant" if cloth.thicknesses is None else "point")
+    author(mesh, "Fabric", "thickness", cloth.material.thickness, units)
+    if cloth.masses is not None:
+        author(mesh, "Cloth", "masses", cloth.masses, units)
+        author(mesh, "Elements", "masses", "point")
+    if cloth.mass is not None:
+        author(mesh, "Body", "mass", cloth.mass, units)
+    if cloth.rest_points is not None:
+        author(mesh, "Cloth", "rest_points", cloth.rest_points, units)
+    author(mesh, "Elements", "rest_angles", "flat" if cloth.flat else "restShape")
+    for field in OWN:
+        author(mesh, "Cloth", field, getattr(cloth, field), units)
+
+
+def author_cloth_prim(stage: Usd.Stage, cloth: Cloth, material: str, units: Units, frames: int) -> None:
+    """Defines the Mesh of a cloth with everything that a load reads; its Material is at path `material`."""
+    mesh = UsdGeom.Mesh.Define(stage, cloth.path)
+    prim = mesh.GetPrim()
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    for field in ("points", "counts", "indices", "velocities"):
+        if getattr(cloth, field) is not None:
+            author(prim, "Cloth", field, getattr(cloth, field), units)
+    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
+    author_motion(prim, cloth.motion, units, frames)
+    apply_cloth(prim, cloth, units)
+    existing = stage.GetPrimAtPath(material)
+    bind(prim, existing if existing else author_fabric(stage, material, cloth.material, units))

@@ -1,0 +1,241 @@
+"""A stage -> `Scene`: one walk that says what each prim is, then one reader for each kind.
+
+Prims that are inactive or abstract are not there. Invisible prims and guides count: physics does not ask what is
+seen. Instance proxies collide, but cannot be cloth, since a result cannot be written over them.
+"""
+
+import os
+from dataclasses import dataclass, field
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from wsim.scene import Cloth, Problem, Scene, SceneError, Springs
+from wsim.usd import names
+from wsim.usd.attachments import load_pin
+from wsim.usd.attributes import read
+from wsim.usd.check import scene_problems
+from wsim.usd.cloth import load_cloth
+from wsim.usd.colliders import load_collider
+from wsim.usd.material import foreign_spellings
+from wsim.usd.settings import frames_of, load_settings
+from wsim.usd.springs import load_springs
+from wsim.usd.stage import Reading, Units, applied, open_stage
+
+SIMULATED = (names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM, names.WSIM_SPRINGS)
+LARGE, SMALL = 20.0, 1e-3          # [m]: a cloth beyond is probably in other units than the stage says
+
+
+@dataclass
+class Found:
+    """Prims by what they are."""
+
+    scenes: list = field(default_factory=list)
+    bodies: list = field(default_factory=list)
+    simulated: list = field(default_factory=list)
+    colliders: list = field(default_factory=list)
+    attachments: list = field(default_factory=list)
+    meshes: list = field(default_factory=list)
+
+
+def load(path, variants: dict[str, dict[str, str]] | None = None) -> Scene:
+    """The scene of a USD file, in SI units.
+
+    variants    {prim path: {variant set: variant}} to choose before reading
+
+    Warnings are in `scene.notes`. Raises SceneError with everything fatal: a file that cannot be opened, nothing that
+    can be simulated in it, values out of range.
+    """
+    notes: list[Problem] = []
+    stage = open_stage(path, variants, notes)
+    scene = read_stage(stage, notes)
+    scene.source = os.fspath(path)
+    return scene
+
+
+def read_stage(stage: Usd.Stage, notes: list[Problem] | None = None) -> Scene:
+    """The scene of an open stage; see `load`."""
+    reading = Reading(stage, Units.of(stage), problems=list(notes or []))
+    reading.frames = frames_of(reading)
+    found = _walk(reading)
+    scene = load_settings(reading, found.scenes)
+    pairs = _pairs(reading, found)
+    for prim, body in pairs:
+        _load_body(reading, scene, prim, body)
+    taken = {prim.GetPath() for prim, _ in pairs}
+    for prim in found.colliders:
+        if prim.GetPath() not in taken and not _in_body(prim, found):
+            collider = load_collider(reading, prim)
+            if collider is not None:
+                scene.colliders.append(collider)
+    by_path = {thing.path: thing for thing in scene.bodies()}
+    above = {str(body.GetPath()): by_path.get(str(prim.GetPath())) for prim, body in pairs}
+    by_path = {**{k: v for k, v in above.items() if v is not None}, **by_path}
+    failed = any(problem.fatal for problem in reading.problems)
+    for prim in found.attachments if not failed else ():
+        pin = load_pin(reading, prim, by_path)
+        if pin is not None:
+            scene.pins.append(pin)
+    _order(scene, found.scenes)
+    return _finished(reading, scene, found)
+
+
+def _load_body(reading: Reading, scene: Scene, prim: Usd.Prim, body: Usd.Prim) -> None:
+    apis = applied(prim)
+    if names.VOLUME_SIM in apis:
+        reading.warn(prim.GetPath(), "is a volume deformable: soft bodies are not simulated yet, and it is left out")
+    elif prim.IsInstanceProxy():
+        root = prim
+        while not root.IsInstance():
+            root = root.GetParent()
+        reading.fail(prim.GetPath(), f"is to be simulated and lies in the instance {root.GetPath()}, whose contents "
+                     f"cannot be written over; author instanceable = false on {root.GetPath()}")
+    elif names.SURFACE_SIM in apis:
+        cloth = load_cloth(reading, prim, body)
+        if cloth is not None:
+            scene.cloths.append(cloth)
+    else:
+        springs = load_springs(reading, prim, body)
+        if springs is not None:
+            scene.springs.append(springs)
+
+
+def _walk(reading: Reading) -> Found:
+    """Sorts the prims of a stage by what they are, and notes what wsim does not simulate."""
+    found = Found()
+    prims = iter(Usd.PrimRange(reading.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
+    for prim in prims:
+        if prim.IsPseudoRoot():
+            continue
+        apis, kind = applied(prim), prim.GetTypeName()
+        foreign_spellings(reading, prim)
+        if kind == "PointInstancer":
+            prims.PruneChildren()
+            reading.warn(prim.GetPath(), "is a PointInstancer: its prototypes take no part")
+        elif kind == names.PHYSICS_SCENE:
+            found.scenes.append(prim)
+        elif kind == names.ATTACHMENT:
+            found.attachments.append(prim)
+        elif kind == names.ELEMENT_FILTER:
+            reading.warn(prim.GetPath(), f"{names.ELEMENT_FILTER} is not used yet: every collider acts on every body")
+        elif kind == "Mesh":
+            found.meshes.append(prim)
+        if names.BODY in apis:
+            found.bodies.append(prim)
+        if any(api in apis for api in SIMULATED):
+            found.simulated.append(prim)
+        if names.COLLISION in apis and _collides(prim):
+            found.colliders.append(prim)
+        if names.RIGID_BODY in apis and not _kinematic(prim):
+            reading.warn(prim.GetPath(), "is a dynamic rigid body: rigid bodies are not simulated yet, its colliders "
+                         "move only as animated")
+    return found
+
+
+def _collides(prim: Usd.Prim) -> bool:
+    enabled = prim.GetAttribute("physics:collisionEnabled")
+    return not enabled or enabled.Get() is not False
+
+
+def _kinematic(prim: Usd.Prim) -> bool:
+    return any(bool(a) and a.Get() is wanted for a, wanted in (
+        (prim.GetAttribute("physics:kinematicEnabled"), True), (prim.GetAttribute("physics:rigidBodyEnabled"), False)))
+
+
+def _pairs(reading: Reading, found: Found) -> list[tuple[Usd.Prim, Usd.Prim]]:
+    """(simulation geometry, body) of everything to simulate."""
+    pairs: list[tuple[Usd.Prim, Usd.Prim]] = []
+    claimed: set = set()
+    for body in list(found.bodies):
+        sims = [p for p in found.simulated if p.GetPath() == body.GetPath()] or [
+            p for p in found.simulated if p.GetParent().GetPath() == body.GetPath() and p not in found.bodies]
+        claimed.update(p.GetPath() for p in sims)
+        if len(sims) > 1:
+            reading.fail(body.GetPath(), f"is one deformable body with {len(sims)} simulation geometries ("
+                         f"{', '.join(str(p.GetPath()) for p in sims)}); allowed is one: give each its own "
+                         f"{names.BODY}")
+        elif not sims:
+            reading.warn(body.GetPath(), f"has {names.BODY}, and neither it nor a direct child has a simulation API "
+                         f"(such as {names.SURFACE_SIM}); it is left out")
+        elif read(body, "Body", "enabled") is False:
+            reading.warn(body.GetPath(), "physics:bodyEnabled is off: it is left out")
+        elif read(body, "Body", "kinematic"):
+            _kinematic_body(reading, found, sims[0], body)
+        else:
+            pairs.append((sims[0], body))
+            _followers(reading, sims[0], body)
+    for prim in found.simulated:
+        if prim.GetPath() not in claimed:
+            reading.warn(prim.GetPath(), f"has a simulation API and no {names.BODY} on it or its parent; it is taken "
+                                         "as a body")
+            pairs.append((prim, prim))
+    return pairs
+
+
+def _kinematic_body(reading: Reading, found: Found, sim: Usd.Prim, body: Usd.Prim) -> None:
+    """An animated deformable pushes as a mesh collider."""
+    reading.warn(body.GetPath(), f"physics:kinematicEnabled is on: {sim.GetPath()} moves as animated and collides as "
+                                 "a mesh")
+    found.bodies.remove(body)
+    if sim.GetPath() not in {p.GetPath() for p in found.colliders}:
+        found.colliders.append(sim)
+
+
+def _followers(reading: Reading, sim: Usd.Prim, body: Usd.Prim) -> None:
+    """Notes what lies in a body and will not follow it."""
+    for prim in Usd.PrimRange(body):
+        if prim.IsA(UsdGeom.PointBased) and prim.GetPath() != sim.GetPath():
+            reading.warn(prim.GetPath(), f"lies in the deformable body {body.GetPath()} and is not its simulation "
+                         "geometry: it does not follow yet")
+
+
+def _in_body(prim: Usd.Prim, found: Found) -> bool:
+    """True for point-based geometry of a deformable body: it belongs to the body and is no obstacle."""
+    return prim.IsA(UsdGeom.PointBased) and any(prim.GetPath().HasPrefix(body.GetPath()) for body in found.bodies)
+
+
+def _order(scene: Scene, scenes: list[Usd.Prim]) -> None:
+    """Puts objects in the order that a save noted; others keep that of the stage, behind them."""
+    relationship = scenes[0].GetRelationship(names.ORDER) if scenes else None
+    if relationship:
+        place = {str(path): i for i, path in enumerate(relationship.GetTargets())}
+        for kind in (scene.cloths, scene.springs, scene.colliders, scene.pins):
+            kind.sort(key=lambda thing: place.get(thing.path, len(place)))
+
+
+def _finished(reading: Reading, scene: Scene, found: Found) -> Scene:
+    """The scene with its warnings. Raises SceneError if anything fatal was found."""
+    problems = reading.problems
+    seen = {problem.path for problem in problems if problem.fatal}
+    problems += [problem for problem in scene_problems(scene) if problem.path not in seen or "finite" in problem.text]
+    if not scene.bodies() and not any(problem.fatal for problem in problems):
+        problems.append(_nothing(reading, found))
+    fatal = [problem for problem in problems if problem.fatal]
+    if fatal:
+        raise SceneError(fatal)
+    for body in scene.bodies():
+        _plausible(reading, body)
+    scene.notes = list(problems)
+    return scene
+
+
+def _nothing(reading: Reading, found: Found) -> Problem:
+    """The error of a stage with nothing to simulate."""
+    file = reading.stage.GetRootLayer().realPath or reading.stage.GetRootLayer().identifier
+    left_out = [str(prim.GetPath()) for prim in found.simulated]
+    text = "nothing in it can be simulated: no cloth or spring net" + (
+        f" (left out: {', '.join(left_out)})" if left_out else f" (no prim has {names.BODY} and {names.SURFACE_SIM})")
+    meshes = [str(prim.GetPath()) for prim in found.meshes]
+    if not meshes:
+        return Problem(file, f"{text}; it has no Mesh to make one of either")
+    shown = ", ".join(meshes[:8]) + (f" and {len(meshes) - 8} more" if len(meshes) > 8 else "")
+    return Problem(file, f"{text}. Its meshes: {shown}. `wsim new cloth {os.path.basename(file)}"
+                   + (" --prim PATH" if len(meshes) > 1 else "") + " -o SCENE` makes a scene with one as cloth")
+
+
+def _plausible(reading: Reading, body: Cloth | Springs) -> None:
+    """Warns of a body of an unlikely size: its units may be wrong."""
+    size = float(np.ptp(body.motion.points(body.points), axis=0).max())
+    if size > LARGE or size < SMALL:
+        reading.warn(body.path, f"is {size:.3g} m large at metersPerUnit = {reading.units.metres:g}; if that is not "
+                     "meant, correct metersPerUnit in the root layer")

@@ -1,0 +1,165 @@
+"""Every name that wsim reads from a stage or writes to one, in one table.
+
+A row says which schema owns an attribute, its USD type, its unit, and the field of the scene that it carries; load
+and save both go through these rows, so that a name of the deformable proposal that changes is changed here alone.
+Names in `physics:` are those of UsdPhysics and of the deformable proposal of the Alliance for OpenUSD physics group
+(OpenUSD-proposals, pull request 111, revision of summer 2026); names in `wsim:` are described in schema/.
+"""
+
+from dataclasses import dataclass
+from math import inf
+
+# Schemas of the deformable proposal, which no OpenUSD release registers yet.
+BODY = "PhysicsDeformableBodyAPI"
+SURFACE_SIM = "PhysicsSurfaceDeformableSimAPI"
+CURVES_SIM = "PhysicsCurvesDeformableSimAPI"
+VOLUME_SIM = "PhysicsVolumeDeformableSimAPI"
+SURFACE_MATERIAL = "PhysicsSurfaceDeformableMaterialAPI"
+CURVES_MATERIAL = "PhysicsCurvesDeformableMaterialAPI"
+VOLUME_MATERIAL = "PhysicsVolumeDeformableMaterialAPI"
+ATTACHMENT = "PhysicsAttachment"
+ELEMENT_FILTER = "PhysicsElementCollisionFilter"
+
+# Schemas of UsdPhysics.
+PHYSICS_SCENE = "PhysicsScene"
+COLLISION = "PhysicsCollisionAPI"
+MESH_COLLISION = "PhysicsMeshCollisionAPI"
+RIGID_BODY = "PhysicsRigidBodyAPI"
+MATERIAL = "PhysicsMaterialAPI"
+BINDING = "MaterialBindingAPI"
+
+# Schemas of wsim, registered from schema/.
+WSIM_SCENE, WSIM_CLOTH, WSIM_MATERIAL = "WsimSceneAPI", "WsimClothAPI", "WsimMaterialAPI"
+WSIM_SPRINGS, WSIM_COLLIDER = "WsimSpringsAPI", "WsimColliderAPI"
+
+# Fallbacks of the proposal, in SI units; the schemas are not registered, so USD cannot supply them.
+YOUNGS_MODULUS = 1.0e6      # [Pa]
+POISSONS_RATIO = 0.3
+THICKNESS = 1.0e-3          # [m]
+DENSITY = 1.0e3             # [kg/m^3]
+GRAVITY = 9.81              # [m/s^2]
+
+# Powers of (length, mass) in each unit; time is in seconds on every stage.
+UNITS = {
+    "1": (0, 0), "s": (0, 0), "1/s": (0, 0), "m": (1, 0), "m/s": (1, 0), "m/s^2": (1, 0), "kg": (0, 1),
+    "kg/m^3": (-3, 1), "N": (1, 1), "N/m": (0, 1), "N m": (2, 1), "N m^2": (3, 1), "N s/m": (0, 1), "Pa": (-1, 1),
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """`attribute` of `schema`, of USD type `type`, in `unit`, carries `field` of a scene's `owner`."""
+
+    owner: str
+    field: str
+    schema: str
+    attribute: str
+    type: str
+    unit: str = "1"
+    uniform: bool = False
+
+
+TABLE = (
+    Row("Scene", "direction", PHYSICS_SCENE, "physics:gravityDirection", "vector3f"),
+    Row("Scene", "magnitude", PHYSICS_SCENE, "physics:gravityMagnitude", "float", "m/s^2"),
+    Row("Scene", "substeps", WSIM_SCENE, "wsim:substeps", "int", uniform=True),
+    Row("Scene", "iterations", WSIM_SCENE, "wsim:iterations", "int", uniform=True),
+    Row("Scene", "integrator", WSIM_SCENE, "wsim:integrator", "token", uniform=True),
+    Row("Scene", "wind", WSIM_SCENE, "wsim:wind", "vector3d", "m/s"),
+    Row("Scene", "air_density", WSIM_SCENE, "wsim:airDensity", "double", "kg/m^3"),
+    Row("Scene", "air_drag", WSIM_SCENE, "wsim:airDrag", "double", "1/s"),
+
+    Row("Fabric", "stretch", SURFACE_MATERIAL, "physics:surfaceStretchStiffness", "float", "N/m"),
+    Row("Fabric", "shear", SURFACE_MATERIAL, "physics:surfaceShearStiffness", "float", "N/m"),
+    Row("Fabric", "bend", SURFACE_MATERIAL, "physics:surfaceBendStiffness", "float", "N m"),
+    Row("Fabric", "poisson", SURFACE_MATERIAL, "physics:poissonsRatio", "float"),
+    Row("Fabric", "density", MATERIAL, "physics:density", "float", "kg/m^3"),
+    Row("Fabric", "static_friction", MATERIAL, "physics:staticFriction", "float"),
+    Row("Fabric", "dynamic_friction", MATERIAL, "physics:dynamicFriction", "float"),
+    Row("Fabric", "thickness", WSIM_MATERIAL, "wsim:thickness", "double", "m"),
+    Row("Fabric", "damping", WSIM_MATERIAL, "wsim:damping", "double", "s"),
+    Row("Fabric", "strain_limit", WSIM_MATERIAL, "wsim:strainLimit", "double"),
+
+    Row("Elastic", "young", SURFACE_MATERIAL, "physics:youngsModulus", "float", "Pa"),
+    Row("Elastic", "curve_stretch", CURVES_MATERIAL, "physics:curvesStretchStiffness", "float", "N"),
+
+    Row("Friction", "static_friction", MATERIAL, "physics:staticFriction", "float"),
+    Row("Friction", "dynamic_friction", MATERIAL, "physics:dynamicFriction", "float"),
+
+    Row("Body", "mass", BODY, "physics:mass", "float", "kg"),
+    Row("Body", "density", BODY, "physics:density", "float", "kg/m^3"),
+    Row("Body", "enabled", BODY, "physics:bodyEnabled", "bool"),
+    Row("Body", "kinematic", BODY, "physics:kinematicEnabled", "bool"),
+
+    Row("Cloth", "points", "Mesh", "points", "point3f[]", "m"),
+    Row("Cloth", "counts", "Mesh", "faceVertexCounts", "int[]"),
+    Row("Cloth", "indices", "Mesh", "faceVertexIndices", "int[]"),
+    Row("Cloth", "velocities", "Mesh", "velocities", "vector3f[]", "m/s"),
+    Row("Cloth", "rest_points", SURFACE_SIM, "physics:restShapePoints", "point3f[]", "m"),
+    Row("Cloth", "masses", SURFACE_SIM, "physics:masses", "float[]", "kg"),
+    Row("Cloth", "thicknesses", SURFACE_SIM, "physics:thicknesses", "float[]", "m"),
+    Row("Cloth", "model", WSIM_CLOTH, "wsim:model", "token", uniform=True),
+    Row("Cloth", "weld", WSIM_CLOTH, "wsim:weld", "double", "m", uniform=True),
+    Row("Cloth", "tethers", WSIM_CLOTH, "wsim:tethers", "bool", uniform=True),
+    Row("Cloth", "drag", WSIM_CLOTH, "wsim:drag", "double"),
+    Row("Cloth", "lift", WSIM_CLOTH, "wsim:lift", "double"),
+
+    Row("Elements", "masses", SURFACE_SIM, "physics:masses:elementType", "token", uniform=True),
+    Row("Elements", "thicknesses", SURFACE_SIM, "physics:thicknesses:elementType", "token", uniform=True),
+    Row("Elements", "rest_angles", SURFACE_SIM, "physics:restBendAnglesDefault", "token", uniform=True),
+
+    Row("Springs", "points", "BasisCurves", "points", "point3f[]", "m"),
+    Row("Springs", "counts", "BasisCurves", "curveVertexCounts", "int[]"),
+    Row("Springs", "velocities", "BasisCurves", "velocities", "vector3f[]", "m/s"),
+    Row("Springs", "particles", WSIM_SPRINGS, "wsim:particles", "int[]", uniform=True),
+    Row("Springs", "stiffness", WSIM_SPRINGS, "wsim:stiffness", "float[]", "N/m"),
+    Row("Springs", "masses", WSIM_SPRINGS, "wsim:masses", "float[]", "kg"),
+    Row("Springs", "lengths", WSIM_SPRINGS, "wsim:lengths", "float[]", "m"),
+    Row("Springs", "damping", WSIM_SPRINGS, "wsim:damping", "double", "s"),
+    Row("Springs", "radius", WSIM_SPRINGS, "wsim:radius", "double", "m"),
+
+    Row("Collider", "thickness", WSIM_COLLIDER, "wsim:thickness", "double", "m"),
+
+    Row("Pin", "enabled", ATTACHMENT, "physics:attachmentEnabled", "bool"),
+    Row("Pin", "type0", ATTACHMENT, "physics:type0", "token", uniform=True),
+    Row("Pin", "type1", ATTACHMENT, "physics:type1", "token", uniform=True),
+    Row("Pin", "points", ATTACHMENT, "physics:indices0", "int[]"),
+    Row("Pin", "places", ATTACHMENT, "physics:coords1", "vector3f[]", "m"),
+    Row("Pin", "stiffness", ATTACHMENT, "physics:stiffness", "float", "N/m"),
+    Row("Pin", "damping", ATTACHMENT, "physics:damping", "float", "N s/m"),
+)
+SRC0, SRC1 = "physics:src0", "physics:src1"                     # relationships of an attachment
+STEPS_HINT = "newton:timeStepsPerSecond"                        # read where wsim:substeps is not authored
+ORDER = "wsim:order"                                             # relationship of WsimSceneAPI: objects in their order
+
+_ROWS = {(row.owner, row.field): row for row in TABLE}
+
+
+def row(owner: str, field: str) -> Row:
+    """The row of one field. KeyError if the table has none."""
+    return _ROWS[owner, field]
+
+
+# Older and foreign spellings: what is found -> what the current revision calls it. They are reported, not read.
+FOREIGN_ATTRIBUTES = {
+    "physics:stretchStiffness": "physics:surfaceStretchStiffness (force/length: the old value times the thickness)",
+    "physics:shearStiffness": "physics:surfaceShearStiffness (force/length: the old value times the thickness)",
+    "physics:bendStiffness": "physics:surfaceBendStiffness (force * length: the old value times the thickness cubed)",
+    "physics:twistStiffness": "physics:curvesTwistStiffness",
+    "physics:thickness": "physics:thicknesses on the simulation mesh, with physics:thicknesses:elementType = constant",
+    "physics:surfaceThickness": "physics:thicknesses on the simulation mesh, with elementType = constant",
+}
+FOREIGN_SCHEMAS = {
+    "OmniPhysicsDeformableBodyAPI": BODY,
+    "OmniPhysicsSurfaceDeformableSimAPI": SURFACE_SIM,
+    "OmniPhysicsCurvesDeformableSimAPI": CURVES_SIM,
+    "OmniPhysicsVolumeDeformableSimAPI": VOLUME_SIM,
+    "OmniPhysicsSurfaceDeformableMaterialAPI": SURFACE_MATERIAL,
+    "OmniPhysicsDeformableMaterialAPI": VOLUME_MATERIAL,
+    "PhysxParticleClothAPI": f"{BODY} and {SURFACE_SIM}",
+    "PhysxDeformableSurfaceAPI": f"{BODY} and {SURFACE_SIM}",
+    "PhysxDeformableBodyAPI": f"{BODY} and {VOLUME_SIM}",
+}
+FOREIGN_PREFIXES = {"omniphysics:": "physics:", "physxDeformable:": "physics:"}
+
+NO_LIMIT = inf

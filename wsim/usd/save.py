@@ -1,0 +1,157 @@
+"""`Scene` -> a stage in metres and kilograms, written under a temporary name and then renamed: no half file is left."""
+
+import os
+from contextlib import contextmanager
+from pathlib import Path
+
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
+
+from wsim.fabric import Fabric
+from wsim.scene import Cloth, Collider, Pin, Problem, Scene, SceneError, Springs
+from wsim.usd import names
+from wsim.usd.attachments import FRAME, author_pin
+from wsim.usd.check import scene_problems
+from wsim.usd.cloth import author_cloth_prim
+from wsim.usd.colliders import author_collider
+from wsim.usd.settings import author_settings
+from wsim.usd.springs import author_springs
+from wsim.usd.stage import SUFFIXES, Units
+
+
+def save(scene: Scene, path) -> None:
+    """Writes a scene as a stage (.usda, .usdc, .usd) that `load` reads back equal.
+
+    Raises SceneError if the scene has fatal problems, or if the file cannot be written.
+    """
+    problems = [*scene_problems(scene), *_path_problems(scene)]
+    if problems:
+        raise SceneError(problems)
+    with new_stage(path) as stage:
+        units = Units(1.0, 1.0, scene.up, scene.fps, scene.start)
+        author_units(stage, units, scene.frames)
+        _author(stage, scene, units)
+
+
+def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
+    objects: list[Cloth | Springs | Collider | Pin] = [*scene.cloths, *scene.springs, *scene.colliders, *scene.pins]
+    taken = {thing.path for thing in objects}
+    settings = author_settings(stage, _free("/physicsScene", taken), scene, units)
+    materials = _Materials(_free("/materials", taken))
+    by_path = {thing.path: thing for thing in scene.bodies()}
+    for thing in sorted(objects, key=lambda thing: (isinstance(thing, Pin), thing.path.count("/"))):
+        _parents(stage, thing.path)
+        if isinstance(thing, Cloth):
+            author_cloth_prim(stage, thing, materials.of(thing), units, scene.frames)
+        elif isinstance(thing, Springs):
+            author_springs(stage, thing, materials.of(thing), units, scene.frames)
+        elif isinstance(thing, Collider):
+            author_collider(stage, thing, materials.of(thing), units, scene.frames)
+        else:
+            if thing.target:
+                _parents(stage, thing.target)
+            author_pin(stage, thing, by_path[thing.body], units, scene.frames)
+    settings.CreateRelationship(names.ORDER, False).SetTargets([Sdf.Path(thing.path) for thing in objects])
+    stage.SetDefaultPrim(stage.GetPrimAtPath(Sdf.Path(objects[0].path).GetPrefixes()[0]) if objects else settings)
+
+
+class _Materials:
+    """Paths of materials: one for each different fabric or friction, named after the first object that has it."""
+
+    def __init__(self, scope: str):
+        self.scope = scope
+        self.paths: dict[Fabric | tuple[float, float], str] = {}
+
+    def of(self, thing: Cloth | Springs | Collider) -> str:
+        what: Fabric | tuple[float, float]
+        what = thing.material if isinstance(thing, Cloth) else (thing.static_friction, thing.dynamic_friction)
+        if what not in self.paths:
+            self.paths[what] = _free(f"{self.scope}/{Sdf.Path(thing.path).name}", set(self.paths.values()))
+        return self.paths[what]
+
+
+def _free(path: str, taken: set[str]) -> str:
+    """path, or path_1, path_2 ... until nothing taken is there or below."""
+    candidate, i = path, 0
+    while any(t == candidate or t.startswith(candidate + "/") for t in taken):
+        i += 1
+        candidate = f"{path}_{i}"
+    return candidate
+
+
+def _parents(stage: Usd.Stage, path: str) -> None:
+    for parent in Sdf.Path(path).GetParentPath().GetPrefixes():
+        if not stage.GetPrimAtPath(parent):
+            UsdGeom.Xform.Define(stage, parent)
+
+
+def _path_problems(scene: Scene) -> list[Problem]:
+    """Paths that a stage cannot hold."""
+    problems, geometry = [], [thing.path for thing in [*scene.bodies(), *scene.colliders]]
+    moving = {thing.path: thing.motion for thing in scene.colliders}
+    for thing in [*scene.bodies(), *scene.colliders, *scene.pins]:
+        good = Sdf.Path.IsValidPathString(thing.path) and Sdf.Path(thing.path).IsAbsoluteRootOrPrimPath()
+        if not good or thing.path == "/":
+            problems.append(Problem(thing.path, "is not a prim path; allowed is like /World/flag (letters, digits, _)"))
+        above = [other for other in geometry if thing.path.startswith(other + "/") and thing.path != other]
+        if above and not isinstance(thing, Pin):
+            problems.append(Problem(thing.path, f"lies below {above[0]}, which is geometry; give it a place of its "
+                                                "own"))
+    for pin in scene.pins:
+        if pin.target in {body.path for body in scene.bodies()}:
+            problems.append(Problem(pin.path, f"hangs on {pin.target}, which is simulated; name an Xform or a "
+                                              "collider"))
+        if pin.target and pin.target in moving and moving[pin.target] != pin.motion:
+            problems.append(Problem(pin.path, f"hangs on {pin.target}, whose motion is another than the pin's; give "
+                                    "both the same motion"))
+        if pin.target:
+            moving.setdefault(pin.target, pin.motion)
+        if pin.target == f"{pin.path}/{FRAME}":
+            problems.append(Problem(pin.path, f"names {pin.target} as its target, which is kept for pins without one; "
+                                    "leave target empty"))
+    return problems
+
+
+def author_units(stage: Usd.Stage, units: Units, frames: int) -> None:
+    """Root metadata; nothing is left to USD's fallbacks."""
+    UsdGeom.SetStageMetersPerUnit(stage, units.metres)
+    UsdPhysics.SetStageKilogramsPerUnit(stage, units.kilograms)
+    UsdGeom.SetStageUpAxis(stage, units.up)
+    stage.SetTimeCodesPerSecond(units.fps)
+    stage.SetFramesPerSecond(units.fps)
+    stage.SetStartTimeCode(units.start)
+    stage.SetEndTimeCode(units.start + frames)
+
+
+@contextmanager
+def new_stage(path):
+    """A new stage under a temporary name beside `path`, which it takes when all went well.
+
+    Raises SceneError if the suffix is none of USD's, or if the file cannot be written.
+    """
+    target = Path(os.fspath(path))
+    if target.suffix not in SUFFIXES:
+        raise SceneError(Problem(str(target), f"ends in {target.suffix or 'nothing'!r}; allowed is "
+                                              f"{', '.join(SUFFIXES)}"))
+    if not target.parent.is_dir():
+        raise SceneError(Problem(str(target), f"the folder {target.parent} does not exist; make it first"))
+    temporary = target.with_name(f".{target.stem}-{os.getpid()}{target.suffix}")
+    try:
+        stage = Usd.Stage.CreateNew(str(temporary))
+        yield stage
+        stage.GetRootLayer().Save()
+        del stage
+        os.replace(temporary, target)
+    except (Tf.ErrorException, OSError) as error:
+        raise SceneError(Problem(str(target), f"cannot be written ({_why(error, target)}); name a place that "
+                                              "can")) from None
+    finally:
+        temporary.unlink(missing_ok=True)
+    layer = Sdf.Layer.Find(str(target))
+    if layer is not None:
+        layer.Reload(True)
+
+
+def _why(error: Exception, target: Path) -> str:
+    if isinstance(error, OSError):
+        return error.strerror or str(error)
+    return "no permission" if not os.access(target.parent, os.W_OK) else str(error).strip().splitlines()[-1].strip()

@@ -1,0 +1,92 @@
+"""The PhysicsScene prim <-> gravity, air and solver settings of a `Scene`.
+
+Gravity as UsdPhysics has it: direction (0, 0, 0) is minus the up axis, a negative magnitude is 9.81 m/s^2. The first
+PhysicsScene counts. newton:timeStepsPerSecond is a hint for the substeps where wsim:substeps is not authored.
+"""
+
+import math
+
+import numpy as np
+from pxr import Gf, Usd
+
+from wsim.scene import Scene
+from wsim.usd.attributes import EXACT, author, decimal, read
+from wsim.usd.names import GRAVITY, PHYSICS_SCENE, STEPS_HINT, WSIM_SCENE, row
+from wsim.usd.stage import Reading, Units
+
+FIELDS = ("substeps", "iterations", "integrator", "wind", "air_density", "air_drag")
+
+
+def frames_of(reading: Reading) -> int:
+    """Frames from startTimeCode to endTimeCode; the default of `Scene` if the stage authors no range."""
+    stage = reading.stage
+    if not stage.HasAuthoredTimeCodeRange():
+        return Scene().frames
+    frames = round(stage.GetEndTimeCode() - stage.GetStartTimeCode())
+    if frames < 0:
+        reading.warn(stage.GetRootLayer().realPath, f"endTimeCode {stage.GetEndTimeCode():g} comes before "
+                     f"startTimeCode {stage.GetStartTimeCode():g}; {Scene().frames} frames are simulated: author "
+                     "endTimeCode")
+        return Scene().frames
+    return frames
+
+
+def load_settings(reading: Reading, prims: list[Usd.Prim]) -> Scene:
+    """An empty Scene with the settings of the first PhysicsScene."""
+    units = reading.units
+    x, y, z = _down(units)
+    scene = Scene(gravity=(GRAVITY * x, GRAVITY * y, GRAVITY * z), up=units.up, fps=units.fps, start=units.start,
+                  frames=reading.frames)
+    if len(prims) > 1:
+        reading.warn(prims[1].GetPath(), f"is one of {len(prims)} PhysicsScene prims; the first, {prims[0].GetPath()}, "
+                     "counts for every object")
+    if not prims:
+        return scene
+    prim = prims[0]
+    scene.gravity = _gravity(prim, units)
+    for field in FIELDS:
+        value = read(prim, "Scene", field, units)
+        if value is not None:
+            setattr(scene, field, value)
+    hint = prim.GetAttribute(STEPS_HINT)
+    if read(prim, "Scene", "substeps", units) is None and hint and hint.HasAuthoredValue():
+        scene.substeps = max(1, round(float(hint.Get()) / units.fps))
+        reading.warn(prim.GetPath(), f"{STEPS_HINT} = {hint.Get()} is taken as {scene.substeps} substeps a frame; "
+                     f"author {row('Scene', 'substeps').attribute} to say otherwise")
+    return scene
+
+
+def _down(units: Units) -> tuple[float, float, float]:
+    return (0.0, 0.0, -1.0) if units.up == "Z" else (0.0, -1.0, 0.0)
+
+
+def _gravity(prim: Usd.Prim, units: Units) -> tuple[float, float, float]:
+    """[m/s^2], world space. A gravity noted exactly counts while direction and magnitude are its rounding."""
+    direction = read(prim, "Scene", "direction", units) or (0.0, 0.0, 0.0)
+    magnitude = read(prim, "Scene", "magnitude", units)
+    if magnitude is None or magnitude < 0:
+        magnitude = GRAVITY
+    length = math.sqrt(sum(v * v for v in direction))
+    x, y, z = (v / length for v in direction) if length > 0 else _down(units)
+    noted = prim.GetAttribute(row("Scene", "magnitude").attribute).GetCustomDataByKey(EXACT)
+    if isinstance(noted, Gf.Vec3d):
+        exact = float(noted[0]), float(noted[1]), float(noted[2])
+        if np.allclose(exact, magnitude * np.array([x, y, z]), rtol=1e-6, atol=1e-6 * magnitude):
+            return exact
+    return magnitude * x, magnitude * y, magnitude * z
+
+
+def author_settings(stage: Usd.Stage, path: str, scene: Scene, units: Units) -> Usd.Prim:
+    """Writes a PhysicsScene with gravity, air and solver settings."""
+    prim = stage.DefinePrim(path, PHYSICS_SCENE)
+    prim.AddAppliedSchema(WSIM_SCENE)
+    magnitude = math.sqrt(sum(v * v for v in scene.gravity))
+    direction = tuple(v / magnitude for v in scene.gravity) if magnitude > 0 else _down(units)
+    author(prim, "Scene", "direction", direction, units)
+    author(prim, "Scene", "magnitude", decimal(magnitude), units)
+    if _gravity(prim, units) != tuple(scene.gravity):
+        attribute = prim.GetAttribute(row("Scene", "magnitude").attribute)
+        attribute.SetCustomDataByKey(EXACT, Gf.Vec3d(*map(float, scene.gravity)))
+    for field in FIELDS:
+        author(prim, "Scene", field, getattr(scene, field), units)
+    return prim

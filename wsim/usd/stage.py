@@ -1,0 +1,162 @@
+"""Opening a stage, its units, and what a load gathers on the way.
+
+Root metadata decides the units; what is not authored falls back as USD has it: 0.01 m, 1 kg, Y up, 24 time codes a
+second. Physics schemas of the deformable proposal are not registered, so API names are read from the prim's type.
+"""
+
+import os
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pxr import Plug, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdUtils
+
+from wsim.scene import Problem, SceneError
+from wsim.usd.names import UNITS
+
+SUFFIXES = (".usda", ".usdc", ".usd")
+
+# Before the first stage: a schema registered later is silently unknown to USD.
+if not Plug.Registry().GetPluginWithName("wsim"):
+    Plug.Registry().RegisterPlugins(str(Path(__file__).parent / "schema"))
+
+
+@dataclass(frozen=True)
+class Units:
+    """metres [m] and kilograms [kg] of a stage unit; up axis; frames (time codes) a second; time code of time 0."""
+
+    metres: float = 1.0
+    kilograms: float = 1.0
+    up: str = "Y"
+    fps: float = 24.0
+    start: float = 0.0
+
+    @staticmethod
+    def of(stage: Usd.Stage) -> "Units":
+        return Units(UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage),
+                     UsdGeom.GetStageUpAxis(stage), stage.GetTimeCodesPerSecond(), stage.GetStartTimeCode())
+
+    def factor(self, unit: str) -> float:
+        """SI value of one stage unit of `unit`, a key of `names.UNITS`."""
+        length, mass = UNITS[unit]
+        return self.metres**length * self.kilograms**mass
+
+    def code(self, time):
+        """Time codes of times [s]."""
+        return self.start + time * self.fps
+
+    def time(self, code):
+        """Times [s] of time codes."""
+        return (code - self.start) / self.fps
+
+
+@dataclass
+class Reading:
+    """A stage while it is read: units, frames to simulate, what was found wrong, and caches by time code."""
+
+    stage: Usd.Stage
+    units: Units
+    frames: int = 0
+    problems: list[Problem] = field(default_factory=list)
+    xforms: dict = field(default_factory=dict)
+    materials: dict = field(default_factory=dict)
+
+    @property
+    def start(self) -> Usd.TimeCode:
+        return Usd.TimeCode(self.units.start)
+
+    def fail(self, path, text: str) -> None:
+        self.problems.append(Problem(str(path), text))
+
+    def warn(self, path, text: str) -> None:
+        problem = Problem(str(path), text, fatal=False)
+        if problem not in self.problems:
+            self.problems.append(problem)
+
+
+def applied(prim: Usd.Prim) -> list[str]:
+    """Names of the API schemas of a prim, those that USD does not know included."""
+    return list(prim.GetPrimTypeInfo().GetAppliedAPISchemas())
+
+
+def open_stage(path, variants: dict | None = None, notes: list | None = None) -> Usd.Stage:
+    """The stage of a file with every payload loaded.
+
+    variants    {prim path: {variant set: variant}}, chosen in the session layer: the file is not touched
+    notes       receives a warning for each reference, payload or asset that cannot be resolved
+
+    Raises SceneError if the file is missing, is no USD, or cannot be read, or if a variant does not exist.
+    """
+    path, found = os.fspath(path), [] if notes is None else notes
+    if not os.path.exists(path):
+        raise SceneError(Problem(path, "there is no such file; give the path of a .usda, .usdc, .usd or .usdz file"))
+    if os.path.isdir(path):
+        raise SceneError(Problem(path, "is a folder; give the path of a .usda, .usdc, .usd or .usdz file"))
+    delegate = UsdUtils.CoalescingDiagnosticDelegate()          # keeps USD's own warnings from stderr while it lives
+    try:
+        stage = Usd.Stage.Open(path)
+        _refresh(stage)
+    except Tf.ErrorException as error:
+        raise SceneError(Problem(path, f"is not a readable USD file: {_reason(error)}")) from None
+    if variants:
+        _choose(stage, variants)
+    found.extend(_diagnostics(stage, delegate))
+    return stage
+
+
+def _refresh(stage: Usd.Stage) -> None:
+    """Reads again what changed on disk since this process first opened it; unsaved edits are left alone."""
+    for layer in stage.GetUsedLayers():
+        if not (layer.dirty or layer.anonymous):
+            with suppress(Tf.ErrorException):
+                layer.Reload()
+
+
+def _reason(error: Exception) -> str:
+    """What USD says, less its function names, files and line numbers."""
+    parts = [line.split(" : ", 1)[-1].strip().strip("'") for line in str(error).splitlines() if line.strip()]
+    return parts[0] if parts else "no reason given"
+
+
+def _choose(stage: Usd.Stage, variants: dict) -> None:
+    """Sets variants, outer prims first: an inner prim may come with a variant. Raises SceneError naming what exists."""
+    problems = []
+    with Usd.EditContext(stage, stage.GetSessionLayer()):
+        for path in sorted(variants):
+            prim = stage.GetPrimAtPath(path) if Sdf.Path.IsValidPathString(path) else None
+            if not prim:
+                problems.append(Problem(path, "a variant is asked for, and there is no such prim"))
+                continue
+            for name, variant in variants[path].items():
+                sets = prim.GetVariantSets()
+                if name not in sets.GetNames():
+                    problems.append(Problem(path, f"has no variant set {name!r}; it has: {_listed(sets.GetNames())}"))
+                elif variant not in sets.GetVariantSet(name).GetVariantNames():
+                    known = sets.GetVariantSet(name).GetVariantNames()
+                    problems.append(Problem(path, f"variant set {name!r} has no {variant!r}; it has: {_listed(known)}"))
+                else:
+                    sets.SetSelection(name, variant)
+    if problems:
+        raise SceneError(problems)
+
+
+def _listed(names) -> str:
+    return ", ".join(names) or "none"
+
+
+def _diagnostics(stage: Usd.Stage, delegate) -> list[Problem]:
+    """Warnings for what USD could not compose or resolve."""
+    texts = dict.fromkeys(str(error) for error in stage.GetCompositionErrors())
+    for item in delegate.TakeUncoalescedDiagnostics():
+        if not any(text in item.commentary for text in texts):
+            texts[item.commentary] = None
+    file = stage.GetRootLayer().realPath
+    notes = [Problem(file, f"{text.strip()} (goes on without it)", fatal=False) for text in texts]
+    for prim in stage.Traverse():
+        for attribute in prim.GetAuthoredAttributes():
+            if attribute.GetTypeName() == Sdf.ValueTypeNames.Asset:
+                asset = attribute.Get()
+                if asset and asset.path and not asset.resolvedPath and "<" not in asset.path:
+                    notes.append(Problem(str(attribute.GetPath()), f"asset @{asset.path}@ is not found (goes on "
+                                         "without it: the simulation does not need it)", fatal=False))
+    return notes
