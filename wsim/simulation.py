@@ -143,8 +143,8 @@ class Simulation:
                     self.warnings.append(f"frame {self.frame + 1}: {grown}; the frame was repeated")
         if status[RESIDUAL] and clock.multistep:
             clock.multistep = False
-            self.warnings.append(f"frame {self.frame + 1}: {status[RESIDUAL]} constraint batches missed the residual that "
-                                 "BDF2 needs; backward Euler from here on (more iterations or substeps keep BDF2)")
+            self.warnings.append(f"frame {self.frame + 1}: the sweeps missed the residual that BDF2 needs (see "
+                                 "wsim.xpbd.MET); backward Euler from here on; more iterations or substeps keep BDF2")
         return True
 
     def _refine(self, point: int) -> None:
