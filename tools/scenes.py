@@ -1,4 +1,4 @@
-"""Writes the example scenes, small commented .usda files. Run: python tools/scenes.py [FOLDER]   (default: scenes)
+"""Writes the example scenes, small commented .usda files. Run: python -m tools.scenes [FOLDER]   (default: scenes)
 
 Numbers come from `wsim.shapes` and `wsim.fabric`; attribute names and units from the table of `wsim.usd.names`. The
 comments are for people who author such files themselves. tests/test_scenes.py holds the files equal to what is written.
@@ -240,7 +240,7 @@ def shirt() -> str:
     dummy = "\n".join([f"float3[] extent = {listed(np.array([points.min(axis=0), points.max(axis=0)]))}",
                        f"point3f[] points = {listed(points)}", f"int[] faceVertexCounts = {listed(counts)}",
                        f"int[] faceVertexIndices = {listed(indices)}", 'uniform token subdivisionScheme = "none"',
-                       moved(0, 76, -5.2)])
+                       moved(0, 76, -4.2)])
     f = fabric("cotton")
     garment = "\n".join([looks("cotton", (0.86, 0.86, 0.82)), thickness(f, metres),
                          'uniform token subdivisionScheme = "none"', moved(0, 4, 0)])

@@ -174,13 +174,13 @@ def torso(height: float = 0.85, segments: int = 24) -> tuple[np.ndarray, np.ndar
     """A tailor's dummy along z, wide in x, from the hips (z = 0) over shoulders and neck to a top at `height` [m].
 
     Elliptic sections of fixed proportions, joined by cubics that are flat at the sections, so that nothing bulges;
-    at 0.85 m it has a chest of 79 cm and fits a small adult's shirt.
+    at 0.85 m it has a chest of 75 cm and fits a small adult's shirt.
     """
     _positive(height=height)
     _count(8, segments=segments)
     sections = np.array([   # height, half width, half depth over the total height
-        (0.00, 0.165, 0.118), (0.12, 0.172, 0.125), (0.30, 0.148, 0.105), (0.50, 0.165, 0.130), (0.62, 0.172, 0.122),
-        (0.70, 0.190, 0.095), (0.75, 0.165, 0.075), (0.80, 0.105, 0.062), (0.84, 0.062, 0.055), (0.95, 0.055, 0.052),
+        (0.00, 0.165, 0.118), (0.12, 0.172, 0.125), (0.30, 0.148, 0.105), (0.50, 0.155, 0.125), (0.62, 0.168, 0.118),
+        (0.70, 0.190, 0.095), (0.75, 0.165, 0.075), (0.80, 0.105, 0.062), (0.84, 0.060, 0.046), (0.95, 0.050, 0.043),
         (0.985, 0.035, 0.035)])
     z = np.unique(np.round(np.concatenate([np.linspace(0.0, 0.66, 12), np.linspace(0.68, 0.84, 9), sections[:, 0]]), 9))
     k = np.clip(np.searchsorted(sections[:, 0], z, side="right") - 1, 0, len(sections) - 2)

@@ -1,0 +1,115 @@
+"""The example scenes: what is in them, that they are valid USD, and that they run sensibly."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tools.scenes import SCENES
+from wsim import shapes
+from wsim.fabric import FABRICS
+from wsim.scene import Box, Plane, Sphere, Surface
+from wsim.usd import load
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDER = ROOT / "scenes"
+
+# points, area [m^2], fabric, pinned points, colliders, whether the pins move
+CONTENT = {
+    "hanging_cloth": (33 * 33, 1.0, "cotton", 2, (), False),
+    "flag": (31 * 21, 1.5, "silk", 21, (), False),
+    "cape": (37 * 21, None, "cotton", 37, (Sphere,), True),
+    "tablecloth": (31 * 31, 2.25, "denim", 0, (Box, Plane), False),
+    "shirt": (6436, 0.706, "cotton", 0, (Surface,), False),
+}
+scenes = pytest.mark.parametrize("name", CONTENT)
+
+
+def area(cloth) -> float:
+    a, b, c = cloth.motion.points(cloth.points)[cloth.indices.reshape(-1, 3)].transpose(1, 0, 2)
+    return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+
+
+def solid_angle(points, triangles, places) -> np.ndarray:
+    """Of a closed surface as seen from places, over 4 pi: 1 inside, 0 outside (van Oosterom, Strackee 1983)."""
+    inside = np.empty(len(places))
+    for k, place in enumerate(places):
+        a, b, c = (points[triangles] - place).transpose(1, 0, 2)
+        la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+        above = np.einsum("ij,ij->i", a, np.cross(b, c))
+        below = (la * lb * lc + np.einsum("ij,ij->i", a, b) * lc + np.einsum("ij,ij->i", b, c) * la
+                 + np.einsum("ij,ij->i", c, a) * lb)
+        inside[k] = np.sum(np.arctan2(above, below)) / (2.0 * np.pi)
+    return inside
+
+
+@scenes
+def test_files_are_what_the_generator_writes(name):
+    text = (FOLDER / f"{name}.usda").read_text()
+    assert text == SCENES[name](), "run: python -m tools.scenes"
+    assert len(text) < 70_000
+
+
+def test_every_scene_file_is_generated():
+    assert {path.stem for path in FOLDER.glob("*.usda")} == set(SCENES) == set(CONTENT)
+
+
+@scenes
+def test_scenes_hold_what_they_say(name):
+    points, size, fabric_name, pinned, colliders, moving = CONTENT[name]
+    scene = load(FOLDER / f"{name}.usda")
+    (cloth,) = scene.cloths
+    assert not scene.notes and np.allclose(scene.gravity, (0.0, -9.81, 0.0), rtol=1e-6)
+    assert len(cloth.points) == points and np.all(cloth.counts == 3)
+    if size is not None:
+        assert area(cloth) == pytest.approx(size, rel=1e-3)
+    assert tuple(type(c.shape) for c in scene.colliders) == colliders
+    assert sum(len(pin.points) for pin in scene.pins) == pinned
+    assert all(pin.body == cloth.path and pin.motion.moves == moving for pin in scene.pins)
+    preset = FABRICS[fabric_name]
+    for field in ("stretch", "shear", "bend", "thickness", "density", "poisson", "static_friction", "dynamic_friction"):
+        assert getattr(cloth.material, field) == pytest.approx(getattr(preset, field), rel=1e-5), field   # six digits
+    assert 2.0 <= scene.frames / scene.fps <= 5.0 and 24.0 <= scene.fps <= 60.0
+
+
+@scenes
+def test_scenes_pass_the_validators_of_usd(name):
+    from pxr import Usd, UsdValidation
+    stage = Usd.Stage.Open(str(FOLDER / f"{name}.usda"))
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    errors = UsdValidation.ValidationContext(validators).Validate(stage)
+    assert [f"{e.GetName()}: {e.GetMessage()}" for e in errors] == []
+
+
+def test_the_shirt_is_worn_in_metres_and_clear_of_the_dummy():
+    """64 cm tall although its file says nothing of units; at the start no point is inside the dummy."""
+    scene = load(FOLDER / "shirt.usda")
+    points = scene.cloths[0].motion.points(scene.cloths[0].points)
+    assert np.ptp(points[:, 1]) == pytest.approx(0.646, abs=0.001)
+    dummy = scene.colliders[0]
+    body = dummy.motion.points(dummy.shape.points)
+    inside = solid_angle(body, dummy.shape.indices.reshape(-1, 3), points[::7])
+    assert np.max(np.abs(inside)) < 1e-6
+    assert solid_angle(body, dummy.shape.indices.reshape(-1, 3), body.mean(axis=0)[None])[0] == pytest.approx(1.0)
+
+
+def test_the_cape_clears_the_ball_and_its_collar_lies_on_it():
+    scene = load(FOLDER / "cape.usda")
+    cape, ball = scene.cloths[0], scene.colliders[0]
+    gap = np.linalg.norm(cape.motion.points(cape.points) - ball.motion.at(0.0)[:3, 3], axis=1) - ball.shape.radius
+    assert gap.min() > 0.5 * cape.material.thickness
+    assert np.allclose(gap[scene.pins[0].points], 0.006, atol=1e-5)
+
+
+def test_the_torso_is_as_wide_as_it_says():
+    points, _, _ = shapes.torso(0.85)
+    chest = points[np.abs(points[:, 2] - 0.5 * 0.85) < 1e-9]
+    ring = np.linalg.norm(chest - np.roll(chest, 1, axis=0), axis=1).sum()
+    assert ring == pytest.approx(0.75, abs=0.01)
+
+
+def test_the_generator_writes_into_the_folder_it_is_given(tmp_path):
+    done = subprocess.run([sys.executable, "-m", "tools.scenes", str(tmp_path)], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0 and len(list(tmp_path.glob("*.usda"))) == len(SCENES), done.stderr
