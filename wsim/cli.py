@@ -39,6 +39,16 @@ def length(text: str) -> float:
     return value
 
 
+def image(text: str) -> str:
+    """A picture's file, in a folder that is there: found out now and not after the simulation."""
+    if not text.lower().endswith((".png", ".gif", ".apng")):
+        raise argparse.ArgumentTypeError(f"{text} has another ending; pictures are .png, .gif or .apng")
+    folder = os.path.dirname(os.path.abspath(text))
+    if not os.path.isdir(folder):
+        raise argparse.ArgumentTypeError(f"{text}: there is no folder {folder}; make it first")
+    return text
+
+
 def pixels(text: str) -> tuple[int, int]:
     """960x540"""
     width, _, height = text.lower().partition("x")
@@ -97,7 +107,7 @@ def _run(commands) -> None:
     run.add_argument("--samples", type=whole, default=1, metavar="N", help="samples written a frame, for motion blur")
     run.add_argument("--restart", metavar="RESULT", help="go on from the last frame of an earlier result")
     run.add_argument("--flatten", action="store_true", help="one file that holds the scene too")
-    run.add_argument("--png", metavar="FILE", help="picture of the last frame")
+    run.add_argument("--png", type=image, metavar="FILE", help="picture of the last frame")
     run.add_argument("--view", action="store_true", help="live view (needs the extra `view`)")
     run.add_argument("--json", action="store_true", help="print the closing report as JSON")
     run.add_argument("--quiet", action="store_true", help="no progress and no closing report")
@@ -136,7 +146,7 @@ def _view(commands) -> None:
 def _picture(commands) -> None:
     picture = commands.add_parser("picture", help="draw a result: still, contact sheet or animation")
     picture.add_argument("result")
-    picture.add_argument("-o", "--output", required=True, metavar="FILE", help="picture: .png or .gif")
+    picture.add_argument("-o", "--output", type=image, required=True, metavar="FILE", help=".png, .apng, .gif")
     picture.add_argument("--frame", type=float, metavar="CODE", help="time code of a still (default: the last)")
     picture.add_argument("--sheet", type=whole, metavar="N", help="contact sheet of N frames")
     picture.add_argument("--animate", action="store_true", help="all frames: an animated PNG, or a GIF")
@@ -166,6 +176,8 @@ def explain(error: BaseException) -> str:
 def main(argv: list[str] | None = None) -> int:
     """Runs a command; returns the exit code. Usage errors leave by SystemExit(2), as argparse does."""
     args = parser().parse_args(argv)
+    if args.command == "run" and args.restart and args.preroll:
+        parser().error("--restart goes on from a frame, --preroll settles before the first one: give one of them")
     from wsim import commands
 
     try:

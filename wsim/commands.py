@@ -50,74 +50,75 @@ def _simulation(scene: "Scene", args) -> "Simulation":
 def run(args) -> int:
     """`wsim run`: simulate, write, report."""
     began = perf_counter()
-    seconds = {}
-    import wsim.recorder  # noqa: F401  (USD, counted as import)
+    import wsim.recorder  # noqa: F401  (USD, to tell its import from the loading)
+    from wsim.run import prepare
 
-    seconds["import"] = perf_counter() - began
-    code, job = DONE, None
+    seconds = {"import": perf_counter() - began}
     with line(0, quiet=args.quiet) as progress:
         progress.say(f"loading {args.scene}")
         scene = _load(args)
         seconds["load"] = perf_counter() - began - seconds["import"]
-        job = _job(scene, args)
-        for warning in job.simulation.warnings:
-            progress.clear()
-            _say(warning)
-        told = len(job.simulation.warnings)
-        progress.frames = (job.preroll + scene.frames - job.first) * job.samples
+        job = prepare(scene, args.output, lambda s: _simulation(s, args), samples=args.samples, preroll=args.preroll,
+                      flatten=args.flatten, restart=args.restart)
+        progress.clear()
+        told: set[str] = set()
+        _warn(job, told)
+        if args.view:
+            _watch(job)
+        progress.frames, job.shown = job.steps, progress.frame
         progress.say("compiling")
-        job.shown = progress.frame
         try:
             job.frames()
+            code = DONE
         except KeyboardInterrupt:
             code = INTERRUPTED
-    _picture_of(job, args, seconds)
+    if code == DONE and args.png:
+        _draw(args, seconds)
     seconds["total"] = perf_counter() - began
     _close(job, args, seconds, told)
     if code == INTERRUPTED:
-        _say(f"interrupted: {args.output} holds the {job.written} frames so far")
+        kept = f"{job.result} holds the {job.written} frames so far" if job.result else "no frame was written"
+        _say(f"interrupted: {kept}")
     return code
 
 
-def _job(scene: "Scene", args) -> "Run":
-    """Everything that is needed before the first frame, so that what cannot work fails before it costs time."""
-    from wsim.partial import check_output
-    from wsim.recorder import Recorder
-    from wsim.run import Run, finer, later
-
-    check_output(args.output)
-    simulated = later(finer(scene, args.samples), args.preroll / scene.fps)
-    simulation = _simulation(simulated, args)
-    job = Run(scene, simulation, Recorder(scene, args.output, flatten=args.flatten), args.samples, args.preroll)
-    if args.view:
-        from wsim.view import Viewer
-
-        job.each.append(Viewer(scene).log)
-    return job
+def _warnings(job: "Run") -> list[str]:
+    """Each once, in their order."""
+    return list(dict.fromkeys([*job.simulation.warnings, *map(str, job.recorder.notes)]))
 
 
-def _picture_of(job: "Run", args, seconds: dict) -> None:
-    if args.png:
-        from wsim.picture import picture
+def _warn(job: "Run", told: set[str]) -> None:
+    """Says the warnings that were not told yet."""
+    for warning in _warnings(job):
+        if warning not in told:
+            _say(warning if warning.startswith("warning") else f"warning: {warning}")
+    told.update(_warnings(job))
 
-        began = perf_counter()
-        picture(args.output, args.png, device=args.device)
-        seconds["picture"] = perf_counter() - began
+
+def _watch(job: "Run") -> None:
+    from wsim.view import Viewer
+
+    job.watchers.append(Viewer(job.scene).log)
 
 
-def _close(job: "Run", args, seconds: dict, told: int) -> None:
-    """The closing report; warnings that were said before the run are not said again."""
+def _draw(args, seconds: dict[str, float]) -> None:
+    """The picture that `wsim run --png` asks for."""
+    from wsim.picture import picture
+
+    began = perf_counter()
+    picture(args.output, args.png, device=args.device)
+    seconds["picture"] = perf_counter() - began
+
+
+def _close(job: "Run", args, seconds: dict[str, float], told: set[str]) -> None:
+    """The closing report; what was warned of before the run is not said again."""
+    _warn(job, told)
     if args.quiet and not args.json:
-        for warning in job.simulation.warnings[told:]:
-            _say(warning)
         return
     report = job.simulation.report()
-    report["seconds"] = {**report.get("seconds", {}), **seconds, **job.seconds}
-    report |= {"output": args.output, "picture": args.png, "frames": job.written}
-    if args.json:
-        print(reports.as_json(report))
-    else:
-        print(reports.text({**report, "warnings": report["warnings"][told:]}))
+    report |= {"output": job.result, "picture": args.png, "frames": job.written, "warnings": _warnings(job),
+               "seconds": {**report.get("seconds", {}), **seconds, **job.seconds}}
+    print(reports.as_json(report) if args.json else reports.text({**report, "warnings": []}))
 
 
 def new(args) -> int:

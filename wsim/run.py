@@ -16,10 +16,11 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from wsim.curve import Curve, Motion
-from wsim.scene import Collider, Pin, Scene, Surface
+from wsim.scene import Collider, Pin, Problem, Scene, SceneError, Surface
 
 if TYPE_CHECKING:
     from wsim.recorder import Recorder
+    from wsim.restart import Restart
     from wsim.simulation import Simulation
 
 
@@ -75,7 +76,7 @@ def whole() -> Iterator[None]:
 class Run:
     """A simulation and the recorder that its frames go to; `scene` is the one that is written.
 
-    `shown` is called with (frames done) and `each` with (simulation) after each short frame that was committed.
+    `shown` is called with (short frames done), each of `watchers` with (simulation) after every written one.
     """
 
     scene: Scene
@@ -83,42 +84,97 @@ class Run:
     recorder: "Recorder"
     samples: int = 1
     preroll: int = 0
-    first: int = 0                                # frames that an earlier run has done
+    first: int = 0                                # frames that an earlier run has done and written
     shown: Callable[[int], None] = lambda done: None
-    each: list[Callable] = field(default_factory=list)
+    watchers: list[Callable] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=lambda: {"simulate": 0.0, "write": 0.0})
-    written: int = 0                              # frames, the initial one not counted
+    written: int = 0                              # whole frames, counted from the scene's start
+    result: str | None = None                     # the finished file; None while there is none
+
+    @property
+    def steps(self) -> int:
+        """Short frames of the whole run."""
+        return (self.preroll + self.scene.frames - self.first) * self.samples
 
     def frames(self) -> None:
         """All frames. However it ends, the result holds what was written before."""
+        ended = False
         try:
-            for k in range(self.preroll * self.samples):
-                self._step(k + 1)
-            self._write(0)
-            for k in range((self.scene.frames - self.first) * self.samples):
-                self._step(self.preroll * self.samples + k + 1)
-                self._write(k + 1)
+            for done in range(self.preroll * self.samples):
+                self._step(done + 1)
+            if not self.first:
+                self._write(0)
+            for k in range(1, (self.scene.frames - self.first) * self.samples + 1):
+                self._step(self.preroll * self.samples + k)
+                self._write(k)
+            ended = True
         finally:
-            with whole():
-                began = perf_counter()
-                self.recorder.close()
-                self.seconds["write"] += perf_counter() - began
+            with whole(), self._timed("write"):
+                self.result = self.recorder.close(interrupted=not ended)
+
+    @contextmanager
+    def _timed(self, name: str) -> Iterator[None]:
+        began = perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] += perf_counter() - began
 
     def _step(self, done: int) -> None:
-        began = perf_counter()
-        self.simulation.step()
-        self.seconds["simulate"] += perf_counter() - began
+        with self._timed("simulate"):
+            self.simulation.step()
         self.shown(done)
 
     def _write(self, k: int) -> None:
-        """State after k short frames, at its time code."""
-        sim = self.simulation
-        began = perf_counter()
-        paths = [body.path for body in self.scene.bodies()]
-        with whole():
-            self.recorder.append(self.scene.start + self.first + k / self.samples, {p: sim.positions(p) for p in paths},
-                                 {p: sim.velocities(p) for p in paths}, sim.poses())
-        self.written = k // self.samples
-        self.seconds["write"] += perf_counter() - began
-        for call in self.each:
-            call(sim)
+        """The state after k short frames of this run, at its time code."""
+        sim, paths = self.simulation, [body.path for body in self.scene.bodies()]
+        code = self.recorder.time_code(self.first + k / self.samples)
+        with whole(), self._timed("write"):
+            self.recorder.append(code, {p: sim.positions(p) for p in paths}, {p: sim.velocities(p) for p in paths},
+                                 sim.poses())
+        self.written = self.first + k // self.samples
+        for watch in self.watchers:
+            watch(sim)
+
+
+def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"], *, samples: int = 1, preroll: int = 0,
+            flatten: bool = False, restart: str | None = None) -> Run:
+    """Everything that comes before the first frame, so that what cannot work fails before it has cost time.
+
+    simulate    makes the simulation of a scene (device and precision are its matter)
+    restart     an earlier result of this scene to go on from; frames are still counted from the scene's start
+
+    Raises SceneError, and OSError where the output cannot be written.
+    """
+    from wsim.partial import check_output
+    from wsim.recorder import Recorder
+    from wsim.restart import load_restart
+
+    try:
+        check_output(output)
+        earlier = load_restart(restart, scene) if restart else None
+        if earlier and earlier.frame >= scene.frames:
+            raise SceneError(Problem(earlier.path, f"holds {earlier.frame} frames, {scene.frames} are asked for; give "
+                                     "--frames a larger number: it counts from the scene's start"))
+        sim = simulate(later(finer(scene, samples), preroll / scene.fps))
+        if earlier:
+            _go_on(sim, earlier, samples)
+
+        def fields() -> dict:
+            """What an exact restart needs, of whole frames."""
+            return {} if sim.frame % samples else {body.path: sim.fields(body.path) for body in scene.bodies()}
+
+        recorder = Recorder(scene, output, flatten=flatten, restart_fields=fields, continues=earlier)
+    except ValueError as error:                   # the recorder's word for an output that would be a mistake
+        raise SceneError(Problem(output, str(error).removeprefix(f"{output}: "))) from error
+    return Run(scene, sim, recorder, samples, preroll, earlier.frame if earlier else 0)
+
+
+def _go_on(sim: "Simulation", earlier: "Restart", samples: int) -> None:
+    """Puts the simulation where an earlier run was, bit for bit where the result holds what that takes."""
+    if not earlier.exact:
+        for path, positions in earlier.positions.items():
+            sim.set(path, "positions", positions)
+            sim.set(path, "velocities", earlier.velocities[path])
+    sim.restart(earlier.frame * samples, earlier.fields)
+    sim.warnings += [str(note) for note in earlier.notes]

@@ -1,0 +1,309 @@
+"""The command line from outside: exit codes, messages, files. Runs are real, on the CPU, of a cloth of 16 points."""
+
+import errno
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wsim import cli, report
+from wsim.curve import Curve, Motion
+from wsim.run import finer, later, whole
+from wsim.scene import Scene, Surface
+from wsim.usd import load, save
+
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+
+
+@pytest.fixture
+def stage(scene, tmp_path):
+    """The scene as a file."""
+    scene.frames = 4
+    path = str(tmp_path / "scene.usda")
+    save(scene, path)
+    return path
+
+
+@pytest.fixture
+def out(tmp_path):
+    return str(tmp_path / "out.usdc")
+
+
+def wsim(*arguments) -> int:
+    """Exit code of a command in this process."""
+    try:
+        return cli.main([str(a) for a in arguments])
+    except SystemExit as exit:
+        return exit.code
+
+
+def run(stage, out, *more) -> int:
+    return wsim("run", stage, "-o", out, "--device", "cpu", *more)
+
+
+def printed(code: str) -> str:
+    """Last line that a fresh interpreter prints."""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()[-1]
+
+
+def samples(path, prim="/cloth"):
+    """{time code: points} of a result."""
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.Open(str(path))
+    attribute = UsdGeom.Mesh(stage.GetPrimAtPath(prim)).GetPointsAttr()
+    return {code: np.array(attribute.Get(code)) for code in attribute.GetTimeSamples()}
+
+
+# before anything runs
+
+def test_help_takes_less_than_a_tenth_of_a_second():
+    """Least CPU time of five; nothing heavy is imported."""
+    code = ("import sys, time\nfrom wsim import cli\ntry: cli.main(['--help'])\nexcept SystemExit: pass\n"
+            "print(time.process_time(), [m for m in ('numpy', 'warp', 'pxr', 'rerun') if m in sys.modules])")
+    ends = [printed(code) for _ in range(5)]
+    assert all(end.endswith(" []") for end in ends)
+    assert min(float(end.split()[0]) for end in ends) < 0.1
+
+
+@pytest.mark.parametrize("arguments", [
+    [], ["dance"], ["run"], ["run", "a.usda"], ["run", "a.usda", "-o", "b.usdc", "--substeps", "0"],
+    ["run", "a.usda", "-o", "b.usdc", "--frames", "-1"], ["run", "a.usda", "-o", "b.usdc", "--integrator", "rk4"],
+    ["run", "a.usda", "-o", "b.usdc", "--variant", "shirt"], ["run", "a.usda", "-o", "b.usdc", "--png", "b.jpg"],
+    ["run", "a.usda", "-o", "b.usdc", "--png", "no/such/folder/b.png"],
+    ["picture", "a.usda", "-o", "b.png", "--size", "big"],
+    ["run", "a.usda", "-o", "b.usdc", "--restart", "c.usdc", "--preroll", "3"],
+    ["new", "cloth", "a.usd", "-o", "b.usda", "--weld", "-1"],
+])
+def test_a_wrong_question_exits_with_2(arguments, capsys):
+    assert wsim(*arguments) == 2
+    assert "usage: wsim" in capsys.readouterr().err
+
+
+def test_version(capsys):
+    from wsim import __version__
+
+    assert wsim("--version") == 0
+    assert capsys.readouterr().out == f"wsim {__version__}\n"
+
+
+# failures in words
+
+def test_a_missing_file_is_one_message(tmp_path, capsys):
+    assert wsim("check", tmp_path / "no.usda") == 1
+    assert "no.usda: there is no such file" in capsys.readouterr().out
+    assert run(tmp_path / "no.usda", tmp_path / "out.usdc") == 1
+    assert re.fullmatch(r"error: .*no\.usda: there is no such file.*\n", capsys.readouterr().err)
+
+
+def test_what_is_no_usd_is_one_message(tmp_path, out, capsys):
+    path = tmp_path / "scene.usda"
+    path.write_text("this is a poem\n")
+    assert run(path, out) == 1
+    message = capsys.readouterr().err
+    assert message.startswith("error: ") and "scene.usda" in message and "Traceback" not in message
+
+
+@pytest.mark.parametrize(("error", "words"), [
+    (OSError(errno.ENOSPC, "No space left on device", "out.usdc"), "the disk is full (out.usdc)"),
+    (PermissionError(errno.EACCES, "Permission denied", "out.usdc"), "Permission denied: 'out.usdc'"),
+    (RuntimeError("Failed to allocate 8 bytes on device 'cuda:0': out of memory"), "smaller scene"),
+    (ModuleNotFoundError("No module named 'rerun'", name="rerun"), "pip install 'wsim[view]'"),
+    (ZeroDivisionError("division by zero"), "unexpected ZeroDivisionError: division by zero; please report"),
+])
+def test_every_failure_has_its_line(error, words):
+    text = cli.explain(error)
+    assert words in text and text.startswith("error: ") and "\n" not in text
+
+
+def test_a_traceback_comes_only_with_debug(stage, out, monkeypatch, capsys):
+    monkeypatch.setattr("wsim.commands._load", lambda args: 1 / 0)
+    assert run(stage, out) == 1
+    assert "Traceback" not in capsys.readouterr().err
+    assert run(stage, out, "--debug") == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("name", "words"), [
+    ("folder/out.usdc", "folder"), ("out.txt", "usdc"), ("scene.usda", "the scene itself"), ("", "")])
+def test_an_output_that_cannot_be_is_refused_before_the_run(stage, tmp_path, name, words, capsys):
+    before = Path(stage).read_bytes()
+    files = sorted(os.listdir(tmp_path))
+    assert run(stage, tmp_path / name) == 1
+    message = capsys.readouterr().err
+    assert message.startswith("error: ") and words in message and "unexpected" not in message
+    assert sorted(os.listdir(tmp_path)) == files and Path(stage).read_bytes() == before
+
+
+def test_a_device_that_is_not_there_is_named_with_those_that_are(stage, out, capsys):
+    assert wsim("run", stage, "-o", out, "--device", "cuda:77") == 1
+    message = capsys.readouterr().err
+    assert "cuda:77" in message and "cpu" in message and "unexpected" not in message
+    assert not os.path.exists(out)
+
+
+# commands
+
+def test_check_passes_a_sound_scene(stage, capsys):
+    assert wsim("check", stage) == 0
+    assert "0 errors, 0 warnings; 1 cloths" in capsys.readouterr().out
+
+
+def test_check_says_everything_and_fails(stage, capsys):
+    text = Path(stage).read_text()
+    for good, bad in (("11, 15, 14]", "11, 15, 99]"), ("wsim:substeps = 2", "wsim:substeps = 0")):
+        assert text.count(good) == 1
+        text = text.replace(good, bad)
+    Path(stage).write_text(text)
+    assert wsim("check", stage) == 1
+    said = capsys.readouterr().out
+    assert "error: /cloth: " in said and "point 99" in said and "substeps" in said and "2 errors" in said
+    assert wsim("check", stage, "--json") == 1
+    data = json.loads(capsys.readouterr().out)
+    assert data["errors"] == 2 and "/cloth" in [p["path"] for p in data["problems"] if p["fatal"]]
+
+
+def test_check_does_not_start_warp(stage):
+    code = f"import sys\nfrom wsim import cli\ncli.main(['check', {stage!r}])\nprint('warp' in sys.modules)"
+    assert printed(code) == "False"
+
+
+def test_plan_shows_stages_and_what_is_left_out(stage, capsys):
+    assert wsim("plan", stage, "--device", "cpu") == 0
+    assert "left out: contact: there is no collider" in capsys.readouterr().out
+    assert wsim("plan", stage, "--device", "cpu", "--json") == 0
+    assert {"stages", "skipped"} == set(json.loads(capsys.readouterr().out))
+
+
+def test_run_writes_every_frame_and_reports(stage, out, capsys):
+    assert run(stage, out) == 0
+    codes = samples(out)
+    assert list(codes) == [0, 1, 2, 3, 4]
+    assert np.array_equal(codes[0], load(stage).cloths[0].points)
+    assert codes[4][:, 1].min() < codes[1][:, 1].min() < 0.0          # it falls
+    printed = capsys.readouterr()
+    assert "4 frames of 16 points" in printed.out and "left out" in printed.out
+    assert "\r" not in printed.err                                     # no terminal, no bar
+
+
+def test_json_is_all_that_is_printed_and_holds_the_promised_keys(stage, out, capsys):
+    assert run(stage, out, "--json", "--frames", "2", "--substeps", "3", "--precision", "float64") == 0
+    data = json.loads(capsys.readouterr().out)
+    assert {"device", "precision", "frames", "ms_per_frame", "error", "stages", "skipped", "warnings"} <= set(data)
+    assert {"import", "load", "build", "compile", "capture", "first_frame", "total"} <= set(data["seconds"])
+    assert (data["device"], data["precision"], data["frames"], data["substeps"]) == ("cpu", "float64", 2, 3)
+    assert "max_strain" in data["error"]
+
+
+def test_quiet_says_nothing(stage, out, capfd):
+    assert run(stage, out, "--quiet", "--frames", "1") == 0
+    assert capfd.readouterr().out == ""
+
+
+def test_an_interrupted_run_keeps_its_frames(stage, out, monkeypatch, capsys):
+    from wsim.simulation import Simulation
+
+    step = Simulation.step
+
+    def third_interrupted(self):
+        if self.frame == 2:
+            raise KeyboardInterrupt
+        step(self)
+
+    monkeypatch.setattr(Simulation, "step", third_interrupted)
+    assert run(stage, out) == 130
+    assert f"{out} holds the 2 frames so far" in capsys.readouterr().err
+    assert list(samples(out)) == [0, 1, 2]
+
+
+def test_ctrl_c_waits_for_what_is_being_written():
+    done = []
+    with pytest.raises(KeyboardInterrupt), whole():
+        os.kill(os.getpid(), signal.SIGINT)
+        done.append("written")
+    assert done == ["written"]
+
+
+def test_a_restart_goes_on_bit_for_bit(stage, tmp_path):
+    half, rest, all_ = (str(tmp_path / f"{name}.usdc") for name in ("half", "rest", "all"))
+    assert run(stage, half, "--frames", "2") == 0
+    assert run(stage, rest, "--restart", half) == 0
+    assert run(stage, all_) == 0
+    rest_samples, all_samples = samples(rest), samples(all_)
+    assert list(rest_samples) == list(all_samples) == [0, 1, 2, 3, 4]
+    assert all(np.array_equal(rest_samples[code], all_samples[code]) for code in all_samples)
+
+
+def test_a_restart_with_nothing_left_says_so(stage, out, tmp_path, capsys):
+    assert run(stage, out) == 0
+    assert run(stage, tmp_path / "more.usdc", "--restart", out) == 1
+    assert "4 frames, 4 are asked for" in capsys.readouterr().err
+
+
+def test_preroll_settles_before_the_first_frame(stage, tmp_path):
+    """Nothing moves by itself here, so that frame f after 2 frames of preroll is frame f + 2 without."""
+    plain, settled = str(tmp_path / "plain.usdc"), str(tmp_path / "settled.usdc")
+    assert run(stage, plain) == 0
+    assert run(stage, settled, "--preroll", "2", "--frames", "2") == 0
+    expected, found = samples(plain), samples(settled)
+    assert list(found) == [0, 1, 2]
+    assert all(np.array_equal(found[code], expected[code + 2]) for code in found)
+
+
+def test_subframe_samples_are_the_substeps_between(stage, tmp_path):
+    """Two substeps a frame, two samples a frame: whole frames are the same, and there is one between."""
+    plain, blurred = str(tmp_path / "plain.usdc"), str(tmp_path / "blurred.usdc")
+    assert run(stage, plain, "--frames", "2") == 0
+    assert run(stage, blurred, "--frames", "2", "--samples", "2") == 0
+    expected, found = samples(plain), samples(blurred)
+    assert list(found) == [0, 0.5, 1, 1.5, 2]
+    assert all(np.allclose(found[code], expected[code], rtol=0.0, atol=2e-7) for code in expected)
+
+
+def test_flatten_gives_one_file(stage, out, tmp_path):
+    assert run(stage, out, "--flatten", "--frames", "1") == 0
+    os.remove(stage)
+    assert list(samples(out)) == [0, 1]
+
+
+@pytest.mark.slow
+def test_run_draws_a_picture(stage, out, tmp_path):
+    png = tmp_path / "out.png"
+    assert run(stage, out, "--png", png, "--frames", "1", "--quiet") == 0
+    assert png.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+# how a run bends time
+
+def test_later_moves_every_curve():
+    scene = Scene()
+    motion = Motion([0.0, 1.0], np.stack([np.eye(4), np.diag([1.0, 1.0, 1.0, 1.0])]))
+    motion.values[1, 0, 3] = 1.0
+    poses = Curve([0.0, 1.0], np.arange(18.0).reshape(2, 3, 3))
+    scene.collider("/a", Surface(np.zeros((3, 3)), [3], [0, 1, 2], poses=poses), motion=motion)
+    scene.pin("/p", "/cloth", [0], motion=motion)
+    moved = later(scene, 0.5)
+    for t in (0.0, 0.3, 1.0):
+        assert np.allclose(moved.colliders[0].motion.at(t + 0.5), motion.at(t), atol=1e-15)
+        assert np.allclose(moved.colliders[0].shape.poses.at(t + 0.5), poses.at(t), atol=1e-14)
+        assert np.allclose(moved.pins[0].motion.at(t + 0.5), motion.at(t), atol=1e-15)
+    assert scene.colliders[0].motion.times[0] == 0.0                   # the scene that is written stays
+
+
+@pytest.mark.parametrize(("substeps", "count", "each"), [(10, 2, 5), (10, 3, 4), (2, 4, 1)])
+def test_finer_keeps_the_substep_or_makes_it_shorter(substeps, count, each):
+    scene = finer(Scene(substeps=substeps, fps=24.0, frames=10), count)
+    assert (scene.substeps, scene.fps, scene.frames) == (each, 24.0 * count, 10 * count)
+
+
+def test_the_report_of_a_scene_without_constraints_is_whole():
+    assert "2 frames of 3 points and 0 constraints" in report.text(
+        {"device": "cpu", "precision": "float32", "frames": 2, "points": 3, "constraints": 0, "ms_per_frame": 1.0})

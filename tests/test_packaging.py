@@ -1,0 +1,52 @@
+"""A wheel holds all of the product, kernels and scenes inside wsim, and nothing beside it."""
+
+import shutil
+import subprocess
+import sys
+import zipfile
+
+import pytest
+
+from tools.lint import ROOT
+
+PARTS = ("pyproject.toml", "README.md", "LICENSE", "wsim", "kernels", "scenes")
+
+
+@pytest.fixture(scope="module")
+def names(tmp_path_factory) -> set[str]:
+    """Files in a wheel that is built from a copy of the sources, as `pip install .` builds it."""
+    pytest.importorskip("pip")
+    tree, out = tmp_path_factory.mktemp("tree"), tmp_path_factory.mktemp("wheel")
+    for part in PARTS:
+        if (ROOT / part).is_dir():
+            shutil.copytree(ROOT / part, tree / part, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(ROOT / part, tree / part)
+    done = subprocess.run([sys.executable, "-m", "pip", "wheel", "--no-deps", "-q", "-w", str(out), str(tree)],
+                          capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    with zipfile.ZipFile(next(out.glob("*.whl"))) as wheel:
+        return set(wheel.namelist())
+
+
+def under(folder: str) -> set[str]:
+    """Files of a folder at the root, by their paths in it."""
+    return {str(p.relative_to(ROOT / folder)) for p in (ROOT / folder).rglob("*")
+            if p.is_file() and "__pycache__" not in p.parts and p.name != ".gitkeep"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("folder", ["kernels", "scenes"])
+def test_root_folders_are_inside_the_package(names, folder):
+    assert {f"wsim/{folder}/{name}" for name in under(folder)} <= names
+
+
+@pytest.mark.slow
+def test_schemas_are_inside(names):
+    assert {f"wsim/usd/schema/{name}" for name in under("wsim/usd/schema")} <= names
+    assert "wsim/usd/schema/plugInfo.json" in names
+
+
+@pytest.mark.slow
+def test_nothing_else_is_installed(names):
+    assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == {"wsim"}
