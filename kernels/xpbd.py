@@ -1,6 +1,6 @@
 """XPBD projection of one colour of constraints. Macklin, Mueller, Chentanez 2016, eq. 17, 18 and 26:
 
-    dlam = (-C - a lam - gamma G.(d - anchor)) / ((1 + gamma) sum_k w_k |G_k|^2 + a)      dd_k = w_k G_k dlam
+    r = -C - a lam - gamma G.(d - anchor)      dlam = r / ((1 + gamma) sum_k w_k |G_k|^2 + a)      dd_k = w_k G_k dlam
 
     a = alpha / h^2 (compliance alpha); gamma = tau / h, tau [s] the relaxation time of stiffness-proportional damping
     d displacement of the substep [m]; (d - anchor) / h its velocity; w inverse mass [1/kg], 0 pins the point
@@ -14,9 +14,10 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import warp as wp
 
-from wsim.kernels.constraint import TABLE
+from wsim.kernels.constraint import TABLE, inverse
 from wsim.kernels.real import types
 
 
@@ -51,23 +52,133 @@ def projection(constraint: str, *, real=wp.float32, module="unique", multipliers
     The kernel's arguments: batch, x, w, a, first, rate, d, lam, d_out, lam_out (lam vec3 for the membrane); launched
     over the constraints of a colour, the first of which is `first`.
     """
-    row, t, Batch = TABLE[constraint], types(real), batch_of(constraint, real)
-    flags = {"lam": multipliers, "damped": damped, "uniform": uniform, "backward": backward}
-    name = "_".join(["project", constraint, *(word for word, on in flags.items() if on), t.name])
-    options = SimpleNamespace(unilateral=row.unilateral, anchored=row.anchored, **flags)
-    make = _block if row.rows == 3 else _row
-    return Batch, wp.kernel(make(row, Batch, t, options), name=name, module=module, enable_backward=backward)
+    o = _options(constraint, real, multipliers, damped, uniform)
+    name = f"project_{o.name}" + ("_backward" if backward else "")
+    make = _block if o.rows == 3 else _row
+    return o.Batch, wp.kernel(make(o), name=name, module=module, enable_backward=backward)
 
 
-def _row(row, Batch, t, options):
-    """Projection of constraints with one row."""
-    real, vec3, formula, n = t.scalar, t.vec3, row.formula, row.points - 1
+@cache
+def residual(constraint: str, *, real=wp.float32, module="unique", damped: bool = False, uniform: bool = False):
+    """Kernel: largest |r| of each thread's share of the constraints, over the rest length if C is one: [1] or [rad].
+
+    Arguments: batch, x, a, count, rate, d, lam, out; launched over out, shape (threads,): thread t takes constraints t,
+    t + threads, ... Just after its projection a row has r = 0; this is what the iterations have left.
+    """
+    o = _options(constraint, real, True, damped, uniform)
+    return wp.kernel(_residual(o), name=f"residual_{o.name}", module=module, enable_backward=False)
+
+
+@cache
+def statistics(constraint: str, *, real=wp.float32, module="unique", uniform: bool = False):
+    """Kernel: largest strain, sum of squared strains and energy 1/2 C alpha^-1 C [J] of each thread's share.
+
+    Arguments: batch, x, count, d, out; launched over out, shape (threads,) of vec3d. Strain is C over the rest length,
+    or C itself: an angle [rad], strains of the membrane. Hard constraints store no energy.
+    """
+    o = _options(constraint, real, False, False, uniform)
+    return wp.kernel(_statistics(o), name=f"statistics_{o.name}", module=module, enable_backward=False)
+
+
+@cache
+def highest(*, real=wp.float32, module="unique"):
+    """Kernel for one thread: out[place] = largest of `partial`; where that is over `limit`, status[flag] grows by one.
+
+    Arguments: partial, limit, place, flag, out, status.
+    """
+
+    def judge(partial: wp.array(dtype=real), limit: real, place: int, flag: int, out: wp.array(dtype=real),
+              status: wp.array(dtype=int)):
+        most = real(0.0)
+        for i in range(partial.shape[0]):
+            most = wp.max(most, partial[i])
+        out[place] = most
+        if most > limit:
+            status[flag] = status[flag] + 1
+
+    return wp.kernel(judge, name=f"highest_{types(real).name}", module=module, enable_backward=False)
+
+
+def _options(constraint, real, multipliers, damped, uniform) -> SimpleNamespace:
+    """What the makers of kernels need: the row of the table, the types, the variant and its name."""
+    row, t = TABLE[constraint], types(real)
+    flags = {"lam": multipliers and not row.unilateral, "damped": damped and not row.unilateral, "uniform": uniform}
+    name = "_".join([constraint, *(word for word, on in flags.items() if on), t.name])
+    o = SimpleNamespace(**vars(row), **flags, t=t, name=name, Batch=batch_of(constraint, real))
+    o.value = t.vec3 if row.rows == 3 else real
+    o.place = first_entry if uniform else own_entry
+    o.size, o.square, o.energy = (
+        (size_block, square_block, energy_block) if row.rows == 3 else (size_row, square_row, energy_row))
+    o.terms = _terms_block(o) if row.rows == 3 else _terms_row(o)
+    return o
+
+
+@wp.func
+def own_entry(c: int):
+    """Place of constraint c in a table with an entry for each."""
+    return c
+
+
+@wp.func
+def first_entry(c: int):
+    """Place of constraint c in a table with one entry for all."""
+    return 0
+
+
+@wp.func
+def plane_stress(alpha: Any):
+    """Compliance matrix [[uu, uv, 0], [uv, uu, 0], [0, 0, shear]]."""
+    o = type(alpha[0])(0.0)
+    return wp.matrix_from_rows(wp.vector(alpha[0], alpha[1], o), wp.vector(alpha[1], alpha[0], o),
+                               wp.vector(o, o, alpha[2]))
+
+
+@wp.func
+def size_row(C: Any):
+    """Largest |row| of C."""
+    return wp.abs(C)
+
+
+@wp.func
+def size_block(C: Any):
+    """Largest |row| of C."""
+    return wp.max(wp.max(wp.abs(C[0]), wp.abs(C[1])), wp.abs(C[2]))
+
+
+@wp.func
+def square_row(C: Any):
+    """Sum of the squares of the rows of C."""
+    return C * C
+
+
+@wp.func
+def square_block(C: Any):
+    """Sum of the squares of the rows of C."""
+    return wp.dot(C, C)
+
+
+@wp.func
+def energy_row(C: Any, alpha: Any):
+    """1/2 C^2 / alpha [J]; 0 where alpha is 0."""
+    return type(C)(0.5) * C * C * inverse(alpha)
+
+
+@wp.func
+def energy_block(C: Any, alpha: Any):
+    """1/2 C alpha^-1 C [J] with the compliance of plane stress; 0 where alpha is 0."""
+    two = type(C[0])(2.0)
+    plane = alpha[0] * (C[0] * C[0] + C[1] * C[1]) - two * alpha[1] * C[0] * C[1]
+    return (plane * inverse(alpha[0] * alpha[0] - alpha[1] * alpha[1]) + C[2] * C[2] * inverse(alpha[2])) / two
+
+
+def _terms_row(o):
+    """C, r, G of the first point and G of the others (rows), for constraint c, which has one row."""
+    real, vec3, n, formula = o.t.scalar, o.t.vec3, o.points - 1, o.formula
     rows = wp.types.matrix((n, 3), real)
 
-    def project(batch: Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
-                first: int, rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=real),
-                d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=real)):
-        c = first + wp.tid()
+    @wp.func
+    def terms(batch: o.Batch, c: int, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), a: wp.array(dtype=vec3),
+              alpha: real, gamma: real, lam: real):
         p = batch.point[c]
         i = p[0]
         x0 = x[i]
@@ -79,39 +190,57 @@ def _row(row, Batch, t, options):
             D[k] = d[j] - d0
             X[k] = (x[j] - x0) + D[k]
         C, G = formula(X, batch.rest[c])
+        if wp.static(o.unilateral):
+            C = wp.max(C, real(0.0))
+        r = -C
+        if wp.static(o.lam):
+            r -= alpha * lam
+        if wp.static(o.damped):
+            a0 = a[i]
+            for k in range(n):
+                r -= gamma * wp.dot(G[k], D[k] - (a[p[k + 1]] - a0))
         G0 = vec3()
-        below = real(0.0)
         for k in range(n):
             G0 -= G[k]
+        return C, r, G0, G
+
+    return terms
+
+
+def _row(o):
+    """Projection of constraints with one row."""
+    real, vec3, n, terms, place = o.t.scalar, o.t.vec3, o.points - 1, o.terms, o.place
+
+    def project(batch: o.Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
+                first: int, rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=real),
+                d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=real)):
+        c = first + wp.tid()
+        p = batch.point[c]
+        alpha = real(0.0)
+        gamma = real(0.0)
+        if wp.static(not o.unilateral):
+            alpha = rate * rate * batch.alpha[place(c)]
+        if wp.static(o.damped):
+            gamma = rate * batch.tau[place(c)]
+        before = real(0.0)
+        if wp.static(o.lam):
+            before = lam[c]
+        C, r, G0, G = terms(batch, c, x, d, a, alpha, gamma, before)
+        below = real(0.0)
+        for k in range(n):
             below += w[p[k + 1]] * wp.dot(G[k], G[k])
-        if wp.static(not options.anchored):
-            below += w[i] * wp.dot(G0, G0)
-        r = -C
-        if wp.static(options.unilateral):
-            r = wp.min(r, real(0.0))
-        else:
-            u = c
-            if wp.static(options.uniform):
-                u = 0
-            alpha = batch.alpha[u] * rate * rate
-            if wp.static(options.lam):
-                r -= alpha * lam[c]
-            if wp.static(options.damped):
-                gamma = batch.tau[u] * rate
-                a0 = a[i]
-                for k in range(n):
-                    r -= gamma * wp.dot(G[k], D[k] - (a[p[k + 1]] - a0))
-                below *= real(1.0) + gamma
-            below += alpha
+        if wp.static(not o.anchored):
+            below += w[p[0]] * wp.dot(G0, G0)
+        below = (real(1.0) + gamma) * below + alpha
         if below > real(0.0):                          # else all pinned or no direction: nothing to move
             dlam = r / below
-            if wp.static(not options.anchored):
-                d_out[i] = d0 + (w[i] * dlam) * G0
+            if wp.static(not o.anchored):
+                d_out[p[0]] = d[p[0]] + (w[p[0]] * dlam) * G0
             for k in range(n):
                 j = p[k + 1]
                 d_out[j] = d[j] + (w[j] * dlam) * G[k]
-            if wp.static(options.lam and not options.unilateral):
-                lam_out[c] = lam[c] + dlam
+            if wp.static(o.lam):
+                lam_out[c] = before + dlam
 
     return project
 
@@ -127,7 +256,7 @@ def pivot(s: Any, before: Any, tiny: Any):
 
 @wp.func
 def solve_block(S: Any, r: Any, tiny: Any):
-    """y with S y = r, S symmetric, positive or semidefinite (L D L^T). A row that depends on earlier ones gets y = 0."""
+    """y with S y = r, S symmetric, definite or not quite (L D L^T). A row that depends on earlier ones gets y = 0."""
     q0 = pivot(S[0, 0], S[0, 0], tiny)
     l10 = S[1, 0] * q0
     l20 = S[2, 0] * q0
@@ -143,23 +272,13 @@ def solve_block(S: Any, r: Any, tiny: Any):
     return wp.vector(y0, y1, y2)
 
 
-@wp.func
-def plane_stress(alpha: Any):
-    """Compliance matrix [[uu, uv, 0], [uv, uu, 0], [0, 0, shear]]."""
-    o = type(alpha[0])(0.0)
-    return wp.matrix_from_rows(wp.vector(alpha[0], alpha[1], o), wp.vector(alpha[1], alpha[0], o),
-                               wp.vector(o, o, alpha[2]))
+def _terms_block(o):
+    """C, r, G1 and G2 (rows: those of C) of constraint c with three rows on three points."""
+    real, vec3, formula = o.t.scalar, o.t.vec3, o.formula
 
-
-def _block(row, Batch, t, options):
-    """Projection of constraints with three rows on three points: the three multipliers are solved for together."""
-    real, vec3, formula = t.scalar, t.vec3, row.formula
-    tiny = 4.0 * (1.2e-7 if real is wp.float32 else 2.3e-16)
-
-    def project(batch: Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
-                first: int, rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=vec3),
-                d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=vec3)):
-        c = first + wp.tid()
+    @wp.func
+    def terms(batch: o.Batch, c: int, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), a: wp.array(dtype=vec3),
+              alpha: vec3, gamma: real, lam: vec3):
         p = batch.point[c]
         i = p[0]
         j = p[1]
@@ -169,25 +288,95 @@ def _block(row, Batch, t, options):
         D1 = d[j] - d0
         D2 = d[k] - d0
         C, G1, G2 = formula(wp.matrix_from_rows((x[j] - x0) + D1, (x[k] - x0) + D2), batch.rest[c])
-        G0 = -(G1 + G2)
-        S = (w[i] * (G0 * wp.transpose(G0)) + w[j] * (G1 * wp.transpose(G1)) + w[k] * (G2 * wp.transpose(G2)))
-        u = c
-        if wp.static(options.uniform):
-            u = 0
-        alpha = (rate * rate) * plane_stress(batch.alpha[u])
         r = -C
-        if wp.static(options.lam):
-            r -= alpha * lam[c]
-        if wp.static(options.damped):
-            gamma = batch.tau[u] * rate
+        if wp.static(o.lam):
+            r -= plane_stress(alpha) * lam
+        if wp.static(o.damped):
             a0 = a[i]
             r -= gamma * (G1 * (D1 - (a[j] - a0)) + G2 * (D2 - (a[k] - a0)))
-            S *= real(1.0) + gamma
-        dlam = solve_block(S + alpha, r, real(tiny))
-        d_out[i] = d0 + w[i] * (wp.transpose(G0) * dlam)
-        d_out[j] = d[j] + w[j] * (wp.transpose(G1) * dlam)
-        d_out[k] = d[k] + w[k] * (wp.transpose(G2) * dlam)
-        if wp.static(options.lam):
-            lam_out[c] = lam[c] + dlam
+        return C, r, G1, G2
+
+    return terms
+
+
+def _block(o):
+    """Projection of constraints with three rows on three points: the three multipliers are solved for together."""
+    real, vec3, terms, place = o.t.scalar, o.t.vec3, o.terms, o.place
+    tiny = 4.0 * float(np.finfo(wp.dtype_to_numpy(real)).eps)
+
+    def project(batch: o.Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
+                first: int, rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=vec3),
+                d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=vec3)):
+        c = first + wp.tid()
+        p = batch.point[c]
+        alpha = (rate * rate) * batch.alpha[place(c)]
+        gamma = real(0.0)
+        if wp.static(o.damped):
+            gamma = rate * batch.tau[place(c)]
+        before = vec3()
+        if wp.static(o.lam):
+            before = lam[c]
+        C, r, G1, G2 = terms(batch, c, x, d, a, alpha, gamma, before)
+        G0 = -(G1 + G2)
+        w0 = w[p[0]]
+        w1 = w[p[1]]
+        w2 = w[p[2]]
+        S = w0 * (G0 * wp.transpose(G0)) + w1 * (G1 * wp.transpose(G1)) + w2 * (G2 * wp.transpose(G2))
+        dlam = solve_block((real(1.0) + gamma) * S + plane_stress(alpha), r, real(tiny))
+        d_out[p[0]] = d[p[0]] + w0 * (wp.transpose(G0) * dlam)
+        d_out[p[1]] = d[p[1]] + w1 * (wp.transpose(G1) * dlam)
+        d_out[p[2]] = d[p[2]] + w2 * (wp.transpose(G2) * dlam)
+        if wp.static(o.lam):
+            lam_out[c] = before + dlam
 
     return project
+
+
+def _residual(o):
+    """Largest remainder of each thread's share of the constraints."""
+    real, vec3, terms, place, size = o.t.scalar, o.t.vec3, o.terms, o.place, o.size
+
+    def residual(batch: o.Batch, x: wp.array(dtype=vec3), a: wp.array(dtype=vec3), count: int, rate: real,
+                 d: wp.array(dtype=vec3), lam: wp.array(dtype=o.value), out: wp.array(dtype=real)):
+        most = real(0.0)
+        for c in range(wp.tid(), count, out.shape[0]):
+            alpha = wp.static(o.value(0.0))
+            gamma = real(0.0)
+            before = wp.static(o.value(0.0))
+            if wp.static(o.lam):
+                alpha = (rate * rate) * batch.alpha[place(c)]
+                before = lam[c]
+            if wp.static(o.damped):
+                gamma = rate * batch.tau[place(c)]
+            C, r, G, H = terms(batch, c, x, d, a, alpha, gamma, before)
+            left = size(r)
+            if wp.static(o.unit == "m"):
+                left *= inverse(batch.rest[c])
+            most = wp.max(most, left)
+        out[wp.tid()] = most
+
+    return residual
+
+
+def _statistics(o):
+    """Strain and energy of each thread's share of the constraints."""
+    real, vec3, terms, place, size, square, energy = (
+        o.t.scalar, o.t.vec3, o.terms, o.place, o.size, o.square, o.energy)
+
+    def statistics(batch: o.Batch, x: wp.array(dtype=vec3), count: int, d: wp.array(dtype=vec3),
+                   out: wp.array(dtype=wp.vec3d)):
+        most = real(0.0)
+        squares = wp.float64(0.0)
+        stored = wp.float64(0.0)
+        none = wp.static(o.value(0.0))
+        for c in range(wp.tid(), count, out.shape[0]):
+            C, r, G, H = terms(batch, c, x, d, x, none, real(0.0), none)
+            if wp.static(not o.unilateral):
+                stored += wp.float64(energy(C, batch.alpha[place(c)]))
+            if wp.static(o.unit == "m"):
+                C *= inverse(batch.rest[c])
+            most = wp.max(most, size(C))
+            squares += wp.float64(square(C))
+        out[wp.tid()] = wp.vec3d(wp.float64(most), squares, stored)
+
+    return statistics
