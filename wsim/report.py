@@ -46,7 +46,7 @@ def _speed(report: dict) -> list[str]:
     for phase in dict.fromkeys(s.get("phase", s["name"]) for s in stages):
         inside = [s for s in stages if s.get("phase", s["name"]) == phase]
         parts = ", ".join(f"{s['name']} {s['ms']:.3g}" for s in inside)
-        lines.append(f"  {phase:<9}{sum(s['ms'] for s in inside):.3g} ms a substep ({parts})")
+        lines.append(f"  {phase:<9}{sum(s['ms'] for s in inside):.3g} ms a substep, launched one by one ({parts})")
     return lines
 
 
