@@ -172,9 +172,9 @@ def energy_block(C: Any, alpha: Any):
 
 
 def _terms_row(o):
-    """C, r, G of the first point and G of the others (rows), for constraint c, which has one row."""
+    """C, r, G of the first point, G of the others (rows) and d of all (rows) for constraint c, which has one row."""
     real, vec3, n, formula = o.t.scalar, o.t.vec3, o.points - 1, o.formula
-    rows = wp.types.matrix((n, 3), real)
+    rows, displacements = wp.types.matrix((n, 3), real), wp.types.matrix((n + 1, 3), real)
 
     @wp.func
     def terms(batch: o.Batch, c: int, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), a: wp.array(dtype=vec3),
@@ -182,13 +182,13 @@ def _terms_row(o):
         p = batch.point[c]
         i = p[0]
         x0 = x[i]
-        d0 = d[i]
-        D = rows()
+        N = displacements()
+        N[0] = d[i]
         X = rows()
         for k in range(n):
             j = p[k + 1]
-            D[k] = d[j] - d0
-            X[k] = (x[j] - x0) + D[k]
+            N[k + 1] = d[j]
+            X[k] = (x[j] - x0) + (N[k + 1] - N[0])
         C, G = formula(X, batch.rest[c])
         if wp.static(o.unilateral):
             C = wp.max(C, real(0.0))
@@ -198,11 +198,11 @@ def _terms_row(o):
         if wp.static(o.damped):
             a0 = a[i]
             for k in range(n):
-                r -= gamma * wp.dot(G[k], D[k] - (a[p[k + 1]] - a0))
+                r -= gamma * wp.dot(G[k], (N[k + 1] - N[0]) - (a[p[k + 1]] - a0))
         G0 = vec3()
         for k in range(n):
             G0 -= G[k]
-        return C, r, G0, G
+        return C, r, G0, G, N
 
     return terms
 
@@ -210,6 +210,7 @@ def _terms_row(o):
 def _row(o):
     """Projection of constraints with one row."""
     real, vec3, n, terms, place = o.t.scalar, o.t.vec3, o.points - 1, o.terms, o.place
+    weights = wp.types.vector(o.points, real)
 
     def project(batch: o.Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
                 first: int, rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=real),
@@ -225,20 +226,22 @@ def _row(o):
         before = real(0.0)
         if wp.static(o.lam):
             before = lam[c]
-        C, r, G0, G = terms(batch, c, x, d, a, alpha, gamma, before)
+        C, r, G0, G, N = terms(batch, c, x, d, a, alpha, gamma, before)
+        W = weights()
         below = real(0.0)
         for k in range(n):
-            below += w[p[k + 1]] * wp.dot(G[k], G[k])
+            W[k + 1] = w[p[k + 1]]
+            below += W[k + 1] * wp.dot(G[k], G[k])
         if wp.static(not o.anchored):
-            below += w[p[0]] * wp.dot(G0, G0)
+            W[0] = w[p[0]]
+            below += W[0] * wp.dot(G0, G0)
         below = (real(1.0) + gamma) * below + alpha
         if below > real(0.0):                          # else all pinned or no direction: nothing to move
             dlam = r / below
             if wp.static(not o.anchored):
-                d_out[p[0]] = d[p[0]] + (w[p[0]] * dlam) * G0
+                d_out[p[0]] = N[0] + (W[0] * dlam) * G0
             for k in range(n):
-                j = p[k + 1]
-                d_out[j] = d[j] + (w[j] * dlam) * G[k]
+                d_out[p[k + 1]] = N[k + 1] + (W[k + 1] * dlam) * G[k]
             if wp.static(o.lam):
                 lam_out[c] = before + dlam
 
@@ -273,7 +276,7 @@ def solve_block(S: Any, r: Any, tiny: Any):
 
 
 def _terms_block(o):
-    """C, r, G1 and G2 (rows: those of C) of constraint c with three rows on three points."""
+    """C, r, G1 and G2 (rows: those of C) and d of all points (rows) of constraint c with three rows on three points."""
     real, vec3, formula = o.t.scalar, o.t.vec3, o.formula
 
     @wp.func
@@ -285,8 +288,10 @@ def _terms_block(o):
         k = p[2]
         x0 = x[i]
         d0 = d[i]
-        D1 = d[j] - d0
-        D2 = d[k] - d0
+        d1 = d[j]
+        d2 = d[k]
+        D1 = d1 - d0
+        D2 = d2 - d0
         C, G1, G2 = formula(wp.matrix_from_rows((x[j] - x0) + D1, (x[k] - x0) + D2), batch.rest[c])
         r = -C
         if wp.static(o.lam):
@@ -294,7 +299,7 @@ def _terms_block(o):
         if wp.static(o.damped):
             a0 = a[i]
             r -= gamma * (G1 * (D1 - (a[j] - a0)) + G2 * (D2 - (a[k] - a0)))
-        return C, r, G1, G2
+        return C, r, G1, G2, wp.matrix_from_rows(d0, d1, d2)
 
     return terms
 
@@ -316,16 +321,16 @@ def _block(o):
         before = vec3()
         if wp.static(o.lam):
             before = lam[c]
-        C, r, G1, G2 = terms(batch, c, x, d, a, alpha, gamma, before)
+        C, r, G1, G2, N = terms(batch, c, x, d, a, alpha, gamma, before)
         G0 = -(G1 + G2)
         w0 = w[p[0]]
         w1 = w[p[1]]
         w2 = w[p[2]]
         S = w0 * (G0 * wp.transpose(G0)) + w1 * (G1 * wp.transpose(G1)) + w2 * (G2 * wp.transpose(G2))
         dlam = solve_block((real(1.0) + gamma) * S + plane_stress(alpha), r, real(tiny))
-        d_out[p[0]] = d[p[0]] + w0 * (wp.transpose(G0) * dlam)
-        d_out[p[1]] = d[p[1]] + w1 * (wp.transpose(G1) * dlam)
-        d_out[p[2]] = d[p[2]] + w2 * (wp.transpose(G2) * dlam)
+        d_out[p[0]] = N[0] + w0 * (wp.transpose(G0) * dlam)
+        d_out[p[1]] = N[1] + w1 * (wp.transpose(G1) * dlam)
+        d_out[p[2]] = N[2] + w2 * (wp.transpose(G2) * dlam)
         if wp.static(o.lam):
             lam_out[c] = before + dlam
 
@@ -348,7 +353,7 @@ def _residual(o):
                 before = lam[c]
             if wp.static(o.damped):
                 gamma = rate * batch.tau[place(c)]
-            C, r, G, H = terms(batch, c, x, d, a, alpha, gamma, before)
+            C, r, G, H, N = terms(batch, c, x, d, a, alpha, gamma, before)
             left = size(r)
             if wp.static(o.unit == "m"):
                 left *= inverse(batch.rest[c])
@@ -370,7 +375,7 @@ def _statistics(o):
         stored = wp.float64(0.0)
         none = wp.static(o.value(0.0))
         for c in range(wp.tid(), count, out.shape[0]):
-            C, r, G, H = terms(batch, c, x, d, x, none, real(0.0), none)
+            C, r, G, H, N = terms(batch, c, x, d, x, none, real(0.0), none)
             if wp.static(not o.unilateral):
                 stored += wp.float64(energy(C, batch.alpha[place(c)]))
             if wp.static(o.unit == "m"):
