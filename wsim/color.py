@@ -26,97 +26,123 @@ FEW = 0.004          # uncoloured share under which chains are quicker than push
 
 
 class _Coloring:
-    """A partial colouring: `colours` (m,), -1 where none; `owner`[colour, point] is the constraint there, or -1."""
+    """A partial colouring: `colours` (m,), -1 where none; `owner` at colour * n + point is the constraint there, or -1;
+    bit c of `mask`[point] says whether colour c is used there."""
 
     def __init__(self, ids: np.ndarray, n: int, seed: int):
-        self.ids, self.n, self.rng = ids, n, np.random.default_rng(seed)
-        self.colours = np.full(len(ids), -1, np.int32)
+        self.rng, self.ids = np.random.default_rng(seed), ids
         repeated = np.zeros(ids.shape, bool)
         for j in range(1, ids.shape[1]):
             repeated[:, j] = (ids[:, :j] == ids[:, j:j + 1]).any(axis=1)
-        self.count = min(int(np.bincount(ids[~repeated], minlength=n).max()), WORD)
-        self.owner = np.full((self.count, n), -1, np.int32)
+        if repeated.any():                                  # a point of its own in the place of each repetition
+            self.ids, fresh = ids.copy(), int(repeated.sum())
+            self.ids[repeated] = np.arange(n, n + fresh)
+            n += fresh
+        self.count = min(int(np.bincount(self.ids.ravel()).max()), WORD)
+        self.word = np.uint64 if self.count > 24 else np.uint32
+        self.colours, self.mask = np.full(len(ids), -1, np.int8), np.zeros(n, self.word)
+        self.owner = np.full(self.count * n, -1, np.int32)
+
+    @property
+    def full(self) -> np.unsignedinteger:
+        return self.word((1 << self.count) - 1)
+
+    def grow(self) -> None:
+        """One colour more."""
+        self.count += 1
+        self.owner = np.concatenate([self.owner, np.full(len(self.mask), -1, np.int32)])
+        if self.count > 32 and self.word is np.uint32:
+            self.word, self.mask = np.uint64, self.mask.astype(np.uint64)
 
     def slots(self, which: np.ndarray, colours: np.ndarray) -> np.ndarray:
-        """Places of constraints in the flat owner table if they had these colours, (., k)."""
-        return colours.astype(np.int64)[:, None] * self.n + self.ids[which]
+        """Places of constraints in the owner table if they had these colours, (., k)."""
+        return colours.astype(np.int64)[:, None] * len(self.mask) + self.ids.take(which, axis=0)
+
+    def _any_bit(self, masks: np.ndarray) -> np.ndarray:
+        """Number of a set bit of each mask, the first one from a random bit on, uint8."""
+        turn, one = self.rng.integers(0, self.count, len(masks), dtype=np.uint8), self.word(1)
+        t = turn.astype(self.word)
+        turned = ((masks >> t) | (masks << (self.word(self.count) - t))) & self.full
+        pick = np.bitwise_count((turned & (~turned + one)) - one) + turn
+        return np.where(pick >= self.count, pick - np.uint8(self.count), pick)
+
+    def _move(self, which: np.ndarray, colours: np.ndarray | int) -> None:
+        """Gives constraints other colours, or none (-1). No new place may be taken, but by one of them."""
+        old, one = self.colours[which], self.word(1)
+        had = which[old >= 0]
+        old = old[old >= 0]
+        self.owner[self.slots(had, old)] = -1
+        for j in range(self.ids.shape[1]):
+            np.subtract.at(self.mask, self.ids[had, j], one << old.astype(self.word))
+        self.colours[which] = colours
+        if np.ndim(colours):
+            self.owner[self.slots(which, colours)] = which[:, None]
+            for j in range(self.ids.shape[1]):
+                np.add.at(self.mask, self.ids[which, j], one << colours.astype(self.word))
+
+    def _winners(self, which: np.ndarray, pick: np.ndarray, claim: np.ndarray) -> np.ndarray:
+        """Those that may take the colour they picked: where two meet with one colour, the later one, bool."""
+        slots, row = self.slots(which, pick), np.arange(len(which), dtype=np.int32)[:, None]
+        claim[slots] = row                                  # in turn, so the last one wins all its points
+        return (claim[slots] == row).all(axis=1)
 
     def fill(self) -> np.ndarray:
         """Gives free colours at random; returns those that find none."""
-        word = np.uint64 if self.count > 31 else np.uint32
-        full, mask = word((1 << self.count) - 1), np.zeros(self.n, word)
         left, stuck = np.arange(len(self.ids), dtype=np.int32), [np.zeros(0, np.int32)]
+        claim = np.empty_like(self.owner)
         while len(left):
-            points = self.ids.take(left, axis=0)
-            used = mask[points[:, 0]]
-            for j in range(1, points.shape[1]):
-                used |= mask[points[:, j]]
-            free = ~used & full
-            some = np.flatnonzero(free)
-            if len(some) < len(left):
-                stuck.append(left[free == 0])
-                left, free = left[some], free[some]
-            pick = self._any_bit(free, word)
+            used = self.mask.take(self.ids[left, 0])
+            for j in range(1, self.ids.shape[1]):
+                used |= self.mask.take(self.ids[left, j])
+            free = ~used & self.full
+            stuck.append(left[free == 0])
+            left, free = left[free != 0], free[free != 0]
+            pick = self._any_bit(free)
             order = np.argsort(pick, kind="stable")         # one colour's part of the table in turn, for the cache
             left, pick = left[order], pick[order]
-            won = self._claim(left, pick)
-            left, done, pick = left[~won], left[won], pick[won]
-            bit = word(1) << pick.astype(word)
-            for j in range(self.ids.shape[1]):
-                p = self.ids[done, j]
-                np.bitwise_or.at(mask, p, bit)
+            won = self._winners(left, pick, claim)
+            self._move(left[won], pick[won])
+            left = left[~won]
         return np.concatenate(stuck)
-
-    def _any_bit(self, free: np.ndarray, word: type) -> np.ndarray:
-        """Number of a set bit of each mask, the first one from a random bit on, uint8."""
-        turn = self.rng.integers(0, self.count, len(free), dtype=np.uint8)
-        t = turn.astype(word)
-        turned = (free >> t) | (free << (word(self.count) - t)) & word((1 << self.count) - 1)
-        pick = np.bitwise_count((turned & (~turned + word(1))) - word(1)) + turn
-        return np.where(pick >= self.count, pick - np.uint8(self.count), pick).astype(np.uint8)
-
-    def _claim(self, left: np.ndarray, pick: np.ndarray) -> np.ndarray:
-        """Gives constraints free colours, except to those that meet a later one of the list: which got theirs, bool."""
-        owner, slots = self.owner.ravel(), self.slots(left, pick)
-        owner[slots] = left[:, None]                        # rows in turn, so that the last row wins all its points
-        mine = owner[slots] == left[:, None]
-        won = mine.all(axis=1)
-        owner[slots[mine & ~won[:, None]]] = -1
-        self.colours[left[won]] = pick[won]
-        return won
 
     def push(self, stuck: np.ndarray) -> np.ndarray:
         """Uncoloured ones take a free colour, or that of the fewest others (not the colour they were driven from),
         which lose it; until none or few are left, or nothing gets better. Returns the uncoloured."""
-        k, owner = self.ids.shape[1], self.owner.ravel()
-        claim = np.empty(self.owner.size, np.int32)
-        driven = np.full(len(self.ids), -1, np.int16)
+        claim, driven = np.empty_like(self.owner), np.full(len(self.ids), 0, self.word)
         best, since = len(stuck), 0
-        enough = FEW * len(self.ids) if k == 2 else 0
+        enough = FEW * len(self.ids) if self.ids.shape[1] == 2 else 0
         while len(stuck) > enough and since < PUSHES:
-            cost = (self.owner[:, self.ids[stuck]] >= 0).sum(axis=2) + self.rng.random((self.count, len(stuck)),
-                                                                                         dtype=np.float32)
-            again = np.flatnonzero(driven[stuck] >= 0)
-            cost[driven[stuck[again]], again] += k * (cost[driven[stuck[again]], again] >= 1)
-            pick = cost.argmin(axis=0)
-            slots, row = self.slots(stuck, pick), np.arange(len(stuck), dtype=np.int32)[:, None]
-            claim[slots] = row
-            won = (claim[slots] == row).all(axis=1)
-            losers = owner[slots[won]].ravel()
-            losers = np.unique(losers[losers >= 0])
-            driven[losers] = self.colours[losers]
+            pick = self._cheapest(stuck, driven[stuck])
+            won = self._winners(stuck, pick, claim)
+            losers = np.sort(self.owner[self.slots(stuck[won], pick[won])], axis=None)
+            losers = losers[(losers >= 0) & (losers != np.r_[losers[1:], -1])]
+            driven[losers] = self.word(1) << self.colours[losers].astype(self.word)
             self._move(losers, -1)
             self._move(stuck[won], pick[won])
             stuck = np.concatenate([stuck[~won], losers])
             best, since = (len(stuck), 0) if len(stuck) < best else (best, since + 1)
-        return self.chain(stuck) if k == 2 and len(stuck) else stuck
+        return self.chain(stuck) if self.ids.shape[1] == 2 and len(stuck) else stuck
+
+    def _cheapest(self, which: np.ndarray, forbidden: np.ndarray) -> np.ndarray:
+        """For each constraint one of the colours that are used at the fewest of its points, uint8."""
+        used: list[np.ndarray] = []                         # bits of the colours used at more than 0, 1, ... points
+        for j in range(self.ids.shape[1]):
+            here = self.mask.take(self.ids[which, j])
+            for i, bits in enumerate(used):
+                used[i], here = bits | here, bits & here
+            used.append(here)
+        choice = ~used[0] & self.full
+        for i in range(1, len(used) + 1):
+            level = used[i - 1] & ~forbidden & self.full
+            choice = np.where(choice, choice, level if i == len(used) else level & ~used[i])
+        return self._any_bit(np.where(choice, choice, self.full))
 
     def chain(self, stuck: np.ndarray) -> np.ndarray:
         """Colours constraints of two points one by one: where u lacks colour a, and v lacks b, the path of colours
         a, b, a ... from v is turned to b, a, b ..., unless it ends in u; then colour a is free at both. If it ends in
         u, a path from u with another colour is turned first, and u lacks that one. Returns the uncoloured."""
-        owner, ends, total = memoryview(self.owner.ravel()), self.ids, self.ids.sum(axis=1, dtype=np.int64)
-        other, n, steps = memoryview(total), self.n, STEPS
+        owner, other = memoryview(self.owner), memoryview(self.ids.sum(axis=1, dtype=np.int64))
+        n, steps = len(self.mask), STEPS
 
         def path(p: int, a: int, b: int) -> tuple[list[int], int]:
             found = []
@@ -126,11 +152,12 @@ class _Coloring:
             return found, p
 
         def lacks(p: int) -> list[int]:
-            return [c for c in range(self.count) if owner[c * n + p] < 0]
+            used = int(self.mask[p])
+            return [c for c in range(self.count) if not used >> c & 1]
 
         draws = iter(self.rng.integers(0, self.count, TRIES * len(stuck)).tolist())
         for e in stuck.tolist():
-            u, v = ends[e].tolist()
+            u, v = self.ids[e].tolist()
             for _ in range(TRIES):
                 at_u, at_v = lacks(u), lacks(v)
                 a = next((c for c in at_u if c in at_v), -1)
@@ -158,20 +185,6 @@ class _Coloring:
             which = np.array(path)
             self._move(which, a + b - self.colours[which])
 
-    def _move(self, which: np.ndarray, colours: np.ndarray | int) -> None:
-        """Gives constraints other colours, or none (-1); the new places must be free, or be left in the same move."""
-        owner, old = self.owner.ravel(), self.colours[which]
-        had = old >= 0
-        owner[self.slots(which[had], old[had])] = -1
-        self.colours[which] = colours
-        if np.ndim(colours):
-            owner[self.slots(which, colours)] = which[:, None]
-
-    def grow(self) -> None:
-        """One colour more."""
-        self.count += 1
-        self.owner = np.concatenate([self.owner, np.full((1, self.n), -1, np.int32)])
-
     def balance(self) -> None:
         """Moves constraints from large colours to small ones where these are free, until all are about equal."""
         for _ in range(8):
@@ -184,11 +197,10 @@ class _Coloring:
             movable = np.flatnonzero((self.colours >= 0) & (self.rng.random(len(self.ids)) < excess[self.colours]))
             need = (mean - size[small]) / (mean - size[small]).sum()
             pick = self.rng.choice(small, len(movable), p=need).astype(np.int32)
-            free = (self.owner.ravel()[self.slots(movable, pick)] < 0).all(axis=1)
+            free = (self.owner[self.slots(movable, pick)] < 0).all(axis=1)
             movable, pick = movable[free].astype(np.int32), pick[free]
-            old = self.colours[movable]
-            won = self._claim(movable, pick)
-            self.owner.ravel()[self.slots(movable[won], old[won])] = -1
+            won = self._winners(movable, pick, np.empty_like(self.owner))
+            self._move(movable[won], pick[won])
 
 
 def color(ids: np.ndarray, n: int, seed: int = 0) -> np.ndarray:
@@ -210,7 +222,7 @@ def color(ids: np.ndarray, n: int, seed: int = 0) -> np.ndarray:
             stuck = part.push(stuck)
         part.balance()
         got = part.colours >= 0
-        colours[left[got]] = part.colours[got] + base
+        colours[left[got]] = part.colours[got].astype(np.int32) + base
         base += part.count
         left = left[~got]
     return colours
