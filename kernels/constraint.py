@@ -143,6 +143,30 @@ def membrane(X: Any, B: Any):
     return C, G1, G2
 
 
+@wp.func
+def membrane_response(C: Any, B: Any, w0: Any, w1: Any, w2: Any):
+    """S = sum_k w_k G_k G_k^T of `membrane`, from its C. G_k has the rows b_u u, b_v v, b_u F_v + b_v F_u, where b is the
+    row of B of point k (minus their sum for the first): M = sum_k w_k b b^T, |F_u|, |F_v| and F_u.F_v are enough.
+    """
+    one = type(w0)(1.0)
+    g = C[2]
+    a = C[0] + one
+    b = C[1] + one
+    a1 = inverse(a)
+    b1 = inverse(b)
+    u0 = B[0, 0] + B[1, 0]
+    v0 = B[0, 1] + B[1, 1]
+    Muu = w0 * u0 * u0 + w1 * B[0, 0] * B[0, 0] + w2 * B[1, 0] * B[1, 0]
+    Muv = w0 * u0 * v0 + w1 * B[0, 0] * B[0, 1] + w2 * B[1, 0] * B[1, 1]
+    Mvv = w0 * v0 * v0 + w1 * B[0, 1] * B[0, 1] + w2 * B[1, 1] * B[1, 1]
+    S01 = Muv * g * a1 * b1
+    S02 = Muu * g * a1 + Muv * a
+    S12 = Muv * b + Mvv * g * b1
+    S22 = Muu * b * b + type(w0)(2.0) * Muv * g + Mvv * a * a
+    return wp.matrix_from_rows(wp.vector(Muu * a * a1, S01, S02), wp.vector(S01, Mvv * b * b1, S12),
+                               wp.vector(S02, S12, S22))
+
+
 @dataclass(frozen=True)
 class Constraint:
     """A row of the table: what the kernels and the tests need to know."""

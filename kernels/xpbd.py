@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.kernels.constraint import TABLE, inverse
+from wsim.kernels.constraint import TABLE, inverse, membrane_response
 from wsim.kernels.real import types
 
 
@@ -326,7 +326,7 @@ def _block(o):
         w0 = w[p[0]]
         w1 = w[p[1]]
         w2 = w[p[2]]
-        S = w0 * (G0 * wp.transpose(G0)) + w1 * (G1 * wp.transpose(G1)) + w2 * (G2 * wp.transpose(G2))
+        S = membrane_response(C, batch.rest[c], w0, w1, w2)
         dlam = solve_block((real(1.0) + gamma) * S + plane_stress(alpha), r, real(tiny))
         d_out[p[0]] = N[0] + w0 * (wp.transpose(G0) * dlam)
         d_out[p[1]] = N[1] + w1 * (wp.transpose(G1) * dlam)

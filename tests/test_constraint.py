@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from wsim.kernels.constraint import TABLE, arctangent
+from wsim.kernels.constraint import TABLE, arctangent, membrane_response
 from wsim.kernels.real import types
 
 wp.config.quiet = True
@@ -182,6 +182,24 @@ def test_membrane_strains_of_a_stretched_and_sheared_triangle(evaluators):
     F = np.array([[1.1, 0.2, 0], [0, 0.9, 0], [0, 0, 1]])
     C, _ = evaluators("membrane")(p @ F.T, np.diag([1 / 2.0, 1 / 3.0]))
     assert np.abs(C - [0.1, math.hypot(0.2, 0.9) - 1, 1.1 * 0.2]).max() < 1e-15
+
+
+@pytest.mark.parametrize("name", ["stretched", "collapsed"])
+def test_membrane_response_is_the_product_of_its_gradients(evaluators, name):
+    @wp.kernel(module="unique", enable_backward=False)
+    def respond(C: wp.array(dtype=wp.vec3d), B: wp.array(dtype=wp.mat22d), w: wp.vec3d, out: wp.array(dtype=wp.mat33d)):
+        out[0] = membrane_response(C[0], B[0], w[0], w[1], w[2])
+
+    p, rest = moved("membrane", 1.0)
+    if name == "collapsed":                    # F_u = 0
+        p, rest = np.array([[0.0, 0, 0], [0, 0, 0], [0, 1, 0]]), np.array([[2.0, 0.0], [0.0, 1.5]])
+    C, G = evaluators("membrane")(p, rest)
+    w = np.array([0.5, 2.0, 3.0])
+    out = wp.zeros(1, dtype=wp.mat33d, device="cpu")
+    wp.launch(respond, 1, [wp.array([C], dtype=wp.vec3d, device="cpu"), wp.array([rest], dtype=wp.mat22d, device="cpu"),
+                           wp.vec3d(*w)], [out], device="cpu")
+    true = np.einsum("k,rkm,skm->rs", w, G, G)
+    assert np.abs(out.numpy()[0] - true).max() < 1e-14 * np.abs(true).max()
 
 
 def test_arctangent_in_float32_errs_by_less_than_two_units_in_the_last_place():
