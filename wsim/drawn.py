@@ -30,11 +30,12 @@ def matrix(prim: Usd.Prim, time: float) -> np.ndarray:
 
 def triangulated(prim: Usd.Prim, kind: str, number: int, time: float, meters: float) -> Drawn | None:
     """The prim as triangles; None if it has none (an empty mesh)."""
+    corners: np.ndarray | None = None
+    polygon: np.ndarray | None = None
     if prim.IsA(UsdGeom.Mesh):
         triangles, corners, polygon = _mesh(prim, time)
     else:
         triangles = _outline(prim, time)[1]
-        corners = polygon = None
     if len(triangles) == 0:
         return None
     path, start = str(prim.GetPath()), matrix(prim, time)
@@ -59,6 +60,8 @@ def triangulated(prim: Usd.Prim, kind: str, number: int, time: float, meters: fl
     colors, color_of = _colors(prim, time, triangles, corners, polygon)
     if colors is None:
         colors = np.array([palette(kind, number)])
+    if color_of is None:
+        color_of = np.zeros_like(triangles)
     return Drawn(Look(triangles, colors, color_of, groups, path), kind, points, moves(prim))
 
 

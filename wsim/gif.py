@@ -67,7 +67,7 @@ def _median_cut(colors: np.ndarray, weights: np.ndarray, count: int) -> np.ndarr
     def box(rows):
         mean = np.average(colors[rows], axis=0, weights=weights[rows])
         spread = (weights[rows, None] * (colors[rows] - mean) ** 2).sum(axis=0)
-        return float(spread.max()), int(spread.argmax()), mean, rows
+        return float(spread.max()) if len(rows) > 1 else 0.0, int(spread.argmax()), mean, rows
 
     boxes = [box(np.arange(len(colors)))]
     while len(boxes) < count:

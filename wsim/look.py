@@ -33,8 +33,8 @@ class Look:
 
     triangles: np.ndarray                                     # (t, 3) int32
     colors: np.ndarray = field(default_factory=lambda: np.array([palette("cloth", 0)]))    # linear, (k, 3)
-    color_of: np.ndarray | None = None                        # colour of each corner, (t, 3); None: all the first
-    normal_of: np.ndarray | None = None                       # normal of each corner, (t, 3); None: that of its point
+    color_of: np.ndarray = None     # type: ignore[assignment]  # colour of each corner, (t, 3); None: all the first
+    normal_of: np.ndarray = None    # type: ignore[assignment]  # normal of each corner, (t, 3); None: that of its point
     path: str = ""
 
     def __post_init__(self):
@@ -47,10 +47,9 @@ class Look:
 
     def normals(self, points: np.ndarray) -> np.ndarray:
         """Unit normals (k, 3) that normal_of points at, for points (n, 3)."""
-        assert self.normal_of is not None
         faces = np.repeat(topology.normals(points, self.triangles), 3, axis=0)
         group = self.normal_of.ravel()
-        total = np.stack([np.bincount(group, faces[:, k], int(group.max()) + 1) for k in range(3)], axis=1)
+        total = np.stack([np.bincount(group, faces[:, k], int(group.max(initial=-1)) + 1) for k in range(3)], axis=1)
         length = np.linalg.norm(total, axis=1, keepdims=True)
         return np.divide(total, length, out=np.tile([0.0, 0.0, 1.0], (len(total), 1)), where=length > 0)
 

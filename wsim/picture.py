@@ -52,9 +52,11 @@ class Caster:
               floor: float | None = None) -> np.ndarray:
         """uint8 (h, w, 3), sRGB. points: world positions [m] of each mesh; floor: height of the ground [m], or none."""
         sets = [np.asarray(p, np.float64) for p in points]
-        seen = [sets[k] for k in subjects(sets)] or [np.zeros((1, 3))]
-        low, high = np.min([p.min(axis=0) for p in seen], axis=0), np.max([p.max(axis=0) for p in seen], axis=0)
-        center, scale = 0.5 * (low + high), max(0.5 * float(np.linalg.norm(high - low)), 1e-9)
+        if self.mesh is None:              # unit of length, kept: what stands still is then drawn the same to the bit
+            seen = [sets[k] for k in subjects(sets)] or [np.zeros((1, 3))]
+            low, high = np.min([p.min(axis=0) for p in seen], axis=0), np.max([p.max(axis=0) for p in seen], axis=0)
+            self.center, self.scale = 0.5 * (low + high), max(0.5 * float(np.linalg.norm(high - low)), 1e-9)
+        center, scale = self.center, self.scale
         with wp.ScopedDevice(self.device):
             surfaces = self._surfaces([(p - center) / scale for p in sets])
             view = _view(camera.filled(self.size[0] / self.size[1]), up, floor, center, scale)
@@ -69,8 +71,8 @@ class Caster:
     def _surfaces(self, sets: list[np.ndarray]) -> ray.Surfaces:
         """All meshes as one: built on the first image, refitted after."""
         points = np.concatenate([*sets, np.full((3, 3), -1e6)]).astype(np.float32)     # and one triangle far away:
-        normals = [look.normals(p) for look, p in zip(self.looks, sets, strict=True)]  # a mesh may not be empty
-        normals = np.concatenate([*normals, np.ones((1, 3))]).astype(np.float32)
+        each = [look.normals(p) for look, p in zip(self.looks, sets, strict=True)]     # a mesh may not be empty
+        normals = np.concatenate([*each, np.ones((1, 3))]).astype(np.float32)
         if self.mesh is None:
             self._fixed(sets, len(points) - 3, len(normals) - 1)
             self.mesh = wp.Mesh(wp.array(points, dtype=wp.vec3), self.indices)
@@ -97,7 +99,7 @@ class Caster:
         normal_of.append(np.full((1, 3), last))
         color_of.append(np.zeros((1, 3), int))
         colors.append(np.ones((1, 3)))
-        self.indices = wp.array(np.concatenate(triangles).astype(np.int32).ravel(), dtype=wp.int32)
+        self.indices: wp.array = wp.array(np.concatenate(triangles).astype(np.int32).ravel(), dtype=wp.int32)
         self.surfaces = ray.Surfaces()
         self.surfaces.normal_of = wp.array(np.concatenate(normal_of).astype(np.int32), dtype=wp.vec3i)
         self.surfaces.color_of = wp.array(np.concatenate(color_of).astype(np.int32), dtype=wp.vec3i)

@@ -1,0 +1,137 @@
+"""Results and running simulations in the rerun viewer: meshes over time, plots of energy, strain and other indicators.
+
+    view("flag_out.usdc")                       # a result; plots where it is a scene of wsim
+    viewer = Viewer(scene)                      # live: simulation.run(240, each=viewer.log)
+    viewer = Viewer(scene, save="flag.rrd")     # into a file, shown later by: rerun flag.rrd
+
+Needs the extra `view`. The viewer is a process of its own that listens on 127.0.0.1; one that runs already is used.
+rerun gathers usage statistics unless told otherwise: `rerun analytics disable`.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from wsim import solids, topology
+from wsim.look import CREASE, Look, palette, smoothing
+from wsim.scene import (
+    Box,
+    Capsule,
+    Cloth,
+    Collider,
+    Cone,
+    Cylinder,
+    Plane,
+    Scene,
+    Shape,
+    Sphere,
+    Springs,
+    Surface,
+)
+from wsim.view.log import Log, Shown, srgb
+from wsim.visible import visible
+
+FLOOR = 10.0                     # half side [m] of the plate that shows an endless plane
+
+
+class Viewer:
+    """Shows a running simulation; call `log` after each frame.
+
+    scene   what is simulated: its meshes are sent at once, at the start time
+    save    path of an .rrd file to write instead of showing; spawn=False with no save raises ValueError
+    Raises SceneError when rerun is missing or does not start, OSError when `save` cannot be written.
+    """
+
+    def __init__(self, scene: Scene, *, spawn: bool = True, save=None):
+        if not spawn and save is None:
+            raise ValueError("a viewer shows (spawn=True) or writes (save=PATH); it was given neither")
+        self.scene, self.stream = scene, Log(Path(scene.source or "scene").stem, scene.up, save)
+        self.shown = {c.path: Shown(self.stream, _cloth_look(c, k)) for k, c in enumerate(scene.cloths)}
+        self.outlines = {c.path: _shape(c.shape, c.path + "/shape", k) for k, c in enumerate(scene.colliders)}
+        self.stream.at(scene.start, 0.0)
+        for collider in scene.colliders:
+            self._collider(collider, collider.motion.at(0.0), 0.0, True)
+        for body in scene.bodies():
+            self._body(body, body.motion.points(body.points, 0.0))
+
+    def log(self, sim) -> None:
+        """The state of a `Simulation` after a frame: points, colliders that move, indicators."""
+        self.stream.at(self.scene.start + sim.frame, sim.time)
+        for body in self.scene.bodies():
+            self._body(body, sim.positions(body.path))
+        poses = sim.poses()
+        for collider in self.scene.colliders:
+            self._collider(collider, poses[collider.path], sim.time, False)
+        self.stream.plot(sim.indicators())
+
+    def _body(self, body: Cloth | Springs, points: np.ndarray) -> None:
+        if isinstance(body, Cloth):
+            self.shown[body.path].send(points)
+            return
+        color = srgb(np.array([palette("springs", self.scene.springs.index(body))]))
+        lines = self.stream.rr.LineStrips3D(points[body.edges].astype(np.float32), colors=color)
+        self.stream.stream.log("world" + body.path, lines)
+
+    def _collider(self, collider: Collider, pose: np.ndarray, seconds: float, first: bool) -> None:
+        """Its triangles once, or each time where they deform; its pose as a transform, which no path below takes."""
+        points, look = self.outlines[collider.path]
+        curve = collider.shape.poses if isinstance(collider.shape, Surface) else None
+        if first:
+            self.shown[collider.path] = Shown(self.stream, look)
+        if first or curve:
+            self.shown[collider.path].send(np.asarray(curve.at(seconds), float) if curve else points)
+        if first or collider.motion.moves:
+            transform = self.stream.rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
+            self.stream.stream.log(f"world{collider.path}/shape", transform)
+
+    def close(self) -> None:
+        """Sends what waits; a file is complete after this."""
+        self.stream.close()
+
+
+def view(result_path, save=None) -> None:
+    """Shows a stage (a result or a scene) with all its frames, or writes it to the .rrd file `save`.
+
+    Energy and strain are plotted where the stage can be read as a scene of wsim. Raises SceneError, OSError.
+    """
+    from wsim.view.measures import Measures
+
+    seen = visible(result_path)
+    log = Log(Path(result_path).stem, seen.up, save)
+    meshes = [(Shown(log, d.look), d) for d in seen.drawn]
+    measures = Measures.of(seen)
+    for t in seen.times:
+        log.at(t, (t - seen.times[0]) / seen.fps)
+        for shown, d in meshes:
+            if not shown.started or d.moves:
+                shown.send(d.points(t))
+        if measures:
+            log.plot(measures.at(t))
+    log.close()
+
+
+def _cloth_look(cloth: Cloth, number: int) -> Look:
+    triangles, _ = topology.triangulate(cloth.points, cloth.counts, cloth.indices)
+    groups = smoothing(cloth.points, triangles, np.pi)
+    return Look(triangles, np.array([palette("cloth", number)]), normal_of=groups, path=cloth.path)
+
+
+def _shape(shape: Shape, path: str, number: int) -> tuple[np.ndarray, Look]:
+    """Points [m] in the collider's frame and how they are drawn."""
+    if isinstance(shape, Surface):
+        points = shape.points.astype(float)
+        triangles, _ = topology.triangulate(points, shape.counts, shape.indices)
+    elif isinstance(shape, Sphere):
+        points, triangles = solids.sphere(shape.radius)
+    elif isinstance(shape, Box):
+        points, triangles = solids.box(shape.half)
+    elif isinstance(shape, Capsule):
+        points, triangles = solids.capsule(shape.radius, shape.radius, shape.half_height)
+    elif isinstance(shape, Cylinder | Cone):
+        top = shape.radius if isinstance(shape, Cylinder) else 0.0
+        points, triangles = solids.cylinder(shape.radius, top, shape.half_height)
+    else:
+        assert isinstance(shape, Plane)
+        points, triangles = solids.plate(FLOOR, FLOOR)
+    colors = np.array([palette("collider", number)])
+    return points, Look(triangles, colors, normal_of=smoothing(points, triangles, CREASE), path=path)
