@@ -176,6 +176,31 @@ def test_check_does_not_start_warp(stage):
     assert printed(code) == "False"
 
 
+def test_new_makes_a_scene_of_a_bare_mesh(tmp_path, capsys):
+    from pxr import Usd, UsdGeom
+
+    from tests.conftest import grid
+
+    bare = Usd.Stage.CreateNew(str(tmp_path / "bare.usda"))
+    UsdGeom.SetStageMetersPerUnit(bare, 1.0)
+    mesh = UsdGeom.Mesh.Define(bare, "/sheet")
+    for attribute, value in zip((mesh.CreatePointsAttr(), mesh.CreateFaceVertexCountsAttr(),
+                                 mesh.CreateFaceVertexIndicesAttr()), grid(), strict=True):
+        attribute.Set(value)
+    bare.Save()
+    made = tmp_path / "made.usda"
+    assert wsim("new", "cloth", tmp_path / "bare.usda", "-o", made, "--fabric", "silk", "--ground", "0.5") == 0
+    assert f"wsim run {made}" in capsys.readouterr().out
+    scene = load(str(made))
+    assert [c.path for c in scene.cloths] == ["/sheet"] and len(scene.colliders) == 1
+    assert wsim("check", made) == 0
+
+
+def test_an_unknown_fabric_is_named_with_the_known(tmp_path, stage, capsys):
+    assert wsim("new", "cloth", stage, "-o", tmp_path / "b.usda", "--fabric", "tin") == 1
+    assert "'tin'" in (message := capsys.readouterr().err) and "denim" in message and "unexpected" not in message
+
+
 def test_plan_shows_stages_and_what_is_left_out(stage, capsys):
     assert wsim("plan", stage, "--device", "cpu") == 0
     assert "left out: contact: there is no collider" in capsys.readouterr().out

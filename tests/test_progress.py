@@ -99,7 +99,8 @@ REPORT = {
     "96 frames of 6400 points and 38000 constraints on cpu, float32",
     "12.3 ms/frame; 5.2 M points and 123 M constraints a second",
     "load 12.3 ms, total 3.50 s", "solve    1.5 ms a substep, launched one by one (distance 1, bend 0.5)",
-    "max strain 1.23 %", "penetration 1e-05 m", "residual 0.2", "left out  contact: there is no collider", "warning: /cloth: odd"])
+    "max strain 1.23 %", "penetration 1e-05 m", "residual 0.2",
+    "left out  contact: there is no collider", "warning: /cloth: odd"])
 def test_the_report_says(words):
     assert words in report.text(REPORT)
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
         Surface,
     )
     from wsim.simulation import Simulation
-    from wsim.usd import load, save
+    from wsim.usd import load, save  # type: ignore[no-redef]  # wsim.usd.load is a module too
 
 __version__ = "0.0.1"
 

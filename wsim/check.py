@@ -61,7 +61,7 @@ def _paths(scene: Scene) -> Iterator[Problem]:
     if not scene.bodies():
         yield error("/", "nothing here can move: no cloth and no spring net", "at least one",
                     "apply PhysicsSurfaceDeformableSimAPI to a mesh, or let `wsim new cloth MESH -o SCENE` do it")
-    named = [*scene.cloths, *scene.springs, *scene.colliders, *scene.pins]
+    named: list = [*scene.cloths, *scene.springs, *scene.colliders, *scene.pins]
     for path, n in Counter(thing.path for thing in named).items():
         if n > 1:
             yield error(path, f"{n} objects have this path", "one", "give each its own")

@@ -157,7 +157,8 @@ def springs(net: Springs) -> list[Problem]:
 
 
 def collider(thing: Collider) -> list[Problem]:
-    path, shape, found = thing.path, thing.shape, []
+    path, shape = thing.path, thing.shape
+    found: list[Problem] = []
     for name in ("static_friction", "dynamic_friction", "thickness"):
         found += number(path, name, getattr(thing, name), 0.0)
     if isinstance(shape, Surface):

@@ -39,6 +39,14 @@ def length(text: str) -> float:
     return value
 
 
+def positive(text: str) -> float:
+    """A finite number > 0."""
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is out of range; it must be finite and above 0")
+    return value
+
+
 def image(text: str) -> str:
     """A picture's file, in a folder that is there: found out now and not after the simulation."""
     if not text.lower().endswith((".png", ".gif", ".apng")):
@@ -66,7 +74,7 @@ def variant(text: str) -> tuple[str, str, str]:
     return prim, name, value
 
 
-for _kind, _name in ((whole, "number"), (whole_or_none, "number"), (length, "length")):
+for _kind, _name in ((whole, "number"), (whole_or_none, "number"), (length, "length"), (positive, "number")):
     _kind.__name__ = _name                      # argparse says "invalid number value"
 
 
@@ -121,6 +129,9 @@ def _new(commands) -> None:
     cloth.add_argument("--prim", metavar="PATH", help="which mesh (default: the only one)")
     cloth.add_argument("--fabric", default="cotton", metavar="NAME", help="silk, cotton, denim, leather or rubber")
     cloth.add_argument("--weld", type=length, metavar="METRES", help="sew points closer than this (seams)")
+    cloth.add_argument("--ground", type=length, metavar="METRES", help="a ground plane so far below it (default: none)")
+    cloth.add_argument("--meters-per-unit", type=positive, metavar="X", help="unit of the mesh (default: its file's)")
+    cloth.add_argument("--frames", type=whole, metavar="N", help="frames to simulate (default: the file's)")
     cloth.add_argument("--debug", action="store_true", help="show where an error came from")
 
 

@@ -125,7 +125,10 @@ def new(args) -> int:
     """`wsim new cloth`: a scene that refers to a bare mesh."""
     from wsim.usd.author import author_cloth
 
-    author_cloth(args.mesh, args.output, prim=args.prim, fabric=args.fabric, weld=args.weld)
+    notes = author_cloth(args.mesh, args.output, args.fabric, args.prim, weld=args.weld, ground=args.ground,
+                         meters_per_unit=args.meters_per_unit, frames=args.frames)
+    for note in notes:
+        _say(str(note))
     print(f"{args.output}: simulate it with: wsim run {args.output} -o {os.path.splitext(args.output)[0]}_out.usdc")
     return DONE
 
