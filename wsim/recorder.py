@@ -1,0 +1,244 @@
+"""Writes a run as a result layer: a new file over the untouched scene, holding only what the run changed.
+
+    with Recorder(scene, "flag.usdc") as recorder:
+        recorder.append(recorder.time_code(0), {"/flag": positions}, {"/flag": velocities})
+
+The result sublayers the scene's file by a relative path and has `over`s alone: time samples of points, velocities,
+normals and extent. Default values stay those of the source, because unauthored rest shapes are read from them. The file
+grows under a name of its own and is renamed when it is whole (`wsim.partial`): a run that is killed leaves
+NAME.partial.usdc with its frames, and the next run to the same output puts that aside as NAME.recovered.usdc.
+"""
+
+import os
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from pxr import Usd, UsdUtils
+
+from wsim.overs import BodyOver, ColliderOver, body_prim
+from wsim.partial import Partial, check_output, partial_path, recover
+from wsim.restart import Restart, check_fields, copy_samples, is_frame, store
+from wsim.scene import Problem, Scene, SceneError
+from wsim.sublayer import flattened, put_over, refuse_layers_of, write_source
+from wsim.usd.stage import open_stage
+
+Arrays = Mapping[str, np.ndarray]
+FIELDS_SHARE = 4           # restart fields are rewritten when so many times their bytes of samples have come: a crate
+                           # keeps what was overwritten, so they add at most a quarter to the file
+
+
+class Recorder:
+    """Records one run of `scene` into `path` (.usdc, .usda, .usd).
+
+    flatten            one self-contained file instead of a layer over the source
+    velocities         write them (motion blur, restart); False blocks those of the source
+    normals            let authored normals follow; False blocks them, viewers then compute their own
+    restart_fields     called after each whole frame: {body path: {name: array}} for an exact restart (`wsim.restart`)
+    continues          the `Restart` that the run went on from: its earlier samples come first
+
+    A scene without a source file is written beside the result first (NAME_scene.usda). `notes` collects warnings.
+    Raises SceneError where the scene cannot take a result, ValueError for an output that is the source or has no USD
+    ending, OSError where it cannot be written.
+    """
+
+    def __init__(self, scene: Scene, path, *, flatten: bool = False, velocities: bool = True, normals: bool = True,
+                 restart_fields: Callable[[], Mapping[str, Arrays]] | None = None, continues: Restart | None = None):
+        self.scene, self.path, self.flatten = scene, check_output(path), flatten
+        self.restart_fields, self.continues = restart_fields, continues
+        self.notes: list[Problem] = []
+        self.codes: list[float] = []          # time codes written, this run's and those it continues
+        self.count = 0                        # appends of this run
+        self.bytes_since_fields = 0
+        self.fields: Mapping[str, Arrays] = {}   # of the last whole frame
+        self.fields_code = 0.0
+        self.made: str | None = None          # source written by this recorder
+        self.result: str | None = None        # the finished file
+        self._recover()
+        self.file, self.closed = Partial(self.path), False
+        try:
+            self._choose_source()
+            self._open(velocities, normals)
+        except BaseException:
+            self._drop()
+            raise
+
+    # opening
+
+    def _recover(self) -> None:
+        kept = recover(self.path)
+        if kept:
+            text = f"an earlier run was killed; its frames are in {kept} (view it, or go on from it with --restart)"
+            self.notes.append(Problem(self.path, text, fatal=False))
+            if self.continues and os.path.abspath(self.continues.path) == partial_path(self.path):
+                self.continues.path = kept
+
+    def _choose_source(self) -> None:
+        if self.scene.source:
+            self.source = os.path.abspath(self.scene.source)
+            refuse_layers_of(self.source, self.path)
+        else:
+            self.source = self.made = write_source(self.scene, self.path)
+
+    def _open(self, velocities: bool, normals: bool) -> None:
+        layer = self.file.layer
+        put_over(self.source, layer, os.path.dirname(self.path))
+        delegate = UsdUtils.CoalescingDiagnosticDelegate()     # the loader has reported what does not compose
+        self.stage: Any = Usd.Stage.Open(layer)
+        delegate.TakeUncoalescedDiagnostics()
+        self.stage.SetEditTarget(layer)
+        self.rate = self.stage.GetTimeCodesPerSecond()
+        self.bodies, problems = {}, []
+        for body in self.scene.bodies():
+            try:
+                self.bodies[body.path] = (body_prim(self.stage, body.path, len(body.points)), len(body.points))
+            except SceneError as error:
+                problems += error.problems
+        if problems:
+            raise SceneError(problems)
+        self.overs = {path: BodyOver(prim, velocities=velocities, normals=normals, notes=self.notes)
+                      for path, (prim, _) in self.bodies.items()}
+        if self.continues:
+            self.codes += copy_samples(self.continues, self.stage, self.scene)
+        self.colliders = {c.path: ColliderOver(self.stage, self.source, c, self.codes) for c in self.scene.colliders}
+        layer.startTimeCode = self.scene.start
+
+    # writing
+
+    def time_code(self, frame: float) -> float:
+        """Time code of a frame, or of a place between two, counted from the scene's start."""
+        return self.scene.start + frame * self.rate / self.scene.fps
+
+    def append(self, time_code: float, positions: Arrays, velocities: Arrays | None = None,
+               poses: Arrays | None = None) -> None:
+        """Writes one sample of every body; saves after whole frames, as often as 5 % of the wall time allows.
+
+        positions    {body path: (n, 3)} world [m], author's order      velocities   the same [m/s]
+        poses        {collider path: (4, 4)} world [m]; written where they are not what the source says
+        time_code    later than all before; any fraction (subframes), before the scene's start too (pre-roll). The first
+                     one may repeat the last of the result that the run continues.
+        Raises ValueError for arrays that do not fit, SceneError for a frame without inverse: nothing of the sample is
+        kept then. OSError if the disk does not take it.
+        """
+        code = float(time_code)
+        self._check(code, positions, velocities)
+        whole = is_frame(code, self.scene, self.rate)
+        fields = self._checked_fields() if whole else {}
+        samples = []
+        for path, over in self.overs.items():
+            samples += over.sample(code, positions[path], velocities[path] if velocities else None)
+        time = (code - self.scene.start) / self.rate
+        for path, pose in (poses or {}).items():
+            if path in self.colliders:
+                self.colliders[path].write(code, time, pose)
+        try:
+            for attribute, value in samples:
+                attribute.Set(value, code)
+        except BaseException:                  # Ctrl-C too: a sample is there whole or not at all
+            for attribute, _ in samples:
+                attribute.ClearAtTime(code)
+            raise
+        self.bytes_since_fields += sum(12 * len(value) for _, value in samples)
+        if code not in self.codes[-1:]:
+            self.codes.append(code)
+        self.count += 1
+        if whole:
+            self.fields, self.fields_code = fields, code
+            if self.file.due():
+                self._save(self.bytes_since_fields >= FIELDS_SHARE * _bytes(self.fields))
+
+    def _check(self, code: float, positions: Arrays, velocities: Arrays | None) -> None:
+        if self.closed:
+            raise OSError(f"{self.path} is closed; make a new Recorder")
+        if not self.file.good:
+            raise OSError(f"{self.path} could not be written before; close this Recorder")
+        last = self.codes[-1] if self.codes else -np.inf
+        if not np.isfinite(code) or code < last or (code == last and self.count):
+            raise ValueError(f"time code {code:g} is not later than {last:g}, the last one written")
+        for what, given in (("positions", positions), ("velocities", velocities)):
+            for path, (_, n) in self.bodies.items() if given is not None else ():
+                if path not in given:
+                    raise ValueError(f"{what} of {path} are missing; every body of the scene needs them")
+                if np.shape(given[path]) != (n, 3) or not np.isfinite(given[path]).all():
+                    raise ValueError(f"{what} of {path} must be finite with shape ({n}, 3); found shape "
+                                     f"{np.shape(given[path])} at time code {code:g}")
+
+    def _checked_fields(self) -> Mapping[str, Arrays]:
+        found = self.restart_fields() if self.restart_fields else {}
+        for path, fields in found.items():
+            if path not in self.bodies:
+                raise ValueError(f"restart_fields names {path}; the bodies are {', '.join(self.bodies)}")
+            check_fields(path, fields)
+        return found
+
+    def _save(self, with_fields: bool) -> None:
+        if with_fields:
+            for path, fields in self.fields.items():
+                store(self.bodies[path][0], self.fields_code, fields)
+            self.bytes_since_fields = 0
+        layer = self.file.layer
+        layer.startTimeCode = min(layer.startTimeCode, self.codes[0])
+        layer.endTimeCode = self.codes[-1]
+        self.file.save()
+
+    # closing
+
+    def close(self, interrupted: bool = False) -> str | None:
+        """Ends the file and gives it its name; returns that, or None where there is none.
+
+        Without any frame no file stays. After a failed write the frames saved before stay in the partial file.
+        interrupted    the run did not get to its end (Ctrl-C): noted in the layer as custom data `wsim:interrupted`
+        Raises OSError if the disk does not take it; the frames saved so far then stay in the partial file.
+        """
+        if self.closed:
+            return self.result
+        if not self.count:
+            self._drop()
+            return None
+        try:
+            if not self.file.good:
+                self.file.layer = None
+                return None
+            if interrupted:
+                self.file.layer.customLayerData = {"wsim:interrupted": True}
+            self._save(with_fields=True)
+            flat = flattened(self.stage, os.path.dirname(self.path)) if self.flatten else None
+            self._let_go()
+            self.file.finish(flat)
+        finally:
+            self._let_go()
+        if self.flatten and self.made:
+            os.remove(self.made)
+        self.result = self.path
+        return self.result
+
+    def _let_go(self) -> None:
+        """Releases stage and prims, so that the file can be renamed on every system."""
+        self.overs, self.colliders, self.bodies, self.stage, self.closed = {}, {}, {}, None, True
+
+    def _drop(self) -> None:
+        """Ends without a result: no file of this recorder stays."""
+        self._let_go()
+        self.file.discard()
+        if self.made:
+            os.remove(self.made)
+
+    def __enter__(self) -> "Recorder":
+        return self
+
+    def __exit__(self, kind, error, trace) -> None:
+        self.close(interrupted=kind is not None)
+
+
+def validate(path) -> list[str]:
+    """What the validators of usd-core find wrong with a stage: one line each, with the prim path."""
+    from pxr import UsdValidation
+
+    registry = UsdValidation.ValidationRegistry()
+    errors = UsdValidation.ValidationContext(registry.GetOrLoadAllValidators()).Validate(open_stage(path))
+    return [f"{', '.join(str(s.GetPrim().GetPath()) for s in e.GetSites() if s.IsPrim()) or path}: {e.GetName()}: "
+            f"{e.GetMessage()}" for e in errors]
+
+
+def _bytes(fields: Mapping[str, Arrays]) -> int:
+    return sum(value.nbytes for group in fields.values() for value in group.values())
