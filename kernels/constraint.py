@@ -145,7 +145,7 @@ def membrane(X: Any, B: Any):
 
 @wp.func
 def membrane_response(C: Any, B: Any, w0: Any, w1: Any, w2: Any):
-    """S = sum_k w_k G_k G_k^T of `membrane`, from its C. G_k has the rows b_u u, b_v v, b_u F_v + b_v F_u, where b is the
+    """S = sum_k w_k G_k G_k^T of `membrane`, from its C. G_k has the rows b_u u, b_v v, b_u F_v + b_v F_u, b the
     row of B of point k (minus their sum for the first): M = sum_k w_k b b^T, |F_u|, |F_v| and F_u.F_v are enough.
     """
     one = type(w0)(1.0)
