@@ -201,6 +201,7 @@ class Scene(_Compared):
     pins: list[Pin] = field(default_factory=list)
     source: str | None = field(default=None, compare=False)   # file it was loaded from
     notes: list["Problem"] = field(default_factory=list, compare=False)   # what the loader warned about
+    variants: dict[str, dict[str, str]] = field(default_factory=dict, compare=False)   # {prim: {set: chosen}}
 
     def cloth(self, path: str, points, counts, indices, **more) -> Cloth:
         """Adds a cloth; see `Cloth` for the fields."""

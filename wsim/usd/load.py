@@ -7,23 +7,21 @@ seen. Instance proxies collide, but cannot be cloth, since a result cannot be wr
 import os
 from dataclasses import dataclass, field
 
-import numpy as np
 from pxr import Usd, UsdGeom
 
-from wsim.scene import Cloth, Problem, Scene, SceneError, Springs
+from wsim.check import check
+from wsim.scene import Problem, Scene, SceneError
 from wsim.usd import names
 from wsim.usd.attachments import load_pin
 from wsim.usd.attributes import read
-from wsim.usd.check import scene_problems
 from wsim.usd.cloth import load_cloth
 from wsim.usd.colliders import load_collider
 from wsim.usd.material import foreign_spellings
 from wsim.usd.settings import frames_of, load_settings
 from wsim.usd.springs import load_springs
-from wsim.usd.stage import Reading, Units, applied, open_stage
+from wsim.usd.stage import Reading, Units, applied, open_stage, quiet
 
 SIMULATED = (names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM, names.WSIM_SPRINGS)
-LARGE, SMALL = 20.0, 1e-3          # [m]: a cloth beyond is probably in other units than the stage says
 
 
 @dataclass
@@ -49,13 +47,18 @@ def load(path, variants: dict[str, dict[str, str]] | None = None) -> Scene:
     notes: list[Problem] = []
     stage = open_stage(path, variants, notes)
     scene = read_stage(stage, notes)
-    scene.source = os.fspath(path)
+    scene.source, scene.variants = os.fspath(path), {prim: dict(sets) for prim, sets in (variants or {}).items()}
     return scene
 
 
 def read_stage(stage: Usd.Stage, notes: list[Problem] | None = None) -> Scene:
     """The scene of an open stage; see `load`."""
     reading = Reading(stage, Units.of(stage), problems=list(notes or []))
+    with quiet(reading.problems, stage):
+        return _read(reading)
+
+
+def _read(reading: Reading) -> Scene:
     reading.frames = frames_of(reading)
     found = _walk(reading)
     scene = load_settings(reading, found.scenes)
@@ -205,18 +208,27 @@ def _order(scene: Scene, scenes: list[Usd.Prim]) -> None:
 
 def _finished(reading: Reading, scene: Scene, found: Found) -> Scene:
     """The scene with its warnings. Raises SceneError if anything fatal was found."""
-    problems = reading.problems
-    seen = {problem.path for problem in problems if problem.fatal}
-    problems += [problem for problem in scene_problems(scene) if problem.path not in seen or "finite" in problem.text]
-    if not scene.bodies() and not any(problem.fatal for problem in problems):
-        problems.append(_nothing(reading, found))
-    fatal = [problem for problem in problems if problem.fatal]
+    fatal = [problem for problem in reading.problems if problem.fatal]
+    if scene.bodies():
+        fatal += [problem for problem in check(scene) if problem.fatal]
+    elif not fatal:
+        fatal.append(_nothing(reading, found))
     if fatal:
-        raise SceneError(fatal)
-    for body in scene.bodies():
-        _plausible(reading, body)
-    scene.notes = list(problems)
+        raise SceneError(list(dict.fromkeys(fatal)))
+    scene.notes = _grouped(reading.problems)
     return scene
+
+
+def _grouped(notes: list[Problem]) -> list[Problem]:
+    """The same note on many prims as one."""
+    paths: dict[str, list[str]] = {}
+    for note in notes:
+        paths.setdefault(note.text, []).append(note.path)
+    grouped = []
+    for text, where in paths.items():
+        others = ", ".join(where[1:4]) + (f" and {len(where) - 4} more" if len(where) > 4 else "")
+        grouped.append(Problem(where[0], text + (f" (also: {others})" if others else ""), fatal=False))
+    return grouped
 
 
 def _nothing(reading: Reading, found: Found) -> Problem:
@@ -231,11 +243,3 @@ def _nothing(reading: Reading, found: Found) -> Problem:
     shown = ", ".join(meshes[:8]) + (f" and {len(meshes) - 8} more" if len(meshes) > 8 else "")
     return Problem(file, f"{text}. Its meshes: {shown}. `wsim new cloth {os.path.basename(file)}"
                    + (" --prim PATH" if len(meshes) > 1 else "") + " -o SCENE` makes a scene with one as cloth")
-
-
-def _plausible(reading: Reading, body: Cloth | Springs) -> None:
-    """Warns of a body of an unlikely size: its units may be wrong."""
-    size = float(np.ptp(body.motion.points(body.points), axis=0).max())
-    if size > LARGE or size < SMALL:
-        reading.warn(body.path, f"is {size:.3g} m large at metersPerUnit = {reading.units.metres:g}; if that is not "
-                     "meant, correct metersPerUnit in the root layer")

@@ -9,7 +9,7 @@ nu^2).
 import math
 from dataclasses import fields
 
-from pxr import Usd, UsdShade
+from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from wsim.fabric import Fabric
 from wsim.usd import names
@@ -135,9 +135,14 @@ def load_curve_stretch(reading: Reading, prim: Usd.Prim, area: float) -> tuple[f
     return EA, density or names.DENSITY
 
 
+def _define(stage: Usd.Stage, path: str) -> Usd.Prim:
+    UsdGeom.Scope.Define(stage, Sdf.Path(path).GetParentPath())
+    return UsdShade.Material.Define(stage, path).GetPrim()
+
+
 def author_fabric(stage: Usd.Stage, path: str, fabric: Fabric, units: Units) -> Usd.Prim:
     """Defines a Material that says a fabric."""
-    prim = UsdShade.Material.Define(stage, path).GetPrim()
+    prim = _define(stage, path)
     for schema in (names.MATERIAL, names.SURFACE_MATERIAL, names.WSIM_MATERIAL):
         prim.AddAppliedSchema(schema)
     for field in (f.name for f in fields(Fabric)):
@@ -148,7 +153,7 @@ def author_fabric(stage: Usd.Stage, path: str, fabric: Fabric, units: Units) -> 
 
 def author_friction(stage: Usd.Stage, path: str, friction: tuple[float, float], units: Units) -> Usd.Prim:
     """Defines a Material that says nothing but friction (static, dynamic)."""
-    prim = UsdShade.Material.Define(stage, path).GetPrim()
+    prim = _define(stage, path)
     prim.AddAppliedSchema(names.MATERIAL)
     for field, value in zip(FRICTION, friction, strict=True):
         author(prim, "Friction", field, value, units)

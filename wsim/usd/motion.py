@@ -2,7 +2,8 @@
 
 Read. M(t) = A(t) diag(s(t)): A the local-to-world transform without a trailing scale op of the prim itself, s that
 scale, so that the sizes of a box, which USD says by such a scale, come back to the bit. An animated transform has a
-key at every time code authored on the prim or above it and at every frame, so that frames see exactly what USD says.
+key at every time code authored on the prim or above it and at every frame between, so that frames see exactly what USD
+says.
 
 Written. A prim that moves has one matrix op, sampled at the keys and at the frames between them (USD interpolates a
 matrix by its elements, Motion turns at constant speed); the exact times of the keys are noted beside the samples, and
@@ -94,16 +95,20 @@ def _chain(prim: Usd.Prim) -> list[UsdGeom.Xformable]:
 
 
 def _codes(reading: Reading, prim: Usd.Prim) -> np.ndarray | None:
-    """Time codes of every authored sample and every frame; None if nothing above the prim moves."""
-    samples, moves = set(), False
+    """Time codes of every authored sample and the frames between them; None if nothing above the prim moves."""
+    samples: set[float] = set()
+    moves = splines = False
     for xformable in _chain(prim):
         for op in xformable.GetOrderedXformOps():
             attribute = op.GetAttr()
             samples.update(attribute.GetTimeSamples())
-            moves = moves or attribute.ValueMightBeTimeVarying() or attribute.HasSpline()
+            splines = splines or attribute.HasSpline()
+            moves = moves or splines or attribute.ValueMightBeTimeVarying()
     if not moves:
         return None
+    first, last = (min(samples), max(samples)) if samples and not splines else (-np.inf, np.inf)
     frames = reading.units.start + np.arange(reading.frames + 1)
+    frames = frames[(frames >= first) & (frames <= last)]      # USD holds the first and the last sample, as Motion does
     return np.unique(np.concatenate([frames, np.array(sorted(samples), np.float64)]))
 
 

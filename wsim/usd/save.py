@@ -6,11 +6,11 @@ from pathlib import Path
 
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
+from wsim.check import check
 from wsim.fabric import Fabric
 from wsim.scene import Cloth, Collider, Pin, Problem, Scene, SceneError, Springs
 from wsim.usd import names
 from wsim.usd.attachments import FRAME, author_pin
-from wsim.usd.check import scene_problems
 from wsim.usd.cloth import author_cloth_prim
 from wsim.usd.colliders import author_collider
 from wsim.usd.settings import author_settings
@@ -23,7 +23,7 @@ def save(scene: Scene, path) -> None:
 
     Raises SceneError if the scene has fatal problems, or if the file cannot be written.
     """
-    problems = [*scene_problems(scene), *_path_problems(scene)]
+    problems = [*(p for p in check(scene) if p.fatal), *_path_problems(scene)]
     if problems:
         raise SceneError(problems)
     with new_stage(path) as stage:

@@ -5,7 +5,9 @@ second. Physics schemas of the deformable proposal are not registered, so API na
 """
 
 import os
-from contextlib import suppress
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,6 +17,7 @@ from wsim.scene import Problem, SceneError
 from wsim.usd.names import UNITS
 
 SUFFIXES = (".usda", ".usdc", ".usd")
+_COMPOSING = re.compile(r" \([^()]*stage on stage .*\)$")       # addresses in memory say nothing to a reader
 
 # Before the first stage: a schema registered later is silently unknown to USD.
 if not Plug.Registry().GetPluginWithName("wsim"):
@@ -92,16 +95,31 @@ def open_stage(path, variants: dict | None = None, notes: list | None = None) ->
         raise SceneError(Problem(path, "there is no such file; give the path of a .usda, .usdc, .usd or .usdz file"))
     if os.path.isdir(path):
         raise SceneError(Problem(path, "is a folder; give the path of a .usda, .usdc, .usd or .usdz file"))
-    delegate = UsdUtils.CoalescingDiagnosticDelegate()          # keeps USD's own warnings from stderr while it lives
-    try:
-        stage = Usd.Stage.Open(path)
-        _refresh(stage)
-    except Tf.ErrorException as error:
-        raise SceneError(Problem(path, f"is not a readable USD file: {_reason(error)}")) from None
-    if variants:
-        _choose(stage, variants)
-    found.extend(_diagnostics(stage, delegate))
+    with quiet(found):
+        try:
+            stage = Usd.Stage.Open(path)
+            _refresh(stage)
+        except Tf.ErrorException as error:
+            raise SceneError(Problem(path, f"is not a readable USD file: {_reason(error)}")) from None
+        if variants:
+            _choose(stage, variants)
+    found.extend(_unresolved(stage))
     return stage
+
+
+@contextmanager
+def quiet(notes: list[Problem], stage: Usd.Stage | None = None) -> Iterator[None]:
+    """Takes USD's own warnings into notes, which keeps them from standard error."""
+    delegate = UsdUtils.CoalescingDiagnosticDelegate()
+    try:
+        yield
+    finally:
+        for item in delegate.TakeUncoalescedDiagnostics():
+            text = " ".join(_COMPOSING.sub("", item.commentary).split())
+            file = stage.GetRootLayer().realPath if stage is not None else "USD"
+            problem = Problem(file, f"{text} (goes on without it)", fatal=False)
+            if problem not in notes:
+                notes.append(problem)
 
 
 def _refresh(stage: Usd.Stage) -> None:
@@ -144,14 +162,9 @@ def _listed(names) -> str:
     return ", ".join(names) or "none"
 
 
-def _diagnostics(stage: Usd.Stage, delegate) -> list[Problem]:
-    """Warnings for what USD could not compose or resolve."""
-    texts = dict.fromkeys(str(error) for error in stage.GetCompositionErrors())
-    for item in delegate.TakeUncoalescedDiagnostics():
-        if not any(text in item.commentary for text in texts):
-            texts[item.commentary] = None
-    file = stage.GetRootLayer().realPath
-    notes = [Problem(file, f"{text.strip()} (goes on without it)", fatal=False) for text in texts]
+def _unresolved(stage: Usd.Stage) -> list[Problem]:
+    """Warnings for assets that are named and not found."""
+    notes = []
     for prim in stage.Traverse():
         for attribute in prim.GetAuthoredAttributes():
             if attribute.GetTypeName() == Sdf.ValueTypeNames.Asset:

@@ -1,7 +1,8 @@
 """Spheres, capsules, cylinders, cones and boxes as triangle meshes, for a scale or shear that the shape cannot take.
 
 A body of revolution about z is given by its profile (radius, height) from bottom to top; its ends lie on the axis.
-Points lie on the shape, so the mesh is inside it by at most r (1 - cos(pi / AROUND)), 0.5 % of the radius.
+Points lie on the shape, so the mesh is inside a cylinder by at most r (1 - cos(pi / AROUND)), 0.5 % of the radius, and
+inside a sphere by twice that.
 """
 
 import numpy as np
