@@ -19,10 +19,11 @@ import numpy as np
 from wsim.topology import order_of
 
 WORD = 64            # colours of one mask; where a point has more constraints, the next 64 start with what is left
-PUSHES = 40          # rounds of pushing without a gain before it stops: more find fewer colours, each costs 0.1 ms
-STEPS = 1_000_000    # constraints that chains may visit for each colour added: about a second
+LARGE = 200_000      # constraints from which on one or two colours more are taken at once: seconds less to wait
+CROWDED = 0.2        # uncoloured share above which pushing gets nowhere (grids of triangles, of hinges: 0.18 does, 0.22
+#                      does not), so another colour is added first; half of it for a large set
+STEPS = 1_000_000    # constraints that chains may visit for each number of colours: about a second
 TRIES = 30           # paths tried for a constraint before it is left over
-FEW = 0.004          # uncoloured share under which chains are quicker than pushing
 
 
 class _Coloring:
@@ -45,6 +46,7 @@ class _Coloring:
 
     @property
     def full(self) -> np.unsignedinteger:
+        """All colours."""
         return self.word((1 << self.count) - 1)
 
     def grow(self) -> None:
@@ -86,10 +88,9 @@ class _Coloring:
         claim[slots] = row                                  # in turn, so the last one wins all its points
         return (claim[slots] == row).all(axis=1)
 
-    def fill(self) -> np.ndarray:
+    def fill(self, left: np.ndarray) -> np.ndarray:
         """Gives free colours at random; returns those that find none."""
-        left, stuck = np.arange(len(self.ids), dtype=np.int32), [np.zeros(0, np.int32)]
-        claim = np.empty_like(self.owner)
+        stuck, claim = [np.zeros(0, np.int32)], np.empty_like(self.owner)
         while len(left):
             used = self.mask.take(self.ids[left, 0])
             for j in range(1, self.ids.shape[1]):
@@ -107,12 +108,12 @@ class _Coloring:
 
     def push(self, stuck: np.ndarray) -> np.ndarray:
         """Uncoloured ones take a free colour, or that of the fewest others (not the colour they were driven from),
-        which lose it; until none or few are left, or nothing gets better. Returns the uncoloured."""
-        claim, driven = np.empty_like(self.owner), np.full(len(self.ids), 0, self.word)
-        best, since = len(stuck), 0
-        enough = FEW * len(self.ids) if self.ids.shape[1] == 2 else 0
-        while len(stuck) > enough and since < PUSHES:
-            pick = self._cheapest(stuck, driven[stuck])
+        which lose it. Ends when none is left, or too few find a place for the time it takes. Returns the uncoloured."""
+        claim, driven = np.empty_like(self.owner), np.zeros(len(self.ids), self.word)
+        pairs, lengths = self.ids.shape[1] == 2, [len(stuck)]
+        while len(stuck) and not _stalled(lengths, pairs):
+            small = self.count * stuck.size * self.ids.shape[1] < 1 << 21
+            pick = (self._fewest if small else self._fewest_points)(stuck, driven[stuck])
             won = self._winners(stuck, pick, claim)
             losers = np.sort(self.owner[self.slots(stuck[won], pick[won])], axis=None)
             losers = losers[(losers >= 0) & (losers != np.r_[losers[1:], -1])]
@@ -120,11 +121,24 @@ class _Coloring:
             self._move(losers, -1)
             self._move(stuck[won], pick[won])
             stuck = np.concatenate([stuck[~won], losers])
-            best, since = (len(stuck), 0) if len(stuck) < best else (best, since + 1)
-        return self.chain(stuck) if self.ids.shape[1] == 2 and len(stuck) else stuck
+            lengths.append(len(stuck))
+        return self.chain(stuck) if pairs and len(stuck) else stuck
 
-    def _cheapest(self, which: np.ndarray, forbidden: np.ndarray) -> np.ndarray:
-        """For each constraint one of the colours that are used at the fewest of its points, uint8."""
+    def _fewest(self, which: np.ndarray, forbidden: np.ndarray) -> np.ndarray:
+        """For each constraint one of the colours that it can take from the fewest others, uint8."""
+        there = self.owner.reshape(self.count, -1)[:, self.ids[which]]          # (colours, which, k)
+        cost = self.rng.random(there.shape[:2], dtype=np.float32)
+        for j in range(there.shape[2]):
+            other = there[..., j] >= 0
+            for i in range(j):
+                other &= there[..., j] != there[..., i]
+            cost += other
+        bits = self.word(1) << np.arange(self.count, dtype=self.word)
+        cost[(forbidden & bits[:, None] != 0) & (cost >= 1)] += there.shape[2]
+        return cost.argmin(axis=0).astype(np.uint8)
+
+    def _fewest_points(self, which: np.ndarray, forbidden: np.ndarray) -> np.ndarray:
+        """The same by the number of points where the colour is used: coarser for k > 2, quicker for many."""
         used: list[np.ndarray] = []                         # bits of the colours used at more than 0, 1, ... points
         for j in range(self.ids.shape[1]):
             here = self.mask.take(self.ids[which, j])
@@ -141,49 +155,63 @@ class _Coloring:
         """Colours constraints of two points one by one: where u lacks colour a, and v lacks b, the path of colours
         a, b, a ... from v is turned to b, a, b ..., unless it ends in u; then colour a is free at both. If it ends in
         u, a path from u with another colour is turned first, and u lacks that one. Returns the uncoloured."""
-        owner, other = memoryview(self.owner), memoryview(self.ids.sum(axis=1, dtype=np.int64))
-        n, steps = len(self.mask), STEPS
-
-        def path(p: int, a: int, b: int) -> tuple[list[int], int]:
-            found = []
-            while (e := owner[a * n + p]) >= 0:
-                found.append(e)
-                p, a, b = other[e] - p, b, a
-            return found, p
-
-        def lacks(p: int) -> list[int]:
-            used = int(self.mask[p])
-            return [c for c in range(self.count) if not used >> c & 1]
-
+        owner, mask, colours, n = (*map(memoryview, (self.owner, self.mask, self.colours)), len(self.mask))
+        other, steps = memoryview(self.ids.sum(axis=1, dtype=np.int64)), STEPS
+        every = (1 << self.count) - 1
         draws = iter(self.rng.integers(0, self.count, TRIES * len(stuck)).tolist())
+
+        def walk(p: int, a: int, b: int) -> list[int]:
+            found = [p]
+            while (e := owner[a * n + p]) >= 0:
+                p, a, b = other[e] - p, b, a
+                found.append(p)
+            return found
+
+        def turn(path: list[int], a: int, b: int) -> None:
+            for p in path:
+                e, f = owner[a * n + p], owner[b * n + p]
+                owner[a * n + p], owner[b * n + p] = f, e
+                if e >= 0:
+                    colours[e] = b
+                if f >= 0:
+                    colours[f] = a
+            for p in (path[0], path[-1]):                   # within the path both colours are used
+                mask[p] ^= 1 << a | 1 << b
+
         for e in stuck.tolist():
             u, v = self.ids[e].tolist()
             for _ in range(TRIES):
-                at_u, at_v = lacks(u), lacks(v)
-                a = next((c for c in at_u if c in at_v), -1)
-                if a < 0:
-                    if not at_u or not at_v:                # more constraints there than a mask has colours
-                        break
-                    a, b = at_u[0], at_v[0]
-                    found, last = path(v, a, b)
-                    steps -= len(found)
-                    if last == u:
-                        b = next(draws)
-                        found, _ = path(u, b, a) if b != a else ([], u)
-                        self._swap(found, a, b)
-                        continue
-                    self._swap(found, a, b)
-                self._move(np.array([e]), np.array([a]))
-                break
+                at_u, at_v = ~mask[u] & every, ~mask[v] & every
+                if at_u & at_v or not at_u or not at_v:
+                    break
+                a, b = _lowest(at_u), _lowest(at_v)
+                path = walk(v, a, b)
+                steps -= len(path)
+                if path[-1] != u:
+                    turn(path, a, b)
+                elif mask[u] >> (b := next(draws)) & 1:
+                    turn(walk(u, b, a), a, b)
+            both = ~mask[u] & ~mask[v] & every
+            if both:
+                a = colours[e] = _lowest(both)
+                for p in (u, v):
+                    owner[a * n + p], mask[p] = e, mask[p] | 1 << a
             if steps < 0:
                 break
         return stuck[self.colours[stuck] < 0]
 
-    def _swap(self, path: list[int], a: int, b: int) -> None:
-        """Exchanges colours a and b on a path."""
-        if path:
-            which = np.array(path)
-            self._move(which, a + b - self.colours[which])
+    def solve(self) -> None:
+        """Colours everything, or what 64 colours can hold."""
+        m, pairs = len(self.ids), self.ids.shape[1] == 2
+        crowded = 0.5 * CROWDED if m > LARGE else 1.0 if pairs else CROWDED
+        stuck = self.fill(np.arange(m, dtype=np.int32))
+        while len(stuck):
+            if len(stuck) <= crowded * m:
+                stuck = self.push(stuck)
+            if len(stuck) == 0 or self.count == WORD:
+                return
+            self.grow()
+            stuck = self.fill(stuck)
 
     def balance(self) -> None:
         """Moves constraints from large colours to small ones where these are free, until all are about equal."""
@@ -203,6 +231,25 @@ class _Coloring:
             self._move(movable[won], pick[won])
 
 
+def _lowest(bits: int) -> int:
+    """Number of the lowest set bit."""
+    return (bits & -bits).bit_length() - 1
+
+
+def _stalled(lengths: list[int], pairs: bool) -> bool:
+    """Whether pushing should end, by the numbers left after each round so far. A round costs 0.1 ms and a microsecond
+    for each constraint; a chain about 60 for one. Without chains wait longer for the last few."""
+    rounds, now = len(lengths), lengths[-1]
+    if rounds <= 8:
+        return False
+    if pairs:
+        return lengths[-9] - now < 13 + 0.13 * now
+    if now > 32:
+        return rounds > 16 and min(lengths[-8:]) > 0.95 * min(lengths[-16:-8])
+    waited = max(40, rounds // 2)
+    return rounds > waited and min(lengths[-waited:]) >= min(lengths[:-waited])
+
+
 def color(ids: np.ndarray, n: int, seed: int = 0) -> np.ndarray:
     """Colour of each constraint, (m,) int32, from 0; the number of colours is near the largest number of constraints at
     a point. The same input gives the same colours. A point named twice by a constraint counts once.
@@ -216,10 +263,7 @@ def color(ids: np.ndarray, n: int, seed: int = 0) -> np.ndarray:
     left, base = np.arange(len(ids)), 0
     while len(left):
         part = _Coloring(ids[left], n, seed)
-        stuck = part.push(part.fill())
-        while len(stuck) and part.count < WORD:
-            part.grow()
-            stuck = part.push(stuck)
+        part.solve()
         part.balance()
         got = part.colours >= 0
         colours[left[got]] = part.colours[got].astype(np.int32) + base
