@@ -1,0 +1,59 @@
+"""Contacts in a plan: a search in phase collide, a projection at the end of every iteration."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+
+from wsim.contact.contacts import Bodies, Contacts
+from wsim.scene import Motion
+from wsim.stage import OVERFLOW, Clock, Method, Stage
+
+if TYPE_CHECKING:
+    from wsim.model import Model
+    from wsim.state import State
+
+
+class Contact(Method):
+    """Points of every body against every collider. Raises SceneError for a collider that makes no sense."""
+
+    def __init__(self, model: Model, state: State, points, status: wp.array, struck: wp.array | None, clock: Clock):
+        """points: the method that owns inverse masses and objects (`constants`) and the anchor."""
+        super().__init__("contact")
+        self.model, self.state, self.anchor = model, state, points.anchor
+        colliders = model.scene.colliders
+        bodies = Bodies([colliders] * len(model.bodies), np.stack([b.origin for b in model.bodies]),
+                        points.constants.object, points.constants.w, model.stack("reach"),
+                        np.repeat([b.friction for b in model.bodies], [b.count for b in model.bodies], axis=0))
+        self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
+                                 substeps=clock.substeps, dt=clock.dt, wanted=status, struck=struck)
+        n, size, moving = model.points, np.dtype(model.dtype).itemsize, 2 * sum(
+            m.moves for m in self.contacts.meshes.values())
+        kinds = f"{len(colliders)} x {n} points: {', '.join(self.contacts.kinds)}"
+        self.stages = [Stage("find contacts", "collide", self.search, 1 + moving, n * (20 + 8 * size), what=kinds),
+                       Stage("contacts", "solve", self.project, 1, n * 4, "iteration", "points that touch")]
+
+    def search(self, clock: Clock) -> None:
+        self.contacts.search(clock.k, self.state.x, self.state.d, self.anchor)
+
+    def project(self, clock: Clock) -> None:
+        self.contacts.project(clock.g, self.state.d, self.anchor)
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        self.contacts.prepare(time, substeps=clock.substeps, deep=True if clock.starting else None)
+
+    def grow(self, status: np.ndarray) -> str:
+        if not self.contacts.grow(int(status[OVERFLOW])):
+            return ""
+        return f"a point touches {int(status[OVERFLOW])} colliders at once, more than there was room for"
+
+    def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
+        return self.contacts.indicators(self.state.x) if self.contacts.time is not None else {}
+
+    def set(self, path: str, name: str, value) -> bool:
+        """motion of a collider: a Motion or a (4, 4) matrix."""
+        if name != "motion":
+            return False
+        return self.contacts.move(path, value if isinstance(value, Motion) else Motion.still(value))
