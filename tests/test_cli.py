@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -154,7 +155,7 @@ def test_a_device_that_is_not_there_is_named_with_those_that_are(stage, out, cap
 
 def test_check_passes_a_sound_scene(stage, capsys):
     assert wsim("check", stage) == 0
-    assert "0 errors, 0 warnings; 1 cloths" in capsys.readouterr().out
+    assert "0 errors, 0 warnings; 1 cloth, 1 pin; 16 points" in capsys.readouterr().out
 
 
 def test_check_says_everything_and_fails(stage, capsys):
@@ -247,6 +248,30 @@ def test_an_interrupted_run_keeps_its_frames(stage, out, monkeypatch, capsys):
     assert run(stage, out) == 130
     assert f"{out} holds the 2 frames so far" in capsys.readouterr().err
     assert list(samples(out)) == [0, 1, 2]
+
+
+def test_ctrl_c_from_outside_ends_a_run_with_130(stage, out):
+    """Whenever it comes once the result has begun: the file is whole and holds the frames so far."""
+    options = ["--device", "cpu", "--frames", "100000", "--quiet"]
+    command = [sys.executable, "-m", "wsim", "run", stage, "-o", out, *options]
+    with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
+        give_up = time.monotonic() + 60.0
+        while not os.path.exists(out.replace(".usdc", ".partial.usdc")) and time.monotonic() < give_up:
+            time.sleep(0.01)
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        message = process.communicate(timeout=60.0)[1]
+    assert process.returncode == 130 and "frames so far" in message and "Traceback" not in message
+    assert list(samples(out))[0] == 0
+
+
+def test_an_ignored_ctrl_c_stays_ignored():
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with whole():
+            assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_ctrl_c_waits_for_what_is_being_written():

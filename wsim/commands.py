@@ -152,17 +152,23 @@ def check(args) -> int:
         return FAILED if fatal else DONE
     for problem in problems:
         print(problem)
-    counts = f"{args.scene}: {fatal} errors, {len(problems) - fatal} warnings"
+    counts = f"{args.scene}: {_count(fatal, 'error')}, {_count(len(problems) - fatal, 'warning')}"
     print(f"{counts}; {_inventory(scene)}" if scene else counts)
     return FAILED if fatal else DONE
+
+
+def _count(n: int, noun: str) -> str:
+    """1 pin, 2 pins"""
+    return f"{n} {noun}{'' if n == 1 else 's'}"
 
 
 def _inventory(scene: "Scene") -> str:
     """What a scene holds, in words."""
     points = sum(len(body.points) for body in scene.bodies())
-    return (f"{len(scene.cloths)} cloths and {len(scene.springs)} spring nets of {points} points, "
-            f"{len(scene.colliders)} colliders, {len(scene.pins)} pins; {scene.frames} frames of 1/{scene.fps:g} s, "
-            f"{scene.substeps} substeps, {scene.iterations} iterations, {scene.integrator}")
+    kinds = {"cloth": scene.cloths, "spring net": scene.springs, "collider": scene.colliders, "pin": scene.pins}
+    things = ", ".join(_count(len(found), noun) for noun, found in kinds.items() if found)
+    return (f"{things}; {_count(points, 'point')}; {_count(scene.frames, 'frame')} of 1/{scene.fps:g} s, "
+            f"{_count(scene.substeps, 'substep')}, {_count(scene.iterations, 'iteration')}, {scene.integrator}")
 
 
 def plan(args) -> int:
@@ -195,5 +201,5 @@ def picture(args) -> int:
                  camera=args.camera)
     for note in drawn.get("notes", ()):
         _say(str(note))
-    print(f"{drawn['out']}: {len(drawn['frames'])} frames, {drawn['size'][0]} x {drawn['size'][1]} pixels")
+    print(f"{drawn['out']}: {_count(len(drawn['frames']), 'frame')}, {drawn['size'][0]} x {drawn['size'][1]} pixels")
     return DONE

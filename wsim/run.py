@@ -9,6 +9,7 @@ An interruption or a failure keeps the frames that were written; Ctrl-C waits wh
 """
 
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -57,13 +58,16 @@ def _collider_later(collider: Collider, delay: float) -> Collider:
 
 @contextmanager
 def whole() -> Iterator[None]:
-    """Ctrl-C inside takes effect at the end, as KeyboardInterrupt: what is being written is finished first."""
-    came = []
-    try:
-        before = signal.signal(signal.SIGINT, lambda *_: came.append(True))
-    except ValueError:                   # not the main thread: Python gives it no signals
+    """Ctrl-C inside takes effect at the end, as KeyboardInterrupt: what is being written is finished first.
+
+    Where Ctrl-C is ignored (a background job) or somebody else's, and outside the main thread, nothing changes.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
         yield
         return
+    came = []
+    signal.signal(signal.SIGINT, lambda *_: came.append(True))
     try:
         yield
     finally:
