@@ -14,10 +14,9 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import warp as wp
 
-from wsim.kernels.constraint import TABLE, inverse, membrane_response
+from wsim.kernels.constraint import TABLE, membrane_response
 from wsim.kernels.real import types
 
 
@@ -52,63 +51,20 @@ def projection(constraint: str, *, real=wp.float32, module="unique", multipliers
     The kernel's arguments: batch, x, w, a, first, rate, d, lam, d_out, lam_out (lam vec3 for the membrane); launched
     over the constraints of a colour, the first of which is `first`.
     """
-    o = _options(constraint, real, multipliers, damped, uniform)
+    o = variant(constraint, real, multipliers, damped, uniform)
     name = f"project_{o.name}" + ("_backward" if backward else "")
     make = _block if o.rows == 3 else _row
     return o.Batch, wp.kernel(make(o), name=name, module=module, enable_backward=backward)
 
 
-@cache
-def residual(constraint: str, *, real=wp.float32, module="unique", damped: bool = False, uniform: bool = False):
-    """Kernel: largest |r| of each thread's share of the constraints, over the rest length if C is one: [1] or [rad].
-
-    Arguments: batch, x, a, count, rate, d, lam, out; launched over out, shape (threads,): thread t takes constraints t,
-    t + threads, ... Just after its projection a row has r = 0; this is what the iterations have left.
-    """
-    o = _options(constraint, real, True, damped, uniform)
-    return wp.kernel(_residual(o), name=f"residual_{o.name}", module=module, enable_backward=False)
-
-
-@cache
-def statistics(constraint: str, *, real=wp.float32, module="unique", uniform: bool = False):
-    """Kernel: largest strain, sum of squared strains and energy 1/2 C alpha^-1 C [J] of each thread's share.
-
-    Arguments: batch, x, count, d, out; launched over out, shape (threads,) of vec3d. Strain is C over the rest length,
-    or C itself: an angle [rad], strains of the membrane. Hard constraints store no energy.
-    """
-    o = _options(constraint, real, False, False, uniform)
-    return wp.kernel(_statistics(o), name=f"statistics_{o.name}", module=module, enable_backward=False)
-
-
-@cache
-def highest(*, real=wp.float32, module="unique"):
-    """Kernel for one thread: out[place] = largest of `partial`; where that is over `limit`, status[flag] grows by one.
-
-    Arguments: partial, limit, place, flag, out, status.
-    """
-
-    def judge(partial: wp.array(dtype=real), limit: real, place: int, flag: int, out: wp.array(dtype=real),
-              status: wp.array(dtype=int)):
-        most = real(0.0)
-        for i in range(partial.shape[0]):
-            most = wp.max(most, partial[i])
-        out[place] = most
-        if most > limit:
-            status[flag] = status[flag] + 1
-
-    return wp.kernel(judge, name=f"highest_{types(real).name}", module=module, enable_backward=False)
-
-
-def _options(constraint, real, multipliers, damped, uniform) -> SimpleNamespace:
-    """What the makers of kernels need: the row of the table, the types, the variant and its name."""
+def variant(constraint, real, multipliers, damped, uniform) -> SimpleNamespace:
+    """What the makers of kernels need: the row of the table, the types, the flags, a name, and the function `terms`."""
     row, t = TABLE[constraint], types(real)
     flags = {"lam": multipliers and not row.unilateral, "damped": damped and not row.unilateral, "uniform": uniform}
     name = "_".join([constraint, *(word for word, on in flags.items() if on), t.name])
     o = SimpleNamespace(**vars(row), **flags, t=t, name=name, Batch=batch_of(constraint, real))
     o.value = t.vec3 if row.rows == 3 else real
     o.place = first_entry if uniform else own_entry
-    o.size, o.square, o.energy = (
-        (size_block, square_block, energy_block) if row.rows == 3 else (size_row, square_row, energy_row))
     o.terms = _terms_block(o) if row.rows == 3 else _terms_row(o)
     return o
 
@@ -131,44 +87,6 @@ def plane_stress(alpha: Any):
     o = type(alpha[0])(0.0)
     return wp.matrix_from_rows(wp.vector(alpha[0], alpha[1], o), wp.vector(alpha[1], alpha[0], o),
                                wp.vector(o, o, alpha[2]))
-
-
-@wp.func
-def size_row(C: Any):
-    """Largest |row| of C."""
-    return wp.abs(C)
-
-
-@wp.func
-def size_block(C: Any):
-    """Largest |row| of C."""
-    return wp.max(wp.max(wp.abs(C[0]), wp.abs(C[1])), wp.abs(C[2]))
-
-
-@wp.func
-def square_row(C: Any):
-    """Sum of the squares of the rows of C."""
-    return C * C
-
-
-@wp.func
-def square_block(C: Any):
-    """Sum of the squares of the rows of C."""
-    return wp.dot(C, C)
-
-
-@wp.func
-def energy_row(C: Any, alpha: Any):
-    """1/2 C^2 / alpha [J]; 0 where alpha is 0."""
-    return type(C)(0.5) * C * C * inverse(alpha)
-
-
-@wp.func
-def energy_block(C: Any, alpha: Any):
-    """1/2 C alpha^-1 C [J] with the compliance of plane stress; 0 where alpha is 0."""
-    two = type(C[0])(2.0)
-    plane = alpha[0] * (C[0] * C[0] + C[1] * C[1]) - two * alpha[1] * C[0] * C[1]
-    return (plane * inverse(alpha[0] * alpha[0] - alpha[1] * alpha[1]) + C[2] * C[2] * inverse(alpha[2])) / two
 
 
 def _terms_row(o):
@@ -307,7 +225,7 @@ def _terms_block(o):
 def _block(o):
     """Projection of constraints with three rows on three points: the three multipliers are solved for together."""
     real, vec3, terms, place = o.t.scalar, o.t.vec3, o.terms, o.place
-    tiny = 4.0 * float(np.finfo(wp.dtype_to_numpy(real)).eps)
+    tiny = 4.0 * (2.0**-23 if real is wp.float32 else 2.0**-52)     # roundings left where elimination ends in 0
 
     def project(batch: o.Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
                 first: int, rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=vec3),
@@ -335,53 +253,3 @@ def _block(o):
             lam_out[c] = before + dlam
 
     return project
-
-
-def _residual(o):
-    """Largest remainder of each thread's share of the constraints."""
-    real, vec3, terms, place, size = o.t.scalar, o.t.vec3, o.terms, o.place, o.size
-
-    def residual(batch: o.Batch, x: wp.array(dtype=vec3), a: wp.array(dtype=vec3), count: int, rate: real,
-                 d: wp.array(dtype=vec3), lam: wp.array(dtype=o.value), out: wp.array(dtype=real)):
-        most = real(0.0)
-        for c in range(wp.tid(), count, out.shape[0]):
-            alpha = wp.static(o.value(0.0))
-            gamma = real(0.0)
-            before = wp.static(o.value(0.0))
-            if wp.static(o.lam):
-                alpha = (rate * rate) * batch.alpha[place(c)]
-                before = lam[c]
-            if wp.static(o.damped):
-                gamma = rate * batch.tau[place(c)]
-            C, r, G, H, N = terms(batch, c, x, d, a, alpha, gamma, before)
-            left = size(r)
-            if wp.static(o.unit == "m"):
-                left *= inverse(batch.rest[c])
-            most = wp.max(most, left)
-        out[wp.tid()] = most
-
-    return residual
-
-
-def _statistics(o):
-    """Strain and energy of each thread's share of the constraints."""
-    real, vec3, terms, place, size, square, energy = (
-        o.t.scalar, o.t.vec3, o.terms, o.place, o.size, o.square, o.energy)
-
-    def statistics(batch: o.Batch, x: wp.array(dtype=vec3), count: int, d: wp.array(dtype=vec3),
-                   out: wp.array(dtype=wp.vec3d)):
-        most = real(0.0)
-        squares = wp.float64(0.0)
-        stored = wp.float64(0.0)
-        none = wp.static(o.value(0.0))
-        for c in range(wp.tid(), count, out.shape[0]):
-            C, r, G, H, N = terms(batch, c, x, d, x, none, real(0.0), none)
-            if wp.static(not o.unilateral):
-                stored += wp.float64(energy(C, batch.alpha[place(c)]))
-            if wp.static(o.unit == "m"):
-                C *= inverse(batch.rest[c])
-            most = wp.max(most, size(C))
-            squares += wp.float64(square(C))
-        out[wp.tid()] = wp.vec3d(wp.float64(most), squares, stored)
-
-    return statistics
