@@ -24,7 +24,7 @@ BACKDROP, GROUND, SURFACE = wp.constant(0), wp.constant(1), wp.constant(2)
 LIFT = wp.constant(2.0e-4)        # start of a secondary ray over its surface; smaller: freckles, larger: light leaks
 FAR = wp.constant(1.0e4)          # longest ray
 BACK_SHADE = wp.constant(0.72)    # albedo of the back side over that of the front
-BOUNCE = wp.constant(0.45)        # light that a surface met by a sky ray is assumed to receive
+BOUNCE = wp.constant(0.30)        # light that a surface met by a sky ray is assumed to receive
 OFF_PLANE = wp.constant(0.02)     # neighbours this far from the tangent plane, a unit of view distance, share no light
 
 

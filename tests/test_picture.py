@@ -14,6 +14,7 @@ from wsim.camera import Camera, fitted, subjects
 from wsim.kernels import ray
 from wsim.look import Look, smoothing
 from wsim.picture import Caster, picture, render
+from wsim.picture import caster as casters
 from wsim.scene import SceneError
 from wsim.visible import visible
 
@@ -67,7 +68,7 @@ def test_sky_light_on_a_free_ground_is_the_exact_integral():
     light = caster.light.numpy()[24:40, 24:40]           # away from the border, where the filter is cut
     s = np.sqrt(1.0 - (np.arange(64) + 0.5) / 64)        # sine of the elevation of each sample
     mean = np.mean(np.sqrt(s))
-    expected = [1.0, *(np.array(pictures.HORIZON) * (1 - mean) + np.array(pictures.ZENITH) * mean)]
+    expected = [1.0, *(np.array(casters.HORIZON) * (1 - mean) + np.array(casters.ZENITH) * mean)]
     # the rotation of the samples costs rounding of 1e-7 on a slope of sqrt(s) up to 1 / (2 sqrt(s_min)) = 2
     np.testing.assert_allclose(light, np.broadcast_to(expected, light.shape), atol=5e-6)
     assert abs(mean - 0.8) < 0.005                       # and the rule is near the integral that `develop` divides by
@@ -81,10 +82,10 @@ def test_a_plate_throws_its_shadow_along_the_light():
     what, lit = caster.samples.what.numpy(), caster.light.numpy()[..., 0]
     center, scale = np.array([0.0, 1.0, 0.0]), np.sqrt(2.0)
     ground = caster.samples.place.numpy() * scale + center
-    toward = np.array(pictures._view(view, "Y", 0.0, center, scale).light)
+    toward = np.array(casters._view(view, "Y", 0.0, center, scale).light)
     at = ground + toward * ((1.0 - ground[..., 1]) / toward[1])[..., None]    # where the ray to the light meets y = 1
     # penumbra: the disc of the light at distance 1 / toward_y, laid on the level; filter: 1 + 2 + 4 pixels of 0.05 m
-    blur = pictures.SPREAD / toward[1] ** 2 + 7 * 0.05
+    blur = casters.SPREAD / toward[1] ** 2 + 7 * 0.05
     off = np.maximum(np.abs(at[..., 0]), np.abs(at[..., 2])) - 1.0
     inside, outside = (what == GROUND) & (off < -blur), (what == GROUND) & (off > blur)
     assert inside.sum() > 50 and outside.sum() > 500
