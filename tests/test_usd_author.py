@@ -117,6 +117,7 @@ def test_a_mesh_that_cannot_be_simulated_is_not_made_a_scene(tmp_path):
 
 def test_a_mesh_in_an_instance_names_the_instance(tmp_path):
     text = SHIRT.format(header="metersPerUnit = 0.01", more="").replace('def "garment"', 'class "garment"')
-    (tmp_path / "i.usda").write_text(text + 'def Xform "copy" (instanceable = true\nprepend references = </garment>) {}\n')
+    copy = 'def Xform "copy" (instanceable = true\nprepend references = </garment>) {}\n'
+    (tmp_path / "i.usda").write_text(text + copy)
     with pytest.raises(SceneError, match="instanceable = false on /copy"):
         author_cloth(tmp_path / "i.usda", tmp_path / "scene.usda")

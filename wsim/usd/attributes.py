@@ -8,6 +8,7 @@ float, which counts as long as the float still is its rounding: who edits the fl
 import numpy as np
 from pxr import Gf, Sdf, Usd, Vt
 
+from wsim.scene import Problem, SceneError
 from wsim.usd.names import Row, row
 from wsim.usd.stage import Units
 
@@ -32,16 +33,21 @@ def read(prim: Usd.Prim, owner: str, field: str, units: Units = SI, time=None, t
 
     time        time code; None: the default value
     through     (forward, inverse) between the field [SI] and what the attribute holds [SI]
-    Scalars are Python numbers, arrays NumPy, points of shape (n, 3).
+    Scalars are Python numbers, arrays NumPy, points of shape (n, 3). An empty array says as little as none: None.
+    Raises SceneError if the attribute is of a type that cannot be what the row says.
     """
     entry = row(owner, field)
     attribute = prim.GetAttribute(entry.attribute)
     if not attribute or not attribute.HasAuthoredValue():
         return None
     value = attribute.Get(Usd.TimeCode.Default() if time is None else time)
-    if value is None:
+    if value is None or entry.type.endswith("[]") and hasattr(value, "__len__") and len(value) == 0:
         return None
-    return _si(attribute, value, entry, units, through)
+    try:
+        return _si(attribute, value, entry, units, through)
+    except (TypeError, ValueError):
+        raise SceneError(Problem(str(attribute.GetPath()), f"is of type {attribute.GetTypeName()}; allowed is "
+                                 f"{entry.type}: author it again with that type")) from None
 
 
 def _si(attribute, value, entry: Row, units: Units, through):

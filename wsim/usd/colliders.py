@@ -41,6 +41,9 @@ def load_collider(reading: Reading, prim: Usd.Prim) -> Collider | None:
         reading.warn(path, f"is a {kind or 'prim without a type'} with {names.COLLISION}; such a collider is left out "
                      "(read are Plane, Sphere, Cube, Capsule, Cylinder, Cone and Mesh)")
         return None
+    if _axis(prim) not in TURN:
+        reading.fail(path, f"axis is {_axis(prim)!r}; allowed is X, Y or Z")
+        return None
     place = placement(reading, prim)
     try:
         place, S = _rigid(place, TURN[_axis(prim)] if sizes else TURN["Z"], sizes)
@@ -202,7 +205,7 @@ def _mesh(reading: Reading, prim: Usd.Prim, place: Placement, S: np.ndarray) -> 
     poses = None
     if len(codes) > 1 or (len(codes) == 1 and noted is not None):
         values = [read(prim, "Cloth", "points", units, code) for code in codes]
-        if any(v.shape != points.shape for v in values):
+        if any(v is None or v.shape != points.shape for v in values):
             reading.fail(path, f"its number of points changes (from {len(points)}); a collider mesh must keep its "
                                "points")
             return None

@@ -6,6 +6,7 @@ seen. Instance proxies collide, but cannot be cloth, since a result cannot be wr
 
 import os
 from dataclasses import dataclass, field
+from math import inf
 
 from pxr import Usd, UsdGeom
 
@@ -59,6 +60,7 @@ def read_stage(stage: Usd.Stage, notes: list[Problem] | None = None) -> Scene:
 
 
 def _read(reading: Reading) -> Scene:
+    _usable_units(reading)
     reading.frames = frames_of(reading)
     found = _walk(reading)
     scene = load_settings(reading, found.scenes)
@@ -81,6 +83,17 @@ def _read(reading: Reading) -> Scene:
             scene.pins.append(pin)
     _order(scene, found.scenes)
     return _finished(reading, scene, found)
+
+
+def _usable_units(reading: Reading) -> None:
+    """Raises SceneError if no length, mass or time can be told from the root metadata."""
+    file = reading.stage.GetRootLayer().realPath
+    units = {"metersPerUnit": reading.units.metres, "kilogramsPerUnit": reading.units.kilograms,
+             "timeCodesPerSecond": reading.units.fps}
+    wrong = [Problem(file, f"{name} is {value:g}; allowed is a finite number > 0: correct the root layer's metadata")
+             for name, value in units.items() if not 0.0 < value < inf]
+    if wrong:
+        raise SceneError(wrong)
 
 
 def _load_body(reading: Reading, scene: Scene, prim: Usd.Prim, body: Usd.Prim) -> None:

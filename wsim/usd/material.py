@@ -89,7 +89,7 @@ def _sheet(reading: Reading, material: Usd.Prim, thickness: float | None) -> dic
         reading.fail(material.GetPath(), f"{name} is {E / units.factor('Pa'):g}; allowed is a finite number > 0")
         E = names.YOUNGS_MODULUS
     safe = nu if -1.0 < nu < 0.5 else 0.0                      # out of range: reported by _validated
-    derived = {"stretch": E * h, "shear": E * h / (2.0 * (1.0 + safe)), "bend": E * h**3 / (12.0 * (1.0 - safe**2))}
+    derived = {"stretch": E * h, "shear": E * h / (2.0 * (1.0 + safe)), "bend": E * h * h * h / (12.0 * (1.0 - safe * safe))}
     for field in derived:
         value = read(material, "Fabric", field, units, through=_plane_stress(safe) if field == "stretch" else None)
         if value not in UNAUTHORED:

@@ -69,7 +69,7 @@ def _gravity(prim: Usd.Prim, units: Units) -> tuple[float, float, float]:
     length = math.sqrt(sum(v * v for v in direction))
     x, y, z = (v / length for v in direction) if length > 0 else _down(units)
     noted = prim.GetAttribute(row("Scene", "magnitude").attribute).GetCustomDataByKey(EXACT)
-    if isinstance(noted, Gf.Vec3d):
+    if isinstance(noted, Gf.Vec3d) and math.isfinite(magnitude):
         exact = float(noted[0]), float(noted[1]), float(noted[2])
         if np.allclose(exact, magnitude * np.array([x, y, z]), rtol=1e-6, atol=1e-6 * magnitude):
             return exact
