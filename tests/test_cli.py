@@ -117,7 +117,6 @@ def test_what_is_no_usd_is_one_message(tmp_path, out, capsys):
     (OSError(errno.ENOSPC, "No space left on device", "out.usdc"), "the disk is full (out.usdc)"),
     (PermissionError(errno.EACCES, "Permission denied", "out.usdc"), "Permission denied: 'out.usdc'"),
     (RuntimeError("Failed to allocate 8 bytes on device 'cuda:0': out of memory"), "smaller scene"),
-    (ModuleNotFoundError("No module named 'rerun'", name="rerun"), "pip install 'wsim[view]'"),
     (ZeroDivisionError("division by zero"), "unexpected ZeroDivisionError: division by zero; please report"),
 ])
 def test_every_failure_has_its_line(error, words):
@@ -149,6 +148,13 @@ def test_a_device_that_is_not_there_is_named_with_those_that_are(stage, out, cap
     message = capsys.readouterr().err
     assert "cuda:77" in message and "cpu" in message and "unexpected" not in message
     assert not os.path.exists(out)
+
+
+def test_a_live_view_without_rerun_says_what_to_install_and_leaves_nothing(stage, out, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "rerun", None)              # as if it were not installed
+    assert run(stage, out, "--view") == 1
+    assert "wsim[view]" in capsys.readouterr().err
+    assert os.listdir(tmp_path) == [os.path.basename(stage)]
 
 
 # commands

@@ -24,7 +24,7 @@ LAYERS = (
     ("curve", "fabric", "polygon", "scene", "solids", "topology", "normals", "shapes", "color", "check", "check_object",
      "camera", "look", "png", "gif", "progress", "report"),
     ("kernels",),
-    ("stage", "state", "model", "linear"),
+    ("stage", "state", "order", "model", "linear"),
     ("contact",),
     ("points", "springs", "aero", "xpbd", "cloth", "fem", "rigid", "fluid", "pose"),
     ("plan",),

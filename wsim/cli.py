@@ -152,6 +152,7 @@ def _plan(commands) -> None:
 def _view(commands) -> None:
     view = commands.add_parser("view", help="show a result (needs the extra `view`)")
     view.add_argument("result")
+    view.add_argument("--save", metavar="FILE", help="write a .rrd file instead, for: rerun FILE")
 
 
 def _picture(commands) -> None:
@@ -177,8 +178,6 @@ def explain(error: BaseException) -> str:
         return f"error: the disk is full ({error.filename or text}); free space or write elsewhere with -o"
     if isinstance(error, OSError):
         return f"error: {text}"
-    if isinstance(error, ModuleNotFoundError) and (error.name or "").split(".")[0] == "rerun":
-        return "error: the viewer needs rerun; install it: pip install 'wsim[view]' (or: pip install rerun-sdk)"
     if isinstance(error, MemoryError) or "out of memory" in text.lower():
         return f"error: out of memory ({text}); use a smaller scene, --precision float32 or another --device"
     return f"error: unexpected {type(error).__name__}: {text}; please report this, with what --debug shows"

@@ -2,6 +2,8 @@
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -51,27 +53,23 @@ def run(args) -> int:
     """`wsim run`: simulate, write, report."""
     began = perf_counter()
     import wsim.recorder  # noqa: F401  (USD, to tell its import from the loading)
-    from wsim.run import prepare
 
     seconds = {"import": perf_counter() - began}
+    told: set[str] = set()
     with line(0, quiet=args.quiet) as progress:
         progress.say(f"loading {args.scene}")
         scene = _load(args)
         seconds["load"] = perf_counter() - began - seconds["import"]
-        job = prepare(scene, args.output, lambda s: _simulation(s, args), samples=args.samples, preroll=args.preroll,
-                      flatten=args.flatten, restart=args.restart)
-        progress.clear()
-        told: set[str] = set()
-        _warn(job, told)
-        if args.view:
-            _watch(job)
-        progress.frames, job.shown = job.steps, progress.frame
-        progress.say("compiling")
-        try:
-            job.frames()
-            code = DONE
-        except KeyboardInterrupt:
-            code = INTERRUPTED
+        with _prepared(scene, args) as job:
+            progress.clear()
+            _warn(job, told)
+            progress.frames, job.shown = job.steps, progress.frame
+            progress.say("compiling")
+            try:
+                job.frames()
+                code = DONE
+            except KeyboardInterrupt:
+                code = INTERRUPTED
     if code == DONE and args.png:
         _draw(args, seconds)
     seconds["total"] = perf_counter() - began
@@ -80,6 +78,30 @@ def run(args) -> int:
         kept = f"{job.result} holds the {job.written} frames so far" if job.result else "no frame was written"
         _say(f"interrupted: {kept}")
     return code
+
+
+@contextmanager
+def _prepared(scene: "Scene", args) -> Iterator["Run"]:
+    """The run that is asked for, with a viewer where one is."""
+    from wsim.run import prepare
+
+    viewers = []
+
+    def simulate(simulated: "Scene") -> "Simulation":
+        if args.view:
+            from wsim.view import Viewer
+
+            viewers.append(Viewer(simulated))
+        return _simulation(simulated, args)
+
+    try:
+        job = prepare(scene, args.output, simulate, samples=args.samples, preroll=args.preroll, flatten=args.flatten,
+                      restart=args.restart)
+        job.watchers += [viewer.log for viewer in viewers]
+        yield job
+    finally:
+        for viewer in viewers:
+            viewer.close()
 
 
 def _warnings(job: "Run") -> list[str]:
@@ -93,12 +115,6 @@ def _warn(job: "Run", told: set[str]) -> None:
         if warning not in told:
             _say(warning if warning.startswith("warning") else f"warning: {warning}")
     told.update(_warnings(job))
-
-
-def _watch(job: "Run") -> None:
-    from wsim.view import Viewer
-
-    job.watchers.append(Viewer(job.scene).log)
 
 
 def _draw(args, seconds: dict[str, float]) -> None:
@@ -184,10 +200,10 @@ def plan(args) -> int:
 
 
 def view(args) -> int:
-    """`wsim view`: a result in rerun."""
+    """`wsim view`: a result in rerun, or as a file for it."""
     from wsim.view import view as show
 
-    show(args.result)
+    show(args.result, save=args.save)
     return DONE
 
 
