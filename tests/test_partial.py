@@ -12,7 +12,7 @@ from pxr import Sdf, Vt
 
 from tests.test_recorder import CLOTH, EPS, author, record, world
 from wsim import partial
-from wsim.restart import Result
+from wsim.restart import Result, load_restart
 
 
 def run(script: str, *arguments) -> subprocess.Popen:
@@ -27,7 +27,8 @@ def test_a_killed_run_leaves_its_frames_and_the_next_one_says_where(tmp_path):
     scene = author(tmp_path / "s.usda")
     process = run("""
         partial.SHARE = 1.0
-        recorder = Recorder(author(sys.argv[1] + "/t.usda"), sys.argv[1] + "/out.usdc")
+        fields = lambda: {CLOTH: {"x": np.ones(100_000)}}
+        recorder = Recorder(author(sys.argv[1] + "/t.usda"), sys.argv[1] + "/out.usdc", restart_fields=fields)
         for f in range(100000):
             recorder.append(1.0 + f, *world(frame=f % 7))
             if f == 20:
@@ -42,6 +43,8 @@ def test_a_killed_run_leaves_its_frames_and_the_next_one_says_where(tmp_path):
     assert str(kept) in str(recorder.notes[0])
     codes = Result(kept).time_codes(CLOTH)
     assert len(codes) >= 21 and codes == [1.0 + f for f in range(len(codes))]
+    restart = load_restart(kept, scene)              # fields this large come with the first save and then not for long
+    assert restart.exact and restart.frame == 0
     last = world(frame=(len(codes) - 1) % 7)[0][CLOTH]
     assert np.abs(Result(kept).positions(CLOTH, codes[-1]) - last).max() < 2 * EPS
 

@@ -208,6 +208,27 @@ def test_every_curve_end_goes_where_its_particle_goes(tmp_path):
     assert np.array_equal(load_restart(tmp_path / "out.usdc", scene).velocities["/World/net"], v["/World/net"])
 
 
+def test_the_variant_that_was_loaded_is_the_one_in_the_result(tmp_path):
+    scene = author(tmp_path / "s.usda")
+    stage = Usd.Stage.Open(scene.source)
+    prim = stage.GetPrimAtPath(CLOTH)
+    sizes = prim.GetVariantSets().AddVariantSet("size")
+    points = prim.GetAttribute("points").Get()
+    prim.RemoveProperty("points")
+    for name, count in (("small", 16), ("tiny", 3)):
+        sizes.AddVariant(name)
+        sizes.SetVariantSelection(name)
+        with sizes.GetVariantEditContext():
+            prim.GetAttribute("points").Set(points[:count])
+    stage.Save()                                          # the file itself says tiny
+    with pytest.raises(SceneError, match="has 3 points"):
+        Recorder(scene, tmp_path / "out.usdc")
+    scene.variants = {CLOTH: {"size": "small"}}
+    record(scene, tmp_path / "out.usdc")
+    stage = Usd.Stage.Open(str(tmp_path / "out.usdc"))
+    assert stage.GetPrimAtPath(CLOTH).GetVariantSet("size").GetVariantSelection() == "small"
+
+
 def test_a_cloth_inside_an_instance_is_refused_by_the_instances_name(tmp_path):
     author(tmp_path / "asset.usda")
     stage = Usd.Stage.CreateNew(str(tmp_path / "s.usda"))

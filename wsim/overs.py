@@ -10,6 +10,7 @@ which is what transforms keyed at each frame do from this code on. Computed in f
 float32, in the prim's frame.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +18,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from wsim.normals import Normals
-from wsim.scene import Problem, SceneError
+from wsim.scene import Collider, Problem, SceneError
 from wsim.usd.names import row
 
 STEP = 1.0 / 16.0      # [time codes] of the forward difference
@@ -217,8 +218,9 @@ class ColliderOver:
     source has them, because the strongest layer that holds a sample owns them all.
     """
 
-    def __init__(self, stage: Usd.Stage, source: str, collider, codes: list[float]):
-        self.stage, self.source, self.collider, self.codes = stage, source, collider, codes
+    def __init__(self, stage: Usd.Stage, original: Callable[[], Usd.Stage], collider: Collider, codes: list[float]):
+        """original() opens the source; codes are the time codes written so far, which the caller keeps adding to."""
+        self.stage, self.open, self.collider, self.codes = stage, original, collider, codes
         self.op: Any = None                    # its transform op and the source's stage, once it has moved otherwise
         self.original: Any = None
         if stage.GetRootLayer().GetAttributeAtPath(f"{collider.path}.xformOp:transform"):     # an earlier run moved it
@@ -243,7 +245,7 @@ class ColliderOver:
         if not prim or prim.IsInstanceProxy() or not prim.IsA(UsdGeom.Xformable):
             raise SceneError(Problem(path, "was moved, but is not a prim that a layer can move; it must be an "
                                      "Xformable outside instances in the scene's file"))
-        self.original = Usd.Stage.Open(self.source)
+        self.original = self.open()
         xformable = UsdGeom.Xformable(prim)
         reset = xformable.GetResetXformStack()
         self.op = xformable.MakeMatrixXform()

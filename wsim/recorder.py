@@ -9,6 +9,7 @@ grows under a name of its own and is renamed when it is whole (`wsim.partial`): 
 NAME.partial.usdc with its frames, and the next run to the same output puts that aside as NAME.recovered.usdc.
 """
 
+import math
 import os
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -20,7 +21,7 @@ from wsim.overs import BodyOver, ColliderOver, body_prim
 from wsim.partial import Partial, check_output, partial_path, recover
 from wsim.restart import Restart, check_fields, copy_samples, is_frame, store
 from wsim.scene import Problem, Scene, SceneError
-from wsim.sublayer import flattened, put_over, refuse_layers_of, write_source
+from wsim.sublayer import choose, flattened, put_over, refuse_layers_of, write_source
 from wsim.usd.stage import open_stage
 
 Arrays = Mapping[str, np.ndarray]
@@ -49,7 +50,7 @@ class Recorder:
         self.notes: list[Problem] = []
         self.codes: list[float] = []          # time codes written, this run's and those it continues
         self.count = 0                        # appends of this run
-        self.bytes_since_fields = 0
+        self.bytes_since_fields = math.inf    # of samples; the first save takes the fields along
         self.fields: Mapping[str, Arrays] = {}   # of the last whole frame
         self.fields_code = 0.0
         self.made: str | None = None          # source written by this recorder
@@ -76,7 +77,7 @@ class Recorder:
     def _choose_source(self) -> None:
         if self.scene.source:
             self.source = os.path.abspath(self.scene.source)
-            refuse_layers_of(self.source, self.path)
+            refuse_layers_of(open_stage(self.source, self.scene.variants), self.path)
         else:
             self.source = self.made = write_source(self.scene, self.path)
 
@@ -87,6 +88,7 @@ class Recorder:
         self.stage: Any = Usd.Stage.Open(layer)
         delegate.TakeUncoalescedDiagnostics()
         self.stage.SetEditTarget(layer)
+        choose(self.stage, self.scene.variants)
         self.rate = self.stage.GetTimeCodesPerSecond()
         self.bodies, problems = {}, []
         for body in self.scene.bodies():
@@ -100,8 +102,11 @@ class Recorder:
                       for path, (prim, _) in self.bodies.items()}
         if self.continues:
             self.codes += copy_samples(self.continues, self.stage, self.scene)
-        self.colliders = {c.path: ColliderOver(self.stage, self.source, c, self.codes) for c in self.scene.colliders}
+        self.colliders = {c.path: ColliderOver(self.stage, self._original, c, self.codes) for c in self.scene.colliders}
         layer.startTimeCode = self.scene.start
+
+    def _original(self) -> Any:
+        return open_stage(self.source, self.scene.variants)
 
     # writing
 
@@ -156,7 +161,9 @@ class Recorder:
         if not np.isfinite(code) or code < last or (code == last and self.count):
             raise ValueError(f"time code {code:g} is not later than {last:g}, the last one written")
         for what, given in (("positions", positions), ("velocities", velocities)):
-            for path, (_, n) in self.bodies.items() if given is not None else ():
+            if given is None:
+                continue
+            for path, (_, n) in self.bodies.items():
                 if path not in given:
                     raise ValueError(f"{what} of {path} are missing; every body of the scene needs them")
                 if np.shape(given[path]) != (n, 3) or not np.isfinite(given[path]).all():

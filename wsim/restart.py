@@ -212,7 +212,7 @@ def copy_samples(restart: Restart, stage: Usd.Stage, scene: Scene) -> list[float
     Of a flattened result only the bodies: its other samples are the source's own.
     """
     layer = Sdf.Layer.OpenAsAnonymous(restart.path)
-    wanted = [(b.path, SAMPLED) for b in scene.bodies()]
+    wanted: list[tuple[str, tuple[str, ...]]] = [(b.path, SAMPLED) for b in scene.bodies()]
     if layer.subLayerPaths:
         wanted += [(c.path, ("xformOp:transform",)) for c in scene.colliders]
     codes: set[float] = set()

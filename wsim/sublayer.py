@@ -9,7 +9,6 @@ import os
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
 from wsim.scene import Scene
-from wsim.usd.stage import open_stage
 
 METADATA = ("defaultPrim", "framePrecision", "colorConfiguration", "colorManagementSystem", "renderSettingsPrimPath",
             "expressionVariables")
@@ -42,12 +41,15 @@ def relative(path: str, folder: str) -> str:
     return path if path.startswith("../") else "./" + path
 
 
-def refuse_layers_of(source: str, path: str) -> None:
-    """ValueError if writing `path` would overwrite `source` or a file that it is made of.
+def choose(stage: Usd.Stage, variants: dict[str, dict[str, str]]) -> None:
+    """Writes the variants that a scene was loaded with, {prim path: {variant set: variant}}, outer prims first."""
+    for path in sorted(variants):
+        for name, variant in variants[path].items():
+            stage.OverridePrim(path).GetVariantSets().SetSelection(name, variant)
 
-    SceneError if the source cannot be read.
-    """
-    stage = open_stage(source)
+
+def refuse_layers_of(stage: Usd.Stage, path: str) -> None:
+    """ValueError if writing `path` would overwrite a file that the stage of the source is made of."""
     for layer in stage.GetUsedLayers() if os.path.exists(path) else ():
         file = layer.realPath.split("[")[0]                   # a layer in a package: the package
         if os.path.exists(file) and os.path.samefile(file, path):
