@@ -85,7 +85,7 @@ def _prepared(scene: "Scene", args) -> Iterator["Run"]:
     """The run that is asked for, with a viewer where one is."""
     from wsim.run import prepare
 
-    viewers = []
+    viewers: list = []
 
     def simulate(simulated: "Scene") -> "Simulation":
         if args.view:
@@ -181,7 +181,8 @@ def _count(n: int, noun: str) -> str:
 def _inventory(scene: "Scene") -> str:
     """What a scene holds, in words."""
     points = sum(len(body.points) for body in scene.bodies())
-    kinds = {"cloth": scene.cloths, "spring net": scene.springs, "collider": scene.colliders, "pin": scene.pins}
+    kinds: dict[str, list] = {"cloth": scene.cloths, "spring net": scene.springs, "collider": scene.colliders,
+                              "pin": scene.pins}
     things = ", ".join(_count(len(found), noun) for noun, found in kinds.items() if found)
     return (f"{things}; {_count(points, 'point')}; {_count(scene.frames, 'frame')} of 1/{scene.fps:g} s, "
             f"{_count(scene.substeps, 'substep')}, {_count(scene.iterations, 'iteration')}, {scene.integrator}")
