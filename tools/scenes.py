@@ -136,8 +136,11 @@ def pin(name: str, body: str, points, target: str, comment: str) -> str:
     return block("PhysicsAttachment", name, "\n".join(lines), comment=comment)
 
 
-def solid(kind: str, name: str, body: str, color=(0.55, 0.56, 0.6), comment: str = "", apis: str = "") -> str:
-    """A collider. Without a physics material its friction is 0.5."""
+def solid(kind: str, name: str, body: str, color=(0.55, 0.56, 0.6), comment: str = "", apis: str = "",
+          keep: float = 0.0) -> str:
+    """A collider; `keep` [m] is kept free around it. Without a physics material its friction is 0.5."""
+    if keep:
+        apis, body = apis + ', "WsimColliderAPI"', body + "\n" + said("Collider", 1.0, thickness=keep)
     color_line = f"color3f[] primvars:displayColor = [({', '.join(number(c) for c in color)})]"
     return block(kind, name, body + "\n" + color_line, f'["PhysicsCollisionAPI"{apis}]', comment)
 
@@ -162,7 +165,7 @@ def hanging_cloth() -> str:
     n = 32
     surface = shapes.sheet(1.0, 1.0, n, n, horizontal=True, at=(0.0, 1.2, 0.0))
     return scene("A square metre of cotton, held by two corners, swings down from the horizontal.", [
-        settings(substeps=20, iterations=8, air_drag=0.2),
+        settings(substeps=20, iterations=8, air_drag=0.8),
         material("cotton", fabric("cotton"), damping=1e-3),
         cloth("Cloth", surface, "cotton", (0.75, 0.2, 0.16), "Simulated and drawn: one Mesh does both."),
         block("Xform", "Rail", "", comment="What the corners hang on. Animate it, and they follow."),
@@ -175,12 +178,12 @@ def flag() -> str:
     surface = shapes.sheet(1.5, 1.0, nx, ny, at=(0.75, 2.0, 0.0))
     pole = ('uniform token axis = "Y"\ndouble radius = 0.02\ndouble height = 2.7\n' + moved(-0.02, 1.35, 0)
             + "\ncolor3f[] primvars:displayColor = [(0.45, 0.4, 0.35)]")
-    return scene("A silk flag on a pole, in a wind of 7 m/s that comes a little from the side.", [
+    return scene("A silk flag on a pole, in a wind of 9 m/s that comes a little from the side.", [
         settings(comment="The wind is the velocity of the air; what is at rest in it feels it all.",
-                 substeps=24, iterations=6, wind=(6.8, 0.0, 1.6), air_density=1.2),
+                 substeps=24, iterations=6, wind=(8.8, 0.0, 2.0), air_density=1.2),
         material("silk", fabric("silk"), damping=5e-4),
         cloth("Flag", surface, "silk", (0.1, 0.3, 0.65), "drag acts along the relative wind, lift across it; a flat "
-              "plate has a drag of 1.2 (Hoerner 1965). Without them wind does nothing.", drag=1.2, lift=1.0),
+              "plate has a drag of 1.2 (Hoerner 1965). Without them wind does nothing.", drag=1.2, lift=3.0),
         block("Cylinder", "Pole", pole, comment="To be seen only: it has no PhysicsCollisionAPI."),
         pin("Rope", "/World/Flag", np.arange(ny + 1) * (nx + 1), "/World/Pole", "The edge along the pole."),
     ], frames=96)
@@ -209,7 +212,8 @@ def cape() -> str:
             + "double xformOp:rotateY.timeSamples = {\n" + "".join(f"    {f}: {number(a)},\n" for f, _, _, a in keys)
             + '}\nuniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY"]\n')
     ball = solid("Sphere", "Ball", f"double radius = {radius}\nfloat3[] extent = [(-0.25, -0.25, -0.25), (0.25, 0.25, "
-                 "0.25)]", (0.82, 0.68, 0.52), "A collider below an animated Xform moves, and drags what touches it.")
+                 "0.25)]", (0.82, 0.68, 0.52), "A collider below an animated Xform moves, and drags what touches it. Points keep "
+                 "4 mm from it, so that flat triangles between them do not cut into it.", keep=0.004)
     return scene("A cape of cotton on an animated ball that walks and turns.", [
         settings(substeps=24, iterations=6, air_density=1.2),
         material("cotton", fabric("cotton"), damping=1e-3),
@@ -222,13 +226,14 @@ def cape() -> str:
 
 def tablecloth() -> str:
     table = ("double size = 1\nfloat3[] extent = [(-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)]\n"
-             "float3 xformOp:scale = (0.9, 0.7, 0.9)\n" + moved(0, 0.35, 0, "xformOp:scale"))
+             "float3 xformOp:scale = (0.92, 0.7, 0.92)\n" + moved(0, 0.35, 0, "xformOp:scale"))
     surface = shapes.sheet(1.5, 1.5, 30, 30, horizontal=True, at=(0.0, 0.8, 0.0))
     return scene("A tablecloth of denim falls on a box and drapes over its edges.", [
         settings(substeps=20, iterations=8, air_drag=0.5),
         material("denim", fabric("denim"), damping=2e-3),
         cloth("Tablecloth", surface, "denim", (0.2, 0.32, 0.52), "Starts 10 cm above the table."),
-        solid("Cube", "Table", table, (0.5, 0.36, 0.24), "A Cube of size 1, scaled to 90 x 70 x 90 cm."),
+        solid("Cube", "Table", table, (0.5, 0.36, 0.24), "A Cube of size 1, scaled to 92 x 70 x 92 cm. "
+              "Points keep 15 mm from it: its edges are sharp, and triangles of 5 cm would cut them.", keep=0.015),
         ground(),
     ], frames=72)
 
