@@ -35,7 +35,7 @@ import warp as wp
 from wsim.kernels import collide
 from wsim.kernels.real import types
 
-TOUCHED, BEFORE, SUNK = 1, 2, 4        # bits of a point's mark: contact in this substep, in the one before, overlap
+TOUCHED, SUNK = 1, 2                   # bits of a point's mark: in contact in this substep, started it in an overlap
 SUNK_FROM = 0.01                       # part of the skin: overlaps under it are rounding and no reason to look deeper
 
 
@@ -81,7 +81,7 @@ def slots(real):
         points: int
         capacity: int                             # slots of a point
         count: wp.array(dtype=int)                # contacts of each point, (points,)
-        mark: wp.array(dtype=int)                 # bits TOUCHED, BEFORE, SUNK, (points,)
+        mark: wp.array(dtype=int)                 # bits TOUCHED, SUNK, (points,)
         row: wp.array(dtype=int)                  # (slots,)
         n: wp.array(dtype=t.vec3)                 # (slots,)
         b: wp.array(dtype=t.scalar)               # [m]
@@ -140,10 +140,8 @@ def search(kinds: tuple[str, ...], real, module):
     def search(c: Rows, points: Points, x: vectors, d: vectors, a: vectors, k: int, s: Slots,
                d_out: vectors, a_out: vectors, push_out: vectors, struck_out: ints, wanted_out: ints):
         i = wp.tid()
-        count, carried = int(0), t.vec3()
-        old = s.mark[i]
-        mark = (old & TOUCHED) * BEFORE
-        deep = c.deep[0] | (old & SUNK)
+        count, mark, carried = int(0), int(0), t.vec3()
+        deep = c.deep[0] | (s.mark[i] & SUNK)
         if points.w[i] > real(0.0):
             o = points.object[i]
             x0 = x[i]
@@ -188,15 +186,14 @@ def search(kinds: tuple[str, ...], real, module):
 
 @cache
 def project(real, module):
-    """Kernel over points: one iteration of all contacts of a point, in order. struck_out (may be None) becomes
-    not 0 where a contact begins."""
+    """Kernel over points: one iteration of all contacts of a point, in order."""
     t = types(real)
     Rows, Points = tables(real)
     Slots = slots(real)
 
     def project(c: Rows, points: Points, s: Slots, d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3),
                 push: wp.array(dtype=t.vec3), g: real,
-                d_out: wp.array(dtype=t.vec3), push_out: wp.array(dtype=t.vec3), struck_out: wp.array(dtype=int)):
+                d_out: wp.array(dtype=t.vec3), push_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         count = s.count[i]
         if count == 0:
@@ -224,14 +221,44 @@ def project(real, module):
             d1 += stop - T
             push_out[j] = pressed * n + stop
         d_out[i] = d1
-        mark = s.mark[i]
-        if touched != (mark & TOUCHED):
-            s.mark[i] = (mark & (BEFORE | SUNK)) | touched
-        if struck_out:
-            if touched != 0 and (mark & BEFORE) == 0:
-                struck_out[i] = 1
+        s.mark[i] = (s.mark[i] & SUNK) | touched
 
     return wp.kernel(project, name=f"contact_{types(real).name}", module=module, enable_backward=False)
+
+
+@cache
+def settle(real, module):
+    """Kernel over points, after the last iteration of a multistep integrator: no history across a contact plane.
+
+    A multistep formula takes the velocity before an impact for a part of the one after it and bounces. So along the
+    normal of a contact that pushes, velocity is the step over h, n.(d - e) / h, by a new anchor, and the velocity
+    before this one is the same; motion across the normal keeps its order. Two and more normals: all components."""
+    t = types(real)
+    Slots, vectors = slots(real), wp.array(dtype=t.vec3)
+
+    def settle(s: Slots, push: vectors, e: vectors, d: vectors, a: vectors, v: vectors, g: real, h: real,
+               a_out: vectors, v_out: vectors):
+        i = wp.tid()
+        if (s.mark[i] & TOUCHED) == 0:
+            return
+        n = t.vec3()
+        pushing = int(0)
+        for slot in range(s.count[i]):
+            j = slot * s.points + i
+            if wp.dot(push[j], s.n[j]) > real(0.0):
+                n = s.n[j]
+                pushing += 1
+        d1 = d[i]
+        w = (d1 - e[i]) / h
+        da = d1 - a[i] - g * w
+        dv = w - v[i]
+        if pushing < 2:
+            da = wp.dot(n, da) * n
+            dv = wp.dot(n, dv) * n
+        a_out[i] = a[i] + da
+        v_out[i] = v[i] + dv
+
+    return wp.kernel(settle, name=f"settle_{types(real).name}", module=module, enable_backward=False)
 
 
 @cache

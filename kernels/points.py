@@ -10,7 +10,8 @@ BDF2 (order 2):            a = e + s/3,  g = 2h/3,   d = a + g (v + (v - u)/3 + 
 
 BDF2 is x' = x + s/3 + (2/3) h v', v' = v + (v - u)/3 + (2/3) h f, written in differences so that nothing cancels
 (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, III.1). f is gravity [m/s^2]; a decay rate k [1/s] of the
-velocity (drag of the air) is taken implicitly: v' = (v~ + g f) / (1 + g k). Both schemes are stable for every h.
+velocity (drag of the air) is taken implicitly: v' = v~ / (1 + g k) + g f, exact at rest, a relative error of g k in the
+terminal velocity. Both schemes are stable for every h.
 
 The remainder (Kahan 1965): x' = fl(x + d), e' = d - (x' - x). Without it 256 substeps a frame lose a factor of 45 in float32.
 """
@@ -51,7 +52,7 @@ def predict_euler(real, module):
         free = wp.where(c.w[i] > real(0.0), real(1.0), real(0.0))
         rate = real(1.0) / (real(1.0) + g * c.decay[o])
         a_out[i] = a
-        d_out[i] = a + (free * g * rate) * (v[i] + g * c.gravity[o])
+        d_out[i] = a + (free * g) * (rate * v[i] + g * c.gravity[o])
 
     return predict_euler
 
@@ -73,7 +74,7 @@ def predict_bdf2(real, module):
         vt = v[i] + third * (v[i] - u[i])
         rate = real(1.0) / (real(1.0) + g * c.decay[o])
         a_out[i] = a
-        d_out[i] = a + (free * g * rate) * (vt + g * c.gravity[o])
+        d_out[i] = a + (free * g) * (rate * vt + g * c.gravity[o])
 
     return predict_bdf2
 

@@ -78,7 +78,7 @@ def _statistics(o):
         stored = wp.float64(0.0)
         none = wp.static(o.value(0.0))
         for c in range(wp.tid(), count, out.shape[0]):
-            C, r, G, H, N = terms(batch, c, x, d, x, none, real(0.0), none)
+            C, r, G, H, N = terms(batch.point[c], batch.rest[c], x, d, x, none, real(0.0), none)
             if wp.static(not o.unilateral):
                 stored += wp.float64(energy(C, batch.alpha[place(c)]))
             if wp.static(o.unit == "m"):

@@ -16,6 +16,7 @@ from typing import Any
 
 import warp as wp
 
+from wsim.kernels import stream
 from wsim.kernels.constraint import TABLE, membrane_response
 from wsim.kernels.real import types
 
@@ -52,6 +53,7 @@ def projection(constraint: str, *, real=wp.float32, module="unique", multipliers
     over the constraints of a colour, the first of which is `first`.
     """
     o = variant(constraint, real, multipliers, damped, uniform)
+    o.read_points, o.read_rest = stream.reads(o.points, o.t.mat22 if o.rows == 3 else real, plain=backward)
     name = f"project_{o.name}" + ("_backward" if backward else "")
     make = _block if o.rows == 3 else _row
     return o.Batch, wp.kernel(make(o), name=name, module=module, enable_backward=backward)
@@ -65,6 +67,7 @@ def variant(constraint, real, multipliers, damped, uniform) -> SimpleNamespace:
     o = SimpleNamespace(**vars(row), **flags, t=t, name=name, Batch=batch_of(constraint, real))
     o.value = t.vec3 if row.rows == 3 else real
     o.place = first_entry if uniform else own_entry
+    o.ids = wp.types.vector(row.points, int)
     o.terms = _terms_block(o) if row.rows == 3 else _terms_row(o)
     return o
 
@@ -90,14 +93,13 @@ def plane_stress(alpha: Any):
 
 
 def _terms_row(o):
-    """C, r, G of the first point, G of the others (rows) and d of all (rows) for constraint c, which has one row."""
+    """C, r, G of the first point, G of the others (rows) and d of all (rows) for a constraint with one row."""
     real, vec3, n, formula = o.t.scalar, o.t.vec3, o.points - 1, o.formula
     rows, displacements = wp.types.matrix((n, 3), real), wp.types.matrix((n + 1, 3), real)
 
     @wp.func
-    def terms(batch: o.Batch, c: int, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), a: wp.array(dtype=vec3),
+    def terms(p: o.ids, rest: real, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), a: wp.array(dtype=vec3),
               alpha: real, gamma: real, lam: real):
-        p = batch.point[c]
         i = p[0]
         x0 = x[i]
         N = displacements()
@@ -107,7 +109,7 @@ def _terms_row(o):
             j = p[k + 1]
             N[k + 1] = d[j]
             X[k] = (x[j] - x0) + (N[k + 1] - N[0])
-        C, G = formula(X, batch.rest[c])
+        C, G = formula(X, rest)
         if wp.static(o.unilateral):
             C = wp.max(C, real(0.0))
         r = -C
@@ -128,13 +130,14 @@ def _terms_row(o):
 def _row(o):
     """Projection of constraints with one row."""
     real, vec3, n, terms, place = o.t.scalar, o.t.vec3, o.points - 1, o.terms, o.place
-    weights = wp.types.vector(o.points, real)
+    weights, read_points, read_rest = wp.types.vector(o.points, real), o.read_points, o.read_rest
 
     def project(batch: o.Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
                 first: int, rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=real),
                 d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=real)):
         c = first + wp.tid()
-        p = batch.point[c]
+        p = read_points(batch.point, c)
+        rest = read_rest(batch.rest, c)
         alpha = real(0.0)
         gamma = real(0.0)
         if wp.static(not o.unilateral):
@@ -144,7 +147,7 @@ def _row(o):
         before = real(0.0)
         if wp.static(o.lam):
             before = lam[c]
-        C, r, G0, G, N = terms(batch, c, x, d, a, alpha, gamma, before)
+        C, r, G0, G, N = terms(p, rest, x, d, a, alpha, gamma, before)
         W = weights()
         below = real(0.0)
         for k in range(n):
@@ -194,13 +197,12 @@ def solve_block(S: Any, r: Any, tiny: Any):
 
 
 def _terms_block(o):
-    """C, r, G1 and G2 (rows: those of C) and d of all points (rows) of constraint c with three rows on three points."""
-    real, vec3, formula = o.t.scalar, o.t.vec3, o.formula
+    """C, r, G1 and G2 (rows: those of C) and d of all points (rows) of a constraint with three rows on three points."""
+    real, vec3, formula, mat22 = o.t.scalar, o.t.vec3, o.formula, o.t.mat22
 
     @wp.func
-    def terms(batch: o.Batch, c: int, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), a: wp.array(dtype=vec3),
+    def terms(p: o.ids, rest: mat22, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), a: wp.array(dtype=vec3),
               alpha: vec3, gamma: real, lam: vec3):
-        p = batch.point[c]
         i = p[0]
         j = p[1]
         k = p[2]
@@ -210,7 +212,7 @@ def _terms_block(o):
         d2 = d[k]
         D1 = d1 - d0
         D2 = d2 - d0
-        C, G1, G2 = formula(wp.matrix_from_rows((x[j] - x0) + D1, (x[k] - x0) + D2), batch.rest[c])
+        C, G1, G2 = formula(wp.matrix_from_rows((x[j] - x0) + D1, (x[k] - x0) + D2), rest)
         r = -C
         if wp.static(o.lam):
             r -= plane_stress(alpha) * lam
@@ -225,13 +227,15 @@ def _terms_block(o):
 def _block(o):
     """Projection of constraints with three rows on three points: the three multipliers are solved for together."""
     real, vec3, terms, place = o.t.scalar, o.t.vec3, o.terms, o.place
+    read_points, read_rest = o.read_points, o.read_rest
     tiny = 4.0 * (2.0**-23 if real is wp.float32 else 2.0**-52)     # roundings left where elimination ends in 0
 
     def project(batch: o.Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
                 first: int, rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=vec3),
                 d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=vec3)):
         c = first + wp.tid()
-        p = batch.point[c]
+        p = read_points(batch.point, c)
+        rest = read_rest(batch.rest, c)
         alpha = (rate * rate) * batch.alpha[place(c)]
         gamma = real(0.0)
         if wp.static(o.damped):
@@ -239,12 +243,12 @@ def _block(o):
         before = vec3()
         if wp.static(o.lam):
             before = lam[c]
-        C, r, G1, G2, N = terms(batch, c, x, d, a, alpha, gamma, before)
+        C, r, G1, G2, N = terms(p, rest, x, d, a, alpha, gamma, before)
         G0 = -(G1 + G2)
         w0 = w[p[0]]
         w1 = w[p[1]]
         w2 = w[p[2]]
-        S = membrane_response(C, batch.rest[c], w0, w1, w2)
+        S = membrane_response(C, rest, w0, w1, w2)
         dlam = solve_block((real(1.0) + gamma) * S + plane_stress(alpha), r, real(tiny))
         d_out[p[0]] = N[0] + w0 * (wp.transpose(G0) * dlam)
         d_out[p[1]] = N[1] + w1 * (wp.transpose(G1) * dlam)

@@ -12,8 +12,8 @@ from math import isfinite
 import numpy as np
 
 from wsim import topology
-from wsim.color import color
 from wsim.model import Body
+from wsim.order import color
 from wsim.scene import Cloth, Springs
 
 

@@ -11,7 +11,7 @@ from math import isfinite
 import numpy as np
 
 from wsim import topology
-from wsim.color import locality
+from wsim.order import order_of_points
 from wsim.scene import Cloth, Scene, Springs
 
 
@@ -136,7 +136,8 @@ def make_body(source: Cloth | Springs, world: int, number: int, first: int) -> B
     count = int(particle.max()) + 1 if n else 0
     one = np.zeros(count, np.int64)
     one[particle[::-1]] = np.arange(n)[::-1]                       # first author's point of each particle
-    order = locality(rest[one])                                    # order[new] = old
+    place_edges = particle[edges if len(edges) else topology.edges(triangles)]
+    order = order_of_points(rest[one], place_edges)                # order[new] = old
     place = np.empty(count, np.int64)
     place[order] = np.arange(count)
     index = first + place[particle]

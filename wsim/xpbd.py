@@ -13,8 +13,10 @@ from wsim.kernels import residual as residuals
 from wsim.kernels import xpbd as kernels
 from wsim.kernels.real import types
 from wsim.model import Model, hard_places
+from wsim.order import lowest
 from wsim.stage import RESIDUAL, Clock, Method, Stage
 from wsim.state import State
+from wsim.topology import order_of
 
 ORDER = ("tether", "membrane", "distance", "dihedral", "limit")        # of the kinds within an iteration
 HARD = ("tether", "limit")           # without compliance and multiplier
@@ -30,7 +32,7 @@ class Batch:
         self.kind, self.rows, self.model = kind, rows, model
         colors = np.concatenate([r.colors for r in rows if r.colors is not None])
         ids = np.concatenate([r.ids for r in rows]).astype(np.int32)
-        self.order = np.lexsort((ids.min(axis=1), colors))
+        self.order = order_of(colors.astype(np.int64) * (model.points + 1) + lowest(ids))
         self.starts = np.concatenate([[0], np.cumsum(np.bincount(colors))])
         self.size = len(ids)
         self.multipliers = clock.iterations > 1 or clock.multistep
@@ -122,7 +124,8 @@ class Xpbd(Method):
             return
         self.largest.zero_()
         self.measure(self.look_kernels, self.state.d, self.largest)
-        wp.launch(self.judge, len(self.watched), [self.largest, MET], [self.status[RESIDUAL:]], device=self.model.device)
+        wp.launch(self.judge, len(self.watched), [self.largest, MET], [self.status[RESIDUAL:]],
+                  device=self.model.device)
 
     def measure(self, kernels_: list, d: wp.array, largest: wp.array) -> None:
         soft = [b for b in self.batches if b.kind not in HARD]
@@ -131,8 +134,8 @@ class Xpbd(Method):
                                            1.0 / self.clock.g, row], [largest], device=self.model.device)
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
-        """residual: what the last substep's sweeps left, see kernels/residual.py (strain, radians). There is none with a
-        single iteration, which keeps no multipliers."""
+        """residual: what the last substep's sweeps left, see kernels/residual.py (strain, radians). A single iteration
+        keeps no multipliers and has none."""
         if not any(b.multipliers for b in self.batches if b.kind not in HARD):
             return {}
         largest = wp.zeros(len(self.batches), dtype=self.model.real, device=self.model.device)
