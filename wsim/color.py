@@ -16,19 +16,22 @@ When nothing gets better, one colour more is allowed. At the end the colours are
 
 import numpy as np
 
+from wsim.locality import locality, pattern
 from wsim.topology import order_of
+
+__all__ = ["batches", "color", "locality"]
 
 WORD = 64            # colours of one mask; where a point has more constraints, the next 64 start with what is left
 LARGE = 200_000      # constraints from which on one or two colours more are taken at once: seconds less to wait
-CROWDED = 0.2        # uncoloured share above which pushing gets nowhere (grids of triangles, of hinges: 0.18 does, 0.22
-#                      does not), so another colour is added first; half of it for a large set
+CROWDED = 0.2        # uncoloured share above which pushing gets nowhere (grid triangles: 0.25); half for a large set
+WOVEN = 0.6          # share of the constraints that a pattern must serve; Delaunay meshes have 0.7, grids 0.99
 STEPS = 1_000_000    # constraints that chains may visit for each number of colours: about a second
 TRIES = 30           # paths tried for a constraint before it is left over
 
 
 class _Coloring:
     """A partial colouring: `colours` (m,), -1 where none; `owner` at colour * n + point is the constraint there, or -1;
-    bit c of `mask`[point] says whether colour c is used there."""
+    bit c of `mask`[point] says whether colour c is used there; `full` has all bits set."""
 
     def __init__(self, ids: np.ndarray, n: int, seed: int):
         self.rng, self.ids = np.random.default_rng(seed), ids
@@ -42,12 +45,7 @@ class _Coloring:
         self.count = min(int(np.bincount(self.ids.ravel()).max()), WORD)
         self.word = np.uint64 if self.count > 24 else np.uint32
         self.colours, self.mask = np.full(len(ids), -1, np.int8), np.zeros(n, self.word)
-        self.owner = np.full(self.count * n, -1, np.int32)
-
-    @property
-    def full(self) -> np.unsignedinteger:
-        """All colours."""
-        return self.word((1 << self.count) - 1)
+        self.owner, self.full = np.full(self.count * n, -1, np.int32), self.word((1 << self.count) - 1)
 
     def grow(self) -> None:
         """One colour more."""
@@ -55,6 +53,7 @@ class _Coloring:
         self.owner = np.concatenate([self.owner, np.full(len(self.mask), -1, np.int32)])
         if self.count > 32 and self.word is np.uint32:
             self.word, self.mask = np.uint64, self.mask.astype(np.uint64)
+        self.full = self.word((1 << self.count) - 1)
 
     def slots(self, which: np.ndarray, colours: np.ndarray) -> np.ndarray:
         """Places of constraints in the owner table if they had these colours, (., k)."""
@@ -87,6 +86,17 @@ class _Coloring:
         slots, row = self.slots(which, pick), np.arange(len(which), dtype=np.int32)[:, None]
         claim[slots] = row                                  # in turn, so the last one wins all its points
         return (claim[slots] == row).all(axis=1)
+
+    def weave(self) -> bool:
+        """Takes over the pattern that the numbers of the points suggest, if it serves most constraints."""
+        pick = pattern(self.ids, len(self.mask))
+        some = np.flatnonzero(pick < self.count).astype(np.int32)
+        pick = pick[some]
+        won = self._winners(some, pick, np.empty_like(self.owner))
+        fits = bool(won.sum() >= WOVEN * len(self.ids))
+        if fits:
+            self._move(some[won], pick[won])
+        return fits
 
     def fill(self, left: np.ndarray) -> np.ndarray:
         """Gives free colours at random; returns those that find none."""
@@ -204,7 +214,9 @@ class _Coloring:
         """Colours everything, or what 64 colours can hold."""
         m, pairs = len(self.ids), self.ids.shape[1] == 2
         crowded = 0.5 * CROWDED if m > LARGE else 1.0 if pairs else CROWDED
-        stuck = self.fill(np.arange(m, dtype=np.int32))
+        if pairs and self.weave() and m > LARGE and self.count < WORD:
+            self.grow()                                     # room for what is left, so that chains spare the pattern
+        stuck = self.fill(np.flatnonzero(self.colours < 0).astype(np.int32))
         while len(stuck):
             if len(stuck) <= crowded * m:
                 stuck = self.push(stuck)
@@ -214,20 +226,27 @@ class _Coloring:
             stuck = self.fill(stuck)
 
     def balance(self) -> None:
-        """Moves constraints from large colours to small ones where these are free, until all are about equal."""
+        """Moves constraints from large colours to small ones where these are free, until all are about equal. Each
+        large colour gives those of a stretch of points, no two the same stretch, so that patterns stay."""
+        which = np.flatnonzero(self.colours >= 0)
+        lowest = self.ids[which].min(axis=1).astype(np.int64)
         for _ in range(8):
-            size = np.bincount(self.colours[self.colours >= 0], minlength=self.count)
-            mean = size.sum() / self.count
-            small = np.flatnonzero(size < 0.98 * mean)
-            if len(small) == 0 or mean < 2:
+            size = np.bincount(self.colours[which], minlength=self.count)
+            need, excess = np.maximum(size.mean() - size, 0), np.maximum(size - size.mean(), 0)
+            if need.max() <= max(0.02 * size.mean(), 1):
                 return
-            excess = np.maximum(size - mean, 0) / np.maximum(size, 1)
-            movable = np.flatnonzero((self.colours >= 0) & (self.rng.random(len(self.ids)) < excess[self.colours]))
-            need = (mean - size[small]) / (mean - size[small]).sum()
-            pick = self.rng.choice(small, len(movable), p=need).astype(np.int32)
+            order = which[order_of(self.colours[which] * np.int64(len(self.mask)) + lowest)]
+            colour = self.colours[order]
+            share = excess / np.maximum(size, 1)
+            start = np.cumsum(share) - share
+            place = (np.arange(len(order)) - (np.cumsum(size) - size)[colour]) / size[colour]
+            along = (place - start[colour]) % 1.0
+            giving = np.flatnonzero(along < share[colour])
+            target = (start[colour] + along)[giving] * (need.sum() / share.sum())
+            movable = order[giving].astype(np.int32)
+            pick = np.minimum(np.searchsorted(np.cumsum(need), target), self.count - 1)
             free = (self.owner[self.slots(movable, pick)] < 0).all(axis=1)
-            movable, pick = movable[free].astype(np.int32), pick[free]
-            won = self._winners(movable, pick, np.empty_like(self.owner))
+            won = np.flatnonzero(free)[self._winners(movable[free], pick[free], np.empty_like(self.owner))]
             self._move(movable[won], pick[won])
 
 
@@ -240,10 +259,8 @@ def _stalled(lengths: list[int], pairs: bool) -> bool:
     """Whether pushing should end, by the numbers left after each round so far. A round costs 0.1 ms and a microsecond
     for each constraint; a chain about 60 for one. Without chains wait longer for the last few."""
     rounds, now = len(lengths), lengths[-1]
-    if rounds <= 8:
-        return False
     if pairs:
-        return lengths[-9] - now < 13 + 0.13 * now
+        return rounds > 8 and lengths[-9] - now < 13 + 0.13 * now
     if now > 32:
         return rounds > 16 and min(lengths[-8:]) > 0.95 * min(lengths[-16:-8])
     waited = max(40, rounds // 2)
@@ -280,39 +297,3 @@ def batches(ids: np.ndarray, n: int, seed: int = 0) -> tuple[np.ndarray, np.ndar
     starts = np.zeros(int(colours.max(initial=-1)) + 2, np.int32)
     np.cumsum(np.bincount(colours), out=starts[1:])
     return order_of(colours * (n + 1) + lowest).astype(np.int32), starts
-
-
-def locality(points: np.ndarray, bits: int = 21) -> np.ndarray:
-    """Order of points along Hilbert's curve, (n,) int32: point order[i] comes at place i. Cells of 2^-bits of the
-    largest extent; directions without extent take no part. (Skilling 2004, Programming the Hilbert curve.)"""
-    points = np.asarray(points, np.float64).reshape(-1, 3)
-    if len(points) == 0:
-        return np.zeros(0, np.int32)
-    low, extent = points.min(axis=0), np.ptp(points, axis=0)
-    size = extent.max()
-    if not size > 0:
-        return np.arange(len(points), dtype=np.int32)
-    axes = np.flatnonzero(extent > 1e-3 * size)
-    cells = np.minimum((points - low)[:, axes] * (2.0**bits / size), 2**bits - 1).astype(np.int64)
-    return order_of(_hilbert([np.ascontiguousarray(cells[:, k]) for k in range(len(axes))], bits)).astype(np.int32)
-
-
-def _hilbert(X: list[np.ndarray], bits: int) -> np.ndarray:
-    """Place along Hilbert's curve of cells given by one integer array for each of 1 to 3 axes."""
-    for b in range(bits - 1, 0, -1):
-        below = (1 << b) - 1
-        for x in X:
-            set_ = (x >> b & 1).astype(bool)
-            swap = np.where(set_, 0, (X[0] ^ x) & below)
-            X[0] ^= np.where(set_, below, swap)
-            x ^= swap
-    for k in range(1, len(X)):
-        X[k] ^= X[k - 1]
-    turned = np.zeros_like(X[0])
-    for b in range(bits - 1, 0, -1):
-        turned ^= np.where(X[-1] >> b & 1, (1 << b) - 1, 0)
-    key = np.zeros_like(X[0])
-    for b in range(bits - 1, -1, -1):
-        for x in X:
-            key = key << 1 | (x ^ turned) >> b & 1
-    return key

@@ -33,7 +33,7 @@ def incident(ids: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     return starts, (order_of(ids.ravel()) // max(ids.shape[1], 1)).astype(np.int32)
 
 
-def _slots(starts: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def slots(starts: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Positions in a list of `incident` that belong to the given points, and the number of the point of each."""
     counts = starts[points + 1] - starts[points]
     which = np.repeat(np.arange(len(points)), counts)
@@ -166,7 +166,7 @@ def geodesic(points: np.ndarray, edges: np.ndarray, sources: np.ndarray) -> tupl
     while len(active):
         near = distance[active] <= distance[active].min() + width
         now, later = active[near], active[~near]
-        slot, which = _slots(starts, now)
+        slot, which = slots(starts, now)
         to, trial, origin = neighbour[slot], distance[now][which] + reach[slot], source[now][which]
         better = trial < distance[to]
         to, trial, origin = to[better], trial[better], origin[better]
