@@ -1,9 +1,11 @@
-"""Contacts of points with colliders on a device: tables, launches, growth, indicators. Equations: kernels/contact.py.
+"""Contacts of points with colliders on a device: tables, launches, growth, indicators. Equations: kernels/search.py,
+kernels/contact.py.
 
     contacts = Contacts(bodies, device=..., real=wp.float32, substeps=10, dt=1 / 24)
     before each frame     contacts.prepare(t)                    t [s] at the frame's start; uploads what moves
     after predict         contacts.search(k, x, d, a)            launches; may be captured
     in each iteration     contacts.project(g, d, a)              after all other constraints
+    BDF2 only             contacts.settle(g, e, d, a, v)         after the last iteration; needs `struck`
     after the frame       contacts.wanted: 0, or the room that a point lacked: contacts.grow(), repeat the frame
                           contacts.indicators(x), contacts.impulses(g)
 
@@ -19,6 +21,7 @@ import warp as wp
 from wsim.contact.rows import Rows, check
 from wsim.contact.surfaces import Mesh
 from wsim.kernels import contact as kernels
+from wsim.kernels import search
 from wsim.kernels.collide import KINDS
 from wsim.kernels.real import types
 from wsim.scene import Collider, Motion, Surface
@@ -46,8 +49,7 @@ class Contacts:
     def __init__(self, bodies: Bodies, *, device, real, module="unique", substeps: int, dt: float,
                  wanted: wp.array | None = None, struck: wp.array | None = None):
         """wanted: status word (first entry of an int array) to use instead of an own one; struck: (points,) int,
-        becomes not 0 where contact begins or an overlap is left, so that a multistep integrator can forget its
-        history."""
+        becomes not 0 where a point leaves an overlap: its step is no motion, and a multistep integrator forgets it."""
         self.device, self.real, self.types = wp.get_device(device), real, types(real)
         self.dtype = np.float32 if real is wp.float32 else np.float64
         surfaces = {id(c.shape): c for group in bodies.colliders for c in group if isinstance(c.shape, Surface)}
@@ -59,18 +61,20 @@ class Contacts:
         self.substeps, self.dt = 0, dt
         self.time: float | None = None
         self.changed = True
-        self._load(module)
+        self._load(module, struck is not None)
         self._points(bodies)
         self._frame(substeps, dt)
         self._slots(min(2, max(self.rows.most, 1)))
 
     # tables
 
-    def _load(self, module) -> None:
-        self.search_kernel = kernels.search(self.kinds, self.real, module)
+    def _load(self, module, multistep: bool) -> None:
+        self.search_kernel = search.search(self.kinds, self.real, module)
         self.project_kernel = kernels.project(self.real, module)
-        self.gauge_kernel = kernels.gauge(self.kinds, self.real, module)
-        self.pose_kernel = kernels.pose_mesh(module) if any(m.moves for m in self.meshes.values()) else None
+        self.settle_kernel = kernels.settle(self.real, module) if multistep else None
+        report = module if module == "unique" else f"{module}_report"        # compiled when first asked for
+        self.gauge_kernel = search.gauge(self.kinds, self.real, report)
+        self.pose_kernel = search.pose_mesh(module) if any(m.moves for m in self.meshes.values()) else None
 
     def _array(self, values, dtype) -> wp.array:
         if isinstance(values, wp.array):
@@ -184,7 +188,12 @@ class Contacts:
     def project(self, g: float, d: wp.array, a: wp.array) -> None:
         """Launches one iteration; g [s] is the integrator's effective step, v = (d - a) / g."""
         wp.launch(self.project_kernel, self.count, [self.table, self.points, self.slots, d, a, self.push, g],
-                  [d, self.push, self.struck], device=self.device)
+                  [d, self.push], device=self.device)
+
+    def settle(self, g: float, e: wp.array, d: wp.array, a: wp.array, v: wp.array) -> None:
+        """After the last iteration of a multistep integrator: a and v of points in contact forget what was before."""
+        wp.launch(self.settle_kernel, self.count, [self.slots, self.push, e, d, a, v, g, self.dt / self.substeps],
+                  [a, v], device=self.device)
 
     def grow(self, wanted: int | None = None) -> bool:
         """Makes room for as many contacts of a point as were wanted; False where nothing was lacking."""

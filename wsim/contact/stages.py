@@ -34,12 +34,19 @@ class Contact(Method):
         kinds = f"{len(colliders)} x {n} points: {', '.join(self.contacts.kinds)}"
         self.stages = [Stage("find contacts", "collide", self.search, 1 + moving, n * (20 + 8 * size), what=kinds),
                        Stage("contacts", "solve", self.project, 1, n * 4, "iteration", "points that touch")]
+        if struck is not None:
+            self.stages.append(Stage("settle", "solve", self.settle, 1, n * 4, what="points that touch: no history"))
 
     def search(self, clock: Clock) -> None:
         self.contacts.search(clock.k, self.state.x, self.state.d, self.anchor)
 
     def project(self, clock: Clock) -> None:
         self.contacts.project(clock.g, self.state.d, self.anchor)
+
+    def settle(self, clock: Clock) -> None:
+        s = self.state
+        if clock.multistep:
+            self.contacts.settle(clock.g, s.e, s.d, self.anchor, s.v)
 
     def before_frame(self, time: float, clock: Clock) -> None:
         self.contacts.prepare(time, substeps=clock.substeps, deep=True if clock.starting else None)
