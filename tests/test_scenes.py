@@ -110,6 +110,24 @@ def test_the_torso_is_as_wide_as_it_says():
     assert ring == pytest.approx(0.75, abs=0.01)
 
 
+@pytest.mark.slow
+@scenes
+def test_scenes_run(name):
+    """Half a second: what is free has fallen no farther than free fall, pins hold their points, nothing tears."""
+    from wsim.simulation import Simulation
+    scene = load(FOLDER / f"{name}.usda")
+    cloth, time = scene.cloths[0], 0.5
+    start = cloth.motion.points(cloth.points)
+    simulation = Simulation(scene, device="cpu")
+    simulation.run(round(time * scene.fps))
+    points = simulation.positions(cloth.path)
+    assert np.all(np.isfinite(points))
+    assert -1e-3 < start[:, 1].mean() - points[:, 1].mean() <= 0.5 * 9.81 * time ** 2
+    for pin in scene.pins:                                          # both held Xforms rest for the first second
+        assert np.max(np.abs(points[pin.points] - start[pin.points])) < 1e-5
+    assert simulation.indicators()["rms_strain"] < 0.1
+
+
 def test_the_generator_writes_into_the_folder_it_is_given(tmp_path):
     done = subprocess.run([sys.executable, "-m", "tools.scenes", str(tmp_path)], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0 and len(list(tmp_path.glob("*.usda"))) == len(SCENES), done.stderr

@@ -137,10 +137,10 @@ def pin(name: str, body: str, points, target: str, comment: str) -> str:
 
 
 def solid(kind: str, name: str, body: str, color=(0.55, 0.56, 0.6), comment: str = "", apis: str = "",
-          keep: float = 0.0) -> str:
+          keep: float = 0.0, metres: float = 1.0) -> str:
     """A collider; `keep` [m] is kept free around it. Without a physics material its friction is 0.5."""
     if keep:
-        apis, body = apis + ', "WsimColliderAPI"', body + "\n" + said("Collider", 1.0, thickness=keep)
+        apis, body = apis + ', "WsimColliderAPI"', body + "\n" + said("Collider", metres, thickness=keep)
     color_line = f"color3f[] primvars:displayColor = [({', '.join(number(c) for c in color)})]"
     return block(kind, name, body + "\n" + color_line, f'["PhysicsCollisionAPI"{apis}]', comment)
 
@@ -183,7 +183,7 @@ def flag() -> str:
                  substeps=24, iterations=6, wind=(8.8, 0.0, 2.0), air_density=1.2),
         material("silk", fabric("silk"), damping=5e-4),
         cloth("Flag", surface, "silk", (0.1, 0.3, 0.65), "drag acts along the relative wind, lift across it; a flat "
-              "plate has a drag of 1.2 (Hoerner 1965). Without them wind does nothing.", drag=1.2, lift=3.0),
+              "plate has a drag of 1.2 (Hoerner 1965). Without them wind does nothing.", drag=1.2, lift=1.0),
         block("Cylinder", "Pole", pole, comment="To be seen only: it has no PhysicsCollisionAPI."),
         pin("Rope", "/World/Flag", np.arange(ny + 1) * (nx + 1), "/World/Pole", "The edge along the pole."),
     ], frames=96)
@@ -212,8 +212,8 @@ def cape() -> str:
             + "double xformOp:rotateY.timeSamples = {\n" + "".join(f"    {f}: {number(a)},\n" for f, _, _, a in keys)
             + '}\nuniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY"]\n')
     ball = solid("Sphere", "Ball", f"double radius = {radius}\nfloat3[] extent = [(-0.25, -0.25, -0.25), (0.25, 0.25, "
-                 "0.25)]", (0.82, 0.68, 0.52), "A collider below an animated Xform moves, and drags what touches it. Points keep "
-                 "4 mm from it, so that flat triangles between them do not cut into it.", keep=0.004)
+                 "0.25)]", (0.82, 0.68, 0.52), "A collider below an animated Xform moves, and drags what touches it. Points "
+                 "keep 4 mm from it, so that flat triangles between them do not cut into it.", keep=0.004)
     return scene("A cape of cotton on an animated ball that walks and turns.", [
         settings(substeps=24, iterations=6, air_density=1.2),
         material("cotton", fabric("cotton"), damping=1e-3),
@@ -255,10 +255,10 @@ def shirt() -> str:
     there = "prepend references = @assets/unisex_shirt.usd@</root/shirt>\n    "
     mesh = mesh.replace("prepend apiSchemas", there + "prepend apiSchemas", 1)
     return scene("A shirt drops on a tailor's dummy. Everything is in centimetres.", [
-        settings(metres, substeps=20, iterations=6, air_drag=1.0),
+        settings(metres, substeps=40, iterations=4, air_drag=1.0),
         material("cotton", f, metres, damping=1e-3), mesh,
-        solid("Mesh", "Dummy", dummy, (0.62, 0.52, 0.43), "A closed mesh is solid; its faces are wound outward.",
-              ', "PhysicsMeshCollisionAPI"'),
+        solid("Mesh", "Dummy", dummy, (0.62, 0.52, 0.43), "A closed mesh is solid; its faces are wound outward. "
+              "Points keep 4 mm from it.", ', "PhysicsMeshCollisionAPI"', keep=0.004, metres=metres),
     ], frames=72, metres=metres)
 
 

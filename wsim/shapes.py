@@ -179,10 +179,10 @@ def torso(height: float = 0.85, segments: int = 24) -> tuple[np.ndarray, np.ndar
     _positive(height=height)
     _count(8, segments=segments)
     sections = np.array([   # height, half width, half depth over the total height
-        (0.00, 0.165, 0.118), (0.12, 0.172, 0.125), (0.30, 0.148, 0.105), (0.50, 0.155, 0.125), (0.62, 0.168, 0.118),
-        (0.70, 0.190, 0.095), (0.75, 0.165, 0.075), (0.80, 0.105, 0.062), (0.84, 0.060, 0.046), (0.95, 0.050, 0.043),
-        (0.985, 0.035, 0.035)])
-    z = np.unique(np.round(np.concatenate([np.linspace(0.0, 0.66, 12), np.linspace(0.68, 0.84, 9), sections[:, 0]]), 9))
+        (0.00, 0.165, 0.118), (0.12, 0.172, 0.125), (0.30, 0.148, 0.105), (0.50, 0.155, 0.125), (0.62, 0.165, 0.118),
+        (0.72, 0.190, 0.095), (0.77, 0.198, 0.075), (0.81, 0.178, 0.064), (0.84, 0.125, 0.056), (0.865, 0.075, 0.050),
+        (0.895, 0.056, 0.046), (0.96, 0.050, 0.042), (0.99, 0.030, 0.028)])
+    z = np.unique(np.round(np.concatenate([np.linspace(0.0, 0.66, 12), np.linspace(0.68, 0.90, 12), sections[:, 0]]), 9))
     k = np.clip(np.searchsorted(sections[:, 0], z, side="right") - 1, 0, len(sections) - 2)
     s = ((z - sections[k, 0]) / (sections[k + 1, 0] - sections[k, 0]))[:, None]
     half = sections[k, 1:] + s * s * (3.0 - 2.0 * s) * (sections[k + 1, 1:] - sections[k, 1:])
