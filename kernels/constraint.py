@@ -117,54 +117,95 @@ def dihedral(X: Any, theta0: Any):
 
 
 @wp.func
-def membrane(X: Any, B: Any):
-    """C = (|F_u| - 1, |F_v| - 1, F_u.F_v), strains of warp and weft and their shear; rows of G1, G2 are those of C.
+def across(Fu: Any, Fv: Any):
+    """|F_u x F_v| and a unit normal of both; where they are parallel, one of the normals of the longer."""
+    N = wp.cross(Fu, Fv)
+    s = wp.length(N)
+    n = inverse(s) * N
+    uu = wp.dot(Fu, Fu)
+    vv = wp.dot(Fv, Fv)
+    if s < type(s)(1.0e-3) * (uu + vv):              # rounding may have turned N: make it normal again
+        e = inverse(wp.sqrt(uu)) * Fu
+        if vv > uu:
+            e = inverse(wp.sqrt(vv)) * Fv
+        if s == type(s)(0.0):
+            n = wp.cross(e, type(e)(type(s)(0.0), type(s)(1.0), type(s)(0.0)))
+            if wp.abs(e[1]) > type(s)(0.9):
+                n = wp.cross(e, type(e)(type(s)(1.0), type(s)(0.0), type(s)(0.0)))
+        n = wp.normalize(n - wp.dot(n, e) * e)
+    return s, n
 
-    F = [X1 X2] B, B = Dm^-1 [1/m] with the rest edges in (u, v) as columns of Dm (Baraff, Witkin 1998, eq. 9 to 11).
-    With the compliance of plane stress, rest area A [m^2],
+
+@wp.func
+def membrane(X: Any, B: Any):
+    """C = (U_uu - 1, U_vv - 1, 2 U_uv), strains of warp and weft and their shear; rows of G1, G2 are those of C.
+
+    F = [X1 X2] B = R U, B = Dm^-1 [1/m] with the rest edges in (u, v) as columns of Dm; R turns, U = sqrt(F^T F). With
+    the unit normal n and t = tr U = sqrt(|F_u|^2 + |F_v|^2 + 2 |F_u x F_v|), the plane polar decomposition is closed:
+
+        R = [F_u + F_v x n,  F_v + n x F_u] / t,   dU = R^T dF - w J U,   w = (r_v.dF_u - r_u.dF_v) / t
+
+    (J the quarter turn; Sifakis, Barbic 2012, appendix.) U grows linearly and its gradients stay independent however far
+    a triangle is stretched, sheared or flattened; those of |F_u|, |F_v| and F_u.F_v (Baraff, Witkin 1998) become dependent,
+    and the 3 x 3 solve then throws points away. With the compliance of plane stress, rest area A [m^2],
 
         alpha = [[1, -nu, 0], [-nu, 1, 0], [0, 0, stretch / shear]] / (stretch A)   [1/J]
 
     the energy 1/2 C alpha^-1 C is A psi of `wsim.fabric`. A turned or mirrored triangle (in a plane: inverted) is at
-    rest. F_u = 0 has no direction: its strain gets G = 0.
+    rest. A triangle shrunk to a point opens in the plane of x and y.
     """
     X1 = X[0]
     X2 = X[1]
     Fu = B[0, 0] * X1 + B[1, 0] * X2
     Fv = B[0, 1] * X1 + B[1, 1] * X2
-    Lu = wp.length(Fu)
-    Lv = wp.length(Fv)
-    u = inverse(Lu) * Fu
-    v = inverse(Lv) * Fv
-    one = type(Lu)(1.0)
-    C = wp.vector(Lu - one, Lv - one, wp.dot(Fu, Fv))
-    G1 = wp.matrix_from_rows(B[0, 0] * u, B[0, 1] * v, B[0, 0] * Fv + B[0, 1] * Fu)
-    G2 = wp.matrix_from_rows(B[1, 0] * u, B[1, 1] * v, B[1, 0] * Fv + B[1, 1] * Fu)
+    s, n = across(Fu, Fv)
+    t = wp.sqrt(wp.dot(Fu, Fu) + wp.dot(Fv, Fv) + type(s)(2.0) * s)
+    q = inverse(t)
+    ru = q * (Fu + wp.cross(Fv, n))
+    rv = q * (Fv + wp.cross(n, Fu))
+    one = type(s)(1.0)
+    two = type(s)(2.0)
+    if t == type(s)(0.0):
+        ru[0] = one
+        rv[1] = one
+    Uuu = wp.dot(ru, Fu)
+    Uvv = wp.dot(rv, Fv)
+    Uuv = wp.dot(ru, Fv)
+    m = q * Uuv
+    C = wp.vector(Uuu - one, Uvv - one, two * Uuv)
+    Au = ru + m * rv                                 # dC / dF_u and dC / dF_v, row by row
+    Bu = -m * ru
+    Av = -m * rv
+    Bv = rv + m * ru
+    As = (two * q * Uvv) * rv
+    Bs = (two * q * Uuu) * ru
+    G1 = wp.matrix_from_rows(B[0, 0] * Au + B[0, 1] * Bu, B[0, 0] * Av + B[0, 1] * Bv, B[0, 0] * As + B[0, 1] * Bs)
+    G2 = wp.matrix_from_rows(B[1, 0] * Au + B[1, 1] * Bu, B[1, 0] * Av + B[1, 1] * Bv, B[1, 0] * As + B[1, 1] * Bs)
     return C, G1, G2
 
 
 @wp.func
 def membrane_response(C: Any, B: Any, w0: Any, w1: Any, w2: Any):
-    """S = sum_k w_k G_k G_k^T of `membrane`, from its C. G_k has the rows b_u u, b_v v, b_u F_v + b_v F_u, b the
-    row of B of point k (minus their sum for the first): M = sum_k w_k b b^T, |F_u|, |F_v| and F_u.F_v are enough.
+    """S = sum_k w_k G_k G_k^T of `membrane`, from its C: in the axes of R the gradients are known from U alone, and
+    M = sum_k w_k b b^T, b the row of B of point k (minus the sum of the others for the first), does the rest.
     """
     one = type(w0)(1.0)
-    g = C[2]
-    a = C[0] + one
-    b = C[1] + one
-    a1 = inverse(a)
-    b1 = inverse(b)
+    two = type(w0)(2.0)
+    q = inverse(C[0] + C[1] + two)
+    m = q * C[2] / two
+    b = two * q * (C[1] + one)
+    g = two * q * (C[0] + one)
     u0 = B[0, 0] + B[1, 0]
     v0 = B[0, 1] + B[1, 1]
     Muu = w0 * u0 * u0 + w1 * B[0, 0] * B[0, 0] + w2 * B[1, 0] * B[1, 0]
     Muv = w0 * u0 * v0 + w1 * B[0, 0] * B[0, 1] + w2 * B[1, 0] * B[1, 1]
     Mvv = w0 * v0 * v0 + w1 * B[0, 1] * B[0, 1] + w2 * B[1, 1] * B[1, 1]
-    S01 = Muv * g * a1 * b1
-    S02 = Muu * g * a1 + Muv * a
-    S12 = Muv * b + Mvv * g * b1
-    S22 = Muu * b * b + type(w0)(2.0) * Muv * g + Mvv * a * a
-    return wp.matrix_from_rows(wp.vector(Muu * a * a1, S01, S02), wp.vector(S01, Mvv * b * b1, S12),
-                               wp.vector(S02, S12, S22))
+    mm = m * m * (Muu + Mvv) - two * m * Muv
+    S01 = -m * m * (Muu + Mvv) + two * m * Muv
+    S02 = Muu * m * b + Muv * g - Mvv * m * g
+    S12 = -Muu * m * b + Muv * b + Mvv * m * g
+    return wp.matrix_from_rows(wp.vector(Muu + mm, S01, S02), wp.vector(S01, Mvv + mm, S12),
+                               wp.vector(S02, S12, Muu * b * b + Mvv * g * g))
 
 
 @dataclass(frozen=True)
