@@ -1,38 +1,40 @@
-"""Orders and colours that a GPU reads in long runs. NumPy; one sequential kernel on the CPU for large irregular sets.
+"""Orders and colours of flat regular sheets, which a GPU reads in the longest runs; anything else goes by `wsim.locality` and
+`wsim.color`. NumPy only.
 
-On an H200 a sweep over the 4M springs of a 1M-point grid takes 73 us when both the points stand in rows and the colours are
-those of rows, 87 us in rows with other colours, 121 us along Hilbert's curve, 406 us at random: neighbours in a warp
-should touch neighbours in memory. So a flat sheet is ordered in rows, anything else along Hilbert's curve; and springs that
-join points the same distance apart in memory make two colours by themselves:
+A flat sheet is ordered in rows. Springs that join points the same distance apart in memory then make two colours by
+themselves, balanced, and in each the threads of a warp touch points that follow each other:
 
     i and i + s, s the same for all:  colour = (i // s) mod 2,  since i + s is in the next block of s
+
+H200, one sweep over the 4M springs of a 1M-point grid with `kernels/stream.py`: so 73 us, rows with greedy colours 87 us,
+Hilbert's curve 121 us and more, random numbers 406 us.
 """
 
 import numpy as np
 
 from wsim import color as colors
+from wsim.locality import locality
 from wsim.topology import order_of
 
 FLAT = 1e-3            # a sheet thinner than this part of its size is flat
-MANY = 200_000         # constraints from which the sequential kernel beats NumPy, its compile time (0.5 s) included
 STEPS = 8              # distances in memory that may have colours of their own
 COMMON = 0.01          # part of all constraints that such a distance must have
 
 
 def order_of_points(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Place of each point in memory, order[place] = point, (n,): rows of a flat sheet, else Hilbert's curve.
+    """Order of points in memory, order[place] = point, (n,): rows of a flat sheet, else levels of the mesh.
 
     points [m], (n, 3); edges (m, 2).
     """
     points = np.asarray(points, np.float64)
     if len(edges) == 0 or len(points) < 4:
-        return colors.locality(points)
+        return locality(points, edges)
     centred = points - points.mean(axis=0)
     _, axes = np.linalg.eigh(centred.T @ centred)
     normal = axes[:, 0]
     size = np.ptp(points, axis=0).max()
     if not size > 0.0 or np.ptp(points @ normal) > FLAT * size:
-        return colors.locality(points)
+        return locality(points, edges)
     return _rows(points, edges, normal, size)
 
 
@@ -43,7 +45,7 @@ def _rows(points: np.ndarray, edges: np.ndarray, normal: np.ndarray, size: float
     lengths = np.linalg.norm(vectors, axis=1)
     real = np.flatnonzero(lengths > 1e-9 * size)
     if len(real) == 0:
-        return colors.locality(points)
+        return locality(points, edges)
     shortest = real[np.argmin(np.round(lengths[real] / size, 9))]
     along = vectors[shortest] / lengths[shortest]
     along = along * np.sign(along[np.argmax(np.abs(along))])
@@ -71,7 +73,7 @@ def color(ids: np.ndarray, n: int) -> np.ndarray:
         found = _steps(ids, n)
         if found is not None:
             return found
-    return _first_fit(ids, n) if len(ids) >= MANY else colors.color(ids, n)
+    return colors.color(ids, n)
 
 
 def _steps(ids: np.ndarray, n: int) -> np.ndarray | None:
@@ -95,20 +97,3 @@ def _steps(ids: np.ndarray, n: int) -> np.ndarray | None:
     number = np.cumsum(np.bincount(found) > 0) - 1                    # without the colours that nothing has
     return number[found].astype(np.int32)
 
-
-def _first_fit(ids: np.ndarray, n: int) -> np.ndarray:
-    """Greedy in the order of memory, by one thread; what needs more than 64 colours is left to NumPy."""
-    import warp as wp
-
-    from wsim.kernels.greedy import first_fit
-    k, m = ids.shape[1], len(ids)
-    order = order_of(lowest(ids).astype(np.int64)).astype(np.int32)
-    with wp.ScopedDevice("cpu"):
-        out = wp.full(m, -1, dtype=int)
-        wp.launch(first_fit(k), 1, [wp.array(np.ascontiguousarray(ids, np.int32), dtype=wp.types.vector(k, int)),
-                                    wp.array(order, dtype=int), wp.zeros(n, dtype=wp.uint64)], [out])
-        found = out.numpy()
-    left = np.flatnonzero(found < 0)
-    if len(left):
-        found[left] = 64 + colors.color(ids[left], n)
-    return found
