@@ -16,10 +16,10 @@ FLAT = 1e-6
 
 def doubled(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Normal with twice the area as its length [m^2], (..., 3), and square of the longest side [m^2], (...)."""
-    a, b, c = (points[triangles[..., k]] for k in range(3))
-    u, v = b - a, c - a
-    longest = np.maximum(np.maximum((u * u).sum(-1), (v * v).sum(-1)), ((c - b) ** 2).sum(-1))
-    return np.cross(u, v), longest
+    a, b, c = (points.take(triangles[..., k], axis=0) for k in range(3))
+    u, v, w = b - a, c - a, c - b
+    uu, vv, ww = (np.einsum("...k,...k->...", side, side) for side in (u, v, w))
+    return np.cross(u, v), np.maximum(np.maximum(uu, vv), ww)
 
 
 def flat(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -194,7 +194,7 @@ def vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     normal, corner = np.repeat(normals(points, triangles), 3, axis=0), np.asarray(triangles).ravel()
     total = np.stack([np.bincount(corner, normal[:, k], len(points)) for k in range(3)], axis=1)
     length = np.linalg.norm(total, axis=1, keepdims=True)
-    return np.divide(total, length, out=np.zeros_like(total), where=length > 0)
+    return np.divide(total, length, out=np.zeros(total.shape), where=length > 0)
 
 
 def examine(path: str, points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> list[Problem]:
