@@ -67,16 +67,16 @@ class _Coloring:
         pick = np.bitwise_count((turned & (~turned + one)) - one) + turn
         return np.where(pick >= self.count, pick - np.uint8(self.count), pick)
 
-    def _move(self, which: np.ndarray, colours: np.ndarray | int) -> None:
-        """Gives constraints other colours, or none (-1). No new place may be taken, but by one of them."""
+    def _move(self, which: np.ndarray, colours: np.ndarray | None) -> None:
+        """Gives constraints other colours, or none. No new place may be taken, but by one of them."""
         old, one = self.colours[which], self.word(1)
         had = which[old >= 0]
         old = old[old >= 0]
         self.owner[self.slots(had, old)] = -1
         for j in range(self.ids.shape[1]):
             np.subtract.at(self.mask, self.ids[had, j], one << old.astype(self.word))
-        self.colours[which] = colours
-        if np.ndim(colours):
+        self.colours[which] = -1 if colours is None else colours
+        if colours is not None:
             self.owner[self.slots(which, colours)] = which[:, None]
             for j in range(self.ids.shape[1]):
                 np.add.at(self.mask, self.ids[which, j], one << colours.astype(self.word))
@@ -128,7 +128,7 @@ class _Coloring:
             losers = np.sort(self.owner[self.slots(stuck[won], pick[won])], axis=None)
             losers = losers[(losers >= 0) & (losers != np.r_[losers[1:], -1])]
             driven[losers] = self.word(1) << self.colours[losers].astype(self.word)
-            self._move(losers, -1)
+            self._move(losers, None)
             self._move(stuck[won], pick[won])
             stuck = np.concatenate([stuck[~won], losers])
             lengths.append(len(stuck))
@@ -165,8 +165,8 @@ class _Coloring:
         """Colours constraints of two points one by one: where u lacks colour a, and v lacks b, the path of colours
         a, b, a ... from v is turned to b, a, b ..., unless it ends in u; then colour a is free at both. If it ends in
         u, a path from u with another colour is turned first, and u lacks that one. Returns the uncoloured."""
-        owner, mask, colours, n = (*map(memoryview, (self.owner, self.mask, self.colours)), len(self.mask))
-        other, steps = memoryview(self.ids.sum(axis=1, dtype=np.int64)), STEPS
+        owner, mask, colours, n = self.owner.data, self.mask.data, self.colours.data, len(self.mask)
+        other, steps = self.ids.sum(axis=1, dtype=np.int64).data, STEPS
         every = (1 << self.count) - 1
         draws = iter(self.rng.integers(0, self.count, TRIES * len(stuck)).tolist())
 
@@ -230,7 +230,7 @@ class _Coloring:
         large colour gives those of a stretch of points, no two the same stretch, so that patterns stay."""
         which = np.flatnonzero(self.colours >= 0)
         lowest = self.ids[which].min(axis=1).astype(np.int64)
-        for _ in range(8):
+        for turn in range(12):
             size = np.bincount(self.colours[which], minlength=self.count)
             need, excess = np.maximum(size.mean() - size, 0), np.maximum(size - size.mean(), 0)
             if need.max() <= max(0.02 * size.mean(), 1):
@@ -240,7 +240,7 @@ class _Coloring:
             share = excess / np.maximum(size, 1)
             start = np.cumsum(share) - share
             place = (np.arange(len(order)) - (np.cumsum(size) - size)[colour]) / size[colour]
-            along = (place - start[colour]) % 1.0
+            along = (place - start[colour] - 0.38 * turn) % 1.0     # other stretches each time
             giving = np.flatnonzero(along < share[colour])
             target = (start[colour] + along)[giving] * (need.sum() / share.sum())
             movable = order[giving].astype(np.int32)

@@ -31,16 +31,19 @@ def locality(points: np.ndarray, edges: np.ndarray | None = None) -> np.ndarray:
 
 
 def levels(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Order of points (n,) int32 by levels along the longest side of their box, in all islands at once."""
+    """Order of points (n,) int32 by levels from the low end of the longest side of their box, all islands at once."""
     n = len(points)
-    axes = np.argsort(-np.ptp(points, axis=0), kind="stable")
-    along, across = points[:, axes[0]], points[:, axes[1]]
+    along = points[:, int(np.argmax(np.ptp(points, axis=0)))]
     label = islands(n, edges)
     low = np.full(int(label.max()) + 1, np.inf)
     np.minimum.at(low, label, along)
     width = 0.5 * np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1).mean()
-    front = np.flatnonzero(along <= low[label] + width)
-    front = front[np.lexsort((across[front], label[front]))]
+    end = np.flatnonzero(along <= low[label] + width)
+    return _breadth(n, edges, _threaded(end, edges, n)).astype(np.int32)
+
+
+def _breadth(n: int, edges: np.ndarray, front: np.ndarray) -> np.ndarray:
+    """The points that edges join to a front, level after level, in the order of the mean place of their neighbours."""
     starts, items = incident(edges, n)
     neighbour = edges[items].sum(axis=1) - np.repeat(np.arange(n), np.diff(starts))
     seen, order = np.zeros(n, bool), []
@@ -55,7 +58,22 @@ def levels(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
         first = np.flatnonzero(np.r_[np.ones(min(len(to), 1), bool), to[1:] != to[:-1]])
         mean = np.add.reduceat(place, first) / np.diff(np.r_[first, len(to)]) if len(to) else place
         front = to[first[np.argsort(mean, kind="stable")]]
-    return np.concatenate(order).astype(np.int32)
+    return np.concatenate(order)
+
+
+def _threaded(front: np.ndarray, edges: np.ndarray, n: int) -> np.ndarray:
+    """A front in the order of its own edges: from one end to the other, piece after piece."""
+    number = np.full(n, -1)
+    number[front] = np.arange(len(front))
+    inner = number[edges]
+    inner = inner[(inner >= 0).all(axis=1)]
+    piece = islands(len(front), inner)
+    start = np.unique(piece, return_index=True)[1]
+    for _ in range(2):                                      # what is reached last is an end of its piece
+        order = _breadth(len(front), inner, start)
+        start[piece[order]] = order
+    order = _breadth(len(front), inner, start[np.argsort(start)])
+    return front[order[np.argsort(piece[order], kind="stable")]]
 
 
 def pattern(ids: np.ndarray, n: int) -> np.ndarray:
