@@ -100,8 +100,9 @@ def finish_euler(real, module):
 
 @cache
 def finish_bdf2(real, module):
-    """Kernel: as finish_euler, and the history. A point whose contact began (struck = 1) forgets its history: it goes on
-    as if it had always moved with its new velocity, since a multistep formula across an impact bounces."""
+    """Kernel: as finish_euler, and the history. A point that leaves an overlap (struck = 1) forgets its history and goes
+    on as if it had always moved with its new velocity; at other contacts the `settle` kernel of contact.py has already
+    made the normal part of a step one of backward Euler, since a multistep formula across an impact bounces."""
     t = types(real)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -146,22 +147,36 @@ def move_pins(real, module):
 
 
 @cache
-def hold_pins(real, module):
-    """Kernel: a soft pin, C = x + d - target (three rows), compliance alpha [m/N], damping [N s/m] (XPBD, eq. 18 and 26)."""
+def soft_pins(real):
+    """Struct of the soft pins: reads only."""
     t = types(real)
 
+    @wp.struct
+    class SoftPins:
+        point: wp.array(dtype=int)           # (pins,)
+        alpha: wp.array(dtype=t.scalar)      # compliance [m/N], (pins,)
+        damping: wp.array(dtype=t.scalar)    # [N s/m], (pins,)
+        w: wp.array(dtype=t.scalar)          # inverse mass [1/kg], (points,)
+
+    return SoftPins
+
+
+@cache
+def hold_pins(real, module):
+    """Kernel: a soft pin, C = x + d - target (three rows), as a spring with damping (XPBD, eq. 18 and 26)."""
+    t, SoftPins = types(real), soft_pins(real)
+
     @wp.kernel(module=module, enable_backward=False)
-    def hold_pins(point: wp.array(dtype=int), alpha: wp.array(dtype=t.scalar), damping: wp.array(dtype=t.scalar),
-                  target: wp.array2d(dtype=t.vec3), w: wp.array(dtype=t.scalar), x: wp.array(dtype=t.vec3),
+    def hold_pins(pins: SoftPins, target: wp.array2d(dtype=t.vec3), x: wp.array(dtype=t.vec3),
                   a: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), lam: wp.array(dtype=t.vec3), k: int, g: real,
                   d_out: wp.array(dtype=t.vec3), lam_out: wp.array(dtype=t.vec3)):
         p = wp.tid()
-        i = point[p]
+        i = pins.point[p]
         d0 = d[i]
         l0 = lam[p]
-        c = alpha[p] / (g * g)
-        gamma = c * damping[p] * g
-        wi = w[i]
+        c = pins.alpha[p] / (g * g)
+        gamma = c * pins.damping[p] * g
+        wi = pins.w[i]
         K = (real(1.0) + gamma) * wi + c
         if K > real(0.0):
             dlam = -((x[i] - target[k, p]) + d0 + c * l0 + gamma * (d0 - a[i])) / K

@@ -44,10 +44,8 @@ class Aero(Method):
 
     def launch(self, clock: Clock) -> None:
         s, c, device = self.state, self.constants, self.model.device
-        wp.launch(self.press, self.k.size, [self.triangle, c.object, self.air, s.x, s.v], [self.force, self.k],
-                  device=device)
-        wp.launch(self.blow, self.model.points, [self.first, self.item, self.force, self.k, c.w, s.d, clock.g], [s.d],
-                  device=device)
+        self.model.launch(self.press, self.k.size, [self.triangle, c.object, self.air, s.x, s.v], [self.force, self.k])
+        self.model.launch(self.blow, self.model.points, [self.first, self.item, self.force, self.k, c.w, s.d, clock.g], [s.d])
 
     def set(self, path: str, name: str, value) -> bool:
         """wind [m/s] over one cloth or, with path "/", over all."""

@@ -7,6 +7,7 @@ arrays (welded duplicates share a place). Positions are kept relative to an orig
 
 from dataclasses import dataclass, field
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
@@ -54,8 +55,8 @@ class Model:
 
     scene: Scene
     worlds: int
-    device: object                       # warp device
-    real: type                           # wp.float32 or wp.float64
+    device: Any                          # warp device
+    real: Any                            # wp.float32 or wp.float64
     module: str                          # name of the Warp module that holds the plan's kernels
     bodies: list[Body]
     dropped: list[str] = field(default_factory=list)      # what was left out while building, in words
@@ -82,6 +83,18 @@ class Model:
     def stack(self, name: str) -> np.ndarray:
         """One field of all bodies in solver order."""
         return np.concatenate([getattr(b, name) for b in self.bodies])
+
+    @property
+    def block(self) -> int:
+        """Threads of a block on CUDA: small scenes end sooner in small blocks (10k points, 8 colours: 18.2 us with 64,
+        18.8 with 128, 20.2 with 256), a million points do not care. One size for a plan: each is compiled apart."""
+        return 64 if self.points < 100_000 else 128
+
+    def launch(self, kernel, dim: int, inputs: list, outputs: list) -> None:
+        """Launches a kernel of this model's module."""
+        import warp as wp
+        more = {"block_dim": self.block} if self.device.is_cuda else {}
+        wp.launch(kernel, dim, inputs, outputs, device=self.device, **more)
 
     def upload(self, values, dtype):
         """Device array of NumPy values, in the model's precision where dtype is a real type."""

@@ -69,7 +69,8 @@ class Plan:
         for phase in PHASES[:-1]:
             for stage in self.stages(phase, "frame"):
                 stage.launch(clock)
-        for clock.k in range(clock.substeps):
+        for k in range(clock.substeps):
+            clock.k = k
             self.substep()
         for stage in self.stages("deform", "frame"):
             stage.launch(clock)
@@ -79,7 +80,8 @@ class Plan:
         for phase in ("pose", "predict", "collide"):
             for stage in self.stages(phase, "substep"):
                 stage.launch(clock)
-        for clock.i in range(clock.iterations):
+        for i in range(clock.iterations):
+            clock.i = i
             for stage in self.stages("solve", "iteration"):
                 stage.launch(clock)
         for phase in ("solve", "finish", "deform"):

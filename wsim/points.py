@@ -56,25 +56,22 @@ class Points(Method):
     def predict(self, clock: Clock) -> None:
         s, n = self.state, self.model.points
         if clock.bdf2:
-            wp.launch(self.kernels["predict_bdf2"], n, [self.constants, s.e, s.v, s.s, s.u, clock.g],
-                      [self.anchor, s.d], device=self.model.device)
+            self.model.launch(self.kernels["predict_bdf2"], n, [self.constants, s.e, s.v, s.s, s.u, clock.g],
+                              [self.anchor, s.d])
         else:
-            wp.launch(self.kernels["predict"], n, [self.constants, s.e, s.v, clock.g], [self.anchor, s.d],
-                      device=self.model.device)
+            self.model.launch(self.kernels["predict"], n, [self.constants, s.e, s.v, clock.g], [self.anchor, s.d])
 
     def finish(self, clock: Clock) -> None:
         s, n = self.state, self.model.points
         if clock.multistep:
-            wp.launch(self.kernels["finish_bdf2"], n,
-                      [self.anchor, s.d, s.x, s.e, s.v, self.struck, clock.h, clock.g], [s.x, s.e, s.v, s.s, s.u],
-                      device=self.model.device)
+            self.model.launch(self.kernels["finish_bdf2"], n,
+                              [self.anchor, s.d, s.x, s.e, s.v, self.struck, clock.h, clock.g],
+                              [s.x, s.e, s.v, s.s, s.u])
         else:
-            wp.launch(self.kernels["finish"], n, [self.anchor, s.d, s.x, clock.g], [s.x, s.e, s.v],
-                      device=self.model.device)
+            self.model.launch(self.kernels["finish"], n, [self.anchor, s.d, s.x, clock.g], [s.x, s.e, s.v])
 
     def guard(self, clock: Clock) -> None:
-        wp.launch(self.kernels["guard"], self.model.points, [self.state.x, self.state.v], [self.status[NOT_FINITE:]],
-                  device=self.model.device)
+        self.model.launch(self.kernels["guard"], self.model.points, [self.state.x, self.state.v], [self.status[NOT_FINITE:]])
 
     def set(self, path: str, name: str, value) -> bool:
         """gravity [m/s^2] and air_drag [1/s], of one body or, with path "/", of all."""
@@ -141,24 +138,25 @@ class Pins(Method):
     def add_soft(self, t, real, module) -> None:
         group, n = self.groups["soft"], self.place["soft"].size
         each = [len(p.places) for p in group]
-        self.alpha = self.model.upload(np.repeat([1.0 / p.pin.stiffness for p in group], each), t.scalar)
-        self.damping = self.model.upload(np.repeat([p.pin.damping for p in group], each), t.scalar)
+        self.soft = kernels.soft_pins(real)()
+        self.soft.point, self.soft.w = self.place["soft"], self.points.constants.w
+        self.soft.alpha = self.model.upload(np.repeat([1.0 / p.pin.stiffness for p in group], each), t.scalar)
+        self.soft.damping = self.model.upload(np.repeat([p.pin.damping for p in group], each), t.scalar)
         self.lam = wp.zeros(n, dtype=t.vec3, device=self.model.device)
         self.hold_kernel = kernels.hold_pins(real, module)
         self.stages.append(Stage("soft pins", "solve", self.hold, 1, n * 80, "iteration", f"{n} points"))
 
     def pose(self, clock: Clock) -> None:
         s = self.state
-        wp.launch(self.move, self.place["hard"].size, [self.place["hard"], self.target["hard"], s.x, clock.k], [s.d],
-                  device=self.model.device)
+        self.model.launch(self.move, self.place["hard"].size, [self.place["hard"], self.target["hard"], s.x, clock.k], [s.d])
 
     def hold(self, clock: Clock) -> None:
         s = self.state
         if clock.i == 0:
             self.lam.zero_()
-        wp.launch(self.hold_kernel, self.lam.size,
-                  [self.place["soft"], self.alpha, self.damping, self.target["soft"], self.points.constants.w, s.x,
-                   self.points.anchor, s.d, self.lam, clock.k, clock.g], [s.d, self.lam], device=self.model.device)
+        self.model.launch(self.hold_kernel, self.lam.size,
+                          [self.soft, self.target["soft"], s.x, self.points.anchor, s.d, self.lam, clock.k, clock.g],
+                          [s.d, self.lam])
 
     def before_frame(self, time: float, clock: Clock) -> None:
         moves = any(p.motion.moves for g in self.groups.values() for p in g)

@@ -112,7 +112,8 @@ class Simulation:
         headers = wp.config.use_precompiled_headers
         wp.config.use_precompiled_headers = False          # one module: the header costs more than it saves
         try:
-            wp.load_module(self.model.module, device=self.device)
+            more = {"block_dim": self.model.block} if self.device.is_cuda else {}
+            wp.load_module(self.model.module, device=self.device, **more)
         finally:
             wp.config.use_precompiled_headers = headers
         self.seconds["compile"] = time.perf_counter() - began
@@ -217,22 +218,27 @@ class Simulation:
         self.plan.clock.starting = True
         self.graph = None
 
+    def _persistent(self) -> dict[str, wp.array]:
+        """Arrays over the points that outlive a frame, by name."""
+        own = {f.name: self.state.arrays[f.name] for f in self.state.fields if f.persistent}
+        return own | {name: array for m in self.plan.methods for name, array in m.fields.items()}
+
     def fields(self, path: str | None = None) -> dict[str, np.ndarray]:
-        """The persistent fields of a body in the author's order: what an exact restart needs."""
+        """What an exact restart needs of a body, by name, each in the author's order."""
         body = self.model.body(path)
-        return {f.name: self.state.arrays[f.name].numpy()[body.index] for f in self.state.fields if f.persistent}
+        return {name: array.numpy()[body.index] for name, array in self._persistent().items()}
 
     def restart(self, frame: int, fields: dict[str, dict[str, np.ndarray]]) -> None:
         """Goes on after `frame` frames with the fields that an earlier run left, by path and name."""
+        arrays = self._persistent()
         for path, values in fields.items():
             body = self.model.body(path)
-            for name, value in values.items():
-                now = self.state.arrays[name].numpy()
-                now[body.index] = value
-                self.state.arrays[name].assign(now)
+            for name in values.keys() & arrays.keys():
+                now = arrays[name].numpy()
+                now[body.index] = values[name]
+                arrays[name].assign(now)
         self.frame = frame
-        missing = {f.name for f in self.state.fields if f.persistent} - set().union(*fields.values(), set())
-        self.plan.clock.starting = bool(missing & {"s", "u"})
+        self.plan.clock.starting = any(not {"s", "u"} <= values.keys() for values in fields.values())
 
     # measuring
 

@@ -1,12 +1,13 @@
 """A stage is one named pass of a frame; a method is the owner of some stages.
 
-The phases stand in the order of PHASES within a substep; solve repeats `iterations` times; stages of a phase run in the order in
-which methods were added, contacts last. A stage launches kernels and nothing else: no allocation, no read of a device array,
+The phases stand in the order of PHASES within a substep; solve repeats `iterations` times; stages of a phase run in the
+order in which methods were added, contacts last. A stage launches kernels and nothing else: no allocation, no read of a device array,
 no branch on one, so that a frame can be captured.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -60,6 +61,7 @@ class Method:
 
     name: str
     stages: list[Stage] = field(default_factory=list)
+    fields: dict[str, Any] = field(default_factory=dict)       # arrays over the points that outlive a frame: for a restart
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Uploads what is known on the host about the frame that starts at `time` [s]."""

@@ -13,7 +13,9 @@ Nothing here outlives a frame but `mark` (whether a point touched or was inside)
 when a frame is repeated. Colliders are carriers that push and are not pushed; `impulses` says what they received.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import warp as wp
@@ -47,10 +49,11 @@ class Contacts:
     """See the head of this file. Raises SceneError for a collider that makes no sense."""
 
     def __init__(self, bodies: Bodies, *, device, real, module="unique", substeps: int, dt: float,
-                 wanted: wp.array | None = None, struck: wp.array | None = None):
-        """wanted: status word (first entry of an int array) to use instead of an own one; struck: (points,) int,
+                 wanted: wp.array | None = None, struck: wp.array | None = None, launch: Callable | None = None):
+        """launch: (kernel, dim, inputs, outputs), to use instead of Warp's own with its block size; wanted: status word (first entry of an int array) to use instead of an own one; struck: (points,) int,
         becomes not 0 where a point leaves an overlap: its step is no motion, and a multistep integrator forgets it."""
         self.device, self.real, self.types = wp.get_device(device), real, types(real)
+        self.launch = launch or partial(wp.launch, device=self.device)
         self.dtype = np.float32 if real is wp.float32 else np.float64
         surfaces = {id(c.shape): c for group in bodies.colliders for c in group if isinstance(c.shape, Surface)}
         self.meshes = {key: Mesh.build(c) for key, c in surfaces.items()}
@@ -181,19 +184,19 @@ class Contacts:
         """Launches the search of substep k; writes d and a where points leave an overlap."""
         for mesh in self.meshes.values():
             if mesh.moves:
-                mesh.launch(self.pose_kernel, k)
-        wp.launch(self.search_kernel, self.count, [self.table, self.points, x, d, a, k],
-                  [self.slots, d, a, self.push, self.struck, self.wanted], device=self.device)
+                mesh.launch(self.launch, self.pose_kernel, k)
+        self.launch(self.search_kernel, self.count, [self.table, self.points, x, d, a, k],
+                    [self.slots, d, a, self.push, self.struck, self.wanted])
 
     def project(self, g: float, d: wp.array, a: wp.array) -> None:
         """Launches one iteration; g [s] is the integrator's effective step, v = (d - a) / g."""
-        wp.launch(self.project_kernel, self.count, [self.table, self.points, self.slots, d, a, self.push, g],
-                  [d, self.push], device=self.device)
+        self.launch(self.project_kernel, self.count, [self.table, self.points, self.slots, d, a, self.push, g],
+                    [d, self.push])
 
     def settle(self, g: float, e: wp.array, d: wp.array, a: wp.array, v: wp.array) -> None:
         """After the last iteration of a multistep integrator: a and v of points in contact forget what was before."""
-        wp.launch(self.settle_kernel, self.count, [self.slots, self.push, e, d, a, v, g, self.dt / self.substeps],
-                  [a, v], device=self.device)
+        self.launch(self.settle_kernel, self.count, [self.slots, self.push, e, d, a, v, g, self.dt / self.substeps],
+                    [a, v])
 
     def grow(self, wanted: int | None = None) -> bool:
         """Makes room for as many contacts of a point as were wanted; False where nothing was lacking."""

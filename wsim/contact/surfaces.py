@@ -5,6 +5,7 @@ other, and its triangles enclose a volume: its inside is solid. Any other mesh i
 sides.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -108,9 +109,8 @@ class Mesh:
         self.device["track"].assign(shapes)
         return np.linalg.norm(np.diff(shapes, axis=0), axis=-1).max(axis=1).astype(np.float64)
 
-    def launch(self, kernel, k: int) -> None:
+    def launch(self, launch: Callable, kernel, k: int) -> None:
         """The shape at the end of substep k, its motion and its tree; capturable."""
-        import warp as wp
         mesh, track = self.device["mesh"], self.device["track"]
-        wp.launch(kernel, track.shape[1], [track, k], [mesh.points, mesh.velocities], device=mesh.device)
+        launch(kernel, track.shape[1], [track, k], [mesh.points, mesh.velocities])
         mesh.refit()
