@@ -43,7 +43,7 @@ class Aero(Method):
                              + model.points * 11 * size, what=f"{len(triangles)} triangles")]
 
     def launch(self, clock: Clock) -> None:
-        s, c, device = self.state, self.constants, self.model.device
+        s, c = self.state, self.constants
         self.model.launch(self.press, self.k.size, [self.triangle, c.object, self.air, s.x, s.v], [self.force, self.k])
         self.model.launch(self.blow, self.model.points, [self.first, self.item, self.force, self.k, c.w, s.d, clock.g], [s.d])
 

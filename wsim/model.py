@@ -93,8 +93,10 @@ class Model:
     def launch(self, kernel, dim: int, inputs: list, outputs: list) -> None:
         """Launches a kernel of this model's module."""
         import warp as wp
-        more = {"block_dim": self.block} if self.device.is_cuda else {}
-        wp.launch(kernel, dim, inputs, outputs, device=self.device, **more)
+        if self.device.is_cuda:
+            wp.launch(kernel, dim, inputs, outputs, device=self.device, block_dim=self.block)
+        else:
+            wp.launch(kernel, dim, inputs, outputs, device=self.device)
 
     def upload(self, values, dtype):
         """Device array of NumPy values, in the model's precision where dtype is a real type."""
@@ -134,6 +136,7 @@ def make_body(source: Cloth | Springs, world: int, number: int, first: int) -> B
     """Welds, orders and measures one body. Every field but the motion is independent of the device."""
     places = source.motion.points(source.points, 0.0)
     n = len(places)
+    edges: np.ndarray
     if isinstance(source, Cloth):
         triangles, polygon, rest, masses = _surface(source)
         edges = np.zeros((0, 2), np.int32)

@@ -57,7 +57,7 @@ class Simulation:
         self.device = _device(device)
         self.warnings = [str(p) for p in (*scene.notes, *problems) if not p.fatal]
         self.seconds: dict[str, float] = {}
-        self.graph = None
+        self.graph: wp.Graph | None = None
         self._build()
         self.seconds["build"] = time.perf_counter() - began
 
@@ -112,8 +112,8 @@ class Simulation:
         headers = wp.config.use_precompiled_headers
         wp.config.use_precompiled_headers = False          # one module: the header costs more than it saves
         try:
-            more = {"block_dim": self.model.block} if self.device.is_cuda else {}
-            wp.load_module(self.model.module, device=self.device, **more)
+            wp.load_module(self.model.module, device=self.device,
+                           block_dim=self.model.block if self.device.is_cuda else None)
         finally:
             wp.config.use_precompiled_headers = headers
         self.seconds["compile"] = time.perf_counter() - began
@@ -122,13 +122,16 @@ class Simulation:
         if self.plan.clock.starting and self.plan.clock.multistep:
             self.plan.frame()                              # its first substep differs: not worth a graph of its own
             return
-        if self.graph is None:
-            began = time.perf_counter()
-            with wp.ScopedCapture(device=self.device, force_module_load=False) as capture:
-                self.plan.frame()
-            self.graph = capture.graph
-            self.seconds["capture"] = time.perf_counter() - began
-        wp.capture_launch(self.graph)
+        graph = self.graph or self._capture()
+        wp.capture_launch(graph)
+
+    def _capture(self) -> wp.Graph:
+        began = time.perf_counter()
+        with wp.ScopedCapture(device=self.device, force_module_load=False) as capture:
+            self.plan.frame()
+        self.graph = capture.graph
+        self.seconds["capture"] = time.perf_counter() - began
+        return capture.graph
 
     def _mend(self, status: np.ndarray) -> bool:
         """Whether the frame must be repeated, after making it possible."""

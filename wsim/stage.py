@@ -1,8 +1,8 @@
 """A stage is one named pass of a frame; a method is the owner of some stages.
 
 The phases stand in the order of PHASES within a substep; solve repeats `iterations` times; stages of a phase run in the
-order in which methods were added, contacts last. A stage launches kernels and nothing else: no allocation, no read of a device array,
-no branch on one, so that a frame can be captured.
+order in which methods were added, contacts last. A stage launches kernels and nothing else: no allocation, no read of a
+device array, no branch on one, so that a frame can be captured.
 """
 
 from collections.abc import Callable

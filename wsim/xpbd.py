@@ -5,6 +5,8 @@ union of the bodies' colours c. Inside a colour constraints stand in the order o
 substep and kept through its iterations; with one iteration they do not exist.
 """
 
+from functools import partial
+
 import numpy as np
 import warp as wp
 
@@ -100,8 +102,8 @@ class Xpbd(Method):
             self.stages.append(Stage("multipliers", "collide", self.zero, len(self.batches), size, what="zeroed"))
         for batch in self.batches:
             self.stages.append(Stage(
-                batch.kind, "solve", lambda clock, batch=batch: self.project(batch, clock), len(batch.starts) - 1,
-                batch.bytes, "iteration", f"{batch.size} constraints in {len(batch.starts) - 1} colours"))
+                batch.kind, "solve", partial(self.project, batch), len(batch.starts) - 1, batch.bytes, "iteration",
+                f"{batch.size} constraints in {len(batch.starts) - 1} colours"))
 
         if clock.multistep and self.batches:
             self.watch()

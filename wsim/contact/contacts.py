@@ -49,11 +49,11 @@ class Contacts:
     """See the head of this file. Raises SceneError for a collider that makes no sense."""
 
     def __init__(self, bodies: Bodies, *, device, real, module="unique", substeps: int, dt: float,
-                 wanted: wp.array | None = None, struck: wp.array | None = None, launch: Callable | None = None):
-        """launch: (kernel, dim, inputs, outputs), to use instead of Warp's own with its block size; wanted: status word (first entry of an int array) to use instead of an own one; struck: (points,) int,
-        becomes not 0 where a point leaves an overlap: its step is no motion, and a multistep integrator forgets it."""
+                 wanted: wp.array | None = None, struck: wp.array | None = None):
+        """wanted: status word (first entry of an int array) to use instead of an own one; struck: (points,) int, becomes
+        not 0 where a point leaves an overlap: its step is no motion, and a multistep integrator forgets it."""
         self.device, self.real, self.types = wp.get_device(device), real, types(real)
-        self.launch = launch or partial(wp.launch, device=self.device)
+        self.launch: Callable = partial(wp.launch, device=self.device)    # (kernel, dim, inputs, outputs)
         self.dtype = np.float32 if real is wp.float32 else np.float64
         surfaces = {id(c.shape): c for group in bodies.colliders for c in group if isinstance(c.shape, Surface)}
         self.meshes = {key: Mesh.build(c) for key, c in surfaces.items()}

@@ -28,8 +28,8 @@ class Contact(Method):
                         points.constants.object, points.constants.w, model.stack("reach"),
                         np.repeat([b.friction for b in model.bodies], [b.count for b in model.bodies], axis=0))
         self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
-                                 substeps=clock.substeps, dt=clock.dt, wanted=status, struck=struck,
-                                 launch=model.launch)
+                                 substeps=clock.substeps, dt=clock.dt, wanted=status, struck=struck)
+        self.contacts.launch = model.launch
         self.fields = {"mark": self.contacts.mark}
         n, size, moving = model.points, np.dtype(model.dtype).itemsize, 2 * sum(
             m.moves for m in self.contacts.meshes.values())
