@@ -14,10 +14,12 @@ When nothing gets better, one colour more is allowed. At the end the colours are
     ids     points of each constraint, (m, k)        n     number of points
 """
 
+from typing import Any
+
 import numpy as np
 
 from wsim.locality import locality, pattern
-from wsim.topology import order_of
+from wsim.topology import lowest, order_of
 
 __all__ = ["batches", "color", "locality"]
 
@@ -43,7 +45,7 @@ class _Coloring:
             self.ids[repeated] = np.arange(n, n + fresh)
             n += fresh
         self.count = min(int(np.bincount(self.ids.ravel()).max()), WORD)
-        self.word = np.uint64 if self.count > 24 else np.uint32
+        self.word: Any = np.uint64 if self.count > 24 else np.uint32
         self.colours, self.mask = np.full(len(ids), -1, np.int8), np.zeros(n, self.word)
         self.owner, self.full = np.full(self.count * n, -1, np.int32), self.word((1 << self.count) - 1)
 
@@ -229,13 +231,13 @@ class _Coloring:
         """Moves constraints from large colours to small ones where these are free, until all are about equal. Each
         large colour gives those of a stretch of points, no two the same stretch, so that patterns stay."""
         which = np.flatnonzero(self.colours >= 0)
-        lowest = self.ids[which].min(axis=1).astype(np.int64)
+        which = which[order_of(lowest(self.ids)[which])]
         for turn in range(12):
             size = np.bincount(self.colours[which], minlength=self.count)
             need, excess = np.maximum(size.mean() - size, 0), np.maximum(size - size.mean(), 0)
-            if need.max() <= max(0.02 * size.mean(), 1):
+            if need.max() <= max(0.05 * size.mean(), 1):
                 return
-            order = which[order_of(self.colours[which] * np.int64(len(self.mask)) + lowest)]
+            order = which[np.argsort(self.colours[which], kind="stable")]
             colour = self.colours[order]
             share = excess / np.maximum(size, 1)
             start = np.cumsum(share) - share
@@ -293,7 +295,6 @@ def batches(ids: np.ndarray, n: int, seed: int = 0) -> tuple[np.ndarray, np.ndar
     """Order of the constraints, (m,) int32, by colour and inside a colour by lowest point, and the start of each colour
     in it, (colours + 1,) int32."""
     colours = color(ids, n, seed)
-    lowest = np.asarray(ids).min(axis=1, initial=n).astype(np.int64)
     starts = np.zeros(int(colours.max(initial=-1)) + 2, np.int32)
     np.cumsum(np.bincount(colours), out=starts[1:])
-    return order_of(colours * (n + 1) + lowest).astype(np.int32), starts
+    return order_of(colours * np.int64(n + 1) + lowest(np.asarray(ids))).astype(np.int32), starts

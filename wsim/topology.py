@@ -8,6 +8,8 @@ Everything runs over whole arrays.
     counts     corners of each polygon       indices     point of each corner
 """
 
+from functools import reduce
+
 import numpy as np
 
 from wsim.polygon import doubled, index_fault, triangulate
@@ -23,6 +25,11 @@ def order_of(keys: np.ndarray) -> np.ndarray:
     packed = (keys.astype(np.int64) << bits) | np.arange(len(keys))
     packed.sort()
     return packed & ((1 << bits) - 1)
+
+
+def lowest(ids: np.ndarray) -> np.ndarray:
+    """Smallest point of each row of ids (m, k), (m,). (By columns: NumPy takes several times longer by rows.)"""
+    return reduce(np.minimum, ids.T)
 
 
 def incident(ids: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
