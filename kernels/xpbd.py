@@ -1,4 +1,4 @@
-"""XPBD projection of one colour of constraints. Macklin, Mueller, Chentanez 2016, eq. 17, 18 and 26:
+"""XPBD projection of coloured constraints. Macklin, Mueller, Chentanez 2016, eq. 17, 18 and 26:
 
     r = -C - a lam - gamma G.(d - anchor)      dlam = r / ((1 + gamma) sum_k w_k |G_k|^2 + a)      dd_k = w_k G_k dlam
 
@@ -8,6 +8,10 @@
 `rate` is 1 / h [1/s], h the effective step of the integrator (2/3 of the substep for BDF2). No point with w > 0 occurs
 twice in a colour, so a colour needs no atomics and does not depend on the order of threads. A kernel reads only what
 its variant needs; the arrays that it does not need may be None.
+
+Two kernels share one formula: `projection` gives a thread to each constraint of a colour, a launch a colour; `sweep` is one
+launch for all colours, by one block of threads that meet after each (on the CPU one thread takes everything in turn).
+Where colours are small a sweep costs a fraction of the launches it replaces.
 """
 
 from functools import cache
@@ -53,10 +57,43 @@ def projection(constraint: str, *, real=wp.float32, module="unique", multipliers
     over the constraints of a colour, the first of which is `first`.
     """
     o = variant(constraint, real, multipliers, damped, uniform)
-    o.read_points, o.read_rest = stream.reads(o.points, o.t.mat22 if o.rows == 3 else real, plain=backward)
+    vec3, value, one = o.t.vec3, o.value, _one(o, backward)
+
+    def project(batch: o.Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
+                first: int, rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=value),
+                d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=value)):
+        one(first + wp.tid(), batch, x, w, a, rate, d, lam, d_out, lam_out)
+
     name = f"project_{o.name}" + ("_backward" if backward else "")
-    make = _block if o.rows == 3 else _row
-    return o.Batch, wp.kernel(make(o), name=name, module=module, enable_backward=backward)
+    return o.Batch, wp.kernel(project, name=name, module=module, enable_backward=backward)
+
+
+@cache
+def sweep(constraint: str, *, real=wp.float32, module="unique", multipliers: bool = False, damped: bool = False,
+          uniform: bool = False):
+    """(Batch, kernel) as `projection`, for all colours in one launch over `threads`: one block on a GPU, 1 on the CPU.
+
+    The kernel's arguments: batch, x, w, a, starts, rate, d, lam, d_out, lam_out; starts (colours + 1,) int.
+    """
+    o = variant(constraint, real, multipliers, damped, uniform)
+    vec3, value, one = o.t.vec3, o.value, _one(o, False)
+
+    def sweep(batch: o.Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
+              starts: wp.array(dtype=int), rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=value),
+              d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=value)):
+        i = wp.tid()
+        for colour in range(starts.shape[0] - 1):
+            for c in range(starts[colour] + i, starts[colour + 1], wp.block_dim()):
+                one(c, batch, x, w, a, rate, d, lam, d_out, lam_out)
+            stream.meet()
+
+    return o.Batch, wp.kernel(sweep, name=f"sweep_{o.name}", module=module, enable_backward=False, grid_stride=False)
+
+
+def _one(o, backward: bool):
+    """Function: projection of constraint c."""
+    o.read_points, o.read_rest = stream.reads(o.points, o.t.mat22 if o.rows == 3 else o.t.scalar, plain=backward)
+    return _block(o) if o.rows == 3 else _row(o)
 
 
 def variant(constraint, real, multipliers, damped, uniform) -> SimpleNamespace:
@@ -132,10 +169,10 @@ def _row(o):
     real, vec3, n, terms, place = o.t.scalar, o.t.vec3, o.points - 1, o.terms, o.place
     weights, read_points, read_rest = wp.types.vector(o.points, real), o.read_points, o.read_rest
 
-    def project(batch: o.Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
-                first: int, rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=real),
+    @wp.func
+    def project(c: int, batch: o.Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
+                rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=real),
                 d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=real)):
-        c = first + wp.tid()
         p = read_points(batch.point, c)
         rest = read_rest(batch.rest, c)
         alpha = real(0.0)
@@ -230,10 +267,10 @@ def _block(o):
     read_points, read_rest = o.read_points, o.read_rest
     tiny = 4.0 * (2.0**-23 if real is wp.float32 else 2.0**-52)     # roundings left where elimination ends in 0
 
-    def project(batch: o.Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
-                first: int, rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=vec3),
+    @wp.func
+    def project(c: int, batch: o.Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
+                rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=vec3),
                 d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=vec3)):
-        c = first + wp.tid()
         p = read_points(batch.point, c)
         rest = read_rest(batch.rest, c)
         alpha = (rate * rate) * batch.alpha[place(c)]

@@ -16,6 +16,9 @@ from wsim.order import order_of_points
 from wsim.scene import Cloth, Scene, Springs
 
 
+SWEEP = 512           # threads of the block that takes all colours of a small batch
+
+
 @dataclass
 class Body:
     """One cloth or spring net of one world, in solver order."""
@@ -97,6 +100,27 @@ class Model:
             wp.launch(kernel, dim, inputs, outputs, device=self.device, block_dim=self.block)
         else:
             wp.launch(kernel, dim, inputs, outputs, device=self.device)
+
+    @property
+    def sweep_module(self) -> str:
+        """Module of the kernels that one block runs. CUDA compiles a module for each block size, so they stand apart."""
+        return f"{self.module}_sweep" if self.device.is_cuda else self.module
+
+    def sweep(self, kernel, inputs: list, outputs: list) -> None:
+        """Launches a kernel of one block of SWEEP threads; on the CPU of one thread."""
+        import warp as wp
+        if self.device.is_cuda:
+            wp.launch(kernel, SWEEP, inputs, outputs, device=self.device, block_dim=SWEEP)
+        else:
+            wp.launch(kernel, 1, inputs, outputs, device=self.device)
+
+    def load(self) -> None:
+        """Compiles the kernels that the plan has made, once: before the first launch, since a capture cannot."""
+        import warp as wp
+        cuda = self.device.is_cuda
+        wp.load_module(self.module, device=self.device, block_dim=self.block if cuda else None)
+        if cuda and wp.get_module(self.sweep_module).kernels:
+            wp.load_module(self.sweep_module, device=self.device, block_dim=SWEEP)
 
     def upload(self, values, dtype):
         """Device array of NumPy values, in the model's precision where dtype is a real type."""

@@ -112,8 +112,7 @@ class Simulation:
         headers = wp.config.use_precompiled_headers
         wp.config.use_precompiled_headers = False          # one module: the header costs more than it saves
         try:
-            wp.load_module(self.model.module, device=self.device,
-                           block_dim=self.model.block if self.device.is_cuda else None)
+            self.model.load()
         finally:
             wp.config.use_precompiled_headers = headers
         self.seconds["compile"] = time.perf_counter() - began

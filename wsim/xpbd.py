@@ -1,4 +1,4 @@
-"""Graph-coloured XPBD over all bodies: one batch a kind of constraint, one launch a colour. See kernels/xpbd.py.
+"""Graph-coloured XPBD over all bodies: one batch a kind of constraint, a launch a colour or a sweep. See kernels/xpbd.py.
 
 Colours are found once per body and shared by its copies in other worlds; bodies do not touch, so colour c of the scene is the
 union of the bodies' colours c. Inside a colour constraints stand in the order of their points. Multipliers are zeroed each
@@ -23,6 +23,7 @@ from wsim.topology import order_of
 
 ORDER = ("tether", "membrane", "distance", "dihedral", "limit")        # of the kinds within an iteration
 HARD = ("tether", "limit")           # without compliance and multiplier
+FUSE = 2048           # constraints of the largest colour up to which one block takes all colours in a launch
 LANES = 4096          # threads that sum the energy
 MET = 2e-2            # largest residual (strain, radians) with which BDF2 goes on. On a 32 x 32 cloth of 1e3 to 1e6 N/m the
                       # runs that gained energy had a median of 8e-2 to 1.7e-1, those of 10 substeps or more that did not,
@@ -45,9 +46,11 @@ class Batch:
         alpha, tau = self.values()
         paths = {r.body.path for r in rows if r.body is not None}
         self.uniform = len(paths) == 1 and bool(np.all(alpha == alpha[0]) and np.all(tau == tau[0]))
-        table, self.kernel = kernels.projection(
-            kind, real=model.real, module=model.module, multipliers=self.multipliers, damped=self.damped,
-            uniform=self.uniform)
+        self.fused = not model.device.is_cuda or int(np.diff(self.starts).max()) <= FUSE
+        make, module = (kernels.sweep, model.sweep_module) if self.fused else (kernels.projection, model.module)
+        table, self.kernel = make(kind, real=model.real, module=module, multipliers=self.multipliers,
+                                  damped=self.damped, uniform=self.uniform)
+        self.first = model.upload(self.starts.astype(np.int32), int)
         t = types(model.real)
         self.data = table()
         self.data.point = model.upload(ids[self.order], wp.types.vector(ids.shape[1], int))
@@ -102,7 +105,8 @@ class Xpbd(Method):
             self.stages.append(Stage("multipliers", "collide", self.zero, len(self.batches), size, what="zeroed"))
         for batch in self.batches:
             self.stages.append(Stage(
-                batch.kind, "solve", partial(self.project, batch), len(batch.starts) - 1, batch.bytes, "iteration",
+                batch.kind, "solve", partial(self.project, batch), 1 if batch.fused else len(batch.starts) - 1, batch.bytes,
+                "iteration",
                 f"{batch.size} constraints in {len(batch.starts) - 1} colours"))
 
         if clock.multistep and self.batches:
@@ -160,6 +164,11 @@ class Xpbd(Method):
 
     def project(self, batch: Batch, clock: Clock) -> None:
         s, w, a = self.state, self.points.constants.w, self.points.anchor
+        if batch.fused:
+            self.model.sweep(batch.kernel,
+                             [batch.data, s.x, w, a if batch.damped else None, batch.first, 1.0 / clock.g, s.d, batch.lam],
+                             [s.d, batch.lam])
+            return
         for first, last in zip(batch.starts[:-1], batch.starts[1:], strict=True):
             self.model.launch(batch.kernel, int(last - first),
                               [batch.data, s.x, w, a if batch.damped else None, int(first), 1.0 / clock.g, s.d, batch.lam],
