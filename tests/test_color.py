@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from wsim import color, locality
+from wsim.kempe import chain as chain_back
 from wsim.topology import edges, hinges
 
 
@@ -177,6 +178,42 @@ def test_colours_of_a_grid_in_levels_are_read_in_long_runs():
     numbered = place[ids]
     assert sectors(numbered, color.color(numbered, len(places))) < 1.7 * 2 * 13
     assert sectors(ids, color.color(ids, len(places))) > 2 * 2 * 13
+
+
+def test_a_large_set_fills_its_first_colours_and_stays_free_of_clashes():
+    ids, places = grid_springs(230)
+    assert len(ids) > color.LARGE
+    colours = color.color(ids, len(places))
+    at = np.sort((colours[:, None] * len(places) + ids).ravel())
+    assert (at[1:] != at[:-1]).all()
+    size = np.bincount(colours)
+    assert len(size) <= 9 and (np.diff(size) <= 0.02 * size[0]).all()
+
+
+def test_an_irregular_mesh_goes_along_the_curve_a_regular_one_by_levels():
+    ids, places = grid_springs(40)
+    assert np.array_equal(color.locality(places, ids), locality.levels(places, ids))
+    few = ids[np.random.default_rng(4).random(len(ids)) < 0.5]
+    assert np.array_equal(color.locality(places, few), color.locality(places))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_kempe_colours_an_edge_that_no_colour_is_free_for(seed):
+    """Springs of a grid in eight colours; taken out one by one at random, each finds its way back."""
+    ids, _ = grid_springs(16, seed)
+    part = color._Coloring(np.ascontiguousarray(ids, np.int32), 256, seed)
+    part.solve()
+    assert part.count == 8
+    gone = np.random.default_rng(seed).choice(len(ids), 50, replace=False).astype(np.int32)
+    part._move(gone, None)
+    stuck = part.fill(gone)
+    chain_back(part.ids, stuck, 8, part.owner, part.mask, part.colours, part.rng)
+    assert clashes(ids, np.where(part.colours < 0, 100 + np.arange(len(ids)), part.colours)) == 0
+    assert (part.colours >= 0).mean() > 0.999
+    for c in range(8):
+        there = part.owner[c * 256:(c + 1) * 256]
+        assert np.array_equal(np.flatnonzero(there >= 0), np.unique(ids[part.colours == c]))
+        assert np.array_equal(part.mask >> np.uint32(c) & np.uint32(1), there >= 0)
 
 
 def test_a_pattern_that_serves_no_one_is_not_taken():

@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 # for everything in a folder of that name.
 LAYERS = (
     ("curve", "fabric", "polygon", "scene", "solids", "topology", "normals", "shapes", "color", "check", "check_object",
-     "locality", "camera", "look", "png", "gif", "progress", "report"),
+     "locality", "kempe", "camera", "look", "png", "gif", "progress", "report"),
     ("kernels",),
     ("stage", "state", "order", "model", "linear"),
     ("contact",),

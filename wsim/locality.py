@@ -6,28 +6,34 @@
               out in rows, whatever its numbers were and however it is bent, so that a colour can be read in long runs
 
 Distinct 32-byte sectors that 32 threads touch in a colour of springs (both ends, three floats a point), and the sum of
-both ends taken alone, which the time follows; colours of `color`, at 90,000 points, random numbers: 60 and 61:
+both ends taken alone, which the time follows; 90,000 points, colours of `color`:
 
-                                          Hilbert        levels          rows
-    grid springs (8 at a point)           34, 53         26, 32          25, 31 (best possible)
-    edges of a triangulated grid          34, 55         26, 34
-    edges of a Delaunay mesh              55, 71         48, 56
+                                     random     Hilbert    levels     rows
+    grid springs (8 at a point)      61, 61     34, 54     26, 32     25, 31 (best possible)
+    edges of a triangulated grid     61, 61     34, 55     26, 34
+    edges of a Delaunay mesh         63, 63     39, 58     49, 58
 
-H200, 4M grid springs of 1M points, one sweep: random 348 us, Hilbert 159 us, rows 78 us.
+H200, 1M points, one sweep over 4M grid springs [us]: random 348, Hilbert 157, levels 85, rows 78 at best; over the 3M
+edges of a Delaunay mesh: random 305, Hilbert 175, levels 206. So a regular mesh goes by levels, others along the curve.
 """
 
 import numpy as np
 
 from wsim.topology import incident, islands, order_of, slots
 
+REGULAR = 0.6        # share of the points with one number of edges: 0.3 in a Delaunay mesh, 1 less the border in a grid
+
 
 def locality(points: np.ndarray, edges: np.ndarray | None = None) -> np.ndarray:
-    """Order of points, (n,) int32: point order[i] comes at place i. By levels of the mesh if edges (m, 2) are given,
-    else along Hilbert's curve. Points [m], (n, 3), finite; any number of them may coincide."""
+    """Order of points, (n,) int32: point order[i] comes at place i. By levels of the mesh if edges (m, 2) are given and
+    meet in equal numbers at most points, else along Hilbert's curve. Points [m], (n, 3), finite; they may coincide."""
     points = np.asarray(points, np.float64).reshape(-1, 3)
     if edges is None or len(edges) == 0 or len(points) < 3:
         return hilbert(points)
-    return levels(points, np.asarray(edges, np.int64).reshape(-1, 2))
+    edges = np.asarray(edges, np.int64).reshape(-1, 2)
+    meeting = np.bincount(edges.ravel(), minlength=len(points))
+    regular = np.bincount(meeting).max() >= REGULAR * len(points)
+    return levels(points, edges) if regular else hilbert(points)
 
 
 def levels(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
