@@ -184,14 +184,14 @@ def _row(o):
         before = real(0.0)
         if wp.static(o.lam):
             before = lam[c]
+        W = weights()                                  # read before C is known: the reads then wait together
+        for k in range(n + 1):
+            W[k] = w[p[k]]
         C, r, G0, G, N = terms(p, rest, x, d, a, alpha, gamma, before)
-        W = weights()
         below = real(0.0)
         for k in range(n):
-            W[k + 1] = w[p[k + 1]]
             below += W[k + 1] * wp.dot(G[k], G[k])
         if wp.static(not o.anchored):
-            W[0] = w[p[0]]
             below += W[0] * wp.dot(G0, G0)
         below = (real(1.0) + gamma) * below + alpha
         if below > real(0.0):                          # else all pinned or no direction: nothing to move
@@ -280,11 +280,11 @@ def _block(o):
         before = vec3()
         if wp.static(o.lam):
             before = lam[c]
-        C, r, G1, G2, N = terms(p, rest, x, d, a, alpha, gamma, before)
-        G0 = -(G1 + G2)
         w0 = w[p[0]]
         w1 = w[p[1]]
         w2 = w[p[2]]
+        C, r, G1, G2, N = terms(p, rest, x, d, a, alpha, gamma, before)
+        G0 = -(G1 + G2)
         S = membrane_response(C, rest, w0, w1, w2)
         dlam = solve_block((real(1.0) + gamma) * S + plane_stress(alpha), r, real(tiny))
         d_out[p[0]] = N[0] + w0 * (wp.transpose(G0) * dlam)
