@@ -1,0 +1,150 @@
+"""Skip by construction: what an example scene lacks is neither imported, compiled, planned nor allocated.
+
+Each scene is loaded, built and stepped once in a process of its own, which then tells what it imported and compiled.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+STEP = """
+import json, sys
+import warp as wp
+from wsim.usd import load
+from wsim.simulation import Simulation
+sim = Simulation(load(sys.argv[1]), device="cpu", precision=sys.argv[2])
+sim.step()
+modules = [m for name in {sim.model.module, getattr(sim.model, "sweep_module", sim.model.module)}
+           for m in [wp.get_module(name)]]
+kernels = [k for m in modules for k in m.kernels.values()]
+print(json.dumps({"kernels": sorted(k.key for k in kernels),
+                  "adjoint": [k.key for k in kernels if k.options.get("enable_backward", k.module.options["enable_backward"])],
+                  "modules": [m for m in sys.modules if m.partition(".")[0] in ("wsim", "kernels", "rerun", "pxr")],
+                  "methods": [m.name for m in sim.plan.methods],
+                  "fields": [f.name for f in sim.state.fields],
+                  "skipped": [s["stage"] for s in sim.plan.skipped]}))
+"""
+
+# what every scene of cloth needs
+POINTS = {"predict_euler", "finish_euler", "not_finite"}
+PINS, AIR = {"move_pins"}, {"press", "blow"}
+CLOTH = {"membrane", "dihedral"}
+KERNELS = {
+    "hanging_cloth": POINTS | PINS | CLOTH,
+    "flag": POINTS | PINS | AIR | CLOTH,
+    "cape": POINTS | PINS | AIR | CLOTH | {"search_sphere", "contact"},
+    "tablecloth": POINTS | CLOTH | {"search_plane_box", "contact"},
+    "shirt": POINTS | CLOTH | {"search_solid", "contact"},
+}
+
+SCENE = {"wsim", "wsim.curve", "wsim.fabric", "wsim.scene", "wsim.polygon", "wsim.topology", "wsim.check",
+         "wsim.check_object"}
+RUN = {"wsim.simulation", "wsim.plan", "wsim.stage", "wsim.state", "wsim.model", "wsim.order", "wsim.locality",
+       "wsim.color", "wsim.kempe", "wsim.points", "wsim.measure", "wsim.kernels", "wsim.kernels.real", "wsim.kernels.points"}
+XPBD = {"wsim.xpbd", "wsim.cloth", "wsim.kernels.xpbd", "wsim.kernels.constraint", "wsim.kernels.stream",
+        "wsim.kernels.residual", "wsim.kernels.strain"}                 # the last two: the report's, not compiled here
+AERO = {"wsim.aero", "wsim.kernels.aero"}
+CONTACT = {"wsim.contact", "wsim.contact.contacts", "wsim.contact.rows", "wsim.contact.stages", "wsim.contact.surfaces",
+           "wsim.kernels.contact", "wsim.kernels.search", "wsim.kernels.collide", "wsim.kernels.distance"}
+MODULES = {
+    "hanging_cloth": SCENE | RUN | XPBD,
+    "flag": SCENE | RUN | XPBD | AERO,
+    "cape": SCENE | RUN | XPBD | AERO | CONTACT,
+    "tablecloth": SCENE | RUN | XPBD | CONTACT,
+    "shirt": SCENE | RUN | XPBD | CONTACT,
+}
+scenes = pytest.mark.parametrize("name", KERNELS)
+
+
+def step(path: Path, precision: str = "float32", **environment) -> dict:
+    done = subprocess.run([sys.executable, "-c", STEP, str(path), precision], cwd=ROOT, capture_output=True, text=True,
+                          check=False, env=os.environ | environment)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@cache
+def stepped(name: str) -> dict:
+    return step(ROOT / "scenes" / f"{name}.usda")
+
+
+def subject(kernel: str) -> str:
+    """A kernel without its precision, its variant and how its colours are launched: project_dihedral_lam_f32 is dihedral."""
+    bare = re.sub(r"_f(32|64)$", "", kernel.partition("__locals__")[0])
+    return re.sub(r"^(?:project|sweep)_([a-z]+).*$", r"\1", bare)
+
+
+@scenes
+def test_exactly_the_kernels_of_the_scene_are_compiled(name):
+    found = [subject(k) for k in stepped(name)["kernels"]]
+    assert len(found) == len(set(found)) and set(found) == KERNELS[name]
+
+
+@scenes
+def test_exactly_the_modules_of_the_scene_are_imported(name):
+    found = {m for m in stepped(name)["modules"] if m.startswith("wsim") and not m.startswith("wsim.usd")}
+    assert found == MODULES[name]
+
+
+@scenes
+def test_no_viewer_no_writer_and_no_second_copy_of_the_kernels(name):
+    modules = set(stepped(name)["modules"])
+    assert not any(m.partition(".")[0] in ("rerun", "kernels") for m in modules) and "pxr" in modules
+    assert not modules & {"wsim.recorder", "wsim.restart", "wsim.picture", "wsim.view", "wsim.cli", "wsim.run"}
+
+
+@scenes
+def test_no_adjoint_is_compiled(name):
+    assert stepped(name)["adjoint"] == []
+
+
+@scenes
+def test_methods_arrays_and_reasons_agree(name):
+    found = stepped(name)
+    wanted = {"points", "xpbd"}
+    wanted |= {"pins"} if KERNELS[name] >= PINS else set()
+    wanted |= {"aero"} if KERNELS[name] >= AIR else set()
+    wanted |= {"contact"} if "contact" in KERNELS[name] else set()
+    assert set(found["methods"]) == wanted
+    assert set(found["skipped"]) == {"pins", "aero", "contact", "history", "fem", "rigid", "fluid", "gradients"} - wanted
+    assert ("a" in found["fields"]) == ("contact" in wanted) and not {"s", "u"} & set(found["fields"])
+
+
+def test_an_empty_cache_ends_with_one_module_and_nothing_else(tmp_path):
+    """Sources that Warp wrote: one module, a forward function for each kernel, no backward one."""
+    found = step(ROOT / "scenes" / "hanging_cloth.usda", WARP_CACHE_PATH=str(tmp_path))
+    (source,) = tmp_path.rglob("wp_wsim_*.cpp")
+    compiled = {p.parent.name for p in tmp_path.rglob("*.o")} | {p.parent.name for p in tmp_path.rglob("*.cpp")}
+    assert compiled == {source.parent.name}
+    text = source.read_text()
+    forward = re.findall(r"static void (\w+?)_[0-9a-f]+_cpu_kernel_forward\(", text)
+    assert sorted(subject(k) for k in forward) == sorted(KERNELS["hanging_cloth"]) and len(found["kernels"]) == len(forward)
+    assert "_cpu_kernel_backward(" not in text
+
+
+@pytest.mark.parametrize("change, kernels", [
+    ("bend", CLOTH - {"dihedral"}), ("springs", {"distance", "dihedral"}), ("bdf2", CLOTH | {"residual", "judge"}),
+    ("limit", CLOTH | {"limit"}), ("tethers", CLOTH | {"tether"}), ("nothing", CLOTH)])
+def test_a_change_of_the_scene_changes_just_its_kernels(tmp_path, change, kernels):
+    from wsim import shapes
+    from wsim.fabric import Fabric
+    from wsim.scene import Scene
+    from wsim.usd import save
+    fabric = Fabric(bend=0.0 if change == "bend" else 1e-4, strain_limit=0.1 if change == "limit" else float("inf"))
+    scene = Scene(frames=1, substeps=2, integrator="bdf2" if change == "bdf2" else "backward_euler")
+    cloth = scene.cloth("/cloth", *shapes.sheet(1.0, 1.0, 3, 3, cut="quads"), material=fabric, tethers=change == "tethers",
+                        model="springs" if change == "springs" else "membrane")
+    scene.pin("/pin", cloth, [0, 3])
+    save(scene, str(tmp_path / "scene.usda"))
+    found = {subject(k) for k in step(tmp_path / "scene.usda", WARP_CACHE_PATH=str(tmp_path / "cache"))["kernels"]}
+    moves = {"predict_bdf2", "finish_bdf2", "predict_euler"} if change == "bdf2" else {"predict_euler", "finish_euler"}
+    found = {re.sub("^residual_.*", "residual", k) for k in found}
+    assert found - {"finish_euler"} == (kernels | PINS | {"not_finite"} | moves) - {"finish_euler"}
