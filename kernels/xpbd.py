@@ -22,6 +22,7 @@ import warp as wp
 
 from wsim.kernels import stream
 from wsim.kernels.constraint import TABLE, membrane_response
+from wsim.kernels.matrix import solve_block
 from wsim.kernels.real import types
 
 
@@ -164,10 +165,25 @@ def _terms_row(o):
     return terms
 
 
+@wp.func
+def weights_of_2(w: wp.array(dtype=Any), p: wp.vec2i):
+    """Inverse masses of two points."""
+    return wp.vector(w[p[0]], w[p[1]])
+
+
+@wp.func
+def weights_of_4(w: wp.array(dtype=Any), p: wp.vec4i):
+    """Inverse masses of four points."""
+    return wp.vector(w[p[0]], w[p[1]], w[p[2]], w[p[3]])
+
+
+WEIGHTS = {2: weights_of_2, 4: weights_of_4}
+
+
 def _row(o):
     """Projection of constraints with one row."""
     real, vec3, n, terms, place = o.t.scalar, o.t.vec3, o.points - 1, o.terms, o.place
-    weights, read_points, read_rest = wp.types.vector(o.points, real), o.read_points, o.read_rest
+    weights, read_points, read_rest = WEIGHTS[o.points], o.read_points, o.read_rest
 
     @wp.func
     def project(c: int, batch: o.Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
@@ -184,9 +200,7 @@ def _row(o):
         before = real(0.0)
         if wp.static(o.lam):
             before = lam[c]
-        W = weights()                                  # read before C is known: the reads then wait together
-        for k in range(n + 1):
-            W[k] = w[p[k]]
+        W = weights(w, p)                              # read before C is known: the reads then wait together
         C, r, G0, G, N = terms(p, rest, x, d, a, alpha, gamma, before)
         below = real(0.0)
         for k in range(n):
@@ -204,33 +218,6 @@ def _row(o):
                 lam_out[c] = before + dlam
 
     return project
-
-
-@wp.func
-def pivot(s: Any, before: Any, tiny: Any):
-    """1 / s, or 0 where elimination has left only rounding of what stood there `before`."""
-    r = type(s)(0.0)
-    if s > tiny * before:
-        r = type(s)(1.0) / s
-    return r
-
-
-@wp.func
-def solve_block(S: Any, r: Any, tiny: Any):
-    """y with S y = r, S symmetric, definite or not quite (L D L^T). A row that depends on earlier ones gets y = 0."""
-    q0 = pivot(S[0, 0], S[0, 0], tiny)
-    l10 = S[1, 0] * q0
-    l20 = S[2, 0] * q0
-    q1 = pivot(S[1, 1] - l10 * S[1, 0], S[1, 1], tiny)
-    s21 = S[2, 1] - l20 * S[1, 0]
-    l21 = s21 * q1
-    q2 = pivot(S[2, 2] - l20 * S[2, 0] - l21 * s21, S[2, 2], tiny)
-    z1 = r[1] - l10 * r[0]
-    z2 = r[2] - l20 * r[0] - l21 * z1
-    y2 = z2 * q2
-    y1 = z1 * q1 - l21 * y2
-    y0 = r[0] * q0 - l10 * y1 - l20 * y2
-    return wp.vector(y0, y1, y2)
 
 
 def _terms_block(o):
