@@ -14,7 +14,7 @@ both ends taken alone, which the time follows; 90,000 points, colours of `color`
     edges of a Delaunay mesh         63, 63     39, 58     49, 58
 
 H200, 1M points, one sweep over 4M grid springs [us]: random 348, Hilbert 157, levels 85, rows 78 at best; over the 3M
-edges of a Delaunay mesh: random 305, Hilbert 175, levels 206. So a regular mesh goes by levels, others along the curve.
+edges of a Delaunay mesh: random 305, Hilbert 180, levels 206. So a regular mesh goes by levels, others along the curve.
 """
 
 import numpy as np
