@@ -15,7 +15,6 @@ from wsim import topology
 from wsim.order import order_of_points
 from wsim.scene import Cloth, Scene, Springs
 
-
 SWEEP = 512           # threads of the block that takes all colours of a small batch
 
 

@@ -7,6 +7,7 @@ grown or the variant switched, the graph captured again and the frame repeated. 
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import warp as wp
@@ -53,7 +54,7 @@ class Simulation:
         problems = check(scene)
         if any(p.fatal for p in problems):
             raise SceneError([p for p in problems if p.fatal])
-        self.scene, self.precision, self.worlds = scene, precision, worlds
+        self.given, self.precision, self.worlds = scene, precision, worlds
         self.device = _device(device)
         self.warnings = [str(p) for p in (*scene.notes, *problems) if not p.fatal]
         self.seconds: dict[str, float] = {}
@@ -64,6 +65,8 @@ class Simulation:
     def _build(self) -> None:
         self.frame = 0
         self.graph = None
+        # a live motion changes a collider: the given scene stays as it is, for reset
+        self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])
         try:
             self.plan = plans.build(self.scene, device=self.device, real=PRECISIONS[self.precision], worlds=self.worlds)
         except RuntimeError as error:

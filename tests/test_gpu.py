@@ -1,0 +1,89 @@
+"""On a GPU: the same motion as on the CPU, the same bits twice, growth and replay. Skipped where there is no CUDA device."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+from tests.test_simulation import chain, drape
+from tools.bench import reference
+from wsim import shapes
+from wsim.curve import Motion
+from wsim.fabric import Fabric
+from wsim.scene import Plane, Scene, Sphere
+from wsim.simulation import Simulation
+
+wp.init()
+pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")
+
+
+def hanging(**more) -> Scene:
+    """A cloth held by its upper edge with every soft constraint: it does not amplify perturbations."""
+    scene = Scene(fps=60.0, substeps=8, iterations=4, **more)
+    cloth = scene.cloth("/cloth", *shapes.sheet(1.0, 1.0, 20, 20), drag=1.0, lift=0.5,
+                        material=Fabric(stretch=800.0, bend=1e-4, damping=1e-3))
+    scene.wind = (0.0, 0.0, 2.0)
+    scene.pin("/pins", cloth, range(21))
+    return scene
+
+
+def ends(scene, frames, *devices, **options):
+    for device in devices:
+        sim = Simulation(scene, device=device, **options)
+        sim.run(frames)
+        yield sim.positions(scene.bodies()[0].path)
+
+
+@pytest.mark.parametrize("precision, bound", [("float32", 1e-6), ("float64", 1e-13)])
+@pytest.mark.parametrize("integrator", ["backward_euler", "bdf2"])
+def test_cpu_and_gpu_agree(precision, bound, integrator):
+    cpu, gpu = ends(hanging(integrator=integrator), 10, "cpu", "cuda:0", precision=precision)
+    assert reference.rms(cpu - gpu) < bound * 1.0                       # the scene is 1 m in size
+
+
+def test_springs_model_and_large_colours_agree():
+    scene = reference.spring_cloth(64)
+    scene.substeps, scene.iterations = 8, 2
+    cpu, gpu = ends(scene, 10, "cpu", "cuda:0")
+    assert reference.rms(cpu - gpu) < 1e-6
+
+
+def test_two_runs_have_the_same_bits():
+    first, second = ends(drape(), 20, "cuda:0", "cuda:0")
+    assert np.array_equal(first, second)
+
+
+def test_a_drape_rests_on_its_ball():
+    (end,) = ends(drape(), 40, "cuda:0")
+    assert np.linalg.norm(end - (0.02, -0.27, 0.01), axis=1).min() > 0.25 - 1e-4
+
+
+def test_more_contacts_than_room_repeat_the_frame():
+    scene = Scene(fps=60.0, substeps=4)
+    scene.net("/net", [[0, 0.05, 0], [0.1, 0.05, 0]], [[0, 1]], [100.0], [0.1], radius=0.02)
+    for k in range(5):
+        scene.collider(f"/ball{k}", Sphere(0.3), at=(0.05, -0.3, 0.0))
+    sim = Simulation(scene, device="cuda:0")
+    sim.run(5)
+    assert any("repeated" in w for w in sim.warnings)
+
+
+def test_worlds_live_parameters_and_arrays_on_the_device():
+    scene = chain(4, substeps=4, iterations=4, air_drag=8.0)
+    sim = Simulation(scene, device="cuda:0", worlds=3)
+    sim.run(200)
+    array, index = sim.positions("/chain", world=2, device=True)
+    assert array is sim.state.x and array.device.is_cuda and index.min() == 10
+    soft = sim.positions("/chain", world=2)[-1, 1] + 0.4
+    sim.set("/chain", "stiffness", 400.0)
+    sim.run(200)
+    assert sim.positions("/chain", world=1)[-1, 1] + 0.4 == pytest.approx(soft / 2, rel=1e-2)
+
+
+def test_a_plane_stops_a_cloth():
+    scene = Scene(fps=60.0, substeps=8, iterations=2)
+    scene.cloth("/cloth", *shapes.sheet(0.5, 0.5, 8, 8, horizontal=True))
+    turned = np.eye(4)
+    turned[:3, :3], turned[1, 3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]], -0.3
+    scene.collider("/floor", Plane(), motion=Motion.still(turned))
+    (end,) = ends(scene, 60, "cuda:0")
+    assert end[:, 1].min() > -0.3
