@@ -41,7 +41,7 @@ def array(path: str, name: str, value: np.ndarray | None, counts: tuple[int, ...
         return
     if len(value) not in counts:
         yield error(path, f"{len(value)} {name}", " or ".join(map(str, counts)), f"author as many {name} as that")
-    bad = ~np.isfinite(value).reshape(len(value), -1).all(axis=1)
+    bad = ~np.isfinite(value.reshape(len(value), int(np.prod(value.shape[1:])))).all(axis=1)
     if bad.any():
         yield error(path, f"{bad.sum()} of {len(bad)} {name} are NaN or infinite, first at index {np.argmax(bad)}",
                     "finite numbers", "export the prim again, or give them a value")
@@ -92,7 +92,9 @@ def surface(thing: Cloth | Surface, path: str, motion: Motion | None = None) -> 
     except ValueError as wrong:
         return [*found, Problem(path, str(wrong))]
     first = np.unique(particle, return_index=True)[1]
-    return topology.examine(path, thing.points[first], thing.counts, particle[thing.indices])
+    welded = topology.examine(path, thing.points[first], thing.counts, particle[thing.indices])
+    return [Problem(path, f"{p.text} (once points closer than weld = {thing.weld:g} m are one: lower weld)", p.fatal)
+            if p.fatal else p for p in welded]
 
 
 def cloth(thing: Cloth) -> list[Problem]:

@@ -9,6 +9,8 @@ any other is cut by clipping ears (Meisters 1975), best shaped first, in the pla
 
 import numpy as np
 
+from wsim.latest import latest
+
 # Twice the area over the square of the longest side under which a triangle counts as having none: a height of one
 # millionth of the side is all rounding in float32 (epsilon 1.2e-7), and its strain is undefined.
 FLAT = 1e-6
@@ -67,16 +69,16 @@ def _clip(flat: np.ndarray) -> list[tuple[int, int, int]]:
     return [*ears, (left[0], left[1], left[2])]
 
 
-def _cut(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Triangles (f, n - 2, 3) of polygons (f, n) with the same number of corners."""
+def _cut(points: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles (f, n - 2, 3) of polygons (f, n) with the same number of corners, and of which polygons none is flat."""
     n = corners.shape[1]
     if n == 3:
-        return corners[:, None]
+        return corners[:, None], ~flat(points, corners)
     cut, good = _fans(points, corners, 0)
     for first in range(1, n):
         bad = np.flatnonzero(~good)
         if len(bad) == 0:
-            return cut
+            return cut, good                                # a fan that is free of turned triangles has no flat ones
         fan, fine = _fans(points, corners[bad], first)
         cut[bad[fine]] = fan[fine]
         good[bad[fine]] = True
@@ -88,7 +90,7 @@ def _cut(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
         across = np.cross(N, np.eye(3)[int(np.argmin(np.abs(N)))])
         plane = np.stack([across / np.linalg.norm(across), np.cross(N, across) / np.linalg.norm(np.cross(N, across))])
         cut[f] = corners[f][np.array(_clip(P @ plane.T))]
-    return cut
+    return cut, good
 
 
 def triangulate(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -97,22 +99,30 @@ def triangulate(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> 
     Polygons of fewer than three corners and triangles without area (see FLAT) are left out: a polygon that does not
     occur in the second array was degenerate. Raises ValueError if an index or the number of indices is wrong.
     """
-    points = np.asarray(points, np.float64).reshape(-1, 3)
-    counts, indices = np.asarray(counts, np.int64).ravel(), np.asarray(indices, np.int64).ravel()
+    return _triangulated(np.asarray(points, np.float64).reshape(-1, 3), np.asarray(counts, np.int64).ravel(),
+                         np.asarray(indices, np.int64).ravel())
+
+
+@latest
+def _triangulated(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`triangulate`, with the same mesh in the same types, so that it is cut once."""
     wrong = index_fault(len(points), counts, indices)
     if wrong:
         raise ValueError(wrong)
     starts = np.cumsum(counts) - counts
-    triangles, polygons = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)]
+    triangles, polygons, sound = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)], [np.zeros(0, bool)]
     for n in np.unique(counts[counts >= 3]):
         faces = np.flatnonzero(counts == n)
         with np.errstate(invalid="ignore", over="ignore"):
-            cut = _cut(points, indices[starts[faces][:, None] + np.arange(n)])
+            cut, good = _cut(points, indices[starts[faces][:, None] + np.arange(n)])
         triangles.append(cut.reshape(-1, 3))
         polygons.append(np.repeat(faces, n - 2))
-    all_triangles, polygon = np.concatenate(triangles), np.concatenate(polygons)
+        sound.append(np.repeat(good, n - 2))
+    all_triangles, polygon, keep = np.concatenate(triangles), np.concatenate(polygons), np.concatenate(sound)
+    doubtful = np.flatnonzero(~keep)
+    keep[doubtful] = ~flat(points, all_triangles[doubtful])
     order = np.argsort(polygon, kind="stable") if len(triangles) > 2 else np.arange(len(polygon))
-    order = order[~flat(points, all_triangles[order])]
+    order = order[keep[order]]
     return all_triangles[order].astype(np.int32), polygon[order].astype(np.int32)
 
 
