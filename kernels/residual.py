@@ -36,8 +36,8 @@ def residual(constraint: str, *, real, module, uniform: bool = False):
     multiplier = vec3 if block else real
     length = constraint == "distance"
 
-    def residual(batch: Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), d: wp.array(dtype=vec3),
-                 lam: wp.array(dtype=multiplier), rate: real, row: int, largest: wp.array(dtype=real)):
+    def residual(batch: Batch, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), lam: wp.array(dtype=multiplier),
+                 rate: real, row: int, largest: wp.array(dtype=real)):
         c = wp.tid()
         p = batch.point[c]
         i = p[0]
@@ -52,7 +52,8 @@ def residual(constraint: str, *, real, module, uniform: bool = False):
             C, G1, G2 = formula(X, batch.rest[c])
             G0 = -(G1 + G2)
             A = (rate * rate) * plane_stress(batch.alpha[u])
-            S = w[i] * (G0 * wp.transpose(G0)) + w[p[1]] * (G1 * wp.transpose(G1)) + w[p[2]] * (G2 * wp.transpose(G2))
+            S = (batch.w[i] * (G0 * wp.transpose(G0)) + batch.w[p[1]] * (G1 * wp.transpose(G1))
+                 + batch.w[p[2]] * (G2 * wp.transpose(G2)))
             C += A * lam[c]
             for k in range(3):
                 r = wp.max(r, wp.abs(C[k]) * share(S[k, k], A[k, k]))
@@ -63,8 +64,8 @@ def residual(constraint: str, *, real, module, uniform: bool = False):
             S = real(0.0)
             for k in range(n):
                 G0 -= G[k]
-                S += w[p[k + 1]] * wp.dot(G[k], G[k])
-            S += w[i] * wp.dot(G0, G0)
+                S += batch.w[p[k + 1]] * wp.dot(G[k], G[k])
+            S += batch.w[i] * wp.dot(G0, G0)
             r = wp.abs(C + a * lam[c]) * share(S, a)
             if wp.static(length):
                 r /= wp.max(wp.abs(batch.rest[c]), real(1.0e-12))

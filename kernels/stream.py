@@ -10,6 +10,7 @@ from typing import Any
 
 import warp as wp
 
+BLOCK = 512            # threads of the one block that sweeps; registers are kept so that it fits, in float64 too
 SNIPPET = """
 #if defined(__CUDA_ARCH__)
     {cuda}

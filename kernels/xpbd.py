@@ -5,6 +5,7 @@
     a = alpha / h^2 (compliance alpha); gamma = tau / h, tau [s] the relaxation time of stiffness-proportional damping
     d displacement of the substep [m]; (d - anchor) / h its velocity; w inverse mass [1/kg], 0 pins the point
 
+`omega` over-relaxes: dlam is multiplied by it (1: XPBD; up to 2 the fixed point is the same and may be reached sooner).
 `rate` is 1 / h [1/s], h the effective step of the integrator (2/3 of the substep for BDF2). No point with w > 0 occurs
 twice in a colour, so a colour needs no atomics and does not depend on the order of threads. A kernel reads only what
 its variant needs; the arrays that it does not need may be None.
@@ -36,6 +37,7 @@ def batch(points: int, value, compliance, scalar):
         rest: wp.array(dtype=value)           # rest value: a length, an angle, or Dm^-1, (m,)
         alpha: wp.array(dtype=compliance)     # compliance, (m,), or (1,) for all; unused by a unilateral constraint
         tau: wp.array(dtype=scalar)           # relaxation time [s], (m,) or (1,); only when damped
+        w: wp.array(dtype=scalar)             # inverse masses [1/kg] of all points; 0 pins
 
     return Batch
 
@@ -54,16 +56,16 @@ def projection(constraint: str, *, real=wp.float32, module="unique", multipliers
     multipliers   lam is read and written: needed when a substep runs more than one iteration
     damped        tau and a (the anchor) are read
     uniform       alpha and tau have one entry for all
-    The kernel's arguments: batch, x, w, a, first, rate, d, lam, d_out, lam_out (lam vec3 for the membrane); launched
+    The kernel's arguments: batch, x, a, first, rate, omega, d, lam, d_out, lam_out (lam vec3 for the membrane); launched
     over the constraints of a colour, the first of which is `first`.
     """
     o = variant(constraint, real, multipliers, damped, uniform)
     vec3, value, one = o.t.vec3, o.value, _one(o, backward)
 
-    def project(batch: o.Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
-                first: int, rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=value),
-                d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=value)):
-        one(first + wp.tid(), batch, x, w, a, rate, d, lam, d_out, lam_out)
+    def project(batch: o.Batch, x: wp.array(dtype=vec3), a: wp.array(dtype=vec3), first: int, rate: real, omega: real,
+                d: wp.array(dtype=vec3), lam: wp.array(dtype=value), d_out: wp.array(dtype=vec3),
+                lam_out: wp.array(dtype=value)):
+        one(first + wp.tid(), batch, x, a, rate, omega, d, lam, d_out, lam_out)
 
     name = f"project_{o.name}" + ("_backward" if backward else "")
     return o.Batch, wp.kernel(project, name=name, module=module, enable_backward=backward)
@@ -74,21 +76,22 @@ def sweep(constraint: str, *, real=wp.float32, module="unique", multipliers: boo
           uniform: bool = False):
     """(Batch, kernel) as `projection`, for all colours in one launch over `threads`: one block on a GPU, 1 on the CPU.
 
-    The kernel's arguments: batch, x, w, a, starts, rate, d, lam, d_out, lam_out; starts (colours + 1,) int.
+    The kernel's arguments: batch, x, a, starts, rate, omega, d, lam, d_out, lam_out; starts (colours + 1,) int.
     """
     o = variant(constraint, real, multipliers, damped, uniform)
     vec3, value, one = o.t.vec3, o.value, _one(o, False)
 
-    def sweep(batch: o.Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
-              starts: wp.array(dtype=int), rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=value),
-              d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=value)):
+    def sweep(batch: o.Batch, x: wp.array(dtype=vec3), a: wp.array(dtype=vec3), starts: wp.array(dtype=int), rate: real,
+              omega: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=value), d_out: wp.array(dtype=vec3),
+              lam_out: wp.array(dtype=value)):
         i = wp.tid()
         for colour in range(starts.shape[0] - 1):
             for c in range(starts[colour] + i, starts[colour + 1], wp.block_dim()):
-                one(c, batch, x, w, a, rate, d, lam, d_out, lam_out)
+                one(c, batch, x, a, rate, omega, d, lam, d_out, lam_out)
             stream.meet()
 
-    return o.Batch, wp.kernel(sweep, name=f"sweep_{o.name}", module=module, enable_backward=False, grid_stride=False)
+    return o.Batch, wp.kernel(sweep, name=f"sweep_{o.name}", module=module, enable_backward=False, grid_stride=False,
+                               launch_bounds=stream.BLOCK)
 
 
 def _one(o, backward: bool):
@@ -186,9 +189,9 @@ def _row(o):
     weights, read_points, read_rest = WEIGHTS[o.points], o.read_points, o.read_rest
 
     @wp.func
-    def project(c: int, batch: o.Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
-                rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=real),
-                d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=real)):
+    def project(c: int, batch: o.Batch, x: wp.array(dtype=vec3), a: wp.array(dtype=vec3), rate: real, omega: real,
+                d: wp.array(dtype=vec3), lam: wp.array(dtype=real), d_out: wp.array(dtype=vec3),
+                lam_out: wp.array(dtype=real)):
         p = read_points(batch.point, c)
         rest = read_rest(batch.rest, c)
         alpha = real(0.0)
@@ -200,7 +203,7 @@ def _row(o):
         before = real(0.0)
         if wp.static(o.lam):
             before = lam[c]
-        W = weights(w, p)                              # read before C is known: the reads then wait together
+        W = weights(batch.w, p)                           # read before C is known: the reads then wait together
         C, r, G0, G, N = terms(p, rest, x, d, a, alpha, gamma, before)
         below = real(0.0)
         for k in range(n):
@@ -209,7 +212,7 @@ def _row(o):
             below += W[0] * wp.dot(G0, G0)
         below = (real(1.0) + gamma) * below + alpha
         if below > real(0.0):                          # else all pinned or no direction: nothing to move
-            dlam = r / below
+            dlam = (omega * r) / below
             if wp.static(not o.anchored):
                 d_out[p[0]] = N[0] + (W[0] * dlam) * G0
             for k in range(n):
@@ -255,9 +258,9 @@ def _block(o):
     tiny = 4.0 * (2.0**-23 if real is wp.float32 else 2.0**-52)     # roundings left where elimination ends in 0
 
     @wp.func
-    def project(c: int, batch: o.Batch, x: wp.array(dtype=vec3), w: wp.array(dtype=real), a: wp.array(dtype=vec3),
-                rate: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=vec3),
-                d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=vec3)):
+    def project(c: int, batch: o.Batch, x: wp.array(dtype=vec3), a: wp.array(dtype=vec3), rate: real, omega: real,
+                d: wp.array(dtype=vec3), lam: wp.array(dtype=vec3), d_out: wp.array(dtype=vec3),
+                lam_out: wp.array(dtype=vec3)):
         p = read_points(batch.point, c)
         rest = read_rest(batch.rest, c)
         alpha = (rate * rate) * batch.alpha[place(c)]
@@ -267,13 +270,13 @@ def _block(o):
         before = vec3()
         if wp.static(o.lam):
             before = lam[c]
-        w0 = w[p[0]]
-        w1 = w[p[1]]
-        w2 = w[p[2]]
+        w0 = batch.w[p[0]]
+        w1 = batch.w[p[1]]
+        w2 = batch.w[p[2]]
         C, r, G1, G2, N = terms(p, rest, x, d, a, alpha, gamma, before)
         G0 = -(G1 + G2)
         S = membrane_response(C, rest, w0, w1, w2)
-        dlam = solve_block((real(1.0) + gamma) * S + plane_stress(alpha), r, real(tiny))
+        dlam = omega * solve_block((real(1.0) + gamma) * S + plane_stress(alpha), r, real(tiny))
         d_out[p[0]] = N[0] + w0 * (wp.transpose(G0) * dlam)
         d_out[p[1]] = N[1] + w1 * (wp.transpose(G1) * dlam)
         d_out[p[2]] = N[2] + w2 * (wp.transpose(G2) * dlam)

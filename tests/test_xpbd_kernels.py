@@ -29,7 +29,7 @@ class Problem:
         b.alpha = self.array(alpha, t.vec3 if block else real)
         b.tau = self.array([tau] * self.m, real)
         self.x = self.array(points, t.vec3)
-        self.w = self.array(w, real)
+        self.w = b.w = self.array(w, real)
         self.d = self.array(np.zeros((len(points), 3)), t.vec3)
         self.a = self.array(np.zeros((len(points), 3)), t.vec3)
 
@@ -43,7 +43,7 @@ class Problem:
         step = count or 1
         for _ in range(times):
             for first in range(0, self.m, step):
-                wp.launch(self.kernel, step, [self.batch, self.x, self.w, self.a, first, rate, self.d, self.lam],
+                wp.launch(self.kernel, step, [self.batch, self.x, self.a, first, rate, 1.0, self.d, self.lam],
                           [self.d, self.lam], device="cpu")
         return self.d.numpy().astype(np.float64)
 
@@ -200,7 +200,7 @@ def test_separate_output_equals_in_place(name):
     problem, d = case(name, multipliers=True, damped=True)
     kept = problem.array(d, problem.t.vec3)
     out, lam_out = wp.clone(kept), wp.clone(problem.lam)
-    wp.launch(problem.kernel, 1, [problem.batch, problem.x, problem.w, problem.a, 0, 10.0, kept, problem.lam],
+    wp.launch(problem.kernel, 1, [problem.batch, problem.x, problem.a, 0, 10.0, 1.0, kept, problem.lam],
               [out, lam_out], device="cpu")
     assert np.array_equal(kept.numpy(), d) and np.all(problem.lam.numpy() == 0)
     assert np.array_equal(out.numpy(), problem.project(1, 10.0, d))
@@ -281,7 +281,7 @@ def test_recorded_projection_has_the_right_gradient(name):
         d_in = wp.array(start, dtype=problem.t.vec3, device="cpu", requires_grad=True)
         out = wp.array(start, dtype=problem.t.vec3, device="cpu", requires_grad=True)
         lam_out = wp.zeros_like(problem.lam)
-        wp.launch(problem.kernel, 1, [problem.batch, problem.x, problem.w, problem.a, 0, 10.0, d_in, problem.lam],
+        wp.launch(problem.kernel, 1, [problem.batch, problem.x, problem.a, 0, 10.0, 1.0, d_in, problem.lam],
                   [out, lam_out], device="cpu")
         return d_in, out
 

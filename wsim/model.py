@@ -15,8 +15,6 @@ from wsim import topology
 from wsim.order import order_of_points
 from wsim.scene import Cloth, Scene, Springs
 
-SWEEP = 512           # threads of the block that takes all colours of a small batch
-
 
 @dataclass
 class Body:
@@ -106,20 +104,24 @@ class Model:
         return f"{self.module}_sweep" if self.device.is_cuda else self.module
 
     def sweep(self, kernel, inputs: list, outputs: list) -> None:
-        """Launches a kernel of one block of SWEEP threads; on the CPU of one thread."""
+        """Launches a kernel of one block; on the CPU of one thread."""
         import warp as wp
+
+        from wsim.kernels.stream import BLOCK
         if self.device.is_cuda:
-            wp.launch(kernel, SWEEP, inputs, outputs, device=self.device, block_dim=SWEEP)
+            wp.launch(kernel, BLOCK, inputs, outputs, device=self.device, block_dim=BLOCK)
         else:
             wp.launch(kernel, 1, inputs, outputs, device=self.device)
 
     def load(self) -> None:
         """Compiles the kernels that the plan has made, once: before the first launch, since a capture cannot."""
         import warp as wp
+
+        from wsim.kernels.stream import BLOCK
         cuda = self.device.is_cuda
         wp.load_module(self.module, device=self.device, block_dim=self.block if cuda else None)
         if cuda and wp.get_module(self.sweep_module).kernels:
-            wp.load_module(self.sweep_module, device=self.device, block_dim=SWEEP)
+            wp.load_module(self.sweep_module, device=self.device, block_dim=BLOCK)
 
     def upload(self, values, dtype):
         """Device array of NumPy values, in the model's precision where dtype is a real type."""

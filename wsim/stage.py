@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 PHASES = ("pose", "predict", "collide", "solve", "finish", "deform")
+OVER = 1.3     # spring cloth of 64 x 64 points, BDF2, 16 x 16: error at 0.25 s 2.2e-4 at 1, 1.2e-4 at 1.3, 8e-5 at 1.5; above
+               # that it grows (6.9e-4 at 1.7). Residuals of the example scenes fall by up to a quarter at 1.3
 OVERFLOW, RESIDUAL, NOT_FINITE = 0, 1, 2          # places in the status word: capacity wanted, stages failed, point + 1
 
 
@@ -35,6 +37,11 @@ class Clock:
     def bdf2(self) -> bool:
         """Whether this very substep is one of BDF2."""
         return self.multistep and not (self.starting and self.k == 0)
+
+    @property
+    def omega(self) -> float:
+        """Over-relaxation of this iteration: the first and the last sweep are plain XPBD."""
+        return OVER if 0 < self.i < self.iterations - 1 else 1.0
 
     @property
     def g(self) -> float:

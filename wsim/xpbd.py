@@ -105,6 +105,7 @@ class Xpbd(Method):
             size = sum(b.lam.capacity for b in self.batches)
             self.stages.append(Stage("multipliers", "collide", self.zero, len(self.batches), size, what="zeroed"))
         for batch in self.batches:
+            batch.data.w = points.constants.w
             self.stages.append(Stage(
                 batch.kind, "solve", partial(self.project, batch), 1 if batch.fused else len(batch.starts) - 1, batch.bytes,
                 "iteration",
@@ -138,8 +139,8 @@ class Xpbd(Method):
     def measure(self, kernels_: list, d: wp.array, largest: wp.array) -> None:
         soft = [b for b in self.batches if b.kind not in HARD]
         for row, (batch, kernel) in enumerate(zip(soft, kernels_, strict=True)):
-            self.model.launch(kernel, batch.size, [batch.data, self.state.x, self.points.constants.w, d, batch.lam,
-                                                   1.0 / self.clock.g, row], [largest])
+            self.model.launch(kernel, batch.size,
+                              [batch.data, self.state.x, d, batch.lam, 1.0 / self.clock.g, row], [largest])
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]; residual: what the last substep's sweeps left, see kernels/residual.py (strain, radians). A
@@ -164,15 +165,16 @@ class Xpbd(Method):
             batch.lam.zero_()
 
     def project(self, batch: Batch, clock: Clock) -> None:
-        s, w, a = self.state, self.points.constants.w, self.points.anchor
+        s, a = self.state, self.points.anchor if batch.damped else None
+        omega = 1.0 if batch.kind in HARD else clock.omega
         if batch.fused:
             self.model.sweep(batch.kernel,
-                             [batch.data, s.x, w, a if batch.damped else None, batch.first, 1.0 / clock.g, s.d, batch.lam],
+                             [batch.data, s.x, a, batch.first, 1.0 / clock.g, omega, s.d, batch.lam],
                              [s.d, batch.lam])
             return
         for first, last in zip(batch.starts[:-1], batch.starts[1:], strict=True):
             self.model.launch(batch.kernel, int(last - first),
-                              [batch.data, s.x, w, a if batch.damped else None, int(first), 1.0 / clock.g, s.d, batch.lam],
+                              [batch.data, s.x, a, int(first), 1.0 / clock.g, omega, s.d, batch.lam],
                               [s.d, batch.lam])
 
     def set(self, path: str, name: str, value) -> bool:
