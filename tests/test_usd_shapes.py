@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom
 
+from wsim import solids, topology
 from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Sphere, Surface
-from wsim.usd import tessellate
-from wsim.usd.colliders import load_collider
+from wsim.usd.colliders import AROUND, load_collider
 from wsim.usd.motion import split
 from wsim.usd.stage import Reading, Units
 
-CHORD = 2.0 * (1.0 - np.cos(np.pi / tessellate.AROUND))      # how far a facet lies inside its sphere, of the radius
+CHORD = 2.0 * (1.0 - np.cos(np.pi / AROUND))      # how far a facet lies inside its sphere, of the radius
 
 
 def inside(shape, p: np.ndarray) -> np.ndarray:
@@ -129,11 +129,25 @@ def _distance(mesh: Surface, points: np.ndarray) -> np.ndarray:
     return np.abs(((points[:, None] - corner[None, :, 0]) * normal[None]).sum(axis=2).max(axis=1))
 
 
+@pytest.mark.parametrize("solid", [
+    solids.box((1.0, 2.0, 3.0)), solids.sphere(0.7, AROUND), solids.capsule(0.4, 0.4, 0.8, AROUND),
+    solids.capsule(0.4, 0.2, 0.1, AROUND), solids.cylinder(0.4, 0.3, 0.8, AROUND), solids.cylinder(0.5, 0.0, 0.8, AROUND),
+], ids=["box", "ball", "capsule", "two half balls", "cylinder", "cone"])
+def test_a_solid_is_closed_and_holds_no_point_twice(solid):
+    """A collider's inside is told by its closed surface: each edge has two sides, and Euler's number is 2."""
+    points, triangles = solid
+    edges, used = topology.edges(triangles), np.unique(triangles)
+    assert len(topology.hinges(triangles)) == len(edges) and len(used) == len(points)
+    assert len(points) - len(edges) + len(triangles) == 2
+    assert topology.examine("/solid", points.astype(np.float32), np.full(len(triangles), 3), triangles.ravel()) == []
+
+
 @pytest.mark.parametrize("scale, mirrored", [((1, 1, 1), False), ((1, -2, 1), True), ((-1, -1, 3), False)])
 def test_a_mesh_collider_stays_outward_under_a_mirror(scale, mirrored):
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    points, counts, indices = tessellate.box((1.0, 2.0, 3.0))
+    points, triangles = solids.box((1.0, 2.0, 3.0))
+    counts, indices = np.full(12, 3), triangles.ravel()
     mesh = UsdGeom.Mesh.Define(stage, "/m")
     mesh.CreatePointsAttr([Gf.Vec3f(*map(float, p)) for p in points])
     mesh.CreateFaceVertexCountsAttr(counts.tolist())
@@ -150,7 +164,8 @@ def test_animated_points_and_xforms_of_a_collider_are_followed():
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageMetersPerUnit(stage, 0.01)
     stage.SetStartTimeCode(10)
-    points, counts, indices = tessellate.box((1.0, 1.0, 1.0))
+    points, triangles = solids.box((1.0, 1.0, 1.0))
+    counts, indices = np.full(12, 3), triangles.ravel()
     mesh = UsdGeom.Mesh.Define(stage, "/m")
     mesh.CreateFaceVertexCountsAttr(counts.tolist())
     mesh.CreateFaceVertexIndicesAttr(indices.tolist())

@@ -1,7 +1,9 @@
-"""Triangles for shapes that have a formula: what a picture or a viewer draws of them. NumPy only.
+"""Triangles for shapes that have a formula: what a picture or a viewer draws of them, and what a collider becomes whose
+scale its shape cannot take. NumPy only.
 
-Each function returns (points (n, 3) float64, triangles (t, 3) int32), counter-clockwise seen from outside. The axis of
-round solids is z; `along` turns it to x or y. Points on a seam or a pole are repeated, at the same place.
+Each function returns (points (n, 3) float64, triangles (t, 3) int32), counter-clockwise seen from outside, closed where
+the solid is: no point twice, a pole is one point. The axis of round solids is z; `along` turns it to x or y. Points lie
+on the solid, so the triangles lie inside a cylinder by at most r (1 - cos(pi / sides)), inside a ball by twice that.
 """
 
 import numpy as np
@@ -12,15 +14,19 @@ _OCTAHEDRON = (np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1]
 
 
 def lathe(profile, sides: int = 64) -> Outline:
-    """Surface of revolution about z. profile: (r, z) from the lower to the upper end, shape (m, 2)."""
-    r, z = np.asarray(profile, float).T
+    """Surface of revolution about z. profile: (r, z) from the lower to the upper end, shape (m, 2); of rows that are
+    equal the first counts."""
+    profile = np.asarray(profile, float)
+    r, z = profile[np.r_[True, (profile[1:] != profile[:-1]).any(axis=1)]].T
     phi = np.arange(sides) * (2.0 * np.pi / sides)
     points = np.stack([np.outer(r, np.cos(phi)), np.outer(r, np.sin(phi)), np.tile(z[:, None], sides)], axis=-1)
-    row, side = np.meshgrid(np.arange(len(r) - 1), np.arange(sides), indexing="ij")
-    a, b = row * sides + side, row * sides + (side + 1) % sides
-    lower = np.stack([a, b, b + sides], axis=-1)[r[:-1] > 0]          # at a pole one of the two has no area
-    upper = np.stack([a, b + sides, a + sides], axis=-1)[r[1:] > 0]
-    return points.reshape(-1, 3), np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)]).astype(np.int32)
+    real = (r[:, None] > 0) | (np.arange(sides) == 0)                 # a pole is the first point of its row
+    number = np.cumsum(real).reshape(real.shape) - 1
+    number = np.where(r[:, None] > 0, number, number[:, :1])
+    a, b = number, np.roll(number, -1, axis=1)
+    lower = np.stack([a[:-1], b[:-1], b[1:]], axis=-1)[r[:-1] > 0]    # at a pole one of the two has no area
+    upper = np.stack([a[:-1], b[1:], a[1:]], axis=-1)[r[1:] > 0]
+    return points[real], np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)]).astype(np.int32)
 
 
 def _arc(radius: float, center: float, start: float, end: float, steps: int) -> np.ndarray:
@@ -34,15 +40,15 @@ def sphere(radius: float, sides: int = 64) -> Outline:
     return lathe(_arc(radius, 0.0, -0.5 * np.pi, 0.5 * np.pi, max(sides // 2, 2)), sides)
 
 
-def capsule(bottom: float, top: float, half_height: float) -> Outline:
+def capsule(bottom: float, top: float, half_height: float, sides: int = 64) -> Outline:
     """Two half balls of those radii and the cone between them; half_height of the straight part."""
-    return lathe(np.concatenate([_arc(bottom, -half_height, -0.5 * np.pi, 0.0, 16),
-                                 _arc(top, half_height, 0.0, 0.5 * np.pi, 16)]))
+    return lathe(np.concatenate([_arc(bottom, -half_height, -0.5 * np.pi, 0.0, max(sides // 4, 1)),
+                                 _arc(top, half_height, 0.0, 0.5 * np.pi, max(sides // 4, 1))]), sides)
 
 
-def cylinder(bottom: float, top: float, half_height: float) -> Outline:
+def cylinder(bottom: float, top: float, half_height: float, sides: int = 64) -> Outline:
     """Closed; a radius of 0 gives a cone."""
-    return lathe([(0.0, -half_height), (bottom, -half_height), (top, half_height), (0.0, half_height)])
+    return lathe([(0.0, -half_height), (bottom, -half_height), (top, half_height), (0.0, half_height)], sides)
 
 
 def box(half) -> Outline:

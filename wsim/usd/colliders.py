@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import Usd, UsdGeom
 
+from wsim import solids
 from wsim.curve import Curve, Motion
 from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
-from wsim.usd import names, tessellate
+from wsim.usd import names
 from wsim.usd.attributes import array, author, author_times, read, read_times
 from wsim.usd.material import author_friction, bind, load_friction
 from wsim.usd.motion import Placement, author_motion, placement, split
@@ -20,6 +21,7 @@ from wsim.usd.stage import Reading, Units
 
 TURN = {"X": [1, 2, 0], "Y": [2, 0, 1], "Z": [0, 1, 2]}      # columns of the prim's frame as own x, y, z
 SAME = 1e-6                                                    # relative difference of scales that counts as none
+AROUND = 32                                                    # points on a circle of a shape that becomes a mesh
 
 
 @dataclass
@@ -150,10 +152,15 @@ def _shape(reading: Reading, path: str, sizes: Sizes, place: Placement, S: np.nd
 
 
 def _tessellated(sizes: Sizes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(points (n, 3), counts, indices) of a shape along z."""
     if sizes.kind == "box":
-        return tessellate.box(sizes.edges)
-    profile = tessellate.capsule if sizes.kind in ("sphere", "capsule") else tessellate.cylinder
-    return tessellate.revolution(profile(sizes.bottom, sizes.top, sizes.half))
+        points, triangles = solids.box(sizes.edges)
+    elif sizes.kind == "sphere":
+        points, triangles = solids.sphere(sizes.bottom, AROUND)
+    else:
+        solid = solids.capsule if sizes.kind == "capsule" else solids.cylinder
+        points, triangles = solid(sizes.bottom, sizes.top, sizes.half, AROUND)
+    return points, np.full(len(triangles), 3), triangles.ravel()
 
 
 def _stretched(mesh, place: Placement, S: np.ndarray, poses: Curve | None) -> Surface:
