@@ -121,3 +121,26 @@ def test_a_mesh_in_an_instance_names_the_instance(tmp_path):
     (tmp_path / "i.usda").write_text(text + copy)
     with pytest.raises(SceneError, match="instanceable = false on /copy"):
         author_cloth(tmp_path / "i.usda", tmp_path / "scene.usda")
+
+
+@pytest.mark.parametrize(("last", "flat"), [("(0, 170, 0)", True), ("(0, 170, 20)", False)])
+def test_rest_angles_are_those_of_the_mesh_unless_it_is_flat(shirt, tmp_path, last, flat):
+    mesh = shirt()
+    mesh.write_text(mesh.read_text().replace("(0, 170, 0)", last))
+    author_cloth(mesh, tmp_path / "scene.usda")
+    assert load(tmp_path / "scene.usda").cloths[0].flat is flat
+
+
+def test_of_several_meshes_one_is_named_by_path_holder_or_name(shirt, tmp_path):
+    square = """{ point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0)]
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]
+    }"""
+    mesh = shirt("metersPerUnit = 1", more=f'def Xform "a" {{ def Mesh "hem" {square}\n }}\n def Mesh "cuff" {square}')
+    for prim, found in (("/garment/cuff", "/garment/cuff"), ("/garment/a", "/garment/a/hem"), ("hem", "/garment/a/hem")):
+        author_cloth(mesh, tmp_path / "scene.usda", prim=prim)
+        assert load(tmp_path / "scene.usda").cloths[0].path == found
+    with pytest.raises(SceneError, match="3 meshes; name one by prim .*: /garment/shirt, /garment/a/hem, /garment/cuff"):
+        author_cloth(mesh, tmp_path / "scene.usda")
+    with pytest.raises(SceneError, match="no Mesh at /garment/b; its meshes: /garment/shirt"):
+        author_cloth(mesh, tmp_path / "scene.usda", prim="/garment/b")

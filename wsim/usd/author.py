@@ -1,8 +1,9 @@
 """A bare mesh -> a small scene layer in which it is cloth.
 
 The mesh's file stays as it is: the new layer has it as a sublayer, by a relative path, and holds opinions over it, a
-PhysicsScene, a fabric and perhaps a ground. Units are those of the new root layer (a sublayer's do not count), so
-that meters_per_unit says how large the mesh is without touching a point.
+PhysicsScene, a fabric and perhaps a ground. Its rest angles are its own, since a garment is modelled in its folds and
+not sewn from a flat pattern; those of a flat mesh are flat. Units are those of the new root layer (a sublayer's
+do not count), so that meters_per_unit says how large the mesh is without touching a point.
 """
 
 import os
@@ -24,11 +25,13 @@ from wsim.usd.save import author_units, new_stage
 from wsim.usd.stage import Units, open_stage, quiet
 
 TALL = 4.0                         # [m]: a garment beyond is probably in other units than its file says
+THIN = 1e-4                        # thickness of a flat mesh against its extent; what is thicker was shaped
 
 
 @dataclass(frozen=True)
 class Bare:
-    """The mesh to make cloth: its file, its prim, units, frames, and its bounds in the world [m], (2, 3)."""
+    """The mesh to make cloth: its file, its prim, units, frames, its bounds in the world [m], (2, 3), and whether it
+    lies in a plane."""
 
     file: str
     path: Sdf.Path
@@ -36,6 +39,7 @@ class Bare:
     frames: int
     bounds: np.ndarray
     root: str
+    flat: bool
 
 
 def author_cloth(mesh_file, out, fabric: Fabric | str = "cotton", prim: str | None = None, *, weld: float | None = None,
@@ -44,7 +48,7 @@ def author_cloth(mesh_file, out, fabric: Fabric | str = "cotton", prim: str | No
     """Writes a scene `out` (.usda, .usdc, .usd) in which a mesh of `mesh_file` is cloth. Returns warnings.
 
     fabric          a Fabric (taken to seven digits), or the name of a preset of `wsim.fabric`
-    prim            path of the mesh; None: the only one of the file
+    prim            path of the mesh, or of what holds it alone, or its name; None: the only mesh of the file
     weld            points closer than this [m] become one particle
     ground          a ground plane this far [m] below the lowest point; None: no ground
     meters_per_unit overrules what the file says (USD's fallback is 0.01)
@@ -98,20 +102,28 @@ def _bare(stage: Usd.Stage, file: str, prim: str | None, meters_per_unit: float 
         authored = round(stage.GetEndTimeCode() - stage.GetStartTimeCode()) if stage.HasAuthoredTimeCodeRange() else 0
         frames = authored if authored > 0 else Scene().frames
     root = stage.GetDefaultPrim().GetPath() if stage.HasDefaultPrim() else mesh.GetPath().GetPrefixes()[0]
-    return Bare(file, mesh.GetPath(), units, frames, np.array([world.min(axis=0), world.max(axis=0)]), str(root))
+    bounds = np.array([world.min(axis=0), world.max(axis=0)])
+    return Bare(file, mesh.GetPath(), units, frames, bounds, str(root), _is_flat(world))
+
+
+def _is_flat(points: np.ndarray) -> bool:
+    """Whether points (n, 3) lie in one plane, to THIN of their extent."""
+    away = points[np.isfinite(points).all(axis=1)]
+    away = away - away.mean(axis=0) if len(away) else np.zeros((1, 3))
+    spread = np.linalg.eigvalsh(away.T @ away)                 # squared, ascending
+    return bool(spread[0] <= THIN**2 * spread[2])
 
 
 def _mesh(stage: Usd.Stage, file: str, prim: str | None) -> Usd.Prim:
     meshes = [p for p in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()) if p.IsA(UsdGeom.Mesh)]
-    more = f" and {len(meshes) - 8} more" if len(meshes) > 8 else ""
-    listed = ", ".join(str(p.GetPath()) for p in meshes[:8]) + more
     if not meshes:
         raise SceneError(Problem(file, "has no Mesh to make cloth of"))
-    chosen = [p for p in meshes if str(p.GetPath()) == prim] if prim is not None else meshes
+    chosen = meshes if prim is None else _named(meshes, prim)
     if not chosen:
-        raise SceneError(Problem(file, f"has no Mesh at {prim}; its meshes: {listed}"))
+        raise SceneError(Problem(file, f"has no Mesh at {prim}; its meshes: {_listed(meshes)}"))
     if len(chosen) > 1:
-        raise SceneError(Problem(file, f"has {len(meshes)} meshes; name one by prim (--prim): {listed}"))
+        raise SceneError(Problem(file, f"has {len(chosen)} meshes{f' under {prim}' if prim else ''}; name one by prim "
+                                 f"(--prim): {_listed(chosen)}"))
     if chosen[0].IsInstanceProxy():
         instance = chosen[0]
         while not instance.IsInstance():
@@ -120,6 +132,20 @@ def _mesh(stage: Usd.Stage, file: str, prim: str | None) -> Usd.Prim:
                 f"on {instance.GetPath()}")
         raise SceneError(Problem(str(chosen[0].GetPath()), text))
     return chosen[0]
+
+
+def _listed(meshes: list[Usd.Prim]) -> str:
+    return ", ".join(str(p.GetPath()) for p in meshes[:8]) + (f" and {len(meshes) - 8} more" if len(meshes) > 8 else "")
+
+
+def _named(meshes: list[Usd.Prim], name: str) -> list[Usd.Prim]:
+    """The mesh at that path; else those below it; else those whose own name it is."""
+    for meant in (lambda p: str(p.GetPath()) == name, lambda p: str(p.GetPath()).startswith(name.rstrip("/") + "/"),
+                  lambda p: p.GetName() == name):
+        found = [p for p in meshes if meant(p)]
+        if found:
+            return found
+    return []
 
 
 def _size(source: Usd.Stage, bare: Bare, meters_per_unit: float | None) -> list[Problem]:
@@ -139,7 +165,8 @@ def _size(source: Usd.Stage, bare: Bare, meters_per_unit: float | None) -> list[
 def _author(stage: Usd.Stage, bare: Bare, material: Fabric, name: str, weld: float, ground: float | None) -> None:
     mesh = stage.OverridePrim(bare.path)
     none = np.zeros(0)
-    apply_cloth(mesh, Cloth(str(bare.path), none, none, none, material=material, weld=weld), bare.units)
+    sheet = Cloth(str(bare.path), none, none, none, material=material, weld=weld, flat=bare.flat)
+    apply_cloth(mesh, sheet, bare.units)
     fabric = author_fabric(stage, _free(stage, f"/materials/{name}"), material, bare.units)
     bind(mesh, fabric)
     if not any(prim.GetTypeName() == names.PHYSICS_SCENE for prim in stage.Traverse()):
