@@ -1,9 +1,10 @@
 """Which constraints a cloth or a spring net is made of, and how stiff each is. NumPy only.
 
 Springs along the edges of a cloth carry k = stretch * A / l^2, A the area of the triangles at the edge (Van Gelder 1998,
-Approximate simulation of elastic membranes by triangulated spring meshes); the diagonals of authored quads carry shear
-instead. Hinges carry bend * l^2 / A: for sheets of right-angled or equilateral triangles that is the energy
-1/2 bend kappa^2 per area (Seung, Nelson 1988; Grinspun et al. 2003 differ by a constant).
+Approximate simulation of elastic membranes by triangulated spring meshes); the two diagonals of an authored quad of area A,
+each strained by half the shear angle, carry 2 shear A / l^2 instead. Hinges carry bend * l^2 / A: on a cylinder, sheets of
+right-angled or equilateral triangles then store 1/2 bend kappa^2 per area (Seung, Nelson 1988; Grinspun et al. 2003 differ
+by a constant). Free right-angled sheets relax from the cylinder and are a seventh softer.
 """
 
 from dataclasses import dataclass, replace
@@ -134,7 +135,7 @@ def _edges(body: Body, cloth: Cloth, hinges: np.ndarray) -> list[Rows]:
         diagonals = np.concatenate([inner[:, :2], inner[:, 2:]]).astype(np.int32)
         areas = topology.areas(body.rest, inner[:, [0, 1, 2]] - body.first) \
             + topology.areas(body.rest, inner[:, [1, 0, 3]] - body.first)
-        rows.append(_spring(body, "shear", diagonals, np.tile(areas, 2), fabric.shear, fabric.damping))
+        rows.append(_spring(body, "shear", diagonals, np.tile(2.0 * areas, 2), fabric.shear, fabric.damping))
     return rows
 
 
