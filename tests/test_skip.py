@@ -45,11 +45,12 @@ KERNELS = {
     "shirt": POINTS | CLOTH | {"search_solid", "contact"},
 }
 
-SCENE = {"wsim", "wsim.curve", "wsim.fabric", "wsim.scene", "wsim.polygon", "wsim.topology", "wsim.check",
-         "wsim.check_object"}
+SCENE = {"wsim", "wsim.curve", "wsim.fabric", "wsim.scene", "wsim.polygon", "wsim.topology", "wsim.latest",
+         "wsim.check", "wsim.check_object"}
+LOADER = {"wsim.solids"}                       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = {"wsim.simulation", "wsim.plan", "wsim.stage", "wsim.state", "wsim.model", "wsim.order", "wsim.locality",
        "wsim.color", "wsim.kempe", "wsim.points", "wsim.measure", "wsim.kernels", "wsim.kernels.real", "wsim.kernels.points"}
-XPBD = {"wsim.xpbd", "wsim.cloth", "wsim.kernels.xpbd", "wsim.kernels.constraint", "wsim.kernels.stream",
+XPBD = {"wsim.xpbd", "wsim.cloth", "wsim.kernels.xpbd", "wsim.kernels.constraint", "wsim.kernels.matrix", "wsim.kernels.stream",
         "wsim.kernels.residual", "wsim.kernels.strain"}                 # the last two: the report's, not compiled here
 AERO = {"wsim.aero", "wsim.kernels.aero"}
 CONTACT = {"wsim.contact", "wsim.contact.contacts", "wsim.contact.rows", "wsim.contact.stages", "wsim.contact.surfaces",
@@ -91,7 +92,7 @@ def test_exactly_the_kernels_of_the_scene_are_compiled(name):
 @scenes
 def test_exactly_the_modules_of_the_scene_are_imported(name):
     found = {m for m in stepped(name)["modules"] if m.startswith("wsim") and not m.startswith("wsim.usd")}
-    assert found == MODULES[name]
+    assert found - LOADER == MODULES[name]
 
 
 @scenes

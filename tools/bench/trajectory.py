@@ -120,13 +120,18 @@ def hanging_chain(n: int, stiffness: float, mass: float, **more) -> Scene:
     return scene
 
 
+def height(sim: Simulation) -> np.ndarray:
+    """y of every point [m]."""
+    return np.asarray(sim.positions())[:, 1]
+
+
 def stretch(n: int, device: wp.Device, precision: str) -> dict:
     """Largest relative error of the static stretch of a spring, after 5 s in thick air."""
     sim = Simulation(hanging_chain(n, 200.0, 0.01, substeps=10, iterations=20, air_drag=6.0), device=device,
                      precision=precision)
     sim.run(300)
     wanted = reference.chain_stretch(np.full(n, 200.0), np.full(n, 0.01))
-    error = np.abs((-np.diff(sim.positions()[:, 1]) - 0.1) / wanted - 1.0).max()
+    error = np.abs((-np.diff(height(sim)) - 0.1) / wanted - 1.0).max()
     return {"part": "goal", "n": n, "goal": f"chain: static stretch, {precision}", "found": float(error), "limit": 1e-3,
             "met": bool(error < 1e-3), "ms": float(np.median(sim.milliseconds[2:]))}
 
@@ -138,8 +143,8 @@ def frequency(n: int, device: wp.Device, precision: str) -> dict:
     velocity = np.zeros((n + 1, 3))
     velocity[:, 1] = 1e-2 * np.sin(np.arange(n + 1) * np.pi / (2 * n + 1))
     sim.set("/chain", "velocities", velocity)
-    start, tip = sim.positions()[-1, 1], []
-    sim.run(150, lambda s: tip.append(s.positions()[-1, 1] - start))
+    start, tip = height(sim)[-1], []
+    sim.run(150, lambda s: tip.append(height(s)[-1] - start))
     y, t = np.array(tip), np.arange(1, 151) / 60.0
     up = np.flatnonzero((y[:-1] < 0) & (y[1:] >= 0))
     zeros = t[up] - y[up] * (t[up + 1] - t[up]) / (y[up + 1] - y[up])
