@@ -1,0 +1,79 @@
+"""What a newcomer does, then the checks: the README's commands in a fresh copy, environment and kernel cache.
+
+The commands are taken from the README's `sh` blocks, so that they cannot drift apart. Prints each step with its time,
+and at the end pytest's closing line; exits with 1 if anything failed. Needs python3 (3.11 to 3.14) and a package index.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from time import perf_counter
+
+ROOT = Path(__file__).resolve().parents[1]
+LITTER = shutil.ignore_patterns(".git", ".venv", "__pycache__", "*.egg-info", ".*_cache", "build", "dist")
+CHECKS = (".venv/bin/pip install -q -e '.[dev]'", ".venv/bin/ruff check .", ".venv/bin/mypy",
+          ".venv/bin/python tools/lint.py")
+CLOSING = re.compile(r"\b(passed|failed|errors?)\b.* in [\d.]+s")
+MADE = ("hanging.usdc", "hanging.png")          # what the first command must leave behind
+
+
+def commands() -> list[str]:
+    blocks = re.findall(r"^```sh\n(.*?)^```", (ROOT / "README.md").read_text(encoding="utf-8"), re.M | re.S)
+    if len(blocks) < 2:
+        sys.exit("README.md must hold two sh blocks: install and run, install and test")
+    return [block.strip() for block in blocks]
+
+
+def copy(to: Path) -> None:
+    """The files that git knows or would add; without git, all but the litter."""
+    listed = subprocess.run(["git", "ls-files", "-z", "-co", "--exclude-standard"], cwd=ROOT, capture_output=True)
+    if listed.returncode:
+        shutil.copytree(ROOT, to, symlinks=True, ignore=LITTER)
+        return
+    for name in listed.stdout.decode().split("\0"):
+        source, target = ROOT / name, to / name
+        if name and (source.is_symlink() or source.is_file()):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(source, target, follow_symlinks=False)
+
+
+def step(command: str, folder: Path, environment: dict[str, str]) -> tuple[bool, list[str]]:
+    """Runs a command, passing on what it prints: (success, its lines)."""
+    print(f"\n$ {command}", flush=True)
+    began, lines = perf_counter(), []
+    with subprocess.Popen(["bash", "-euo", "pipefail", "-c", command], cwd=folder, env=environment, text=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, errors="replace") as process:
+        for line in process.stdout:
+            lines.append(line.rstrip())
+            print(line, end="", flush=True)
+    print(f"-- {'ok' if process.returncode == 0 else f'FAILED ({process.returncode})'}, "
+          f"{perf_counter() - began:.1f} s", flush=True)
+    return process.returncode == 0, lines
+
+
+def main() -> int:
+    failed, closing = [], "no closing line of pytest"
+    with tempfile.TemporaryDirectory(prefix="wsim-ci-") as place:
+        folder = Path(place, "wsim")
+        copy(folder)
+        strange = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")
+        environment = {k: v for k, v in os.environ.items() if k not in strange}
+        environment["WARP_CACHE_PATH"] = str(Path(place, "kernels"))
+        for command in (*commands(), *CHECKS):
+            good, lines = step(command, folder, environment)
+            if not good:
+                failed.append(command)
+            closing = next((x for x in reversed(lines) if CLOSING.search(x)), closing)
+        missing = [name for name in MADE if not (folder / name).is_file() or not (folder / name).stat().st_size]
+        failed += [f"the first command left no {name}" for name in missing]
+    print(f"\n{closing}")
+    print("all steps passed" if not failed else "FAILED: " + "; ".join(failed))
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
