@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.conftest import grid
-from wsim import check_object
+from wsim import check_object, shapes
 from wsim.check import check
 from wsim.curve import Curve, Motion
 from wsim.scene import Box, Capsule, Plane, Scene, Sphere, Surface
@@ -137,3 +137,11 @@ def test_several_mistakes_are_reported_together_and_errors_come_first():
 
 def test_the_far_limit_is_where_float32_steps_by_eight_millimetres():
     assert np.spacing(np.float32(check_object.FAR)) == pytest.approx(0.0078125)
+
+
+@pytest.mark.parametrize("field", ["velocities", "masses", "thicknesses", "rest_points"])
+def test_a_list_of_length_0_is_a_wrong_length_and_no_crash(field):
+    scene = Scene()
+    sheet = scene.cloth("/sheet", *shapes.sheet(1.0, 1.0, 3, 3))
+    setattr(sheet, field, np.zeros((0, 3) if field in ("velocities", "rest_points") else 0, np.float32))
+    assert any(p.fatal and p.text.startswith("0 ") and "allowed: 16" in p.text for p in check(scene))

@@ -14,9 +14,7 @@ import numpy as np
 import pytest
 
 from wsim import cli, report
-from wsim.curve import Curve, Motion
-from wsim.run import finer, later, whole
-from wsim.scene import Scene, Surface
+from wsim.run import whole
 from wsim.usd import load, save
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
@@ -115,7 +113,7 @@ def test_what_is_no_usd_is_one_message(tmp_path, out, capsys):
 
 @pytest.mark.parametrize(("error", "words"), [
     (OSError(errno.ENOSPC, "No space left on device", "out.usdc"), "the disk is full (out.usdc)"),
-    (PermissionError(errno.EACCES, "Permission denied", "out.usdc"), "Permission denied: 'out.usdc'"),
+    (PermissionError(errno.EACCES, "Permission denied", "out.usdc"), "error: out.usdc: Permission denied"),
     (RuntimeError("Failed to allocate 8 bytes on device 'cuda:0': out of memory"), "smaller scene"),
     (ZeroDivisionError("division by zero"), "unexpected ZeroDivisionError: division by zero; please report"),
 ])
@@ -339,27 +337,51 @@ def test_run_draws_a_picture(stage, out, tmp_path):
 
 # how a run bends time
 
-def test_later_moves_every_curve():
-    scene = Scene()
-    motion = Motion([0.0, 1.0], np.stack([np.eye(4), np.diag([1.0, 1.0, 1.0, 1.0])]))
-    motion.values[1, 0, 3] = 1.0
-    poses = Curve([0.0, 1.0], np.arange(18.0).reshape(2, 3, 3))
-    scene.collider("/a", Surface(np.zeros((3, 3)), [3], [0, 1, 2], poses=poses), motion=motion)
-    scene.pin("/p", "/cloth", [0], motion=motion)
-    moved = later(scene, 0.5)
-    for t in (0.0, 0.3, 1.0):
-        assert np.allclose(moved.colliders[0].motion.at(t + 0.5), motion.at(t), atol=1e-15)
-        assert np.allclose(moved.colliders[0].shape.poses.at(t + 0.5), poses.at(t), atol=1e-14)
-        assert np.allclose(moved.pins[0].motion.at(t + 0.5), motion.at(t), atol=1e-15)
-    assert scene.colliders[0].motion.times[0] == 0.0                   # the scene that is written stays
-
-
-@pytest.mark.parametrize(("substeps", "count", "each"), [(10, 2, 5), (10, 3, 4), (2, 4, 1)])
-def test_finer_keeps_the_substep_or_makes_it_shorter(substeps, count, each):
-    scene = finer(Scene(substeps=substeps, fps=24.0, frames=10), count)
-    assert (scene.substeps, scene.fps, scene.frames) == (each, 24.0 * count, 10 * count)
-
-
 def test_the_report_of_a_scene_without_constraints_is_whole():
     assert "2 frames of 3 points and 0 constraints" in report.text(
         {"device": "cpu", "precision": "float32", "frames": 2, "points": 3, "constraints": 0, "ms_per_frame": 1.0})
+
+
+def test_a_viewer_that_was_closed_takes_nothing_from_the_result(stage, out, monkeypatch, capsys):
+    import wsim.view
+    from wsim.scene import Problem, SceneError
+
+    class Gone:
+        closed = 0
+
+        def __init__(self, scene):
+            self.frames = 0
+
+        def log(self, simulation):
+            self.frames += 1
+
+        def close(self):
+            Gone.closed += 1
+            raise SceneError(Problem("view", "the rerun viewer is gone"))
+
+    monkeypatch.setattr(wsim.view, "Viewer", Gone)
+    assert run(stage, out, "--view") == 0 and Gone.closed == 1
+    said = capsys.readouterr()
+    assert "warning: view: the rerun viewer is gone" in said.err and "4 frames" in said.out and os.path.exists(out)
+
+
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["run", "{stage}", "-o", "/proc/o.usdc", "--device", "cpu"], "/proc/"),
+    (["new", "cloth", "{stage}", "-o", "/proc/o.usda"], "/proc/o.usda: cannot be written"),
+    (["picture", "{stage}", "-o", "/proc/o.png", "--device", "cpu", "--size", "32x32"], "/proc/o.png: not written")])
+def test_a_folder_that_takes_no_file_is_named_without_the_names_of_functions(stage, arguments, words, capsys):
+    if not os.path.isdir("/proc/self"):
+        pytest.skip("only Linux has a folder that nobody can write to")
+    assert wsim(*(a.format(stage=stage) for a in arguments)) == 1
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said.startswith("error: ") and words in said and "pxrInternal" not in said and ".cpp" not in said
+
+
+def test_a_picture_is_one_of_still_sheet_and_animation(stage, tmp_path, capsys):
+    assert wsim("picture", stage, "-o", tmp_path / "a.png", "--sheet", "3", "--animate") == 2
+    assert "not allowed with" in capsys.readouterr().err and not (tmp_path / "a.png").exists()
+
+
+def test_view_takes_its_output_as_the_other_commands_do():
+    arguments = [cli.parser().parse_args(["view", "a.usdc", option, "b.rrd"]) for option in ("-o", "--output", "--save")]
+    assert [a.save for a in arguments] == ["b.rrd"] * 3

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd
 from test_usd import _scene
-from usda import Reader, cloth, errors
+from usda import BIND, Reader, cloth, errors, fabric
 
 from wsim.scene import SceneError
 from wsim.usd import save
@@ -76,3 +76,41 @@ def test_an_attribute_of_another_type_is_refused_or_passed_over(tmp_path):
 @pytest.mark.parametrize("value", ["0", "-1", "nan"])
 def test_units_that_say_nothing_are_an_error(tmp_path, name, value):
     assert f"{name} is {value}" in errors(Reader(tmp_path), cloth(), header=f"{name} = {value}")
+
+
+def test_collision_filters_that_do_not_count_yet_are_noted(tmp_path):
+    read = Reader(tmp_path)
+    scene = read(cloth() + """
+        def PhysicsCollisionGroup "group" {
+            rel physics:filteredGroups = </group>
+        }
+        def Sphere "ball" (prepend apiSchemas = ["PhysicsCollisionAPI", "PhysicsFilteredPairsAPI"]) {
+            rel physics:filteredPairs = </cloth>
+        }
+        def Sphere "other" (prepend apiSchemas = ["PhysicsCollisionAPI", "PhysicsFilteredPairsAPI"]) {
+        }""")
+    filters = [note.path for note in scene.notes if "every collider acts on every body" in note.text]
+    assert filters == ["/group", "/ball"] and len(scene.colliders) == 2
+
+
+def test_where_nothing_is_left_the_reference_that_cannot_be_read_is_named(tmp_path):
+    with pytest.raises(SceneError) as error:
+        Reader(tmp_path)('def "World" (references = @gone.usda@) {}')
+    fatal, note = error.value.problems
+    assert fatal.fatal and "nothing in it can be simulated" in fatal.text
+    assert not note.fatal and "@gone.usda@" in note.text and "</World>" in note.text
+
+
+@pytest.mark.parametrize(("authored", "words"), [("-100", "is -100; allowed is a finite number > 0"),
+                                                 ("nan", "is nan; allowed is a finite number > 0")])
+def test_a_stretch_stiffness_out_of_range_is_named_as_authored(tmp_path, authored, words):
+    text = cloth(BIND) + fabric(f"float physics:surfaceStretchStiffness = {authored}\nfloat physics:poissonsRatio = 0.3")
+    assert f"/mat: physics:surfaceStretchStiffness {words}" in errors(Reader(tmp_path), text)
+
+
+@pytest.mark.parametrize("name", ["x", "y", "z"])
+def test_a_weld_that_floating_point_cannot_tell_is_an_error(tmp_path, name):
+    place = ", ".join("1e200" if axis == name else "0" for axis in "xyz")
+    text = cloth(f'double wsim:weld = 0.001\ndouble3 xformOp:translate = ({place})\n'
+                 'uniform token[] xformOpOrder = ["xformOp:translate"]')
+    assert "/cloth: weld tolerance 0.001 m is too small for points 1e+200 m away" in errors(Reader(tmp_path), text)

@@ -126,7 +126,7 @@ def _new(commands) -> None:
     cloth = new.add_parser("cloth", help="a scene in which a mesh is cloth; the mesh is referred to and stays as it is")
     cloth.add_argument("mesh", help="USD file")
     cloth.add_argument("-o", "--output", required=True, metavar="SCENE")
-    cloth.add_argument("--prim", metavar="PATH", help="which mesh (default: the only one)")
+    cloth.add_argument("--prim", metavar="PATH", help="which mesh, by path or name (default: the only one)")
     cloth.add_argument("--fabric", default="cotton", metavar="NAME", help="silk, cotton, denim, leather or rubber")
     cloth.add_argument("--weld", type=length, metavar="METRES", help="sew points closer than this (seams)")
     cloth.add_argument("--ground", type=length, metavar="METRES", help="a ground plane so far below it (default: none)")
@@ -152,16 +152,18 @@ def _plan(commands) -> None:
 def _view(commands) -> None:
     view = commands.add_parser("view", help="show a result (needs the extra `view`)")
     view.add_argument("result")
-    view.add_argument("--save", metavar="FILE", help="write a .rrd file instead, for: rerun FILE")
+    view.add_argument("-o", "--output", "--save", dest="save", metavar="FILE",
+                      help="write a .rrd file instead, for: rerun FILE")
 
 
 def _picture(commands) -> None:
     picture = commands.add_parser("picture", help="draw a result: still, contact sheet or animation")
     picture.add_argument("result")
     picture.add_argument("-o", "--output", type=image, required=True, metavar="FILE", help=".png, .apng, .gif")
-    picture.add_argument("--frame", type=float, metavar="CODE", help="time code of a still (default: the last)")
-    picture.add_argument("--sheet", type=whole, metavar="N", help="contact sheet of N frames")
-    picture.add_argument("--animate", action="store_true", help="all frames: an animated PNG, or a GIF")
+    what = picture.add_mutually_exclusive_group()
+    what.add_argument("--frame", type=float, metavar="CODE", help="time code of a still (default: the last)")
+    what.add_argument("--sheet", type=whole, metavar="N", help="contact sheet of N frames")
+    what.add_argument("--animate", action="store_true", help="all frames: an animated PNG, or a GIF")
     picture.add_argument("--size", type=pixels, default=(960, 540), metavar="WxH")
     picture.add_argument("--camera", metavar="PATH", help="a camera of the stage, or auto (default: its first)")
     picture.add_argument("--device", help="cpu, cuda:0 ... (default: the GPU if there is one)")
@@ -176,8 +178,8 @@ def explain(error: BaseException) -> str:
     text = " ".join(str(error).split())
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
         return f"error: the disk is full ({error.filename or text}); free space or write elsewhere with -o"
-    if isinstance(error, OSError):
-        return f"error: {text}"
+    if isinstance(error, OSError):                # "[Errno 2] No such file or directory: 'x'" is Python's way of saying it
+        return f"error: {error.filename}: {error.strerror}" if error.filename and error.strerror else f"error: {text}"
     if isinstance(error, MemoryError) or "out of memory" in text.lower():
         return f"error: out of memory ({text}); use a smaller scene, --precision float32 or another --device"
     return f"error: unexpected {type(error).__name__}: {text}; please report this, with what --debug shows"

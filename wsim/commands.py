@@ -101,7 +101,18 @@ def _prepared(scene: "Scene", args) -> Iterator["Run"]:
         yield job
     finally:
         for viewer in viewers:
-            viewer.close()
+            _close_viewer(viewer)
+
+
+def _close_viewer(viewer) -> None:
+    """A viewer that somebody closed during the run takes nothing from the result: that is a warning."""
+    from wsim.scene import SceneError
+
+    try:
+        viewer.close()
+    except SceneError as error:
+        for problem in error.problems:
+            _say(f"warning: {problem.path}: {problem.text}")
 
 
 def _warnings(job: "Run") -> list[str]:

@@ -17,6 +17,8 @@ from typing import Any
 
 from pxr import Sdf, Tf
 
+from wsim.usd.stage import reason
+
 ENDINGS = (".usdc", ".usda", ".usd")
 SHARE = 0.05           # of the wall time may go into saving; 0 saves only at the end, 1 after every frame
 HEADER = 88            # bytes of a crate's bootstrap: magic (8), version (8), where the table of contents is (8), spare
@@ -191,10 +193,10 @@ class Partial:
 
 def _failure(path: str, error: Exception, more: str = "") -> OSError:
     """A write error in one line: the cause that the system named, without USD's call stack."""
-    text = str(error)
+    text = reason(error)
     for cause in ("No space left on device", "File too large", "Permission denied", "Read-only file system",
                   "Disk quota exceeded", "Input/output error"):
-        if cause in text:
+        if cause in str(error):
             text = cause
-    return OSError(f"{path} could not be written: {' '.join(text.split())[:300]}{more}. Free space, or write elsewhere "
+    return OSError(f"{path} could not be written: {text[:300]}{more}. Free space, or write elsewhere "
                    "with -o")

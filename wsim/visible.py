@@ -15,6 +15,7 @@ from pxr import Gf, Tf, Usd, UsdGeom, UsdSkel
 
 from wsim.drawn import Drawn, matrix, moves, triangulated
 from wsim.scene import Problem, SceneError
+from wsim.usd.stage import reason
 
 
 @dataclass
@@ -39,8 +40,7 @@ def open_stage(path) -> Usd.Stage:
     try:
         return Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:
-        reason = str(error).strip().splitlines()[-1].strip()
-        raise SceneError(Problem(str(path), f"not a readable USD stage ({reason}); give a USD file")) from None
+        raise SceneError(Problem(str(path), f"not a readable USD stage ({reason(error)}); give a USD file")) from None
 
 
 def visible(path) -> Visible:

@@ -148,12 +148,14 @@ def _sheet(images: list[np.ndarray], columns: int) -> np.ndarray:
 
 def _write(out: Path, data: bytes) -> None:
     """Writes beside the target and renames, so that no half file is ever seen."""
-    handle, name = tempfile.mkstemp(dir=out.parent, prefix=f".{out.name}.")
+    name = ""
     try:
+        handle, name = tempfile.mkstemp(dir=out.parent, prefix=f".{out.name}.")
         with os.fdopen(handle, "wb") as file:
             file.write(data)
         os.chmod(name, 0o644)
         os.replace(name, out)
     except OSError as error:
-        Path(name).unlink(missing_ok=True)
+        if name:
+            Path(name).unlink(missing_ok=True)
         raise OSError(error.errno, f"not written ({error.strerror}); free space or write elsewhere", str(out)) from None

@@ -132,8 +132,8 @@ def _walk(reading: Reading) -> Found:
             found.scenes.append(prim)
         elif kind == names.ATTACHMENT:
             found.attachments.append(prim)
-        elif kind == names.ELEMENT_FILTER:
-            reading.warn(prim.GetPath(), f"{names.ELEMENT_FILTER} is not used yet: every collider acts on every body")
+        elif kind in (names.ELEMENT_FILTER, names.COLLISION_GROUP):
+            reading.warn(prim.GetPath(), f"{kind} is not used yet: every collider acts on every body")
         elif kind == "Mesh":
             found.meshes.append(prim)
         if names.BODY in apis:
@@ -142,6 +142,8 @@ def _walk(reading: Reading) -> Found:
             found.simulated.append(prim)
         if names.COLLISION in apis and _collides(prim):
             found.colliders.append(prim)
+        if names.FILTERED_PAIRS in apis and prim.GetRelationship(names.FILTERED).HasAuthoredTargets():
+            reading.warn(prim.GetPath(), f"{names.FILTERED} is not used yet: every collider acts on every body")
         if names.RIGID_BODY in apis and not _kinematic(prim):
             reading.warn(prim.GetPath(), "is a dynamic rigid body: rigid bodies are not simulated yet, its colliders "
                          "move only as animated")
@@ -224,8 +226,8 @@ def _finished(reading: Reading, scene: Scene, found: Found) -> Scene:
     fatal = [problem for problem in reading.problems if problem.fatal]
     if scene.bodies():
         fatal += [problem for problem in check(scene) if problem.fatal]
-    elif not fatal:
-        fatal.append(_nothing(reading, found))
+    elif not fatal:                               # the notes say why: a reference without a file, a body left out
+        fatal += [_nothing(reading, found), *_grouped(reading.problems)]
     if fatal:
         raise SceneError(list(dict.fromkeys(fatal)))
     scene.notes = _grouped(reading.problems)

@@ -94,6 +94,11 @@ def _sheet(reading: Reading, material: Usd.Prim, thickness: float | None) -> dic
         value = read(material, "Fabric", field, units, through=_plane_stress(safe) if field == "stretch" else None)
         if value not in UNAUTHORED:
             derived[field] = value
+        if field == "stretch" and value not in UNAUTHORED and not value > 0:     # as authored, not as converted
+            authored = read(material, "Fabric", field, units)
+            reading.fail(material.GetPath(), f"{row('Fabric', field).attribute} is {authored:g}; allowed is a finite "
+                                             "number > 0")
+            derived[field] = E * h
     return {"thickness": h, "poisson": nu, **derived}
 
 

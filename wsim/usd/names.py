@@ -19,6 +19,7 @@ CURVES_MATERIAL = "PhysicsCurvesDeformableMaterialAPI"
 VOLUME_MATERIAL = "PhysicsVolumeDeformableMaterialAPI"
 ATTACHMENT = "PhysicsAttachment"
 ELEMENT_FILTER = "PhysicsElementCollisionFilter"
+COLLISION_GROUP, FILTERED_PAIRS, FILTERED = "PhysicsCollisionGroup", "PhysicsFilteredPairsAPI", "physics:filteredPairs"
 
 # Schemas of UsdPhysics.
 PHYSICS_SCENE = "PhysicsScene"

@@ -15,7 +15,7 @@ from wsim.usd.cloth import author_cloth_prim
 from wsim.usd.colliders import author_collider
 from wsim.usd.settings import author_settings
 from wsim.usd.springs import author_springs
-from wsim.usd.stage import SUFFIXES, Units
+from wsim.usd.stage import SUFFIXES, Units, reason
 
 
 def save(scene: Scene, path) -> None:
@@ -154,4 +154,4 @@ def new_stage(path):
 def _why(error: Exception, target: Path) -> str:
     if isinstance(error, OSError):
         return error.strerror or str(error)
-    return "no permission" if not os.access(target.parent, os.W_OK) else str(error).strip().splitlines()[-1].strip()
+    return "no permission" if not os.access(target.parent, os.W_OK) else reason(error)

@@ -100,7 +100,7 @@ def open_stage(path, variants: dict | None = None, notes: list | None = None) ->
             stage = Usd.Stage.Open(path)
             _refresh(stage)
         except Tf.ErrorException as error:
-            raise SceneError(Problem(path, f"is not a readable USD file: {_reason(error)}")) from None
+            raise SceneError(Problem(path, f"is not a readable USD file: {reason(error)}")) from None
         if variants:
             _choose(stage, variants)
     found.extend(_unresolved(stage))
@@ -130,8 +130,8 @@ def _refresh(stage: Usd.Stage) -> None:
                 layer.Reload()
 
 
-def _reason(error: Exception) -> str:
-    """What USD says, less its function names, files and line numbers."""
+def reason(error: Exception) -> str:
+    """What USD says, less its function names, files and line numbers; other errors in one line."""
     parts = [line.split(" : ", 1)[-1].strip().strip("'") for line in str(error).splitlines() if line.strip()]
     return parts[0] if parts else "no reason given"
 

@@ -17,7 +17,7 @@ from wsim.scene import Problem, SceneError
 PORT = 9876                      # rerun's own
 PATIENCE = 20.0                  # [s] until a started viewer must listen
 PLOTS = ("energy", "strain")     # a plot each; all other indicators share one
-INSTEAD = "write a file, by Viewer(scene, save='run.rrd'), and open it where there is a screen, by: rerun run.rrd"
+INSTEAD = "write a file (wsim view RESULT -o run.rrd) and open it where there is a screen (rerun run.rrd)"
 MISSING = 'rerun is not installed; install it by: pip install "wsim[view]"'
 
 
