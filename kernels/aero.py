@@ -1,13 +1,14 @@
 """Drag and lift of moving air on triangles.
 
-    r = (v0 + v1 + v2)/3 - wind,  n the unit normal, A the area, rho the density of the air
+    r = (v0 + v1 + v2)/3 - wind, v = (d - a)/g the predicted velocities
+    n the unit normal, A the area, rho the density of the air
     drag  F = -1/2 rho cd A |r.n| r                          (projected area, against the relative motion)
     lift  F = -1/2 rho cl A (r.n) |r| (n - (n.r) r / |r|^2)  (across the relative motion, largest at 45 degrees)
 
 (Keckeisen, Kimmerle, Thomaszewski, Wacker 2004, Modelling effects of wind fields in cloth animations, section 4, without
 normalising the direction of lift, so that it vanishes smoothly.) Forces are gathered by points, a third of each triangle.
-The gathered drag k = 1/6 rho cd A |r.n| [kg/s] is taken implicitly, so strong wind on light cloth cannot overshoot:
-dv = g w F / (1 + g w k).
+The gathered drag k = 1/6 rho cd A |r.n| [kg/s] enters by one Newton step of the implicit equation (drag is quadratic: its
+derivative is up to 2 k), so strong wind on light cloth cannot overshoot: dv = g w F / (1 + 2 g w k).
 """
 
 from functools import cache
@@ -38,14 +39,15 @@ def press(real, module):
 
     @wp.kernel(module=module, enable_backward=False)
     def press(triangle: wp.array(dtype=wp.vec3i), object: wp.array(dtype=int), air: Air,
-              x: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3),
+              x: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), g: real,
               force_out: wp.array(dtype=t.vec3), k_out: wp.array(dtype=t.scalar)):
         c = wp.tid()
         p = triangle[c]
         o = object[p[0]]
         x0 = x[p[0]]
         area2 = wp.cross(x[p[1]] - x0, x[p[2]] - x0)          # 2 A n
-        r = (v[p[0]] + v[p[1]] + v[p[2]]) / real(3.0) - air.wind[o]
+        moved = (d[p[0]] - a[p[0]]) + (d[p[1]] - a[p[1]]) + (d[p[2]] - a[p[2]])
+        r = moved / (real(3.0) * g) - air.wind[o]
         size = wp.length(area2)
         f = t.vec3()
         k = real(0.0)
@@ -78,6 +80,6 @@ def blow(real, module):
         for j in range(first[i], first[i + 1]):
             f += force[item[j]]
             drag += k[item[j]]
-        d_out[i] = d[i] + (g * g * w[i] / (real(1.0) + g * w[i] * drag)) * f
+        d_out[i] = d[i] + (g * g * w[i] / (real(1.0) + real(2.0) * g * w[i] * drag)) * f
 
     return blow

@@ -28,6 +28,7 @@ def total_force(scene: Scene) -> np.ndarray:
     """Sum over the corners of what the kernel `press` writes [N]."""
     sim = Simulation(scene, **DOUBLE)
     aero = sim.plan.method("aero")
+    sim.plan.method("points").predict(sim.plan.clock)
     aero.launch(sim.plan.clock)
     return 3.0 * aero.force.numpy().sum(axis=0)               # a third of a triangle's force for each corner
 
@@ -80,27 +81,26 @@ def test_only_the_relative_velocity_counts():
 
 
 def test_air_takes_from_the_cloth_the_momentum_of_its_force():
-    """One substep: sum m dv = h F (1 - h w k): a heavy sheet, h w k = 3e-5."""
+    """One substep: sum m dv = h F / (1 + 2 h w k): a heavy sheet, h w k up to 6e-5."""
     scene = sheet((4.0, 5.0, 0.0), area_density=50.0, drag=1.0, lift=0.6, tilt=0.4, substeps=20)
     h, force = 1.0 / 60.0 / 20, total_force(scene)
     sim = Simulation(scene, **DOUBLE)
     sim.plan.before_frame(0.0)
     sim.plan.substep()
     momentum = sim.model.stack("masses") @ sim.state.v.numpy()
-    np.testing.assert_allclose(momentum, h * force, atol=1e-4 * h * np.linalg.norm(force))
+    np.testing.assert_allclose(momentum, h * force, atol=2e-4 * h * np.linalg.norm(force))
 
 
 @pytest.mark.parametrize("substeps", [20, 80])
 def test_a_falling_sheet_ends_at_its_terminal_velocity(substeps):
-    """v = sqrt(2 m g / (rho cd A)). The gravity of the substep comes after the velocity that air sees: v is out by at
-    most h g / v times itself."""
+    """v = sqrt(2 m g / (rho cd A)), to second order in e = h g / v: one Newton step of the quadratic drag."""
     weight, cd = 0.05 * 9.81, 1.1
     scene = sheet(area_density=0.05, drag=cd, gravity=(0.0, -9.81, 0.0), substeps=substeps)
     wanted, h = np.sqrt(2.0 * weight / (RHO * cd)), 1.0 / 60.0 / substeps
     sim = Simulation(scene, **DOUBLE)
     sim.run(90)                                                          # 1.5 s, 17 times v / g
     v = sim.velocities()
-    np.testing.assert_allclose(v[:, 1], -wanted, rtol=h * 9.81 / wanted)
+    np.testing.assert_allclose(v[:, 1], -wanted, rtol=2.0 * (h * 9.81 / wanted)**2)
     assert np.abs(v[:, [0, 2]]).max() < 1e-6
 
 
@@ -161,5 +161,6 @@ def test_a_triangle_without_area_feels_nothing():
     sim = Simulation(scene, **DOUBLE)
     sim.set("/cloth", "positions", np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]], float))
     aero = sim.plan.method("aero")
+    sim.plan.method("points").predict(sim.plan.clock)
     aero.launch(sim.plan.clock)
     assert cloth.drag == 1.0 and not aero.force.numpy().any() and not aero.k.numpy().any()

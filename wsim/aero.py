@@ -20,9 +20,10 @@ def wants(scene: Scene) -> str:
 class Aero(Method):
     """Drag and lift on the triangles of every cloth that has some."""
 
-    def __init__(self, model: Model, state: State, constants):
+    def __init__(self, model: Model, state: State, points):
+        """points: the method that owns the tables of points and the anchor."""
         super().__init__("aero")
-        self.model, self.state, self.constants = model, state, constants
+        self.model, self.state, self.points, self.constants = model, state, points, points.constants
         real, module, t = model.real, model.module, types(model.real)
         cloths = [b for b in model.bodies if isinstance(b.source, Cloth) and (b.source.drag or b.source.lift)]
         triangles = np.concatenate([b.triangles for b in cloths])
@@ -44,7 +45,8 @@ class Aero(Method):
 
     def launch(self, clock: Clock) -> None:
         s, c = self.state, self.constants
-        self.model.launch(self.press, self.k.size, [self.triangle, c.object, self.air, s.x, s.v], [self.force, self.k])
+        self.model.launch(self.press, self.k.size, [self.triangle, c.object, self.air, s.x, self.points.anchor, s.d, clock.g],
+                          [self.force, self.k])
         self.model.launch(self.blow, self.model.points, [self.first, self.item, self.force, self.k, c.w, s.d, clock.g], [s.d])
 
     def set(self, path: str, name: str, value) -> bool:

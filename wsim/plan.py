@@ -161,7 +161,7 @@ def _add(plan: Plan, scene: Scene, reasons: dict[str, str]) -> None:
         plan.methods.append(Pins(model, state, points))
     if reasons["aero"]:
         from wsim.aero import Aero
-        plan.methods.append(Aero(model, state, points.constants))
+        plan.methods.append(Aero(model, state, points))
     if reasons["xpbd"]:
         from wsim.xpbd import Xpbd
         plan.methods.append(Xpbd(model, state, points, status, plan.clock))

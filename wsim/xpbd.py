@@ -11,8 +11,6 @@ import numpy as np
 import warp as wp
 
 from wsim.cloth import Rows, rows_of, tethers
-from wsim.kernels import residual as residuals
-from wsim.kernels import strain
 from wsim.kernels import xpbd as kernels
 from wsim.kernels.real import types
 from wsim.model import Model, hard_places
@@ -116,16 +114,18 @@ class Xpbd(Method):
 
     def watch(self) -> None:
         """BDF2 gains energy where sweeps leave too much: the last substep of a frame is measured."""
+        from wsim.kernels.residual import judge
         model = self.model
         self.watched = [b for b in self.batches if b.kind not in HARD]
         self.largest = wp.zeros(len(self.watched), dtype=model.real, device=model.device)
         self.look_kernels = self.residual_kernels(model.module)
-        self.judge = residuals.judge(model.real, model.module)
+        self.judge = judge(model.real, model.module)
         self.stages.append(Stage("residual", "solve", self.look, len(self.watched) + 1, 0,
                                  what="BDF2's, in the last substep of a frame"))
 
     def residual_kernels(self, module: str) -> list:
-        return [residuals.residual(b.kind, real=self.model.real, module=module, uniform=b.uniform)
+        from wsim.kernels.residual import residual
+        return [residual(b.kind, real=self.model.real, module=module, uniform=b.uniform)
                 for b in self.batches if b.kind not in HARD]
 
     def look(self, clock: Clock) -> None:
@@ -155,8 +155,9 @@ class Xpbd(Method):
 
     def energy(self, batch: Batch, module: str) -> float:
         """1/2 C alpha^-1 C [J] of a batch, summed in float64."""
+        from wsim.kernels.strain import statistics
         out = wp.zeros(min(LANES, batch.size), dtype=wp.vec3d, device=self.model.device)
-        kernel = strain.statistics(batch.kind, real=self.model.real, module=module, uniform=batch.uniform)
+        kernel = statistics(batch.kind, real=self.model.real, module=module, uniform=batch.uniform)
         self.model.launch(kernel, out.size, [batch.data, self.state.x, batch.size, self.state.e], [out])
         return float(out.numpy()[:, 2].sum())
 
