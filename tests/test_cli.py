@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -385,3 +386,11 @@ def test_a_picture_is_one_of_still_sheet_and_animation(stage, tmp_path, capsys):
 def test_view_takes_its_output_as_the_other_commands_do():
     arguments = [cli.parser().parse_args(["view", "a.usdc", option, "b.rrd"]) for option in ("-o", "--output", "--save")]
     assert [a.save for a in arguments] == ["b.rrd"] * 3
+
+
+def test_the_command_that_new_proposes_can_be_pasted(tmp_path, stage, capsys):
+    folder = tmp_path / "a b é"
+    folder.mkdir()
+    assert wsim("new", "cloth", stage, "-o", folder / "my shirt.usda") == 0
+    proposed = shlex.split(capsys.readouterr().out.split("with: ")[1])
+    assert proposed == ["wsim", "run", f"{folder}/my shirt.usda", "-o", f"{folder}/my shirt_out.usdc"]

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from shlex import quote
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -156,7 +157,8 @@ def new(args) -> int:
                          meters_per_unit=args.meters_per_unit, frames=args.frames)
     for note in notes:
         _say(str(note))
-    print(f"{args.output}: simulate it with: wsim run {args.output} -o {os.path.splitext(args.output)[0]}_out.usdc")
+    result = f"{os.path.splitext(args.output)[0]}_out.usdc"
+    print(f"{args.output}: simulate it with: wsim run {quote(args.output)} -o {quote(result)}")
     return DONE
 
 

@@ -153,11 +153,12 @@ def _size(source: Usd.Stage, bare: Bare, meters_per_unit: float | None) -> list[
     size, path = bare.bounds[1] - bare.bounds[0], str(bare.path)
     found = f"is {size.max():.3g} m large at metersPerUnit = {bare.units.metres:g}"
     if meters_per_unit is None and not UsdGeom.StageHasAuthoredMetersPerUnit(source):
-        text = f"{found}, which is USD's fallback: the file authors none. Give meters_per_unit if that is not meant"
+        text = (f"{found}, which is USD's fallback: the file authors none. Give meters_per_unit (--meters-per-unit) if "
+                "that is not meant")
         return [Problem(path, text, fatal=False)]
     if size.max() > TALL and meters_per_unit is None:
         text = (f"{found}: large for a garment (more than {TALL:g} m). If its numbers are centimetres, give "
-                "meters_per_unit = 0.01")
+                "meters_per_unit = 0.01 (--meters-per-unit 0.01)")
         return [Problem(path, text, fatal=False)]
     return []
 
