@@ -19,9 +19,9 @@ FOLDER = ROOT / "scenes"
 # points, area [m^2], fabric, pinned points, colliders, whether the pins move
 CONTENT = {
     "hanging_cloth": (33 * 33, 1.0, "cotton", 2, (), False),
-    "flag": (31 * 21, 1.5, "silk", 21, (), False),
+    "flag": (37 * 25, 1.5, "silk", 25, (), False),
     "cape": (37 * 21, None, "cotton", 37, (Sphere,), True),
-    "tablecloth": (31 * 31, 2.25, "denim", 0, (Box, Plane), False),
+    "tablecloth": (33 * 33, 2.25, "denim", 0, (Box, Plane), False),
     "shirt": (6436, 0.706, "cotton", 0, (Surface,), False),
 }
 scenes = pytest.mark.parametrize("name", CONTENT)
@@ -95,6 +95,22 @@ def test_the_shirt_is_worn_in_metres_and_clear_of_the_dummy():
     assert solid_angle(body, dummy.shape.indices.reshape(-1, 3), body.mean(axis=0)[None])[0] == pytest.approx(1.0)
 
 
+def test_the_tablecloth_keeps_far_enough_from_the_edges_of_its_table():
+    """A thread of length l whose ends keep r from both faces of a right angle passes its edge if r >= l / sqrt(8)."""
+    scene = load(FOLDER / "tablecloth.usda")
+    thread = 1.5 / 32
+    table = next(c for c in scene.colliders if isinstance(c.shape, Box))
+    assert table.thickness > thread / np.sqrt(8.0)
+
+
+def test_pictures_of_the_readme_are_there_and_small():
+    named = {f"{s}.png" for s in SCENES} | {"cape.gif", "tablecloth_wide.png"}
+    files = {path.name: path.stat().st_size for path in (FOLDER / "pictures").iterdir()}
+    text = (FOLDER / "README.md").read_text()
+    assert set(files) == named and sum(files.values()) < 1_500_000
+    assert all(f"pictures/{name}" in text for name in named)
+
+
 def test_the_cape_clears_the_ball_and_its_collar_lies_on_it():
     scene = load(FOLDER / "cape.usda")
     cape, ball = scene.cloths[0], scene.colliders[0]
@@ -110,13 +126,12 @@ def test_the_torso_is_as_wide_as_it_says():
     assert ring == pytest.approx(0.75, abs=0.01)
 
 
-@pytest.mark.slow
 @scenes
 def test_scenes_run(name):
-    """Half a second: what is free has fallen no farther than free fall, pins hold their points, nothing tears."""
+    """A third of a second: what is free has fallen no farther than free fall, pins hold their points, nothing tears."""
     from wsim.simulation import Simulation
     scene = load(FOLDER / f"{name}.usda")
-    cloth, time = scene.cloths[0], 0.5
+    cloth, time = scene.cloths[0], 1.0 / 3.0
     start = cloth.motion.points(cloth.points)
     simulation = Simulation(scene, device="cpu")
     simulation.run(round(time * scene.fps))
@@ -125,7 +140,7 @@ def test_scenes_run(name):
     assert -1e-3 < start[:, 1].mean() - points[:, 1].mean() <= 0.5 * 9.81 * time ** 2
     for pin in scene.pins:                                          # both held Xforms rest for the first second
         assert np.max(np.abs(points[pin.points] - start[pin.points])) < 1e-5
-    assert simulation.indicators()["rms_strain"] < 0.1
+    assert simulation.indicators()["rms_strain"] < 0.05
 
 
 def test_the_generator_writes_into_the_folder_it_is_given(tmp_path):

@@ -31,6 +31,7 @@ HEADER = """#usda 1.0
 def Xform "World"
 {{
 """
+SHORT = "Many short substeps of few iterations: a fine cloth's stretch goes with h^2 / iterations."
 SOFT = '["PhysicsDeformableBodyAPI", "PhysicsSurfaceDeformableSimAPI", "PhysicsCollisionAPI", "WsimClothAPI", ' \
        '"MaterialBindingAPI"]'
 
@@ -93,11 +94,11 @@ def settings(metres: float = 1.0, comment: str = "", **values) -> str:
                  "Gravity is 9.81 m/s^2 down, as USD has it by default. " + comment)
 
 
-def material(name: str, f: Fabric, metres: float = 1.0, damping: float = 0.0) -> str:
-    """The Material of a fabric preset. The stretch of the proposal is E h / (1 - nu^2)."""
+def material(name: str, f: Fabric, metres: float = 1.0, **more) -> str:
+    """The Material of a fabric preset; `more` goes to it. The stretch of the proposal is E h / (1 - nu^2)."""
     values = said("Fabric", metres, stretch=f.stretch / (1.0 - f.poisson ** 2), shear=f.shear, bend=f.bend,
                   poisson=f.poisson, density=f.density, static_friction=f.static_friction,
-                  dynamic_friction=f.dynamic_friction, damping=damping)
+                  dynamic_friction=f.dynamic_friction, **more)
     return block("Material", name.capitalize(), values,
                  '["PhysicsMaterialAPI", "PhysicsSurfaceDeformableMaterialAPI", "WsimMaterialAPI"]',
                  f"The preset \"{name}\" of wsim.fabric, where the sources of its figures are.")
@@ -165,25 +166,27 @@ def hanging_cloth() -> str:
     n = 32
     surface = shapes.sheet(1.0, 1.0, n, n, horizontal=True, at=(0.0, 1.2, 0.0))
     return scene("A square metre of cotton, held by two corners, swings down from the horizontal.", [
-        settings(substeps=20, iterations=8, air_drag=0.8),
-        material("cotton", fabric("cotton"), damping=1e-3),
-        cloth("Cloth", surface, "cotton", (0.75, 0.2, 0.16), "Simulated and drawn: one Mesh does both."),
+        settings(substeps=40, iterations=2, air_drag=0.5, comment=SHORT),
+        material("cotton", fabric("cotton"), strain_limit=0.03),
+        cloth("Cloth", surface, "cotton", (0.75, 0.2, 0.16), "Simulated and drawn: one Mesh does both. Tethers carry "
+              "the weight to the pins at once, where a few iterations would let it stretch.", tethers=True),
         block("Xform", "Rail", "", comment="What the corners hang on. Animate it, and they follow."),
         pin("Corners", "/World/Cloth", [0, n], "/World/Rail", "indices0 are points of the mesh in their order."),
     ], frames=96)
 
 
 def flag() -> str:
-    nx, ny = 30, 20
+    nx, ny = 36, 24
     surface = shapes.sheet(1.5, 1.0, nx, ny, at=(0.75, 2.0, 0.0))
     pole = ('uniform token axis = "Y"\ndouble radius = 0.02\ndouble height = 2.7\n' + moved(-0.02, 1.35, 0)
             + "\ncolor3f[] primvars:displayColor = [(0.45, 0.4, 0.35)]")
-    return scene("A silk flag on a pole, in a wind of 9 m/s that comes a little from the side.", [
+    return scene("A silk flag on a pole, in a wind of 6 m/s that comes a little from the side.", [
         settings(comment="The wind is the velocity of the air; what is at rest in it feels it all.",
-                 substeps=24, iterations=6, wind=(8.8, 0.0, 2.0), air_density=1.2),
-        material("silk", fabric("silk"), damping=5e-4),
-        cloth("Flag", surface, "silk", (0.1, 0.3, 0.65), "drag acts along the relative wind, lift across it; a flat "
-              "plate has a drag of 1.2 (Hoerner 1965). Without them wind does nothing.", drag=1.2, lift=1.0),
+                 substeps=40, iterations=2, wind=(6.0, 0.0, 0.5), air_density=1.2),
+        material("silk", fabric("silk"), strain_limit=0.03),
+        cloth("Flag", surface, "silk", (0.1, 0.3, 0.65), "drag acts along the relative wind, lift across it; without "
+              "them wind does nothing. Lift makes it flutter: of a thin plate it is 2 pi times the sine of the angle, "
+              "less where the plate is short.", drag=0.3, lift=3.0),
         block("Cylinder", "Pole", pole, comment="To be seen only: it has no PhysicsCollisionAPI."),
         pin("Rope", "/World/Flag", np.arange(ny + 1) * (nx + 1), "/World/Pole", "The edge along the pole."),
     ], frames=96)
@@ -215,11 +218,12 @@ def cape() -> str:
                  "0.25)]", (0.82, 0.68, 0.52), "A collider below an animated Xform moves, and drags what touches it. Points "
                  "keep 4 mm from it, so that flat triangles between them do not cut into it.", keep=0.004)
     return scene("A cape of cotton on an animated ball that walks and turns.", [
-        settings(substeps=24, iterations=6, air_density=1.2),
-        material("cotton", fabric("cotton"), damping=1e-3),
+        settings(substeps=40, iterations=2, air_density=1.2, comment=SHORT),
+        material("cotton", fabric("cotton"), strain_limit=0.03),
         block("Xform", "Wearer", walk + "\n" + ball, comment="Rests for a second, then walks and turns half round."),
         cloth("Cape", surface, "cotton", (0.45, 0.08, 0.12), "A cone that opens in front. Air resistance keeps it from "
-              "fluttering like a sheet in vacuum.", drag=1.2, lift=0.6),
+              "fluttering like a sheet in vacuum; a flat plate has a drag of 1.2 (Hoerner 1965).", drag=1.2, lift=0.6,
+              tethers=True),
         pin("Collar", "/World/Cape", np.arange(columns + 1), "/World/Wearer", "The upper edge moves with the wearer."),
     ], frames=120)
 
@@ -227,13 +231,15 @@ def cape() -> str:
 def tablecloth() -> str:
     table = ("double size = 1\nfloat3[] extent = [(-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)]\n"
              "float3 xformOp:scale = (0.92, 0.7, 0.92)\n" + moved(0, 0.35, 0, "xformOp:scale"))
-    surface = shapes.sheet(1.5, 1.5, 30, 30, horizontal=True, at=(0.0, 0.8, 0.0))
+    n = 32
+    surface = shapes.sheet(1.5, 1.5, n, n, horizontal=True, at=(0.0, 0.8, 0.0))
     return scene("A tablecloth of denim falls on a box and drapes over its edges.", [
-        settings(substeps=20, iterations=8, air_drag=0.5),
-        material("denim", fabric("denim"), damping=2e-3),
+        settings(substeps=24, iterations=3, air_drag=0.5),
+        material("denim", fabric("denim"), damping=5e-4),
         cloth("Tablecloth", surface, "denim", (0.2, 0.32, 0.52), "Starts 10 cm above the table."),
         solid("Cube", "Table", table, (0.5, 0.36, 0.24), "A Cube of size 1, scaled to 92 x 70 x 92 cm. "
-              "Points keep 15 mm from it: its edges are sharp, and triangles of 5 cm would cut them.", keep=0.015),
+              "Points keep 20 mm from it: a thread of length l cuts a sharp edge unless its ends keep l / sqrt(8), "
+              "here 17 mm.", keep=0.02),
         ground(),
     ], frames=72)
 
@@ -255,8 +261,8 @@ def shirt() -> str:
     there = "prepend references = @assets/unisex_shirt.usd@</root/shirt>\n    "
     mesh = mesh.replace("prepend apiSchemas", there + "prepend apiSchemas", 1)
     return scene("A shirt drops on a tailor's dummy. Everything is in centimetres.", [
-        settings(metres, substeps=40, iterations=4, air_drag=1.0),
-        material("cotton", f, metres, damping=1e-3), mesh,
+        settings(metres, substeps=96, iterations=1, air_drag=1.0, comment=SHORT),
+        material("cotton", f, metres, strain_limit=0.02), mesh,
         solid("Mesh", "Dummy", dummy, (0.62, 0.52, 0.43), "A closed mesh is solid; its faces are wound outward. "
               "Points keep 4 mm from it.", ', "PhysicsMeshCollisionAPI"', keep=0.004, metres=metres),
     ], frames=72, metres=metres)
