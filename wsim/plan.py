@@ -103,7 +103,8 @@ class Plan:
         """The plan in words: what `wsim plan` prints."""
         c, m = self.clock, self.model
         rows = self.table()
-        lines = [f"{m.points} points in {len(m.bodies)} bodies, {m.worlds} world{'s' * (m.worlds > 1)}, "
+        bodies = f"{len(m.bodies)} {'bodies' if len(m.bodies) > 1 else 'body'}"
+        lines = [f"{m.points} points in {bodies}, {m.worlds} world{'s' * (m.worlds > 1)}, "
                  f"{m.real.__name__} on {m.device}",
                  f"{c.substeps} substeps of {c.h * 1e3:.3f} ms, {c.iterations} iterations, "
                  + ("BDF2 while its residual is met" if c.multistep else "backward Euler"),

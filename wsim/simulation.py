@@ -34,7 +34,7 @@ def _device(name):
 class Simulation:
     """A scene on a device.
 
-    scene      a `Scene`, or the path of a USD stage
+    scene      a `Scene`; `wsim.load` reads one from USD
     device     "cpu", "cuda:0", ...; None takes the GPU if there is one
     precision  "float32" or "float64" (the measuring instrument)
     worlds     so many independent copies of the scene in one set of arrays
