@@ -36,13 +36,13 @@ print(json.dumps({"kernels": sorted(k.key for k in kernels),
 # what every scene of cloth needs
 POINTS = {"predict_euler", "finish_euler", "not_finite"}
 PINS, AIR = {"move_pins"}, {"press", "blow"}
-CLOTH = {"membrane", "dihedral"}
+CLOTH, LIMIT, TETHER = {"membrane", "dihedral"}, {"limit"}, {"tether"}
 KERNELS = {
-    "hanging_cloth": POINTS | PINS | CLOTH,
-    "flag": POINTS | PINS | AIR | CLOTH,
-    "cape": POINTS | PINS | AIR | CLOTH | {"search_sphere", "contact"},
+    "hanging_cloth": POINTS | PINS | CLOTH | LIMIT | TETHER,
+    "flag": POINTS | PINS | AIR | CLOTH | LIMIT,
+    "cape": POINTS | PINS | AIR | CLOTH | LIMIT | TETHER | {"search_sphere", "contact"},
     "tablecloth": POINTS | CLOTH | {"search_plane_box", "contact"},
-    "shirt": POINTS | CLOTH | {"search_solid", "contact"},
+    "shirt": POINTS | CLOTH | LIMIT | {"search_solid", "contact"},
 }
 
 SCENE = {"wsim", "wsim.curve", "wsim.fabric", "wsim.scene", "wsim.polygon", "wsim.topology", "wsim.latest",
@@ -50,8 +50,7 @@ SCENE = {"wsim", "wsim.curve", "wsim.fabric", "wsim.scene", "wsim.polygon", "wsi
 LOADER = {"wsim.solids"}                       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = {"wsim.simulation", "wsim.plan", "wsim.stage", "wsim.state", "wsim.model", "wsim.order", "wsim.locality",
        "wsim.color", "wsim.kempe", "wsim.points", "wsim.measure", "wsim.kernels", "wsim.kernels.real", "wsim.kernels.points"}
-XPBD = {"wsim.xpbd", "wsim.cloth", "wsim.kernels.xpbd", "wsim.kernels.constraint", "wsim.kernels.matrix", "wsim.kernels.stream",
-        "wsim.kernels.residual", "wsim.kernels.strain"}                 # the last two: the report's, not compiled here
+XPBD = {"wsim.xpbd", "wsim.cloth", "wsim.kernels.xpbd", "wsim.kernels.constraint", "wsim.kernels.matrix", "wsim.kernels.stream"}
 AERO = {"wsim.aero", "wsim.kernels.aero"}
 CONTACT = {"wsim.contact", "wsim.contact.contacts", "wsim.contact.rows", "wsim.contact.stages", "wsim.contact.surfaces",
            "wsim.kernels.contact", "wsim.kernels.search", "wsim.kernels.collide", "wsim.kernels.distance"}
