@@ -1,5 +1,6 @@
 """Each mistake that a scene can hold is found by its prim path, and a sound scene holds none."""
 
+from dataclasses import replace
 from math import inf, nan
 
 import numpy as np
@@ -145,3 +146,9 @@ def test_a_list_of_length_0_is_a_wrong_length_and_no_crash(field):
     sheet = scene.cloth("/sheet", *shapes.sheet(1.0, 1.0, 3, 3))
     setattr(sheet, field, np.zeros((0, 3) if field in ("velocities", "rest_points") else 0, np.float32))
     assert any(p.fatal and p.text.startswith("0 ") and "allowed: 16" in p.text for p in check(scene))
+
+
+def test_damping_far_longer_than_a_substep_is_warned_of(scene):
+    scene.cloths[0].material = replace(scene.cloths[0].material, damping=1.0)
+    (found,) = [p for p in check(scene) if "damping is 1 s" in p.text]
+    assert not found.fatal and "less damping" in found.text

@@ -31,7 +31,7 @@ def check(scene: Scene) -> list[Problem]:
     for pin in scene.pins:
         found += _pin(pin, scene)
     if not any(p.fatal for p in found):           # triangles and pieces can be asked only of sound objects
-        found += _support(scene)
+        found += [*_support(scene), *_damping(scene)]
     return sorted(found, key=lambda p: not p.fatal)
 
 
@@ -55,6 +55,19 @@ def _settings(scene: Scene) -> Iterator[Problem]:
     if size > STRONG:
         yield warning("/", f"gravity is {size:g} m/s^2", "9.81 or so",
                       "author metersPerUnit (0.01 for centimetres), or physics:gravityMagnitude in stage units")
+
+
+def _damping(scene: Scene) -> Iterator[Problem]:
+    """Sweeps move by 1 / (1 + damping / h) of what they would: past a substep or so they no longer converge in time."""
+    if scene.fps <= 0.0 or scene.substeps < 1:
+        return
+    h = 1.0 / scene.fps / scene.substeps
+    for body in scene.bodies():
+        damping = body.material.damping if isinstance(body, Cloth) else body.damping
+        if damping > 4.0 * h:
+            yield warning(body.path, f"damping is {damping:g} s, {damping / h:.0f} substeps of {h:g} s: it slows the solver's "
+                          "sweeps as many times", f"{4.0 * h:.2g} s or less", "give fewer substeps or less damping; "
+                          "backward Euler damps by itself")
 
 
 def _paths(scene: Scene) -> Iterator[Problem]:
