@@ -301,3 +301,13 @@ def test_what_a_scene_lacks_is_neither_planned_nor_allocated():
 def test_wrong_options_are_named(options, text):
     with pytest.raises(SceneError, match=text):
         Simulation(chain(2), **options)
+
+
+def test_out_of_memory_in_a_frame_is_said_in_words():
+    sim = Simulation(chain(2), **CPU)
+
+    def full(time):
+        raise RuntimeError("Failed to allocate 12000000 bytes on device 'cuda:0'")
+    sim.plan.before_frame = full
+    with pytest.raises(SceneError, match="out of memory .*12000000.*use a smaller scene"):
+        sim.step()

@@ -86,8 +86,11 @@ class Simulation:
         began = time.perf_counter()
         self._load()
         for _ in range(REPEATS):
-            self.plan.before_frame(self.time)
-            self._replay()
+            try:
+                self.plan.before_frame(self.time)
+                self._replay()
+            except RuntimeError as error:
+                raise _memory(error, self.device) from None
             if not self._mend(self.plan.status.numpy()):
                 break
             self.state.restore()
