@@ -311,3 +311,18 @@ def test_out_of_memory_in_a_frame_is_said_in_words():
     sim.plan.before_frame = full
     with pytest.raises(SceneError, match="out of memory .*12000000.*use a smaller scene"):
         sim.step()
+
+
+def test_worlds_have_their_own_parameters():
+    sim = Simulation(chain(4, substeps=10, iterations=10, air_drag=8.0), worlds=3, **DOUBLE)
+    sim.set("/", "gravity", (0.0, -4.905, 0.0), world=1)
+    sim.set("/chain", "stiffness", 400.0, world=2)
+    sim.run(200)
+    first, light, stiff = (sim.positions("/chain", world=w)[-1, 1] + 0.4 for w in range(3))
+    assert light == pytest.approx(first / 2, rel=5e-3) and stiff == pytest.approx(first / 2, rel=5e-3)
+    here = sim.positions("/chain", world=1)
+    sim.set("/chain", "positions", here + 1.0, world=1)
+    np.testing.assert_allclose(sim.positions("/chain", world=1), here + 1.0, rtol=1e-12)
+    assert sim.positions("/chain", world=0)[0, 1] == 0.0
+    with pytest.raises(SceneError, match="in world 7 of 3"):
+        sim.set("/chain", "stiffness", 1.0, world=7)

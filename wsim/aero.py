@@ -49,9 +49,9 @@ class Aero(Method):
                           [self.force, self.k])
         self.model.launch(self.blow, self.model.points, [self.first, self.item, self.force, self.k, c.w, s.d, clock.g], [s.d])
 
-    def set(self, path: str, name: str, value) -> bool:
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """wind [m/s] over one cloth or, with path "/", over all."""
-        rows = [b.number for b in self.model.bodies if path in ("/", b.path)]
+        rows = self.model.rows(path, world)
         if name != "wind" or not rows:
             return False
         values = self.air.wind.numpy()

@@ -80,6 +80,10 @@ class Model:
                            f"{self.worlds - 1}")
         return found[0]
 
+    def rows(self, path: str, world: int | None = None) -> list[int]:
+        """Rows in the tables per object of the body of that path ("/": of all), in one world or in all (None)."""
+        return [b.number for b in self.bodies if path in ("/", b.path) and world in (None, b.world)]
+
     def stack(self, name: str) -> np.ndarray:
         """One field of all bodies in solver order."""
         return np.concatenate([getattr(b, name) for b in self.bodies])

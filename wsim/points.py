@@ -73,9 +73,9 @@ class Points(Method):
     def guard(self, clock: Clock) -> None:
         self.model.launch(self.kernels["guard"], self.model.points, [self.state.x, self.state.v], [self.status[NOT_FINITE:]])
 
-    def set(self, path: str, name: str, value) -> bool:
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """gravity [m/s^2] and air_drag [1/s], of one body or, with path "/", of all."""
-        rows = [b.number for b in self.model.bodies if path in ("/", b.path)]
+        rows = self.model.rows(path, world)
         if name not in ("gravity", "air_drag") or not rows:
             return False
         array = self.constants.gravity if name == "gravity" else self.constants.decay
@@ -173,9 +173,9 @@ class Pins(Method):
                 else:
                     self.target[kind].assign(values.astype(self.model.dtype))
 
-    def set(self, path: str, name: str, value) -> bool:
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """motion of a pin: a Motion or a (4, 4) matrix; it takes effect with the next frame."""
-        hit = [p for g in self.groups.values() for p in g if p.pin.path == path]
+        hit = [p for g in self.groups.values() for p in g if p.pin.path == path and world in (None, p.body.world)]
         if name != "motion" or not hit:
             return False
         for p in hit:

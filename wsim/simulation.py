@@ -194,21 +194,24 @@ class Simulation:
         """Local-to-world transforms (4, 4) [m] of the colliders at the current time, by path."""
         return {c.path: c.motion.at(self.time) for c in self.scene.colliders if path in (None, c.path)}
 
-    def set(self, path: str, name: str, value) -> None:
-        """A live parameter, from the next frame on, without rebuilding.
+    def set(self, path: str, name: str, value, world: int | None = None) -> None:
+        """A live parameter, from the next frame on, without rebuilding, of one world or of all (None).
 
         "/" names the whole scene. gravity, air_drag, wind; stretch, shear, bend, damping of a cloth; stiffness of springs;
-        motion of a pin or collider; positions and velocities (world, author's order) of a body.
+        motion of a pin, or of a collider (which all worlds share); positions and velocities (in world space, author's
+        order) of a body.
         Raises SceneError if nothing of that path has such a parameter.
         """
         if name in ("positions", "velocities"):
-            self._place(self.model.body(path), name, np.asarray(value, np.float64))
+            for number in range(self.worlds) if world is None else [world]:
+                self._place(self.model.body(path, number), name, np.asarray(value, np.float64))
             return
         if isinstance(value, np.ndarray) and value.shape == (4, 4):
             value = Motion.still(value)
-        if not any([m.set(path, name, value) for m in self.plan.methods]):
-            raise SceneError(Problem(path, f"has no live parameter {name!r}; there are gravity, air_drag, wind, stretch, "
-                                     "shear, bend, damping, stiffness, motion, positions, velocities"))
+        if not any([m.set(path, name, value, world) for m in self.plan.methods]):
+            where = "" if world is None else f" in world {world} of {self.worlds}"
+            raise SceneError(Problem(path, f"has no live parameter {name!r}{where}; there are gravity, air_drag, wind, "
+                                     "stretch, shear, bend, damping, stiffness, motion, positions, velocities"))
 
     def _place(self, body, name: str, values: np.ndarray) -> None:
         if values.shape != (len(body.index), 3) or not np.isfinite(values).all():

@@ -81,6 +81,6 @@ class Method:
         """Error indicators from positions [m] (relative to the objects' origins) and velocities [m/s], solver order."""
         return {}
 
-    def set(self, path: str, name: str, value) -> bool:
-        """Takes a live parameter; False if it is none of this method's."""
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+        """Takes a live parameter of one world, or of all (None); False if it is none of this method's."""
         return False

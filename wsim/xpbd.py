@@ -44,7 +44,7 @@ class Batch:
         self.damped = any(r.tau > 0.0 for r in rows)
         alpha, tau = self.values()
         paths = {r.body.path for r in rows if r.body is not None}
-        self.uniform = len(paths) == 1 and bool(np.all(alpha == alpha[0]) and np.all(tau == tau[0]))
+        self.uniform = len(paths) == model.worlds == 1 and bool(np.all(alpha == alpha[0]) and np.all(tau == tau[0]))
         self.fused = not model.device.is_cuda or int(np.diff(self.starts).max()) <= FUSE
         make, module = (kernels.sweep, model.sweep_module) if self.fused else (kernels.projection, model.module)
         table, self.kernel = make(kind, real=model.real, module=module, multipliers=self.multipliers,
@@ -178,12 +178,12 @@ class Xpbd(Method):
                               [batch.data, s.x, a, int(first), 1.0 / clock.g, omega, s.d, batch.lam],
                               [s.d, batch.lam])
 
-    def set(self, path: str, name: str, value) -> bool:
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """stretch, shear, bend of a cloth, stiffness of a spring net, damping [s] of either."""
         hit = False
         for batch in self.batches:
             for r in batch.rows:
-                if r.body is None or r.body.path != path:
+                if r.body is None or r.body.path != path or world not in (None, r.body.world):
                     continue
                 if name == "damping" and batch.damped:
                     r.tau = float(value)

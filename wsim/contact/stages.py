@@ -61,8 +61,8 @@ class Contact(Method):
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         return self.contacts.indicators(self.state.x) if self.contacts.time is not None else {}
 
-    def set(self, path: str, name: str, value) -> bool:
-        """motion of a collider: a Motion or a (4, 4) matrix."""
-        if name != "motion":
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+        """motion of a collider: a Motion or a (4, 4) matrix. Worlds share their colliders: world must be None."""
+        if name != "motion" or world is not None:
             return False
         return self.contacts.move(path, value if isinstance(value, Motion) else Motion.still(value))
