@@ -115,30 +115,36 @@ def test_a_kilometre_from_the_origin_nothing_is_lost(small_cloth):
     assert there[0] < 2 * near[0] and there[1] < 2 * near[1]
 
 
-def test_small_steps_in_float32_are_as_right_as_in_float64(small_cloth):
+def test_small_steps_of_backward_euler_are_as_right_in_float32_as_in_float64(small_cloth):
     scene, where = small_cloth
     fine = replace(scene, substeps=256, iterations=2)
     double, single = trajectory_error(fine, where, **DOUBLE), trajectory_error(fine, where, **CPU)
     assert single[0] < 1.1 * double[0] and single[1] < 1.1 * double[1]
 
 
-def test_momentum_of_a_free_cloth_is_kept():
-    scene = Scene(gravity=(0.0, 0.0, 0.0), fps=60.0, substeps=4, iterations=3)
-    rng = np.random.default_rng(3)
+def lost_momenta(substeps: int) -> tuple[float, float]:
+    """Change of linear and angular momentum of a free, shaken cloth after 10 frames, per mass [m/s], [m^2/s]."""
+    scene = Scene(gravity=(0.0, 0.0, 0.0), fps=60.0, substeps=substeps, iterations=3)
     points, counts, indices = shapes.sheet(1.0, 1.0, 8, 8)
-    cloth = scene.cloth("/cloth", points, counts, indices, velocities=rng.normal(size=points.shape))
+    scene.cloth("/cloth", points, counts, indices, velocities=np.random.default_rng(3).normal(size=points.shape))
     sim = Simulation(scene, **DOUBLE)
     masses = sim.model.stack("masses")[sim.model.body("/cloth").index]
 
     def momenta():
         x, v = sim.positions(), sim.velocities()
-        return np.concatenate([masses @ v, (masses[:, None] * np.cross(x, v)).sum(axis=0)])
+        return np.stack([masses @ v, (masses[:, None] * np.cross(x, v)).sum(axis=0)])
     before = momenta()
     sim.run(10)
-    assert cloth.material.shear > 0
-    scale = masses.sum() * 1.0
-    np.testing.assert_allclose(momenta()[:3], before[:3], atol=1e-12 * scale)
-    np.testing.assert_allclose(momenta()[3:], before[3:], atol=2e-2 * scale)     # backward Euler: first order
+    linear, angular = np.abs(momenta() - before).max(axis=1) / masses.sum()
+    return linear, angular
+
+
+def test_momentum_of_a_free_cloth_is_kept():
+    """The linear one exactly; backward Euler loses the angular one at first order in the substep."""
+    lost = np.array([lost_momenta(n) for n in (4, 8, 16, 32, 64)])
+    assert lost[:, 0].max() < 1e-12
+    slope = np.polyfit(np.log([4, 8, 16, 32, 64]), np.log(lost[:, 1]), 1)[0]
+    assert -slope == pytest.approx(1.0, abs=0.15)
 
 
 def test_two_runs_have_the_same_bits():
@@ -166,7 +172,7 @@ def test_worlds_are_copies():
     alone.run(15)
     many.run(15)
     for world in range(3):
-        np.testing.assert_allclose(many.positions("/cloth", world=world), alone.positions(), atol=1e-6)
+        assert np.array_equal(many.positions("/cloth", world=world), alone.positions())
 
 
 def test_the_author_s_order_does_not_matter():
@@ -181,7 +187,7 @@ def test_the_author_s_order_does_not_matter():
         sim = Simulation(scene, **DOUBLE)
         sim.run(10)
         ends.append(sim.positions()[back])
-    np.testing.assert_allclose(*ends, atol=2e-5)
+    np.testing.assert_allclose(*ends, atol=1e-12)                   # sweeps leave 1e-16: both are the solution
 
 
 def test_a_moving_pin_carries_its_points():
@@ -241,7 +247,7 @@ def test_a_restart_from_the_fields_is_exact(integrator):
     again = Simulation(scene, **CPU)
     again.restart(6, fields)
     again.run(6)
-    np.testing.assert_allclose(again.positions(), through.positions(), atol=1e-6)
+    assert np.array_equal(again.positions(), through.positions())
 
 
 def test_device_arrays_are_the_state_itself():
