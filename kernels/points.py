@@ -7,6 +7,7 @@
 
 Backward Euler (order 1):  a = e,        g = h,      d = a + g (v + g f)
 BDF2 (order 2):            a = e + s/3,  g = 2h/3,   d = a + g (v + (v - u)/3 + g f)
+midpoint (order 2):        a = e,        g = h/2,    as backward Euler; the substep ends with x + 2 d - e, 2 (d - a)/g - v
 
 BDF2 is x' = x + s/3 + (2/3) h v', v' = v + (v - u)/3 + (2/3) h f, written in differences so that nothing cancels
 (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, III.1). f is gravity [m/s^2]; a decay rate k [1/s] of the
@@ -99,6 +100,27 @@ def finish_euler(real, module):
 
 
 @cache
+def finish_beyond(real, module):
+    """Kernel: as finish_euler, from the middle of the substep to its end."""
+    t = types(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def finish_beyond(e: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
+                      v: wp.array(dtype=t.vec3), g: real,
+                      x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3)):
+        i = wp.tid()
+        x0 = x[i]
+        half = d[i] - e[i]
+        step = d[i] + half
+        v_out[i] = real(2.0) * (half / g) - v[i]
+        x1 = x0 + step
+        x_out[i] = x1
+        e_out[i] = step - (x1 - x0)
+
+    return finish_beyond
+
+
+@cache
 def finish_bdf2(real, module):
     """Kernel: as finish_euler, and the history. A point that leaves an overlap (struck = 1) forgets its history and goes
     on as if it had always moved with its new velocity; at other contacts the `settle` kernel of contact.py has already
@@ -133,15 +155,16 @@ def finish_bdf2(real, module):
 
 @cache
 def move_pins(real, module):
-    """Kernel: a hard-pinned point goes where its frame is at the end of substep k. target [m], (substeps, pins)."""
+    """Kernel: a hard-pinned point goes where its frame is at the end of substep k, or to that part of the way from where it
+    is. target [m], (substeps, pins)."""
     t = types(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def move_pins(point: wp.array(dtype=int), target: wp.array2d(dtype=t.vec3), x: wp.array(dtype=t.vec3), k: int,
-                  d_out: wp.array(dtype=t.vec3)):
+    def move_pins(point: wp.array(dtype=int), target: wp.array2d(dtype=t.vec3), x: wp.array(dtype=t.vec3), e: wp.array(dtype=t.vec3),
+                  k: int, part: real, d_out: wp.array(dtype=t.vec3)):
         p = wp.tid()
         i = point[p]
-        d_out[i] = target[k, p] - x[i]
+        d_out[i] = e[i] + part * ((target[k, p] - x[i]) - e[i])
 
     return move_pins
 

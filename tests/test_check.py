@@ -30,7 +30,7 @@ MISTAKES = {
     "substeps": (lambda s: setattr(s, "substeps", 0), "/", "substeps is 0"),
     "iterations": (lambda s: setattr(s, "iterations", -1), "/", "iterations is -1"),
     "frames": (lambda s: setattr(s, "frames", -5), "/", "frames is -5"),
-    "integrator": (lambda s: setattr(s, "integrator", "rk4"), "/", "integrator is 'rk4'"),
+    "integrator": (lambda s: setattr(s, "integrator", "rk5"), "/", "integrator is 'rk5'"),
     "up": (lambda s: setattr(s, "up", "X"), "/", "up axis is 'X'"),
     "gravity": (lambda s: setattr(s, "gravity", (0.0, nan, 0.0)), "/", "gravity"),
     "nothing": (lambda s: s.cloths.clear(), "/", "nothing here can move"),

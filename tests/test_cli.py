@@ -76,7 +76,7 @@ def test_help_takes_less_than_a_tenth_of_a_second():
 
 @pytest.mark.parametrize("arguments", [
     [], ["dance"], ["run"], ["run", "a.usda"], ["run", "a.usda", "-o", "b.usdc", "--substeps", "0"],
-    ["run", "a.usda", "-o", "b.usdc", "--frames", "-1"], ["run", "a.usda", "-o", "b.usdc", "--integrator", "rk4"],
+    ["run", "a.usda", "-o", "b.usdc", "--frames", "-1"], ["run", "a.usda", "-o", "b.usdc", "--integrator", "rk5"],
     ["run", "a.usda", "-o", "b.usdc", "--variant", "shirt"], ["run", "a.usda", "-o", "b.usdc", "--png", "b.jpg"],
     ["run", "a.usda", "-o", "b.usdc", "--png", "no/such/folder/b.png"],
     ["picture", "a.usda", "-o", "b.png", "--size", "big"],

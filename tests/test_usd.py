@@ -9,6 +9,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdValidation
 
 from wsim.curve import Curve, Motion, rotation
 from wsim.fabric import Fabric
+from wsim.integrator import INTEGRATORS, SOLVERS
 from wsim.scene import (
     Box,
     Capsule,
@@ -100,7 +101,8 @@ def _scene(seed: int) -> Scene:
                   air_drag=rng.uniform(), up=str(rng.choice(["Y", "Z"])), fps=float(rng.choice([24.0, 29.97, 1000.0])),
                   start=float(rng.choice([0.0, 1.0, 1001.5])), frames=int(rng.integers(0, 50)),
                   substeps=int(rng.integers(1, 30)), iterations=int(rng.integers(1, 9)),
-                  integrator=str(rng.choice(["backward_euler", "bdf2"])))
+                  solver=str(rng.choice(SOLVERS)),
+                  integrator=str(rng.choice(INTEGRATORS)), error=rng.uniform(1e-4, 0.1))
     scene.cloths = [_cloth(rng, "/World/a/cloth"), _cloth(rng, "/cloth"), _cloth(rng, "/World/b")]
     scene.springs = [_net(rng, "/net"), _net(rng, "/World/a/net")]
     scene.colliders = [Collider(f"/World/collider{i}", shape, _motion(rng), *rng.uniform(size=2),

@@ -21,18 +21,21 @@ ROOT = Path(__file__).resolve().parent.parent
 # From the bottom up; a module imports from its own row and the rows below it. A name stands for a module of wsim and
 # for everything in a folder of that name.
 LAYERS = (
-    ("curve", "fabric", "latest", "polygon", "scene", "solids", "topology", "normals", "shapes", "color", "check",
+    ("curve", "fabric", "latest", "polygon", "scene", "solids", "topology", "normals", "shapes", "color", "check", "integrator",
+     "stability",
      "check_object", "locality", "kempe", "camera", "look", "png", "gif", "progress", "report"),
     ("kernels",),
     ("stage", "state", "order", "model", "linear"),
     ("contact",),
-    ("points", "springs", "aero", "xpbd", "cloth", "fem", "rigid", "fluid", "pose"),
+    ("cloth",),
+    ("frequency", "choice"),
+    ("points", "explicit", "implicit", "aero", "xpbd", "fem", "rigid", "fluid", "pose"),
     ("plan",),
     ("measure", "simulation"),
     ("usd", "partial", "sublayer", "overs", "restart", "recorder", "fit", "drawn", "visible", "view", "picture"),
     ("cli", "commands", "run", "__main__", "__init__"),
 )
-METHODS = {"points", "springs", "aero", "xpbd", "fem", "rigid", "fluid", "pose"}    # these never import each other
+METHODS = {"points", "explicit", "implicit", "aero", "xpbd", "fem", "rigid", "fluid", "pose"}    # these never import each other
 READS_USD = {"usd", "partial", "sublayer", "overs", "restart", "recorder", "drawn", "visible"}
 WITHOUT_WARP = {*LAYERS[0], *READS_USD, "cli", "__init__", "__main__"}
 ONLY = {"rerun": {"view"}, "pxr": {*READS_USD, "view", "picture"}}   # who may import these packages

@@ -14,7 +14,8 @@ import numpy as np
 
 from wsim import check_object, topology
 from wsim.check_object import array, error, number, rigid, warning
-from wsim.scene import INTEGRATORS, Cloth, Pin, Problem, Scene, Springs
+from wsim.integrator import EXPLICIT, IMPLICIT, INTEGRATORS, SOLVERS
+from wsim.scene import Cloth, Pin, Problem, Scene, Springs
 
 STRONG = 50.0       # [m/s^2] five times Earth's gravity; files that take their unit for centimetres hold 981
 
@@ -43,8 +44,8 @@ def _settings(scene: Scene) -> Iterator[Problem]:
     yield from number("/", "iterations", scene.iterations, 1, mend="give --iterations, 4 say")
     yield from number("/", "air_density", scene.air_density, 0.0)
     yield from number("/", "air_drag", scene.air_drag, 0.0)
-    if scene.integrator not in INTEGRATORS:
-        yield error("/", f"integrator is '{scene.integrator}'", " or ".join(INTEGRATORS), "choose one of them")
+    yield from number("/", "error", scene.error, 0.0, True, mend="give 0.01 for 1 % of the scene's size")
+    yield from _method(scene)
     if scene.up not in ("Y", "Z"):
         yield error("/", f"up axis is '{scene.up}'", "Y or Z", "author upAxis on the stage")
     for name in ("gravity", "wind"):
@@ -55,6 +56,23 @@ def _settings(scene: Scene) -> Iterator[Problem]:
     if size > STRONG:
         yield warning("/", f"gravity is {size:g} m/s^2", "9.81 or so",
                       "author metersPerUnit (0.01 for centimetres), or physics:gravityMagnitude in stage units")
+
+
+def _method(scene: Scene) -> Iterator[Problem]:
+    """Solver and integrator: known, and made for each other."""
+    for name, found, allowed in (("solver", scene.solver, SOLVERS), ("integrator", scene.integrator, INTEGRATORS)):
+        if found not in allowed:
+            yield error("/", f"{name} is '{found}'", ", ".join(allowed), "choose one of them")
+            return
+    if scene.integrator == "implicit_midpoint" and scene.colliders:
+        yield error("/", "integrator implicit_midpoint rebounds from colliders", "backward_euler, bdf2 or an explicit one",
+                    "choose one of them")
+    if "auto" in (scene.solver, scene.integrator):
+        return
+    fits = EXPLICIT if scene.solver == "explicit" else IMPLICIT
+    if scene.integrator not in fits:
+        yield error("/", f"integrator {scene.integrator} is none of solver {scene.solver}", ", ".join(("auto", *fits)),
+                    "name one of them, or leave one of the two on auto")
 
 
 def _damping(scene: Scene) -> Iterator[Problem]:

@@ -11,6 +11,7 @@ import os
 import sys
 
 from wsim import __version__
+from wsim.integrator import INTEGRATORS, SOLVERS
 
 DONE, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 
@@ -95,7 +96,8 @@ def _solver(command) -> None:
     command.add_argument("--precision", choices=("float32", "float64"), default="float32")
     command.add_argument("--substeps", type=whole, metavar="N", help="substeps a frame (default: the scene's)")
     command.add_argument("--iterations", type=whole, metavar="N", help="iterations a substep (default: the scene's)")
-    command.add_argument("--integrator", choices=("backward_euler", "bdf2"), help="default: the scene's")
+    command.add_argument("--solver", choices=SOLVERS, help="default: the scene's; auto weighs cost against error")
+    command.add_argument("--integrator", choices=INTEGRATORS, help="default: the scene's")
     _choices(command)
 
 

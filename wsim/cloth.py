@@ -13,9 +13,11 @@ from math import isfinite
 import numpy as np
 
 from wsim import topology
-from wsim.model import Body
+from wsim.model import Body, Model
 from wsim.order import color
 from wsim.scene import Cloth, Springs
+
+HARD = ("tether", "limit")           # kinds without compliance and multiplier
 
 
 @dataclass
@@ -48,17 +50,31 @@ class Rows:
         return replace(self, ids=self.ids + (body.first - self.body.first), body=body)
 
 
-def rows_of(body: Body) -> list[Rows]:
-    """Every constraint of a body, coloured."""
+def rows_of(body: Body, pinned: np.ndarray) -> list[Rows]:
+    """Every constraint of a body, without colours; pinned: places in the arrays of hard-pinned points, of any body."""
     source = body.source
-    made = [r for r in (_net(body, source) if isinstance(source, Springs) else _cloth(body, source)) if len(r.ids)]
-    for kind in {r.kind for r in made}:
-        same = [r for r in made if r.kind == kind]                 # one launch mixes them: coloured jointly
-        colors = color(np.concatenate([r.ids for r in same]) - body.first, body.count)
+    made = [*(_net(body, source) if isinstance(source, Springs) else _cloth(body, source)),
+            *tethers(body, pinned[(pinned >= body.first) & (pinned < body.last)])]
+    for r in made:
+        r.body = body
+    return [r for r in made if len(r.ids)]
+
+
+def in_worlds(model: Model, rows: dict[str, list[Rows]]) -> list[Rows]:
+    """The rows of the bodies of world 0, by path, for the bodies of every world."""
+    return [r if b.world == 0 else r.moved(b) for b in model.bodies for r in rows[b.path]]
+
+
+def colored(rows: list[Rows]) -> list[Rows]:
+    """The rows of one body with colours; those of a kind are launched together and coloured jointly."""
+    for kind in {r.kind for r in rows if r.colors is None}:
+        same = [r for r in rows if r.kind == kind]
+        assert same[0].body is not None
+        colors = color(np.concatenate([r.ids for r in same]) - same[0].body.first, same[0].body.count)
         ends = np.cumsum([len(r.ids) for r in same])
         for r, part in zip(same, np.split(colors, ends[:-1]), strict=True):
-            r.body, r.colors = body, part
-    return made
+            r.colors = part
+    return rows
 
 
 def _lengths(body: Body, ids: np.ndarray) -> np.ndarray:
@@ -92,7 +108,7 @@ def tethers(body: Body, pinned: np.ndarray) -> list[Rows]:
     way, source = topology.geodesic(body.rest, body.edges - body.first, np.unique(pinned) - body.first)
     free = np.flatnonzero(np.isfinite(way) & (way > 0.0))
     ids = np.stack([source[free], free], axis=1).astype(np.int32) + body.first
-    return [Rows("tether", ids, way[free], np.zeros(len(free)), {}, body=body, colors=np.zeros(len(free), np.int32))]
+    return [Rows("tether", ids, way[free], np.zeros(len(free)), {}, colors=np.zeros(len(free), np.int32))]
 
 
 def _membrane(body: Body, cloth: Cloth) -> list[Rows]:

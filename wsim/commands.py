@@ -32,7 +32,7 @@ def _load(args) -> "Scene":
     for prim, name, value in args.variant:
         variants.setdefault(prim, {})[name] = value
     scene = usd.load(args.scene, variants=variants)
-    changes = {name: getattr(args, name, None) for name in ("frames", "substeps", "iterations", "integrator")}
+    changes = {name: getattr(args, name, None) for name in ("frames", "substeps", "iterations", "solver", "integrator")}
     return replace(scene, **{name: value for name, value in changes.items() if value is not None})
 
 
@@ -198,7 +198,8 @@ def _inventory(scene: "Scene") -> str:
                               "pin": scene.pins}
     things = ", ".join(_count(len(found), noun) for noun, found in kinds.items() if found)
     return (f"{things}; {_count(points, 'point')}; {_count(scene.frames, 'frame')} of 1/{scene.fps:g} s, "
-            f"{_count(scene.substeps, 'substep')}, {_count(scene.iterations, 'iteration')}, {scene.integrator}")
+            f"{_count(scene.substeps, 'substep')}, {_count(scene.iterations, 'iteration')}, "
+            f"solver {scene.solver}, integrator {scene.integrator}")
 
 
 def plan(args) -> int:

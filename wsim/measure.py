@@ -78,7 +78,7 @@ def report(sim, with_profile: bool = True) -> dict:
     return {
         "device": str(sim.device), "device_name": sim.device.name, "precision": sim.precision, "worlds": sim.worlds,
         "frames": sim.frame, "substeps": plan.clock.substeps, "iterations": plan.clock.iterations,
-        "integrator": "bdf2" if plan.clock.multistep else "backward_euler",
+        "solver": plan.choice.solver, "integrator": plan.integrator, "why": plan.choice.why,
         "points": plan.model.points, "constraints": constraints, "ms_per_frame": ms,
         "points_per_second": plan.model.points * a_second,
         "constraints_per_second": constraints * plan.clock.iterations * a_second,

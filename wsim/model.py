@@ -206,7 +206,7 @@ def _distinct(triangles: np.ndarray) -> np.ndarray:
     return (a != b) & (b != c) & (c != a)
 
 
-def build(scene: Scene, worlds: int, device, real, module: str) -> Model:
+def build(scene: Scene, worlds: int, device, real, module: str = "") -> Model:
     """Bodies of all worlds; worlds are copies of one scene standing behind each other in the arrays."""
     from dataclasses import replace
     bodies: list[Body] = []

@@ -14,28 +14,34 @@ import numpy as np
 import warp as wp
 
 from wsim import model as models
+from wsim.choice import Choice, choose
+from wsim.cloth import HARD, Rows, rows_of
 from wsim.kernels.real import types
-from wsim.model import Model
+from wsim.model import Model, hard_places
 from wsim.scene import Cloth, Scene
 from wsim.stage import PHASES, Clock, Method, Stage
-from wsim.state import ANCHOR, HISTORY, POINTS, State
+from wsim.state import ANCHOR, CARRY, HISTORY, POINTS, State
 
 
-def why(scene: Scene) -> dict[str, str]:
+def why(scene: Scene, choice: Choice, rows: dict[str, list[Rows]]) -> dict[str, str]:
     """For each method: why the scene needs it, or "" and it is not even imported."""
+    hard = any(r.kind in HARD for found in rows.values() for r in found)
     wind = any(c.drag or c.lift for c in scene.cloths)
     kinds = sorted({type(c.shape).__name__.lower() for c in scene.colliders})
     return {
         "points": "there are points that move",
         "pins": f"{len(scene.pins)} pins" if scene.pins else "",
         "aero": "a cloth has drag or lift" if wind else "",
-        "xpbd": "cloth or springs" if scene.bodies() else "",
+        "explicit": choice.why if choice.solver == "explicit" else "",
+        "implicit": choice.why if choice.solver == "implicit" else "",
+        "xpbd": choice.why if choice.solver == "xpbd" else "tethers or strain limits" if hard else "",
         "contact": f"colliders: {', '.join(kinds)}" if kinds else "",
     }
 
 
-WITHOUT = {"pins": "nothing is pinned", "aero": "no cloth has drag or lift", "contact": "there is no collider",
-           "xpbd": "there is no cloth and no spring net",
+WITHOUT = {"explicit": "another solver is chosen", "implicit": "another solver is chosen",
+           "xpbd": "another solver is chosen, and nothing is hard",
+           "pins": "nothing is pinned", "aero": "no cloth has drag or lift", "contact": "there is no collider",
            "history": "backward Euler needs no earlier step", "fem": "there is no soft body",
            "rigid": "there is no rigid body", "fluid": "there is no fluid", "gradients": "not asked for"}
 
@@ -49,6 +55,7 @@ class Plan:
     clock: Clock
     methods: list[Method]
     status: wp.array
+    choice: Choice
     skipped: list[dict] = field(default_factory=list)
 
     def stages(self, phase: str, rate: str) -> list[Stage]:
@@ -99,6 +106,12 @@ class Plan:
                                  "launches": s.launches * times, "bytes": int(s.bytes) * times})
         return rows
 
+    @property
+    def integrator(self) -> str:
+        """Name of the integrator now: BDF2 may have given way."""
+        given_way = self.choice.integrator.name == "bdf2" and not self.clock.multistep
+        return "backward_euler" if given_way else self.choice.integrator.name
+
     def describe(self) -> str:
         """The plan in words: what `wsim plan` prints."""
         c, m = self.clock, self.model
@@ -106,8 +119,9 @@ class Plan:
         bodies = f"{len(m.bodies)} {'bodies' if len(m.bodies) > 1 else 'body'}"
         lines = [f"{m.points} points in {bodies}, {m.worlds} world{'s' * (m.worlds > 1)}, "
                  f"{m.real.__name__} on {m.device}",
-                 f"{c.substeps} substeps of {c.h * 1e3:.3f} ms, {c.iterations} iterations, "
-                 + ("BDF2 while its residual is met" if c.multistep else "backward Euler"),
+                 f"{c.substeps} substeps of {c.h * 1e3:.4g} ms, {c.iterations} iteration{'s' * (c.iterations > 1)}, solver "
+                 f"{self.choice.solver}, integrator {self.integrator}{' while its residual is met' * c.multistep}: "
+                 f"{self.choice.why}",
                  f"{'phase':<9}{'stage':<14}{'rate':<10}{'launches':>9}{'MB':>9}  on"]
         lines += [f"{r['phase']:<9}{r['name']:<14}{r['rate']:<10}{r['launches']:>9}{r['bytes'] / 1e6:>9.2f}  {r['what']}"
                   for r in rows]
@@ -117,16 +131,18 @@ class Plan:
         return "\n".join(lines + [f"left out: {s['stage']}: {s['why']}" for s in self.skipped])
 
 
-def _fields(scene: Scene):
+def _fields(scene: Scene, choice: Choice):
     """State of the points that this scene needs."""
-    multistep = scene.integrator == "bdf2"
-    return POINTS + (ANCHOR if multistep or scene.colliders else ()) + (HISTORY if multistep else ())
+    multistep, explicit = choice.integrator.name == "bdf2", choice.integrator.explicit
+    return (POINTS + (ANCHOR if multistep or scene.colliders or explicit else ()) + (HISTORY if multistep else ())
+            + (CARRY if explicit else ()))
 
 
-def _module(scene: Scene, real, reasons: dict[str, str]) -> str:
+def _module(scene: Scene, real, reasons: dict[str, str], choice: Choice) -> str:
     """Name of the Warp module of this set of kernels: scenes that need the same kernels share it."""
-    kinds = [sorted(name for name, reason in reasons.items() if reason), real.__name__, scene.integrator,
-             scene.iterations > 1, sorted({type(c.shape).__name__ for c in scene.colliders}), bool(scene.springs),
+    kinds = [sorted(name for name, reason in reasons.items() if reason), real.__name__, choice.solver,
+             choice.integrator.name, choice.iterations > 1,
+             sorted({type(c.shape).__name__ for c in scene.colliders}), bool(scene.springs),
              sorted({(c.model, c.material.damping > 0, c.material.bend > 0, np.isfinite(c.material.strain_limit),
                       c.tethers) for c in scene.cloths}),
              sorted({(s.damping > 0, len(s.stiffness) > 1) for s in scene.springs}),
@@ -136,41 +152,55 @@ def _module(scene: Scene, real, reasons: dict[str, str]) -> str:
 
 def build(scene: Scene, *, device, real, worlds: int = 1) -> Plan:
     """Model, state and stages of a checked scene."""
-    reasons = why(scene)
-    model = models.build(scene, worlds, device, real, _module(scene, real, reasons))
-    state = State.allocate(_fields(scene), model.points, types(real).vec3, device)
-    clock = Clock(1.0 / scene.fps, scene.substeps, scene.iterations, scene.integrator == "bdf2")
+    model = models.build(scene, worlds, device, real)
+    pinned = hard_places(model)
+    rows = {b.path: rows_of(b, pinned) for b in model.bodies if b.world == 0}
+    choice = choose(model, rows)
+    reasons = why(scene, choice, rows)
+    model.module = _module(scene, real, reasons, choice)
+    state = State.allocate(_fields(scene, choice), model.points, types(real).vec3, device)
+    clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator.name == "bdf2",
+                  choice.integrator.beyond)
     status = wp.zeros(4, dtype=int, device=device)
-    plan = Plan(model, state, clock, [], status)
+    plan = Plan(model, state, clock, [], status, choice)
     plan.skipped = [{"stage": name, "why": text} for name, text in WITHOUT.items()
                     if not reasons.get(name) and not (name == "history" and clock.multistep)]
-    _add(plan, scene, reasons)
+    _add(plan, scene, reasons, rows)
     _start(model, state)
     return plan
 
 
-def _add(plan: Plan, scene: Scene, reasons: dict[str, str]) -> None:
+def _add(plan: Plan, scene: Scene, reasons: dict[str, str], rows: dict[str, list[Rows]]) -> None:
     """Imports what is wanted and appends its stages; contacts come last."""
     from wsim.points import Pins, Points
     model, state, status = plan.model, plan.state, plan.status
     struck = None
     if reasons["contact"] and plan.clock.multistep:
         struck = wp.zeros(model.points, dtype=int, device=model.device)
-    points = Points(model, state, status, struck)
+    points = Points(model, state, status, struck, plan.choice.integrator)
     plan.methods.append(points)
     if reasons["pins"]:
         plan.methods.append(Pins(model, state, points))
     if reasons["aero"]:
         from wsim.aero import Aero
         plan.methods.append(Aero(model, state, points))
+    if reasons["implicit"]:
+        from wsim.implicit import Implicit
+        plan.methods.append(Implicit(model, state, points, status, plan.clock, _kept(rows, soft=True)))
     if reasons["xpbd"]:
         from wsim.xpbd import Xpbd
-        plan.methods.append(Xpbd(model, state, points, status, plan.clock))
+        plan.methods.append(Xpbd(model, state, points, status, plan.clock,
+                                 rows if plan.choice.solver == "xpbd" else _kept(rows, soft=False)))
     if reasons["contact"]:
         from wsim.contact import Contact
         plan.methods.append(Contact(model, state, points, status, struck, plan.clock))
     plan.skipped += [{"stage": "membrane", "why": "no cloth has triangle strain"}] * (
         not any(isinstance(b.source, Cloth) and b.source.model == "membrane" for b in model.bodies))
+
+
+def _kept(rows: dict[str, list[Rows]], soft: bool) -> dict[str, list[Rows]]:
+    """The rows that have a stiffness, or those that have none: XPBD holds the hard ones whatever solves for the forces."""
+    return {path: [r for r in found if (r.kind not in HARD) == soft] for path, found in rows.items()}
 
 
 def _start(model: Model, state: State) -> None:

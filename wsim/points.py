@@ -5,6 +5,7 @@ from math import isfinite
 import numpy as np
 import warp as wp
 
+from wsim.integrator import Integrator
 from wsim.kernels import points as kernels
 from wsim.kernels.real import types
 from wsim.model import Body, Model, hard_places
@@ -16,24 +17,27 @@ from wsim.state import State
 class Points(Method):
     """Stages predict and finish, and the guard that no position stops being a number."""
 
-    def __init__(self, model: Model, state: State, status: wp.array, struck: wp.array | None):
+    def __init__(self, model: Model, state: State, status: wp.array, struck: wp.array | None, integrator: Integrator):
         super().__init__("points")
         self.model, self.state, self.status, self.struck = model, state, status, struck
-        real, module = model.real, model.module
-        bdf2 = state.has("s")
         self.constants = self.tables()
-        self.kernels = {
-            "predict": kernels.predict_euler(real, module), "finish": kernels.finish_euler(real, module),
-            "guard": kernels.not_finite(real, module)}
+        self.kernels = {"guard": kernels.not_finite(model.real, model.module)}
+        size = 3 * np.dtype(model.dtype).itemsize * model.points
+        if integrator.g:
+            self.implicit(size, integrator)
+        self.stages.append(Stage("guard", "deform", self.guard, 1, 2 * size, rate="frame", what="not finite"))
+
+    def implicit(self, size: int, integrator: Integrator) -> None:
+        """Stages of an implicit integrator; an explicit one (`wsim.explicit`) has its own."""
+        real, module, bdf2 = self.model.real, self.model.module, integrator.name == "bdf2"
+        finish = kernels.finish_beyond if integrator.beyond else kernels.finish_euler
+        self.kernels |= {"predict": kernels.predict_euler(real, module), "finish": finish(real, module)}
         if bdf2:
             self.kernels |= {"predict_bdf2": kernels.predict_bdf2(real, module),
                              "finish_bdf2": kernels.finish_bdf2(real, module)}
-        size = 3 * np.dtype(model.dtype).itemsize * model.points
-        self.stages = [
-            Stage("predict", "predict", self.predict, 1, size * (6 if bdf2 else 4), what=f"{model.points} points"),
-            Stage("velocity", "finish", self.finish, 1, size * (11 if bdf2 else 6), what=f"{model.points} points"),
-            Stage("guard", "deform", self.guard, 1, 2 * size, rate="frame", what="not finite"),
-        ]
+        what = f"{self.model.points} points"
+        self.stages += [Stage("predict", "predict", self.predict, 1, size * (6 if bdf2 else 4), what=what),
+                        Stage("velocity", "finish", self.finish, 1, size * (11 if bdf2 else 6), what=what)]
 
     def tables(self):
         """Inverse masses, object of each point, gravity and air drag of each object."""
@@ -67,6 +71,8 @@ class Points(Method):
             self.model.launch(self.kernels["finish_bdf2"], n,
                               [self.anchor, s.d, s.x, s.e, s.v, self.struck, clock.h, clock.g],
                               [s.x, s.e, s.v, s.s, s.u])
+        elif clock.beyond:
+            self.model.launch(self.kernels["finish"], n, [s.e, s.d, s.x, s.v, clock.g], [s.x, s.e, s.v])
         else:
             self.model.launch(self.kernels["finish"], n, [self.anchor, s.d, s.x, clock.g], [s.x, s.e, s.v])
 
@@ -148,7 +154,8 @@ class Pins(Method):
 
     def pose(self, clock: Clock) -> None:
         s = self.state
-        self.model.launch(self.move, self.place["hard"].size, [self.place["hard"], self.target["hard"], s.x, clock.k], [s.d])
+        self.model.launch(self.move, self.place["hard"].size,
+                          [self.place["hard"], self.target["hard"], s.x, s.e, clock.k, clock.part], [s.d])
 
     def hold(self, clock: Clock) -> None:
         s = self.state
@@ -166,7 +173,8 @@ class Pins(Method):
         self.changed = False
         for kind, group in self.groups.items():
             if group:
-                values = np.stack([np.concatenate([p.targets(time + (k + 1) * clock.h) for p in group])
+                part = clock.part if kind == "soft" else 1.0       # a soft pin pulls at the solved positions
+                values = np.stack([np.concatenate([p.targets(time + (k + part) * clock.h) for p in group])
                                    for k in range(rows)])
                 if self.target[kind].shape[0] != rows:
                     self.target[kind] = self.model.upload(values, types(self.model.real).vec3)

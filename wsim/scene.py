@@ -18,7 +18,6 @@ import numpy as np
 from wsim.curve import Curve, Motion
 from wsim.fabric import Fabric
 
-INTEGRATORS = ("backward_euler", "bdf2")
 CLOTH_MODELS = ("membrane", "springs")
 
 
@@ -194,7 +193,9 @@ class Scene(_Compared):
     frames: int = 96                         # frames to simulate
     substeps: int = 10
     iterations: int = 4                      # solver iterations a substep
-    integrator: str = "backward_euler"
+    solver: str = "auto"                     # of the elastic forces; "auto": `wsim.choice` weighs cost against error
+    integrator: str = "auto"                 # see `wsim.integrator`; "auto": what suits the solver
+    error: float = 0.01                      # wanted RMS error of positions over the scene's size, for "auto"
     cloths: list[Cloth] = field(default_factory=list)
     springs: list[Springs] = field(default_factory=list)
     colliders: list[Collider] = field(default_factory=list)

@@ -25,6 +25,7 @@ class Clock:
     substeps: int
     iterations: int
     multistep: bool               # BDF2; False: backward Euler
+    beyond: bool = False          # implicit midpoint: solves for the middle of a substep, goes on to its end
     k: int = 0                    # substep of the frame
     i: int = 0                    # iteration of the substep
     starting: bool = True         # no history yet: the first substep of a run is backward Euler
@@ -46,7 +47,12 @@ class Clock:
     @property
     def g(self) -> float:
         """Effective step: v = (d - a) / g and compliance enters as alpha / g^2."""
-        return self.h * (2.0 / 3.0) if self.bdf2 else self.h
+        return self.h * self.part if self.beyond else self.h * (2.0 / 3.0) if self.bdf2 else self.h
+
+    @property
+    def part(self) -> float:
+        """At which part of the substep the solved positions are."""
+        return 0.5 if self.beyond else 1.0
 
 
 @dataclass

@@ -28,6 +28,7 @@ HISTORY = (
     Field("s", "m", True, "step before this one (BDF2)"),
     Field("u", "m/s", True, "velocity before this one (BDF2)"),
 )
+CARRY = (Field("r", "m/s", True, "rounding remainder of v (explicit)"),)
 
 
 @dataclass

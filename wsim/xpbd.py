@@ -10,17 +10,16 @@ from functools import partial
 import numpy as np
 import warp as wp
 
-from wsim.cloth import Rows, rows_of, tethers
+from wsim.cloth import HARD, Rows, colored, in_worlds
 from wsim.kernels import xpbd as kernels
 from wsim.kernels.real import types
-from wsim.model import Model, hard_places
+from wsim.model import Model
 from wsim.order import lowest
 from wsim.stage import RESIDUAL, Clock, Method, Stage
 from wsim.state import State
 from wsim.topology import order_of
 
 ORDER = ("tether", "membrane", "distance", "dihedral", "limit")        # of the kinds within an iteration
-HARD = ("tether", "limit")           # without compliance and multiplier
 FUSE = 512            # constraints of the largest colour up to which one block takes all colours in a launch. H200: 1k points
                       # 9.9 us against 18.6; a shirt with 1.3k hinges a colour 4.1 ms a frame against 1.3
 LANES = 4096          # threads that sum the energy
@@ -90,15 +89,13 @@ class Batch:
 class Xpbd(Method):
     """Stages solve: one per kind, each a launch a colour; before them, once a substep, the multipliers are zeroed."""
 
-    def __init__(self, model: Model, state: State, points, status: wp.array, clock: Clock):
+    def __init__(self, model: Model, state: State, points, status: wp.array, clock: Clock, rows: dict[str, list[Rows]]):
+        """rows: constraints of each body of world 0, by path."""
         super().__init__("xpbd")
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
-        pins = hard_places(model)
-        singles = {b.path: rows_of(b) + tethers(b, pins[(pins >= b.first) & (pins < b.last)])
-                   for b in model.bodies if b.world == 0}
-        rows = [r if b.world == 0 else r.moved(b) for b in model.bodies for r in singles[b.path]]
-        self.batches = [Batch(kind, [r for r in rows if r.kind == kind], model, clock)
-                        for kind in ORDER if any(r.kind == kind for r in rows)]
+        every = in_worlds(model, {path: colored(found) for path, found in rows.items()})
+        self.batches = [Batch(kind, [r for r in every if r.kind == kind], model, clock)
+                        for kind in ORDER if any(r.kind == kind for r in every)]
         if any(b.multipliers for b in self.batches):
             size = sum(b.lam.capacity for b in self.batches)
             self.stages.append(Stage("multipliers", "collide", self.zero, len(self.batches), size, what="zeroed"))
@@ -108,7 +105,7 @@ class Xpbd(Method):
             self.stages.append(Stage(
                 batch.kind, "solve", partial(self.project, batch), 1 if batch.fused else colours, batch.bytes, "iteration",
                 f"{batch.size} constraints in {colours} colours"))
-        if clock.multistep and self.batches:
+        if clock.multistep and any(b.kind not in HARD for b in self.batches):
             self.watch()
 
     def watch(self) -> None:

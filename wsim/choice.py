@@ -1,0 +1,116 @@
+"""Which solver and integrator a scene is stepped with: what it names, and where it leaves that open, what costs least.
+
+    explicit    leapfrog needs n = dt / limit substeps a frame (`wsim.frequency`, `wsim.stability`), each a launch or two;
+                where it is stable it errs by less than any of the others at any price they are run at
+    xpbd        backward Euler errs by about DRIFT h on a cloth that falls (order 1), whatever its sweeps cost; to err by
+                no more than `Scene.error` it needs so many substeps, or those that the scene names if they are more
+
+`COSTS` is a table by device, measured by tools/bench/choice.py; nothing is timed at build.
+"""
+
+from dataclasses import dataclass, replace
+from math import ceil
+
+from wsim import frequency
+from wsim.cloth import HARD, Rows
+from wsim.integrator import TABLE, Integrator
+from wsim.model import Model
+from wsim.scene import Problem, Scene, SceneError
+from wsim.stability import limit
+
+DRIFT = 0.8            # [m/s]: RMS error over h of converged backward Euler, 1 m cloth at 0.25 s (1.3e-2 at 1/60 s)
+MARGIN = 1.02          # substeps over the limit's: the frequency is that of the rest shape, and `limit` is good to 0.1 %
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Seconds of a launch in a graph, and of each item that it works on: a spring's end, a constraint projected."""
+
+    launch: float
+    pull: float
+    projection: float
+
+
+COSTS = {"cuda": Cost(2.2e-6, 2.0e-12, 2.2e-11), "cpu": Cost(1.0e-6, 3.0e-9, 1.2e-8)}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What a scene is stepped with, and why."""
+
+    solver: str
+    integrator: Integrator
+    substeps: int
+    iterations: int
+    why: str
+
+
+def needed(scene: Scene, method: Integrator, omega: float, c: float) -> int:
+    """Substeps a frame that keep an explicit method stable."""
+    return max(1, ceil(MARGIN / (scene.fps * limit(method, omega, c))))
+
+
+def choose(model: Model, rows: dict[str, list[Rows]]) -> Choice:
+    """The choice for a checked scene. Raises SceneError where a named explicit integrator is beyond its limit."""
+    scene = model.scene
+    method = TABLE.get(scene.integrator)
+    if scene.solver == "explicit" or (method and method.explicit):
+        return _explicit(model, rows, method)
+    if scene.solver in ("xpbd", "implicit"):
+        return _named(scene, scene.solver, method or TABLE["backward_euler"], "the scene names it")
+    if method:
+        return _named(scene, "xpbd", method, f"the scene names {method.name}")
+    return _named(scene, "xpbd", TABLE["backward_euler"], "the default")
+
+
+def _named(scene: Scene, solver: str, method: Integrator, why: str) -> Choice:
+    return Choice(solver, method, scene.substeps, scene.iterations, why)
+
+
+def _explicit(model: Model, rows: dict[str, list[Rows]], method: Integrator | None) -> Choice:
+    scene = model.scene
+    omega, c = frequency.bound(model, rows)
+    chosen = method or TABLE["leapfrog"]
+    least = needed(scene, chosen, omega, c)
+    if method is None:
+        return Choice("explicit", chosen, max(least, scene.substeps), 1,
+                      f"the scene names explicit; {least} substeps keep {omega:.4g} rad/s stable")
+    if scene.substeps < least:
+        estimate = frequency.estimate(model, rows)             # the bound is cautious: refuse what is certain to grow
+        step, h = limit(method, estimate, c * (estimate / omega)**2 if omega else c), 1.0 / scene.fps / scene.substeps
+        if h > step:
+            raise SceneError(Problem("/", f"integrator {method.name} is stable for steps up to {step:.3g} s here (highest "
+                                     f"frequency {estimate:.4g} rad/s), found {h:.3g} s; give --substeps {least} "
+                                     f"({1.0 / scene.fps / least:.3g} s), or another integrator"))
+    return _named(scene, "explicit", method, f"the scene names {method.name}")
+
+
+def _auto(model: Model, rows: dict[str, list[Rows]]) -> Choice:
+    """The cheaper of leapfrog and coloured XPBD at the wanted error."""
+    scene, leapfrog = model.scene, TABLE["leapfrog"]
+    xpbd = _named(scene, "xpbd", TABLE["backward_euler"], "")
+    if scene.colliders:
+        return replace(xpbd, why="colliders: XPBD solves contacts and forces together")
+    omega, c = frequency.bound(model, rows)
+    n = needed(scene, leapfrog, omega, c)
+    cost = COSTS["cuda" if model.device.is_cuda else "cpu"]
+    every = [r for found in rows.values() for r in found]
+    soft = [r for r in every if r.kind not in HARD]
+    substeps = max(scene.substeps, ceil(DRIFT / scene.fps / (scene.error * _size(model))))
+    a_step = cost.launch * (1 + sum(r.kind != "distance" for r in soft)) + cost.pull * model.worlds * sum(
+        r.ids.size for r in soft)
+    a_sweep = sum(8 * cost.launch + cost.projection * model.worlds * len(r.ids) for r in soft)
+    explicit, implicit = n * a_step, substeps * (4 * cost.launch + scene.iterations * a_sweep)
+    if len(soft) < len(every):
+        return replace(xpbd, why="tethers or strain limits: XPBD solves them and forces together")
+    if explicit <= implicit:
+        return Choice("explicit", leapfrog, max(n, scene.substeps), 1,
+                      f"{n} substeps keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; XPBD would take "
+                      f"{1e3 * implicit:.3g} ms for {substeps} x {scene.iterations}")
+    return replace(xpbd, why=f"leapfrog would need {n} substeps ({omega:.4g} rad/s), about {1e3 * explicit:.3g} ms a frame; "
+                   f"XPBD takes {1e3 * implicit:.3g} ms")
+
+
+def _size(model: Model) -> float:
+    """Largest extent of a body [m]; at least 1 mm."""
+    return max(1e-3, *(float((b.places.max(0) - b.places.min(0)).max()) for b in model.bodies))

@@ -1,0 +1,122 @@
+"""How stiff a scene is: the highest frequency of its points, which bounds the step of explicit integrators. NumPy.
+
+    bound       omega^2 <= max over points i of (1 / m_i) sum_c g_ci sum_l g_cl,   g_ck = |alpha_c^-1/2 G_ck|
+                the row sums of M^-1 K at rest (Gershgorin 1931): safe at rest, and cautious by 38 % on a square net
+    estimate    the highest eigenvalue of M^-1 K at rest by power iteration (von Mises 1929), from below
+    gradients   G of every constraint at rest, as kernels/constraint.py has them
+
+K keeps the material part G^T alpha^-1 G; what tension adds is not in it. Points that are pinned do not count.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wsim.cloth import HARD, Rows
+from wsim.model import Body, Model, hard_places
+
+ITERATIONS = 40        # of the power method: within 2 % on nets of 1e2 to 1e5 points
+
+
+@dataclass
+class Stiffness:
+    """Of one kind on one body: ids (m, k) from the body's first point, J = alpha^-1/2 G, (m, rows, k, 3), tau [s]."""
+
+    ids: np.ndarray
+    J: np.ndarray
+    tau: float
+
+
+def gradients(r: Rows, body: Body) -> np.ndarray:
+    """dC/dx_k at rest, (m, rows, k, 3). Zero-length springs count in every direction: three rows."""
+    p = body.rest[r.ids - body.first]
+    if r.kind == "distance":
+        d = p[:, 1] - p[:, 0]
+        length = np.linalg.norm(d, axis=1, keepdims=True)
+        n = d / np.where(length > 0.0, length, 1.0)
+        G = np.zeros((len(p), 3, 2, 3))
+        G[:, 0, 0], G[:, 0, 1] = -n, n
+        loose = (length[:, 0] == 0.0) | (r.rest <= 0.0)
+        G[loose, :, 0], G[loose, :, 1] = -np.eye(3), np.eye(3)
+        return G
+    if r.kind == "membrane":
+        return _membrane(r, p)
+    E, X2, X3 = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0], p[:, 3] - p[:, 0]
+    N2, N3 = np.cross(E, X2), np.cross(X3, E)
+    L = np.linalg.norm(E, axis=1)[:, None]
+    G2, G3 = (-L * N / (N * N).sum(1)[:, None] for N in (N2, N3))
+    t2, t3 = ((E * X).sum(1)[:, None] / L**2 for X in (X2, X3))
+    G1 = -(t2 * G2 + t3 * G3)
+    return np.stack([-(G1 + G2 + G3), G1, G2, G3], axis=1)[:, None]
+
+
+def _membrane(r: Rows, p: np.ndarray) -> np.ndarray:
+    """U = I at rest: C_uu sees b_u r_u, C_vv b_v r_v, the shear b_u r_v + b_v r_u, b the row of Dm^-1 of a point."""
+    E = np.stack([p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]], axis=1)              # (m, point, 3)
+    axes = np.einsum("mkc,mki->mci", r.rest, E)                               # F_u, F_v: the unit axes at rest
+    b = np.concatenate([-r.rest.sum(1, keepdims=True), r.rest], axis=1)       # (m, point, uv)
+    u, v = axes[:, None, 0], axes[:, None, 1]
+    return np.stack([b[:, :, :1] * u, b[:, :, 1:] * v, b[:, :, :1] * v + b[:, :, 1:] * u], axis=1)
+
+
+def stiffness(rows: list[Rows], body: Body) -> list[Stiffness]:
+    """Every soft constraint of a body at rest."""
+    found = []
+    for r in rows:
+        if r.kind in HARD:
+            continue
+        G, alpha = gradients(r, body), r.alpha
+        if r.kind == "membrane":
+            A = np.zeros((len(G), 3, 3))
+            A[:, 0, 0] = A[:, 1, 1] = alpha[:, 0]
+            A[:, 0, 1] = A[:, 1, 0] = alpha[:, 1]
+            A[:, 2, 2] = alpha[:, 2]
+            root = np.linalg.cholesky(np.linalg.inv(A))
+            J = np.einsum("mrs,mrki->mski", root, G)
+        else:
+            J = G / np.sqrt(np.broadcast_to(alpha, len(G)))[:, None, None, None]
+        found.append(Stiffness(r.ids - body.first, J, r.tau))
+    return found
+
+
+def _inverse(body: Body, pinned: np.ndarray) -> np.ndarray:
+    w = 1.0 / body.masses
+    w[pinned[(pinned >= body.first) & (pinned < body.last)] - body.first] = 0.0
+    return w
+
+
+def bound(model: Model, rows: dict[str, list[Rows]]) -> tuple[float, float]:
+    """Highest frequency omega [rad/s] and highest decay rate c [1/s] of the points of world 0, from above."""
+    pinned, top, decay = hard_places(model), 0.0, 0.0
+    for body in (b for b in model.bodies if b.world == 0):
+        w = _inverse(body, pinned)
+        sums, damped = np.zeros(body.count), np.zeros(body.count)
+        for s in stiffness(rows[body.path], body):
+            g = np.linalg.norm(s.J[:, 0], axis=2) if s.J.shape[1] == 1 else np.linalg.norm(s.J.swapaxes(1, 2), 2, (2, 3))
+            g = np.where(w[s.ids] > 0.0, g, 0.0)
+            each = np.bincount(s.ids.ravel(), (g * g.sum(1, keepdims=True)).ravel(), body.count)
+            sums += each
+            damped += s.tau * each
+        top, decay = max(top, float((w * sums).max(initial=0.0))), max(decay, float((w * damped).max(initial=0.0)))
+    return top**0.5, decay + model.scene.air_drag
+
+
+def estimate(model: Model, rows: dict[str, list[Rows]], iterations: int = ITERATIONS) -> float:
+    """Highest frequency [rad/s] of the points of world 0 at rest, from below."""
+    pinned, top = hard_places(model), 0.0
+    for body in (b for b in model.bodies if b.world == 0):
+        parts, root = stiffness(rows[body.path], body), np.sqrt(_inverse(body, pinned))[:, None]
+        y, value = np.random.default_rng(7).normal(size=(body.count, 3)) * root, 0.0
+        for _ in range(iterations):
+            size = np.linalg.norm(y)
+            if size == 0.0 or not parts:
+                break
+            x, f = root * y / size, np.zeros_like(y)
+            for s in parts:
+                strain = np.einsum("mrki,mki->mr", s.J, x[s.ids])
+                force = np.einsum("mrki,mr->mki", s.J, strain)
+                for k in range(3):
+                    f[:, k] += np.bincount(s.ids.ravel(), force[:, :, k].ravel(), body.count)
+            value, y = float(np.linalg.norm(root * f)), root * f
+        top = max(top, value)
+    return top**0.5

@@ -1,0 +1,62 @@
+"""Time integrators as data: the coefficients by which one driver steps x' = v, v' = a(x, v), and how far each can go.
+
+    explicit, stages (c, b):     x_s = x + c h v_(s-1),  v_s = v + c h a_(s-1),  a_s = a(x_s, v_s)
+                                 x' = x + h sum b v_s,   v' = v + h sum b a_s        (Runge-Kutta of low storage)
+    explicit, kicks and drifts:  v += kick h a(x, v),    x += drift h v              (in turn; a kick after a drift of 0
+                                 is one with the next one)
+    implicit, g over h:          v' = v~ + g a(x', v'),  x' = a~ + g v', see kernels/points.py; `beyond` prolongs the step to
+                                 the end of the substep
+
+`order` is that of the error in x and v after a fixed time, with damping too. The largest step h of the explicit ones is for
+the mode x'' = -omega^2 x - c x'; `wsim.stability` computes it for any omega and c.
+
+Hairer, Lubich, Wanner 2006, Geometric Numerical Integration, I.1 and VI.3; Hairer, Norsett, Wanner 1993, II.1 and III.1.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """One method. Implicit ones are stable for every h; `limit_undamped` is h omega of the explicit ones at c = 0."""
+
+    name: str
+    order: int
+    stages: tuple[tuple[float, float], ...] = ()      # (c, b)
+    steps: tuple[tuple[float, float], ...] = ()       # (kick, drift)
+    g: float = 0.0                                    # effective step over h; 0: explicit
+    beyond: bool = False                              # x' and v' are extrapolated from the effective step
+    limit_undamped: float = 0.0                       # 0: grows at any h
+
+    @property
+    def explicit(self) -> bool:
+        return self.g == 0.0
+
+    @property
+    def forces(self) -> int:
+        """Evaluations of a(x, v) a step."""
+        return len(self.stages) or 1
+
+
+TABLE = {m.name: m for m in (
+    # Order 1. Grows at every step unless damped: |1 + i h omega| > 1; h < 2 / c for decay.
+    Integrator("explicit_euler", 1, stages=((0.0, 1.0),)),
+    # Order 1, symplectic: the same map as leapfrog, read half a step off. h omega < 2.
+    Integrator("symplectic_euler", 1, steps=((1.0, 1.0),), limit_undamped=2.0),
+    # Order 2, symplectic (velocity Verlet). h omega < 2. Damping acts on v~ = v + h a_before / 2, order 2 as well: h c < 1.
+    Integrator("leapfrog", 2, steps=((0.5, 1.0), (0.5, 0.0)), limit_undamped=2.0),
+    # Order 2. Grows by (h omega)^4 / 8 a step; h c < 2.
+    Integrator("midpoint", 2, stages=((0.0, 0.0), (0.5, 1.0))),
+    # Order 4. h omega < 2.828, h c < 2.785.
+    Integrator("rk4", 4, stages=((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6)), limit_undamped=8.0**0.5),
+    # Order 1, damps: the amplitude of a mode falls by 1 / sqrt(1 + h^2 omega^2) a step. Stable for every h.
+    Integrator("backward_euler", 1, g=1.0),
+    # Order 2, keeps energy of linear systems. Stable for every h; does not damp what it does not resolve.
+    Integrator("implicit_midpoint", 2, g=0.5, beyond=True),
+    # Order 2, damps only what it does not resolve. Stable for every h, if the step is solved to its residual.
+    Integrator("bdf2", 2, g=2.0 / 3.0),
+)}
+SOLVERS = ("auto", "explicit", "xpbd", "implicit")
+INTEGRATORS = ("auto", *TABLE)
+EXPLICIT = tuple(name for name, m in TABLE.items() if m.explicit)
+IMPLICIT = tuple(name for name, m in TABLE.items() if not m.explicit)
