@@ -160,8 +160,8 @@ def move_pins(real, module):
     t = types(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def move_pins(point: wp.array(dtype=int), target: wp.array2d(dtype=t.vec3), x: wp.array(dtype=t.vec3), e: wp.array(dtype=t.vec3),
-                  k: int, part: real, d_out: wp.array(dtype=t.vec3)):
+    def move_pins(point: wp.array(dtype=int), target: wp.array2d(dtype=t.vec3), x: wp.array(dtype=t.vec3),
+                  e: wp.array(dtype=t.vec3), k: int, part: real, d_out: wp.array(dtype=t.vec3)):
         p = wp.tid()
         i = point[p]
         d_out[i] = e[i] + part * ((target[k, p] - x[i]) - e[i])

@@ -15,7 +15,8 @@ DOUBLE = {"device": "cpu", "precision": "float64"}
 def sheet(wind=(0.0, 0.0, 0.0), *, area_density: float = 0.1, velocity=(0.0, 0.0, 0.0), tilt: float = 0.0, cells: int = 4,
           drag: float = 0.0, lift: float = 0.0, **more) -> Scene:
     """A horizontal square cloth, normal +y; `tilt` [rad] turns its normal towards +x: (sin, cos, 0)."""
-    scene = Scene(wind=wind, air_density=RHO, **({"gravity": (0.0, 0.0, 0.0), "fps": 60.0, "substeps": 10} | more))
+    settings = {"gravity": (0.0, 0.0, 0.0), "fps": 60.0, "substeps": 10, "solver": "xpbd"} | more
+    scene = Scene(wind=wind, air_density=RHO, **settings)
     points, counts, indices = shapes.sheet(SIDE, SIDE, cells, cells, horizontal=True)
     c, s = np.cos(tilt), np.sin(tilt)
     points = points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]).T
@@ -130,16 +131,21 @@ def test_strong_wind_on_light_cloth_does_not_overshoot(substeps, precision):
     assert before > 0.97 * 60.0
 
 
+def still(sim: Simulation, path: str) -> bool:
+    """Up to what rest shapes are rounded by."""
+    return bool(np.abs(sim.velocities(path)).max() < 1e-12)
+
+
 def test_wind_is_live_for_one_cloth_and_for_all():
     scene = sheet(drag=1.0)
     points, counts, indices = shapes.sheet(SIDE, SIDE, 2, 2, horizontal=True, at=(3.0, 0.0, 0.0))
     scene.cloth("/other", points, counts, indices, drag=1.0)
     sim = Simulation(scene, **DOUBLE)
     sim.run(2)
-    assert not sim.velocities("/cloth").any() and not sim.velocities("/other").any()
+    assert still(sim, "/cloth") and still(sim, "/other")
     sim.set("/other", "wind", (0.0, 3.0, 0.0))
     sim.run(2)
-    assert not sim.velocities("/cloth").any() and sim.velocities("/other")[:, 1].min() > 0.0
+    assert still(sim, "/cloth") and sim.velocities("/other")[:, 1].min() > 0.0
     sim.set("/", "wind", (0.0, 3.0, 0.0))
     sim.run(2)
     assert sim.velocities("/cloth")[:, 1].min() > 0.0
@@ -151,11 +157,11 @@ def test_a_cloth_without_coefficients_does_not_feel_the_wind_of_another():
     scene.cloth("/calm", points, counts, indices)
     sim = Simulation(scene, **DOUBLE)
     sim.run(3)
-    assert sim.velocities("/cloth")[:, 1].min() > 0.0 and not sim.velocities("/calm").any()
+    assert sim.velocities("/cloth")[:, 1].min() > 0.0 and still(sim, "/calm")
 
 
 def test_a_triangle_without_area_feels_nothing():
-    scene = Scene(gravity=(0.0, 0.0, 0.0), wind=(0.0, 5.0, 0.0), substeps=2)
+    scene = Scene(solver="xpbd", gravity=(0.0, 0.0, 0.0), wind=(0.0, 5.0, 0.0), substeps=2)
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1]], float)
     cloth = scene.cloth("/cloth", points, [3], [0, 1, 2], drag=1.0, lift=1.0)
     sim = Simulation(scene, **DOUBLE)

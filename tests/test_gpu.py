@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA devi
 
 def hanging(**more) -> Scene:
     """A cloth held by its upper edge with every soft constraint: it does not amplify perturbations."""
-    scene = Scene(fps=60.0, substeps=8, iterations=4, **more)
+    scene = Scene(solver="xpbd", fps=60.0, substeps=8, iterations=4, **more)
     cloth = scene.cloth("/cloth", *shapes.sheet(1.0, 1.0, 20, 20), drag=1.0, lift=0.5,
                         material=Fabric(stretch=800.0, bend=1e-4, damping=1e-3))
     scene.wind = (0.0, 0.0, 2.0)
@@ -58,7 +58,7 @@ def test_a_drape_rests_on_its_ball():
 
 
 def test_more_contacts_than_room_repeat_the_frame():
-    scene = Scene(fps=60.0, substeps=4)
+    scene = Scene(solver="xpbd", fps=60.0, substeps=4)
     scene.net("/net", [[0, 0.05, 0], [0.1, 0.05, 0]], [[0, 1]], [100.0], [0.1], radius=0.02)
     for k in range(5):
         scene.collider(f"/ball{k}", Sphere(0.3), at=(0.05, -0.3, 0.0))
@@ -80,7 +80,7 @@ def test_worlds_live_parameters_and_arrays_on_the_device():
 
 
 def test_a_plane_stops_a_cloth():
-    scene = Scene(fps=60.0, substeps=8, iterations=2)
+    scene = Scene(solver="xpbd", fps=60.0, substeps=8, iterations=2)
     scene.cloth("/cloth", *shapes.sheet(0.5, 0.5, 8, 8, horizontal=True))
     turned = np.eye(4)
     turned[:3, :3], turned[1, 3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]], -0.3

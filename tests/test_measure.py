@@ -18,13 +18,13 @@ ERRORS = {"max_strain", "rms_strain", "residual", "energy", "kinetic_energy", "g
 
 def net(lengths=None, **more) -> Scene:
     """Three points on a line, 1 m and 2 m apart, 10 and 20 N/m, masses 1, 2, 4 kg, at height 3 m."""
-    scene = Scene(fps=60.0, substeps=4, iterations=2, **more)
+    scene = Scene(solver="xpbd", fps=60.0, substeps=4, iterations=2, **more)
     scene.net("/net", [[0, 3, 0], [1, 3, 0], [3, 3, 0]], [[0, 1], [1, 2]], [10.0, 20.0], [1.0, 2.0, 4.0], lengths=lengths)
     return scene
 
 
 def hanging(**more) -> Scene:
-    scene = Scene(fps=60.0, substeps=8, iterations=8, **more)
+    scene = Scene(solver="xpbd", fps=60.0, substeps=8, iterations=8, **more)
     cloth = scene.cloth("/cloth", *shapes.sheet(1.0, 1.0, 6, 6, horizontal=True), material=Fabric(bend=1e-3))
     scene.pin("/pin", cloth, range(7))
     return scene

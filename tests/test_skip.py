@@ -49,8 +49,9 @@ SCENE = {"wsim", "wsim.curve", "wsim.fabric", "wsim.scene", "wsim.polygon", "wsi
          "wsim.check", "wsim.check_object"}
 LOADER = {"wsim.solids"}                       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = {"wsim.simulation", "wsim.plan", "wsim.stage", "wsim.state", "wsim.model", "wsim.order", "wsim.locality",
-       "wsim.color", "wsim.kempe", "wsim.points", "wsim.measure", "wsim.kernels", "wsim.kernels.real", "wsim.kernels.points"}
-XPBD = {"wsim.xpbd", "wsim.cloth", "wsim.kernels.xpbd", "wsim.kernels.constraint", "wsim.kernels.matrix", "wsim.kernels.stream"}
+       "wsim.color", "wsim.kempe", "wsim.choice", "wsim.integrator", "wsim.mend", "wsim.cloth",
+       "wsim.points", "wsim.measure", "wsim.kernels", "wsim.kernels.real", "wsim.kernels.points"}
+XPBD = {"wsim.xpbd", "wsim.kernels.xpbd", "wsim.kernels.constraint", "wsim.kernels.matrix", "wsim.kernels.stream"}
 AERO = {"wsim.aero", "wsim.kernels.aero"}
 CONTACT = {"wsim.contact", "wsim.contact.contacts", "wsim.contact.rows", "wsim.contact.stages", "wsim.contact.surfaces",
            "wsim.kernels.contact", "wsim.kernels.search", "wsim.kernels.collide", "wsim.kernels.distance"}
@@ -114,7 +115,8 @@ def test_methods_arrays_and_reasons_agree(name):
     wanted |= {"aero"} if KERNELS[name] >= AIR else set()
     wanted |= {"contact"} if "contact" in KERNELS[name] else set()
     assert set(found["methods"]) == wanted
-    assert set(found["skipped"]) == {"pins", "aero", "contact", "history", "fem", "rigid", "fluid", "gradients"} - wanted
+    assert set(found["skipped"]) == {"pins", "aero", "contact", "history", "explicit", "implicit",
+                                     "fem", "rigid", "fluid", "gradients"} - wanted
     assert ("a" in found["fields"]) == ("contact" in wanted) and not {"s", "u"} & set(found["fields"])
 
 
@@ -139,7 +141,7 @@ def test_a_change_of_the_scene_changes_just_its_kernels(tmp_path, change, kernel
     from wsim.scene import Scene
     from wsim.usd import save
     fabric = Fabric(bend=0.0 if change == "bend" else 1e-4, strain_limit=0.1 if change == "limit" else float("inf"))
-    scene = Scene(frames=1, substeps=2, integrator="bdf2" if change == "bdf2" else "backward_euler")
+    scene = Scene(frames=1, substeps=2, solver="xpbd", integrator="bdf2" if change == "bdf2" else "auto")
     cloth = scene.cloth("/cloth", *shapes.sheet(1.0, 1.0, 3, 3, cut="quads"), material=fabric, tethers=change == "tethers",
                         model="springs" if change == "springs" else "membrane")
     scene.pin("/pin", cloth, [0, 3])

@@ -29,16 +29,17 @@ LAYERS = (
     ("contact",),
     ("cloth",),
     ("frequency", "choice"),
+    ("elastic", "gather"),
     ("points", "explicit", "implicit", "aero", "xpbd", "fem", "rigid", "fluid", "pose"),
     ("plan",),
-    ("measure", "simulation"),
+    ("measure", "mend", "simulation"),
     ("usd", "partial", "sublayer", "overs", "restart", "recorder", "fit", "drawn", "visible", "view", "picture"),
-    ("cli", "commands", "run", "__main__", "__init__"),
+    ("cli", "bench", "commands", "run", "__main__", "__init__"),
 )
 METHODS = {"points", "explicit", "implicit", "aero", "xpbd", "fem", "rigid", "fluid", "pose"}    # these never import each other
 READS_USD = {"usd", "partial", "sublayer", "overs", "restart", "recorder", "drawn", "visible"}
 WITHOUT_WARP = {*LAYERS[0], *READS_USD, "cli", "__init__", "__main__"}
-ONLY = {"rerun": {"view"}, "pxr": {*READS_USD, "view", "picture"}}   # who may import these packages
+ONLY = {"rerun": {"view"}, "pxr": {*READS_USD, "view", "picture"}, "matplotlib": {"bench"}}   # who may import these packages
 
 FILE_LINES, TEST_LINES, FUNCTION_LINES, ARGUMENTS = 300, 400, 45, 8
 WORDS = re.compile(r"(?<![\w.:/$}<])/(?:tmp|root|home|opt|mnt|srv)/[\w.-]+|(?<!\w)share[d]/"

@@ -11,14 +11,15 @@
 from dataclasses import dataclass, replace
 from math import ceil
 
-from wsim import frequency
+import numpy as np
+
 from wsim.cloth import HARD, Rows
 from wsim.integrator import TABLE, Integrator
-from wsim.model import Model
+from wsim.model import Model, edge_lengths
 from wsim.scene import Problem, Scene, SceneError
-from wsim.stability import limit
 
 DRIFT = 0.8            # [m/s]: RMS error over h of converged backward Euler, 1 m cloth at 0.25 s (1.3e-2 at 1/60 s)
+STRETCHED = 1.5        # far from rest stiffness is not what the bound took it for
 MARGIN = 1.02          # substeps over the limit's: the frequency is that of the rest shape, and `limit` is good to 0.1 %
 
 
@@ -47,6 +48,7 @@ class Choice:
 
 def needed(scene: Scene, method: Integrator, omega: float, c: float) -> int:
     """Substeps a frame that keep an explicit method stable."""
+    from wsim.stability import limit
     return max(1, ceil(MARGIN / (scene.fps * limit(method, omega, c))))
 
 
@@ -60,7 +62,7 @@ def choose(model: Model, rows: dict[str, list[Rows]]) -> Choice:
         return _named(scene, scene.solver, method or TABLE["backward_euler"], "the scene names it")
     if method:
         return _named(scene, "xpbd", method, f"the scene names {method.name}")
-    return _named(scene, "xpbd", TABLE["backward_euler"], "the default")
+    return _auto(model, rows)
 
 
 def _named(scene: Scene, solver: str, method: Integrator, why: str) -> Choice:
@@ -68,6 +70,8 @@ def _named(scene: Scene, solver: str, method: Integrator, why: str) -> Choice:
 
 
 def _explicit(model: Model, rows: dict[str, list[Rows]], method: Integrator | None) -> Choice:
+    from wsim import frequency
+    from wsim.stability import limit
     scene = model.scene
     omega, c = frequency.bound(model, rows)
     chosen = method or TABLE["leapfrog"]
@@ -89,26 +93,38 @@ def _auto(model: Model, rows: dict[str, list[Rows]]) -> Choice:
     """The cheaper of leapfrog and coloured XPBD at the wanted error."""
     scene, leapfrog = model.scene, TABLE["leapfrog"]
     xpbd = _named(scene, "xpbd", TABLE["backward_euler"], "")
-    if scene.colliders:
-        return replace(xpbd, why="colliders: XPBD solves contacts and forces together")
-    omega, c = frequency.bound(model, rows)
+    reason = _unfit(model, rows)
+    if reason:
+        return replace(xpbd, why=reason)
+    from wsim.frequency import bound
+    omega, c = bound(model, rows)
     n = needed(scene, leapfrog, omega, c)
     cost = COSTS["cuda" if model.device.is_cuda else "cpu"]
-    every = [r for found in rows.values() for r in found]
-    soft = [r for r in every if r.kind not in HARD]
+    soft = [r for found in rows.values() for r in found]
     substeps = max(scene.substeps, ceil(DRIFT / scene.fps / (scene.error * _size(model))))
     a_step = cost.launch * (1 + sum(r.kind != "distance" for r in soft)) + cost.pull * model.worlds * sum(
         r.ids.size for r in soft)
     a_sweep = sum(8 * cost.launch + cost.projection * model.worlds * len(r.ids) for r in soft)
     explicit, implicit = n * a_step, substeps * (4 * cost.launch + scene.iterations * a_sweep)
-    if len(soft) < len(every):
-        return replace(xpbd, why="tethers or strain limits: XPBD solves them and forces together")
     if explicit <= implicit:
         return Choice("explicit", leapfrog, max(n, scene.substeps), 1,
                       f"{n} substeps keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; XPBD would take "
                       f"{1e3 * implicit:.3g} ms for {substeps} x {scene.iterations}")
     return replace(xpbd, why=f"leapfrog would need {n} substeps ({omega:.4g} rad/s), about {1e3 * explicit:.3g} ms a frame; "
                    f"XPBD takes {1e3 * implicit:.3g} ms")
+
+
+def _unfit(model: Model, rows: dict[str, list[Rows]]) -> str:
+    """Why a scene should not be stepped explicitly unless it asks to be, or ""."""
+    if model.scene.colliders:
+        return "colliders: XPBD solves contacts and forces together"
+    if any(r.kind in HARD for found in rows.values() for r in found):
+        return "tethers or strain limits: XPBD solves them and forces together"
+    for body in model.bodies:
+        rest, ends = edge_lengths(body), body.places[body.edges - body.first]
+        if np.any(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > STRETCHED * np.maximum(rest, 1e-12)):
+            return f"{body.path} starts with an edge stretched beyond {STRETCHED:g} times its length"
+    return ""
 
 
 def _size(model: Model) -> float:

@@ -7,18 +7,16 @@
 import numpy as np
 import warp as wp
 
-from wsim.model import Body
+from wsim.model import Body, edge_lengths
 from wsim.plan import Plan
 
 
 def edge_strain(body: Body, x: np.ndarray) -> np.ndarray:
     """Signed strain of every edge with a rest length, (m,)."""
-    def length(p, ids):
-        return np.linalg.norm(p[ids[:, 1]] - p[ids[:, 0]], axis=1)
-    lengths = getattr(body.source, "lengths", None)
-    rest = length(body.rest, body.edges - body.first) if lengths is None else lengths.astype(np.float64)
+    rest = edge_lengths(body)
     good = rest > 0.0
-    return length(x, body.edges[good]) / rest[good] - 1.0
+    ends = x[body.edges[good]]
+    return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / rest[good] - 1.0
 
 
 def gather(plan: Plan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:

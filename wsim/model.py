@@ -133,6 +133,15 @@ class Model:
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
 
 
+def edge_lengths(body: Body) -> np.ndarray:
+    """Rest length of every edge of a body [m], (m,): the author's, or that of the rest shape."""
+    lengths = getattr(body.source, "lengths", None)
+    if lengths is not None:
+        return lengths.astype(np.float64)
+    p = body.rest[body.edges - body.first]
+    return np.linalg.norm(p[:, 1] - p[:, 0], axis=1)
+
+
 def hard_places(model: Model) -> np.ndarray:
     """Places in the arrays of every hard-pinned point."""
     places = [b.index[p.points] for p in model.scene.pins for b in model.bodies

@@ -20,7 +20,7 @@ from wsim.kernels.real import types
 from wsim.model import Model, hard_places
 from wsim.scene import Cloth, Scene
 from wsim.stage import PHASES, Clock, Method, Stage
-from wsim.state import ANCHOR, CARRY, HISTORY, POINTS, State
+from wsim.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, State
 
 
 def why(scene: Scene, choice: Choice, rows: dict[str, list[Rows]]) -> dict[str, str]:
@@ -57,6 +57,11 @@ class Plan:
     status: wp.array
     choice: Choice
     skipped: list[dict] = field(default_factory=list)
+
+    @property
+    def starts(self) -> bool:
+        """Whether the frame to come differs from those after it: it is not worth a graph of its own."""
+        return self.clock.starting and (self.clock.multistep or self.state.has("b"))
 
     def stages(self, phase: str, rate: str) -> list[Stage]:
         return [s for m in self.methods for s in m.stages if s.phase == phase and s.rate == rate]
@@ -131,11 +136,17 @@ class Plan:
         return "\n".join(lines + [f"left out: {s['stage']}: {s['why']}" for s in self.skipped])
 
 
-def _fields(scene: Scene, choice: Choice):
+def _fields(scene: Scene, choice: Choice, reasons: dict[str, str]):
     """State of the points that this scene needs."""
     multistep, explicit = choice.integrator.name == "bdf2", choice.integrator.explicit
-    return (POINTS + (ANCHOR if multistep or scene.colliders or explicit else ()) + (HISTORY if multistep else ())
-            + (CARRY if explicit else ()))
+    steps = explicit and _among_others(scene, reasons)
+    return (POINTS + (ANCHOR if multistep or scene.colliders or steps else ()) + (HISTORY if multistep else ())
+            + (CARRY if explicit else ()) + (HALF if steps and len(choice.integrator.steps) > 1 else ()))
+
+
+def _among_others(scene: Scene, reasons: dict[str, str]) -> bool:
+    """Whether wind, contacts, soft pins or hard constraints act within a substep."""
+    return any(reasons[name] for name in ("aero", "xpbd", "contact")) or any(np.isfinite(p.stiffness) for p in scene.pins)
 
 
 def _module(scene: Scene, real, reasons: dict[str, str], choice: Choice) -> str:
@@ -158,7 +169,7 @@ def build(scene: Scene, *, device, real, worlds: int = 1) -> Plan:
     choice = choose(model, rows)
     reasons = why(scene, choice, rows)
     model.module = _module(scene, real, reasons, choice)
-    state = State.allocate(_fields(scene, choice), model.points, types(real).vec3, device)
+    state = State.allocate(_fields(scene, choice, reasons), model.points, types(real).vec3, device)
     clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator.name == "bdf2",
                   choice.integrator.beyond)
     status = wp.zeros(4, dtype=int, device=device)
@@ -179,8 +190,14 @@ def _add(plan: Plan, scene: Scene, reasons: dict[str, str], rows: dict[str, list
         struck = wp.zeros(model.points, dtype=int, device=model.device)
     points = Points(model, state, status, struck, plan.choice.integrator)
     plan.methods.append(points)
-    if reasons["pins"]:
-        plan.methods.append(Pins(model, state, points))
+    pins = Pins(model, state, points, plan.choice.integrator.explicit) if reasons["pins"] else None
+    if pins:
+        plan.methods.append(pins)
+    if reasons["explicit"]:
+        from wsim.explicit import Explicit
+        hard = pins if pins and pins.groups["hard"] else None
+        plan.methods.append(Explicit(model, state, points, _kept(rows, soft=True), plan.clock,
+                                     _among_others(scene, reasons), hard))
     if reasons["aero"]:
         from wsim.aero import Aero
         plan.methods.append(Aero(model, state, points))
@@ -194,6 +211,8 @@ def _add(plan: Plan, scene: Scene, reasons: dict[str, str], rows: dict[str, list
     if reasons["contact"]:
         from wsim.contact import Contact
         plan.methods.append(Contact(model, state, points, status, struck, plan.clock))
+    if implicit := plan.method("implicit"):
+        implicit.join(plan.method("contact"), pins)                # type: ignore[attr-defined]
     plan.skipped += [{"stage": "membrane", "why": "no cloth has triangle strain"}] * (
         not any(isinstance(b.source, Cloth) and b.source.model == "membrane" for b in model.bodies))
 

@@ -20,6 +20,7 @@ class Points(Method):
     def __init__(self, model: Model, state: State, status: wp.array, struck: wp.array | None, integrator: Integrator):
         super().__init__("points")
         self.model, self.state, self.status, self.struck = model, state, status, struck
+        self.integrator = integrator
         self.constants = self.tables()
         self.kernels = {"guard": kernels.not_finite(model.real, model.module)}
         size = 3 * np.dtype(model.dtype).itemsize * model.points
@@ -119,7 +120,8 @@ class Pins(Method):
     """Stages pose (hard pins) and hold (soft pins). Targets of a whole frame are computed in float64 on the host and uploaded
     only when a pin moves or was set."""
 
-    def __init__(self, model: Model, state: State, points: Points):
+    def __init__(self, model: Model, state: State, points: Points, explicit: bool = False):
+        """explicit: hard pins are moved by the integrator itself, which reads `target` and `columns`."""
         super().__init__("pins")
         self.model, self.state, self.points = model, state, points
         pins = pins_of(model)
@@ -134,7 +136,8 @@ class Pins(Method):
                 places = np.concatenate([p.places for p in group])
                 self.place[kind] = model.upload(places.astype(np.int32), int)
                 self.target[kind] = wp.zeros((1, len(places)), dtype=t.vec3, device=model.device)
-        if self.groups["hard"]:
+        self.explicit = explicit
+        if self.groups["hard"] and not explicit:
             self.move = kernels.move_pins(real, module)
             n = self.place["hard"].size
             self.stages.append(Stage("pins", "predict", self.pose, 1, n * 40, what=f"{n} points"))
@@ -152,6 +155,19 @@ class Pins(Method):
         self.hold_kernel = kernels.hold_pins(real, module)
         self.stages.append(Stage("soft pins", "solve", self.hold, 1, n * 80, "iteration", f"{n} points"))
 
+    @property
+    def moves(self) -> bool:
+        """Whether any pin does."""
+        return any(p.motion.moves for g in self.groups.values() for p in g)
+
+    def columns(self) -> np.ndarray:
+        """Column of the hard target of each point, or -1, (points,)."""
+        column = np.full(self.model.points, -1, np.int32)
+        if self.groups["hard"]:
+            places = self.place["hard"].numpy()
+            column[places] = np.arange(len(places))
+        return column
+
     def pose(self, clock: Clock) -> None:
         s = self.state
         self.model.launch(self.move, self.place["hard"].size,
@@ -166,8 +182,9 @@ class Pins(Method):
                           [s.d, self.lam])
 
     def before_frame(self, time: float, clock: Clock) -> None:
-        moves = any(p.motion.moves for g in self.groups.values() for p in g)
-        rows = clock.substeps
+        moves, rows = self.moves, clock.substeps
+        if self.explicit and not moves and not self.groups["soft"]:
+            rows = 1
         if not (moves or self.changed or any(t.shape[0] != rows for t in self.target.values())):
             return
         self.changed = False

@@ -12,11 +12,10 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from wsim import measure
+from wsim import measure, mend
 from wsim import plan as plans
 from wsim.check import check
 from wsim.scene import Motion, Problem, Scene, SceneError
-from wsim.stage import NOT_FINITE, OVERFLOW, RESIDUAL
 
 PRECISIONS = {"float32": wp.float32, "float64": wp.float64}
 REPEATS = 8            # a frame that is not done after so many repeats is an error, not a loop
@@ -67,6 +66,7 @@ class Simulation:
         self.graph = None
         # a live motion changes a collider: the given scene stays as it is, for reset
         self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])
+        self.changes: list[tuple] = []         # live parameters that were set, for another plan of the same scene
         try:
             self.plan = plans.build(self.scene, device=self.device, real=PRECISIONS[self.precision], worlds=self.worlds)
         except RuntimeError as error:
@@ -84,14 +84,14 @@ class Simulation:
     def step(self) -> None:
         """One frame. Raises SceneError when it cannot be finished."""
         began = time.perf_counter()
-        self._load()
+        self.load()
         for _ in range(REPEATS):
             try:
                 self.plan.before_frame(self.time)
                 self._replay()
             except RuntimeError as error:
                 raise _memory(error, self.device) from None
-            if not self._mend(self.plan.status.numpy()):
+            if not mend.mend(self, self.plan.status.numpy()):
                 break
             self.state.restore()
             self.graph = None
@@ -110,7 +110,7 @@ class Simulation:
             if each:
                 each(self)
 
-    def _load(self) -> None:
+    def load(self) -> None:
         """Compiles the plan's kernels, once."""
         if "compile" in self.seconds:
             return
@@ -124,8 +124,8 @@ class Simulation:
         self.seconds["compile"] = time.perf_counter() - began
 
     def _replay(self) -> None:
-        if self.plan.clock.starting and self.plan.clock.multistep:
-            self.plan.frame()                              # its first substep differs: not worth a graph of its own
+        if self.plan.starts:
+            self.plan.frame()
             return
         graph = self.graph or self._capture()
         wp.capture_launch(graph)
@@ -137,35 +137,6 @@ class Simulation:
         self.graph = capture.graph
         self.seconds["capture"] = time.perf_counter() - began
         return capture.graph
-
-    def _mend(self, status: np.ndarray) -> bool:
-        """Whether the frame must be repeated, after making it possible."""
-        if not status.any():
-            return False
-        clock = self.plan.clock
-        if status[NOT_FINITE]:
-            self._refine(int(status[NOT_FINITE]) - 1)
-        if status[OVERFLOW]:
-            for method in self.plan.methods:
-                grown = method.grow(status)
-                if grown:
-                    self.warnings.append(f"frame {self.frame + 1}: {grown}; the frame was repeated")
-        if status[RESIDUAL] and clock.multistep:
-            clock.multistep = False
-            self.warnings.append(f"frame {self.frame + 1}: the sweeps missed the residual that BDF2 needs (see "
-                                 "wsim.xpbd.MET); backward Euler from here on; more iterations or substeps keep BDF2")
-        return True
-
-    def _refine(self, point: int) -> None:
-        clock = self.plan.clock
-        body = next(b for b in self.model.bodies if b.first <= point < b.last)
-        where = int(np.flatnonzero(body.index == point)[0])
-        if clock.substeps >= 16 * self.scene.substeps:
-            raise SceneError(Problem(body.path, f"point {where} stopped being a number in frame {self.frame + 1}, with "
-                                     f"{clock.substeps} substeps too; look for infinite velocities or parameters"))
-        clock.substeps *= 2
-        self.warnings.append(f"frame {self.frame + 1}: point {where} of {body.path} stopped being a number; repeated with "
-                             f"{clock.substeps} substeps, which stay")
 
     def reset(self) -> None:
         """Back to the scene's initial state, with the scene's own parameters."""
@@ -212,6 +183,8 @@ class Simulation:
             where = "" if world is None else f" in world {world} of {self.worlds}"
             raise SceneError(Problem(path, f"has no live parameter {name!r}{where}; there are gravity, air_drag, wind, "
                                      "stretch, shear, bend, damping, stiffness, motion, positions, velocities"))
+        self.changes.append((path, name, value, world))
+        mend.keep_stable(self, name)
 
     def _place(self, body, name: str, values: np.ndarray) -> None:
         if values.shape != (len(body.index), 3) or not np.isfinite(values).all():

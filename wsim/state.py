@@ -29,6 +29,7 @@ HISTORY = (
     Field("u", "m/s", True, "velocity before this one (BDF2)"),
 )
 CARRY = (Field("r", "m/s", True, "rounding remainder of v (explicit)"),)
+HALF = (Field("b", "m/s", True, "velocity half a substep before v (leapfrog among others)"),)
 
 
 @dataclass

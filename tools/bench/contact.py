@@ -42,7 +42,7 @@ def cloud(shape, n: int, lift: float, seed: int = 0) -> np.ndarray:
 def simulation(shape, points: np.ndarray, device) -> Simulation:
     """Loose points (each pair on a spring of 1 mN/m) that fall on one collider."""
     n = len(points)
-    scene = Scene(gravity=(0.0, 0.0, -9.81), up="Z", fps=60.0, substeps=10, iterations=1)
+    scene = Scene(solver="xpbd", gravity=(0.0, 0.0, -9.81), up="Z", fps=60.0, substeps=10, iterations=1)
     scene.net("/points", points, np.arange(n).reshape(-1, 2), [1e-3], [1e-3], radius=1e-3)
     scene.collider("/collider", shape)
     return Simulation(scene, device=device)

@@ -64,7 +64,7 @@ def timed(launch, device, repeats: int = 20, inner: int = 10) -> float:
 
 def net_scene(n: int, iterations: int = 1) -> tuple[Scene, np.ndarray]:
     points, edges, top = grid_net(n)
-    scene = Scene(fps=60.0, substeps=10, iterations=iterations)
+    scene = Scene(solver="xpbd", fps=60.0, substeps=10, iterations=iterations)
     net = scene.net("/net", points, edges, [1.0e3], [0.2 / n**2])
     scene.pin("/pin", net, top)
     return scene, edges

@@ -114,7 +114,7 @@ def hanging_chain(n: int, stiffness: float, mass: float, **more) -> Scene:
     """n springs of 0.1 m [N/m] and masses [kg] hanging from a pinned point."""
     points = np.zeros((n + 1, 3))
     points[:, 1] = -0.1 * np.arange(n + 1)
-    scene = Scene(fps=60.0, **more)
+    scene = Scene(solver="xpbd", fps=60.0, **more)
     net = scene.net("/chain", points, [[i, i + 1] for i in range(n)], [stiffness], [mass])
     scene.pin("/pin", net, [0])
     return scene

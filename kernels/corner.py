@@ -1,0 +1,85 @@
+"""Forces of membranes and hinges on their points, element by element; points gather them (kernels/explicit.py).
+
+    f_k = -G_k^T s,   s = S C + tau S dC/dt,   S = alpha^-1,   dC/dt = sum_k G_k v_k
+
+the gradient of the energy 1/2 C S C, and damping in proportion to stiffness. C and G: kernels/constraint.py.
+"""
+
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels.constraint import TABLE
+from wsim.kernels.real import types
+
+
+@cache
+def elements(constraint: str, real):
+    """Struct of the constraints of one kind: reads only."""
+    row, t = TABLE[constraint], types(real)
+    value, stiff = (t.mat22, t.vec3) if row.rows == 3 else (real, real)
+
+    @wp.struct
+    class Elements:
+        point: wp.array(dtype=wp.types.vector(row.points, int))
+        rest: wp.array(dtype=value)
+        stiffness: wp.array(dtype=stiff)     # alpha^-1; of a membrane (uu, uv, shear) of plane stress
+        tau: wp.array(dtype=real)            # [s]; only when damped
+
+    return Elements
+
+
+@wp.func
+def stress(S: Any, C: Any):
+    """S C of plane stress, S = [[uu, uv, 0], [uv, uu, 0], [0, 0, shear]]."""
+    return wp.vector(S[0] * C[0] + S[1] * C[1], S[1] * C[0] + S[0] * C[1], S[2] * C[2])
+
+
+@cache
+def corners(constraint: str, *, real, module, damped: bool):
+    """Kernel over the constraints of a kind: force on each of their points, f[first + points c + k] [N]."""
+    row, t, Elements = TABLE[constraint], types(real), elements(constraint, real)
+    vec3, formula, n, block = t.vec3, row.formula, row.points - 1, row.rows == 3
+    rows = wp.types.matrix((n, 3), real)
+
+    def corners(batch: Elements, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), source: int, first: int,
+                f_out: wp.array(dtype=vec3)):
+        c = wp.tid()
+        m = x.shape[0]
+        p = batch.point[c]
+        i = p[0]
+        x0 = x[i]
+        d0 = d[source * m + i]
+        X = rows()
+        V = rows()
+        for k in range(n):
+            j = p[k + 1]
+            X[k] = (x[j] - x0) + (d[source * m + j] - d0)
+            if wp.static(damped):
+                V[k] = d[(2 + source) * m + j] - d[(2 + source) * m + i]
+        F0 = vec3()
+        out = first + (n + 1) * c
+        if wp.static(block):
+            C, G1, G2 = formula(X, batch.rest[c])
+            if wp.static(damped):
+                C += batch.tau[c] * (G1 * V[0] + G2 * V[1])
+            s = stress(batch.stiffness[c], C)
+            f1 = -(wp.transpose(G1) * s)
+            f2 = -(wp.transpose(G2) * s)
+            f_out[out] = -(f1 + f2)
+            f_out[out + 1] = f1
+            f_out[out + 2] = f2
+        else:
+            C, G = formula(X, batch.rest[c])
+            if wp.static(damped):
+                for k in range(n):
+                    C += batch.tau[c] * wp.dot(G[k], V[k])
+            for k in range(n):
+                fk = -(batch.stiffness[c] * C) * G[k]
+                F0 -= fk
+                f_out[out + k + 1] = fk
+            f_out[out] = F0
+
+    name = "_".join(["corners", constraint, *(["damped"] if damped else []), t.name])
+    return wp.kernel(corners, name=name, module=module, enable_backward=False)

@@ -1,0 +1,277 @@
+"""Explicit integration of points under springs and element forces, gathered: one launch a substep, no atomics.
+
+    v' = v + kick (f/m + g - k v~),    d' = d + drift v'            kicks and drifts (`leap`; see wsim/integrator.py)
+    d_s = d + c h v_(s-1),  v_s = v + c h a_(s-1);  d' = d + h sum b v_s,  v' = v + h sum b a_s      (`stage`)
+
+    x   position at the start of the frame [m], which stays; d displacement since then [m]: the position is x + d
+    v~  velocity that damping sees: v itself, or leapfrog's prediction v + h a_before / 2 (see `Step.ahead`)
+Neighbours read what the launch before has written: `d` holds four rows of n points, displacements and velocities v~, each
+twice, and a launch goes from one copy to the other. Sums of v and d keep their rounding remainder (Kahan 1965) in `carry`:
+on a 32 x 32 cloth in float32 with 256 substeps a frame the error falls from 4.7e-6 m to what float64 has.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels import stream
+from wsim.kernels.real import types
+from wsim.kernels.spring import acceleration, net
+
+
+@cache
+def steps(real):
+    """Struct of one launch: coefficients [s], and which copies of d are read and written (0 or 1)."""
+
+    @wp.struct
+    class Step:
+        kick: real
+        later: real          # kick of the substeps after the first (`run`)
+        drift: real
+        ahead: real          # v~ = v' + ahead a
+        h: real              # of the substep, for the velocity of pins
+        source: int
+        row: int             # of `target`
+        stride: int          # rows of `target` a substep: 0 or 1 (`run`)
+        count: int           # substeps (`run`)
+
+    return Step
+
+
+@cache
+def _leap(real, flags: tuple, field=None):
+    """Function: kick and drift of point i."""
+    t = types(real)
+    vec3, Net, Step = t.vec3, net(real), steps(real)
+    force = acceleration(real, **dict(flags), field=field)
+
+    @wp.func
+    def leap(i: int, net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3),
+             v: wp.array(dtype=vec3), carry: wp.array(dtype=vec3), step: Step,
+             d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3)):
+        n = x.shape[0]
+        into = 1 - step.source
+        d0 = d[step.source * n + i]
+        if net.w[i] > real(0.0):
+            a = force(net, f, x, d, i, step.source)
+            v0 = v[i]
+            y = step.kick * a + carry[i]
+            v1 = v0 + y
+            carry_out[i] = y - (v1 - v0)
+            v_out[i] = v1
+            z = step.drift * v1 + carry[n + i]
+            d1 = d0 + z
+            carry_out[n + i] = z - (d1 - d0)
+            d_out[into * n + i] = d1
+            d_out[(2 + into) * n + i] = v1 + step.ahead * a
+        else:
+            d1 = d0
+            if step.drift > real(0.0) and net.pin[i] >= 0:
+                d1 = net.target[step.row, net.pin[i]] - x[i]
+            if step.drift > real(0.0):
+                v_out[i] = (d1 - d0) / step.h
+            d_out[into * n + i] = d1
+            d_out[(2 + into) * n + i] = (d1 - d0) / step.h
+
+    return leap
+
+
+@cache
+def leap(real, module, flags: tuple, field=None):
+    """Kernel over the points: a kick, then a drift; from copy `source` of d to the other. flags: items of `acceleration`."""
+    t, one = types(real), _leap(real, flags, field)
+    vec3, Net, Step = t.vec3, net(real), steps(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def leap(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), v: wp.array(dtype=vec3),
+             carry: wp.array(dtype=vec3), step: Step,
+             d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3)):
+        one(wp.tid(), net, f, x, d, v, carry, step, d_out, v_out, carry_out)
+
+    return leap
+
+
+@cache
+def run(real, module, flags: tuple):
+    """Kernel of one block: all substeps of a frame, the threads meeting after each; for nets that a block keeps in its
+    cache."""
+    t, one = types(real), _leap(real, flags)
+    vec3, Net, Step = t.vec3, net(real), steps(real)
+
+    def run(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), v: wp.array(dtype=vec3),
+            carry: wp.array(dtype=vec3), step: Step,
+            d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3)):
+        s = step
+        for _k in range(step.count):
+            for i in range(wp.tid(), x.shape[0], wp.block_dim()):
+                one(i, net, f, x, d, v, carry, s, d_out, v_out, carry_out)
+            s.source = 1 - s.source
+            s.row += step.stride
+            s.kick = step.later
+            stream.meet()
+
+    return wp.kernel(run, module=module, enable_backward=False, grid_stride=False, launch_bounds=stream.BLOCK)
+
+
+@cache
+def parts(real):
+    """Struct of one stage of a Runge-Kutta step."""
+
+    @wp.struct
+    class Part:
+        c: real              # [s] c h of the next stage
+        b: real              # [s] b h of this one
+        reach: real          # c of the next stage, for pins
+        h: real
+        source: int
+        row: int
+        last: int
+
+    return Part
+
+
+@cache
+def stage(real, module, flags: tuple, field=None):
+    """Kernel over the points: one stage of a Runge-Kutta step. own: three rows of n: displacement at the start of the
+    substep, and the sums h sum b v and h sum b a so far."""
+    t, Net, Part = types(real), net(real), parts(real)
+    vec3, force = t.vec3, acceleration(real, **dict(flags), field=field)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def stage(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), v: wp.array(dtype=vec3),
+              carry: wp.array(dtype=vec3), own: wp.array(dtype=vec3), part: Part,
+              d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3),
+              own_out: wp.array(dtype=vec3)):
+        i = wp.tid()
+        n = x.shape[0]
+        into = 1 - part.source
+        base = own[i]
+        v0 = v[i]
+        V = d[(2 + part.source) * n + i]
+        if net.w[i] == real(0.0):
+            goal = base
+            if net.pin[i] >= 0:
+                goal = net.target[part.row, net.pin[i]] - x[i]
+            V = (goal - base) / part.h
+            d1 = base + part.reach * (goal - base)
+            if part.last != 0:
+                d1 = goal
+                own_out[i] = goal
+                v_out[i] = V
+            d_out[into * n + i] = d1
+            d_out[(2 + into) * n + i] = V
+        else:
+            a = force(net, f, x, d, i, part.source)
+            moved = own[n + i] + part.b * V
+            gained = own[2 * n + i] + part.b * a
+            if part.last != 0:
+                y = gained + carry[i]
+                v1 = v0 + y
+                carry_out[i] = y - (v1 - v0)
+                v_out[i] = v1
+                z = moved + carry[n + i]
+                d1 = base + z
+                carry_out[n + i] = z - (d1 - base)
+                own_out[i] = d1
+                own_out[n + i] = vec3()
+                own_out[2 * n + i] = vec3()
+                d_out[into * n + i] = d1
+                d_out[(2 + into) * n + i] = v1
+            else:
+                own_out[n + i] = moved
+                own_out[2 * n + i] = gained
+                d_out[into * n + i] = base + part.c * V
+                d_out[(2 + into) * n + i] = v0 + part.c * a
+
+    return stage
+
+
+@cache
+def begin(real, module):
+    """Kernel: copy `source` of d is e and v, and the sums start."""
+    vec3 = types(real).vec3
+
+    @wp.kernel(module=module, enable_backward=False)
+    def begin(e: wp.array(dtype=vec3), v: wp.array(dtype=vec3), source: int,
+              d_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3), own_out: wp.array(dtype=vec3)):
+        i = wp.tid()
+        n = e.shape[0]
+        d_out[source * n + i] = e[i]
+        d_out[(2 + source) * n + i] = v[i]
+        carry_out[n + i] = vec3()
+        if own_out:
+            own_out[i] = e[i]
+            own_out[n + i] = vec3()
+            own_out[2 * n + i] = vec3()
+
+    return begin
+
+
+@cache
+def commit(real, module):
+    """Kernel: the position becomes x + d of copy `source`, with its remainder."""
+    vec3 = types(real).vec3
+
+    @wp.kernel(module=module, enable_backward=False)
+    def commit(d: wp.array(dtype=vec3), carry: wp.array(dtype=vec3), x: wp.array(dtype=vec3), source: int,
+               x_out: wp.array(dtype=vec3), e_out: wp.array(dtype=vec3)):
+        i = wp.tid()
+        n = x.shape[0]
+        x0 = x[i]
+        step = d[source * n + i]
+        x1 = x0 + step
+        x_out[i] = x1
+        e_out[i] = (step - (x1 - x0)) + carry[n + i]
+
+    return commit
+
+
+@cache
+def correct(real, module):
+    """Kernel: what wind, contacts and hard constraints did to the displacement d since it was predicted is a change of
+    velocity, too, but for what the anchor a has moved (a way out of an overlap is no motion):
+
+        v' = v + ((d - a) - (d~ - e)) / h,  x' = x + d;   copy `source` of the pair holds d~ and then the remainder
+    """
+    vec3 = types(real).vec3
+
+    @wp.kernel(module=module, enable_backward=False)
+    def correct(d: wp.array(dtype=vec3), a: wp.array(dtype=vec3), e: wp.array(dtype=vec3), pair: wp.array(dtype=vec3),
+                x: wp.array(dtype=vec3), v: wp.array(dtype=vec3), h: real, source: int,
+                x_out: wp.array(dtype=vec3), e_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3),
+                pair_out: wp.array(dtype=vec3), change_out: wp.array(dtype=vec3)):
+        i = wp.tid()
+        n = x.shape[0]
+        step = d[i]
+        change = ((step - a[i]) - (pair[source * n + i] - e[i])) / h
+        x0 = x[i]
+        x1 = x0 + step
+        rest = step - (x1 - x0)
+        x_out[i] = x1
+        e_out[i] = rest
+        v_out[i] = v[i] + change
+        pair_out[source * n + i] = rest
+        pair_out[(2 + source) * n + i] = pair[(2 + source) * n + i] + change
+        change_out[i] = change
+
+    return correct
+
+
+@cache
+def settle(real, module):
+    """Kernel: leapfrog's last half kick knows no contact forces and would push what rests into what it rests on. Others
+    changed the velocity by c in the last substep; of the kick v - before, what they would take back, along -c, is left out,
+    up to `share` of |c| (1/2, as the kick is half a one): an impact is not repeated."""
+    vec3 = types(real).vec3
+
+    @wp.kernel(module=module, enable_backward=False)
+    def settle(before: wp.array(dtype=vec3), change: wp.array(dtype=vec3), v: wp.array(dtype=vec3), share: real,
+               v_out: wp.array(dtype=vec3)):
+        i = wp.tid()
+        size = wp.length(change[i])
+        if size > real(0.0):
+            c = change[i] / size
+            back = wp.max(-wp.dot(v[i] - before[i], c), real(0.0))
+            v_out[i] = v[i] + wp.min(back, share * size) * c
+
+    return settle

@@ -1,0 +1,97 @@
+"""What makes a frame be repeated, and what is changed before: the other half of the transaction in `wsim.simulation`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wsim import plan as plans
+from wsim.scene import Problem, SceneError
+from wsim.stage import NOT_FINITE, OVERFLOW, RESIDUAL
+
+if TYPE_CHECKING:
+    from wsim.simulation import Simulation
+
+STIFFENS = ("stretch", "shear", "bend", "damping", "stiffness", "air_drag")     # live parameters that bound explicit steps
+
+
+def mend(sim: Simulation, status: np.ndarray) -> bool:
+    """Whether the frame must be repeated, after making it possible."""
+    if not status.any():
+        return False
+    clock, explicit = sim.plan.clock, sim.plan.choice.solver == "explicit"
+    if explicit and (status[RESIDUAL] or status[NOT_FINITE]) and _switch(sim):
+        return True
+    if status[NOT_FINITE]:
+        _refine(sim, int(status[NOT_FINITE]) - 1)
+    if status[OVERFLOW]:
+        for method in sim.plan.methods:
+            grown = method.grow(status)
+            if grown:
+                sim.warnings.append(f"frame {sim.frame + 1}: {grown}; the frame was repeated")
+    if status[RESIDUAL] and explicit:
+        _suspect(sim)
+        return bool(status[NOT_FINITE] or status[OVERFLOW])
+    if status[RESIDUAL] and clock.multistep:
+        clock.multistep = False
+        sim.warnings.append(f"frame {sim.frame + 1}: the solver missed the residual that BDF2 needs (see wsim.xpbd.MET); "
+                            "backward Euler from here on; more iterations or substeps keep BDF2")
+    return True
+
+
+def _refine(sim: Simulation, point: int) -> None:
+    """Twice the substeps, where a position is no number."""
+    clock = sim.plan.clock
+    body = next(b for b in sim.model.bodies if b.first <= point < b.last)
+    where = int(np.flatnonzero(body.index == point)[0])
+    if clock.substeps >= 16 * sim.plan.choice.substeps:
+        raise SceneError(Problem(body.path, f"point {where} stopped being a number in frame {sim.frame + 1}, with "
+                                 f"{clock.substeps} substeps too; look for infinite velocities or parameters"))
+    clock.substeps *= 2
+    sim.warnings.append(f"frame {sim.frame + 1}: point {where} of {body.path} stopped being a number; repeated with "
+                        f"{clock.substeps} substeps, which stay")
+
+
+def _suspect(sim: Simulation) -> None:
+    text = ("an edge is more than twice its rest length: if the motion is not meant to be that violent, explicit steps are too "
+            "long for it; give more substeps, or solver auto")
+    if text not in sim.warnings:
+        sim.warnings.append(text)
+
+
+def _switch(sim: Simulation) -> bool:
+    """Goes on with XPBD where an edge has more than doubled under an explicit integrator that nobody asked for by name: its
+    step may have thrown it. Live parameters are set again."""
+    scene = sim.scene
+    if (scene.solver, scene.integrator) != ("auto", "auto"):
+        return False
+    sim.state.restore()
+    kept = {name: sim.state.arrays[name].numpy() for name in ("x", "e", "v")}
+    sim.scene = replace(scene, solver="xpbd", integrator="backward_euler")
+    sim.plan = plans.build(sim.scene, device=sim.device, real=sim.model.real, worlds=sim.worlds)
+    sim.model, sim.state, sim.graph = sim.plan.model, sim.plan.state, None
+    for name, values in kept.items():
+        sim.state.arrays[name].assign(values)
+    for path, name, value, world in sim.changes:
+        for method in sim.plan.methods:
+            method.set(path, name, value, world)
+    sim.seconds.pop("compile", None)
+    sim.load()
+    sim.state.snapshot()
+    sim.warnings.append(f"frame {sim.frame + 1}: an edge stretched to more than twice its length under leapfrog; from here on "
+                        f"XPBD, {scene.substeps} substeps of {scene.iterations} iterations")
+    return True
+
+
+def keep_stable(sim: Simulation, name: str) -> None:
+    """Explicit steps follow a live parameter that makes the scene stiffer."""
+    explicit, clock = sim.plan.method("explicit"), sim.plan.clock
+    if explicit is None or name not in STIFFENS:
+        return
+    least = explicit.least()                              # type: ignore[attr-defined]
+    if least > clock.substeps:
+        sim.warnings.append(f"frame {sim.frame + 1}: {name} was set; {sim.plan.integrator} now takes {least} substeps instead "
+                            f"of {clock.substeps}")
+        clock.substeps, sim.graph = least, None
