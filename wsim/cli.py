@@ -14,6 +14,7 @@ from wsim import __version__
 from wsim.integrator import INTEGRATORS, SOLVERS
 
 DONE, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
+CHOSEN = ("solver", "integrator", "substeps", "iterations", "precision")       # by `wsim run --error`
 
 
 def whole(text: str) -> int:
@@ -48,14 +49,35 @@ def positive(text: str) -> float:
     return value
 
 
-def image(text: str) -> str:
-    """A picture's file, in a folder that is there: found out now and not after the simulation."""
-    if not text.lower().endswith((".png", ".gif", ".apng")):
-        raise argparse.ArgumentTypeError(f"{text} has another ending; pictures are .png, .gif or .apng")
+def fraction(text: str) -> float:
+    """An error over the scene's size: 1% or 0.01."""
+    number, percent, rest = text.partition("%")
+    value = float(number) / (100.0 if percent else 1.0)
+    if rest or not 0.0 < value <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is no error; it must be above 0 and at most 100 %: write 1% or 0.01")
+    return value
+
+
+def _file(text: str, *endings: str) -> str:
+    """A file to write, in a folder that is there: found out now and not after the simulation."""
+    if not text.lower().endswith(endings):
+        raise argparse.ArgumentTypeError(f"{text} has another ending; allowed is {', '.join(endings)}")
     folder = os.path.dirname(os.path.abspath(text))
     if not os.path.isdir(folder):
         raise argparse.ArgumentTypeError(f"{text}: there is no folder {folder}; make it first")
     return text
+
+
+def image(text: str) -> str:
+    return _file(text, ".png", ".gif", ".apng")
+
+
+def drawing(text: str) -> str:
+    return _file(text, ".png", ".svg")
+
+
+def report(text: str) -> str:
+    return text if text == "-" else _file(text, ".json")
 
 
 def pixels(text: str) -> tuple[int, int]:
@@ -75,7 +97,8 @@ def variant(text: str) -> tuple[str, str, str]:
     return prim, name, value
 
 
-for _kind, _name in ((whole, "number"), (whole_or_none, "number"), (length, "length"), (positive, "number")):
+for _kind, _name in ((whole, "number"), (whole_or_none, "number"), (length, "length"), (positive, "number"),
+                     (fraction, "error")):
     _kind.__name__ = _name                      # argparse says "invalid number value"
 
 
@@ -83,7 +106,7 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="wsim", description="A USD scene in, a simulated USD layer out.")
     top.add_argument("--version", action="version", version=f"wsim {__version__}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for add in (_run, _new, _check, _plan, _view, _picture):
+    for add in (_run, _new, _check, _plan, _bench, _view, _picture):
         add(commands)
     for command in commands.choices.values():
         command.add_argument("--debug", action="store_true", help="show where an error came from")
@@ -93,7 +116,7 @@ def parser() -> argparse.ArgumentParser:
 def _solver(command) -> None:
     """Options that change what is simulated."""
     command.add_argument("--device", help="cpu, cuda:0 ... (default: the GPU if there is one)")
-    command.add_argument("--precision", choices=("float32", "float64"), default="float32")
+    command.add_argument("--precision", choices=("float32", "float64"), help="default: float32")
     command.add_argument("--substeps", type=whole, metavar="N", help="substeps a frame (default: the scene's)")
     command.add_argument("--iterations", type=whole, metavar="N", help="iterations a substep (default: the scene's)")
     command.add_argument("--solver", choices=SOLVERS, help="default: the scene's; auto weighs cost against error")
@@ -112,6 +135,8 @@ def _run(commands) -> None:
     run.add_argument("-o", "--output", required=True, metavar="OUT", help="result: .usdc, .usda or .usd")
     run.add_argument("--frames", type=whole_or_none, metavar="N", help="default: the scene's")
     _solver(run)
+    run.add_argument("--error", type=fraction, metavar="E",
+                     help="1%%, say: the fastest setting that `wsim bench` found to stay within it; runs it if need be")
     run.add_argument("--preroll", type=whole_or_none, default=0, metavar="N",
                      help="frames simulated before the first one and not written, to settle")
     run.add_argument("--samples", type=whole, default=1, metavar="N", help="samples written a frame, for motion blur")
@@ -149,6 +174,20 @@ def _plan(commands) -> None:
     plan.add_argument("scene")
     plan.add_argument("--json", action="store_true", help="print the stages as JSON")
     _solver(plan)
+
+
+def _bench(commands) -> None:
+    bench = commands.add_parser("bench", help="measure time against error of a scene, and recommend settings")
+    bench.add_argument("scene")
+    bench.add_argument("--device", help="cpu, cuda:0 ... (default: the GPU if there is one)")
+    bench.add_argument("--frames", type=whole, dest="look", metavar="N",
+                       help="frames looked at (default: the scene's, at most about half a second)")
+    bench.add_argument("--budget", type=positive, metavar="SECONDS",
+                       help="what does not fit in is left out, and named (default: 120, with --quick 30)")
+    bench.add_argument("--quick", action="store_true", help="fewer settings")
+    bench.add_argument("--json", type=report, metavar="FILE", help="everything found, as .json; - prints it, and no table")
+    bench.add_argument("--plot", type=drawing, metavar="FILE", help=".png or .svg (needs the extra `plot`)")
+    _choices(bench)
 
 
 def _view(commands) -> None:
@@ -192,6 +231,10 @@ def main(argv: list[str] | None = None) -> int:
     args = parser().parse_args(argv)
     if args.command == "run" and args.restart and args.preroll:
         parser().error("--restart goes on from a frame, --preroll settles before the first one: give one of them")
+    if args.command == "run" and args.error:
+        named = [f"--{name}" for name in CHOSEN if getattr(args, name) is not None]
+        if named:
+            parser().error(f"--error chooses {', '.join(CHOSEN)}: leave out {' '.join(named)}, or --error")
     from wsim import commands
 
     try:

@@ -47,7 +47,7 @@ def _simulation(scene: "Scene", args) -> "Simulation":
     _hush()
     from wsim.simulation import Simulation
 
-    return Simulation(scene, device=args.device, precision=args.precision)
+    return Simulation(scene, device=args.device, precision=args.precision or "float32")
 
 
 def run(args) -> int:
@@ -61,6 +61,9 @@ def run(args) -> int:
         progress.say(f"loading {args.scene}")
         scene = _load(args)
         seconds["load"] = perf_counter() - began - seconds["import"]
+        if args.error:
+            scene = _within(scene, args, progress)
+            seconds["bench"] = perf_counter() - began - sum(seconds.values())
         with _prepared(scene, args) as job:
             progress.clear()
             _warn(job, told)
@@ -79,6 +82,18 @@ def run(args) -> int:
         kept = f"{job.result} holds the {job.written} frames so far" if job.result else "no frame was written"
         _say(f"interrupted: {kept}")
     return code
+
+
+def _within(scene: "Scene", args, progress) -> "Scene":
+    """The scene with what `wsim bench` recommends for an error."""
+    _hush()
+    from wsim.bench.command import recommended
+
+    progress.clear()
+    scene, setting = recommended(scene, args.error, args.device, progress.say)
+    args.precision = setting.precision
+    progress.clear()
+    return scene
 
 
 @contextmanager
@@ -211,6 +226,15 @@ def plan(args) -> int:
         print(reports.as_json({"stages": simulation.plan.table(), "skipped": simulation.plan.skipped}))
     else:
         print(simulation.plan.describe())
+    return DONE
+
+
+def bench(args) -> int:
+    """`wsim bench`: time against error of this scene."""
+    _hush()
+    from wsim.bench import command
+
+    command.run(_load(args), args)
     return DONE
 
 

@@ -1,0 +1,100 @@
+"""Reports of benches, kept for each user, so that `wsim run --error` need not measure again.
+
+A report counts for one scene on one device in one version of wsim and Warp: the name of its file is a hash of these. Of the
+scene counts all that changes the motion or what a bench looks at. Not counted are the names of things (a pin knows its body by
+number), where it was loaded from, what was warned of, and the frames after those looked at.
+"""
+
+import hashlib
+import json
+import os
+import sys
+import tempfile
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+
+import numpy as np
+
+from wsim.bench.report import Report
+from wsim.curve import Curve
+from wsim.report import as_json
+from wsim.scene import Scene
+
+FORMAT = 1
+NAMES = {"path", "source", "notes", "variants", "target", "start", "up"}       # change no motion, or say so otherwise
+
+
+def folder() -> Path:
+    """Where this user's reports are: the system's place for caches."""
+    home = Path.home()
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = home / "Library" / "Caches"
+    else:
+        named = os.environ.get("XDG_CACHE_HOME", "")
+        base = Path(named) if os.path.isabs(named) else home / ".cache"          # a relative one is to be ignored
+    return base / "wsim" / "bench"
+
+
+def plain(value, scene: Scene):
+    """A value of a scene as nested lists of what JSON knows, without the names of things; arrays by hash."""
+    if isinstance(value, np.ndarray):
+        whole = np.ascontiguousarray(value)
+        return [str(whole.dtype), list(whole.shape), hashlib.sha256(whole.tobytes()).hexdigest()]
+    if isinstance(value, Curve):
+        return [type(value).__name__, plain(value.times, scene), plain(value.values, scene)]
+    if is_dataclass(value):
+        return [type(value).__name__, *([f.name, plain(_field(value, f.name, scene), scene)] for f in fields(value)
+                                        if f.name not in NAMES)]
+    if isinstance(value, (list, tuple)):
+        return [plain(v, scene) for v in value]
+    return repr(value.item() if hasattr(value, "item") else value)
+
+
+def _field(thing, name: str, scene: Scene):
+    """A field; for the body that a pin holds its number, for frames those that a bench looks at."""
+    from wsim.bench.study import looked_at
+    value = getattr(thing, name)
+    if name == "body":
+        return [body.path for body in scene.bodies()].index(value)
+    return looked_at(scene) if name == "frames" and thing is scene else value
+
+
+def key(scene: Scene, hardware: str, versions: dict[str, str]) -> str:
+    """Name of the report of this scene on that hardware with those versions."""
+    return hashlib.sha256(json.dumps([FORMAT, plain(scene, scene), hardware, sorted(versions.items())]).encode()).hexdigest()
+
+
+def write(name: str, report: Report) -> Path:
+    """Keeps a report: the file is there whole or not at all. Raises OSError where it cannot be written."""
+    place = folder() / f"{name}.json"
+    place.parent.mkdir(parents=True, exist_ok=True)
+    replace_text(place, as_json({"format": FORMAT, "key": name, "report": report.as_dict()}))
+    return place
+
+
+def replace_text(place: Path, text: str) -> None:
+    """Writes a file under another name and gives it its own when it is whole."""
+    handle, name = tempfile.mkstemp(prefix=f".{place.name}.", dir=place.parent)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.replace(name, place)
+    except BaseException:
+        os.unlink(name)
+        raise
+
+
+def read(name: str) -> tuple[Report | None, str]:
+    """The report of that name, or None; and what to warn of where a file is there that is no report."""
+    place = folder() / f"{name}.json"
+    try:
+        data = json.loads(place.read_text(encoding="utf-8"))
+        if data["format"] != FORMAT or data["key"] != name:
+            raise ValueError("it is of another scene or version")
+        return Report.from_dict(data["report"]), ""
+    except FileNotFoundError:
+        return None, ""
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        return None, f"{place} is ignored and made anew: it holds no report ({type(error).__name__}: {error})"

@@ -1,0 +1,212 @@
+"""What a bench compares with: the scene in float64, refined until its own error is small, and whether that has a meaning.
+
+    levels     substeps n, 2 n, 4 n ...;  d_k = largest of the sampled frames of |x_k+1 - x_k| over the scene's size
+    estimate   error of the finest = d_last / (r - 1),  r = min(d_before / d_last, 2^order)        (Richardson 1911)
+    growth     |x~ - x| over what it was at the start, where x~ starts PERTURBED of the size away, at random; seen with the
+               coarsest level and, where that is calm, with a finer one
+
+Refinement of a scene that amplifies perturbations a hundredfold shows where rounding leads and not where the scene goes: two
+right solutions differ as much. So does one whose differences do not shrink. Then no errors of positions are quoted.
+
+Where only springs, membranes, hinges and pins act the reference is Runge-Kutta of order 4, else coloured XPBD, whose limit
+for short substeps is the same whatever its sweeps; what twice the iterations change is added to the estimate. Collisions
+make that order 1.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from math import inf, isfinite, isnan, nan
+
+import numpy as np
+
+from wsim.bench.budget import Budget
+from wsim.bench.front import AMPLIFIES, PERTURBED
+from wsim.bench.setting import NEWTON, Setting, available, first_substeps, smooth
+from wsim.bench.track import Look, Track, distance, fine, size
+from wsim.model import hard_places
+from wsim.scene import Problem, Scene, SceneError
+from wsim.simulation import Simulation
+
+TARGET = 1e-4          # estimated error at which refinement ends: a tenth of the smallest error of interest, 0.1 %
+USABLE = 1e-2          # with an estimate above it nothing can be said of 1 %
+SHRINKS = 1.25         # least ratio of successive differences that counts as converging
+SHARP = 1e-7           # estimated error down to which refinement goes on while it costs next to nothing: CHEAP of the budget
+LEVELS = 9             # at most
+SHARE, CHEAP = 0.5, 0.03
+
+
+@dataclass
+class Reference:
+    """The finest track and how good it is."""
+
+    track: Track
+    error: float                           # estimated, over the scene's size; inf: not converging
+    ratio: float                           # of the last two differences; nan where there is one
+    growth: np.ndarray                     # of a perturbation at each sampled frame
+    seconds: float
+    notes: list[str] = field(default_factory=list)
+    found: dict[str, float] = field(default_factory=dict)      # energies, where errors of positions are refused
+
+    @property
+    def refused(self) -> str:
+        return refused(self.growth, self.error)
+
+
+def refused(growth: np.ndarray, error: float) -> str:
+    """Why errors of positions are not quoted; "" where they are. growth by sampled frame; error of the reference."""
+    if growth.max() > AMPLIFIES:
+        return f"the scene amplifies perturbations: {PERTURBED:g} of its size at the start grows {growth.max():.3g} times"
+    if isnan(error):
+        return "the budget pays for no refinement of the reference"
+    if not isfinite(error):
+        return "the reference does not converge: more substeps do not bring it closer to itself"
+    if error > USABLE:
+        return f"the reference did not get far enough: its estimated error is {100 * error:.2g} % of the size"
+    return ""
+
+
+def richardson(differences: Sequence[float], order: int) -> float:
+    """Estimated error of the finest level from the differences of successive ones (each with twice the substeps).
+
+    One difference: the order is believed. More: never a faster fall than was seen; inf where it is slower than SHRINKS.
+    """
+    last = differences[-1]
+    if last == 0.0:
+        return 0.0
+    ratio = 2.0**order if len(differences) < 2 else min(differences[-2] / last, 2.0**order)
+    return last / (ratio - 1.0) if ratio > SHRINKS else inf
+
+
+def candidates(scene: Scene, look: Look) -> list[tuple[Setting, int]]:
+    """Coarsest setting and order of every method that may serve, the best first."""
+    n, sweeps = max(4, first_substeps(scene)), max(scene.iterations, 4)
+    if scene.colliders:
+        return [(Setting("xpbd", "backward_euler", max(n, scene.substeps), sweeps, "float64"), 1)]
+    if not smooth(scene):
+        return [(Setting("xpbd", "bdf2", max(n, scene.substeps), sweeps, "float64"), 2)]
+    found = [(Setting("implicit", "bdf2", n, NEWTON[-1], "float64"), 2), (Setting("xpbd", "bdf2", n, 4 * sweeps, "float64"), 2)]
+    if available("explicit"):
+        auto = Simulation(replace(scene, solver="explicit", integrator="auto", substeps=1), device=look.device)
+        found.insert(0, (Setting("explicit", "rk4", auto.plan.choice.substeps, 1, "float64"), 4))
+    return [(setting, order) for setting, order in found if available(setting.solver)]
+
+
+def perturb(sim: Simulation) -> None:
+    """Moves every point that is not pinned hard by PERTURBED of the scene's size, at random, the same every time."""
+    rng, pinned = np.random.default_rng(1), hard_places(sim.model)
+    steps = rng.normal(size=(sim.model.points, 3)) * PERTURBED * size(sim.scene) / 3.0**0.5
+    steps[pinned] = 0.0
+    for body in sim.scene.bodies():
+        sim.set(body.path, "positions", sim.positions(body.path) + steps[sim.model.body(body.path).index])
+
+
+class Refinement:
+    """Levels of one method, each with twice the substeps of the one before."""
+
+    def __init__(self, scene: Scene, look: Look, coarsest: Setting, order: int, say: Callable[[str], None]):
+        self.scene, self.look, self.order, self.say = scene, look, order, say
+        self.size = size(scene)
+        self.next = coarsest
+        self.tracks: list[Track] = []
+        self.differences: list[float] = []
+        self.growth = np.zeros(len(look.sampled))
+        self.notes: list[str] = []
+
+    @property
+    def finest(self) -> Track:
+        return self.tracks[-1]
+
+    @property
+    def cost(self) -> float:
+        """Seconds that the next level is going to take."""
+        return 2.0 * self.finest.seconds
+
+    @property
+    def error(self) -> float:
+        return richardson(self.differences, self.order) if self.differences else nan
+
+    def known(self, budget: Budget) -> bool:
+        """Whether it is good enough: three levels that converge, or two that hardly differ."""
+        few = len(self.differences) < 2 and (not self.differences or self.differences[-1] > 1e-2 * TARGET)
+        goal = SHARP if self.order > 2 and self.cost < CHEAP * budget.seconds else TARGET
+        return not few and self.error <= goal
+
+    def refine(self, measured: bool = False) -> None:
+        """One more level; `measured`: with its energies and strain, for which kernels are compiled."""
+        self.say(f"reference: {self.next}")
+        track = fine(self.scene, self.next, self.look, measured=measured)
+        if self.tracks:
+            self.differences.append(float(distance(track.places, self.finest.places).max()) / self.size)
+        self.tracks = [*self.tracks[-1:], track]
+        self.next = self.next.finer()
+
+    def perturbed(self) -> None:
+        """Measures the growth with the level before the finest; the larger of what was measured counts."""
+        base = self.tracks[0]
+        self.say(f"reference: perturbed, {base.setting}")
+        other = fine(self.scene, base.setting, self.look, perturb)
+        moved = distance(other.start[None], base.start[None])[0]
+        self.growth = np.maximum(self.growth, distance(other.places, base.places) / moved)
+
+    @property
+    def amplifies(self) -> bool:
+        return bool(self.growth.max() > AMPLIFIES)
+
+    def sweeps(self) -> float:
+        """What twice the iterations change in the level before the finest, over the scene's size."""
+        base = self.tracks[0]
+        self.say(f"reference: twice the iterations of {base.setting}")
+        more = fine(self.scene, replace(base.setting, iterations=2 * base.setting.iterations), self.look)
+        return float(distance(more.places, base.places).max()) / self.size
+
+
+def make(scene: Scene, look: Look, budget: Budget, say: Callable[[str], None]) -> Reference:
+    """The best reference that SHARE of the budget pays for. Raises SceneError where nothing moves or nothing runs."""
+    began, notes = budget.spent, []
+    found = candidates(scene, look)
+    for k, (coarsest, order) in enumerate(found):
+        last = k + 1 == len(found)
+        r = Refinement(scene, look, coarsest, order, say)
+        try:
+            r.refine()
+        except SceneError as error:
+            if last:
+                raise
+            notes.append(f"{coarsest}: {error.problems[0].text}")
+            continue
+        if last or 8.0 * r.finest.seconds <= budget.left(SHARE):         # two finer levels, and the perturbed one
+            return _refined(r, budget, began, notes)
+        notes.append(f"{coarsest} would take {8.0 * r.finest.seconds:.0f} s")
+    raise AssertionError("there is always a last candidate")
+
+
+def _refined(r: Refinement, budget: Budget, began: float, notes: list[str]) -> Reference:
+    """Goes on refining while it helps and is paid for."""
+    _moves(r)
+    r.perturbed()
+    while not r.amplifies and len(r.differences) < LEVELS and not r.known(budget):
+        if r.cost > budget.left(SHARE if r.differences else 1.0):
+            break
+        r.refine()
+        if len(r.differences) == 2:
+            r.perturbed()                                      # once more, where less is damped
+    error = r.error
+    if r.finest.setting.solver != "explicit" and not refused(r.growth, error):
+        if r.finest.seconds <= budget.left(SHARE):
+            error += r.sweeps()
+        else:
+            notes.append("whether its iterations are enough was not looked at: the budget is spent")
+    ratios = r.differences[-2:]
+    ratio = ratios[0] / ratios[1] if len(ratios) == 2 and ratios[1] else nan
+    if refused(r.growth, error):
+        if not r.amplifies:
+            r.next = r.finest.setting                          # the same again, with its energies
+        r.refine(measured=True)
+    return Reference(r.finest, error, ratio, r.growth, budget.spent - began, [*notes, *r.finest.notes], r.finest.found)
+
+
+def _moves(r: Refinement) -> None:
+    moved = float(distance(r.finest.places, r.finest.start[None]).max()) / r.size
+    if moved < 1e-9:
+        raise SceneError(Problem("/", f"nothing moves in the first {r.look.frames} frames (by {moved:.1g} of its size): no "
+                                 "error can be measured; look at more --frames, or at gravity, velocities and pins"))

@@ -1,0 +1,157 @@
+"""What a bench found: rows, the front, recommendations, and how far any of it can be trusted; in words and as plain data."""
+
+from dataclasses import dataclass, field
+from math import inf, isfinite
+
+from wsim.bench.front import AMPLIFIES, MARGIN, PERTURBED, Row, front, within_error, within_time
+
+CALM = 0.1                             # energy beside the reference's that a recommendation bears
+GOALS = (0.01, 0.001)                  # errors for which settings are recommended
+
+
+@dataclass
+class Report:
+    """Rows with all that is needed to judge them."""
+
+    scene: str
+    points: int
+    size: float                        # [m]; errors are over it
+    fps: float
+    frames: int                        # looked at
+    device: str
+    hardware: str
+    versions: dict[str, str]
+    reference: dict                    # setting, error, ratio, seconds, notes
+    growth: list[float]                # of a perturbation, by sampled frame
+    sampled: list[int]                 # those frames
+    refused: str                       # why errors of positions are not quoted; "" where they are
+    rows: list[Row] = field(default_factory=list)
+    left_out: list[dict] = field(default_factory=list)
+    seconds: float = 0.0               # that the bench took
+
+    def recommend(self, error: float) -> Row | None:
+        """The fastest setting within an error (0.01: 1 % of the size); None if none was found."""
+        return None if self.refused else within_error(self.rows, error, self.reference["error"])
+
+    @property
+    def real_time(self) -> Row | None:
+        """The most accurate setting within the time of a frame, less a margin."""
+        return within_time(self.rows, 1.0 / self.fps, most=CALM if self.refused else inf)
+
+    @property
+    def front(self) -> list[Row]:
+        """Fastest first."""
+        return front(self.rows, 0.0 if self.refused else self.reference["error"])
+
+    @property
+    def recommended(self) -> dict[str, Row | None]:
+        return {"real time": self.real_time, **{f"{100 * e:g} %": self.recommend(e) for e in GOALS}}
+
+    def as_dict(self) -> dict:
+        data = {name: getattr(self, name) for name in self.__dataclass_fields__ if name != "rows"}
+        return data | {"rows": [r.as_dict() for r in self.rows], "front": [str(r.setting) for r in self.front],
+                       "recommended": {name: row.setting.as_dict() if row else None for name, row in self.recommended.items()}}
+
+    @staticmethod
+    def from_dict(data: dict) -> "Report":
+        """Raises KeyError, TypeError or ValueError where the data is no report."""
+        values = {name: data[name] for name in Report.__dataclass_fields__}
+        values["rows"] = [Row.from_dict(row) for row in data["rows"]]
+        values["reference"] = {**data["reference"], "error": _number(data["reference"]["error"])}
+        report = Report(**values)
+        if not (report.fps > 0.0 and isinstance(report.refused, str) and report.frames > 0):
+            raise ValueError("no report")
+        return report
+
+    def text(self) -> str:
+        """The table and what follows from it."""
+        return "\n".join([*self._head(), *self._table(), *self._recommended(),
+                          *self._left_out(), f"took      {self.seconds:.3g} s"])
+
+    def _head(self) -> list[str]:
+        r, where = self.reference, self.device if self.hardware == self.device else f"{self.device} ({self.hardware})"
+        known = f"estimated error {percent(r['error'])}" if isfinite(r["error"]) else "its error is unknown"
+        known = "not refined" if max(self.growth) > AMPLIFIES else known
+        ratio = "" if r["ratio"] is None else f", differences fall by {r['ratio']:.3g} a level"
+        versions = ", ".join(f"{name} {version}" for name, version in self.versions.items())
+        lines = [f"{self.scene}: {self.points} points, {self.frames} frames of 1/{self.fps:g} s ({self.frames / self.fps:.3g} "
+                 f"s) on {where}, {versions}",
+                 f"errors are RMS distances over the scene's size, {self.size:.4g} m, after the last frame and the largest",
+                 f"reference {r['setting']}: {known}{ratio}; {r['seconds']:.3g} s",
+                 f"  {PERTURBED:g} of the size, put in at the start, grows {max(self.growth):.3g} times"]
+        lines += [f"  {note}" for note in r["notes"]]
+        if self.refused:
+            lines += [f"no errors of positions: {self.refused}{self.mend}",
+                      "energy is beside the reference's, over what was turned over; residual and strain are of the last frame"]
+        return lines
+
+    @property
+    def mend(self) -> str:
+        """How many frames could be compared, where errors of positions are refused."""
+        calm = [f for f, g in zip(self.sampled, self.growth, strict=True) if g <= AMPLIFIES]
+        past = [f for f, g in zip(self.sampled, self.growth, strict=True) if g > AMPLIFIES]
+        good = max((f for f in calm if not past or f < past[0]), default=0)
+        if not past:
+            return "; give a larger --budget or fewer --frames"
+        return (f", more than {AMPLIFIES:g} times by frame {past[0]}"
+                + (f": --frames {good} compares positions before that" if good else ""))
+
+    def _table(self) -> list[str]:
+        best = {id(row) for row in self.front}
+        three = ("energy", "residual", "rms strain") if self.refused else ("end", "largest", "")
+        lines = [f"  {'solver':<10}{'integrator':<16}{'substeps x it.':>15}  {'precision':<10}{'ms/frame':>9}"
+                 f"{three[0]:>11}{three[1]:>11}{three[2]:>12}".rstrip()]
+        for row in sorted(self.rows, key=lambda r: (r.setting.solver, r.setting.integrator, r.setting.precision,
+                                                    r.setting.iterations, r.setting.substeps)):
+            s = row.setting
+            values = ((percent(row.drift, sign=True), short(row.residual), percent(row.strain)) if self.refused else
+                      (self._error(row.end), self._error(row.largest), ""))
+            note = "; ".join(filter(None, ["the scene's own" * row.own, row.note]))
+            lines.append(f"{'*' if id(row) in best else ' '} {s.solver:<10}{s.integrator:<16}"
+                         f"{f'{s.substeps} x {s.iterations}':>15}  {s.precision:<10}{row.ms:>9.4g}{values[0]:>11}"
+                         f"{values[1]:>11}{values[2]:>12}  {note}".rstrip())
+        return [*lines, "* nothing else here is both faster and nearer to the reference"]
+
+    def _error(self, value: float | None) -> str:
+        """An error; where it is below what the reference knows, that."""
+        doubt = self.reference["error"]
+        return f"< {percent(doubt)}" if value is not None and value < doubt else percent(value)
+
+    def _recommended(self) -> list[str]:
+        dt, fast = 1e3 / self.fps, self.real_time
+        fastest = min((r.ms for r in self.rows), default=0.0)
+        missed = (f"nothing takes less than {(1 - MARGIN) * dt:.3g} ms" + f" and keeps energy within {100 * CALM:g} %" *
+                  bool(self.refused) + f"; the fastest takes {fastest:.3g} ms")
+        lines = [f"{'real time':<10}" + (self._line(fast) + f" of {dt:.3g} ms" if fast else missed)]
+        if self.refused:
+            return lines
+        nearest = min(self.rows, key=lambda r: r.error, default=None)
+        for goal in GOALS:
+            row = self.recommend(goal)
+            found = self._line(row) if row else "not reached" + (f"; nearest: {self._line(nearest)}" if nearest else "")
+            lines.append(f"{f'{100 * goal:g} %':<10}{found}")
+        return lines
+
+    def _left_out(self) -> list[str]:
+        """Settings by reason, as they came."""
+        why: dict[str, list[str]] = {}
+        for entry in self.left_out:
+            why.setdefault(entry["why"], []).append(entry["setting"])
+        return [f"left out  {', '.join(settings)}: {reason}" for reason, settings in why.items()]
+
+    def _line(self, row: Row) -> str:
+        error = f"energy {percent(row.drift, sign=True)}" if self.refused else f"error {self._error(row.largest)}"
+        return f"{row.setting.options}: {error}, {row.ms:.3g} ms a frame"
+
+
+def _number(value) -> float:
+    return float("inf") if value is None else float(value)
+
+
+def percent(value: float | None, sign: bool = False) -> str:
+    """0.0123 as 1.23 %; "-" where there is none."""
+    return "-" if value is None or not isfinite(value) else f"{100 * value:{'+' if sign else ''}.2g} %"
+
+
+def short(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2g}"

@@ -1,0 +1,76 @@
+"""What a bench varies: solver, integrator, substeps, iterations and precision of one run, and which of them a scene bears."""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from importlib.util import find_spec
+from math import isfinite
+
+from wsim.scene import Scene
+
+COARSE = 0.01          # [s] about the longest substep that is tried
+SWEEPS = (1, 4, 16)    # of XPBD; residuals fall by h^2 / sweeps, so more than these lose to more substeps
+NEWTON = (1, 4)        # steps of Newton's method; four leave nothing where the first went the right way
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Fields of a `Scene`, and the precision of its simulation."""
+
+    solver: str
+    integrator: str
+    substeps: int
+    iterations: int
+    precision: str = "float32"
+
+    def applied(self, scene: Scene) -> Scene:
+        """The scene stepped with this setting."""
+        return replace(scene, solver=self.solver, integrator=self.integrator, substeps=self.substeps,
+                       iterations=self.iterations)
+
+    def finer(self, times: int = 2) -> "Setting":
+        return replace(self, substeps=self.substeps * times)
+
+    def as_dict(self) -> dict:
+        return asdict(self)
+
+    @property
+    def options(self) -> str:
+        """As options of `wsim run`."""
+        return (f"--solver {self.solver} --integrator {self.integrator} --substeps {self.substeps} --iterations "
+                f"{self.iterations}" + f" --precision {self.precision}" * (self.precision != "float32"))
+
+    def __str__(self) -> str:
+        return f"{self.solver} {self.integrator} {self.substeps} x {self.iterations} {self.precision}"
+
+
+def smooth(scene: Scene) -> bool:
+    """Whether nothing but springs, membranes, hinges and pins act: positions depend smoothly on the step."""
+    return not scene.colliders and not any(
+        c.tethers or isfinite(c.material.strain_limit) for c in scene.cloths)
+
+
+def available(solver: str) -> bool:
+    """Whether this version has the solver."""
+    return solver == "auto" or find_spec(f"wsim.{solver}") is not None
+
+
+def first_substeps(scene: Scene) -> int:
+    """The power of two whose substeps last about COARSE."""
+    n = 1
+    while n * scene.fps * COARSE < 0.7:
+        n *= 2
+    return n
+
+
+def series(scene: Scene, quick: bool = False) -> Iterator[Setting]:
+    """The coarsest setting of each series of runs; a series goes on by more substeps. Most promising first."""
+    n = first_substeps(scene)
+    if smooth(scene):
+        yield Setting("explicit", "auto", 1, 1)                # leapfrog with as many substeps as are stable
+    for sweeps in SWEEPS[:2] if quick else SWEEPS:
+        for integrator in ("backward_euler", "bdf2"):
+            if integrator == "backward_euler" or sweeps > 1:   # BDF2 needs its residual
+                yield Setting("xpbd", integrator, n, sweeps)
+    for steps in NEWTON[:1] if quick else NEWTON:
+        for integrator in ("backward_euler", "bdf2"):
+            yield Setting("implicit", integrator, n, steps)

@@ -1,0 +1,83 @@
+"""The bench of a scene: a reference, then rows beside it, within a budget of seconds."""
+
+import platform
+from collections.abc import Callable
+from math import isfinite
+from pathlib import Path
+
+import warp as wp
+
+from wsim import __version__
+from wsim.bench.budget import Budget
+from wsim.bench.reference import make
+from wsim.bench.report import Report
+from wsim.bench.sweep import Sweep
+from wsim.bench.track import Look, size
+from wsim.check import check
+from wsim.scene import Problem, Scene, SceneError
+
+WINDOW = 0.5           # [s] looked at unless frames are named
+BUDGET, QUICK = 120.0, 30.0      # [s]
+
+
+def looked_at(scene: Scene) -> int:
+    """Frames that are looked at unless named: about WINDOW."""
+    return max(1, min(scene.frames, round(WINDOW * scene.fps)))
+
+
+def device_of(name: str | None) -> wp.Device:
+    """The Warp device of that name; None: the first GPU, else the CPU. Raises SceneError with those there are."""
+    try:
+        return wp.get_device(name)
+    except Exception:
+        have = ", ".join(str(d) for d in wp.get_devices())
+        raise SceneError(Problem("device", f"there is no device {name!r}; allowed are {have}")) from None
+
+
+def hardware(device: wp.Device) -> str:
+    """What a time was measured on: the GPU's name, or the CPU's and its count."""
+    if device.is_cuda:
+        return str(device.name)
+    import os
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text(errors="replace").splitlines() if info.exists() else []
+    name = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.processor())
+    return f"{name or platform.machine()}, {os.cpu_count()} cores"
+
+
+def versions() -> dict[str, str]:
+    """Of what the times and errors were measured with."""
+    return {"wsim": __version__, "warp": wp.config.version}
+
+
+def bench(scene: Scene, *, device: str | None = None, frames: int | None = None, budget: float | None = None,
+          quick: bool = False, say: Callable[[str], None] = lambda text: None) -> Report:
+    """Time against error of this very scene, over solvers, integrators, substeps, iterations and precision.
+
+    frames    looked at; None: the scene's, at most about half a second
+    budget    [s] that it may take, compiling included; the last run begun is finished
+    quick     fewer settings, and a budget of QUICK unless one is given
+    say       is told what runs now
+    Raises SceneError where the scene cannot be simulated, where nothing moves, and for an argument out of range.
+    """
+    budget = (QUICK if quick else BUDGET) if budget is None else budget
+    if not 0.0 < budget < float("inf"):
+        raise SceneError(Problem("budget", f"found {budget:g}; allowed is a finite number of seconds above 0"))
+    if frames is not None and frames < 1:
+        raise SceneError(Problem("frames", f"found {frames}; allowed is 1 or more"))
+    fatal = [p for p in check(scene) if p.fatal]
+    if fatal:
+        raise SceneError(fatal)
+    where = device_of(device)
+    clock, look = Budget(budget), Look(str(where), frames or looked_at(scene))
+    reference = make(scene, look, clock, say)
+    sweep = Sweep(scene, look, reference, clock, say, step=4 if quick else 2)
+    sweep.all(quick)
+    if not sweep.rows:
+        raise SceneError(Problem("/", "no setting ran: " + "; ".join(f"{d['setting']} {d['why']}" for d in sweep.left_out)))
+    known = {"setting": str(reference.track.setting), "error": reference.error, "seconds": reference.seconds,
+             "ratio": reference.ratio if isfinite(reference.ratio) else None, "notes": reference.notes}
+    return Report(scene.source or "scene", len(reference.track.start), size(scene), scene.fps, look.frames, str(where),
+                  hardware(where), versions(), known,
+                  [float(g) for g in reference.growth], look.sampled, reference.refused, sweep.rows, sweep.left_out,
+                  clock.spent)

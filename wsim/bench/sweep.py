@@ -1,0 +1,116 @@
+"""Runs settings against a reference until the budget is spent. Nothing is dropped in silence: `left_out` says why.
+
+Each series starts at its coarsest setting and doubles the substeps; the cheapest run that is open goes first, where a new
+series costs what compiling the dearest so far did, and is worth EAGER times that of more substeps.
+A series ends where its error is below what the reference resolves, below a tenth of the smallest error of interest, or where
+another one is far ahead.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from wsim.bench.budget import Budget
+from wsim.bench.front import Row, front
+from wsim.bench.reference import Reference
+from wsim.bench.report import percent
+from wsim.bench.setting import Setting, available, series
+from wsim.bench.track import Look, Track, distance, run, size
+from wsim.scene import Scene, SceneError
+
+ENOUGH = 1e-4          # error below which finer settings interest nobody: a tenth of 0.1 %
+DOMINATED = 8.0        # times slower than a row that errs less: a series ends there
+EAGER = 4.0            # a new series may cost so many times the cheapest run that is open
+KEPT = 0.1             # of the budget, for what comes last
+DOUBLES = 2            # float32 rows that are repeated in float64, to show where rounding begins
+
+
+@dataclass
+class Sweep:
+    """The runs of one bench."""
+
+    scene: Scene
+    look: Look
+    reference: Reference
+    budget: Budget
+    say: Callable[[str], None]
+    step: int = 2                          # substeps of a setting over those of the one before it
+    rows: list[Row] = field(default_factory=list)
+    left_out: list[dict] = field(default_factory=list)
+    seconds: dict[Setting, float] = field(default_factory=dict)      # of the frames of a row
+    starts: list[float] = field(default_factory=list)                # what the first runs of series took besides frames
+
+    def drop(self, setting: Setting, why: str) -> None:
+        self.left_out.append({"setting": str(setting), "why": why})
+
+    def run(self, setting: Setting, cost: float) -> Row | None:
+        """One row, or None with the reason in left_out."""
+        left = self.budget.left(1.0 if setting.precision == "float64" else 1.0 - KEPT)
+        if self.rows and (cost > left or not left):            # one row there is, whatever it costs
+            self.drop(setting, f"would take about {cost:.2g} s, {left:.2g} s are left of the budget" if left else
+                      f"the budget of {self.budget.seconds:g} s is spent")
+            return None
+        if not available(setting.solver):
+            self.drop(setting, "this version has no such solver")
+            return None
+        self.say(str(setting))
+        try:
+            track = run(self.scene, setting, self.look, measured=bool(self.reference.refused))
+        except SceneError as error:
+            self.drop(setting, f"fails: {error.problems[0].text}")
+            return None
+        self.seconds[track.setting] = track.seconds
+        row = self.row(track)
+        if all(r.setting != row.setting for r in self.rows):
+            self.rows.append(row)
+        return row
+
+    def row(self, track: Track) -> Row:
+        """A track beside the reference."""
+        row, there = Row(track.setting, track.ms, held=not track.notes, note="; ".join(track.notes)), self.reference.track
+        if not self.reference.refused:
+            errors = distance(track.places, there.places) / size(self.scene)
+            return replace(row, end=float(errors[-1]), largest=float(errors.max()))
+        turned = self.reference.found
+        turnover = max(1e-12, turned["kinetic_energy"] + turned.get("elastic_energy", 0.0) + abs(turned["gravity_work"]))
+        return replace(row, drift=(track.found["energy"] - turned["energy"]) / turnover,
+                       residual=track.found.get("residual"), strain=track.found.get("rms_strain"))
+
+    def all(self, quick: bool = False) -> None:
+        """Every series, the cheapest next run first; before them the scene's own setting, after them float64."""
+        s = self.scene
+        own = self.run(Setting(s.solver, s.integrator, s.substeps, s.iterations), 0.0)
+        if own:
+            own.own = True
+        new, known = list(series(s, quick)), list[tuple[float, Setting]]()
+        while new or known:
+            start = max(self.starts, default=0.0)              # compiling, mostly
+            known.sort(key=lambda entry: entry[0])
+            if new and (not known or start <= EAGER * known[0][0]):
+                began = self.budget.spent
+                row = self.run(new.pop(0), start)
+                self.starts += [self.budget.spent - began - self.seconds[row.setting]] if row else []
+            else:
+                row = self.run(known[0][1], known.pop(0)[0])
+            if row and self.goes_on(row):
+                known.append((self.step * self.seconds[row.setting], row.setting.finer(self.step)))
+        if not quick:
+            self.doubles()
+
+    def goes_on(self, row: Row) -> bool:
+        """Whether a finer setting of the same series tells more."""
+        doubt = 0.0 if self.reference.refused else self.reference.error
+        ahead = [r for r in self.rows if r.held and r.error <= row.error and DOMINATED * r.ms <= row.ms]
+        if row.error <= max(ENOUGH, doubt):
+            what = f"{percent(doubt)}, what the reference resolves" if doubt > ENOUGH else f"{percent(ENOUGH)}"
+            self.drop(row.setting.finer(self.step), f"{row.setting.substeps} substeps err by less than {what}"
+                      + " in energy" * bool(self.reference.refused))
+        elif ahead:
+            self.drop(row.setting.finer(self.step), f"{ahead[0].setting} errs less than {row.setting.substeps} substeps and "
+                      f"is {row.ms / ahead[0].ms:.0f} times faster")
+        return row.error > max(ENOUGH, doubt) and not ahead
+
+    def doubles(self) -> None:
+        """The most accurate float32 rows of the front, in float64."""
+        for row in front([r for r in self.rows if r.setting.precision == "float32"])[::-1][:DOUBLES]:
+            self.run(replace(row.setting, precision="float64"), 2.0 * self.seconds[row.setting])
+

@@ -1,0 +1,123 @@
+"""One run of a scene with one setting: where its points are at sampled frames, and what a frame takes.
+
+    size       largest extent of a body at the start [m], at least 1 mm: errors are over it
+    distance   RMS over the points of |x - y|, at every sampled frame, (samples,) [m]
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from wsim.bench.setting import Setting
+from wsim.scene import Scene
+from wsim.simulation import Simulation
+
+SAMPLES = 12           # frames whose positions are kept
+WARM = 3               # frames that are timed at least
+LONGEST = 256          # substeps of one graph in a reference; more are taken as shorter frames
+
+
+@dataclass(frozen=True)
+class Look:
+    """What every run of a bench has in common: device, frames, and which of them are sampled."""
+
+    device: str | None
+    frames: int
+
+    @property
+    def sampled(self) -> list[int]:
+        count = min(self.frames, SAMPLES)
+        return [round((k + 1) * self.frames / count) for k in range(count)]
+
+
+@dataclass
+class Track:
+    """What one run left. places (samples, points, 3) [m] in world space, the author's order, all bodies."""
+
+    setting: Setting                       # as it ran
+    places: np.ndarray
+    start: np.ndarray                      # places before the first frame, (points, 3)
+    ms: float
+    seconds: float                         # of the frames, compiling and capturing not counted
+    notes: list[str] = field(default_factory=list)
+    found: dict[str, float] = field(default_factory=dict)      # after the last frame, where measured
+
+
+def size(scene: Scene) -> float:
+    """Largest extent of a body at the start [m]; at least 1 mm."""
+    extents = [np.ptp(body.motion.points(body.points), axis=0).max() for body in scene.bodies() if len(body.points)]
+    return max([1e-3, *map(float, extents)])
+
+
+def distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """RMS over the points at each sampled frame [m]; shapes (samples, points, 3)."""
+    return np.sqrt(np.mean(np.sum((a - b)**2, axis=-1), axis=-1))
+
+
+def places(sim: Simulation) -> np.ndarray:
+    """World positions of every point [m], (points, 3)."""
+    return np.concatenate([sim.positions(body.path) for body in sim.scene.bodies()])
+
+
+def measure(sim: Simulation) -> dict[str, float]:
+    """Energies [J], strain and residual now, and the work of gravity since the start [J]."""
+    model, x = sim.model, sim.state.x.numpy().astype(np.float64) + sim.state.e.numpy()
+    fallen = (x - model.stack("places")) @ np.asarray(sim.scene.gravity)
+    return sim.indicators() | {"gravity_work": float(model.stack("masses") @ fallen)}
+
+
+def run(scene: Scene, setting: Setting, look: Look, prepare: Callable[[Simulation], None] | None = None,
+        measured: bool = False) -> Track:
+    """Simulates look.frames frames; `prepare` may move the points first; `measured` gathers energies and strains too, by
+    kernels that are compiled for it.
+
+    Raises SceneError where the scene cannot be stepped so.
+    """
+    sim = Simulation(setting.applied(scene), device=look.device, precision=setting.precision)
+    if prepare:
+        prepare(sim)
+    start, kept = places(sim), []
+    while sim.frame < look.frames:
+        sim.step()
+        if sim.frame in look.sampled:
+            kept.append(places(sim))
+    found = measure(sim) if measured else {}
+    ran, notes = _ran(sim, setting)
+    while len(sim.milliseconds) < 2 + WARM:                    # the first two compile, capture, and start BDF2
+        sim.step()
+    warm = sim.milliseconds[2:]
+    return Track(ran, np.stack(kept), start, float(np.median(warm)), 1e-3 * float(np.mean(warm)) * look.frames, notes, found)
+
+
+def _ran(sim: Simulation, setting: Setting) -> tuple[Setting, list[str]]:
+    """The setting as the plan chose it, and what became of it on the way."""
+    choice, clock, notes = sim.plan.choice, sim.plan.clock, []
+    ran = Setting(choice.solver, choice.integrator.name, choice.substeps, choice.iterations, setting.precision)
+    if choice.integrator.name == "bdf2" and not clock.multistep:
+        notes.append("gave way to backward Euler")
+    if clock.substeps != choice.substeps:
+        notes.append(f"took {clock.substeps} substeps where a point stopped being a number")
+    return ran, notes
+
+
+def fine(scene: Scene, setting: Setting, look: Look, prepare: Callable[[Simulation], None] | None = None,
+         measured: bool = False) -> Track:
+    """As `run`, with frames cut so that no graph holds more than LONGEST substeps: for references, whose substeps are
+    many. What is done once a frame, as uploading motions, is done more often then."""
+    cut = -(-setting.substeps // LONGEST)
+    short = replace(scene, fps=scene.fps * cut)
+    shorter = replace(setting, substeps=-(-setting.substeps // cut))
+    track = run(short, shorter, _Cut(look.device, look.frames * cut, cut), prepare, measured)
+    return replace(track, setting=replace(track.setting, substeps=track.setting.substeps * cut), ms=track.ms * cut)
+
+
+@dataclass(frozen=True)
+class _Cut(Look):
+    """Frames cut into so many: the samples stay where they were."""
+
+    cut: int = 1
+
+    @property
+    def sampled(self) -> list[int]:
+        return [k * self.cut for k in Look(self.device, self.frames // self.cut).sampled]
