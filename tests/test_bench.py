@@ -77,10 +77,10 @@ def test_real_time_keeps_a_margin():
     assert front.within_time(rows, dt=0.001) is None
 
 
-def test_float64_is_recommended_for_a_clear_gain_only():
-    single = row(10, 0.01)
-    assert front.within_time([single, row(10, 0.009, "float64")], 1.0) is single
-    assert front.within_time([single, row(10, 0.001, "float64")], 1.0) is not single
+def test_float64_is_recommended_where_no_float32_will_do():
+    single, double = row(10, 0.01), row(9, 0.001, "float64")
+    assert front.within_error([single, double], 0.02) is single
+    assert front.within_error([single, double], 0.002) is double
 
 
 def test_nothing_is_recommended_where_errors_are_refused():

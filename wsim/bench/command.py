@@ -67,8 +67,8 @@ def recommended(scene: Scene, error: float, device: str | None, say: Callable[[s
 def _none(report: Report, error: float) -> str:
     """Why no setting is known for an error, and the mend."""
     if report.refused:
-        return (f"no error can be promised: {report.refused}{report.mend}. `wsim bench` of the scene shows what can be said; "
-                "its result is kept for --error")
+        return (f"no error can be promised: {report.refused}{report.mend} (options of `wsim bench`, whose latest result counts "
+                "here; what it prints says what can be said instead)")
     best: Row = min(report.rows, key=lambda r: r.error)
     doubt = report.reference["error"]
     floor = f", the reference's own error is {percent(doubt)}" if doubt > 0.1 * error else ""

@@ -11,7 +11,6 @@ from wsim.bench.setting import Setting
 
 AMPLIFIES = 100.0      # growth of a perturbation beyond which positions say nothing
 PERTURBED = 1e-6       # size of that perturbation, over the scene's
-NOISE = 0.7            # times and errors above so much of another's are no clear gain
 MARGIN = 0.2           # of a frame's time that "real time" leaves for everything else
 
 
@@ -74,8 +73,6 @@ def within_time(rows: Sequence[Row], dt: float, margin: float = MARGIN, most: fl
 
 
 def _best(rows: Sequence[Row], rank: Callable[[Row], tuple[float, float]]) -> Row | None:
-    """The first by rank of those that held; float64 only where that is a clear gain."""
+    """The first by rank of those that held; float64, the measuring instrument, only where no float32 will do."""
     good = [r for r in rows if r.held and r.error < inf]
-    first = min(good, key=rank, default=None)
-    single = min((r for r in good if r.setting.precision == "float32"), key=rank, default=None)
-    return single if first and single and rank(single)[0] * NOISE <= rank(first)[0] else first
+    return min([r for r in good if r.setting.precision == "float32"] or good, key=rank, default=None)

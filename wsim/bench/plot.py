@@ -37,6 +37,7 @@ def plot(report: Report, place: str) -> None:
     FigureCanvasAgg(figure)
     axes = figure.add_subplot(xscale="log", yscale="log")
     rows = [r for r in report.rows if 0.0 < r.error < float("inf")]          # what a logarithm knows
+    axes.set_ylim(min((r.error for r in rows), default=1e-3) / 3.0, max((r.error for r in rows), default=1.0) * 2.0)
     _series(axes, rows)
     _marked(axes, report, rows)
     _goals(axes, report)
@@ -122,8 +123,7 @@ def _goals(axes: "Axes", report: Report) -> None:
         axes.axhline(goal, color="#888888", linewidth=0.6)
     floor = report.reference["error"]
     if floor > 0.0:
-        low = min([r.error for r in report.rows if r.error > 0.0], default=floor) / 2.0
+        low = axes.get_ylim()[0]
         if low < floor:
-            axes.set_ylim(bottom=low)
             axes.axhspan(low, floor, color="#f0e6d8", zorder=-1, label=f"below the reference's\nown error, {100 * floor:.1g} %")
 

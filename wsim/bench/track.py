@@ -10,11 +10,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from wsim.bench.setting import Setting
+from wsim.choice import Choice
 from wsim.scene import Scene
 from wsim.simulation import Simulation
 
 SAMPLES = 12           # frames whose positions are kept
-WARM = 3               # frames that are timed at least
+WARM, LASTING = 3, 0.1 # frames that are timed at least, and [s] that they last together; frames may go on for it
 LONGEST = 256          # substeps of one graph in a reference; more are taken as shorter frames
 
 
@@ -68,37 +69,44 @@ def measure(sim: Simulation) -> dict[str, float]:
 
 
 def run(scene: Scene, setting: Setting, look: Look, prepare: Callable[[Simulation], None] | None = None,
-        measured: bool = False) -> Track:
+        measured: bool = False, timed: bool = True) -> Track:
     """Simulates look.frames frames; `prepare` may move the points first; `measured` gathers energies and strains too, by
-    kernels that are compiled for it.
+    kernels that are compiled for it; `timed`: frames go on after those until their time is known well.
 
     Raises SceneError where the scene cannot be stepped so.
     """
     sim = Simulation(setting.applied(scene), device=look.device, precision=setting.precision)
     if prepare:
         prepare(sim)
-    start, kept = places(sim), []
+    choice, start, kept = sim.plan.choice, places(sim), []
     while sim.frame < look.frames:
         sim.step()
         if sim.frame in look.sampled:
             kept.append(places(sim))
     found = measure(sim) if measured else {}
-    ran, notes = _ran(sim, setting)
-    while len(sim.milliseconds) < 2 + WARM:                    # the first two compile, capture, and start BDF2
-        sim.step()
-    warm = sim.milliseconds[2:]
+    notes = _notes(sim, choice)
+    warm = _warm(sim) if timed else sim.milliseconds[2:] or sim.milliseconds[-1:]
+    ran = Setting(choice.solver, choice.integrator.name, choice.substeps, choice.iterations, setting.precision)
     return Track(ran, np.stack(kept), start, float(np.median(warm)), 1e-3 * float(np.mean(warm)) * look.frames, notes, found)
 
 
-def _ran(sim: Simulation, setting: Setting) -> tuple[Setting, list[str]]:
-    """The setting as the plan chose it, and what became of it on the way."""
-    choice, clock, notes = sim.plan.choice, sim.plan.clock, []
-    ran = Setting(choice.solver, choice.integrator.name, choice.substeps, choice.iterations, setting.precision)
+def _warm(sim: Simulation) -> list[float]:
+    """[ms] of frames after the first two, which compile, capture, and start BDF2."""
+    while len(sim.milliseconds) < 2 + WARM or (sum(sim.milliseconds[2:]) < 1e3 * LASTING and len(sim.milliseconds) < 64):
+        sim.step()
+    return sim.milliseconds[2:]
+
+
+def _notes(sim: Simulation, choice: Choice) -> list[str]:
+    """What became on the way of a choice that was made."""
+    clock, notes = sim.plan.clock, []
+    if sim.plan.choice.solver != choice.solver:
+        return [f"gave way to {sim.plan.choice.solver}"]
     if choice.integrator.name == "bdf2" and not clock.multistep:
         notes.append("gave way to backward Euler")
     if clock.substeps != choice.substeps:
         notes.append(f"took {clock.substeps} substeps where a point stopped being a number")
-    return ran, notes
+    return notes
 
 
 def fine(scene: Scene, setting: Setting, look: Look, prepare: Callable[[Simulation], None] | None = None,
@@ -108,7 +116,7 @@ def fine(scene: Scene, setting: Setting, look: Look, prepare: Callable[[Simulati
     cut = -(-setting.substeps // LONGEST)
     short = replace(scene, fps=scene.fps * cut)
     shorter = replace(setting, substeps=-(-setting.substeps // cut))
-    track = run(short, shorter, _Cut(look.device, look.frames * cut, cut), prepare, measured)
+    track = run(short, shorter, _Cut(look.device, look.frames * cut, cut), prepare, measured, timed=False)
     return replace(track, setting=replace(track.setting, substeps=track.setting.substeps * cut), ms=track.ms * cut)
 
 
