@@ -45,7 +45,7 @@ class Reference:
     growth: np.ndarray                     # of a perturbation at each sampled frame
     seconds: float
     notes: list[str] = field(default_factory=list)
-    found: dict[str, float] = field(default_factory=dict)      # energies, where errors of positions are refused
+    found: dict[str, float] = field(default_factory=dict)      # energies, where errors of positions are refused; or nothing
 
     @property
     def refused(self) -> str:
@@ -81,9 +81,9 @@ def candidates(scene: Scene, look: Look) -> list[tuple[Setting, int]]:
     """Coarsest setting and order of every method that may serve, the best first."""
     n, sweeps = max(4, first_substeps(scene)), max(scene.iterations, 4)
     if scene.colliders:
-        return [(Setting("xpbd", "backward_euler", max(n, scene.substeps), sweeps, "float64"), 1)]
+        return [(Setting("xpbd", "backward_euler", max(n, scene.substeps // 2), sweeps, "float64"), 1)]
     if not smooth(scene):
-        return [(Setting("xpbd", "bdf2", max(n, scene.substeps), sweeps, "float64"), 2)]
+        return [(Setting("xpbd", "bdf2", max(n, scene.substeps // 2), sweeps, "float64"), 2)]
     found = [(Setting("implicit", "bdf2", n, NEWTON[-1], "float64"), 2), (Setting("xpbd", "bdf2", n, 4 * sweeps, "float64"), 2)]
     if available("explicit"):
         auto = Simulation(replace(scene, solver="explicit", integrator="auto", substeps=1), device=look.device)
@@ -183,7 +183,8 @@ def make(scene: Scene, look: Look, budget: Budget, say: Callable[[str], None]) -
 def _refined(r: Refinement, budget: Budget, began: float, notes: list[str]) -> Reference:
     """Goes on refining while it helps and is paid for."""
     _moves(r)
-    r.perturbed()
+    if r.finest.seconds <= budget.left():
+        r.perturbed()
     while not r.amplifies and len(r.differences) < LEVELS and not r.known(budget):
         if r.cost > budget.left(SHARE if r.differences else 1.0):
             break
@@ -196,9 +197,11 @@ def _refined(r: Refinement, budget: Budget, began: float, notes: list[str]) -> R
             error += r.sweeps()
         else:
             notes.append("whether its iterations are enough was not looked at: the budget is spent")
+    if len(r.differences) == 1 and error > 1e-2 * TARGET and not r.amplifies:
+        notes.append(f"its error is from one refinement, believing in order {r.order}")
     ratios = r.differences[-2:]
     ratio = ratios[0] / ratios[1] if len(ratios) == 2 and ratios[1] else nan
-    if refused(r.growth, error):
+    if refused(r.growth, error) and budget.left():
         if not r.amplifies:
             r.next = r.finest.setting                          # the same again, with its energies
         r.refine(measured=True)

@@ -70,15 +70,16 @@ class Report:
 
     def _head(self) -> list[str]:
         r, where = self.reference, self.device if self.hardware == self.device else f"{self.device} ({self.hardware})"
-        known = f"estimated error {percent(r['error'])}" if isfinite(r["error"]) else "its error is unknown"
+        known = f"estimated error {percent(r['error'])}" if isfinite(r["error"]) else "not refined"
         known = "not refined" if max(self.growth) > AMPLIFIES else known
         ratio = "" if r["ratio"] is None else f", differences fall by {r['ratio']:.3g} a level"
+        grown = f"grows {max(self.growth):.3g} times" if any(self.growth) else "was not followed: the budget is spent"
         versions = ", ".join(f"{name} {version}" for name, version in self.versions.items())
         lines = [f"{self.scene}: {self.points} points, {self.frames} frames of 1/{self.fps:g} s ({self.frames / self.fps:.3g} "
                  f"s) on {where}, {versions}",
                  f"errors are RMS distances over the scene's size, {self.size:.4g} m, after the last frame and the largest",
                  f"reference {r['setting']}: {known}{ratio}; {r['seconds']:.3g} s",
-                 f"  {PERTURBED:g} of the size, put in at the start, grows {max(self.growth):.3g} times"]
+                 f"  {PERTURBED:g} of the size, put in at the start, {grown}"]
         lines += [f"  {note}" for note in r["notes"]]
         if self.refused:
             lines += [f"no errors of positions: {self.refused}{self.mend}",

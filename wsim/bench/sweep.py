@@ -70,10 +70,12 @@ class Sweep:
         if not self.reference.refused:
             errors = distance(track.places, there.places) / size(self.scene)
             return replace(row, end=float(errors[-1]), largest=float(errors.max()))
+        row.residual, row.strain = track.found.get("residual"), track.found.get("rms_strain")
         turned = self.reference.found
-        turnover = max(1e-12, turned["kinetic_energy"] + turned.get("elastic_energy", 0.0) + abs(turned["gravity_work"]))
-        return replace(row, drift=(track.found["energy"] - turned["energy"]) / turnover,
-                       residual=track.found.get("residual"), strain=track.found.get("rms_strain"))
+        if turned:
+            turnover = turned["kinetic_energy"] + turned.get("elastic_energy", 0.0) + abs(turned["gravity_work"])
+            row.drift = (track.found["energy"] - turned["energy"]) / max(1e-12, turnover)
+        return row
 
     def all(self, quick: bool = False) -> None:
         """Every series, the cheapest next run first; before them the scene's own setting, after them float64."""
