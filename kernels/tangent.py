@@ -1,0 +1,173 @@
+"""Forces of hinges and triangles, and the positive part of their Jacobian: what kernels/newton.py gathers.
+
+    force = -G^T alpha^-1 (C + tau G v)         v = (d - a) / g, a the anchor, tau [s] the relaxation time of damping
+
+What is kept of the Jacobian:
+
+    hinge      (1 + tau/g) G^T alpha^-1 G: exact where it is unbent (Gauss-Newton)
+    membrane   (1 + tau/g) G^T alpha^-1 G, and of the stress Sigma = [[s0, s2], [s2, s1]], s = alpha^-1 C, what stiffens
+               motion across the triangle and turns in its plane, where that is positive; see `tension`
+
+A hinge keeps alpha^-1/2 G (12 numbers; its blocks are outer products), a triangle its blocks of pairs (27). Blocks sum to
+zero along a row, so those of a point with itself are not stored.
+"""
+
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels.constraint import across, dihedral, inverse, membrane
+from wsim.kernels.real import types
+from wsim.kernels.xpbd import batch_of
+
+BLOCK, TURNED = -1, -2         # second number of a part of a block: a triangle's block, or its transpose; >= 0: hinges
+
+
+@cache
+def elements_of(real):
+    """Struct of what elements leave for their points."""
+    t = types(real)
+
+    @wp.struct
+    class Elements:
+        J: wp.array(dtype=t.vec3)            # alpha^-1/2 G of each corner of a hinge, (4 hinges,)
+        block: wp.array(dtype=t.mat33)       # A_01, A_02, A_12 of each triangle, (3 triangles,)
+        force: wp.array(dtype=t.vec3)        # [N] on each corner: of hinges, then of triangles
+
+    return Elements
+
+
+@wp.func
+def plane_stiffness(alpha: Any):
+    """Inverse of `plane_stress`."""
+    o = type(alpha[0])(0.0)
+    q = inverse(alpha[0] * alpha[0] - alpha[1] * alpha[1])
+    return wp.matrix_from_rows(wp.vector(q * alpha[0], -q * alpha[1], o), wp.vector(-q * alpha[1], q * alpha[0], o),
+                               wp.vector(o, o, inverse(alpha[2])))
+
+
+@wp.func
+def positive(M: Any):
+    """The part of a symmetric 2 x 2 matrix with eigenvalues >= 0."""
+    zero = type(M[0, 0])(0.0)
+    half = type(M[0, 0])(0.5)
+    mean = half * (M[0, 0] + M[1, 1])
+    skew = half * (M[0, 0] - M[1, 1])
+    reach = wp.sqrt(skew * skew + M[0, 1] * M[0, 1])
+    low = mean - reach
+    scale = type(M[0, 0])(1.0)
+    if low < zero:
+        scale = wp.max(zero, mean + reach) * half * inverse(reach)
+    else:
+        low = zero
+    return scale * wp.matrix_from_rows(wp.vector(M[0, 0] - low, M[0, 1]), wp.vector(M[0, 1], M[1, 1] - low))
+
+
+@wp.func
+def tension(C: Any, s: Any):
+    """What stress s of a membrane adds: the positive part of 2 T (2 x 2), and that of tr(Sigma U).
+
+    Move the triangle across its plane, dF = n w^T: U^2 becomes U^2 + w w^T, so U changes by V with U V + V U = w w^T in
+    second order, and the energy by Sigma:V = w^T T w where U T + T U = Sigma. Turn it in its plane by the spin of
+    `membrane`, R^T dF = J U: U^2 becomes U^2 + U^2 and the energy changes by T:U^2 = tr(Sigma U) / 2. (What couples
+    turns to strains is left out: it has no sign.) T = (det Sigma + adj Sigma adj) / (2 tr det) with adj = tr I - U;
+    where the triangle is nearly a line, det is kept above 1e-4 tr^2.
+    """
+    one = type(C[0])(1.0)
+    half = type(C[0])(0.5)
+    U = wp.matrix_from_rows(wp.vector(C[0] + one, half * C[2]), wp.vector(half * C[2], C[1] + one))
+    S = wp.matrix_from_rows(wp.vector(s[0], s[2]), wp.vector(s[2], s[1]))
+    t = U[0, 0] + U[1, 1]
+    det = wp.max(U[0, 0] * U[1, 1] - U[0, 1] * U[0, 1], type(one)(1.0e-4) * t * t)
+    adj = wp.matrix_from_rows(wp.vector(U[1, 1], -U[0, 1]), wp.vector(-U[0, 1], U[0, 0]))
+    spin = wp.max(s[0] * U[0, 0] + s[1] * U[1, 1] + s[2] * C[2], type(one)(0.0))
+    return positive(inverse(t * det) * (det * S + adj * S * adj)), spin
+
+
+@wp.func
+def frame(X: Any, B: Any):
+    """Unit normal, and r_u / t, r_v / t of `membrane`: a spin of the triangle is (r_v.dF_u - r_u.dF_v) / t."""
+    Fu = B[0, 0] * X[0] + B[1, 0] * X[1]
+    Fv = B[0, 1] * X[0] + B[1, 1] * X[1]
+    s, n = across(Fu, Fv)
+    q = inverse(wp.dot(Fu, Fu) + wp.dot(Fv, Fv) + type(s)(2.0) * s)
+    return n, q * (Fu + wp.cross(Fv, n)), q * (Fv + wp.cross(n, Fu))
+
+
+@cache
+def hinges(real, module):
+    """Kernel over hinges: forces on corners and alpha^-1/2 G."""
+    t, Batch, Elements = types(real), batch_of("dihedral", real), elements_of(real)
+    rows = wp.types.matrix((3, 3), real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def hinges(batch: Batch, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3), rate: real,
+               out: Elements):
+        c = wp.tid()
+        p = batch.point[c]
+        i = p[0]
+        X = rows()
+        V = rows()
+        for k in range(3):
+            moved = d[p[k + 1]] - d[i]
+            X[k] = (x[p[k + 1]] - x[i]) + moved
+            V[k] = moved - (a[p[k + 1]] - a[i])
+        C, G = dihedral(X, batch.rest[c])
+        gamma = rate * batch.tau[c]
+        for k in range(3):
+            C += gamma * wp.dot(G[k], V[k])
+        stiffness = inverse(batch.alpha[c])
+        root = wp.sqrt((real(1.0) + gamma) * stiffness)
+        G0 = -(G[0] + G[1] + G[2])
+        out.J[4 * c] = root * G0
+        out.force[4 * c] = -(stiffness * C) * G0
+        for k in range(3):
+            out.J[4 * c + k + 1] = root * G[k]
+            out.force[4 * c + k + 1] = -(stiffness * C) * G[k]
+
+    return hinges
+
+
+@cache
+def triangles(real, module):
+    """Kernel over membranes: forces on corners, the first of which has place `first`, and the three blocks of pairs."""
+    t, Batch, Elements = types(real), batch_of("membrane", real), elements_of(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def triangles(batch: Batch, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3), rate: real,
+                  first: int, out: Elements):
+        c = wp.tid()
+        p = batch.point[c]
+        i = p[0]
+        D1 = d[p[1]] - d[i]
+        D2 = d[p[2]] - d[i]
+        X = wp.matrix_from_rows((x[p[1]] - x[i]) + D1, (x[p[2]] - x[i]) + D2)
+        B = batch.rest[c]
+        C, G1, G2 = membrane(X, B)
+        S = plane_stiffness(batch.alpha[c])
+        gamma = rate * batch.tau[c]
+        V1 = D1 - (a[p[1]] - a[i])
+        V2 = D2 - (a[p[2]] - a[i])
+        s = S * (C + gamma * (G1 * V1 + G2 * V2))
+        f1 = -(wp.transpose(G1) * s)
+        f2 = -(wp.transpose(G2) * s)
+        out.force[first + 3 * c] = -(f1 + f2)
+        out.force[first + 3 * c + 1] = f1
+        out.force[first + 3 * c + 2] = f2
+        S *= real(1.0) + gamma
+        M, spin = tension(C, plane_stiffness(batch.alpha[c]) * C)
+        n, ru, rv = frame(X, B)
+        nn = wp.outer(n, n)
+        b1 = B[0]
+        b2 = B[1]
+        y1 = b1[0] * rv - b1[1] * ru
+        y2 = b2[0] * rv - b2[1] * ru
+        A11 = wp.transpose(G1) * S * G1 + wp.dot(b1, M * b1) * nn + spin * wp.outer(y1, y1)
+        A12 = wp.transpose(G1) * S * G2 + wp.dot(b1, M * b2) * nn + spin * wp.outer(y1, y2)
+        A22 = wp.transpose(G2) * S * G2 + wp.dot(b2, M * b2) * nn + spin * wp.outer(y2, y2)
+        out.block[3 * c] = -(A11 + wp.transpose(A12))
+        out.block[3 * c + 1] = -(A12 + A22)
+        out.block[3 * c + 2] = A12
+
+    return triangles

@@ -1,0 +1,290 @@
+"""Cloth and springs by Newton's method and conjugate gradients (Baraff, Witkin 1998): kernels/newton.py, kernels/pcg.py.
+
+An iteration of a substep is one Newton step: forces and Jacobian at d, conjugate gradients to TOLERANCE or CAP iterations, a
+line search. d starts where Phi is least of: the prediction b; b and what forces did in the substep before; the place where the
+substep began. So Phi ends below what standing still costs, and backward Euler cannot gain energy, however few steps
+are taken. Every body is a system of its own with its own steps: worlds do not see each other.
+
+Contacts and soft pins enter the system, see kernels/touching.py; tethers and strain limits are projected after each step.
+"""
+
+import numpy as np
+import warp as wp
+
+from wsim import linear, topology
+from wsim.cloth import Rows, in_worlds
+from wsim.kernels import descent, newton, pcg, tangent, touching
+from wsim.kernels.real import types
+from wsim.model import Model
+from wsim.stage import RESIDUAL, Clock, Method, Stage
+from wsim.state import State
+
+TOLERANCE = 1e-2       # of conjugate gradients
+CAP = 300              # iterations of conjugate gradients
+LANES = 4096           # threads that sum the energy
+KINDS = ("distance", "dihedral", "membrane")
+MET = 1e-2             # largest residual with which BDF2 goes on
+
+
+class Table:
+    """All constraints of one kind, on the device, in the order of the bodies."""
+
+    def __init__(self, kind: str, rows: list[Rows], model: Model):
+        self.kind, self.rows, self.model, self.stale = kind, rows, model, False
+        self.ids = np.concatenate([r.ids for r in rows]).astype(np.int32)
+        self.size = len(self.ids)
+        sizes = np.bincount([r.body.number for r in rows if r.body is not None], [len(r.ids) for r in rows], len(model.bodies))
+        self.first = model.upload(np.r_[0, np.cumsum(sizes)].astype(np.int32), int)
+        self.most = int(sizes.max())
+        t = types(model.real)
+        self.data = tangent.batch_of(kind, model.real)()
+        self.data.point = model.upload(self.ids, wp.types.vector(self.ids.shape[1], int))
+        rest = np.concatenate([r.rest for r in rows])
+        self.data.rest = model.upload(rest, t.mat22 if rest.ndim == 3 else t.scalar)
+        alpha, tau = self.values()
+        self.data.alpha = model.upload(alpha, t.vec3 if alpha.ndim == 2 else t.scalar)
+        self.data.tau = model.upload(tau, t.scalar)
+
+    def values(self) -> tuple[np.ndarray, np.ndarray]:
+        """Compliance and relaxation time [s] of each constraint."""
+        return (np.concatenate([np.broadcast_to(r.alpha, (len(r.ids), *r.alpha.shape[1:])) for r in self.rows]),
+                np.concatenate([np.full(len(r.ids), r.tau) for r in self.rows]))
+
+    def refresh(self) -> None:
+        """Uploads the rows' compliances and relaxation times anew, into the same arrays."""
+        if self.stale:
+            alpha, tau = self.values()
+            self.data.alpha.assign(alpha.astype(self.model.dtype))
+            self.data.tau.assign(tau.astype(self.model.dtype))
+            self.stale = False
+
+
+class Implicit(Method):
+    """Stage newton, and what it reports."""
+
+    def __init__(self, model: Model, state: State, points, status: wp.array, clock: Clock, rows: dict[str, list[Rows]]):
+        """rows: soft constraints of each body of world 0, by path."""
+        super().__init__("implicit")
+        self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
+        every = in_worlds(model, rows)
+        self.tables = {kind: Table(kind, [r for r in every if r.kind == kind], model)
+                       for kind in KINDS if any(r.kind == kind for r in every)}
+        self.contact = self.pins = None
+        self.springs = "distance" in self.tables
+        self.elements = "dihedral" in self.tables or "membrane" in self.tables
+        self.structure()
+        self.work()
+        self.make()
+        self.stages.append(Stage("newton", "solve", self.newton, self.launches, self.bytes, "iteration",
+                                 ", ".join(f"{b.size} {b.kind}" for b in self.tables.values())))
+
+    def ids(self, kind: str, corners: int) -> np.ndarray:
+        return self.tables[kind].ids if kind in self.tables else np.zeros((0, corners), np.int32)
+
+    def structure(self) -> None:
+        """Who touches whom, and room for the Jacobian."""
+        model, n = self.model, self.model.points
+        t, s, device = types(model.real), newton.structs(model.real), model.device
+        self.rows, self.A, self.element = s.Rows(), s.Matrix(), tangent.elements_of(model.real)()
+        self.rows.w = self.points.constants.w
+
+        def put(values):
+            return model.upload(values.astype(np.int32), int)
+        if self.springs:
+            e = linear.entries(self.ids("distance", 2), n)
+            self.rows.spring, self.rows.other, self.rows.number = put(e.first), put(e.other), put(e.number)
+            self.A.link = wp.zeros(len(e.other), dtype=t.vec4, device=device)
+        if self.elements:
+            hinges, triangles = self.ids("dihedral", 4), self.ids("membrane", 3)
+            b = linear.blocks(hinges, triangles, n)
+            self.rows.pair, self.rows.column, self.rows.part = put(b.first), put(b.column), put(b.part)
+            self.rows.item = model.upload(b.item.astype(np.int32), wp.vec2i)
+            self.rows.corner, self.rows.pull = put(b.corner), put(b.pull)
+            self.A.block = wp.zeros(len(b.column), dtype=t.mat33, device=device)
+            self.element.J = wp.zeros(4 * len(hinges), dtype=t.vec3, device=device)
+            self.element.block = wp.zeros(3 * len(triangles), dtype=t.mat33, device=device)
+            self.element.force = wp.zeros(len(b.pull), dtype=t.vec3, device=device)
+        self.A.own = wp.zeros(n, dtype=t.scalar, device=device)
+        self.A.P = wp.zeros(n, dtype=t.mat33, device=device)
+
+    def work(self) -> None:
+        """Vectors over points, and numbers of each body."""
+        model, t = self.model, types(self.model.real)
+        bodies, cuda = len(model.bodies), model.device.is_cuda
+
+        def over(count, dtype):
+            return wp.zeros(count, dtype=dtype, device=model.device)
+        self.b, self.c, self.saved, self.f = (over(model.points, t.vec3) for _ in range(4))
+        self.fields, self.time = {"c": self.c}, -1.0
+        self.v = pcg.vectors(model.real)()
+        for name in "yrzwps":
+            setattr(self.v, name, over(model.points, t.vec3))
+        self.first = model.upload(np.array([*(b.first for b in model.bodies), model.points], np.int32), int)
+        self.count, self.residual = over(bodies, int), over(bodies, model.real)
+        self.drop, self.step = over(bodies, wp.float64), over(bodies, wp.float64)
+        most = max([int(b.count) for b in model.bodies] + [t.most for t in self.tables.values()])
+        self.lanes = int(np.clip(most // 8, 32, 2**16)) if cuda else 1
+        self.change = wp.zeros((bodies * self.lanes, 1 + descent.HALVINGS), dtype=wp.float64, device=model.device)
+        self.trials = {kind: [self.trial(first, begin, end) for begin, end in ((0, 1), (1, 1 + descent.HALVINGS))]
+                       for kind, first in [("", self.first), *((k, b.first) for k, b in self.tables.items())]}
+
+    def trial(self, first: wp.array, begin: int, end: int):
+        trial = descent.Trial()
+        trial.first, trial.lanes, trial.begin, trial.end = first, self.lanes, begin, end
+        trial.step, trial.change = self.step, self.change
+        return trial
+
+    def make(self) -> None:
+        """Kernels."""
+        real, module, block = self.model.real, self.model.module, self.model.sweep_module
+        self.begin, self.stay, self.end = (f(real, module) for f in (newton.begin, newton.stay, newton.end))
+        self.hinges = tangent.hinges(real, module) if "dihedral" in self.tables else None
+        self.triangles = tangent.triangles(real, module) if "membrane" in self.tables else None
+        self.assemble = newton.assemble(real, module, self.springs, self.elements)
+        self.solve = pcg.solve(real, block, self.springs, self.elements)
+        self.inertia, self.move = descent.inertia(real, module), descent.move(real, module)
+        self.elastic = {kind: descent.elastic(kind, real, module) for kind in self.tables}
+        self.choose, self.left = descent.choose(real, block), descent.left(real, block)
+        if self.clock.multistep:
+            from wsim.kernels.residual import judge
+            self.judge = judge(real, module)
+
+    def join(self, contact, pins) -> None:
+        """Takes contacts (the method, or None) and soft pins into the system."""
+        real, module, model = self.model.real, self.model.module, self.model
+        self.contact, self.pins = contact, pins if pins and pins.groups["soft"] else None
+        if self.contact:
+            self.hold = touching.hold(real, module)
+            self.q = wp.zeros_like(self.b)
+        if self.pins:
+            self.pinned = touching.pinned(real, module)
+            first, item = topology.incident(self.pins.place["soft"].numpy()[:, None], model.points)
+            first = np.unique(first)                       # points without pins have no row
+            self.soft = [model.upload(values.astype(np.int32), int) for values in (first, item)]
+            pins.stages = [s for s in pins.stages if s.name != "soft pins"]
+
+    def newton(self, clock: Clock) -> None:
+        """One Newton step; after the last of a frame, its residual."""
+        rate = 1.0 / clock.g
+        if clock.i == 0:
+            self.start(clock)
+        self.linearise(rate)
+        self.blocks(self.solve, [self.rows, self.A, self.first, self.f, TOLERANCE, CAP, self.v], [self.drop, self.count])
+        self.search(rate, 0, 1)
+        if clock.i == clock.iterations - 1:
+            self.model.launch(self.end, self.model.points, [self.state.d, self.b], [self.c])
+            if clock.k == clock.substeps - 1:
+                self.measure(clock)
+
+    def start(self, clock: Clock) -> None:
+        """d becomes the best of three: the prediction, that and the last step's forces, where the substep began."""
+        s, n, rate, launch = self.state, self.model.points, 1.0 / clock.g, self.model.launch
+        self.count.zero_()
+        self.drop.zero_()
+        launch(self.begin, n, [self.rows, s.d, self.c, rate], [self.A, self.b, self.v.y])
+        if self.pins:
+            launch(self.pinned, self.soft[0].size - 1, [self.pins.soft, *self.soft, self.pins.target["soft"], s.x,
+                                                        self.points.anchor, clock.k, rate], [self.A, self.b])
+        if self.contact:
+            wp.copy(self.q, self.b)
+        self.search(rate, 0)
+        launch(self.stay, n, [self.rows, s.e, s.d], [self.v.y])
+        self.search(rate, 0)
+        if self.contact:
+            self.contact.project(clock)
+
+    def measure(self, clock: Clock) -> None:
+        """What the frame's last Newton step left, and whether BDF2 may go on."""
+        self.linearise(1.0 / clock.g)
+        self.blocks(self.left, [self.points.constants, self.A, self.first, self.f, self.state.d, self.b], [self.residual])
+        if clock.multistep:
+            self.model.launch(self.judge, self.residual.size, [self.residual, MET], [self.status[RESIDUAL:]])
+
+    def linearise(self, rate: float) -> None:
+        """Forces and Jacobian at d."""
+        s, a, launch = self.state, self.points.anchor, self.model.launch
+        offset = 4 * len(self.ids("dihedral", 4))
+        if self.hinges:
+            hinges = self.tables["dihedral"]
+            launch(self.hinges, hinges.size, [hinges.data, s.x, s.d, a, rate], [self.element])
+        if self.triangles:
+            triangles = self.tables["membrane"]
+            launch(self.triangles, triangles.size, [triangles.data, s.x, s.d, a, rate, offset], [self.element])
+        springs = self.tables["distance"].data if self.springs else tangent.batch_of("distance", self.model.real)()
+        launch(self.assemble, self.model.points, [self.rows, springs, self.element, s.x, s.d, a, self.b, rate],
+               [self.f, self.A])
+        if self.contact:
+            c = self.contact.contacts
+            launch(self.hold, self.model.points, [c.table, c.points, c.slots, s.d, self.b, self.f, c.push, self.rows.w],
+                   [self.A, self.f, c.push, self.q])
+
+    def search(self, rate: float, *passes: int) -> None:
+        """d goes along y as far as Phi says: all the way or, after pass 1, a part, or nowhere."""
+        s, a, y = self.state, self.points.anchor, self.v.y
+        b = self.q if self.contact else self.b
+        rows, launch = len(self.model.bodies) * self.lanes, self.model.launch
+        self.step.fill_(-1.0)
+        for which in passes:
+            launch(self.inertia, rows, [self.trials[""][which], self.A, s.d, b, y], [])
+            for kind, table in self.tables.items():
+                launch(self.elastic[kind], rows, [self.trials[kind][which], table.data, s.x, s.d, a, y, rate], [])
+            self.blocks(self.choose, [self.trials[""][which], self.drop], [self.step])
+        launch(self.move, self.model.points, [self.points.constants.object, self.step, y, s.d], [s.d])
+
+    def blocks(self, kernel, inputs: list, outputs: list) -> None:
+        """Launches a block of threads for each body; on the CPU a thread."""
+        from wsim.kernels.stream import BLOCK
+        model, bodies = self.model, len(self.model.bodies)
+        if model.device.is_cuda:
+            wp.launch(kernel, bodies * BLOCK, inputs, outputs, device=model.device, block_dim=BLOCK)
+        else:
+            wp.launch(kernel, bodies, inputs, outputs, device=model.device)
+
+    @property
+    def launches(self) -> int:
+        return 6 + 2 * len(self.tables) + (self.hinges is not None) + (self.triangles is not None)
+
+    @property
+    def bytes(self) -> int:
+        return 0
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        """A frame that is repeated starts from the same c; a run that starts anew from none."""
+        if time == self.time:
+            wp.copy(self.c, self.saved)
+        elif clock.starting:
+            self.c.zero_()
+        wp.copy(self.saved, self.c)
+        self.time = time
+
+    def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
+        """elastic_energy [J]; residual of the frame's last Newton step (kernels/descent.py, `left`), largest of all
+        bodies; pcg_iterations of the last substep, largest of all bodies."""
+        module = self.model.module + "_report"
+        return {"elastic_energy": sum((self.energy(b, module) for b in self.tables.values()), 0.0),
+                "residual": float(self.residual.numpy().max()), "pcg_iterations": float(self.count.numpy().max())}
+
+    def energy(self, table: Table, module: str) -> float:
+        """1/2 C alpha^-1 C [J] of a table, summed in float64."""
+        from wsim.kernels.strain import statistics
+        out = wp.zeros(min(LANES, table.size), dtype=wp.vec3d, device=self.model.device)
+        kernel = statistics(table.kind, real=self.model.real, module=module)
+        self.model.launch(kernel, out.size, [table.data, self.state.x, table.size, self.state.e], [out])
+        return float(out.numpy()[:, 2].sum())
+
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+        """stretch, shear, bend of a cloth, stiffness of a spring net, damping [s] of either."""
+        hit = False
+        for table in self.tables.values():
+            for r in table.rows:
+                if r.body is None or r.body.path != path or world not in (None, r.body.world):
+                    continue
+                if name == "damping":
+                    r.tau = float(value)
+                elif name in r.stiffness:
+                    r.stiffness = r.stiffness | {name: np.atleast_1d(np.asarray(value, np.float64))}
+                else:
+                    continue
+                table.stale = hit = True
+            table.refresh()
+        return hit
