@@ -7,9 +7,9 @@ The environment X, apart from wsim's own (three packages; Newton imports no othe
 
     python -m venv X; X/bin/pip install warp-lang==1.19.0 numpy; X/bin/pip install --no-deps newton==1.8.0
 
-Without a net: the wheels newton-1.8.0-py3-none-any, warp_lang-1.19.0-py3-none-manylinux_2_28_x86_64 and NumPy's for that
-Python, X/bin/pip install --no-index --no-deps *.whl; where wsim's own environment has Warp 1.19 and NumPy, X may be
-`python -m venv --system-site-packages` with Newton alone in it.
+Without a net: the wheels newton-1.8.0-py3-none-any (9 MB), warp_lang-1.19.0-py3-none-manylinux_2_28_x86_64 and NumPy's for
+that Python, X/bin/pip install --no-index --no-deps *.whl. Where wsim's own environment has them but Newton, its interpreter
+may be the peer's too, with Newton's wheel unzipped into a folder that PYTHONPATH names (the process is another still).
 
 The sheet is `reference.spring_cloth`, 1 m, weak cross springs, 0.2 kg/m^2, one edge pinned, 60 frames a second; errors are
 RMS distances [m] from the exact float64 trajectory at 0.25 s and 0.5 s. The garment is garment.py's, judged by its energy
