@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 # for everything in a folder of that name.
 LAYERS = (
     ("curve", "fabric", "latest", "polygon", "scene", "solids", "topology", "normals", "shapes", "color", "check", "integrator",
-     "stability",
+     "stability", "apart",
      "check_object", "locality", "kempe", "camera", "look", "png", "gif", "progress", "report"),
     ("kernels",),
     ("stage", "state", "order", "model", "linear"),

@@ -1,0 +1,80 @@
+"""Abuse that must end finite and recover: every row with every solver that wsim has.
+
+    python -m tools.stress [--device cpu] [--only NAME ...] [--solvers xpbd/bdf2,...] [--long] [--json FILE]
+
+Exit code 1 if a row does not hold. Rows, bounds and reasons: rows.py, judge.py, solvers.py.
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import warp as wp
+
+from tools.bench.speed import hardware
+from tools.stress import judge
+from tools.stress.rows import ROWS, Row
+from tools.stress.run import Worker, watched
+from tools.stress.solvers import Solver, available, listed
+
+HEAD = f"{'row':<26} {'solver':<26} {'worst strain':>12} {'left':>9} {'energy':>8} {'ms':>7}  verdict"
+
+
+def chosen(only: list[str], solvers: str) -> tuple[list[Row], list[Solver]]:
+    """Rows whose name contains one of `only`, solvers whose name begins with one of a comma list; ValueError for none."""
+    rows = [r for r in ROWS if not only or any(o in r.name for o in only)]
+    found = [s for s in available() if not solvers or any(s.name.startswith(n) for n in solvers.split(","))]
+    if not rows:
+        raise ValueError(f"--only {only} names no row; there are {', '.join(r.name for r in ROWS)}")
+    if not found:
+        raise ValueError(f"--solvers {solvers} names none; there are {', '.join(s.name for s in available())}")
+    return rows, found
+
+
+def line(record: judge.Record, verdict: judge.Verdict) -> str:
+    final = f"{record.strain[-1]:.2g}" if record.strain else "-"
+    return (f"{record.row:<26} {record.solver + '/' + record.integrator:<26} {record.worst:>12.3g} {final:>9} "
+            f"{judge.energy_ratio(record):>8.3g} {record.ms:>7.2f}  {'' if verdict.held else 'FAILS: '}{verdict.text}")
+
+
+def verdict_of(record: judge.Record, row: Row, solver: Solver) -> judge.Verdict:
+    return judge.judge(record, row.reasons(solver.solver, solver.integrator) | listed(row.scene(), solver))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="tools.stress", description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--precision", default="float32")
+    parser.add_argument("--only", nargs="+", default=[], help="rows whose name contains one of these")
+    parser.add_argument("--solvers", default="", help="solver/integrator, or its beginning, by commas")
+    parser.add_argument("--long", action="store_true", help="rest of 10^5 frames")
+    parser.add_argument("--json", default=None)
+    args = parser.parse_args(arguments)
+    try:
+        rows, solvers = chosen(args.only, args.solvers)
+    except ValueError as error:
+        parser.error(str(error))
+    wp.config.log_level = 40
+    device = wp.get_device(args.device)
+    print(f"{hardware(device)}, {args.precision}, warp {wp.config.version}\n{HEAD}", flush=True)
+    worker, results = Worker(), []
+    for row in rows:
+        for solver in solvers:
+            record = watched(worker, row, solver, args.device, args.precision, args.long)
+            verdict = verdict_of(record, row, solver)
+            print(line(record, verdict), flush=True)
+            results.append(record.as_dict() | {"held": verdict.held, "verdict": verdict.text})
+    worker.end()
+    failed = [r for r in results if not r["held"]]
+    print(f"{len(results) - len(failed)} of {len(results)} hold")
+    if args.json:
+        bounds = [{"row": r.name, "what": r.what, "energy": r.energy, "work": r.work} for r in rows]
+        Path(args.json).write_text(json.dumps({"device": hardware(device), "warp": wp.config.version, "rows": bounds,
+                                               "results": results}, indent=1))
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,93 @@
+"""Solvers and integrators that rows run with, as data, and what is said of them beforehand."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from math import ceil
+
+from tools.stress.energy import fastest
+from wsim.integrator import INTEGRATORS
+from wsim.scene import Scene
+
+MOST = 20_000         # substeps a second beyond which an explicit solver may refuse
+GROWTH = 2e-3         # [1/s] at which the amplitude of an undamped spring may grow: 1 % of its energy in five seconds
+
+
+@dataclass(frozen=True)
+class Solver:
+    """solver and integrator as `Scene` has them. needs: steps a second of an explicit one for omega [rad/s]."""
+
+    solver: str
+    integrator: str
+    needs: Callable[[float], float] | None = None
+    sweeps: bool = False         # coloured sweeps: strain left under load goes with h^2 / iterations
+
+    @property
+    def name(self) -> str:
+        return f"{self.solver}/{self.integrator}"
+
+
+def symplectic(omega: float) -> float:
+    """h omega < 2 (Hairer, Lubich, Wanner 2006, I.1.4)."""
+    return omega / 2.0
+
+
+def runge_kutta_4(omega: float) -> float:
+    """h omega < 2.83 (Hairer, Wanner 1996, IV.2)."""
+    return omega / 2.83
+
+
+def midpoint(omega: float) -> float:
+    """Grows by (h omega)^4 / 8 a step: h^3 <= 8 GROWTH / omega^4."""
+    return (omega**4 / (8.0 * GROWTH))**(1.0 / 3.0)
+
+
+def euler(omega: float) -> float:
+    """Grows by (h omega)^2 / 2 a step: h <= 2 GROWTH / omega^2."""
+    return omega**2 / (2.0 * GROWTH)
+
+
+SOLVERS = (
+    Solver("auto", "auto"),
+    Solver("xpbd", "backward_euler", sweeps=True),
+    Solver("xpbd", "bdf2", sweeps=True),
+    Solver("xpbd", "implicit_midpoint", sweeps=True),
+    Solver("implicit", "backward_euler"),
+    Solver("implicit", "bdf2"),
+    Solver("implicit", "implicit_midpoint"),
+    Solver("explicit", "auto", symplectic),
+    Solver("explicit", "symplectic_euler", symplectic),
+    Solver("explicit", "leapfrog", symplectic),
+    Solver("explicit", "rk4", runge_kutta_4),
+    Solver("explicit", "midpoint", midpoint),
+    Solver("explicit", "explicit_euler", euler),
+)
+
+
+def available() -> list[Solver]:
+    """Those that this version of wsim has."""
+    return [s for s in SOLVERS if s.integrator in INTEGRATORS
+            and (s.solver == "auto" or find_spec(f"wsim.{s.solver}") is not None)]
+
+
+def limit(scene: Scene, solver: Solver) -> float:
+    """Substeps a second that an explicit solver needs by the row sums of its springs; 0 for any other."""
+    return solver.needs(fastest(scene)) if solver.needs else 0.0
+
+
+def given(scene: Scene, solver: Solver) -> Scene:
+    """The scene with this solver; an explicit one gets the substeps that it needs, unless those are beyond MOST."""
+    need = limit(scene, solver)
+    substeps = max(scene.substeps, ceil(1.05 * need / scene.fps)) if need <= MOST else scene.substeps
+    return replace(scene, solver=solver.solver, integrator=solver.integrator, substeps=substeps)
+
+
+def listed(scene: Scene, solver: Solver) -> dict[str, str]:
+    """What an explicit solver may do where it needs more than MOST substeps a second: refuse; those that grow at any
+    step may grow."""
+    need = limit(scene, solver)
+    if need <= MOST:
+        return {}
+    why = f"beyond the explicit limit: {need:.3g} substeps a second are needed, at most {MOST} are asked for"
+    kinds = ("refusal",) if solver.needs in (symplectic, runge_kutta_4) else ("refusal", "energy", "strain")
+    return dict.fromkeys(kinds, why)
