@@ -71,7 +71,7 @@ class Report:
     def _head(self) -> list[str]:
         r, where = self.reference, self.device if self.hardware == self.device else f"{self.device} ({self.hardware})"
         known = f"estimated error {percent(r['error'])}" if isfinite(r["error"]) else "not refined"
-        known = "not refined" if max(self.growth) > AMPLIFIES else known
+        known = "not refined" if max(self.growth) > AMPLIFIES and r["ratio"] is None else known
         ratio = "" if r["ratio"] is None else f", differences fall by {r['ratio']:.3g} a level"
         grown = f"grows {max(self.growth):.3g} times" if any(self.growth) else "was not followed: the budget is spent"
         versions = ", ".join(f"{name} {version}" for name, version in self.versions.items())

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
-from importlib.util import find_spec
 from math import isfinite
 
 from wsim.scene import Scene
@@ -49,11 +48,6 @@ def smooth(scene: Scene) -> bool:
         c.tethers or isfinite(c.material.strain_limit) for c in scene.cloths)
 
 
-def available(solver: str) -> bool:
-    """Whether this version has the solver."""
-    return solver == "auto" or find_spec(f"wsim.{solver}") is not None
-
-
 def first_substeps(scene: Scene) -> int:
     """The power of two whose substeps last about COARSE."""
     n = 1
@@ -65,8 +59,7 @@ def first_substeps(scene: Scene) -> int:
 def series(scene: Scene, quick: bool = False) -> Iterator[Setting]:
     """The coarsest setting of each series of runs; a series goes on by more substeps. Most promising first."""
     n = first_substeps(scene)
-    if smooth(scene):
-        yield Setting("explicit", "auto", 1, 1)                # leapfrog with as many substeps as are stable
+    yield Setting("explicit", "auto", 1, 1)                    # leapfrog with as many substeps as are stable
     for sweeps in SWEEPS[:2] if quick else SWEEPS:
         for integrator in ("backward_euler", "bdf2"):
             if integrator == "backward_euler" or sweeps > 1:   # BDF2 needs its residual

@@ -13,7 +13,7 @@ from wsim.bench.budget import Budget
 from wsim.bench.front import Row, front
 from wsim.bench.reference import Reference
 from wsim.bench.report import percent
-from wsim.bench.setting import Setting, available, series
+from wsim.bench.setting import Setting, series
 from wsim.bench.track import Look, Track, distance, run, size
 from wsim.scene import Scene, SceneError
 
@@ -48,9 +48,6 @@ class Sweep:
         if self.rows and (cost > left or not left):            # one row there is, whatever it costs
             self.drop(setting, f"would take about {cost:.2g} s, {left:.2g} s are left of the budget" if left else
                       f"the budget of {self.budget.seconds:g} s is spent")
-            return None
-        if not available(setting.solver):
-            self.drop(setting, "this version has no such solver")
             return None
         self.say(str(setting))
         try:
