@@ -19,6 +19,7 @@ from wsim.kernels.newton import structs
 from wsim.kernels.pcg import total
 from wsim.kernels.points import constants
 from wsim.kernels.real import types
+from wsim.kernels.stream import BLOCK
 from wsim.kernels.tangent import plane_stiffness
 from wsim.kernels.xpbd import batch_of
 
@@ -158,7 +159,8 @@ def choose(real, module):
         if lane == 0:
             step_out[body] = step
 
-    return wp.kernel(choose, name=f"choose_{types(real).name}", module=module, enable_backward=False, grid_stride=False)
+    return wp.kernel(choose, name=f"choose_{types(real).name}", module=module, enable_backward=False, grid_stride=False,
+                     launch_bounds=BLOCK)
 
 
 @cache
@@ -201,4 +203,5 @@ def left(real, module):
         if lane == 0:
             part_out[body] = real(wp.sqrt(above * inverse(below)))
 
-    return wp.kernel(left, name=f"left_{t.name}", module=module, enable_backward=False, grid_stride=False)
+    return wp.kernel(left, name=f"left_{t.name}", module=module, enable_backward=False, grid_stride=False,
+                     launch_bounds=BLOCK)

@@ -28,7 +28,7 @@ import warp as wp
 
 from wsim.kernels.constraint import inverse
 from wsim.kernels.real import types
-from wsim.kernels.tangent import BLOCK, elements_of
+from wsim.kernels.tangent import WHOLE, elements_of
 from wsim.kernels.xpbd import batch_of
 
 
@@ -46,7 +46,7 @@ def structs(real) -> SimpleNamespace:
         pair: wp.array(dtype=int)            # blocks of a point: pair[i] .. pair[i + 1]
         column: wp.array(dtype=int)          # the other point of a block, (blocks,)
         part: wp.array(dtype=int)            # what a block is the sum of: part[b] .. part[b + 1]
-        item: wp.array(dtype=wp.vec2i)       # rows of J of two corners, or a triangle's block and BLOCK or TURNED
+        item: wp.array(dtype=wp.vec2i)       # rows of J of two corners, or a triangle's block and WHOLE or TURNED
         corner: wp.array(dtype=int)          # corners at a point: corner[i] .. corner[i + 1]
         pull: wp.array(dtype=int)            # place of a corner's force
 
@@ -117,7 +117,7 @@ def assemble(real, module, springs: bool, elements: bool):
             at = rows.item[k]
             if at[1] >= 0:
                 A += wp.outer(el.J[at[0]], el.J[at[1]])
-            elif at[1] == wp.static(BLOCK):
+            elif at[1] == wp.static(WHOLE):
                 A += el.block[at[0]]
             else:
                 A += wp.transpose(el.block[at[0]])

@@ -9,7 +9,7 @@ and y stays in the filter's range, which makes it the modified method of Baraff 
 Boxerman 2003, section 3. It ends when sqrt(r.P r) is `tolerance` times that of f.
 
 Two ways to run it: `solve` gives a block of threads to each body (on the CPU one thread), all iterations in one launch;
-`multiply` and `advance` give several blocks to a body, two launches an iteration. Sums are in float64 and in a fixed order.
+`several` gives several blocks to a body, two launches an iteration. Sums are in float64 and in a fixed order.
 """
 
 from functools import cache
@@ -19,8 +19,7 @@ import warp as wp
 
 from wsim.kernels.newton import structs
 from wsim.kernels.real import types
-
-THREADS = 256          # of a block of `advance`
+from wsim.kernels.stream import BLOCK
 
 
 @wp.func_native("""
@@ -164,4 +163,107 @@ def solve(real, module, springs: bool, elements: bool):
             drop_out[body] = drop
             count_out[body] = count_out[body] + count
 
-    return wp.kernel(solve, name=f"pcg_{o.name}", module=module, enable_backward=False, grid_stride=False)
+    return wp.kernel(solve, name=f"pcg_{o.name}", module=module, enable_backward=False, grid_stride=False,
+                     launch_bounds=BLOCK)
+
+
+@wp.struct
+class Chunks:
+    """Points of bodies by block, and what blocks tell each other; of two rows, one is read while the other is written."""
+
+    body: wp.array(dtype=int)                    # of each chunk, (chunks,)
+    first: wp.array(dtype=int)                   # its points: first[c] .. first[c + 1], (chunks + 1,)
+    own: wp.array(dtype=int)                     # chunks of a body: own[b] .. own[b + 1], (bodies + 1,)
+    gamma: wp.array2d(dtype=wp.float64)          # part of r.z, (2, chunks)
+    delta: wp.array(dtype=wp.float64)            # part of z.w, (chunks,)
+    last: wp.array2d(dtype=wp.vec4d)             # the last gamma and alpha, gamma to end at, iterations, (2, bodies)
+    done: wp.array2d(dtype=int)                  # (2, bodies)
+    going: wp.array(dtype=int)                   # not 0 while some body is not done, (1,)
+
+
+@wp.func
+def gathered(parts: wp.array(dtype=wp.float64), first: int, last: int, lane: int):
+    """Sum of parts first .. last, by all threads of a block."""
+    sum = wp.float64(0.0)
+    for c in range(first + lane, last, wp.block_dim()):
+        sum += parts[c]
+    return total(sum)
+
+
+@cache
+def several(real, module, springs: bool, elements: bool) -> SimpleNamespace:
+    """Kernels over chunks times a block of threads: `start`, then `multiply` and `advance` in turn until none is going.
+
+    `advance` reads row `side` of `gamma`, `last` and `done` and writes the other.
+    """
+    s, o, Vectors, t = structs(real), parts(real, springs, elements), vectors(real), types(real)
+    product, begin, step = o.product, o.begin, o.step
+
+    def start(c: Chunks, A: s.Matrix, f: wp.array(dtype=t.vec3), v: Vectors, drop_out: wp.array(dtype=wp.float64)):
+        chunk = wp.tid() // wp.block_dim()
+        lane = wp.tid() % wp.block_dim()
+        body = c.body[chunk]
+        gamma = wp.float64(0.0)
+        for i in range(c.first[chunk] + lane, c.first[chunk + 1], wp.block_dim()):
+            gamma += begin(i, A, f, v)
+        c.gamma[0, chunk] = total(gamma)
+        if chunk == c.own[body] and lane == 0:
+            c.last[0, body] = wp.vec4d(wp.float64(1.0), wp.float64(1.0), wp.float64(-1.0), wp.float64(0.0))
+            c.done[0, body] = 0
+            c.going[0] = 1
+            drop_out[body] = wp.float64(0.0)
+
+    def multiply(c: Chunks, rows: s.Rows, A: s.Matrix, side: int, v: Vectors):
+        chunk = wp.tid() // wp.block_dim()
+        lane = wp.tid() % wp.block_dim()
+        if wp.tid() == 0:
+            c.going[0] = 0
+        if c.done[side, c.body[chunk]] != 0:
+            return
+        delta = wp.float64(0.0)
+        for i in range(c.first[chunk] + lane, c.first[chunk + 1], wp.block_dim()):
+            w = product(i, rows, A, v.z)
+            v.w[i] = w
+            delta += wp.float64(wp.dot(v.z[i], w))
+        c.delta[chunk] = total(delta)
+
+    def advance(c: Chunks, A: s.Matrix, tolerance: wp.float64, cap: int, side: int, v: Vectors,
+                drop_out: wp.array(dtype=wp.float64), count_out: wp.array(dtype=int)):
+        chunk = wp.tid() // wp.block_dim()
+        lane = wp.tid() % wp.block_dim()
+        body = c.body[chunk]
+        first = chunk == c.own[body] and lane == 0
+        if c.done[side, body] != 0:
+            if first:
+                c.done[1 - side, body] = 1
+            return
+        last = c.last[side, body]
+        gamma = gathered(c.gamma[side], c.own[body], c.own[body + 1], lane)
+        delta = gathered(c.delta, c.own[body], c.own[body + 1], lane)
+        enough = last[2]
+        beta = wp.float64(0.0)
+        if enough < wp.float64(0.0):
+            enough = tolerance * tolerance * gamma
+        else:
+            beta = gamma / last[0]
+            delta -= beta * gamma / last[1]
+        goes = gamma > enough and delta > wp.float64(0.0) and last[3] < wp.float64(cap)
+        if not goes:
+            if first:
+                c.done[1 - side, body] = 1
+            return
+        alpha = gamma / delta
+        rest = wp.float64(0.0)
+        for i in range(c.first[chunk] + lane, c.first[chunk + 1], wp.block_dim()):
+            rest += step(i, A, real(alpha), real(beta), v)
+        c.gamma[1 - side, chunk] = total(rest)
+        if first:
+            c.done[1 - side, body] = 0
+            c.last[1 - side, body] = wp.vec4d(gamma, alpha, enough, last[3] + wp.float64(1.0))
+            c.going[0] = 1
+            drop_out[body] = drop_out[body] + alpha * gamma
+            count_out[body] = count_out[body] + 1
+
+    return SimpleNamespace(**{f.__name__: wp.kernel(
+        f, name=f"pcg_{f.__name__}_{o.name}", module=module, enable_backward=False, grid_stride=False, launch_bounds=BLOCK)
+        for f in (start, multiply, advance)})

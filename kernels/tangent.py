@@ -21,7 +21,7 @@ from wsim.kernels.constraint import across, dihedral, inverse, membrane
 from wsim.kernels.real import types
 from wsim.kernels.xpbd import batch_of
 
-BLOCK, TURNED = -1, -2         # second number of a part of a block: a triangle's block, or its transpose; >= 0: hinges
+WHOLE, TURNED = -1, -2         # second number of a part of a block: a triangle's block, or its transpose; >= 0: hinges
 
 
 @cache

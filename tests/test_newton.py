@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.test_implicit import DOUBLE, garment, make
-from wsim import implicit
+from wsim import linear
 from wsim.fabric import Fabric
 from wsim.scene import Scene
 from wsim.simulation import Simulation
@@ -62,7 +62,7 @@ class Probe:
     def change(self, p):
         """Phi(d + p) - Phi(d)."""
         self.m.v.y.assign(np.asarray(p).reshape(-1, 3))
-        self.m.drop.fill_(1e30)                                     # nothing is good enough: nothing moves
+        self.m.system.drop.fill_(1e30)                                     # nothing is good enough: nothing moves
         self.m.search(self.rate, 0)
         return self.m.change.numpy()[:, 0].sum()
 
@@ -122,17 +122,33 @@ def test_a_stretched_membrane_is_exact_across_its_plane_and_in_its_spin(size):
     assert np.linalg.eigvalsh(K).min() > -1e-9 * np.abs(K).max()
 
 
-def test_conjugate_gradients_solve_the_dense_system(monkeypatch):
-    monkeypatch.setattr(implicit, "TOLERANCE", 1e-13)
+def test_conjugate_gradients_solve_the_dense_system():
     scene = garment(damping=0.01)
     scene.pin("/pin", "/cloth", [0, 3])
     probe = Probe(scene)
     m = probe.m
     K, f = probe.matrix(0.01 * np.random.default_rng(2).normal(size=(probe.n, 3))), probe.m.f.numpy().ravel()
-    m.blocks(m.solve, [m.rows, m.A, m.first, m.f, implicit.TOLERANCE, 1000, m.v], [m.drop, m.count])
+    m.system.solve(m.f, 1e-13, 1000)
     free = np.repeat(m.rows.w.numpy() > 0.0, 3)
     wanted = np.zeros(3 * probe.n)
     wanted[free] = np.linalg.solve(K[np.ix_(free, free)], f[free])
     y = m.v.y.numpy().ravel()
     np.testing.assert_allclose(y, wanted, atol=1e-10 * np.abs(wanted).max())
-    assert m.drop.numpy().sum() == pytest.approx(f @ wanted, rel=1e-9)
+    assert m.system.drop.numpy().sum() == pytest.approx(f @ wanted, rel=1e-9)
+
+
+@pytest.mark.parametrize("worlds", [1, 2])
+def test_several_blocks_a_body_do_the_same_as_one(monkeypatch, worlds):
+    scene, ends = garment(damping=0.01), []
+    scene.pin("/pin", "/cloth", [0, 3])
+    for several in (False, True):
+        if several:
+            monkeypatch.setitem(linear.FUSE, "cpu", 0)
+            monkeypatch.setattr(linear, "BLOCK", 3)                          # points of a chunk
+        sim = Simulation(scene, worlds=worlds, **DOUBLE)
+        assert sim.plan.method("implicit").system.large == several
+        sim.run(4)
+        ends.append(sim.positions("/cloth", worlds - 1))
+        counted = sim.indicators()["pcg_iterations"]
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-12)
+    assert counted > 0

@@ -1,4 +1,4 @@
-"""Sparse structure of systems over points, from who touches whom. NumPy only.
+"""Sparse systems over points: their structure, from who touches whom, and their solution. See kernels/pcg.py.
 
     springs     (m, 2) points of each spring; row i of the system has an entry for each spring end at point i
     hinges      (h, 4), triangles (t, 3): row i has a block for each other point that shares one with i
@@ -8,10 +8,18 @@ from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
+import warp as wp
 
 from wsim import topology
+from wsim.kernels import newton, pcg
+from wsim.kernels.real import types
+from wsim.kernels.stream import BLOCK
+from wsim.kernels.tangent import TURNED, WHOLE
+from wsim.model import Model
 
-BLOCK, TURNED = -1, -2          # as kernels/tangent.py has them
+FUSE = {"cuda": 4096, "cpu": 2**31}     # points up to which one block solves a body (cuda: by counting launches, not measured)
+CHUNKS = 512           # blocks of a larger body, at most: each sums what all have found
+EACH = 4               # iterations between two looks at whether some body goes on; even
 PLACE = {(0, 1): 0, (0, 2): 1, (1, 2): 2}      # block of a triangle's pair of corners
 
 
@@ -37,7 +45,7 @@ class Blocks:
 
     first, column     blocks first[i] .. first[i + 1] of point i, each with its other point
     part, item        items part[b] .. part[b + 1] of block b: places of two hinge corners (4 hinge + corner), or of a
-                      triangle's block (3 triangle + pair) and BLOCK or TURNED
+                      triangle's block (3 triangle + pair) and WHOLE or TURNED
     corner, pull      places pull[corner[i] .. corner[i + 1]] of the corners at point i: 4 hinge + corner, then triangles
     """
 
@@ -58,7 +66,7 @@ def blocks(hinges: np.ndarray, triangles: np.ndarray, n: int) -> Blocks:
             keys.append(ids[:, a].astype(np.int64) * n + ids[:, b])
             pair = PLACE.get((min(a, b), max(a, b)), 0)
             found = (4 * every + a, 4 * every + b) if corners == 4 else \
-                (3 * every + pair, np.full(len(ids), BLOCK if a < b else TURNED))
+                (3 * every + pair, np.full(len(ids), WHOLE if a < b else TURNED))
             items.append(np.stack(found, axis=1))
     key, item = np.concatenate(keys), np.concatenate(items)
     order = topology.order_of(key)
@@ -67,3 +75,76 @@ def blocks(hinges: np.ndarray, triangles: np.ndarray, n: int) -> Blocks:
     first = np.searchsorted(key[new], np.arange(n + 1, dtype=np.int64) * n)
     corner, pull = topology.incident(np.concatenate([hinges.ravel(), triangles.ravel()])[:, None], n)
     return Blocks(first, key[new] % n, np.r_[new, len(key)], item, corner, pull)
+
+
+class System:
+    """A y = f over the points of all bodies, each body a system of its own."""
+
+    def __init__(self, model: Model, w: wp.array, springs: np.ndarray, hinges: np.ndarray, triangles: np.ndarray):
+        """w: inverse masses [1/kg]; the others as above, empty (0, k) where there are none."""
+        self.model, n, t, s = model, model.points, types(model.real), newton.structs(model.real)
+        self.rows, self.A, self.v = s.Rows(), s.Matrix(), pcg.vectors(model.real)()
+        self.rows.w = w
+        if len(springs):
+            e = entries(springs, n)
+            self.put(self.rows, spring=e.first, other=e.other, number=e.number)
+            self.A.link = self.zeros(len(e.other), t.vec4)
+        if len(hinges) or len(triangles):
+            b = blocks(hinges, triangles, n)
+            self.put(self.rows, pair=b.first, column=b.column, part=b.part, corner=b.corner, pull=b.pull)
+            self.rows.item = model.upload(b.item.astype(np.int32), wp.vec2i)
+            self.A.block = self.zeros(len(b.column), t.mat33)
+        self.A.own, self.A.P = self.zeros(n, t.scalar), self.zeros(n, t.mat33)
+        for name in "yrzwps":
+            setattr(self.v, name, self.zeros(n, t.vec3))
+        self.first = model.upload(np.array([*(b.first for b in model.bodies), n], np.int32), int)
+        self.drop, self.count = self.zeros(len(model.bodies), wp.float64), self.zeros(len(model.bodies), int)
+        kinds = model.real, model.sweep_module, len(springs) > 0, len(hinges) + len(triangles) > 0
+        self.large = max(b.count for b in model.bodies) > FUSE["cuda" if model.device.is_cuda else "cpu"]
+        if self.large:
+            self.kernels, self.chunks = pcg.several(*kinds), self.cut()
+        else:
+            self.kernel = pcg.solve(*kinds)
+
+    def zeros(self, shape, dtype) -> wp.array:
+        return wp.zeros(shape, dtype=dtype, device=self.model.device)
+
+    def put(self, struct, **values: np.ndarray) -> None:
+        for name, array in values.items():
+            setattr(struct, name, self.model.upload(array.astype(np.int32), int))
+
+    def cut(self):
+        """Bodies in chunks of points, each for a block."""
+        model, chunks = self.model, pcg.Chunks()
+        sizes = np.array([b.count for b in model.bodies])
+        each = -(-sizes // np.maximum(BLOCK, -(-sizes // CHUNKS)))
+        body, own = np.repeat(np.arange(len(sizes)), each), np.r_[0, np.cumsum(each)]
+        start = np.array([b.first for b in model.bodies])
+        first = start[body] + sizes[body] * (np.arange(len(body)) - own[body]) // each[body]
+        self.put(chunks, body=body, first=np.r_[first, model.points], own=own)
+        chunks.gamma, chunks.delta = self.zeros((2, len(body)), wp.float64), self.zeros(len(body), wp.float64)
+        chunks.last, chunks.done = self.zeros((2, len(sizes)), wp.vec4d), self.zeros((2, len(sizes)), int)
+        chunks.going = self.zeros(1, int)
+        return chunks
+
+    def solve(self, f: wp.array, tolerance: float, cap: int) -> None:
+        """Launches conjugate gradients: v.y becomes A^-1 f; see `pcg.solve` for drop and count."""
+        if not self.large:
+            self.launch(self.kernel, [self.rows, self.A, self.first, f, tolerance, cap, self.v], [self.drop, self.count])
+            return
+        c, size = self.chunks, self.chunks.body.size
+
+        def some() -> None:
+            for k in range(EACH):
+                self.launch(self.kernels.multiply, [c, self.rows, self.A, k % 2, self.v], [], size)
+                self.launch(self.kernels.advance, [c, self.A, tolerance, cap, k % 2, self.v], [self.drop, self.count], size)
+        self.launch(self.kernels.start, [c, self.A, f, self.v], [self.drop], size)
+        wp.capture_while(c.going, some)
+
+    def launch(self, kernel, inputs: list, outputs: list, count: int = 0) -> None:
+        """A block of threads for each body, or `count` blocks; on the CPU a thread for each."""
+        model, count = self.model, count or len(self.model.bodies)
+        if model.device.is_cuda:
+            wp.launch(kernel, count * BLOCK, inputs, outputs, device=model.device, block_dim=BLOCK)
+        else:
+            wp.launch(kernel, count, inputs, outputs, device=model.device)
