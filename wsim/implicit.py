@@ -24,9 +24,9 @@ TOLERANCE = 1e-2       # of conjugate gradients. 32 x 32 cloth, 4 x 1: error 3.5
 CAP = 300              # iterations of conjugate gradients: 1e5 N/m at 1/60 s takes them all, and still goes downhill
 LANES = 4096           # threads that sum the energy
 KINDS = ("distance", "dihedral", "membrane")
-MET = 0.5              # largest residual with which BDF2 goes on. 32 x 32 cloth, 1e3 N/m, 1 to 8 substeps: runs that left up to 1.5
-                       # were as right as solved ones, those that left 8 or more were not. float32 leaves 2e-3 there at best,
-                       # 0.2 with 1e5 N/m
+MET = 0.5              # largest residual with which BDF2 goes on. 32 x 32 cloth, 1e3 N/m, 1 to 8 substeps: runs that left up to
+                       # 1.5 were as right as solved ones, those that left 8 or more were not. float32 leaves 1e-3 there at
+                       # best, 0.2 with 1e5 N/m
 
 
 class Table:
@@ -210,19 +210,19 @@ class Implicit(Method):
 
     @property
     def launches(self) -> int:
-        return 6 + 2 * len(self.tables) + (self.hinges is not None) + (self.triangles is not None)
+        """Of a Newton step; conjugate gradients by several blocks take two more an iteration."""
+        return 8 + 2 * len(self.tables) + (self.hinges is not None) + (self.triangles is not None)
 
     @property
     def bytes(self) -> int:
-        return 0
+        """Moved by one assembly and one iteration of conjugate gradients, when every gather hits the cache once."""
+        A, real = self.A, np.dtype(self.model.dtype).itemsize
+        entries = 2 * (A.link.capacity if self.springs else 0) + 2 * (A.block.capacity if self.elements else 0)
+        return entries + self.model.points * (8 * self.springs + 8 * self.elements + 50 * real)
 
     def before_frame(self, time: float, clock: Clock) -> None:
-        """A frame that is repeated starts from the same c; a run that starts anew from none."""
-        if time == self.time:
-            wp.copy(self.c, self.saved)
-        elif clock.starting:
-            self.c.zero_()
-        wp.copy(self.saved, self.c)
+        """A frame that is repeated starts from the same c."""
+        wp.copy(*((self.c, self.saved) if time == self.time else (self.saved, self.c)))
         self.time = time
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
