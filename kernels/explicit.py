@@ -40,26 +40,35 @@ def steps(real):
 
 @cache
 def _leap(real, flags: tuple, field=None):
-    """Function: kick and drift of point i."""
-    t = types(real)
+    """Function: kick and drift of the point of a thread."""
+    t, lanes = types(real), dict(flags).get("lanes", 1)
     vec3, Net, Step = t.vec3, net(real), steps(real)
     force = acceleration(real, **dict(flags), field=field)
 
     @wp.func
-    def leap(i: int, net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3),
+    def leap(thread: int, net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3),
              v: wp.array(dtype=vec3), carry: wp.array(dtype=vec3), step: Step,
              d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3)):
+        i = thread // lanes
+        lane = thread % lanes
         n = x.shape[0]
         into = 1 - step.source
         d0 = d[step.source * n + i]
-        if net.w[i] > real(0.0):
-            a = force(net, f, x, d, i, step.source)
-            v0 = v[i]
-            y = step.kick * a + carry[i]
+        w = net.w[i]
+        v0 = v[i]
+        rest = carry[i]
+        slip = carry[n + i]
+        a = vec3()
+        if w > real(0.0):
+            a = force(net, f, x, d, i, lane, step.source)
+        if lane > 0:
+            return
+        if w > real(0.0):
+            y = step.kick * a + rest
             v1 = v0 + y
             carry_out[i] = y - (v1 - v0)
             v_out[i] = v1
-            z = step.drift * v1 + carry[n + i]
+            z = step.drift * v1 + slip
             d1 = d0 + z
             carry_out[n + i] = z - (d1 - d0)
             d_out[into * n + i] = d1
@@ -78,7 +87,8 @@ def _leap(real, flags: tuple, field=None):
 
 @cache
 def leap(real, module, flags: tuple, field=None):
-    """Kernel over the points: a kick, then a drift; from copy `source` of d to the other. flags: items of `acceleration`."""
+    """Kernel over the lanes of the points: a kick, then a drift; from copy `source` of d to the other. flags: items of what
+    `acceleration` takes."""
     t, one = types(real), _leap(real, flags, field)
     vec3, Net, Step = t.vec3, net(real), steps(real)
 
@@ -95,7 +105,7 @@ def leap(real, module, flags: tuple, field=None):
 def run(real, module, flags: tuple):
     """Kernel of one block: all substeps of a frame, the threads meeting after each; for nets that a block keeps in its
     cache."""
-    t, one = types(real), _leap(real, flags)
+    t, one, lanes = types(real), _leap(real, flags), dict(flags).get("lanes", 1)
     vec3, Net, Step = t.vec3, net(real), steps(real)
 
     def run(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), v: wp.array(dtype=vec3),
@@ -103,7 +113,7 @@ def run(real, module, flags: tuple):
             d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3)):
         s = step
         for _k in range(step.count):
-            for i in range(wp.tid(), x.shape[0], wp.block_dim()):
+            for i in range(wp.tid(), lanes * x.shape[0], wp.block_dim()):
                 one(i, net, f, x, d, v, carry, s, d_out, v_out, carry_out)
             s.source = 1 - s.source
             s.row += step.stride
@@ -131,57 +141,70 @@ def parts(real):
 
 
 @cache
+def _pinned(real):
+    """Function: displacement of pinned point i at the next stage, and its velocity."""
+    vec3, Net, Part = types(real).vec3, net(real), parts(real)
+
+    @wp.func
+    def pinned(i: int, net: Net, x: wp.array(dtype=vec3), base: vec3, part: Part):
+        goal = base
+        if net.pin[i] >= 0:
+            goal = net.target[part.row, net.pin[i]] - x[i]
+        V = (goal - base) / part.h
+        d1 = base + part.reach * (goal - base)
+        if part.last != 0:
+            d1 = goal
+        return d1, V
+
+    return pinned
+
+
+@cache
 def stage(real, module, flags: tuple, field=None):
-    """Kernel over the points: one stage of a Runge-Kutta step. own: three rows of n: displacement at the start of the
-    substep, and the sums h sum b v and h sum b a so far."""
-    t, Net, Part = types(real), net(real), parts(real)
-    vec3, force = t.vec3, acceleration(real, **dict(flags), field=field)
+    """Kernel over the lanes of the points: one stage of a Runge-Kutta step. own: three rows of n: displacement at the start
+    of the substep, and the sums h sum b v and h sum b a so far."""
+    t, Net, Part, lanes = types(real), net(real), parts(real), dict(flags).get("lanes", 1)
+    vec3, force, pinned = t.vec3, acceleration(real, **dict(flags), field=field), _pinned(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def stage(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), v: wp.array(dtype=vec3),
               carry: wp.array(dtype=vec3), own: wp.array(dtype=vec3), part: Part,
               d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3),
               own_out: wp.array(dtype=vec3)):
-        i = wp.tid()
+        i = wp.tid() // lanes
+        lane = wp.tid() % lanes
         n = x.shape[0]
         into = 1 - part.source
+        free = net.w[i] > real(0.0)
         base = own[i]
-        v0 = v[i]
         V = d[(2 + part.source) * n + i]
-        if net.w[i] == real(0.0):
-            goal = base
-            if net.pin[i] >= 0:
-                goal = net.target[part.row, net.pin[i]] - x[i]
-            V = (goal - base) / part.h
-            d1 = base + part.reach * (goal - base)
+        v1 = v[i]
+        a = vec3()
+        if free:
+            a = force(net, f, x, d, i, lane, part.source)
+        d1 = base + part.c * V
+        Q = v1 + part.c * a
+        moved = own[n + i] + part.b * V
+        gained = own[2 * n + i] + part.b * a
+        if not free:
+            d1, Q = pinned(i, net, x, base, part)
+        if lane == 0:
             if part.last != 0:
-                d1 = goal
-                own_out[i] = goal
-                v_out[i] = V
-            d_out[into * n + i] = d1
-            d_out[(2 + into) * n + i] = V
-        else:
-            a = force(net, f, x, d, i, part.source)
-            moved = own[n + i] + part.b * V
-            gained = own[2 * n + i] + part.b * a
-            if part.last != 0:
-                y = gained + carry[i]
-                v1 = v0 + y
-                carry_out[i] = y - (v1 - v0)
-                v_out[i] = v1
-                z = moved + carry[n + i]
-                d1 = base + z
-                carry_out[n + i] = z - (d1 - base)
+                if free:
+                    y = gained + carry[i]
+                    Q = v1 + y
+                    carry_out[i] = y - (Q - v1)
+                    z = moved + carry[n + i]
+                    d1 = base + z
+                    carry_out[n + i] = z - (d1 - base)
                 own_out[i] = d1
-                own_out[n + i] = vec3()
-                own_out[2 * n + i] = vec3()
-                d_out[into * n + i] = d1
-                d_out[(2 + into) * n + i] = v1
-            else:
-                own_out[n + i] = moved
-                own_out[2 * n + i] = gained
-                d_out[into * n + i] = base + part.c * V
-                d_out[(2 + into) * n + i] = v0 + part.c * a
+                moved = vec3()
+                gained = vec3()
+                v_out[i] = Q
+            own_out[n + i] = moved
+            own_out[2 * n + i] = gained
+            d_out[into * n + i] = d1
+            d_out[(2 + into) * n + i] = Q
 
     return stage
 

@@ -6,8 +6,8 @@
     x   position at the start of the frame [m]; d displacement since then; v~ velocity that damping sees
     `d` holds four rows of n points: displacements and velocities v~, each twice; `source` says which copy is read
 
-Points of a slice of 32 have their springs interleaved, so that neighbouring threads read neighbouring entries (sliced
-ELLPACK: Monakov, Lokhmotov, Avetisyan 2010). Coincident points pull by -k L in no direction: 0.
+On a GPU `lanes` neighbouring threads share a point: each takes every so many of its springs, and they add up in a butterfly,
+always in the same order. Coincident points have no direction to pull in: 0.
 """
 
 from functools import cache
@@ -16,8 +16,6 @@ import warp as wp
 
 from wsim.kernels.constraint import inverse
 from wsim.kernels.real import types
-
-SLICE = 32
 
 
 @cache
@@ -33,8 +31,7 @@ def net(real):
         decay: wp.array(dtype=t.scalar)      # [1/s], (objects,)
         pin: wp.array(dtype=int)             # column of `target`, or -1, (points,)
         target: wp.array2d(dtype=t.vec3)     # [m], (substeps or 1, pins): at the end of each substep
-        start: wp.array(dtype=int)           # first entry of each slice, (slices,)
-        count: wp.array(dtype=int)           # springs of each point, (points,)
+        start: wp.array(dtype=int)           # springs of each point: entries start[i]:start[i + 1], (points + 1,)
         other: wp.array(dtype=int)           # point at the other end, (entries,)
         rest: wp.array(dtype=t.scalar)       # length [m], (entries,)
         k: wp.array(dtype=t.scalar)          # [N/m], (entries,)
@@ -45,36 +42,75 @@ def net(real):
     return Net
 
 
+BUTTERFLY = """
+#if defined(__CUDA_ARCH__)
+    unsigned mask = ((1u << {lanes}) - 1u) << (threadIdx.x & 31u & ~({lanes}u - 1u));
+    for (int o = {lanes} / 2; o > 0; o >>= 1)
+        for (int k = 0; k < 3; ++k)
+            v.c[k] += __shfl_xor_sync(mask, v.c[k], o, {lanes});
+#endif
+    return v;
+"""
+
+
 @cache
-def acceleration(real, *, springs: bool, corners: bool, damped: bool, field=None):
-    """Function: acceleration [m/s^2] of point i, copy `source` of d. field: function (x + d, v~) -> acceleration, or None."""
+def together(vec3, lanes: int):
+    """Function: sum of v over the `lanes` threads of a point, the same in each; all of them must come. A CPU has one."""
+
+    @wp.func_native(BUTTERFLY.format(lanes=lanes))
+    def together(v: vec3) -> vec3: ...
+
+    return together
+
+
+@cache
+def acceleration(real, *, springs: bool, corners: bool, damped: bool, added: bool = False, lanes: int = 1,
+                 width: int = 0, field=None):
+    """Function: acceleration [m/s^2] of point i, copy `source` of d; `lane` is which of its `lanes` threads this is.
+    added: the springs' forces are summed already, in f[i] (kernels/march.py). width: every point has so many entries, the last
+    of which may pull at nothing; 0: see `Net.start`. field: function (x + d, v~) -> acceleration."""
     t = types(real)
-    Net, vec3 = net(real), t.vec3
+    Net, vec3, total = net(real), t.vec3, together(t.vec3, lanes)
 
     @wp.func
-    def acceleration(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), i: int,
+    def spring(net: Net, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), c: int, x0: vec3, d0: vec3, v0: vec3, source: int):
+        n = x.shape[0]
+        j = net.other[c]
+        k = net.k[c]
+        rest = net.rest[c]
+        r = (x[j] - x0) + (d[source * n + j] - d0)
+        over = inverse(wp.length(r))
+        s = k - k * rest * over
+        if wp.static(damped):
+            s += net.damping[c] * over * over * wp.dot(r, d[(2 + source) * n + j] - v0)
+        return s * r
+
+    @wp.func
+    def acceleration(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), i: int, lane: int,
                      source: int):
         n = x.shape[0]
         o = net.object[i]
+        pull = net.gravity[o]                             # read before the springs: the reads then wait together
+        decay = net.decay[o]
         x0 = x[i]
         d0 = d[source * n + i]
         v0 = d[(2 + source) * n + i]
         force = vec3()
-        if wp.static(springs):
-            place = net.start[i // SLICE] + i % SLICE
-            for e in range(net.count[i]):
-                c = place + e * SLICE
-                j = net.other[c]
-                r = (x[j] - x0) + (d[source * n + j] - d0)
-                over = inverse(wp.length(r))
-                k = net.k[c]
-                force += (k - k * net.rest[c] * over) * r
-                if wp.static(damped):
-                    force += (net.damping[c] * over * over * wp.dot(r, d[(2 + source) * n + j] - v0)) * r
+        if wp.static(added):
+            force = f[i]
+        if wp.static(springs and not added):
+            if wp.static(width > 0):
+                for e in range(wp.static(width // lanes)):
+                    force += spring(net, x, d, i * width + lane + e * lanes, x0, d0, v0, source)
+            else:
+                for c in range(net.start[i] + lane, net.start[i + 1], lanes):
+                    force += spring(net, x, d, c, x0, d0, v0, source)
         if wp.static(corners):
-            for e in range(net.first[i], net.first[i + 1]):
+            for e in range(net.first[i] + lane, net.first[i + 1], lanes):
                 force += f[net.item[e]]
-        a = net.w[i] * force + net.gravity[o] - net.decay[o] * v0
+        if wp.static(lanes > 1):
+            force = total(force)
+        a = net.w[i] * force + pull - decay * v0
         if wp.static(field is not None):
             a += field(x0 + d0, v0)
         return a

@@ -12,18 +12,18 @@ import warp as wp
 from wsim import frequency
 from wsim.choice import needed
 from wsim.cloth import Rows, in_worlds
-from wsim.gather import Elements, sliced
+from wsim.gather import Pull
 from wsim.integrator import Integrator
 from wsim.kernels import explicit as kernels
+from wsim.kernels import march
 from wsim.kernels import spring as kernels_spring
 from wsim.kernels.real import types
 from wsim.model import Model, edge_lengths
 from wsim.stage import RESIDUAL, Clock, Method, Stage
 from wsim.state import State
-from wsim.topology import incident
 
 MOST = 2.0             # length over rest length from which an edge is suspect
-ONE_BLOCK = 2048       # points up to which one block takes the whole frame
+ONE_BLOCK, ONE_BLOCK_LANES = 300, 2       # points up to which one block takes the whole frame on a GPU, and threads a point
 
 
 class Explicit(Method):
@@ -37,80 +37,34 @@ class Explicit(Method):
         self.singles, self.rows, self.pins, self.steps = rows, in_worlds(model, rows), pins, steps
         n, t = model.points, types(model.real)
         self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
-        self.damped = any(r.tau > 0.0 for r in self.rows)
-        springs = [r for r in self.rows if r.kind == "distance"]
-        elements = [r for r in self.rows if r.kind != "distance"]
+        self.pull = Pull(model, points.constants, self.rows, None if pins is None else pins.columns())
+        self.net, self.damped = self.pull.net, self.pull.damped
         self.pair, self.carry = (wp.zeros(k * n, dtype=t.vec3, device=model.device) for k in (4, 2))
         self.own = wp.zeros(3 * n, dtype=t.vec3, device=model.device) if self.integrator.stages else None
-        self.tables(springs)
-        self.elements = [Elements(model, kind, [r for r in elements if r.kind == kind]) for kind in
-                         sorted({r.kind for r in elements})]
-        self.gather()
-        self.make(springs, clock.substeps)
+        self.make(clock.substeps)
         self.watch()
-
-    # tables
-
-    def tables(self, springs: list[Rows]) -> None:
-        """The net: springs interleaved by slices of points, masses, gravity, pins."""
-        model, real, constants = self.model, self.model.real, self.points.constants
-        self.net = kernels.net(real)()
-        for name in ("w", "object", "gravity", "decay"):
-            setattr(self.net, name, getattr(constants, name))
-        self.net.pin = model.upload(np.full(model.points, -1, np.int32) if self.pins is None else self.pins.columns(), int)
-        self.springs = springs
-        if not springs:
-            return
-        start, count, self.place, other, self.row = sliced(np.concatenate([r.ids for r in springs]), model.points)
-        self.net.start, self.net.count = model.upload(start, int), model.upload(count, int)
-        self.net.other = model.upload(other, int)
-        rest, k, damping = self.values()
-        self.net.rest, self.net.k = self.send(rest), self.send(k)
-        self.net.damping = self.send(damping) if self.damped else None
-
-    def values(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rest length, stiffness and damping of each spring in the order of the rows."""
-        k = [np.broadcast_to(1.0 / r.alpha, len(r.ids)) for r in self.springs]
-        return (np.concatenate([r.rest for r in self.springs]), np.concatenate(k),
-                np.concatenate([r.tau * each for r, each in zip(self.springs, k, strict=True)]))
-
-    def send(self, values: np.ndarray) -> wp.array:
-        """Values of the springs, at the entries of the net."""
-        spread = np.zeros(len(self.place))
-        spread[self.place >= 0] = values[self.row[self.place >= 0]]
-        return self.model.upload(spread, self.model.real)
-
-    def gather(self) -> None:
-        """Places of each point's forces among the corners of all elements."""
-        if not self.elements:
-            self.force = None
-            return
-        model, size = self.model, sum(e.ids.size for e in self.elements)
-        self.force = wp.zeros(size, dtype=types(model.real).vec3, device=model.device)
-        starts, items = incident(np.concatenate([e.ids.ravel() for e in self.elements])[:, None], model.points)
-        self.net.first, self.net.item = model.upload(starts.astype(np.int32), int), model.upload(items, int)
-        first = 0
-        for e in self.elements:
-            e.first, first = first, first + e.ids.size
 
     # stages
 
-    def make(self, springs: list[Rows], count: int) -> None:
+    def make(self, count: int) -> None:
         """Kernels and stages."""
-        model, real, module = self.model, self.model.real, self.model.module
-        flags = tuple({"springs": bool(springs), "corners": bool(self.elements), "damped": self.damped}.items())
+        model, real, module, pull = self.model, self.model.real, self.model.module, self.pull
         self.begin, self.commit = kernels.begin(real, module), kernels.commit(real, module)
-        self.fused = (model.device.is_cuda and not (self.steps or self.elements or self.integrator.stages)
-                 and model.points <= ONE_BLOCK)
-        if self.fused:
+        plain = not (pull.elements or self.integrator.stages or self.field)
+        self.marches = pull.added and plain
+        self.fused = plain and not self.steps and (pull.added or model.points <= ONE_BLOCK)
+        flags = pull.flags(ONE_BLOCK_LANES if self.fused else None)
+        if self.fused and not pull.added:
             self.run = kernels.run(real, model.sweep_module, flags)
-        if self.integrator.stages:
-            self.part = kernels.stage(real, module, flags, self.field)
+        if self.marches:
+            self.march = march.march(real, module, self.damped)
         else:
-            self.leap = kernels.leap(real, module, flags, self.field)
-        what = f"{sum(len(r.ids) for r in springs)} springs, {sum(len(e.ids) for e in self.elements)} elements"
-        launches = self.integrator.forces * (1 + len(self.elements))
-        size = self.bytes
+            pull.alone()
+            make = kernels.stage if self.integrator.stages else kernels.leap
+            self.kernel = make(real, module, flags, self.field)
+        what = f"{pull.count} springs, {sum(len(e.ids) for e in pull.elements)} elements"
+        launches = self.integrator.forces * (1 + pull.launches)
+        size = pull.bytes
         if self.steps:
             self.correct, self.settle = kernels.correct(real, module), kernels.settle(real, module)
             self.change = wp.zeros(model.points, dtype=types(real).vec3, device=model.device)
@@ -139,14 +93,6 @@ class Explicit(Method):
             self.model.launch(self.stretched, len(self.lengths), [self.edges, self.lengths, s.x, s.e, MOST],
                               [self.status[RESIDUAL:]])
 
-    @property
-    def bytes(self) -> int:
-        """Moved by one evaluation of all forces, when every gather hits the cache once."""
-        real, n = np.dtype(self.model.dtype).itemsize, self.model.points
-        entries = 2 * sum(len(r.ids) for r in self.springs)
-        return (entries * (4 + real * (2 + self.damped)) + n * real * (21 + 6 * self.damped) + n * 12
-                + sum(e.ids.size * (4 + 3 * 2 * real) for e in self.elements))
-
     def start(self, clock: Clock) -> None:
         s = self.state
         self.model.launch(self.begin, self.model.points, [s.e, s.v, 0], [self.pair, self.carry, self.own])
@@ -157,12 +103,6 @@ class Explicit(Method):
         self.start(clock)
         if self.state.has("b") and not clock.starting:
             wp.copy(self.state.v, self.state.b)
-
-    def forces(self, source: int) -> None:
-        """Forces of elements at copy `source` of the displacements."""
-        for e in self.elements:
-            self.model.launch(e.corners(self.damped), len(e.ids), [e.data, self.state.x, self.pair, source, e.first],
-                              [self.force])
 
     @property
     def stride(self) -> int:
@@ -179,10 +119,15 @@ class Explicit(Method):
         return s
 
     def kick(self, clock: Clock, kick: float, drift: float, source: int) -> None:
-        s = self.state
-        self.forces(source)
-        self.model.launch(self.leap, self.model.points,
-                          [self.net, self.force, s.x, self.pair, s.v, self.carry, self.step(clock, kick, drift, source)],
+        s, step = self.state, self.step(clock, kick, drift, source)
+        if self.marches:
+            step.count = 1
+            self.model.launch(self.march, 1, [self.net, self.pull.table, s.x, step],
+                              [self.pair, s.v, self.carry, self.pull.force])
+            return
+        self.pull.launch(source, s.x, self.pair)
+        self.model.launch(self.kernel, self.model.points * self.pull.lanes,
+                          [self.net, self.pull.force, s.x, self.pair, s.v, self.carry, step],
                           [self.pair, s.v, self.carry])
 
     def advance(self, clock: Clock, source: int) -> int:
@@ -197,14 +142,14 @@ class Explicit(Method):
     def stage_by_stage(self, clock: Clock, source: int) -> int:
         s, coefficients = self.state, self.integrator.stages
         for number, (_, b) in enumerate(coefficients):
-            self.forces(source)
+            self.pull.launch(source, s.x, self.pair)
             part = kernels.parts(self.model.real)()
             part.last = int(number == len(coefficients) - 1)
             part.reach = 1.0 if part.last else coefficients[number + 1][0]
             part.c, part.b, part.h, part.source = part.reach * clock.h, b * clock.h, clock.h, source
             part.row = clock.k * self.stride
-            self.model.launch(self.part, self.model.points,
-                              [self.net, self.force, s.x, self.pair, s.v, self.carry, self.own, part],
+            self.model.launch(self.kernel, self.model.points * self.pull.lanes,
+                              [self.net, self.pull.force, s.x, self.pair, s.v, self.carry, self.own, part],
                               [self.pair, s.v, self.carry, self.own])
             source = 1 - source
         return source
@@ -231,8 +176,13 @@ class Explicit(Method):
         self.start(clock)
         clock.k = 0
         half = len(self.integrator.steps) == 2
-        self.model.sweep(self.run, [self.net, self.force, s.x, self.pair, s.v, self.carry,
-                                    self.step(clock, 0.5 if half else 1.0, 1.0, 0)], [self.pair, s.v, self.carry])
+        step = self.step(clock, 0.5 if half else 1.0, 1.0, 0)
+        if self.marches:
+            self.model.launch(self.march, 1, [self.net, self.pull.table, s.x, step],
+                              [self.pair, s.v, self.carry, self.pull.force])
+        else:
+            self.model.sweep(self.run, [self.net, self.pull.force, s.x, self.pair, s.v, self.carry, step],
+                             [self.pair, s.v, self.carry])
         self.close(clock, self.read_out(clock, clock.substeps % 2))
 
     def close(self, clock: Clock, source: int) -> None:
@@ -281,18 +231,8 @@ class Explicit(Method):
             elif name in r.stiffness:
                 r.stiffness, hit = r.stiffness | {name: np.atleast_1d(np.asarray(value, np.float64))}, True
         if hit:
-            self.refresh()
+            self.pull.refresh()
         return hit
-
-    def refresh(self) -> None:
-        """Uploads stiffness and damping anew."""
-        if self.springs:
-            _, k, damping = self.values()
-            self.net.k.assign(self.send(k))
-            if self.damped:
-                self.net.damping.assign(self.send(damping))
-        for e in self.elements:
-            e.refresh()
 
     def least(self) -> int:
         """Substeps that keep the present stiffness stable."""

@@ -14,10 +14,11 @@ import numpy as np
 import warp as wp
 
 from wsim import model as models
+from wsim.apart import apart
 from wsim.choice import Choice, choose
 from wsim.cloth import HARD, Rows, rows_of
 from wsim.kernels.real import types
-from wsim.model import Model, hard_places
+from wsim.model import Model, edge_lengths, hard_places
 from wsim.scene import Cloth, Scene
 from wsim.stage import PHASES, Clock, Method, Stage
 from wsim.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, State
@@ -224,7 +225,8 @@ def _kept(rows: dict[str, list[Rows]], soft: bool) -> dict[str, list[Rows]]:
 
 def _start(model: Model, state: State) -> None:
     """Initial positions with their rounding remainder, and velocities."""
-    places, dtype = model.stack("places"), model.dtype
+    dtype = model.dtype
+    places = np.concatenate([apart(b.places, b.edges - b.first, edge_lengths(b)) for b in model.bodies])
     x = places.astype(dtype)
     state.x.assign(x)
     state.e.assign((places - x).astype(dtype))

@@ -14,7 +14,9 @@ import warp as wp
 
 from wsim import measure, mend
 from wsim import plan as plans
+from wsim.apart import apart
 from wsim.check import check
+from wsim.model import edge_lengths
 from wsim.scene import Motion, Problem, Scene, SceneError
 
 PRECISIONS = {"float32": wp.float32, "float64": wp.float64}
@@ -193,6 +195,10 @@ class Simulation:
         array = self.state.x if name == "positions" else self.state.v
         now = array.numpy()
         exact = values - body.origin if name == "positions" else values
+        if name == "positions":
+            solver = np.empty((body.count, 3))
+            solver[body.index - body.first] = exact
+            exact = apart(solver, body.edges - body.first, edge_lengths(body))[body.index - body.first]
         now[body.index] = exact
         array.assign(now)
         if name == "positions":
