@@ -102,9 +102,11 @@ def _marked(axes: "Axes", report: Report, rows: list[Row]) -> None:
     for name, chosen in report.recommended.items():
         if chosen and chosen in rows:
             names.setdefault(str(chosen.setting), []).append(name)
+    edge = 3.0 * min((r.ms for r in rows), default=0.0)        # names of what is left of it stand to the right
     for row in (r for r in rows if str(r.setting) in names):
-        axes.annotate(f"{', '.join(names[str(row.setting)])}: {_times(row)}", (row.ms, row.error), xytext=(-8, -16),
-                      textcoords="offset points", ha="right", fontsize=8,
+        offset, side = ((-8, -16), "right") if row.ms > edge else ((10, 8), "left")
+        axes.annotate(f"{', '.join(names[str(row.setting)])}: {_times(row)}", (row.ms, row.error), xytext=offset,
+                      textcoords="offset points", ha=side, fontsize=8,
                       bbox={"boxstyle": "round,pad=0.1", "color": "#ffffff", "alpha": 0.8},
                       arrowprops={"arrowstyle": "-", "color": "#444444", "linewidth": 0.7})
 
