@@ -30,6 +30,25 @@ def stage(scene, tmp_path):
     return path
 
 
+@pytest.fixture(params=["xpbd", "explicit"])
+def solved(request, scene, tmp_path):
+    """The scene as a file, once with each: 2 substeps of XPBD, 32 of leapfrog."""
+    scene.frames, scene.solver = 4, request.param
+    scene.integrator, scene.substeps = ("backward_euler", 2) if request.param == "xpbd" else ("leapfrog", 32)
+    path = str(tmp_path / "scene.usda")
+    save(scene, path)
+    return path
+
+
+@pytest.fixture
+def swept(scene, tmp_path):
+    """The scene with XPBD as a file: it takes the substeps that it is told, and no more."""
+    scene.frames, scene.solver = 4, "xpbd"
+    path = str(tmp_path / "swept.usda")
+    save(scene, path)
+    return path
+
+
 @pytest.fixture
 def out(tmp_path):
     return str(tmp_path / "out.usdc")
@@ -225,8 +244,8 @@ def test_run_writes_every_frame_and_reports(stage, out, capsys):
     assert "\r" not in printed.err                                     # no terminal, no bar
 
 
-def test_json_is_all_that_is_printed_and_holds_the_promised_keys(stage, out, capsys):
-    assert run(stage, out, "--json", "--frames", "2", "--substeps", "3", "--precision", "float64") == 0
+def test_json_is_all_that_is_printed_and_holds_the_promised_keys(swept, out, capsys):
+    assert run(swept, out, "--json", "--frames", "2", "--substeps", "3", "--precision", "float64") == 0
     data = json.loads(capsys.readouterr().out)
     assert {"device", "precision", "frames", "ms_per_frame", "error", "stages", "skipped", "warnings"} <= set(data)
     assert {"import", "load", "build", "compile", "capture", "first_frame", "total"} <= set(data["seconds"])
@@ -287,11 +306,11 @@ def test_ctrl_c_waits_for_what_is_being_written():
     assert done == ["written"]
 
 
-def test_a_restart_goes_on_bit_for_bit(stage, tmp_path):
+def test_a_restart_goes_on_bit_for_bit(solved, tmp_path):
     half, rest, all_ = (str(tmp_path / f"{name}.usdc") for name in ("half", "rest", "all"))
-    assert run(stage, half, "--frames", "2") == 0
-    assert run(stage, rest, "--restart", half) == 0
-    assert run(stage, all_) == 0
+    assert run(solved, half, "--frames", "2") == 0
+    assert run(solved, rest, "--restart", half) == 0
+    assert run(solved, all_) == 0
     rest_samples, all_samples = samples(rest), samples(all_)
     assert list(rest_samples) == list(all_samples) == [0, 1, 2, 3, 4]
     assert all(np.array_equal(rest_samples[code], all_samples[code]) for code in all_samples)
@@ -313,11 +332,11 @@ def test_preroll_settles_before_the_first_frame(stage, tmp_path):
     assert all(np.array_equal(found[code], expected[code + 2]) for code in found)
 
 
-def test_subframe_samples_are_the_substeps_between(stage, tmp_path):
-    """Two substeps a frame, two samples a frame: whole frames are the same, and there is one between."""
+def test_subframe_samples_are_the_substeps_between(solved, tmp_path):
+    """An even number of substeps a frame, two samples a frame: whole frames are the same, and there is one between."""
     plain, blurred = str(tmp_path / "plain.usdc"), str(tmp_path / "blurred.usdc")
-    assert run(stage, plain, "--frames", "2") == 0
-    assert run(stage, blurred, "--frames", "2", "--samples", "2") == 0
+    assert run(solved, plain, "--frames", "2") == 0
+    assert run(solved, blurred, "--frames", "2", "--samples", "2") == 0
     expected, found = samples(plain), samples(blurred)
     assert list(found) == [0, 0.5, 1, 1.5, 2]
     assert all(np.allclose(found[code], expected[code], rtol=0.0, atol=2e-7) for code in expected)

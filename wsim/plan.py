@@ -197,8 +197,9 @@ def _add(plan: Plan, scene: Scene, reasons: dict[str, str], rows: dict[str, list
     if reasons["explicit"]:
         from wsim.explicit import Explicit
         hard = pins if pins and pins.groups["hard"] else None
-        plan.methods.append(Explicit(model, state, points, _kept(rows, soft=True), plan.clock,
-                                     _among_others(scene, reasons), hard))
+        explicit = Explicit(model, state, points, _kept(rows, soft=True), plan.clock, _among_others(scene, reasons), hard)
+        state.arrays["r"] = explicit.carry[:model.points]          # where its kernels keep what the table calls r
+        plan.methods.append(explicit)
     if reasons["aero"]:
         from wsim.aero import Aero
         plan.methods.append(Aero(model, state, points))
