@@ -30,16 +30,6 @@ def stage(scene, tmp_path):
     return path
 
 
-@pytest.fixture(params=["xpbd", "explicit"])
-def solved(request, scene, tmp_path):
-    """The scene as a file, once with each: 2 substeps of XPBD, 32 of leapfrog."""
-    scene.frames, scene.solver = 4, request.param
-    scene.integrator, scene.substeps = ("backward_euler", 2) if request.param == "xpbd" else ("leapfrog", 32)
-    path = str(tmp_path / "scene.usda")
-    save(scene, path)
-    return path
-
-
 @pytest.fixture
 def swept(scene, tmp_path):
     """The scene with XPBD as a file: it takes the substeps that it is told, and no more."""
@@ -306,16 +296,6 @@ def test_ctrl_c_waits_for_what_is_being_written():
     assert done == ["written"]
 
 
-def test_a_restart_goes_on_bit_for_bit(solved, tmp_path):
-    half, rest, all_ = (str(tmp_path / f"{name}.usdc") for name in ("half", "rest", "all"))
-    assert run(solved, half, "--frames", "2") == 0
-    assert run(solved, rest, "--restart", half) == 0
-    assert run(solved, all_) == 0
-    rest_samples, all_samples = samples(rest), samples(all_)
-    assert list(rest_samples) == list(all_samples) == [0, 1, 2, 3, 4]
-    assert all(np.array_equal(rest_samples[code], all_samples[code]) for code in all_samples)
-
-
 def test_a_restart_with_nothing_left_says_so(stage, out, tmp_path, capsys):
     assert run(stage, out) == 0
     assert run(stage, tmp_path / "more.usdc", "--restart", out) == 1
@@ -330,16 +310,6 @@ def test_preroll_settles_before_the_first_frame(stage, tmp_path):
     expected, found = samples(plain), samples(settled)
     assert list(found) == [0, 1, 2]
     assert all(np.array_equal(found[code], expected[code + 2]) for code in found)
-
-
-def test_subframe_samples_are_the_substeps_between(solved, tmp_path):
-    """An even number of substeps a frame, two samples a frame: whole frames are the same, and there is one between."""
-    plain, blurred = str(tmp_path / "plain.usdc"), str(tmp_path / "blurred.usdc")
-    assert run(solved, plain, "--frames", "2") == 0
-    assert run(solved, blurred, "--frames", "2", "--samples", "2") == 0
-    expected, found = samples(plain), samples(blurred)
-    assert list(found) == [0, 0.5, 1, 1.5, 2]
-    assert all(np.allclose(found[code], expected[code], rtol=0.0, atol=2e-7) for code in expected)
 
 
 def test_flatten_gives_one_file(stage, out, tmp_path):

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from tests.test_cli import run, samples
 from wsim.curve import Curve, Motion
 from wsim.run import finer, later
 from wsim.scene import Scene, Surface
+from wsim.usd import save
 
 
 def test_later_moves_every_curve():
@@ -27,3 +29,33 @@ def test_later_moves_every_curve():
 def test_finer_keeps_the_substep_or_makes_it_shorter(substeps, count, each):
     scene = finer(Scene(substeps=substeps, fps=24.0, frames=10), count)
     assert (scene.substeps, scene.fps, scene.frames) == (each, 24.0 * count, 10 * count)
+
+
+@pytest.fixture(params=["xpbd", "explicit"])
+def solved(request, scene, tmp_path):
+    """The scene as a file, once with each: 2 substeps of XPBD, 32 of leapfrog."""
+    scene.frames, scene.solver = 4, request.param
+    scene.integrator, scene.substeps = ("backward_euler", 2) if request.param == "xpbd" else ("leapfrog", 32)
+    path = str(tmp_path / "scene.usda")
+    save(scene, path)
+    return path
+
+
+def test_a_restart_goes_on_bit_for_bit(solved, tmp_path):
+    half, rest, all_ = (str(tmp_path / f"{name}.usdc") for name in ("half", "rest", "all"))
+    assert run(solved, half, "--frames", "2") == 0
+    assert run(solved, rest, "--restart", half) == 0
+    assert run(solved, all_) == 0
+    rest_samples, all_samples = samples(rest), samples(all_)
+    assert list(rest_samples) == list(all_samples) == [0, 1, 2, 3, 4]
+    assert all(np.array_equal(rest_samples[code], all_samples[code]) for code in all_samples)
+
+
+def test_subframe_samples_are_the_substeps_between(solved, tmp_path):
+    """An even number of substeps a frame, two samples a frame: whole frames are the same, and there is one between."""
+    plain, blurred = str(tmp_path / "plain.usdc"), str(tmp_path / "blurred.usdc")
+    assert run(solved, plain, "--frames", "2") == 0
+    assert run(solved, blurred, "--frames", "2", "--samples", "2") == 0
+    expected, found = samples(plain), samples(blurred)
+    assert list(found) == [0, 0.5, 1, 1.5, 2]
+    assert all(np.allclose(found[code], expected[code], rtol=0.0, atol=2e-7) for code in expected)

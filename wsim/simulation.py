@@ -220,7 +220,7 @@ class Simulation:
 
     def restart(self, frame: int, fields: dict[str, dict[str, np.ndarray]]) -> None:
         """Goes on after `frame` frames with the fields that an earlier run left, by path and name: bit for bit where every
-        body has all of them, else as at a start, without history."""
+        body has all of them (then there is no jump in time), else as at a start, without history."""
         arrays = self._persistent()
         for path, values in fields.items():
             body = self.model.body(path)
@@ -232,7 +232,7 @@ class Simulation:
         exact = all(arrays.keys() <= fields.get(b.path, {}).keys() for b in self.scene.bodies())
         self.plan.clock.starting = not exact
         if exact and (contact := self.plan.method("contact")):
-            contact.contacts.time = (frame - 1) / self.scene.fps       # type: ignore[attr-defined]    no jump in time
+            contact.contacts.time = (frame - 1) / self.scene.fps       # type: ignore[attr-defined]
 
     # measuring
 
