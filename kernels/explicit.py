@@ -14,7 +14,6 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels import stream
 from wsim.kernels.real import types
 from wsim.kernels.spring import acceleration, net
 
@@ -26,14 +25,15 @@ def steps(real):
     @wp.struct
     class Step:
         kick: real
-        later: real          # kick of the substeps after the first (`run`)
+        later: real          # kick of the substeps after the first, where a launch takes several
         drift: real
         ahead: real          # v~ = v' + ahead a
         h: real              # of the substep, for the velocity of pins
         source: int
         row: int             # of `target`
-        stride: int          # rows of `target` a substep: 0 or 1 (`run`)
-        count: int           # substeps (`run`)
+        stride: int          # rows of `target` a substep: 0 or 1
+        count: int           # substeps of a launch that takes several
+        close: real          # kick after them, without a drift
 
     return Step
 
@@ -54,13 +54,11 @@ def _leap(real, flags: tuple, field=None):
         n = x.shape[0]
         into = 1 - step.source
         d0 = d[step.source * n + i]
-        w = net.w[i]
         v0 = v[i]
+        w = net.w[i]
         rest = carry[i]
         slip = carry[n + i]
-        a = vec3()
-        if w > real(0.0):
-            a = force(net, f, x, d, i, lane, step.source)
+        a = force(net, f, x, d, i, lane, step.source)         # of pinned points too: nothing waits for w
         if lane > 0:
             return
         if w > real(0.0):
@@ -99,28 +97,6 @@ def leap(real, module, flags: tuple, field=None):
         one(wp.tid(), net, f, x, d, v, carry, step, d_out, v_out, carry_out)
 
     return leap
-
-
-@cache
-def run(real, module, flags: tuple):
-    """Kernel of one block: all substeps of a frame, the threads meeting after each; for nets that a block keeps in its
-    cache."""
-    t, one, lanes = types(real), _leap(real, flags), dict(flags).get("lanes", 1)
-    vec3, Net, Step = t.vec3, net(real), steps(real)
-
-    def run(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), v: wp.array(dtype=vec3),
-            carry: wp.array(dtype=vec3), step: Step,
-            d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3)):
-        s = step
-        for _k in range(step.count):
-            for i in range(wp.tid(), lanes * x.shape[0], wp.block_dim()):
-                one(i, net, f, x, d, v, carry, s, d_out, v_out, carry_out)
-            s.source = 1 - s.source
-            s.row += step.stride
-            s.kick = step.later
-            stream.meet()
-
-    return wp.kernel(run, module=module, enable_backward=False, grid_stride=False, launch_bounds=stream.BLOCK)
 
 
 @cache
@@ -211,16 +187,17 @@ def stage(real, module, flags: tuple, field=None):
 
 @cache
 def begin(real, module):
-    """Kernel: copy `source` of d is e and v, and the sums start."""
+    """Kernel: copy `source` of d is e and v, and the sums start; r is the remainder of v."""
     vec3 = types(real).vec3
 
     @wp.kernel(module=module, enable_backward=False)
-    def begin(e: wp.array(dtype=vec3), v: wp.array(dtype=vec3), source: int,
+    def begin(e: wp.array(dtype=vec3), v: wp.array(dtype=vec3), r: wp.array(dtype=vec3), source: int,
               d_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3), own_out: wp.array(dtype=vec3)):
         i = wp.tid()
         n = e.shape[0]
         d_out[source * n + i] = e[i]
         d_out[(2 + source) * n + i] = v[i]
+        carry_out[i] = r[i]
         carry_out[n + i] = vec3()
         if own_out:
             own_out[i] = e[i]
@@ -237,7 +214,7 @@ def commit(real, module):
 
     @wp.kernel(module=module, enable_backward=False)
     def commit(d: wp.array(dtype=vec3), carry: wp.array(dtype=vec3), x: wp.array(dtype=vec3), source: int,
-               x_out: wp.array(dtype=vec3), e_out: wp.array(dtype=vec3)):
+               x_out: wp.array(dtype=vec3), e_out: wp.array(dtype=vec3), r_out: wp.array(dtype=vec3)):
         i = wp.tid()
         n = x.shape[0]
         x0 = x[i]
@@ -245,6 +222,7 @@ def commit(real, module):
         x1 = x0 + step
         x_out[i] = x1
         e_out[i] = (step - (x1 - x0)) + carry[n + i]
+        r_out[i] = carry[i]
 
     return commit
 

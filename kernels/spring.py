@@ -92,6 +92,7 @@ def acceleration(real, *, springs: bool, corners: bool, damped: bool, added: boo
         o = net.object[i]
         pull = net.gravity[o]                             # read before the springs: the reads then wait together
         decay = net.decay[o]
+        w = net.w[i]
         x0 = x[i]
         d0 = d[source * n + i]
         v0 = d[(2 + source) * n + i]
@@ -110,7 +111,7 @@ def acceleration(real, *, springs: bool, corners: bool, damped: bool, added: boo
                 force += f[net.item[e]]
         if wp.static(lanes > 1):
             force = total(force)
-        a = net.w[i] * force + pull - decay * v0
+        a = w * force + pull - decay * v0
         if wp.static(field is not None):
             a += field(x0 + d0, v0)
         return a

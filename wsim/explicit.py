@@ -1,8 +1,9 @@
 """Explicit integrators: forces are gathered by points, a launch a substep. See kernels/explicit.py and kernels/corner.py.
 
 Where nothing but springs, elements and hard pins acts, the positions at the start of a frame stay and displacements grow
-through it ("frame"); small nets then take a whole frame in one launch of one block. Wind, contacts, soft pins, tethers and
-strain limits act on every substep: its positions are committed at its end, and what they changed becomes a velocity.
+through it ("frame"); small nets then take a whole frame in one launch, of a cluster of blocks or of one CPU thread. Wind,
+contacts, soft pins, tethers and strain limits act on every substep: its positions are committed at its end, and what they
+changed becomes a velocity.
 """
 
 
@@ -14,8 +15,8 @@ from wsim.choice import needed
 from wsim.cloth import Rows, in_worlds
 from wsim.gather import Pull
 from wsim.integrator import Integrator
+from wsim.kernels import cluster, march
 from wsim.kernels import explicit as kernels
-from wsim.kernels import march
 from wsim.kernels import spring as kernels_spring
 from wsim.kernels.real import types
 from wsim.model import Model, edge_lengths
@@ -23,7 +24,6 @@ from wsim.stage import RESIDUAL, Clock, Method, Stage
 from wsim.state import State
 
 MOST = 2.0             # length over rest length from which an edge is suspect
-ONE_BLOCK, ONE_BLOCK_LANES = 300, 2       # points up to which one block takes the whole frame on a GPU, and threads a point
 
 
 class Explicit(Method):
@@ -37,7 +37,8 @@ class Explicit(Method):
         self.singles, self.rows, self.pins, self.steps = rows, in_worlds(model, rows), pins, steps
         n, t = model.points, types(model.real)
         self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
-        self.pull = Pull(model, points.constants, self.rows, None if pins is None else pins.columns())
+        self.pull = Pull(model, points.constants, self.rows, None if pins is None else pins.columns(),
+                         alone=not (steps or self.integrator.stages))
         self.net, self.damped = self.pull.net, self.pull.damped
         self.pair, self.carry = (wp.zeros(k * n, dtype=t.vec3, device=model.device) for k in (4, 2))
         self.own = wp.zeros(3 * n, dtype=t.vec3, device=model.device) if self.integrator.stages else None
@@ -52,14 +53,15 @@ class Explicit(Method):
         self.begin, self.commit = kernels.begin(real, module), kernels.commit(real, module)
         plain = not (pull.elements or self.integrator.stages or self.field)
         self.marches = pull.added and plain
-        self.fused = plain and not self.steps and (pull.added or model.points <= ONE_BLOCK)
-        flags = pull.flags(ONE_BLOCK_LANES if self.fused else None)
-        if self.fused and not pull.added:
-            self.run = kernels.run(real, model.sweep_module, flags)
+        self.fused = plain and not self.steps and (pull.added or pull.cluster is not None)
+        flags = pull.flags()
+        if pull.cluster:
+            c = pull.cluster
+            self.run = cluster.frame(real, model.sweep_module, lanes=c.lanes, entries=c.entries, size=c.size)
         if self.marches:
             self.march = march.march(real, module, self.damped)
         else:
-            pull.alone()
+            pull.need_springs()
             make = kernels.stage if self.integrator.stages else kernels.leap
             self.kernel = make(real, module, flags, self.field)
         what = f"{pull.count} springs, {sum(len(e.ids) for e in pull.elements)} elements"
@@ -73,7 +75,7 @@ class Explicit(Method):
                            Stage("correct", "finish", self.finish, 1, 0, what="what others changed")]
             return
         self.stages = [Stage(self.integrator.name, "predict", self.frame_fused if self.fused else self.frame,
-                             4 if self.fused else 3 + count * launches, size * count, "frame", what)]
+                             1 if pull.cluster else 4 if self.fused else 3 + count * launches, size * count, "frame", what)]
 
     def watch(self) -> None:
         """An edge that has more than doubled, or is no number, may be one that an unstable step has thrown: `Simulation`
@@ -95,7 +97,7 @@ class Explicit(Method):
 
     def start(self, clock: Clock) -> None:
         s = self.state
-        self.model.launch(self.begin, self.model.points, [s.e, s.v, 0], [self.pair, self.carry, self.own])
+        self.model.launch(self.begin, self.model.points, [s.e, s.v, s.r, 0], [self.pair, self.carry, self.own])
 
     def resume(self, clock: Clock) -> None:
         """As `start`, where others act within substeps: leapfrog goes on from its half step, so that all substeps are alike.
@@ -172,22 +174,21 @@ class Explicit(Method):
 
     def frame_fused(self, clock: Clock) -> None:
         """All substeps in one launch."""
-        s = self.state
-        self.start(clock)
-        clock.k = 0
+        s, clock.k = self.state, 0
         half = len(self.integrator.steps) == 2
         step = self.step(clock, 0.5 if half else 1.0, 1.0, 0)
-        if self.marches:
-            self.model.launch(self.march, 1, [self.net, self.pull.table, s.x, step],
-                              [self.pair, s.v, self.carry, self.pull.force])
-        else:
-            self.model.sweep(self.run, [self.net, self.pull.force, s.x, self.pair, s.v, self.carry, step],
-                             [self.pair, s.v, self.carry])
+        if self.pull.cluster:
+            step.close = 0.5 * clock.h if half else 0.0
+            self.model.sweep(self.run, [self.net, s.x, step], [s.x, s.e, s.v, s.r], self.pull.cluster.size)
+            return
+        self.start(clock)
+        self.model.launch(self.march, 1, [self.net, self.pull.table, s.x, step],
+                          [self.pair, s.v, self.carry, self.pull.force])
         self.close(clock, self.read_out(clock, clock.substeps % 2))
 
     def close(self, clock: Clock, source: int) -> None:
         s = self.state
-        self.model.launch(self.commit, self.model.points, [self.pair, self.carry, s.x, source], [s.x, s.e])
+        self.model.launch(self.commit, self.model.points, [self.pair, self.carry, s.x, source], [s.x, s.e, s.r])
 
     def predict(self, clock: Clock) -> None:
         """Where others act on the substep: the displacement goes where they look for it."""
@@ -204,6 +205,8 @@ class Explicit(Method):
                           [s.x, s.e, s.v, self.pair, self.change])
         if self.own is not None:
             wp.copy(self.own, self.pair, 0, self.at * self.model.points, self.model.points)
+        if clock.k == clock.substeps - 1:
+            wp.copy(s.r, self.carry, 0, 0, self.model.points)
         if clock.k == clock.substeps - 1 and len(self.integrator.steps) == 2:
             wp.copy(s.b, s.v)
             self.read_out(clock, self.at)

@@ -4,28 +4,35 @@ On a GPU a point's springs stand together, padded to equal numbers where that do
 threads; on a CPU every spring stands once, at its lower end, and is added to both (kernels/spring.py, kernels/march.py).
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 import warp as wp
 
 from wsim.cloth import Rows
 from wsim.kernels import corner, march
 from wsim.kernels import spring as kernels
+from wsim.kernels.cluster import BLOCK
 from wsim.kernels.real import types
 from wsim.model import Model
 from wsim.topology import incident
 
 FEW = 20_000           # points up to which padding to the largest number of springs is free: launches are all that counts
+SIZES, MANY = (8, 16), 64      # blocks of a cluster: 8 everywhere, 16 where so many multiprocessors are in large groups
 PADDED = 1.5           # entries over springs' ends that padding may cost above
 
 
 class Pull:
     """Every force on the points, on the device. `columns`: of the pins' targets, see `Pins.columns`."""
 
-    def __init__(self, model: Model, constants, rows: list[Rows], columns: np.ndarray | None):
+    def __init__(self, model: Model, constants, rows: list[Rows], columns: np.ndarray | None, alone: bool = False):
+        """alone: nothing else acts within a frame, so that a cluster of blocks may take all of it."""
         self.model = model
+        self.cluster: Cluster | None = None
         self.springs = [r for r in rows if r.kind == "distance"]
         self.damped = any(r.tau > 0.0 for r in rows)
         self.added = bool(self.springs) and not model.device.is_cuda
+        self.alone = alone and not self.damped and len(self.springs) == len(rows) and _clusters(model.device)
         self.net = kernels.net(model.real)()
         for name in ("w", "object", "gravity", "decay"):
             setattr(self.net, name, getattr(constants, name))
@@ -51,6 +58,9 @@ class Pull:
             self.entry, other = spring, ids[spring].sum(1) - point
             most = int(np.diff(start).max())
             self.lanes = _lanes(n, most)
+            if self.alone:
+                self.cluster = cluster_of(n, most, SIZES if model.device.sm_count >= MANY else SIZES[:1])
+                self.lanes = self.cluster.lanes if self.cluster else self.lanes
             width = -(-most // self.lanes) * self.lanes
             if n <= FEW or n * width <= PADDED * len(spring):
                 self.width = width
@@ -85,7 +95,7 @@ class Pull:
         for e in self.elements:
             e.first, first = first, first + e.ids.size
 
-    def alone(self) -> None:
+    def need_springs(self) -> None:
         """Makes the kernel of springs that `launch` needs on a CPU."""
         if self.added:
             self.pull = march.pull(self.model.real, self.model.module, self.damped)
@@ -125,6 +135,30 @@ class Pull:
         entries = len(self.entry) if self.springs else 0
         return (entries * (4 + real * (2 + self.damped)) + n * real * (21 + 6 * self.damped) + n * 12
                 + sum(e.ids.size * (4 + 3 * 2 * real) for e in self.elements))
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """How a cluster of blocks takes a net: see kernels/cluster.py."""
+
+    lanes: int
+    entries: int
+    size: int
+
+
+def _clusters(device) -> bool:
+    """Whether blocks can form clusters."""
+    return device.is_cuda and device.arch >= 90
+
+
+def cluster_of(n: int, most: int, sizes: tuple[int, ...] = (8, 16)) -> Cluster | None:
+    """The cluster that takes n points of at most so many springs, or None: the most lanes that registers have room for."""
+    for lanes in (8, 4, 2):
+        entries = -(-most // lanes)
+        for size in sizes:
+            if n <= size * BLOCK // lanes and entries <= 8:
+                return Cluster(lanes, entries, size)
+    return None
 
 
 def _lanes(n: int, most: int) -> int:

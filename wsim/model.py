@@ -107,13 +107,13 @@ class Model:
         """Module of the kernels that one block runs. CUDA compiles a module for each block size, so they stand apart."""
         return f"{self.module}_sweep" if self.device.is_cuda else self.module
 
-    def sweep(self, kernel, inputs: list, outputs: list) -> None:
-        """Launches a kernel of one block; on the CPU of one thread."""
+    def sweep(self, kernel, inputs: list, outputs: list, blocks: int = 1) -> None:
+        """Launches a kernel of one block, or of a cluster of them; on the CPU of one thread."""
         import warp as wp
 
         from wsim.kernels.stream import BLOCK
         if self.device.is_cuda:
-            wp.launch(kernel, BLOCK, inputs, outputs, device=self.device, block_dim=BLOCK)
+            wp.launch(kernel, BLOCK * blocks, inputs, outputs, device=self.device, block_dim=BLOCK)
         else:
             wp.launch(kernel, 1, inputs, outputs, device=self.device)
 

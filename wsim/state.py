@@ -39,13 +39,19 @@ class State:
     fields: tuple[Field, ...]
     arrays: dict[str, wp.array]
     saved: dict[str, wp.array] = field(default_factory=dict)
+    every: wp.array | None = None                 # all persistent fields behind each other, and their snapshot
+    aside: wp.array | None = None
 
     @staticmethod
     def allocate(fields: tuple[Field, ...], count: int, dtype, device) -> "State":
-        """Zeros for every field and a snapshot for every persistent one."""
-        def zeros():
-            return wp.zeros(count, dtype=dtype, device=device)
-        return State(fields, {f.name: zeros() for f in fields}, {f.name: zeros() for f in fields if f.persistent})
+        """Zeros for every field and a snapshot for every persistent one. These stand in one array: a copy saves them all."""
+        kept = [f.name for f in fields if f.persistent]
+        every, aside = (wp.zeros(len(kept) * count, dtype=dtype, device=device) for _ in range(2))
+
+        def part(whole: wp.array, name: str) -> wp.array:
+            return whole[kept.index(name) * count:(kept.index(name) + 1) * count]
+        arrays = {f.name: part(every, f.name) if f.persistent else wp.zeros(count, dtype=dtype, device=device) for f in fields}
+        return State(fields, arrays, {name: part(aside, name) for name in kept}, every, aside)
 
     def __getattr__(self, name: str) -> wp.array:
         try:
@@ -58,13 +64,13 @@ class State:
 
     def snapshot(self) -> None:
         """Copies every persistent field aside (capturable)."""
-        for name, kept in self.saved.items():
-            wp.copy(kept, self.arrays[name])
+        if self.every is not None and self.aside is not None and len(self.every):
+            wp.copy(self.aside, self.every)
 
     def restore(self) -> None:
         """Puts the snapshot back."""
-        for name, kept in self.saved.items():
-            wp.copy(self.arrays[name], kept)
+        if self.every is not None and self.aside is not None and len(self.every):
+            wp.copy(self.every, self.aside)
 
     @property
     def bytes(self) -> int:

@@ -4,7 +4,7 @@
 
 The cloth is `reference.spring_cloth`; a frame is replayed from its graph, 20 times in a row without a wait between them, best
 of three. `error` is the RMS distance [m] after 0.25 s from the run with four times the substeps, in float64 where the side is
-64 or less (else not measured). Leapfrog is timed in one launch a frame (`block`, where the net is small) and by launches.
+64 or less (else not measured). Leapfrog is timed both in one launch a frame (`cluster`: small nets) and by launches.
 """
 
 import argparse
@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 from tools.bench import reference  # noqa: E402
 from tools.bench.speed import hardware, show  # noqa: E402
-from wsim import explicit  # noqa: E402
+from wsim import gather  # noqa: E402
 from wsim.scene import Scene  # noqa: E402
 from wsim.simulation import Simulation  # noqa: E402
 
@@ -71,14 +71,15 @@ def main() -> None:
     args = parser.parse_args()
     device, rows = wp.get_device(args.device), []
     print(f"{hardware(device)}, warp {wp.config.version}")
-    kept = explicit.ONE_BLOCK
     for n in (int(s) for s in args.sides.split(",")):
-        blocks = (("block", 10**4), ("launches", 0)) if device.is_cuda and n <= 64 else (("launches", 0),)
-        for how, limit in blocks:
-            explicit.ONE_BLOCK = limit
+        kept = gather.cluster_of
+        for how, cluster_of in (("cluster", kept), ("launches", lambda *_: None)):
+            gather.cluster_of = cluster_of
             show(rows, row(n, device, f"leapfrog, {how}", solver="explicit"))
-        explicit.ONE_BLOCK = kept
+        gather.cluster_of = kept
         show(rows, row(n, device, "xpbd", solver="xpbd", substeps=4, iterations=4))
+        if n <= 320:
+            show(rows, row(n, device, "implicit", solver="implicit", substeps=4, iterations=1))
     if args.json:
         Path(args.json).write_text(json.dumps({"device": hardware(device), "warp": wp.config.version, "rows": rows}, indent=1))
 
