@@ -42,9 +42,50 @@ def test_cpu_and_gpu_agree(precision, bound, integrator):
 
 def test_springs_model_and_large_colours_agree():
     scene = reference.spring_cloth(64)
-    scene.substeps, scene.iterations = 8, 2
+    scene.solver, scene.substeps, scene.iterations = "xpbd", 8, 2
     cpu, gpu = ends(scene, 10, "cpu", "cuda:0")
     assert reference.rms(cpu - gpu) < 1e-6
+
+
+@pytest.mark.parametrize("n, cluster", [(8, 8), (32, 16), (64, 16), (80, None)])
+def test_explicit_steps_agree_however_they_are_launched(n, cluster):
+    """By a cluster of blocks, by launches, and by one CPU thread: three kernels for one law."""
+    scene = reference.spring_cloth(n)
+    scene.solver = "explicit"
+    sim = Simulation(scene, device="cuda:0", precision="float64")
+    sim.run(5)
+    found = sim.plan.method("explicit").pull.cluster
+    assert (found and found.size) == cluster
+    (cpu,) = ends(scene, 5, "cpu", precision="float64")
+    assert reference.rms(cpu - sim.positions()) < 1e-14
+
+
+@pytest.mark.parametrize("settings", [{"integrator": "rk4"}, {"integrator": "leapfrog"}, {"integrator": "symplectic_euler"},
+                                      {"solver": "implicit", "integrator": "bdf2", "substeps": 4, "iterations": 2}])
+def test_membranes_hinges_wind_and_damping_agree_under_every_solver(settings):
+    scene = hanging()
+    scene.solver, scene.substeps = "auto", 64
+    for name, value in settings.items():
+        setattr(scene, name, value)
+    cpu, gpu, again = ends(scene, 5, "cpu", "cuda:0", "cuda:0", precision="float64")
+    assert reference.rms(cpu - gpu) < (1e-7 if scene.solver == "implicit" else 1e-13)      # its solves end at a tolerance
+    assert np.array_equal(gpu, again)
+
+
+def test_a_moving_pin_takes_its_point_along_in_a_cluster():
+    scene = reference.spring_cloth(8)
+    matrices = np.tile(np.eye(4), (2, 1, 1))
+    matrices[1, 1, 3] = 0.5
+    scene.solver, scene.pins[0].motion = "explicit", Motion([0.0, 0.5], matrices)
+    cpu, gpu = ends(scene, 6, "cpu", "cuda:0", precision="float64")
+    assert reference.rms(cpu - gpu) < 1e-13 and abs(gpu[0, 1] - 0.1) < 1e-12
+
+
+def test_explicit_steps_and_contacts_agree():
+    scene = drape()
+    scene.solver, scene.integrator, scene.substeps = "explicit", "leapfrog", 64
+    (end,) = ends(scene, 30, "cuda:0")
+    assert np.linalg.norm(end - (0.02, -0.27, 0.01), axis=1).min() > 0.25 - 1e-4
 
 
 def test_two_runs_have_the_same_bits():

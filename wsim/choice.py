@@ -1,11 +1,14 @@
 """Which solver and integrator a scene is stepped with: what it names, and where it leaves that open, what costs least.
 
-    explicit    leapfrog needs n = dt / limit substeps a frame (`wsim.frequency`, `wsim.stability`), each a launch or two;
+    explicit    leapfrog needs n = dt / limit substeps a frame (`wsim.frequency`, `wsim.stability`), a launch or less each;
                 where it is stable it errs by less than any of the others at any price they are run at
+    implicit    Newton steps, where neighbouring masses differ so much that sweeps would not carry a load from one to the
+                other (stress rows "heavy last": strain 12 left where 3.3 is right)
     xpbd        backward Euler errs by about DRIFT h on a cloth that falls (order 1), whatever its sweeps cost; to err by
                 no more than `Scene.error` it needs so many substeps, or those that the scene names if they are more
 
-`COSTS` is a table by device, measured by tools/bench/choice.py; nothing is timed at build.
+`COSTS` is a table by device, fitted to what tools/bench/choice.py measured (tools/results/choice_*.json); nothing is timed at
+build.
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +18,7 @@ import numpy as np
 
 from wsim.cloth import HARD, Rows
 from wsim.integrator import TABLE, Integrator
-from wsim.model import Model, edge_lengths
+from wsim.model import Model, edge_lengths, hard_places
 from wsim.scene import Problem, Scene, SceneError
 
 DRIFT = 0.8            # [m/s]: RMS error over h of converged backward Euler, 1 m cloth at 0.25 s (1.3e-2 at 1/60 s)
@@ -25,14 +28,22 @@ MARGIN = 1.02          # substeps over the limit's: the frequency is that of the
 
 @dataclass(frozen=True)
 class Cost:
-    """Seconds of a launch in a graph, and of each item that it works on: a spring's end, a constraint projected."""
+    """Seconds: of a substep of leapfrog and of each spring in it, of a sweep over a kind of constraint and of each constraint
+    in it, of what XPBD launches a substep besides."""
 
-    launch: float
+    step: float
     pull: float
+    sweep: float
     projection: float
+    rest: float
 
 
-COSTS = {"cuda": Cost(2.2e-6, 2.0e-12, 2.2e-11), "cpu": Cost(1.0e-6, 3.0e-9, 1.2e-8)}
+# H200: leapfrog 4.5 us at 1k points, 12 us at 0.6M springs (nets that a cluster takes: 1.7 to 2.1 us); XPBD 14 colours of 2 us,
+# 2.1e-11 s a spring. CPU: 7.4e-9 s a spring of leapfrog, 1.2e-8 s a projection.
+COSTS = {"cuda": Cost(4.5e-6, 1.3e-11, 2.5e-5, 2.1e-11, 9e-6), "cpu": Cost(2e-6, 7.4e-9, 1e-6, 1.2e-8, 4e-6)}
+CLUSTER = 2e-6         # [s] a substep of a net that a cluster takes: springs alone, without damping
+WEIGHT = {"distance": 1.0, "membrane": 4.0, "dihedral": 4.4}     # work over that of a spring (CPU)
+UNEVEN = 1e3           # ratio of two masses that hold each other, from which sweeps stall
 
 
 @dataclass(frozen=True)
@@ -90,28 +101,55 @@ def _explicit(model: Model, rows: dict[str, list[Rows]], method: Integrator | No
 
 
 def _auto(model: Model, rows: dict[str, list[Rows]]) -> Choice:
-    """The cheaper of leapfrog and coloured XPBD at the wanted error."""
+    """The cheaper of leapfrog and coloured XPBD at the wanted error; Newton where sweeps would stall."""
     scene, leapfrog = model.scene, TABLE["leapfrog"]
     xpbd = _named(scene, "xpbd", TABLE["backward_euler"], "")
+    if _uneven(model, rows):
+        xpbd = replace(xpbd, solver="implicit", iterations=min(scene.iterations, 3))
+        stall = f"masses that hold each other differ by more than {UNEVEN:g}: sweeps would stall"
+    else:
+        stall = ""
     reason = _unfit(model, rows)
     if reason:
-        return replace(xpbd, why=reason)
+        return replace(xpbd, why="; ".join(text for text in (reason, stall) if text))
     from wsim.frequency import bound
     omega, c = bound(model, rows)
     n = needed(scene, leapfrog, omega, c)
-    cost = COSTS["cuda" if model.device.is_cuda else "cpu"]
-    soft = [r for found in rows.values() for r in found]
     substeps = max(scene.substeps, ceil(DRIFT / scene.fps / (scene.error * _size(model))))
-    a_step = cost.launch * (1 + sum(r.kind != "distance" for r in soft)) + cost.pull * model.worlds * sum(
-        r.ids.size for r in soft)
-    a_sweep = sum(8 * cost.launch + cost.projection * model.worlds * len(r.ids) for r in soft)
-    explicit, implicit = n * a_step, substeps * (4 * cost.launch + scene.iterations * a_sweep)
-    if explicit <= implicit:
+    explicit, sweeps = _costs(model, rows, n, substeps)
+    if explicit <= sweeps:
         return Choice("explicit", leapfrog, max(n, scene.substeps), 1,
                       f"{n} substeps keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; XPBD would take "
-                      f"{1e3 * implicit:.3g} ms for {substeps} x {scene.iterations}")
-    return replace(xpbd, why=f"leapfrog would need {n} substeps ({omega:.4g} rad/s), about {1e3 * explicit:.3g} ms a frame; "
-                   f"XPBD takes {1e3 * implicit:.3g} ms")
+                      f"{1e3 * sweeps:.3g} ms for {substeps} x {scene.iterations}")
+    return replace(xpbd, substeps=substeps, why=f"leapfrog would need {n} substeps ({omega:.4g} rad/s), about "
+                   f"{1e3 * explicit:.3g} ms a frame; " + (stall or f"XPBD takes {1e3 * sweeps:.3g} ms"))
+
+
+def _costs(model: Model, rows: dict[str, list[Rows]], n: int, substeps: int) -> tuple[float, float]:
+    """Seconds a frame of n substeps of leapfrog, and of XPBD with the scene's sweeps."""
+    cost, soft = COSTS["cuda" if model.device.is_cuda else "cpu"], [r for found in rows.values() for r in found]
+    work = model.worlds * sum(WEIGHT[r.kind] * len(r.ids) for r in soft)
+    kinds = {r.kind for r in soft}
+    plain = kinds == {"distance"} and not any(r.tau for r in soft)
+    if model.device.is_cuda and plain and model.points <= 4096:
+        step = CLUSTER
+    else:
+        step = cost.step * (1 + len(kinds - {"distance"})) + cost.pull * work
+    sweep = cost.sweep * len(kinds) + cost.projection * work
+    return n * step, substeps * (cost.rest + model.scene.iterations * sweep)
+
+
+def _uneven(model: Model, rows: dict[str, list[Rows]]) -> bool:
+    """Whether free masses that hold each other differ by more than UNEVEN."""
+    pinned = hard_places(model)
+    for body in (b for b in model.bodies if b.world == 0):
+        masses = body.masses.copy()
+        masses[pinned[(pinned >= body.first) & (pinned < body.last)] - body.first] = np.nan
+        for r in rows[body.path]:
+            held = masses[r.ids - body.first]
+            if np.any(np.nanmax(held, axis=1, initial=0.0) > UNEVEN * np.nanmin(held, axis=1, initial=np.inf)):
+                return True
+    return False
 
 
 def _unfit(model: Model, rows: dict[str, list[Rows]]) -> str:
