@@ -10,7 +10,8 @@ leapfrog is stable with and so many times it. --quick: each method once on the p
 
     ms          median of the frames after the first WARM: compiled, captured, replayed, with what the host does around it
     error       after the problem's time, in its unit; `discrete`: from the integrator's own closed form
-    failed      why a row could not be run; not finite: it ran and blew up, or has no answer
+    failed      why a row could not be run; where nothing moved or another solver was taken, it was not run either
+    not finite  it ran and blew up, or has no answer
 """
 
 import argparse
@@ -95,13 +96,25 @@ def run(problem: Problem, setting: dict, device, precision="float32", cache: str
         given = setting if hasattr(scene, "solver") or setting["solver"] != "xpbd" else {
             k: v for k, v in setting.items() if k != "solver"}
         sim = Simulation(replace(scene, **given), device=device, precision=precision)
+        start = sim.positions()
         with np.errstate(all="ignore"):          # what flew apart overflows in the judge: not finite
             found = problem.judge(sim, cache) if not warm else sim.run(2) or {"error": 0.0}
     except Exception as error:                   # refused, unknown to this revision, or broken: said by name either way
         kind = "" if isinstance(error, SceneError) else f"{type(error).__name__}: "
         return row | {"failed": f"{kind}{error}", "finite": False}
+    unlike = idle(sim, start, setting)
+    if unlike:
+        return row | {"failed": unlike, "finite": False}
     times = sim.milliseconds[WARM:] or sim.milliseconds
     return judged(row | {"ms": float(np.median(times)), "ran": sim.plan.clock.substeps, "warnings": warned(sim)}, found)
+
+
+def idle(sim: Simulation, start: np.ndarray, setting: dict) -> str:
+    """Why a run is no run of its method, or "": a revision may know a name and have nothing behind it."""
+    if np.array_equal(sim.positions(), start):
+        return "nothing moved: no stage of the plan steps it"
+    solver = getattr(getattr(sim.plan, "choice", None), "solver", setting["solver"])
+    return "" if solver == setting["solver"] else f"was stepped by {solver} instead"
 
 
 def warned(sim: Simulation) -> list[str]:
