@@ -208,6 +208,21 @@ def membrane_response(C: Any, B: Any, w0: Any, w1: Any, w2: Any):
                                wp.vector(S02, S12, Muu * b * b + Mvv * g * g))
 
 
+@wp.func
+def membrane_slender(B: Any):
+    """(p, q): p / q = longest edge / its height at rest, from B = Dm^-1, whose rows are 1 / height long, det B = 1 / (2 area).
+
+    It bounds the linearised step of C that sweeps stand. Of a shear s, [F_u F_v] = [[1, 0], [s, 1]], U_vv is
+    (1 + s^2/4)^(-1/2): undoing a part z s of it changes U_vv by z s^2/4 in the gradient, (z - z^2/2) s^2/4 in truth. The
+    solve then shortens the edge along v by the rest, (z s)^2/8, and where the neighbours across its height do not follow,
+    they are sheared anew by p/q (z s)^2/8: more than z s, and growing, from z s = 8 q/p on; 2 q/p leaves a quarter.
+    """
+    uu = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]
+    vv = B[1, 0] * B[1, 0] + B[1, 1] * B[1, 1]
+    uv = B[0, 0] * B[1, 0] + B[0, 1] * B[1, 1]
+    return wp.vector(wp.max(wp.max(uu, vv), uu + vv + (uv + uv)), wp.abs(B[0, 0] * B[1, 1] - B[0, 1] * B[1, 0]))
+
+
 @dataclass(frozen=True)
 class Constraint:
     """A row of the table: what the kernels and the tests need to know."""

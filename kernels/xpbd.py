@@ -22,9 +22,11 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels import stream
-from wsim.kernels.constraint import TABLE, membrane_response
+from wsim.kernels.constraint import TABLE, membrane_response, membrane_slender
 from wsim.kernels.matrix import solve_block
 from wsim.kernels.real import types
+
+CALM = 1e-2            # strain below which no step of a membrane is too long, up to triangles of 1 : 800
 
 
 @cache
@@ -277,6 +279,11 @@ def _block(o):
         G0 = -(G1 + G2)
         S = membrane_response(C, rest, w0, w1, w2)
         dlam = omega * solve_block((real(1.0) + gamma) * S + plane_stress(alpha), r, real(tiny))
+        if wp.dot(r, r) > real(CALM * CALM):
+            slender = membrane_slender(rest)
+            step = wp.length(S * dlam) * slender[0]
+            if step > real(2.0) * slender[1]:                  # longer ones diverge, see there
+                dlam *= real(2.0) * slender[1] / step
         d_out[p[0]] = N[0] + w0 * (wp.transpose(G0) * dlam)
         d_out[p[1]] = N[1] + w1 * (wp.transpose(G1) * dlam)
         d_out[p[2]] = N[2] + w2 * (wp.transpose(G2) * dlam)

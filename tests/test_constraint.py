@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from wsim.kernels.constraint import TABLE, arctangent, membrane_response
+from wsim.kernels.constraint import TABLE, arctangent, membrane_response, membrane_slender
 from wsim.kernels.real import types
 
 wp.config.quiet = True
@@ -202,6 +202,22 @@ def test_membrane_response_is_the_product_of_its_gradients(evaluators, name):
                            wp.vec3d(*w)], [out], device="cpu")
     true = np.einsum("k,rkm,skm->rs", w, G, G)
     assert np.abs(out.numpy()[0] - true).max() < 1e-14 * np.abs(true).max()
+
+
+@pytest.mark.parametrize("corners", [[(0, 0), (1, 0), (0, 100)], [(3, 1), (0, 0), (1, 0)], [(0, 0), (2, 0), (1, 3**0.5)]])
+def test_slenderness_is_the_longest_edge_over_its_height(corners):
+    @wp.kernel(module="unique", enable_backward=False)
+    def take(B: wp.array(dtype=wp.mat22d), out: wp.array(dtype=wp.vec2d)):
+        out[0] = membrane_slender(B[0])
+
+    p = np.array(corners, float)
+    Dm = np.stack([p[1] - p[0], p[2] - p[0]], axis=1)
+    out = wp.zeros(1, dtype=wp.vec2d, device="cpu")
+    wp.launch(take, 1, [wp.array([np.linalg.inv(Dm)], dtype=wp.mat22d, device="cpu")], [out], device="cpu")
+    longest = np.linalg.norm(p - np.roll(p, 1, axis=0), axis=1).max()
+    height = abs(np.linalg.det(Dm)) / longest
+    over, under = out.numpy()[0]
+    assert over / under == pytest.approx(longest / height, rel=1e-12)
 
 
 def test_arctangent_in_float32_errs_by_less_than_two_units_in_the_last_place():
