@@ -58,6 +58,18 @@ class Plan:
     status: wp.array
     choice: Choice
     skipped: list[dict] = field(default_factory=list)
+    host: wp.array | None = None             # pinned memory that a frame on a GPU copies its status to
+
+    def __post_init__(self):
+        if self.model.device.is_cuda:
+            self.host = wp.zeros(len(self.status), dtype=int, device="cpu", pinned=True)
+
+    def said(self) -> np.ndarray:
+        """The status of the frame launched last, after waiting for it."""
+        if self.host is None:
+            return self.status.numpy()
+        wp.synchronize_stream(self.model.device.stream)
+        return self.host.numpy()
 
     @property
     def starts(self) -> bool:
@@ -87,6 +99,8 @@ class Plan:
             self.substep()
         for stage in self.stages("deform", "frame"):
             stage.launch(clock)
+        if self.host is not None:
+            wp.copy(self.host, self.status)
 
     def substep(self) -> None:
         clock = self.clock
@@ -114,9 +128,10 @@ class Plan:
 
     @property
     def integrator(self) -> str:
-        """Name of the integrator now: BDF2 may have given way."""
-        given_way = self.choice.integrator.name == "bdf2" and not self.clock.multistep
-        return "backward_euler" if given_way else self.choice.integrator.name
+        """Name of the integrator now: BDF2 or the midpoint may have given way."""
+        named = self.choice.integrator
+        given_way = (named.name == "bdf2" or named.beyond) and not self.clock.watched
+        return "backward_euler" if given_way else named.name
 
     def describe(self) -> str:
         """The plan in words: what `wsim plan` prints."""
@@ -126,7 +141,7 @@ class Plan:
         lines = [f"{m.points} points in {bodies}, {m.worlds} world{'s' * (m.worlds > 1)}, "
                  f"{m.real.__name__} on {m.device}",
                  f"{c.substeps} substeps of {c.h * 1e3:.4g} ms, {c.iterations} iteration{'s' * (c.iterations > 1)}, solver "
-                 f"{self.choice.solver}, integrator {self.integrator}{' while its residual is met' * c.multistep}: "
+                 f"{self.choice.solver}, integrator {self.integrator}{' while its residual is met' * c.watched}: "
                  f"{self.choice.why}",
                  f"{'phase':<9}{'stage':<14}{'rate':<10}{'launches':>9}{'MB':>9}  on"]
         lines += [f"{r['phase']:<9}{r['name']:<14}{r['rate']:<10}{r['launches']:>9}{r['bytes'] / 1e6:>9.2f}  {r['what']}"

@@ -93,7 +93,7 @@ class Simulation:
                 self._replay()
             except RuntimeError as error:
                 raise _memory(error, self.device) from None
-            if not mend.mend(self, self.plan.status.numpy()):
+            if not mend.mend(self, self.plan.said()):
                 break
             self.state.restore()
             self.graph = None
