@@ -24,7 +24,7 @@ from wsim.kernels.tangent import plane_stiffness
 from wsim.kernels.xpbd import batch_of
 
 FULL = 0.05            # of f.y / 2: Newton's step brings all of it on a quadratic, none where it has jumped over the minimum
-HALVINGS = 8           # steps 1/2 ... 1/256: abused cloth (all points thrown together) took 1/16
+HALVINGS = 8           # steps 1/2 ... 1/256
 D = types(wp.float64)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from wsim import shapes
 from wsim.fabric import Fabric
-from wsim.measure import edge_strain
+from wsim.measure import edge_strain, rows
 from wsim.scene import Scene
 from wsim.simulation import Simulation
 
@@ -129,6 +129,16 @@ def test_counts_and_rates_of_a_report_belong_together(ran):
     assert report["constraints_per_second"] == pytest.approx((triangles + inner) * 8 * rate, rel=1e-12)
     assert report["ms_per_frame"] == pytest.approx(np.mean(ran.milliseconds[1:]), rel=1e-12)
     assert all(s["ms"] is None for s in report["stages"])
+
+
+@pytest.mark.parametrize("solver, integrator, times", [("explicit", "leapfrog", 1), ("explicit", "rk4", 4),
+                                                       ("implicit", "backward_euler", 2), ("xpbd", "backward_euler", 2)])
+def test_the_rows_of_every_solver_are_counted(solver, integrator, times):
+    """Two springs; evaluations of the forces, or iterations, a substep."""
+    scene = net()
+    scene.solver, scene.integrator = solver, integrator
+    sim = Simulation(scene, **DOUBLE)
+    assert rows(sim.plan) == (2, 2 * times)
 
 
 def test_every_stage_of_a_substep_is_timed(ran):

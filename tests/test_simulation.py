@@ -280,6 +280,27 @@ def test_bdf2_gives_way_when_its_residual_is_missed():
     assert end["kinetic_energy"] + end["gravity_energy"] < 0.0
 
 
+def test_the_midpoint_gives_way_when_its_residual_is_missed():
+    """A stiff net, scattered, with a single sweep: doubled again and again, what is left would grow without end."""
+    scene = replace(reference.spring_cloth(12, stretch=1.0e6, diagonal=1.0e6), substeps=2, iterations=1,
+                    integrator="implicit_midpoint")
+    sim = Simulation(scene, **CPU)
+    path = sim.model.bodies[0].path
+    sim.set(path, "positions", sim.positions() + 0.02 * np.random.default_rng(0).normal(size=(144, 3)))
+    assert sim.plan.integrator == "implicit_midpoint"
+    before = sim.indicators()["energy"]
+    sim.run(40)
+    assert sim.plan.integrator == "backward_euler" and sum("wsim.xpbd.MET" in w for w in sim.warnings) == 1
+    assert sim.indicators()["energy"] < before
+
+
+def test_the_midpoint_stays_where_its_residual_is_met():
+    sim = Simulation(chain(3, substeps=8, iterations=60, integrator="implicit_midpoint"), **CPU)
+    sim.set("/chain", "positions", sim.positions() + 0.05 * np.arange(4.0)[:, None] * [1.0, 0.0, 0.0])
+    sim.run(30)
+    assert sim.plan.integrator == "implicit_midpoint" and not any("MET" in w for w in sim.warnings)
+
+
 def test_more_contacts_than_room_repeat_the_frame():
     scene = Scene(solver="xpbd", fps=60.0, substeps=4)
     net = scene.net("/net", [[0, 0.05, 0], [0.1, 0.05, 0]], [[0, 1]], [100.0], [0.1], radius=0.02)

@@ -34,11 +34,19 @@ def mend(sim: Simulation, status: np.ndarray) -> bool:
     if status[RESIDUAL] and explicit:
         _suspect(sim)
         return bool(status[NOT_FINITE] or status[OVERFLOW])
-    if status[RESIDUAL] and clock.multistep:
-        clock.multistep = False
-        sim.warnings.append(f"frame {sim.frame + 1}: the solver missed the residual that BDF2 needs (see wsim.xpbd.MET); "
-                            "backward Euler from here on; more iterations or substeps keep BDF2")
+    if status[RESIDUAL] and clock.watched:
+        _give_way(sim)
     return True
+
+
+def _give_way(sim: Simulation) -> None:
+    """Backward Euler, which damps what is left unsolved, from this frame on."""
+    clock = sim.plan.clock
+    name, most = ("BDF2", "MET") if clock.multistep else ("the implicit midpoint", "MET_MIDPOINT")
+    clock.multistep = clock.beyond = False
+    sim.warnings.append(f"frame {sim.frame + 1}: the solver missed the residual that {name} needs "
+                        f"(wsim.{sim.plan.choice.solver}.{most}); backward Euler from here on; more iterations or substeps "
+                        f"keep {name}")
 
 
 def _refine(sim: Simulation, point: int) -> None:

@@ -31,8 +31,9 @@ class Points(Method):
     def implicit(self, size: int, integrator: Integrator) -> None:
         """Stages of an implicit integrator; an explicit one (`wsim.explicit`) has its own."""
         real, module, bdf2 = self.model.real, self.model.module, integrator.name == "bdf2"
-        finish = kernels.finish_beyond if integrator.beyond else kernels.finish_euler
-        self.kernels |= {"predict": kernels.predict_euler(real, module), "finish": finish(real, module)}
+        self.kernels |= {"predict": kernels.predict_euler(real, module), "finish": kernels.finish_euler(real, module)}
+        if integrator.beyond:
+            self.kernels |= {"finish_beyond": kernels.finish_beyond(real, module)}
         if bdf2:
             self.kernels |= {"predict_bdf2": kernels.predict_bdf2(real, module),
                              "finish_bdf2": kernels.finish_bdf2(real, module)}
@@ -73,7 +74,7 @@ class Points(Method):
                               [self.anchor, s.d, s.x, s.e, s.v, self.struck, clock.h, clock.g],
                               [s.x, s.e, s.v, s.s, s.u])
         elif clock.beyond:
-            self.model.launch(self.kernels["finish"], n, [s.e, s.d, s.x, s.v, clock.g], [s.x, s.e, s.v])
+            self.model.launch(self.kernels["finish_beyond"], n, [s.e, s.d, s.x, s.v, clock.g], [s.x, s.e, s.v])
         else:
             self.model.launch(self.kernels["finish"], n, [self.anchor, s.d, s.x, clock.g], [s.x, s.e, s.v])
 

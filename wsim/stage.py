@@ -35,6 +35,11 @@ class Clock:
         return self.dt / self.substeps
 
     @property
+    def watched(self) -> bool:
+        """Whether the integrator may go on only while its residual is met."""
+        return self.multistep or self.beyond
+
+    @property
     def bdf2(self) -> bool:
         """Whether this very substep is one of BDF2."""
         return self.multistep and not (self.starting and self.k == 0)
