@@ -16,7 +16,7 @@ FALL, OSCILLATOR = (next(p for p in PROBLEMS if p.name == name) for name in ("fa
 
 
 def row(name="p s i 1 x 1", ms=1.0, error=0.1, **more):
-    return {"name": name, "ms": ms, "error": error, "finite": error is not None, "unit": "m"} | more
+    return {"name": name, "ms": ms, "error": error, "finite": error is not None, "unit": "m", "known": 1e-7} | more
 
 
 def only(a, b):
@@ -99,7 +99,7 @@ def test_one_repeat_has_no_spread_and_marks_no_time():
 @pytest.mark.parametrize("a, b, marks", [
     (0.1, 0.1005, []), (0.1, 0.102, ["LESS ACCURATE"]), (0.1, 0.05, []), (1e-9, 9e-8, []), (1e-9, 2e-7, ["LESS ACCURATE"]),
     (0.1, None, ["NOT FINITE"]), (None, 0.1, []), (None, None, [])])
-def test_errors_are_judged_past_rounding(a, b, marks):
+def test_errors_are_judged_past_what_the_answer_is_known_to(a, b, marks):
     assert only([row(error=a)], [row(error=b)])["marks"] == marks
 
 

@@ -12,7 +12,7 @@ newer one's. Rows that a side cannot run are said by name.
     ratio       ms of B over ms of A, of their medians; in brackets the lowest and highest of the pairs of runs
     SLOWER      by more than the spread of the runs, which is the larger of both sides' (max - min) / median, in every pair;
                 `faster` likewise. One repeat has no spread, and nothing is marked
-    LESS ACCURATE   the least error of B is more than WORSE times the largest of A; errors below FLOOR are rounding
+    LESS ACCURATE   the least error of B is more than WORSE times the largest of A, and than the answer is known to
     NOT FINITE  B has no number where A has one; times are compared only where both have
 """
 
@@ -34,7 +34,7 @@ ROOT = Path(__file__).resolve().parents[2]
 BENCH = Path("tools") / "bench"
 JUDGES = ("suite.py", "problems.py", "reference.py", "speed.py")
 WORK = "WORK"
-WORSE, FLOOR = 1.01, 1e-7                    # FLOOR: half of float32's rounding, of 1 m or relative
+WORSE = 1.01
 
 
 def git(*words: str) -> str:
@@ -142,7 +142,7 @@ def entry(name: str, a: tuple[list[dict], str], b: tuple[list[dict], str]) -> di
     if None in (out["error_a"], out["error_b"]):               # how fast nonsense is says nothing
         return out | {"marks": ["NOT FINITE"] * (out["error_a"] is not None)}
     marks = [word for word in ("SLOWER", "faster") if out[word.lower()]]
-    worst = max(FLOOR, *(r["error"] for r in a[0]))
+    worst = max(b[0][0].get("known", 0.0), *(r["error"] for r in a[0]))
     return out | {"marks": marks + ["LESS ACCURATE"] * (min(r["error"] for r in b[0]) > WORSE * worst)}
 
 
