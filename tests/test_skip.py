@@ -49,7 +49,7 @@ SCENE = {"wsim", "wsim.curve", "wsim.fabric", "wsim.scene", "wsim.polygon", "wsi
          "wsim.check", "wsim.check_object"}
 LOADER = {"wsim.solids"}                       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = {"wsim.simulation", "wsim.plan", "wsim.stage", "wsim.state", "wsim.model", "wsim.order", "wsim.locality",
-       "wsim.color", "wsim.kempe", "wsim.choice", "wsim.integrator", "wsim.mend", "wsim.cloth",
+       "wsim.color", "wsim.kempe", "wsim.choice", "wsim.integrator", "wsim.mend", "wsim.cloth", "wsim.apart",
        "wsim.points", "wsim.measure", "wsim.kernels", "wsim.kernels.real", "wsim.kernels.points"}
 XPBD = {"wsim.xpbd", "wsim.kernels.xpbd", "wsim.kernels.constraint", "wsim.kernels.matrix", "wsim.kernels.stream"}
 AERO = {"wsim.aero", "wsim.kernels.aero"}
