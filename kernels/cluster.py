@@ -112,6 +112,8 @@ SNIPPET = """
         from = 1 - from;
         asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");
     }}
+    // nobody leaves while others still read its displacements
+    asm volatile("barrier.cluster.arrive.release.aligned;\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");
     if (there && lane == 0)
         for (int k = 0; k < 3; ++k) {{
             const T x1 = x0[k] + d0[k];
