@@ -113,7 +113,7 @@ SNIPPET = """
         asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");
     }}
     // nobody leaves while others still read its displacements
-    asm volatile("barrier.cluster.arrive.release.aligned;\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");
+    asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");
     if (there && lane == 0)
         for (int k = 0; k < 3; ++k) {{
             const T x1 = x0[k] + d0[k];

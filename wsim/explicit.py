@@ -36,6 +36,7 @@ class Explicit(Method):
         self.integrator: Integrator = points.integrator
         self.singles, self.rows, self.pins, self.steps = rows, in_worlds(model, rows), pins, steps
         n, t = model.points, types(model.real)
+        self.target = None            # of the pins, as the net has it
         self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
         self.pull = Pull(model, points.constants, self.rows, None if pins is None else pins.columns(),
                          alone=not (steps or self.integrator.stages))
@@ -215,8 +216,8 @@ class Explicit(Method):
     # around a frame
 
     def before_frame(self, time: float, clock: Clock) -> None:
-        if self.pins is not None:
-            self.net.target = self.pins.target["hard"]
+        if self.pins is not None and self.target is not self.pins.target["hard"]:
+            self.target = self.net.target = self.pins.target["hard"]
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]."""

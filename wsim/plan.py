@@ -58,18 +58,19 @@ class Plan:
     status: wp.array
     choice: Choice
     skipped: list[dict] = field(default_factory=list)
+    words: np.ndarray = field(init=False)
     host: wp.array | None = None             # pinned memory that a frame on a GPU copies its status to
 
     def __post_init__(self):
         if self.model.device.is_cuda:
             self.host = wp.zeros(len(self.status), dtype=int, device="cpu", pinned=True)
+        self.words = (self.status if self.host is None else self.host).numpy()         # the same memory, not a copy
 
     def said(self) -> np.ndarray:
         """The status of the frame launched last, after waiting for it."""
-        if self.host is None:
-            return self.status.numpy()
-        wp.synchronize_stream(self.model.device.stream)
-        return self.host.numpy()
+        if self.host is not None:
+            wp.synchronize_stream(self.model.device.stream)
+        return self.words
 
     @property
     def starts(self) -> bool:
