@@ -215,7 +215,8 @@ def membrane_slender(B: Any):
     It bounds the linearised step of C that sweeps stand. Of a shear s, [F_u F_v] = [[1, 0], [s, 1]], U_vv is
     (1 + s^2/4)^(-1/2): undoing a part z s of it changes U_vv by z s^2/4 in the gradient, (z - z^2/2) s^2/4 in truth. The
     solve then shortens the edge along v by the rest, (z s)^2/8, and where the neighbours across its height do not follow,
-    they are sheared anew by p/q (z s)^2/8: more than z s, and growing, from z s = 8 q/p on; 2 q/p leaves a quarter.
+    they are sheared anew by p/q (z s)^2/8: more than z s, and growing, from z s = 8 q/p on. A quarter of that leaves a
+    quarter; half a square (p/q = 2), which stands any step, goes free: 2 / (p/q - 2).
     """
     uu = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]
     vv = B[1, 0] * B[1, 0] + B[1, 1] * B[1, 1]

@@ -281,9 +281,10 @@ def _block(o):
         dlam = omega * solve_block((real(1.0) + gamma) * S + plane_stress(alpha), r, real(tiny))
         if wp.dot(r, r) > real(CALM * CALM):
             slender = membrane_slender(rest)
-            step = wp.length(S * dlam) * slender[0]
-            if step > real(2.0) * slender[1]:                  # longer ones diverge, see there
-                dlam *= real(2.0) * slender[1] / step
+            most = real(2.0) * slender[1]
+            step = wp.length(S * dlam) * (slender[0] - most)   # half a square, 1 : 2, stands any step
+            if step > most:
+                dlam *= most / step
         d_out[p[0]] = N[0] + w0 * (wp.transpose(G0) * dlam)
         d_out[p[1]] = N[1] + w1 * (wp.transpose(G1) * dlam)
         d_out[p[2]] = N[2] + w2 * (wp.transpose(G2) * dlam)
