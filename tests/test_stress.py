@@ -99,6 +99,19 @@ def test_auto_is_never_excused_but_where_the_scene_itself_is_wrong():
     assert excused == {"coincident, rest 0"}
 
 
+def test_a_named_explicit_solver_is_excused_only_far_from_rest_and_implicit_ones_are_not():
+    excused = {r.name for r in rows.ROWS if "energy" in r.reasons("explicit", "leapfrog")}
+    assert "one place, springs" in excused and not {"springs 1e3", "walls", "wind", "gravity", "rest", "float"} & excused
+    implicit = (("xpbd", "bdf2"), ("implicit", "backward_euler"))
+    assert not any("energy" in r.reasons(s, i) for r in rows.ROWS for s, i in implicit)
+
+
+def test_the_midpoint_is_excused_only_where_its_step_does_not_resolve():
+    midpoint = next(s for s in solvers.SOLVERS if s.name == "implicit/implicit_midpoint")
+    assert "energy" in solvers.listed(scenes.hung("springs", 1e7), midpoint)
+    assert not solvers.listed(scenes.hung("springs", 1.0), midpoint) and not solvers.listed(scenes.hung("springs", 1e7), SWEEPS)
+
+
 def test_names_of_rows_are_unique_and_wrong_ones_are_refused():
     assert len({r.name for r in rows.ROWS}) == len(rows.ROWS)
     with pytest.raises(ValueError, match="names no row"):
