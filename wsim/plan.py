@@ -214,7 +214,6 @@ def _add(plan: Plan, scene: Scene, reasons: dict[str, str], rows: dict[str, list
         from wsim.explicit import Explicit
         hard = pins if pins and pins.groups["hard"] else None
         explicit = Explicit(model, state, points, _kept(rows, soft=True), plan.clock, _among_others(scene, reasons), hard)
-        state.arrays["r"] = explicit.carry[:model.points]          # where its kernels keep what the table calls r
         plan.methods.append(explicit)
     if reasons["aero"]:
         from wsim.aero import Aero
