@@ -19,6 +19,7 @@ UNEVEN = "sweeps carry a weight only by stretch: C >= (M / m) g h^2 / iterations
 FAR = ("the step of an explicit solver is chosen at rest: a spring far from it pulls across, too, with k (1 - L / l), up to k "
        "when long and -k L / l when short, which that step does not resolve")
 DEFORMED = {("explicit", "energy"): FAR, ("explicit", "strain"): FAR}
+SLOW = "beyond the explicit limit: damping by tau omega^2 = 7e6 / s of the fastest mode asks for steps of 1.3e-7 s"
 STUCK = ("known shortfall: where every triangle is a point Newton's step finds no way down, and the sheet stays as it is; "
          "parted by 1e-6 m it opens")
 SWING = sqrt(G / SIDE)                # [rad/s] slowest motion of a hanging sheet, that of a pendulum of its height
@@ -182,7 +183,8 @@ def _materials() -> list[Row]:
                                ("springs model", {}, {"model": "springs"})):
         slow = fabric.get("damping", 0.0)
         rows.append(Row(f"scrambled, {name}", f"points scattered over the sheet's size; {name}",
-                        partial(hung, fabric=fabric, **more), act=scramble, settle=300, creep=slow, listed=DEFORMED, **weight))
+                        partial(hung, fabric=fabric, **more), act=scramble, settle=300, creep=slow,
+                        listed=DEFORMED | ({("explicit", "refusal"): SLOW} if slow else {}), **weight))
     rows += [
         Row("uneven", "masses of 1 mg to 1 g side by side, scattered", scenes.uneven, act=scramble, settle=300,
             listed={("xpbd", "strain"): UNEVEN} | DEFORMED, **weight),
