@@ -37,7 +37,7 @@ def equilateral(columns: int, rows: int, l: float):                       # noqa
 def energy(F, model: str = "membrane", cut: str = "alternating", fabric: Fabric = FABRIC, size=(0.7, 0.5)) -> float:
     """Elastic energy per area [J/m^2] of a flat sheet under the deformation F of its plane (2 x 2)."""
     points, counts, indices = shapes.sheet(*size, 5, 5, cut=cut)
-    scene = Scene()
+    scene = Scene(solver="xpbd")
     scene.cloth("/cloth", points, counts, indices, material=fabric, model=model)
     sim = Simulation(scene, **DOUBLE)
     start = sim.positions()
@@ -273,7 +273,7 @@ def test_no_tethers_without_a_pin_or_a_wish():
                                                ("membrane", "bend", "dihedral")])
 def test_a_live_stiffness_scales_just_its_energy(model, name, kind):
     points, counts, indices = shapes.sheet(1.0, 1.0, 4, 4, cut="quads")
-    scene = Scene()
+    scene = Scene(solver="xpbd")
     cloth = scene.cloth("/cloth", points, counts, indices, model=model, material=Fabric(bend=1.0))
     sim = Simulation(scene, **DOUBLE)
     start = sim.positions()

@@ -251,7 +251,8 @@ def test_worlds_and_repeats_give_the_same_bits():
 
 def test_beyond_the_limit_is_refused_with_the_step_that_it_needs():
     """One spring k between a pin and 1 kg: leapfrog's limit is 2 / sqrt(k) = 0.02 s."""
-    with pytest.raises(SceneError, match=r"leapfrog is stable for steps up to 0.02 s .*found 0.04 s; give --substeps 3 "):
+    words = r"leapfrog is stable for h omega < 2, h c < 1: steps up to 0.02 s .*found 0.04 s; give --substeps 3 "
+    with pytest.raises(SceneError, match=words):
         Simulation(mass_on_spring(100.0, 0.04, "leapfrog", 1.0), device="cpu")
     Simulation(mass_on_spring(100.0, 0.0199, "leapfrog", 1.0), device="cpu")
 

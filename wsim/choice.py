@@ -94,7 +94,8 @@ def _explicit(model: Model, rows: dict[str, list[Rows]], method: Integrator | No
         estimate = frequency.estimate(model, rows)             # the bound is cautious: refuse what is certain to grow
         step, h = limit(method, estimate, c * (estimate / omega)**2 if omega else c), 1.0 / scene.fps / scene.substeps
         if h > step:
-            raise SceneError(Problem("/", f"integrator {method.name} is stable for steps up to {step:.3g} s here (highest "
+            raise SceneError(Problem("/", f"integrator {method.name} is stable for {method.stable}: steps up to "
+                                     f"{step:.3g} s here (highest "
                                      f"frequency {estimate:.4g} rad/s), found {h:.3g} s; give --substeps {least} "
                                      f"({1.0 / scene.fps / least:.3g} s), or another integrator"))
     return _named(scene, "explicit", method, f"the scene names {method.name}")

@@ -50,9 +50,9 @@ class Rows:
         return replace(self, ids=self.ids + (body.first - self.body.first), body=body)
 
 
-def rows_of(body: Body, pinned: np.ndarray) -> list[Rows]:
+def rows_of(body: Body, pinned: np.ndarray | None = None) -> list[Rows]:
     """Every constraint of a body, without colours; pinned: places in the arrays of hard-pinned points, of any body."""
-    source = body.source
+    source, pinned = body.source, np.zeros(0, np.int64) if pinned is None else pinned
     made = [*(_net(body, source) if isinstance(source, Springs) else _cloth(body, source)),
             *tethers(body, pinned[(pinned >= body.first) & (pinned < body.last)])]
     for r in made:

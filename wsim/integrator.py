@@ -18,10 +18,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Integrator:
-    """One method. Implicit ones are stable for every h; `limit_undamped` is h omega of the explicit ones at c = 0."""
+    """One method; `stable` says for which steps, `limit_undamped` is h omega of the explicit ones at c = 0."""
 
     name: str
     order: int
+    stable: str
     stages: tuple[tuple[float, float], ...] = ()      # (c, b)
     steps: tuple[tuple[float, float], ...] = ()       # (kick, drift)
     g: float = 0.0                                    # effective step over h; 0: explicit
@@ -39,22 +40,21 @@ class Integrator:
 
 
 TABLE = {m.name: m for m in (
-    # Order 1. Grows at every step unless damped: |1 + i h omega| > 1; h < 2 / c for decay.
-    Integrator("explicit_euler", 1, stages=((0.0, 1.0),)),
-    # Order 1, symplectic: the same map as leapfrog, read half a step off. h omega < 2.
-    Integrator("symplectic_euler", 1, steps=((1.0, 1.0),), limit_undamped=2.0),
-    # Order 2, symplectic (velocity Verlet). h omega < 2. Damping acts on v~ = v + h a_before / 2, order 2 as well: h c < 1.
-    Integrator("leapfrog", 2, steps=((0.5, 1.0), (0.5, 0.0)), limit_undamped=2.0),
-    # Order 2. Grows by (h omega)^4 / 8 a step; h c < 2.
-    Integrator("midpoint", 2, stages=((0.0, 0.0), (0.5, 1.0))),
-    # Order 4. h omega < 2.828, h c < 2.785.
-    Integrator("rk4", 4, stages=((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6)), limit_undamped=8.0**0.5),
-    # Order 1, damps: the amplitude of a mode falls by 1 / sqrt(1 + h^2 omega^2) a step. Stable for every h.
-    Integrator("backward_euler", 1, g=1.0),
-    # Order 2, keeps energy of linear systems. Stable for every h; does not damp what it does not resolve.
-    Integrator("implicit_midpoint", 2, g=0.5, beyond=True),
-    # Order 2, damps only what it does not resolve. Stable for every h, if the step is solved to its residual.
-    Integrator("bdf2", 2, g=2.0 / 3.0),
+    Integrator("explicit_euler", 1, "h c < 2 of what decays; any oscillation grows by (h omega)^2 / 2 a step",
+               stages=((0.0, 1.0),)),
+    # the same map as leapfrog, read half a step off
+    Integrator("symplectic_euler", 1, "h omega < 2", steps=((1.0, 1.0),), limit_undamped=2.0),
+    # symplectic (velocity Verlet); damping acts on v~ = v + h a_before / 2, so that it is of order 2 as well
+    Integrator("leapfrog", 2, "h omega < 2, h c < 1", steps=((0.5, 1.0), (0.5, 0.0)), limit_undamped=2.0),
+    Integrator("midpoint", 2, "h c < 2; any oscillation grows by (h omega)^4 / 8 a step", stages=((0.0, 0.0), (0.5, 1.0))),
+    Integrator("rk4", 4, "h omega < 2.828, h c < 2.785",
+               stages=((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6)), limit_undamped=8.0**0.5),
+    # damps: the amplitude of a mode falls by 1 / sqrt(1 + h^2 omega^2) a step
+    Integrator("backward_euler", 1, "every h", g=1.0),
+    # keeps the energy of linear systems, does not damp what it does not resolve
+    Integrator("implicit_midpoint", 2, "every h, if the step is solved to its residual", g=0.5, beyond=True),
+    # damps only what it does not resolve
+    Integrator("bdf2", 2, "every h, if the step is solved to its residual", g=2.0 / 3.0),
 )}
 SOLVERS = ("auto", "explicit", "xpbd", "implicit")
 INTEGRATORS = ("auto", *TABLE)
