@@ -90,7 +90,7 @@ def dihedral(X: Any, theta0: Any):
         theta = atan2(-|E| X3.N2, N2.N3),   G_k = -N_k / (|E| H_k),   G_1 = -(t_2 G_2 + t_3 G_3)
 
     (Tamstorf, Grinspun 2013, section 3; N2 x N3 = -(X3.N2) E.) Nothing is normalised, so it holds at every scale.
-    A triangle without area has no angle: C = 0, G = 0.
+    A triangle lower than a micrometre has no angle: C = 0, G = 0; 1 / (|E| H2 H3) would leave the range of float32.
     """
     E = X[0]
     X2 = X[1]
@@ -106,7 +106,7 @@ def dihedral(X: Any, theta0: Any):
     G1 = type(E)()
     G2 = type(E)()
     G3 = type(E)()
-    if both > type(theta0)(0.0):
+    if both > type(theta0)(1.0e-24):
         L = wp.sqrt(LL)
         s = -q * L / both                              # -1 / (|E| H2 H3): one division serves both
         C = wrap(arctangent(-L * wp.dot(X3, N2), wp.dot(N2, N3)) - theta0)

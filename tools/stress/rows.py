@@ -20,8 +20,6 @@ FAR = ("the step of an explicit solver is chosen at rest: a spring far from it p
        "when long and -k L / l when short, which that step does not resolve")
 DEFORMED = {("explicit", "energy"): FAR, ("explicit", "strain"): FAR}
 SLOW = "beyond the explicit limit: damping by tau omega^2 = 7e6 / s of the fastest mode asks for steps of 1.3e-7 s"
-STUCK = ("known shortfall: where every triangle is a point Newton's step finds no way down, and the sheet stays as it is; "
-         "parted by 1e-6 m it opens")
 SWING = sqrt(G / SIDE)                # [rad/s] slowest motion of a hanging sheet, that of a pendulum of its height
 
 
@@ -104,10 +102,9 @@ def _shapes() -> list[Row]:
                 ("shuffled", acts.shuffled), ("folded", acts.folded), ("folded four times", acts.crumpled))
     for name, where in scatters:
         for kind in ("springs", "membrane"):
-            stuck = {("implicit", "strain"): STUCK} if (name, kind) == ("one place", "membrane") else {}
             rows.append(Row(f"{name}, {kind}", f"free points of a hanging sheet: {name}", partial(hung, kind),
                             act=partial(once, partial(placed, where)), settle=300,
-                            listed=stuck | ({} if name == "folded" else DEFORMED), **weight))
+                            listed={} if name == "folded" else DEFORMED, **weight))
     none = "a spring without length has no strain; the check asks for the two points to be made one"
     rows.append(Row("coincident, rest 0", "springs of rest length 0 between points at one place",
                     partial(scenes.doubled_points, 0.0), edges=8, listed={("*", "refusal"): none},
