@@ -39,8 +39,8 @@ class Cost:
 
 
 # H200: leapfrog 4.5 us at 1k points, 12 us at 0.6M springs (nets that a cluster takes: 1.7 to 2.1 us); XPBD 14 colours of 2 us,
-# 2.1e-11 s a spring. CPU: 7.4e-9 s a spring of leapfrog, 1.2e-8 s a projection.
-COSTS = {"cuda": Cost(4.5e-6, 1.3e-11, 2.5e-5, 2.1e-11, 9e-6), "cpu": Cost(2e-6, 7.4e-9, 1e-6, 1.2e-8, 4e-6)}
+# 2.1e-11 s a spring. CPU: 6.7e-9 s a spring of leapfrog, 1.9e-8 s a projection (tools/results/peers_cpu.json).
+COSTS = {"cuda": Cost(4.5e-6, 1.3e-11, 2.5e-5, 2.1e-11, 9e-6), "cpu": Cost(2e-6, 6.7e-9, 1e-6, 1.9e-8, 4e-6)}
 CLUSTER = 2e-6         # [s] a substep of a net that a cluster takes: springs alone, without damping
 WEIGHT = {"distance": 1.0, "membrane": 4.0, "dihedral": 4.4}     # work over that of a spring (CPU)
 UNEVEN = 1e3           # ratio of two masses that hold each other, from which sweeps stall
