@@ -147,8 +147,8 @@ class Cluster:
 
 
 def _clusters(device) -> bool:
-    """Whether blocks can form clusters."""
-    return device.is_cuda and device.arch >= 90
+    """Whether blocks can form clusters: on the device, and in what Warp compiles for it (PTX may be for an older one)."""
+    return device.is_cuda and min(device.arch, device.get_cuda_compile_arch()) >= 90
 
 
 def cluster_of(n: int, most: int, sizes: tuple[int, ...] = (8, 16)) -> Cluster | None:
