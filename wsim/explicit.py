@@ -6,7 +6,6 @@ contacts, soft pins, tethers and strain limits act on every substep: its positio
 changed becomes a velocity.
 """
 
-
 import numpy as np
 import warp as wp
 
@@ -35,14 +34,11 @@ class Explicit(Method):
         self.model, self.state, self.points, self.status = model, state, points, points.status
         self.integrator: Integrator = points.integrator
         self.singles, self.rows, self.pins, self.steps = rows, in_worlds(model, rows), pins, steps
-        n, t = model.points, types(model.real)
         self.target = None            # of the pins, as the net has it
         self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
         self.pull = Pull(model, points.constants, self.rows, None if pins is None else pins.columns(),
                          alone=not (steps or self.integrator.stages))
         self.net, self.damped = self.pull.net, self.pull.damped
-        self.pair, self.carry = (wp.zeros(k * n, dtype=t.vec3, device=model.device) for k in (4, 2))
-        self.own = wp.zeros(3 * n, dtype=t.vec3, device=model.device) if self.integrator.stages else None
         self.make(clock.substeps)
         self.watch()
 
@@ -51,23 +47,23 @@ class Explicit(Method):
     def make(self, count: int) -> None:
         """Kernels and stages."""
         model, real, module, pull = self.model, self.model.real, self.model.module, self.pull
-        self.begin, self.commit = kernels.begin(real, module), kernels.commit(real, module)
+        what, size = f"{pull.count} springs, {sum(len(e.ids) for e in pull.elements)} elements", pull.bytes
         plain = not (pull.elements or self.integrator.stages or self.field)
+        if pull.cluster and plain:
+            self.run = cluster.frame(real, model.sweep_module, lanes=pull.cluster.lanes, entries=pull.cluster.entries,
+                                     size=pull.cluster.size)
+            self.stages = [Stage(self.integrator.name, "predict", self.frame_by_cluster, 1, size * count, "frame", what)]
+            return
+        self.room()
+        self.begin, self.commit = kernels.begin(real, module), kernels.commit(real, module)
         self.marches = pull.added and plain
-        self.fused = plain and not self.steps and (pull.added or pull.cluster is not None)
-        flags = pull.flags()
-        if pull.cluster:
-            c = pull.cluster
-            self.run = cluster.frame(real, model.sweep_module, lanes=c.lanes, entries=c.entries, size=c.size)
         if self.marches:
             self.march = march.march(real, module, self.damped)
         else:
             pull.need_springs()
             make = kernels.stage if self.integrator.stages else kernels.leap
-            self.kernel = make(real, module, flags, self.field)
-        what = f"{pull.count} springs, {sum(len(e.ids) for e in pull.elements)} elements"
+            self.kernel = make(real, module, pull.flags(), self.field)
         launches = self.integrator.forces * (1 + pull.launches)
-        size = pull.bytes
         if self.steps:
             self.correct, self.settle = kernels.correct(real, module), kernels.settle(real, module)
             self.change = wp.zeros(model.points, dtype=types(real).vec3, device=model.device)
@@ -75,8 +71,14 @@ class Explicit(Method):
                            Stage(self.integrator.name, "predict", self.predict, launches + 1, size, what=what),
                            Stage("correct", "finish", self.finish, 1, 0, what="what others changed")]
             return
-        self.stages = [Stage(self.integrator.name, "predict", self.frame_fused if self.fused else self.frame,
-                             1 if pull.cluster else 4 if self.fused else 3 + count * launches, size * count, "frame", what)]
+        self.stages = [Stage(self.integrator.name, "predict", self.frame_by_march if self.marches else self.frame,
+                             4 if self.marches else 3 + count * launches, size * count, "frame", what)]
+
+    def room(self) -> None:
+        """Arrays that outlive a launch: displacements and velocities twice, remainders, sums of Runge-Kutta stages."""
+        n, vec3, device = self.model.points, types(self.model.real).vec3, self.model.device
+        self.pair, self.carry = (wp.zeros(k * n, dtype=vec3, device=device) for k in (4, 2))
+        self.own = wp.zeros(3 * n, dtype=vec3, device=device) if self.integrator.stages else None
 
     def watch(self) -> None:
         """An edge that has more than doubled, or is no number, may be one that an unstable step has thrown: `Simulation`
@@ -173,15 +175,19 @@ class Explicit(Method):
             source = self.advance(clock, source)
         self.close(clock, self.read_out(clock, source))
 
-    def frame_fused(self, clock: Clock) -> None:
-        """All substeps in one launch."""
+    def frame_by_cluster(self, clock: Clock) -> None:
+        """All of it in one launch."""
         s, clock.k = self.state, 0
         half = len(self.integrator.steps) == 2
         step = self.step(clock, 0.5 if half else 1.0, 1.0, 0)
-        if self.pull.cluster:
-            step.close = 0.5 * clock.h if half else 0.0
-            self.model.sweep(self.run, [self.net, s.x, step], [s.x, s.e, s.v, s.r], self.pull.cluster.size)
-            return
+        step.close = 0.5 * clock.h if half else 0.0
+        assert self.pull.cluster is not None
+        self.model.sweep(self.run, [self.net, s.x, step], [s.x, s.e, s.v, s.r], self.pull.cluster.size)
+
+    def frame_by_march(self, clock: Clock) -> None:
+        """All substeps in one launch of one CPU thread."""
+        s, clock.k = self.state, 0
+        step = self.step(clock, 0.5 if len(self.integrator.steps) == 2 else 1.0, 1.0, 0)
         self.start(clock)
         self.model.launch(self.march, 1, [self.net, self.pull.table, s.x, step],
                           [self.pair, s.v, self.carry, self.pull.force])
