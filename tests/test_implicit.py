@@ -82,6 +82,7 @@ def midpoint(net, times, h):
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_solved_steps_follow_an_independent_solver(integrator):
+    pytest.importorskip("scipy")
     scene = replace(reference.spring_cloth(8), solver="implicit", integrator=integrator, substeps=4, iterations=10)
     net, times, h = reference.net(scene), [0.25, 0.5], 1.0 / 240.0
     wanted = midpoint(net, times, h) if integrator == "implicit_midpoint" else converged.converged(net, times, h, integrator)

@@ -15,8 +15,9 @@ from time import perf_counter
 
 ROOT = Path(__file__).resolve().parents[1]
 LITTER = shutil.ignore_patterns(".git", ".venv", "__pycache__", "*.egg-info", ".*_cache", "build", "dist")
-EXTRAS = "tests/test_view.py tests/test_reference.py tests/test_cloth.py tests/test_order.py"   # need rerun or SciPy in parts
-CHECKS = (".venv/bin/pip install -q -e '.[dev,view]'", f".venv/bin/pytest -q {EXTRAS}", ".venv/bin/ruff check .",
+EXTRAS = ("tests/test_view.py tests/test_reference.py tests/test_cloth.py tests/test_order.py tests/test_implicit.py "
+          "tests/test_bench.py tests/test_suite.py")                 # need rerun, SciPy or matplotlib in parts
+CHECKS = (".venv/bin/pip install -q -e '.[dev,view,plot]'", f".venv/bin/pytest -q {EXTRAS}", ".venv/bin/ruff check .",
           ".venv/bin/mypy", ".venv/bin/python tools/lint.py")
 CLOSING = re.compile(r"\b(passed|failed|errors?)\b.* in [\d.]+s")
 MADE = ("hanging.usdc", "hanging.png")          # what the first command must leave behind
