@@ -5,9 +5,10 @@
 
     x   position at the start of the frame [m], which stays; d displacement since then [m]: the position is x + d
     v~  velocity that damping sees: v itself, or leapfrog's prediction v + h a_before / 2 (see `Step.ahead`)
+
 Neighbours read what the launch before has written: `d` holds four rows of n points, displacements and velocities v~, each
 twice, and a launch goes from one copy to the other. Sums of v and d keep their rounding remainder (Kahan 1965) in `carry`:
-on a 32 x 32 cloth in float32 with 256 substeps a frame the error falls from 4.7e-6 m to what float64 has.
+a 32 x 32 cloth with 256 substeps a frame errs by 5.5e-8 m in float32 after 0.25 s, by 1.4e-8 m in float64.
 """
 
 from functools import cache
