@@ -268,6 +268,27 @@ def test_a_stiffer_parameter_gets_more_substeps():
     assert energy < 0.5e6 * 0.1**2 * 1.1
 
 
+def test_a_stiffer_parameter_of_another_world_counts_too():
+    sim = Simulation(mass_on_spring(100.0, 0.01, "leapfrog", 0.9), worlds=2, **DOUBLE)
+    sim.set("/net", "stiffness", 1e6, world=1)
+    assert sim.plan.clock.substeps > 5
+
+
+def test_a_pin_that_begins_to_move_is_followed_through_every_substep():
+    """Pinned points go from where they were to the end of the frame in equal parts, whatever was captured before."""
+    scene = Scene(fps=20.0, substeps=50, integrator="leapfrog", gravity=(0.0, 0.0, 0.0))
+    net = scene.net("/net", [[0, 0, 0], [0, -1, 0]], [[0, 1]], [100.0], [1.0])
+    scene.pin("/pin", net, [0])
+    sim = Simulation(scene, **DOUBLE)
+    sim.run(4)
+    matrices = np.tile(np.eye(4), (2, 1, 1))
+    matrices[1, 0, 3] = 1.0
+    sim.set("/pin", "motion", Motion([0.2, 1.2], matrices))
+    sim.run(2)
+    np.testing.assert_allclose(sim.positions()[0], [0.1, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(sim.velocities()[0], [1.0, 0.0, 0.0], atol=1e-9)
+
+
 def test_auto_takes_what_costs_least_and_says_why():
     soft, stiff = (Simulation(reference.spring_cloth(8, stretch=k, diagonal=k), device="cpu") for k in (10.0, 1e9))
     assert (soft.plan.choice.solver, soft.plan.integrator) == ("explicit", "leapfrog")

@@ -33,7 +33,7 @@ class Explicit(Method):
         super().__init__("explicit")
         self.model, self.state, self.points, self.status = model, state, points, points.status
         self.integrator: Integrator = points.integrator
-        self.singles, self.rows, self.pins, self.steps = rows, in_worlds(model, rows), pins, steps
+        self.rows, self.pins, self.steps = in_worlds(model, rows), pins, steps
         self.target = None            # of the pins, as the net has it
         self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
         self.pull = Pull(model, points.constants, self.rows, None if pins is None else pins.columns(),
@@ -245,6 +245,9 @@ class Explicit(Method):
         return hit
 
     def least(self) -> int:
-        """Substeps that keep the present stiffness stable."""
-        omega, c = frequency.bound(self.model, self.singles)
-        return needed(self.model.scene, self.integrator, omega, c)
+        """Substeps that keep the present stiffness stable, in every world."""
+        firsts = [b for b in self.model.bodies if b.world == 0]
+        bounds = [frequency.bound(self.model, {b.path: [r.moved(b) for r in self.rows if r.body is not None
+                                                        and (r.body.path, r.body.world) == (b.path, world)] for b in firsts})
+                  for world in range(self.model.worlds)]
+        return max(needed(self.model.scene, self.integrator, omega, c) for omega, c in bounds)

@@ -100,10 +100,10 @@ class Pull:
         if self.added:
             self.pull = march.pull(self.model.real, self.model.module, self.damped)
 
-    def flags(self, lanes: int | None = None) -> tuple:
+    def flags(self) -> tuple:
         """What `wsim.kernels.spring.acceleration` is made of."""
         return tuple({"springs": bool(self.springs), "corners": bool(self.elements), "damped": self.damped,
-                      "added": self.added, "lanes": lanes or self.lanes, "width": self.width}.items())
+                      "added": self.added, "lanes": self.lanes, "width": self.width}.items())
 
     def launch(self, source: int, x: wp.array, pair: wp.array) -> None:
         """Forces that are not gathered on the way: those of elements, and on a CPU of springs."""

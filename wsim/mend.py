@@ -94,8 +94,10 @@ def _switch(sim: Simulation) -> bool:
 
 
 def keep_stable(sim: Simulation, name: str) -> None:
-    """Explicit steps follow a live parameter that makes the scene stiffer."""
+    """Explicit steps follow a live parameter that makes the scene stiffer, and a pin that begins to move."""
     explicit, clock = sim.plan.method("explicit"), sim.plan.clock
+    if explicit is not None and name == "motion":
+        sim.graph = None                                  # it knows one target a frame, or one a substep
     if explicit is None or name not in STIFFENS:
         return
     least = explicit.least()                              # type: ignore[attr-defined]
