@@ -2,9 +2,10 @@
 
     v' = v + kick (f/m + g - decay v~),   d' = d + drift v',   f by springs without damping (kernels/spring.py, explicit.py)
 
-A block has a share of the points, `lanes` threads to each, and its share of the displacements in shared memory, twice; the
-others read there directly (distributed shared memory), and all meet after each substep. Tables, velocities, remainders and
-rest vectors x_j - x_i never leave the registers of their thread. The sums are those of `leap`, in the same order.
+A block has a share of the points, `lanes` threads to each, and keeps their displacements in shared memory, twice, with those
+of the points of other blocks that its springs hang on: whoever moves such a point writes it there (distributed shared
+memory), and all meet after each substep. Tables, velocities, remainders and rest vectors x_j - x_i never leave the registers
+of their thread. The sums are those of `leap`, in the same order; 1 / length is within an ulp of it.
 """
 
 from functools import cache
@@ -14,13 +15,13 @@ import warp as wp
 from wsim.kernels.explicit import steps
 from wsim.kernels.real import types
 from wsim.kernels.spring import net
+from wsim.kernels.stream import BLOCK
 
-BLOCK = 512            # threads of a block: 128 registers each
 SNIPPET = """
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
     typedef {real} T;
-    constexpr int L = {lanes}, E = {entries}, P = {block} / L;
-    __shared__ __align__(16) T room[2][4 * P];
+    constexpr int L = {lanes}, E = {entries}, P = {block} / L, S = {slots}, W = {pushes};
+    __shared__ __align__(16) T room[2][4 * S];
     const int n = x.shape[0], own = threadIdx.x / L, lane = threadIdx.x % L;
     unsigned rank;
     asm("mov.u32 %0, %%cluster_ctarank;" : "=r"(rank));
@@ -45,21 +46,32 @@ SNIPPET = """
         if (lane == 0)
             for (int k = 0; k < 3; ++k) room[0][4 * own + k] = d0[k];
     }}
-    unsigned at[E];
+    unsigned half = 0;                   // bytes from copy 0 to the one that is written
+    unsigned to[W];                      // where others keep this point; all ones: nowhere
+    #pragma unroll
+    for (int p = 0; p < W; ++p) {{
+        const int goal = there ? push.data[(i * W + p) * L + lane] : -1;
+        const unsigned here = (unsigned)__cvta_generic_to_shared(&room[0][4 * (goal & 0xffff)]);
+        asm("mapa.shared::cluster.u32 %0, %1, %2;" : "=r"(to[p]) : "r"(here), "r"(goal < 0 ? rank : goal >> 16));
+        if (goal < 0) to[p] = ~0u;
+    }}
+    asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");
+    #pragma unroll
+    for (int p = 0; p < W; ++p)
+        if (to[p] != ~0u) {{ {store} }}
+    const T* at[E];
     T rest[E], stiff[E], R[E][3];
     #pragma unroll
     for (int e = 0; e < E; ++e) {{
         const int entry = i * E * L + lane + e * L;
-        const int j = there ? c.other.data[entry] : (int)rank * P;
-        const unsigned here = (unsigned)__cvta_generic_to_shared(&room[0][4 * (j % P)]);
-        asm("mapa.shared::cluster.u32 %0, %1, %2;" : "=r"(at[e]) : "r"(here), "r"(j / P));
+        const int j = there ? c.other.data[entry] : 0;
+        at[e] = &room[0][4 * (there ? slot.data[entry] : 0)];
         rest[e] = there ? c.rest.data[entry] : T(0);
         stiff[e] = there ? c.k.data[entry] : T(0);
         for (int k = 0; k < 3; ++k) R[e][k] = there ? X[3 * j + k] - x0[k] : T(0);
     }}
     T kick = step.kick;
     unsigned from = 0;
-    const unsigned half = sizeof(T) * 4 * P;
     asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");
     for (int sub = 0; ; ++sub) {{
         const bool last = sub == step.count;
@@ -71,8 +83,10 @@ SNIPPET = """
             {load}
             T a[3];
             for (int k = 0; k < 3; ++k) a[k] = R[e][k] + (p[k] - d0[k]);
-            const T length = {root}(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
-            const T over = length > T(0) ? T(1) / length : T(0);
+            const T square = a[0] * a[0] + a[1] * a[1] + a[2] * a[2];
+            T over = {root}(square);
+            over += T(0.5) * over * (T(1) - square * over * over);
+            if (!(square > T(0))) over = T(0);
             const T pull = stiff[e] - stiff[e] * rest[e] * over;
             for (int k = 0; k < 3; ++k) f[k] += pull * a[k];
         }}
@@ -108,6 +122,10 @@ SNIPPET = """
         }}
         if (lane == 0 && there)
             for (int k = 0; k < 3; ++k) next[k] = d0[k];
+        half = sizeof(T) * 4 * S - half;
+        #pragma unroll
+        for (int p = 0; p < W; ++p)
+            if (to[p] != ~0u) {{ {store} }}
         kick = step.later;
         from = 1 - from;
         asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");
@@ -125,32 +143,40 @@ SNIPPET = """
 #endif
 """
 LOAD = {   # displacement p of the other end, from copy `from`
-    "float": """float pad;
-            asm volatile("ld.shared::cluster.v4.f32 {{%0, %1, %2, %3}}, [%4];"
-                         : "=f"(p[0]), "=f"(p[1]), "=f"(p[2]), "=f"(pad) : "r"(at[e] + from * half) : "memory");""",
-    "double": """asm volatile("ld.shared::cluster.v2.f64 {{%0, %1}}, [%3];\\nld.shared::cluster.f64 %2, [%3+16];"
-                         : "=d"(p[0]), "=d"(p[1]), "=d"(p[2]) : "r"(at[e] + from * half) : "memory");""",
+    "float": "const float4 q4 = *(const float4*)(at[e] + from * 4 * S); p[0] = q4.x; p[1] = q4.y; p[2] = q4.z;",
+    "double": "for (int k = 0; k < 3; ++k) p[k] = at[e][from * 4 * S + k];",
 }
+STORE = {  # own displacement, where another block keeps it
+    "float": """asm volatile("st.shared::cluster.v4.f32 [%0], {%1, %2, %3, %3};"
+                         :: "r"(to[p] + half), "f"(d0[0]), "f"(d0[1]), "f"(d0[2]) : "memory");""",
+    "double": """asm volatile("st.shared::cluster.v2.f64 [%0], {%1, %2};\\nst.shared::cluster.f64 [%0+16], %3;"
+                         :: "r"(to[p] + half), "d"(d0[0]), "d"(d0[1]), "d"(d0[2]) : "memory");""",
+}
+ROOT = {"float": "rsqrtf", "double": "rsqrt"}
 
 
 @cache
-def frame(real, module, *, lanes: int, entries: int, size: int):
-    """Kernel, launched over size * BLOCK threads of blocks of BLOCK: `Step.count` substeps, the last half kick where
+def frame(real, module, plan):
+    """Kernel, launched over plan.size * BLOCK threads of blocks of BLOCK: `Step.count` substeps, the last half kick where
     `Step.close` asks for one, and the position x + d with its remainder. r is the remainder of v, (points,).
 
-    size     blocks of the cluster: it takes size * BLOCK / lanes points
-    entries  springs of each lane; the net is padded to lanes * entries a point (see `wsim.gather.Pull.place`)
+    plan     `wsim.cluster.Cluster`; the net is padded to plan.lanes * plan.entries a point (see `wsim.gather.Pull.place`)
+    slot     where a spring's other end stands in its block's memory, (entries of the net,)
+    push     where other blocks keep a point: block << 16 | slot, or -1; (points * plan.pushes * plan.lanes,)
     """
     vec3, Net, Step = types(real).vec3, net(real), steps(real)
-    name, root = ("float", "sqrtf") if real is wp.float32 else ("double", "sqrt")
-    code = SNIPPET.format(real=name, root=root, lanes=lanes, entries=entries, block=BLOCK, load=LOAD[name].format())
+    name = "float" if real is wp.float32 else "double"
+    code = SNIPPET.format(real=name, root=ROOT[name], lanes=plan.lanes, entries=plan.entries, block=BLOCK, slots=plan.slots,
+                          pushes=plan.pushes, load=LOAD[name], store=STORE[name])
 
     @wp.func_native(code)
-    def march(c: Net, x: wp.array(dtype=vec3), step: Step, x_out: wp.array(dtype=vec3), e: wp.array(dtype=vec3),
-              v: wp.array(dtype=vec3), carry: wp.array(dtype=vec3)): ...
+    def march(c: Net, slot: wp.array(dtype=int), push: wp.array(dtype=int), x: wp.array(dtype=vec3), step: Step,
+              x_out: wp.array(dtype=vec3), e: wp.array(dtype=vec3), v: wp.array(dtype=vec3), carry: wp.array(dtype=vec3)): ...
 
-    def frame(c: Net, x: wp.array(dtype=vec3), step: Step, x_out: wp.array(dtype=vec3), e_out: wp.array(dtype=vec3),
-              v_out: wp.array(dtype=vec3), r_out: wp.array(dtype=vec3)):
-        march(c, x, step, x_out, e_out, v_out, r_out)
+    def frame(c: Net, slot: wp.array(dtype=int), push: wp.array(dtype=int), x: wp.array(dtype=vec3), step: Step,
+              x_out: wp.array(dtype=vec3), e_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3),
+              r_out: wp.array(dtype=vec3)):
+        march(c, slot, push, x, step, x_out, e_out, v_out, r_out)
 
-    return wp.kernel(frame, module=module, enable_backward=False, grid_stride=False, launch_bounds=BLOCK, cluster_dim=size)
+    return wp.kernel(frame, module=module, enable_backward=False, grid_stride=False, launch_bounds=BLOCK,
+                     cluster_dim=plan.size)

@@ -64,7 +64,7 @@ def test_explicit_steps_agree_however_they_are_launched(n, cluster):
                                       {"solver": "implicit", "integrator": "bdf2", "substeps": 4, "iterations": 2}])
 def test_membranes_hinges_wind_and_damping_agree_under_every_solver(settings):
     scene = hanging()
-    scene.solver, scene.substeps = "auto", 64
+    scene.solver, scene.substeps = "auto", 400
     for name, value in settings.items():
         setattr(scene, name, value)
     cpu, gpu, again = ends(scene, 5, "cpu", "cuda:0", "cuda:0", precision="float64")

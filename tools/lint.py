@@ -25,7 +25,7 @@ LAYERS = (
      "stability", "apart",
      "check_object", "locality", "kempe", "camera", "look", "png", "gif", "progress", "report"),
     ("kernels",),
-    ("stage", "state", "order", "model", "linear"),
+    ("stage", "state", "order", "model", "linear", "cluster"),
     ("contact",),
     ("cloth",),
     ("frequency", "choice"),

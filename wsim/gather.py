@@ -4,21 +4,18 @@ On a GPU a point's springs stand together, padded to equal numbers where that do
 threads; on a CPU every spring stands once, at its lower end, and is added to both (kernels/spring.py, kernels/march.py).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import warp as wp
 
 from wsim.cloth import Rows
+from wsim.cluster import MANY, SIZES, Cluster, cluster_of, halo
 from wsim.kernels import corner, march
 from wsim.kernels import spring as kernels
-from wsim.kernels.cluster import BLOCK
 from wsim.kernels.real import types
 from wsim.model import Model
 from wsim.topology import incident
 
 FEW = 20_000           # points up to which padding to the largest number of springs is free: launches are all that counts
-SIZES, MANY = (8, 16), 64      # blocks of a cluster: 8 everywhere, 16 where so many multiprocessors are in large groups
 PADDED = 1.5           # entries over springs' ends that padding may cost above
 
 
@@ -68,8 +65,17 @@ class Pull:
                 self.entry, filled = np.full(n * width, -1), np.repeat(np.arange(n), width)
                 self.entry[into], filled[into] = spring, other
                 other = filled
+            if self.cluster:
+                self.share(np.repeat(np.arange(n), width), other)
         self.table.start = model.upload(start.astype(np.int32), int)
         self.table.other = model.upload(other.astype(np.int32), int)
+
+    def share(self, point: np.ndarray, other: np.ndarray) -> None:
+        """Which block keeps what; no cluster where points hang together too widely for that."""
+        found = halo(self.cluster, self.model.points, point, other, np.dtype(self.model.dtype).itemsize)
+        self.cluster, held = found or (None, None)
+        if held:
+            self.slot, self.push = self.model.upload(held.slot, int), self.model.upload(held.push, int)
 
     def values(self, again: bool = False) -> None:
         """Uploads rest lengths, stiffness and damping of the entries; again: the last two into the same arrays."""
@@ -137,28 +143,9 @@ class Pull:
                 + sum(e.ids.size * (4 + 3 * 2 * real) for e in self.elements))
 
 
-@dataclass(frozen=True)
-class Cluster:
-    """How a cluster of blocks takes a net: see kernels/cluster.py."""
-
-    lanes: int
-    entries: int
-    size: int
-
-
 def _clusters(device) -> bool:
     """Whether blocks can form clusters: on the device, and in what Warp compiles for it (PTX may be for an older one)."""
     return device.is_cuda and min(device.arch, device.get_cuda_compile_arch()) >= 90
-
-
-def cluster_of(n: int, most: int, sizes: tuple[int, ...] = (8, 16)) -> Cluster | None:
-    """The cluster that takes n points of at most so many springs, or None: the most lanes that registers have room for."""
-    for lanes in (8, 4, 2):
-        entries = -(-most // lanes)
-        for size in sizes:
-            if n <= size * BLOCK // lanes and entries <= 8:
-                return Cluster(lanes, entries, size)
-    return None
 
 
 def _lanes(n: int, most: int) -> int:
