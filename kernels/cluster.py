@@ -2,10 +2,12 @@
 
     v' = v + kick (f/m + g - decay v~),   d' = d + drift v',   f by springs without damping (kernels/spring.py, explicit.py)
 
-A block has a share of the points, `lanes` threads to each, and keeps their displacements in shared memory, twice, with those
-of the points of other blocks that its springs hang on: whoever moves such a point writes it there (distributed shared
-memory), and all meet after each substep. Tables, velocities, remainders and rest vectors x_j - x_i never leave the registers
-of their thread. The sums are those of `leap`, in the same order; 1 / length is within an ulp of it.
+A block has a share of the points, `lanes` threads to each, and keeps their displacements in shared memory with those of the
+points of other blocks that its springs hang on. Whoever moves such a point sends it there, and the bytes that arrive count on
+the receiver's barrier (st.async, mbarrier: PTX ISA 8.1): a block waits for its own threads and its neighbours, never for all.
+Three copies in turn and two barriers in turn, since a neighbour may be one substep ahead, and no more: it needs what this
+block sends. Tables, velocities, remainders and rest vectors x_j - x_i never leave the registers of their thread. The sums are
+those of `leap`, in the same order; 1 / length is within an ulp of it.
 """
 
 from functools import cache
@@ -15,13 +17,13 @@ import warp as wp
 from wsim.kernels.explicit import steps
 from wsim.kernels.real import types
 from wsim.kernels.spring import net
-from wsim.kernels.stream import BLOCK
 
 SNIPPET = """
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
     typedef {real} T;
-    constexpr int L = {lanes}, E = {entries}, P = {block} / L, S = {slots}, W = {pushes};
-    __shared__ __align__(16) T room[2][4 * S];
+    constexpr int L = {lanes}, E = {entries}, P = {points}, S = {slots}, W = {pushes}, Q = {stride};
+    __shared__ __align__(16) T room[3][Q * S];
+    __shared__ __align__(8) unsigned long long gate[2];
     const int n = x.shape[0], own = threadIdx.x / L, lane = threadIdx.x % L;
     unsigned rank;
     asm("mov.u32 %0, %%cluster_ctarank;" : "=r"(rank));
@@ -43,35 +45,43 @@ SNIPPET = """
             r[k] = C[3 * i + k];
             x0[k] = X[3 * i + k];
         }}
-        if (lane == 0)
-            for (int k = 0; k < 3; ++k) room[0][4 * own + k] = d0[k];
     }}
-    unsigned half = 0;                   // bytes from copy 0 to the one that is written
-    unsigned to[W];                      // where others keep this point; all ones: nowhere
+    unsigned to[W], by[W];               // where others keep this point (all ones: nowhere), and their barrier
+    const unsigned base = (unsigned)__cvta_generic_to_shared(&room[0][0]), bars = (unsigned)__cvta_generic_to_shared(gate);
     #pragma unroll
     for (int p = 0; p < W; ++p) {{
-        const int goal = there ? push.data[(i * W + p) * L + lane] : -1;
-        const unsigned here = (unsigned)__cvta_generic_to_shared(&room[0][4 * (goal & 0xffff)]);
-        asm("mapa.shared::cluster.u32 %0, %1, %2;" : "=r"(to[p]) : "r"(here), "r"(goal < 0 ? rank : goal >> 16));
+        const int goal = there ? h.push.data[(i * W + p) * L + lane] : -1;
+        const int block = goal < 0 ? (int)rank : goal >> 16;
+        const unsigned here = base + (unsigned)sizeof(T) * Q * (goal & 0xffff);
+        asm("mapa.shared::cluster.u32 %0, %1, %2;" : "=r"(to[p]) : "r"(here), "r"(block));
+        asm("mapa.shared::cluster.u32 %0, %1, %2;" : "=r"(by[p]) : "r"(bars), "r"(block));
         if (goal < 0) to[p] = ~0u;
     }}
-    asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");
-    #pragma unroll
-    for (int p = 0; p < W; ++p)
-        if (to[p] != ~0u) {{ {store} }}
+    const unsigned bytes = sizeof(T) * (sizeof(T) == 4 ? 4 : 3) * h.guests.data[rank];
+    if (threadIdx.x == 0) {{
+        for (int b = 0; b < 2; ++b)
+            asm volatile("mbarrier.init.shared::cta.b64 [%0], %1;" :: "r"(bars + 8 * b), "r"(P * L / 32) : "memory");
+        asm volatile("fence.mbarrier_init.release.cluster;" ::: "memory");
+    }}
     const T* at[E];
-    T rest[E], stiff[E], R[E][3];
+    T rest[E], stiff[E], R[E][3];        // rest: k L
     #pragma unroll
     for (int e = 0; e < E; ++e) {{
         const int entry = i * E * L + lane + e * L;
         const int j = there ? c.other.data[entry] : 0;
-        at[e] = &room[0][4 * (there ? slot.data[entry] : 0)];
-        rest[e] = there ? c.rest.data[entry] : T(0);
+        const int slot = there ? h.slot.data[entry] : 0;
+        at[e] = &room[0][Q * slot];
         stiff[e] = there ? c.k.data[entry] : T(0);
-        for (int k = 0; k < 3; ++k) R[e][k] = there ? X[3 * j + k] - x0[k] : T(0);
+        rest[e] = there ? stiff[e] * c.rest.data[entry] : T(0);
+        for (int k = 0; k < 3; ++k) {{
+            R[e][k] = there ? X[3 * j + k] - x0[k] : T(0);
+            if (there) room[0][Q * slot + k] = D[3 * j + k];
+        }}
     }}
+    if (there && lane == 0)
+        for (int k = 0; k < 3; ++k) room[0][Q * own + k] = d0[k];
     T kick = step.kick;
-    unsigned from = 0;
+    int from = 0;
     asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");
     for (int sub = 0; ; ++sub) {{
         const bool last = sub == step.count;
@@ -84,10 +94,11 @@ SNIPPET = """
             T a[3];
             for (int k = 0; k < 3; ++k) a[k] = R[e][k] + (p[k] - d0[k]);
             const T square = a[0] * a[0] + a[1] * a[1] + a[2] * a[2];
-            T over = {root}(square);
+            T over;
+            {root}
             over += T(0.5) * over * (T(1) - square * over * over);
-            if (!(square > T(0))) over = T(0);
-            const T pull = stiff[e] - stiff[e] * rest[e] * over;
+            if (!(square > {tiny})) over = T(0);
+            const T pull = stiff[e] - rest[e] * over;
             for (int k = 0; k < 3; ++k) f[k] += pull * a[k];
         }}
         #pragma unroll
@@ -101,7 +112,6 @@ SNIPPET = """
             }}
             break;
         }}
-        T* next = &room[1 - from][4 * own];
         if (w > T(0)) {{
             for (int k = 0; k < 3; ++k) {{
                 const T a = w * f[k] + g[k] - decay * q[k], y = kick * a + r[k], v1 = v0[k] + y;
@@ -120,17 +130,26 @@ SNIPPET = """
                 d0[k] = d1;
             }}
         }}
-        if (lane == 0 && there)
-            for (int k = 0; k < 3; ++k) next[k] = d0[k];
-        half = sizeof(T) * 4 * S - half;
+        from = from == 2 ? 0 : from + 1;
+        const unsigned ahead = (unsigned)sizeof(T) * Q * S * from, turn = 8 * (sub & 1);
         #pragma unroll
         for (int p = 0; p < W; ++p)
-            if (to[p] != ~0u) {{ {store} }}
+            if (to[p] != ~0u) {{ {send} }}
+        if (lane == 0 && there)
+            for (int k = 0; k < 3; ++k) room[from][Q * own + k] = d0[k];
+        __syncwarp();
+        if (threadIdx.x == 0)
+            asm volatile("{{.reg .b64 t; mbarrier.arrive.expect_tx.release.cta.shared::cta.b64 t, [%0], %1;}}"
+                         :: "r"(bars + turn), "r"(bytes) : "memory");
+        else if (threadIdx.x % 32 == 0)
+            asm volatile("{{.reg .b64 t; mbarrier.arrive.release.cta.shared::cta.b64 t, [%0];}}"
+                         :: "r"(bars + turn) : "memory");
         kick = step.later;
-        from = 1 - from;
-        asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");
+        for (unsigned done = 0; !done; )
+            asm volatile("{{.reg .pred p; mbarrier.try_wait.parity.acquire.cluster.shared::cta.b64 p, [%1], %2;"
+                         "selp.u32 %0, 1, 0, p;}}" : "=r"(done) : "r"(bars + turn), "r"((sub >> 1) & 1) : "memory");
     }}
-    // nobody leaves while others still read its displacements
+    // nobody leaves while others may still send to it
     asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");
     if (there && lane == 0)
         for (int k = 0; k < 3; ++k) {{
@@ -143,40 +162,50 @@ SNIPPET = """
 #endif
 """
 LOAD = {   # displacement p of the other end, from copy `from`
-    "float": "const float4 q4 = *(const float4*)(at[e] + from * 4 * S); p[0] = q4.x; p[1] = q4.y; p[2] = q4.z;",
-    "double": "for (int k = 0; k < 3; ++k) p[k] = at[e][from * 4 * S + k];",
+    "float": "const float4 q4 = *(const float4*)(at[e] + from * Q * S); p[0] = q4.x; p[1] = q4.y; p[2] = q4.z;",
+    "double": "for (int k = 0; k < 3; ++k) p[k] = at[e][from * Q * S + k];",
 }
-STORE = {  # own displacement, where another block keeps it
-    "float": """asm volatile("st.shared::cluster.v4.f32 [%0], {%1, %2, %3, %3};"
-                         :: "r"(to[p] + half), "f"(d0[0]), "f"(d0[1]), "f"(d0[2]) : "memory");""",
-    "double": """asm volatile("st.shared::cluster.v2.f64 [%0], {%1, %2};\\nst.shared::cluster.f64 [%0+16], %3;"
-                         :: "r"(to[p] + half), "d"(d0[0]), "d"(d0[1]), "d"(d0[2]) : "memory");""",
+SEND = {   # own displacement, to where another block keeps it
+    "float": """asm volatile("st.async.shared::cluster.mbarrier::complete_tx::bytes.v4.f32 [%0], {%1, %2, %3, %3}, [%4];"
+                         :: "r"(to[p] + ahead), "f"(d0[0]), "f"(d0[1]), "f"(d0[2]), "r"(by[p] + turn) : "memory");""",
+    "double": """for (int k = 0; k < 3; ++k)
+                asm volatile("st.async.shared::cluster.mbarrier::complete_tx::bytes.f64 [%0], %1, [%2];"
+                             :: "r"(to[p] + ahead + 8 * k), "d"(d0[k]), "r"(by[p] + turn) : "memory");""",
 }
-ROOT = {"float": "rsqrtf", "double": "rsqrt"}
+ROOT = {"float": ('asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(over) : "f"(square));', "1.2e-38f"),
+        "double": ("over = rsqrt(square);", "T(0)")}
+
+
+@wp.struct
+class Shares:
+    """How blocks share the net, see `wsim.cluster.Halo`."""
+
+    slot: wp.array(dtype=int)      # where a spring's other end stands in its block's memory, (entries of the net,)
+    push: wp.array(dtype=int)      # where others keep a point: block << 16 | slot, or -1; (points * pushes * lanes,)
+    guests: wp.array(dtype=int)    # points of others that a block keeps, (blocks,)
 
 
 @cache
 def frame(real, module, plan):
-    """Kernel, launched over plan.size * BLOCK threads of blocks of BLOCK: `Step.count` substeps, the last half kick where
-    `Step.close` asks for one, and the position x + d with its remainder. r is the remainder of v, (points,).
+    """Kernel, launched over plan.size blocks of plan.threads: `Step.count` substeps, the last half kick where `Step.close`
+    asks for one, and the position x + d with its remainder. r is the remainder of v, (points,).
 
     plan     `wsim.cluster.Cluster`; the net is padded to plan.lanes * plan.entries a point (see `wsim.gather.Pull.place`)
-    slot     where a spring's other end stands in its block's memory, (entries of the net,)
-    push     where other blocks keep a point: block << 16 | slot, or -1; (points * plan.pushes * plan.lanes,)
     """
     vec3, Net, Step = types(real).vec3, net(real), steps(real)
     name = "float" if real is wp.float32 else "double"
-    code = SNIPPET.format(real=name, root=ROOT[name], lanes=plan.lanes, entries=plan.entries, block=BLOCK, slots=plan.slots,
-                          pushes=plan.pushes, load=LOAD[name], store=STORE[name])
+    root, tiny = ROOT[name]
+    code = SNIPPET.format(real=name, root=root, tiny=tiny, lanes=plan.lanes, entries=plan.entries, points=plan.points,
+                          slots=plan.slots, pushes=plan.pushes, stride=4 if name == "float" else 3, load=LOAD[name],
+                          send=SEND[name])
 
     @wp.func_native(code)
-    def march(c: Net, slot: wp.array(dtype=int), push: wp.array(dtype=int), x: wp.array(dtype=vec3), step: Step,
-              x_out: wp.array(dtype=vec3), e: wp.array(dtype=vec3), v: wp.array(dtype=vec3), carry: wp.array(dtype=vec3)): ...
+    def march(c: Net, h: Shares, x: wp.array(dtype=vec3), step: Step, x_out: wp.array(dtype=vec3), e: wp.array(dtype=vec3),
+              v: wp.array(dtype=vec3), carry: wp.array(dtype=vec3)): ...
 
-    def frame(c: Net, slot: wp.array(dtype=int), push: wp.array(dtype=int), x: wp.array(dtype=vec3), step: Step,
-              x_out: wp.array(dtype=vec3), e_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3),
-              r_out: wp.array(dtype=vec3)):
-        march(c, slot, push, x, step, x_out, e_out, v_out, r_out)
+    def frame(c: Net, h: Shares, x: wp.array(dtype=vec3), step: Step, x_out: wp.array(dtype=vec3),
+              e_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), r_out: wp.array(dtype=vec3)):
+        march(c, h, x, step, x_out, e_out, v_out, r_out)
 
-    return wp.kernel(frame, module=module, enable_backward=False, grid_stride=False, launch_bounds=BLOCK,
+    return wp.kernel(frame, module=module, enable_backward=False, grid_stride=False, launch_bounds=plan.threads,
                      cluster_dim=plan.size)

@@ -47,7 +47,7 @@ def test_springs_model_and_large_colours_agree():
     assert reference.rms(cpu - gpu) < 1e-6
 
 
-@pytest.mark.parametrize("n, cluster", [(8, 8), (32, 16), (64, 16), (80, None)])
+@pytest.mark.parametrize("n, cluster", [(8, 8), (16, 16), (32, 16), (64, 16), (80, None)])
 def test_explicit_steps_agree_however_they_are_launched(n, cluster):
     """By a cluster of blocks, by launches, and by one CPU thread: three kernels for one law."""
     scene = reference.spring_cloth(n)
@@ -70,6 +70,15 @@ def test_membranes_hinges_wind_and_damping_agree_under_every_solver(settings):
     cpu, gpu, again = ends(scene, 5, "cpu", "cuda:0", "cuda:0", precision="float64")
     assert reference.rms(cpu - gpu) < (1e-7 if scene.solver == "implicit" else 1e-13)      # its solves end at a tolerance
     assert np.array_equal(gpu, again)
+
+
+def test_a_cluster_takes_6400_points_in_float32():
+    scene = reference.spring_cloth(80)
+    scene.solver = "explicit"
+    sim = Simulation(scene, device="cuda:0")
+    sim.run(5)
+    (cpu,) = ends(scene, 5, "cpu")
+    assert sim.plan.method("explicit").pull.cluster.threads == 416 and reference.rms(cpu - sim.positions()) < 1e-7
 
 
 def test_a_moving_pin_takes_its_point_along_in_a_cluster():

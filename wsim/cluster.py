@@ -4,45 +4,54 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wsim.kernels.stream import BLOCK
-
-SIZES, MANY = (8, 16), 64      # blocks of a cluster: 8 everywhere, 16 where so many multiprocessors are in large groups
-ENTRIES, PUSHES = 8, 4         # springs and places of a lane, for which there are registers
-ROOM = 49152           # bytes of shared memory
+MANY = 64              # multiprocessors from which clusters of 16 blocks fit into a group of them; of 8 fit everywhere
+THREADS, ENTRIES, PUSHES = 512, 16, 4      # of a block at most; springs and places of a lane, for which there are registers
+FULL = {4: 12, 8: 6}   # springs of a lane for which blocks of THREADS have registers, by bytes of a number
+ENOUGH, SHORT = 128, 6 # threads of a block that keep four schedulers at work; springs that a lane takes without much delay
+ROOM = 49152 - 64      # bytes of shared memory beside the barriers
 
 
 @dataclass(frozen=True)
 class Cluster:
-    """Blocks of BLOCK // lanes points; `slots` places in the memory of a block: its own points, and those it hangs on."""
+    """Blocks of so many points; `slots` places in the memory of a block: its own points, and those it hangs on."""
 
-    lanes: int
+    lanes: int                 # threads of a point
     entries: int               # springs of a lane
+    points: int                # of a block
     size: int                  # blocks
     slots: int = 0
     pushes: int = 1            # places in other blocks that a lane writes
 
     @property
-    def points(self) -> int:
-        """Points of a block."""
-        return BLOCK // self.lanes
+    def threads(self) -> int:
+        """Of a block."""
+        return self.points * self.lanes
 
 
 @dataclass(frozen=True)
 class Halo:
-    """Where points stand: slot of each entry (point, other), and `push` as the kernel takes it."""
+    """Where points stand."""
 
-    slot: np.ndarray           # (entries,) int32
+    slot: np.ndarray           # of the other end, for each entry, (entries,) int32
     push: np.ndarray           # block << 16 | slot, or -1, (points * pushes * lanes,) int32
+    guests: np.ndarray         # points of others in a block's memory, (size,) int32
 
 
-def cluster_of(n: int, most: int, sizes: tuple[int, ...] = SIZES) -> Cluster | None:
-    """The cluster that takes n points of at most so many springs, or None: the most lanes that registers have room for."""
-    for lanes in (8, 4, 2):
-        entries = -(-most // lanes)
-        for size in sizes:
-            if n <= size * BLOCK // lanes and entries <= ENTRIES:
-                return Cluster(lanes, entries, size)
-    return None
+def cluster_of(n: int, most: int, size: int = 16, real: int = 4) -> Cluster | None:
+    """The cluster of so many blocks that takes n points of at most `most` springs, or None where registers do not suffice.
+
+    The fewest lanes that give a block enough threads and a lane few springs: what a point does besides is done by each lane.
+    H200, 12 springs a point, a substep [us] with 8, 4, 2, 1 lanes: 256 points 0.84, 1.03, -, -; 1k 1.06, 1.05, 0.95, 1.36;
+    2k -, 1.13, 1.20, 1.43; 4k -, -, 1.25, 1.37; 6.4k and 8.1k with 1 lane 1.61, 1.62, by launches 4.9, 5.2. real: bytes of a
+    number."""
+    size, best = min(size, 8) if n <= 64 else size, None
+    for lanes in (8, 4, 2, 1):
+        whole = 32 // lanes                               # points of a warp
+        found = Cluster(lanes, -(-most // lanes), -(-n // (size * whole)) * whole, size)
+        fits = found.threads <= THREADS and found.entries <= (FULL[real] if found.threads > THREADS // 2 else ENTRIES)
+        if fits and (best is None or (found.threads >= ENOUGH and found.entries <= SHORT)):
+            best = found
+    return best
 
 
 def halo(cluster: Cluster, n: int, point: np.ndarray, other: np.ndarray, real: int) -> tuple[Cluster, Halo] | None:
@@ -60,8 +69,8 @@ def halo(cluster: Cluster, n: int, point: np.ndarray, other: np.ndarray, real: i
     slots = cluster.points + (int(counts.max()) if len(held) else 0)
     times = np.bincount(guest, minlength=n)
     pushes = max(1, -(-int(times.max()) // cluster.lanes))
-    if pushes > PUSHES or 2 * 4 * slots * real > ROOM:
+    if pushes > PUSHES or 3 * slots * real * (4 if real == 4 else 3) > ROOM:
         return None
     table, order = np.full((n, pushes * cluster.lanes), -1, np.int32), np.argsort(guest, kind="stable")
     table[guest[order], np.arange(len(order)) - np.repeat(np.cumsum(times) - times, times)] = (holder << 16 | place)[order]
-    return replace(cluster, slots=slots, pushes=pushes), Halo(slot.astype(np.int32), table.ravel())
+    return replace(cluster, slots=slots, pushes=pushes), Halo(slot.astype(np.int32), table.ravel(), counts.astype(np.int32))

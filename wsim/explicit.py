@@ -50,7 +50,7 @@ class Explicit(Method):
         what, size = f"{pull.count} springs, {sum(len(e.ids) for e in pull.elements)} elements", pull.bytes
         plain = not (pull.elements or self.integrator.stages or self.field)
         if pull.cluster and plain:
-            self.run = cluster.frame(real, model.sweep_module, pull.cluster)
+            self.run = cluster.frame(real, model.module_of(pull.cluster.threads), pull.cluster)
             self.stages = [Stage(self.integrator.name, "predict", self.frame_by_cluster, 1, size * count, "frame", what)]
             return
         self.room()
@@ -180,9 +180,10 @@ class Explicit(Method):
         half = len(self.integrator.steps) == 2
         step = self.step(clock, 0.5 if half else 1.0, 1.0, 0)
         step.close = 0.5 * clock.h if half else 0.0
-        pull = self.pull
-        assert pull.cluster is not None
-        self.model.sweep(self.run, [self.net, pull.slot, pull.push, s.x, step], [s.x, s.e, s.v, s.r], pull.cluster.size)
+        plan = self.pull.cluster
+        assert plan is not None
+        self.model.launch_blocks(self.run, plan.size, plan.threads, [self.net, self.pull.shares, s.x, step],
+                                 [s.x, s.e, s.v, s.r])
 
     def frame_by_march(self, clock: Clock) -> None:
         """All substeps in one launch of one CPU thread."""

@@ -8,9 +8,10 @@ import numpy as np
 import warp as wp
 
 from wsim.cloth import Rows
-from wsim.cluster import MANY, SIZES, Cluster, cluster_of, halo
+from wsim.cluster import MANY, Cluster, cluster_of, halo
 from wsim.kernels import corner, march
 from wsim.kernels import spring as kernels
+from wsim.kernels.cluster import Shares
 from wsim.kernels.real import types
 from wsim.model import Model
 from wsim.topology import incident
@@ -56,7 +57,7 @@ class Pull:
             most = int(np.diff(start).max())
             self.lanes = _lanes(n, most)
             if self.alone:
-                self.cluster = cluster_of(n, most, SIZES if model.device.sm_count >= MANY else SIZES[:1])
+                self.cluster = cluster_of(n, most, 16 if model.device.sm_count >= MANY else 8, np.dtype(model.dtype).itemsize)
                 self.lanes = self.cluster.lanes if self.cluster else self.lanes
             width = -(-most // self.lanes) * self.lanes
             if n <= FEW or n * width <= PADDED * len(spring):
@@ -66,16 +67,19 @@ class Pull:
                 self.entry[into], filled[into] = spring, other
                 other = filled
             if self.cluster:
-                self.share(np.repeat(np.arange(n), width), other)
+                self.cluster = self.share(self.cluster, np.repeat(np.arange(n), width), other)
         self.table.start = model.upload(start.astype(np.int32), int)
         self.table.other = model.upload(other.astype(np.int32), int)
 
-    def share(self, point: np.ndarray, other: np.ndarray) -> None:
+    def share(self, cluster: Cluster, point: np.ndarray, other: np.ndarray) -> Cluster | None:
         """Which block keeps what; no cluster where points hang together too widely for that."""
-        found = halo(self.cluster, self.model.points, point, other, np.dtype(self.model.dtype).itemsize)
-        self.cluster, held = found or (None, None)
-        if held:
-            self.slot, self.push = self.model.upload(held.slot, int), self.model.upload(held.push, int)
+        found = halo(cluster, self.model.points, point, other, np.dtype(self.model.dtype).itemsize)
+        if found is None:
+            return None
+        self.shares = Shares()
+        for name in ("slot", "push", "guests"):
+            setattr(self.shares, name, self.model.upload(getattr(found[1], name), int))
+        return found[0]
 
     def values(self, again: bool = False) -> None:
         """Uploads rest lengths, stiffness and damping of the entries; again: the last two into the same arrays."""

@@ -61,6 +61,7 @@ class Model:
     bodies: list[Body]
     dropped: list[str] = field(default_factory=list)      # what was left out while building, in words
     arrays: dict = field(default_factory=dict)            # device tables by name
+    modules: dict[str, int] = field(default_factory=dict)     # with blocks of their own, by name: threads of a block
 
     @property
     def points(self) -> int:
@@ -107,15 +108,26 @@ class Model:
         """Module of the kernels that one block runs. CUDA compiles a module for each block size, so they stand apart."""
         return f"{self.module}_sweep" if self.device.is_cuda else self.module
 
-    def sweep(self, kernel, inputs: list, outputs: list, blocks: int = 1) -> None:
-        """Launches a kernel of one block, or of a cluster of them; on the CPU of one thread."""
+    def sweep(self, kernel, inputs: list, outputs: list) -> None:
+        """Launches a kernel of one block; on the CPU of one thread."""
         import warp as wp
 
         from wsim.kernels.stream import BLOCK
         if self.device.is_cuda:
-            wp.launch(kernel, BLOCK * blocks, inputs, outputs, device=self.device, block_dim=BLOCK)
+            self.launch_blocks(kernel, 1, BLOCK, inputs, outputs)
         else:
             wp.launch(kernel, 1, inputs, outputs, device=self.device)
+
+    def module_of(self, threads: int) -> str:
+        """Module of kernels with blocks of so many threads, on CUDA."""
+        name = f"{self.module}_{threads}"
+        self.modules[name] = threads
+        return name
+
+    def launch_blocks(self, kernel, blocks: int, threads: int, inputs: list, outputs: list) -> None:
+        """Launches so many blocks of a kernel on CUDA."""
+        import warp as wp
+        wp.launch(kernel, blocks * threads, inputs, outputs, device=self.device, block_dim=threads)
 
     def load(self) -> None:
         """Compiles the kernels that the plan has made, once: before the first launch, since a capture cannot."""
@@ -126,6 +138,8 @@ class Model:
         wp.load_module(self.module, device=self.device, block_dim=self.block if cuda else None)
         if cuda and wp.get_module(self.sweep_module).kernels:
             wp.load_module(self.sweep_module, device=self.device, block_dim=BLOCK)
+        for name, threads in self.modules.items():
+            wp.load_module(name, device=self.device, block_dim=threads)
 
     def upload(self, values, dtype):
         """Device array of NumPy values, in the model's precision where dtype is a real type."""
