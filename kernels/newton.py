@@ -13,6 +13,9 @@ What is kept of the Jacobian is never negative, so that conjugate gradients appl
     spring     k (1 + tau/g) n n^T + k max(0, 1 - l0/l) (I - n n^T): exact but for the negative part across (Choi, Ko 2002)
     hinge, membrane     see kernels/tangent.py
 
+Springs pressed together in a plane balance there, though Phi falls across it. Where the exact block of a point with itself is
+not positive, a substep begins with the force on a point that stands off by ASIDE of its longest spring: the saddle is left.
+
 Springs are gathered by both ends: entry e of a point's row keeps `link` = (m, side), its Jacobian is side I + m m^T. Hinges and
 triangles leave forces on their corners and blocks of pairs, which points gather: an assembled row has 12 blocks on
 a regular mesh, its product is one pass, where products element by element would take two and a buffer of 12 numbers a hinge.
@@ -30,6 +33,11 @@ from wsim.kernels.constraint import inverse
 from wsim.kernels.real import types
 from wsim.kernels.tangent import WHOLE, elements_of
 from wsim.kernels.xpbd import batch_of
+
+UNIT = {wp.float32: 6e-8, wp.float64: 1.1e-16}       # rounding of a number near 1
+ASIDE = 6e-8           # unit of float32; its square shows in sums of float64: with less a step aside would seem to gain nothing
+ROUNDED = 16.0         # units of the trace of a block that are added to it: what is less is rounding, and of that hinges a few
+                       # micrometres high make an inverse 1e12 times as large as its bound 1 / own
 
 
 @cache
@@ -55,6 +63,7 @@ def structs(real) -> SimpleNamespace:
         own: wp.array(dtype=t.scalar)        # [N/m], (points,)
         link: wp.array(dtype=t.vec4)         # of each entry of springs: (m [sqrt(N/m)], side [N/m])
         block: wp.array(dtype=t.mat33)       # A_ij, i != j, of hinges and triangles [N/m], (blocks,)
+        aside: wp.array(dtype=t.scalar)      # ASIDE, or 0 after the first Newton step of a substep, (1,)
         P: wp.array(dtype=t.mat33)           # inverse of A_ii without filtered directions [m/N], (points,)
 
     return SimpleNamespace(Rows=Rows, Matrix=Matrix)
@@ -108,7 +117,20 @@ def assemble(real, module, springs: bool, elements: bool):
         side = k * side_of(L, l0)
         size = k * ((L - l0) + gamma * wp.dot(n, moved - (a[j] - a[i])))
         m = wp.sqrt((real(1.0) + gamma) * k - side) * n
-        return size * n, t.vec4(m[0], m[1], m[2], side)
+        return size * n, t.vec4(m[0], m[1], m[2], side), t.vec2(k * (real(1.0) - l0 * inverse(L)), l0)
+
+    @wp.func
+    def saddle(H: t.mat33):
+        """Whether a symmetric matrix has a negative direction: some leading minor is below zero."""
+        minor = H[0, 0] * H[1, 1] - H[0, 1] * H[1, 0]
+        return H[0, 0] < real(0.0) or minor < real(0.0) or wp.determinant(H) < real(0.0)
+
+    @wp.func
+    def aside(x: t.vec3):
+        """Some direction at x, the same in each world, that has no symmetry."""
+        return t.vec3(wp.sin(real(977.0) * x[0] + real(631.0) * x[1] + real(353.0) * x[2] + real(1.0)),
+                      wp.sin(real(743.0) * x[0] + real(419.0) * x[1] + real(887.0) * x[2] + real(2.0)),
+                      wp.sin(real(569.0) * x[0] + real(811.0) * x[1] + real(461.0) * x[2] + real(3.0)))
 
     @wp.func
     def gathered(rows: s.Rows, el: Elements, e: int):
@@ -134,12 +156,19 @@ def assemble(real, module, springs: bool, elements: bool):
             f = -own * (d[i] - b[i])
             D = own * wp.identity(n=3, dtype=real)
             if wp.static(springs):
+                bent = t.vec2()
+                H = t.mat33()
                 for e in range(rows.spring[i], rows.spring[i + 1]):
-                    pulled, link = pull(rows, batch, x, d, a, i, e, rate)
+                    pulled, link, across = pull(rows, batch, x, d, a, i, e, rate)
                     f += pulled
+                    bent = t.vec2(bent[0] + across[0], wp.max(bent[1], across[1]))
                     m = t.vec3(link[0], link[1], link[2])
                     D += link[3] * wp.identity(n=3, dtype=real) + wp.outer(m, m)
                     A_out.link[e] = link
+                    if across[0] < real(0.0):
+                        H += across[0] * (wp.identity(n=3, dtype=real) - inverse(wp.dot(m, m)) * wp.outer(m, m))
+                if own + bent[0] < real(0.0) and saddle(D + H):
+                    f -= (A_out.aside[0] * bent[0] * bent[1]) * aside(x[i])
             if wp.static(elements):
                 for e in range(rows.pair[i], rows.pair[i + 1]):
                     block = gathered(rows, el, e)
@@ -147,6 +176,7 @@ def assemble(real, module, springs: bool, elements: bool):
                     A_out.block[e] = block
                 for e in range(rows.corner[i], rows.corner[i + 1]):
                     f += el.force[rows.pull[e]]
+            D += (real(wp.static(ROUNDED * UNIT[real])) * wp.trace(D)) * wp.identity(n=3, dtype=real)
             P = inverse_of(D, own)
         f_out[i] = f
         A_out.P[i] = P

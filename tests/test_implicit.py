@@ -90,7 +90,7 @@ def test_solved_steps_follow_an_independent_solver(integrator):
     for frames in wanted:
         sim.run(15)
         assert reference.rms(sim.positions() - frames) < 1e-7                 # Newton there stops at a change of 1e-10 m
-    assert sim.indicators()["residual"] < 1e-8 and not sim.warnings
+    assert sim.indicators()["residual"] < 1e-6 and not sim.warnings        # a gain under 1e-15 of Phi is not seen
 
 
 @pytest.mark.parametrize("integrator, order", [*zip(INTEGRATORS, (1, 2, 2), strict=True)])
@@ -121,6 +121,36 @@ def test_a_free_cloth_keeps_its_momenta(monkeypatch):
     before = momenta()
     sim.run(10)
     np.testing.assert_allclose(momenta(), before, atol=1e-9)
+
+
+@pytest.mark.parametrize("elements", ["springs", "membrane"])
+def test_a_free_cloth_keeps_its_momentum_however_little_is_solved(monkeypatch, elements):
+    monkeypatch.setattr(implicit, "CAP", 2)
+    scene = make(gravity=(0.0, 0.0, 0.0), iterations=1)
+    points, counts, indices = shapes.sheet(1.0, 1.0, 4, 4)
+    scene.cloth("/cloth", points, counts, indices, velocities=100.0 * np.random.default_rng(3).normal(size=points.shape),
+                model=elements, material=Fabric(stretch=1e5))
+    held = scene.cloth("/held", points + 2.0, counts, indices, velocities=np.ones_like(points), model=elements)
+    scene.pin("/pin", held, [0])
+    sim = Simulation(scene, **DOUBLE)
+    masses = sim.model.stack("masses")[sim.model.body("/cloth").index]
+    before, held = masses @ sim.velocities("/cloth"), sim.positions("/held")[0]
+    sim.run(10)
+    assert sim.indicators()["residual"] > 1e-2                                    # it is far from solved
+    np.testing.assert_allclose(masses @ sim.velocities("/cloth"), before, atol=1e-11 * masses.sum() * 100.0)
+    np.testing.assert_array_equal(sim.positions("/held")[0], held)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_a_chain_pressed_together_in_a_line_leaves_it(precision):
+    """Two springs of 1 m between pins 1 m apart: straight, they balance; the middle ends sqrt(3) / 2 m beside the line."""
+    scene = make(gravity=(0.0, 0.0, 0.0), air_drag=5.0)
+    net = scene.net("/net", [[0, 0, 0], [0.5, 0, 0], [1, 0, 0]], [[0, 1], [1, 2]], [1e4], [0.1], lengths=[1.0, 1.0])
+    scene.pin("/pin", net, [0, 2])
+    sim = Simulation(scene, device="cpu", precision=precision)
+    sim.run(300)
+    x = sim.positions()[1]
+    assert x[0] == pytest.approx(0.5, abs=1e-4) and np.hypot(x[1], x[2]) == pytest.approx(0.75**0.5, abs=1e-4)
 
 
 def test_free_fall_is_exact():

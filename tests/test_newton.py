@@ -13,8 +13,8 @@ from wsim.simulation import Simulation
 class Probe:
     """The solver of a scene with its parts laid open; d [m] is the state that everything is asked at."""
 
-    def __init__(self, scene: Scene):
-        self.sim = Simulation(scene, **DOUBLE)
+    def __init__(self, scene: Scene, **more):
+        self.sim = Simulation(scene, **(DOUBLE | more))
         self.sim.model.load()
         self.sim.plan.before_frame(0.0)
         self.m, self.clock = self.sim.plan.method("implicit"), self.sim.plan.clock
@@ -120,6 +120,23 @@ def test_a_stretched_membrane_is_exact_across_its_plane_and_in_its_spin(size):
     t = turn.ravel()
     assert t @ K @ t == pytest.approx(t @ exact @ t, rel=1e-5) and t @ K @ t > 0.0
     assert np.linalg.eigvalsh(K).min() > -1e-9 * np.abs(K).max()
+
+
+def test_the_inverse_of_a_block_stays_below_one_over_own_where_a_hinge_is_nearly_flat():
+    """1e3 N m at a hinge whose one height is micrometres: blocks of 1e14 N/m in one direction, `own` in the others."""
+    scene = make()
+    scene.cloth("/cloth", [[0, 0, 0], [1, 0, 0], [0.3, 1, 0], [0.6, -1, 0]], [3, 3], [0, 1, 2, 1, 0, 3],
+                material=Fabric(bend=1e3))
+    probe = Probe(scene, precision="float32")
+    m, random = probe.m, np.random.default_rng(5)
+    x, e, w = probe.sim.state.x.numpy().copy(), probe.sim.state.e.numpy().copy(), random.normal(size=3)
+    for height in (1e-3, 1e-4, 1e-5, 3e-6):
+        for _ in range(20):
+            w = random.normal(size=3)
+            d = e + (np.abs(x[:, 1:2] - 1.0) < 1e-6) * ((0.0, -1.0, 0.0) + height * w / np.linalg.norm(w))
+            probe.force(d)
+            size = np.abs(np.linalg.eigvalsh(m.A.P.numpy().astype(float))).max(axis=1)
+            assert (size <= 1.001 / m.A.own.numpy()).all()
 
 
 def test_conjugate_gradients_solve_the_dense_system():

@@ -42,6 +42,20 @@ def test_every_fault_is_found_and_named(kind, fault):
     assert not judge.judge(record(**fault), {}).held
 
 
+def test_symplectic_euler_may_swing_as_far_as_its_invariant_lets_it():
+    """x'' = -w^2 x in NumPy from any phase: E never exceeds swing(h w / 2) times its first value, and comes near it."""
+    w, h, most = 1.0, 1.2, 0.0
+    for phase in np.linspace(0.0, np.pi, 60):
+        x, v = np.cos(phase), np.sin(phase)
+        for _ in range(200):
+            v -= h * w * w * x
+            x += h * v
+            most = max(most, 0.5 * (v * v + w * w * x * x) / 0.5)
+    bound = judge.swing(0.5 * h * w)
+    assert 0.95 * bound < most <= bound * (1.0 + 1e-12)
+    assert not judge.judge(record(energy=[1.0, 1.5]), {}).held and judge.judge(record(energy=[1.0, 1.5], swing=1.5), {}).held
+
+
 def test_what_is_listed_beforehand_holds_and_says_why():
     verdict = judge.judge(record(refusal="too stiff"), {"refusal": "beyond the limit"})
     assert verdict.held and "beyond the limit" in verdict.text

@@ -2,8 +2,9 @@
 
 An iteration of a substep is one Newton step: forces and Jacobian at d, conjugate gradients to TOLERANCE or CAP iterations, a
 line search. d starts where Phi is least of: the prediction b; b and what forces did in the substep before; the place where the
-substep began. So Phi ends below what standing still costs, and backward Euler cannot gain energy, however few steps
-are taken. Every body is a system of its own with its own steps: worlds do not see each other.
+substep began (bodies that nothing holds go on with their momentum from there, see kernels/momentum.py). So Phi ends below what
+standing still costs, and backward Euler cannot gain energy, however few steps are taken. Every body is a system of its own
+with its own steps: worlds do not see each other.
 
 Contacts and soft pins enter the system, see kernels/touching.py; tethers and strain limits are projected after each step.
 """
@@ -13,7 +14,7 @@ import warp as wp
 
 from wsim import linear, topology
 from wsim.cloth import Rows, in_worlds
-from wsim.kernels import descent, newton, tangent, touching
+from wsim.kernels import descent, momentum, newton, tangent, touching
 from wsim.kernels.real import types
 from wsim.model import Model
 from wsim.stage import RESIDUAL, Clock, Method, Stage
@@ -75,7 +76,7 @@ class Implicit(Method):
         every = in_worlds(model, rows)
         self.tables = {kind: Table(kind, [r for r in every if r.kind == kind], model)
                        for kind in KINDS if any(r.kind == kind for r in every)}
-        self.contact = self.pins = None
+        self.contact = self.pins = self.free = None
         self.springs, self.elements = "distance" in self.tables, bool(self.tables.keys() - {"distance"})
         self.system = linear.System(model, points.constants.w, self.ids("distance", 2), self.ids("dihedral", 4),
                                     self.ids("membrane", 3))
@@ -132,6 +133,14 @@ class Implicit(Method):
         """Takes contacts (the method, or None) and soft pins into the system."""
         real, module, model = self.model.real, self.model.module, self.model
         self.contact, self.pins = contact, pins if pins and pins.groups["soft"] else None
+        w = self.rows.w.numpy()
+        free = [int(not contact and w[b.first:b.last].all()) for b in model.bodies]
+        if any(free):
+            block = model.sweep_module
+            self.amount, self.mean = momentum.amount(real, module), momentum.mean(real, block)
+            self.translate, self.free = momentum.translate(real, module), model.upload(np.array(free, np.int32), int)
+            self.part = wp.zeros(len(free) * self.lanes, dtype=wp.vec4d, device=model.device)
+            self.shift = wp.zeros(len(free), dtype=wp.vec3d, device=model.device)
         if self.contact:
             self.hold = touching.hold(real, module)
             self.q = wp.zeros_like(self.b)
@@ -143,16 +152,19 @@ class Implicit(Method):
             pins.stages = [s for s in pins.stages if s.name != "soft pins"]
 
     def newton(self, clock: Clock) -> None:
-        """One Newton step; after the last of a frame, its residual."""
+        """One Newton step; after the last of a frame, or of any substep of the midpoint, its residual."""
         rate = 1.0 / clock.g
         if clock.i == 0:
             self.start(clock)
         self.linearise(rate)
+        if clock.i == 0 and self.springs:
+            self.A.aside.zero_()
         self.system.solve(self.f, TOLERANCE, CAP)
+        self.keep_momentum()
         self.search(rate, 0, 1)
         if clock.i == clock.iterations - 1:
             self.model.launch(self.end, self.model.points, [self.state.d, self.b], [self.c])
-            if clock.k == clock.substeps - 1:
+            if clock.k == clock.substeps - 1 or clock.beyond:      # one unsolved step of the midpoint can gain energy
                 self.measure(clock)
 
     def start(self, clock: Clock) -> None:
@@ -160,6 +172,7 @@ class Implicit(Method):
         s, n, rate, launch = self.state, self.model.points, 1.0 / clock.g, self.model.launch
         self.system.count.zero_()
         self.system.drop.zero_()
+        self.A.aside.fill_(newton.ASIDE)
         launch(self.begin, n, [self.rows, s.d, self.c, rate], [self.A, self.b, self.v.y])
         if self.pins:
             launch(self.pinned, self.soft[0].size - 1, [self.pins.soft, *self.soft, self.pins.target["soft"], s.x,
@@ -168,9 +181,18 @@ class Implicit(Method):
             wp.copy(self.q, self.b)
         self.search(rate, 0)
         launch(self.stay, n, [self.rows, s.e, s.d], [self.v.y])
+        self.keep_momentum()
         self.search(rate, 0)
         if self.contact:
             self.contact.project(clock)
+
+    def keep_momentum(self) -> None:
+        """y gets what it lacks of the translation of free bodies."""
+        if self.free:
+            y, launch = self.v.y, self.model.launch
+            launch(self.amount, self.part.size, [self.system.first, self.lanes, self.A, self.state.d, self.b, y], [self.part])
+            self.system.launch(self.mean, [self.lanes, self.free, self.part], [self.shift])
+            launch(self.translate, self.model.points, [self.points.constants.object, self.shift, y], [y])
 
     def measure(self, clock: Clock) -> None:
         """What the frame's last Newton step left, and whether BDF2 or the midpoint may go on."""
@@ -215,7 +237,7 @@ class Implicit(Method):
     @property
     def launches(self) -> int:
         """Of a Newton step; conjugate gradients by several blocks take two more an iteration."""
-        return 8 + 2 * len(self.tables) + (self.hinges is not None) + (self.triangles is not None)
+        return 8 + 3 * (self.free is not None) + 2 * len(self.tables) + (self.hinges is not None) + (self.triangles is not None)
 
     @property
     def bytes(self) -> int:

@@ -95,7 +95,7 @@ class System:
             self.put(self.rows, pair=b.first, column=b.column, part=b.part, corner=b.corner, pull=b.pull)
             self.rows.item = model.upload(b.item.astype(np.int32), wp.vec2i)
             self.A.block = self.zeros(len(b.column), t.mat33)
-        self.A.own, self.A.P = self.zeros(n, t.scalar), self.zeros(n, t.mat33)
+        self.A.own, self.A.P, self.A.aside = self.zeros(n, t.scalar), self.zeros(n, t.mat33), self.zeros(1, t.scalar)
         for name in "yrzwps":
             setattr(self.v, name, self.zeros(n, t.vec3))
         self.first = model.upload(np.array([*(b.first for b in model.bodies), n], np.int32), int)

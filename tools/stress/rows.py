@@ -18,7 +18,9 @@ CLOSED = "closed system: friction, air and implicit steps only take energy away"
 UNEVEN = "sweeps carry a weight only by stretch: C >= (M / m) g h^2 / iterations, see judge.sweeps_leave"
 FAR = ("the step of an explicit solver is chosen at rest: a spring far from it pulls across, too, with k (1 - L / l), up to k "
        "when long and -k L / l when short, which that step does not resolve")
-DEFORMED = {("explicit", "energy"): FAR, ("explicit", "strain"): FAR}
+DEFORMED = {("explicit", kind): FAR for kind in ("energy", "strain", "refusal")}
+COLLAPSED = ("the angle of a hinge jumps by pi where a triangle collapses to a line: scattered, a way on costs 1/2 bend pi^2,"
+             " 5 kJ and more, and Newton steps never go uphill: they stay where they are (in float64 too)")
 SLOW = "beyond the explicit limit: damping by tau omega^2 = 7e6 / s of the fastest mode asks for steps of 1.3e-7 s"
 SWING = sqrt(G / SIDE)                # [rad/s] slowest motion of a hanging sheet, that of a pendulum of its height
 
@@ -181,7 +183,8 @@ def _materials() -> list[Row]:
         slow = fabric.get("damping", 0.0)
         rows.append(Row(f"scrambled, {name}", f"points scattered over the sheet's size; {name}",
                         partial(hung, fabric=fabric, **more), act=scramble, settle=300, creep=slow,
-                        listed=DEFORMED | ({("explicit", "refusal"): SLOW} if slow else {}), **weight))
+                        listed=DEFORMED | ({("explicit", "refusal"): SLOW} if slow else {})
+                        | ({("implicit", "strain"): COLLAPSED} if "bend" in fabric else {}), **weight))
     rows += [
         Row("uneven", "masses of 1 mg to 1 g side by side, scattered", scenes.uneven, act=scramble, settle=300,
             listed={("xpbd", "strain"): UNEVEN} | DEFORMED, **weight),

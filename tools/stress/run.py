@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 
 from tools.stress import judge
-from tools.stress.energy import Elastic, elastic_of
+from tools.stress.energy import Elastic, elastic_of, fastest
 from tools.stress.judge import Record
 from tools.stress.rows import ROWS, Row
 from tools.stress.scenes import SIDE
@@ -155,6 +155,8 @@ def _bounds(run: Run, record: Record, solver: Solver) -> None:
         record.left = sqrt(3.0) * scene.error            # its promise, RMS over the size: a strain s moves y by s y
     if solver.sweeps:
         record.left = judge.sweeps_leave(gravity, h, row.edges, row.edge, run.sim.plan.clock.iterations)
+    if solver.integrator == "symplectic_euler":
+        record.swing = judge.swing(min(0.5 * h * fastest(run.scene), 0.99))
     record.bound = judge.recovery(row.static, faded) if row.recovers else np.inf
     record.momentum_bound = row.momentum or np.inf
     if row.rest:
