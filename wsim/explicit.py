@@ -53,11 +53,18 @@ class Explicit(Method):
             self.run = cluster.frame(real, model.module_of(pull.cluster.threads), pull.cluster)
             self.stages = [Stage(self.integrator.name, "predict", self.frame_by_cluster, 1, size * count, "frame", what)]
             return
-        self.room()
-        self.begin, self.commit = kernels.begin(real, module), kernels.commit(real, module)
         self.marches = pull.added and plain
         if self.marches:
             self.march = march.march(real, module, self.damped)
+            if not self.steps:
+                self.move(self.state.e, self.state.v, self.state.r, None)
+                self.stages = [Stage(self.integrator.name, "predict", self.frame_by_march, 1, size * count, "frame", what)]
+                return
+        self.room()
+        self.begin, self.commit = kernels.begin(real, module), kernels.commit(real, module)
+        if self.marches:
+            n = model.points
+            self.move(self.pair[:n], self.pair[2 * n:3 * n], self.carry[:n], self.carry[n:])
         else:
             pull.need_springs()
             make = kernels.stage if self.integrator.stages else kernels.leap
@@ -70,14 +77,18 @@ class Explicit(Method):
                            Stage(self.integrator.name, "predict", self.predict, launches + 1, size, what=what),
                            Stage("correct", "finish", self.finish, 1, 0, what="what others changed")]
             return
-        self.stages = [Stage(self.integrator.name, "predict", self.frame_by_march if self.marches else self.frame,
-                             4 if self.marches else 3 + count * launches, size * count, "frame", what)]
+        self.stages = [Stage(self.integrator.name, "predict", self.frame, 3 + count * launches, size * count, "frame", what)]
 
     def room(self) -> None:
         """Arrays that outlive a launch: displacements and velocities twice, remainders, sums of Runge-Kutta stages."""
         n, vec3, device = self.model.points, types(self.model.real).vec3, self.model.device
         self.pair, self.carry = (wp.zeros(k * n, dtype=vec3, device=device) for k in (4, 2))
         self.own = wp.zeros(3 * n, dtype=vec3, device=device) if self.integrator.stages else None
+
+    def move(self, d: wp.array, q: wp.array, carry: wp.array, slip: wp.array | None) -> None:
+        """What a march works on, in place. slip: None where it takes frames."""
+        m = self.moving = march.moving(self.model.real)()
+        m.x, m.d, m.q, m.v, m.carry, m.slip, m.frame = self.state.x, d, q, self.state.v, carry, slip, int(slip is None)
 
     def watch(self) -> None:
         """An edge that has more than doubled, or is no number, may be one that an unstable step has thrown: `Simulation`
@@ -122,17 +133,18 @@ class Explicit(Method):
         s.row = clock.k * s.stride
         return s
 
-    def kick(self, clock: Clock, kick: float, drift: float, source: int) -> None:
+    def kick(self, clock: Clock, kick: float, drift: float, source: int) -> int:
+        """From copy `source`; returns the copy that it ends in."""
         s, step = self.state, self.step(clock, kick, drift, source)
         if self.marches:
             step.count = 1
-            self.model.launch(self.march, 1, [self.net, self.pull.table, s.x, step],
-                              [self.pair, s.v, self.carry, self.pull.force])
-            return
+            self.model.launch(self.march, 1, [self.net, self.pull.table, step], [self.moving, self.pull.space])
+            return source
         self.pull.launch(source, s.x, self.pair)
         self.model.launch(self.kernel, self.model.points * self.pull.lanes,
                           [self.net, self.pull.force, s.x, self.pair, s.v, self.carry, step],
                           [self.pair, s.v, self.carry])
+        return 1 - source
 
     def advance(self, clock: Clock, source: int) -> int:
         """One substep from copy `source`; returns the copy that it ends in. Leapfrog's velocity stays at the half step."""
@@ -140,8 +152,7 @@ class Explicit(Method):
         if m.stages:
             return self.stage_by_stage(clock, source)
         half = len(m.steps) == 2 and clock.k == 0 and (clock.starting or not self.steps)
-        self.kick(clock, 0.5 if half else 1.0, 1.0, source)
-        return 1 - source
+        return self.kick(clock, 0.5 if half else 1.0, 1.0, source)
 
     def stage_by_stage(self, clock: Clock, source: int) -> int:
         s, coefficients = self.state, self.integrator.stages
@@ -162,8 +173,7 @@ class Explicit(Method):
         """Leapfrog's last half kick."""
         if len(self.integrator.steps) < 2:
             return source
-        self.kick(clock, 0.5, 0.0, source)
-        return 1 - source
+        return self.kick(clock, 0.5, 0.0, source)
 
     def frame(self, clock: Clock) -> None:
         """All substeps, a launch for each evaluation of the forces."""
@@ -174,25 +184,23 @@ class Explicit(Method):
             source = self.advance(clock, source)
         self.close(clock, self.read_out(clock, source))
 
-    def frame_by_cluster(self, clock: Clock) -> None:
-        """All of it in one launch."""
-        s, clock.k = self.state, 0
-        half = len(self.integrator.steps) == 2
+    def whole(self, clock: Clock):
+        """All substeps of a frame, and leapfrog's last half kick."""
+        clock.k, half = 0, len(self.integrator.steps) == 2
         step = self.step(clock, 0.5 if half else 1.0, 1.0, 0)
         step.close = 0.5 * clock.h if half else 0.0
-        plan = self.pull.cluster
+        return step
+
+    def frame_by_cluster(self, clock: Clock) -> None:
+        """All of it in one launch."""
+        s, plan = self.state, self.pull.cluster
         assert plan is not None
-        self.model.launch_blocks(self.run, plan.size, plan.threads, [self.net, self.pull.shares, s.x, step],
+        self.model.launch_blocks(self.run, plan.size, plan.threads, [self.net, self.pull.shares, s.x, self.whole(clock)],
                                  [s.x, s.e, s.v, s.r])
 
     def frame_by_march(self, clock: Clock) -> None:
         """All substeps in one launch of one CPU thread."""
-        s, clock.k = self.state, 0
-        step = self.step(clock, 0.5 if len(self.integrator.steps) == 2 else 1.0, 1.0, 0)
-        self.start(clock)
-        self.model.launch(self.march, 1, [self.net, self.pull.table, s.x, step],
-                          [self.pair, s.v, self.carry, self.pull.force])
-        self.close(clock, self.read_out(clock, clock.substeps % 2))
+        self.model.launch(self.march, 1, [self.net, self.pull.table, self.whole(clock)], [self.moving, self.pull.space])
 
     def close(self, clock: Clock, source: int) -> None:
         s = self.state

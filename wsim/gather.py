@@ -48,8 +48,11 @@ class Pull:
         model, n = self.model, self.model.points
         if self.added:
             self.table = march.list_of(model.real)()
-            self.entry = np.lexsort((ids.max(1), ids.min(1)))
-            start, other = np.concatenate([[0], np.cumsum(np.bincount(ids.min(1), minlength=n))]), ids.max(1)[self.entry]
+            order, low = np.lexsort((ids.max(1), ids.min(1))), np.bincount(ids.min(1), minlength=n)
+            self.entry = np.append(order, np.full(march.EIGHT, -1))
+            start, other = np.concatenate([[0], np.cumsum(low)]), march.STRIDE * ids.max(1)[order]
+            self.table.lot = march.lot(int(low.max()))
+            self.space = march.room(model.real, n, self.table.lot, model.device)
         else:
             start, spring = incident(ids, n)
             point = np.repeat(np.arange(n), np.diff(start))
@@ -118,7 +121,7 @@ class Pull:
     def launch(self, source: int, x: wp.array, pair: wp.array) -> None:
         """Forces that are not gathered on the way: those of elements, and on a CPU of springs."""
         if self.added:
-            self.model.launch(self.pull, 1, [self.table, x, pair, source], [self.force])
+            self.model.launch(self.pull, 1, [self.table, x, pair, source], [self.force, self.space])
         for e in self.elements:
             self.model.launch(e.corners(self.damped), len(e.ids), [e.data, x, pair, source, e.first], [self.force])
 
