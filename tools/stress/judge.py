@@ -15,7 +15,7 @@ from math import exp, inf, isfinite, sqrt
 import numpy as np
 
 SLACK = 0.02          # of the energy put in: a step of backward Euler on springs that buckle is convex only nearly
-MAY = ("refusal", "strain", "energy")        # what can be listed; no number, no end and no answer cannot
+MAY = ("refusal", "strain", "energy", "jitter")        # what can be listed; no number, no end and no answer cannot
 ROUNDING = 1e-5       # strain of an edge a hundredth of the scene's size, whose ends are rounded to float32's 6e-8
 
 
