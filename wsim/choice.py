@@ -28,21 +28,23 @@ MARGIN = 1.02          # substeps over the limit's: the frequency is that of the
 
 @dataclass(frozen=True)
 class Cost:
-    """Seconds: of a substep of leapfrog and of each spring in it, of a sweep over a kind of constraint and of each constraint
-    in it, of what XPBD launches a substep besides."""
+    """Seconds: of a substep of leapfrog, of each spring in it and of each element over its weight, of a sweep over a kind of
+    constraint and of each constraint in it, of what XPBD launches a substep besides."""
 
     step: float
     pull: float
+    element: float
     sweep: float
     projection: float
     rest: float
 
 
 # H200: leapfrog 4.5 us at 1k points, 12 us at 0.6M springs (nets that a cluster takes: 1.2 to 1.7 us); XPBD 14 colours of 2 us,
-# 2.1e-11 s a spring. CPU: 6.7e-9 s a spring of leapfrog, 1.9e-8 s a projection (tools/results/peers_cpu.json).
-COSTS = {"cuda": Cost(4.5e-6, 1.3e-11, 2.5e-5, 2.1e-11, 9e-6), "cpu": Cost(2e-6, 6.7e-9, 1e-6, 1.9e-8, 4e-6)}
+# 2.1e-11 s a spring. CPU: 2.8e-9 s a spring of leapfrog (one thread), 1.9e-8 s a projection (tools/results/peers_cpu.json).
+COSTS = {"cuda": Cost(4.5e-6, 1.3e-11, 1.3e-11, 2.5e-5, 2.1e-11, 9e-6),
+         "cpu": Cost(2e-6, 2.8e-9, 6.7e-9, 1e-6, 1.9e-8, 4e-6)}
 CLUSTER = 1.5e-6       # [s] a substep of a net that a cluster takes: springs alone, without damping (H200, 1k to 8k points)
-WEIGHT = {"distance": 1.0, "membrane": 4.0, "dihedral": 4.4}     # work over that of a spring (CPU)
+WEIGHT = {"distance": 1.0, "membrane": 4.0, "dihedral": 4.4}     # work of a projection over that of a spring (CPU)
 UNEVEN = 1e3           # ratio of two masses that hold each other, from which sweeps stall
 
 
@@ -129,13 +131,14 @@ def _auto(model: Model, rows: dict[str, list[Rows]]) -> Choice:
 def _costs(model: Model, rows: dict[str, list[Rows]], n: int, substeps: int) -> tuple[float, float]:
     """Seconds a frame of n substeps of leapfrog, and of XPBD with the scene's sweeps."""
     cost, soft = COSTS["cuda" if model.device.is_cuda else "cpu"], [r for found in rows.values() for r in found]
-    work = model.worlds * sum(WEIGHT[r.kind] * len(r.ids) for r in soft)
+    springs, work = (model.worlds * sum(WEIGHT[r.kind] * len(r.ids) for r in found)
+                     for found in ([r for r in soft if r.kind == "distance"], soft))
     kinds = {r.kind for r in soft}
     plain = kinds == {"distance"} and not any(r.tau for r in soft)
     if model.device.is_cuda and model.device.arch >= 90 and plain and model.points <= 8192:
         step = CLUSTER
     else:
-        step = cost.step * (1 + len(kinds - {"distance"})) + cost.pull * work
+        step = cost.step * (1 + len(kinds - {"distance"})) + cost.pull * springs + cost.element * (work - springs)
     sweep = cost.sweep * len(kinds) + cost.projection * work
     return n * step, substeps * (cost.rest + model.scene.iterations * sweep)
 
