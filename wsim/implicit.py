@@ -14,7 +14,7 @@ import warp as wp
 
 from wsim import linear, topology
 from wsim.cloth import Rows, in_worlds
-from wsim.kernels import descent, momentum, newton, tangent, touching
+from wsim.kernels import descent, newton, tangent, touching
 from wsim.kernels.real import types
 from wsim.model import Model
 from wsim.stage import RESIDUAL, Clock, Method, Stage
@@ -136,6 +136,7 @@ class Implicit(Method):
         w = self.rows.w.numpy()
         free = [int(not contact and w[b.first:b.last].all()) for b in model.bodies]
         if any(free):
+            from wsim.kernels import momentum
             block = model.sweep_module
             self.amount, self.mean = momentum.amount(real, module), momentum.mean(real, block)
             self.translate, self.free = momentum.translate(real, module), model.upload(np.array(free, np.int32), int)
