@@ -63,14 +63,14 @@ SNIPPET = """
             asm volatile("mbarrier.init.shared::cta.b64 [%0], %1;" :: "r"(bars + 8 * b), "r"(P * L / 32) : "memory");
         asm volatile("fence.mbarrier_init.release.cluster;" ::: "memory");
     }}
-    const T* at[E];
+    unsigned at[E];                      // of the other end in the first copy [bytes]
     T rest[E], stiff[E], R[E][3];        // rest: k L
     #pragma unroll
     for (int e = 0; e < E; ++e) {{
         const int entry = i * E * L + lane + e * L;
         const int j = there ? c.other.data[entry] : 0;
         const int slot = there ? h.slot.data[entry] : 0;
-        at[e] = &room[0][Q * slot];
+        at[e] = (unsigned)sizeof(T) * Q * slot;
         stiff[e] = there ? c.k.data[entry] : T(0);
         rest[e] = there ? stiff[e] * c.rest.data[entry] : T(0);
         for (int k = 0; k < 3; ++k) {{
@@ -80,6 +80,10 @@ SNIPPET = """
     }}
     if (there && lane == 0)
         for (int k = 0; k < 3; ++k) room[0][Q * own + k] = d0[k];
+    const bool moves = there && column >= 0 && !(w > T(0)) && step.drift > T(0);
+    T goal[3] = {{0, 0, 0}};               // of a prescribed point at the end of the substep
+    const T* goals = (const T*)c.target.data + 3 * (step.row * c.target.shape[1] + column);
+    for (int k = 0; k < 3 && moves; ++k) goal[k] = goals[k];
     T kick = step.kick;
     int from = 0;
     asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");
@@ -87,19 +91,19 @@ SNIPPET = """
         const bool last = sub == step.count;
         if (last && step.close == T(0)) break;
         T f[3] = {{0, 0, 0}};
+        const char* held = (const char*)&room[0][0] + (unsigned)sizeof(T) * Q * S * from;
         #pragma unroll
         for (int e = 0; e < E; ++e) {{
             T p[3];
             {load}
             T a[3];
             for (int k = 0; k < 3; ++k) a[k] = R[e][k] + (p[k] - d0[k]);
-            const T square = a[0] * a[0] + a[1] * a[1] + a[2] * a[2];
+            const T square = {greater}(a[0] * a[0] + a[1] * a[1] + a[2] * a[2], {tiny});     // a is 0 where it counts
             T over;
             {root}
-            over += T(0.5) * over * (T(1) - square * over * over);
-            if (!(square > {tiny})) over = T(0);
-            const T pull = stiff[e] - rest[e] * over;
-            for (int k = 0; k < 3; ++k) f[k] += pull * a[k];
+            over = fma(T(0.5) * over, fma(-square * over, over, T(1)), over);
+            const T pull = fma(-rest[e], over, stiff[e]);
+            for (int k = 0; k < 3; ++k) f[k] = fma(pull, a[k], f[k]);
         }}
         #pragma unroll
         for (int o = L / 2; o > 0; o >>= 1)
@@ -122,8 +126,7 @@ SNIPPET = """
                 d0[k] = d1;
                 q[k] = v1 + step.ahead * a;
             }}
-        }} else if (there && column >= 0 && step.drift > T(0)) {{
-            const T* goal = (const T*)c.target.data + 3 * ((step.row + sub * step.stride) * c.target.shape[1] + column);
+        }} else if (moves && (sub < 2 || step.stride)) {{
             for (int k = 0; k < 3; ++k) {{
                 const T d1 = goal[k] - x0[k];
                 v0[k] = q[k] = (d1 - d0[k]) / step.h;
@@ -145,6 +148,10 @@ SNIPPET = """
             asm volatile("{{.reg .b64 t; mbarrier.arrive.release.cta.shared::cta.b64 t, [%0];}}"
                          :: "r"(bars + turn) : "memory");
         kick = step.later;
+        if (moves && step.stride && sub + 1 < step.count) {{      // read before the wait: 1100 cycles if read when needed
+            goals += 3 * c.target.shape[1];
+            for (int k = 0; k < 3; ++k) goal[k] = goals[k];
+        }}
         for (unsigned done = 0; !done; )
             asm volatile("{{.reg .pred p; mbarrier.try_wait.parity.acquire.cluster.shared::cta.b64 p, [%1], %2;"
                          "selp.u32 %0, 1, 0, p;}}" : "=r"(done) : "r"(bars + turn), "r"((sub >> 1) & 1) : "memory");
@@ -161,9 +168,9 @@ SNIPPET = """
         }}
 #endif
 """
-LOAD = {   # displacement p of the other end, from copy `from`
-    "float": "const float4 q4 = *(const float4*)(at[e] + from * Q * S); p[0] = q4.x; p[1] = q4.y; p[2] = q4.z;",
-    "double": "for (int k = 0; k < 3; ++k) p[k] = at[e][from * Q * S + k];",
+LOAD = {   # displacement p of the other end
+    "float": "const float4 q4 = *(const float4*)(held + at[e]); p[0] = q4.x; p[1] = q4.y; p[2] = q4.z;",
+    "double": "for (int k = 0; k < 3; ++k) p[k] = ((const T*)(held + at[e]))[k];",
 }
 SEND = {   # own displacement, to where another block keeps it
     "float": """asm volatile("st.async.shared::cluster.mbarrier::complete_tx::bytes.v4.f32 [%0], {%1, %2, %3, %3}, [%4];"
@@ -172,8 +179,10 @@ SEND = {   # own displacement, to where another block keeps it
                 asm volatile("st.async.shared::cluster.mbarrier::complete_tx::bytes.f64 [%0], %1, [%2];"
                              :: "r"(to[p] + ahead + 8 * k), "d"(d0[k]), "r"(by[p] + turn) : "memory");""",
 }
-ROOT = {"float": ('asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(over) : "f"(square));', "1.2e-38f"),
-        "double": ("over = rsqrt(square);", "T(0)")}
+ROOT = {   # 1 / length before its last Newton step, and the least square of a length
+    "float": ('asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(over) : "f"(square));', "fmaxf", "1.2e-38f"),
+    "double": ("over = rsqrt(square);", "fmax", "1e-300"),
+}
 
 
 @wp.struct
@@ -194,10 +203,10 @@ def frame(real, module, plan):
     """
     vec3, Net, Step = types(real).vec3, net(real), steps(real)
     name = "float" if real is wp.float32 else "double"
-    root, tiny = ROOT[name]
-    code = SNIPPET.format(real=name, root=root, tiny=tiny, lanes=plan.lanes, entries=plan.entries, points=plan.points,
-                          slots=plan.slots, pushes=plan.pushes, stride=4 if name == "float" else 3, load=LOAD[name],
-                          send=SEND[name])
+    root, greater, tiny = ROOT[name]
+    code = SNIPPET.format(real=name, root=root, greater=greater, tiny=tiny, lanes=plan.lanes, entries=plan.entries,
+                          points=plan.points, slots=plan.slots, pushes=plan.pushes, stride=4 if name == "float" else 3,
+                          load=LOAD[name], send=SEND[name])
 
     @wp.func_native(code)
     def march(c: Net, h: Shares, x: wp.array(dtype=vec3), step: Step, x_out: wp.array(dtype=vec3), e: wp.array(dtype=vec3),

@@ -39,11 +39,11 @@ class Cost:
     rest: float
 
 
-# H200: leapfrog 4.5 us at 1k points, 12 us at 0.6M springs (nets that a cluster takes: 1.2 to 1.7 us); XPBD 14 colours of 2 us,
+# H200: leapfrog 4.5 us at 1k points, 12 us at 0.6M springs (nets that a cluster takes: 0.42 us at 1k points, 0.74 at 4k, 1.06 at 8k); XPBD 14 colours of 2 us,
 # 2.1e-11 s a spring. CPU: 2.8e-9 s a spring of leapfrog (one thread), 1.9e-8 s a projection (tools/results/peers_cpu.json).
 COSTS = {"cuda": Cost(4.5e-6, 1.3e-11, 1.3e-11, 2.5e-5, 2.1e-11, 9e-6),
          "cpu": Cost(2e-6, 2.8e-9, 6.7e-9, 1e-6, 1.9e-8, 4e-6)}
-CLUSTER = 1.5e-6       # [s] a substep of a net that a cluster takes: springs alone, without damping (H200, 1k to 8k points)
+CLUSTER = 3.5e-7, 9e-11      # [s] a substep of a net that a cluster takes, and of each point in it: springs, no damping
 WEIGHT = {"distance": 1.0, "membrane": 4.0, "dihedral": 4.4}     # work of a projection over that of a spring (CPU)
 UNEVEN = 1e3           # ratio of two masses that hold each other, from which sweeps stall
 
@@ -136,7 +136,7 @@ def _costs(model: Model, rows: dict[str, list[Rows]], n: int, substeps: int) -> 
     kinds = {r.kind for r in soft}
     plain = kinds == {"distance"} and not any(r.tau for r in soft)
     if model.device.is_cuda and model.device.arch >= 90 and plain and model.points <= 8192:
-        step = CLUSTER
+        step = CLUSTER[0] + CLUSTER[1] * model.points
     else:
         step = cost.step * (1 + len(kinds - {"distance"})) + cost.pull * springs + cost.element * (work - springs)
     sweep = cost.sweep * len(kinds) + cost.projection * work

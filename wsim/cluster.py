@@ -41,10 +41,10 @@ def cluster_of(n: int, most: int, size: int = 16, real: int = 4) -> Cluster | No
     """The cluster of so many blocks that takes n points of at most `most` springs, or None where registers do not suffice.
 
     The fewest lanes that give a block enough threads and a lane few springs: what a point does besides is done by each lane.
-    H200, 12 springs a point, a substep [us] with 8, 4, 2, 1 lanes: 256 points 0.84, 1.03, -, -; 1k 1.06, 1.05, 0.95, 1.36;
-    2k -, 1.13, 1.20, 1.43; 4k -, -, 1.25, 1.37; 6.4k and 8.1k with 1 lane 1.61, 1.62, by launches 4.9, 5.2. real: bytes of a
+    H200, 12 springs a point, a substep [us] with 8, 4, 2, 1 lanes: 256 points 0.33, 0.33, 0.42, -; 1k 0.63, 0.47, 0.42, 0.73;
+    2k -, 0.57, 0.49, 0.82; 4k -, -, 0.74, 0.87; 6.4k and 8.1k with 1 lane 1.00, 1.06, by launches 4.9, 5.2. real: bytes of a
     number."""
-    size, best = min(size, 8) if n <= 64 else size, None
+    best = None
     for lanes in (8, 4, 2, 1):
         whole = 32 // lanes                               # points of a warp
         found = Cluster(lanes, -(-most // lanes), -(-n // (size * whole)) * whole, size)
