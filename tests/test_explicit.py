@@ -9,7 +9,7 @@ import warp as wp
 
 from tools.bench import reference
 from tools.bench.reference import rms
-from wsim import shapes
+from wsim import choice, shapes
 from wsim.curve import Motion
 from wsim.fabric import Fabric
 from wsim.integrator import EXPLICIT, IMPLICIT, TABLE
@@ -294,6 +294,25 @@ def test_auto_takes_what_costs_least_and_says_why():
     assert (soft.plan.choice.solver, soft.plan.integrator) == ("explicit", "leapfrog")
     assert (stiff.plan.choice.solver, stiff.plan.integrator) == ("xpbd", "backward_euler")
     assert "substeps keep" in soft.plan.describe() and "leapfrog would need" in stiff.plan.describe()
+
+
+@pytest.mark.parametrize("springs, sweeps", [(20, 4), (20, 8), (30, 4)])
+def test_a_hanging_chain_is_longer_by_what_sweeps_leave(springs, sweeps):
+    """A row of N stiff springs under M sweeps: N^2 g h^2 / M but for a factor; `choice.slack` is above and within 2."""
+    scene = Scene(fps=60.0, substeps=10, iterations=sweeps, solver="xpbd", integrator="backward_euler", air_drag=6.0)
+    chain = scene.net("/chain", [[0.0, -0.05 * i, 0.0] for i in range(springs + 1)], [[i, i + 1] for i in range(springs)],
+                      [1e7] * springs, [0.01] * (springs + 1))
+    scene.pin("/pin", chain, [0])
+    sim = Simulation(scene, **DOUBLE)
+    sim.run(150)
+    longer = -sim.positions()[-1, 1] - 0.05 * springs
+    assert 0.5 < longer / choice.slack(sim.model, 1.0 / 600.0) < 1.0
+
+
+def test_auto_takes_the_substeps_that_leave_xpbd_no_longer_than_asked():
+    sim = Simulation(replace(reference.spring_cloth(40, stretch=1e9, diagonal=1e9), error=1e-3, substeps=1), device="cpu")
+    h = 1.0 / 60.0 / sim.plan.clock.substeps
+    assert sim.plan.choice.solver == "xpbd" and choice.slack(sim.model, h) <= 1e-3 < choice.slack(sim.model, 1.2 * h)
 
 
 def test_auto_goes_on_with_xpbd_when_an_edge_is_torn_apart():

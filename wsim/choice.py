@@ -4,8 +4,9 @@
                 where it is stable it errs by less than any of the others at any price they are run at
     implicit    Newton steps, where neighbouring masses differ so much that sweeps would not carry a load from one to the
                 other (stress rows "heavy last": XPBD at 10 x 4 left a strain of 12, bound 3.4)
-    xpbd        backward Euler errs by about DRIFT h on a cloth that falls (order 1), whatever its sweeps cost; to err by
-                no more than `Scene.error` it needs so many substeps, or those that the scene names if they are more
+    xpbd        backward Euler errs by about DRIFT h on a cloth that falls (order 1), whatever its sweeps cost, and M sweeps
+                leave it longer by SOFT g h^2 N^2 / M where load hangs on N springs in a row (`slack`); to err by no more than
+                `Scene.error` it needs so many substeps, or those that the scene names if they are more
 
 `COSTS` is a table by device, fitted to what tools/bench/choice.py measured (tools/results/choice_*.json); nothing is timed at
 build.
@@ -22,6 +23,9 @@ from wsim.model import Model, edge_lengths, hard_places
 from wsim.scene import Problem, Scene, SceneError
 
 DRIFT = 0.8            # [m/s]: RMS error over h of converged backward Euler, 1 m cloth at 0.25 s (1.3e-2 at 1/60 s)
+SOFT = 0.4             # a sweep moves a mass by half of what a spring lacks: N springs in a row lack 2 N g h^2 / M at the top,
+                       # N^2 g h^2 / M in all. Chains of 20 and 40 springs, M 4 and 8: 0.30 to 0.36 of that, M 1 0.50; cloths
+                       # of 32 and 64 points a side 0.24 to 0.40 (over-relaxed sweeps)
 STRETCHED = 1.5        # far from rest stiffness is not what the bound took it for
 MARGIN = 1.02          # substeps over the limit's: the frequency is that of the rest shape, and `limit` is good to 0.1 %
 
@@ -39,8 +43,8 @@ class Cost:
     rest: float
 
 
-# H200: leapfrog 4.5 us at 1k points, 12 us at 0.6M springs (nets that a cluster takes: 0.42 us at 1k points, 0.74 at 4k, 1.06 at 8k); XPBD 14 colours of 2 us,
-# 2.1e-11 s a spring. CPU: 2.8e-9 s a spring of leapfrog (one thread), 1.9e-8 s a projection (tools/results/peers_cpu.json).
+# H200: leapfrog 4.5 us at 1k points, 12 us at 0.6M springs (nets that a cluster takes: 0.42 us at 1k points, 0.74 at 4k, 1.06
+# at 8k); XPBD 14 colours of 2 us, 2.1e-11 s a spring. CPU: 2.8e-9 s a spring of leapfrog (one thread), 1.9e-8 s a projection.
 COSTS = {"cuda": Cost(4.5e-6, 1.3e-11, 1.3e-11, 2.5e-5, 2.1e-11, 9e-6),
          "cpu": Cost(2e-6, 2.8e-9, 6.7e-9, 1e-6, 1.9e-8, 4e-6)}
 CLUSTER = 3.5e-7, 9e-11      # [s] a substep of a net that a cluster takes, and of each point in it: springs, no damping
@@ -119,6 +123,8 @@ def _auto(model: Model, rows: dict[str, list[Rows]]) -> Choice:
     omega, c = bound(model, rows)
     n = needed(scene, leapfrog, omega, c)
     substeps = max(scene.substeps, ceil(DRIFT / scene.fps / (scene.error * _size(model))))
+    if not stall:
+        substeps = max(substeps, ceil((slack(model, 1.0 / scene.fps) / (scene.error * _size(model)))**0.5))
     explicit, sweeps = _costs(model, rows, n, substeps)
     if explicit <= sweeps:
         return Choice("explicit", leapfrog, max(n, scene.substeps), 1,
@@ -167,6 +173,15 @@ def _unfit(model: Model, rows: dict[str, list[Rows]]) -> str:
         if np.any(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > STRETCHED * np.maximum(rest, 1e-12)):
             return f"{body.path} starts with an edge stretched beyond {STRETCHED:g} times its length"
     return ""
+
+
+def slack(model: Model, h: float) -> float:
+    """By how much [m] the sweeps of a step h [s] leave the bodies longer than they are, hanging: see SOFT."""
+    g, most = float(np.linalg.norm(model.scene.gravity)), 0.0
+    for body in (b for b in model.bodies if b.world == 0 and len(b.edges)):
+        springs = float(np.ptp(body.places, axis=0).max() / max(edge_lengths(body).mean(), 1e-9))
+        most = max(most, SOFT * g * h * h * springs**2 / model.scene.iterations)
+    return most
 
 
 def _size(model: Model) -> float:
