@@ -121,16 +121,15 @@ def acceleration(real, *, springs: bool, corners: bool, damped: bool, added: boo
 
 @cache
 def stretched(real, module):
-    """Kernel over springs: status becomes at least 1 where one is longer than `most` times its rest length, or no number."""
+    """Kernel over springs: status becomes at least 1 where one is longer than `most` [m], or no number."""
     t = types(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def stretched(point: wp.array(dtype=wp.vec2i), rest: wp.array(dtype=real), x: wp.array(dtype=t.vec3),
-                  e: wp.array(dtype=t.vec3), most: real, status: wp.array(dtype=int)):
+    def stretched(point: wp.array(dtype=wp.vec2i), most: wp.array(dtype=real), x: wp.array(dtype=t.vec3),
+                  status: wp.array(dtype=int)):
         c = wp.tid()
         p = point[c]
-        r = (x[p[1]] - x[p[0]]) + (e[p[1]] - e[p[0]])
-        if not wp.length(r) <= most * rest[c]:
+        if not wp.length(x[p[1]] - x[p[0]]) <= most[c]:
             wp.atomic_max(status, 0, 1)
 
     return stretched

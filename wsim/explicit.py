@@ -98,15 +98,13 @@ class Explicit(Method):
             return
         ids = np.concatenate([b.edges[rest > 0.0] for b, rest in edges]).astype(np.int32)
         self.edges = self.model.upload(ids, wp.vec2i)
-        self.lengths = self.model.upload(np.concatenate([rest[rest > 0.0] for _, rest in edges]), self.model.real)
+        self.most = self.model.upload(MOST * np.concatenate([rest[rest > 0.0] for _, rest in edges]), self.model.real)
         self.stretched = kernels_spring.stretched(self.model.real, self.model.module)
         self.stages.append(Stage("watch", "deform", self.look, 1, len(ids) * 24, "frame", f"{len(ids)} edges"))
 
     def look(self, clock: Clock) -> None:
-        s = self.state
-        if len(self.lengths):
-            self.model.launch(self.stretched, len(self.lengths), [self.edges, self.lengths, s.x, s.e, MOST],
-                              [self.status[RESIDUAL:]])
+        if len(self.most):
+            self.model.launch(self.stretched, len(self.most), [self.edges, self.most, self.state.x], [self.status[RESIDUAL:]])
 
     def start(self, clock: Clock) -> None:
         s = self.state
