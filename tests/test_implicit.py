@@ -242,7 +242,7 @@ def test_a_cloth_slides_down_a_slope_at_coulombs_rate():
 
 
 def drape(**more) -> Scene:
-    scene = make(substeps=8, iterations=2, **more)
+    scene = make(**{"substeps": 8, "iterations": 2} | more)
     scene.cloth("/cloth", *shapes.sheet(1.0, 1.0, 12, 12, horizontal=True), material=Fabric(stretch=800.0, bend=1e-4))
     scene.collider("/ball", Sphere(0.25), at=(0.02, -0.27, 0.01))
     return scene
@@ -331,14 +331,17 @@ def test_a_shipped_scene_runs():
 
 
 @pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")
-@pytest.mark.parametrize("scene", [garment(damping=1e-3, iterations=6), drape()], ids=["garment", "drape"])
-def test_cpu_and_gpu_agree_and_the_gpu_has_the_same_bits_twice(scene):
+@pytest.mark.parametrize("scene, bound", [(garment(damping=1e-3, iterations=6), 1e-9), (drape(iterations=30), 1e-6)],
+                         ids=["garment", "drape"])
+def test_cpu_and_gpu_agree_and_the_gpu_has_the_same_bits_twice(scene, bound, monkeypatch):
+    """Solved to the end; contacts amplify what is left: the drape differs by 3e-8 m so, by 7e-5 m with 2 steps to 1e-2."""
+    monkeypatch.setattr(implicit, "TOLERANCE", 1e-13)
     ends = []
     for device in ("cpu", "cuda:0", "cuda:0"):
         sim = Simulation(scene, device=device, precision="float64")
         sim.run(8)
         ends.append(sim.positions("/cloth"))
-    assert reference.rms(ends[0] - ends[1]) < 1e-9 and np.array_equal(ends[1], ends[2])
+    assert reference.rms(ends[0] - ends[1]) < bound and np.array_equal(ends[1], ends[2])
 
 
 def test_a_sheet_shrunk_to_one_place_opens_in_float32():

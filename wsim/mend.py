@@ -55,8 +55,11 @@ def _refine(sim: Simulation, point: int) -> None:
     body = next(b for b in sim.model.bodies if b.first <= point < b.last)
     where = int(np.flatnonzero(body.index == point)[0])
     if clock.substeps >= 16 * sim.plan.choice.substeps:
+        least = getattr(sim.plan.method("explicit"), "least", None)
+        hint = f", or name a solver without a limit ({sim.plan.integrator} needs {least()} substeps at rest, more where the " \
+               "shape is far from it)" if least else ""
         raise SceneError(Problem(body.path, f"point {where} stopped being a number in frame {sim.frame + 1}, with "
-                                 f"{clock.substeps} substeps too; look for infinite velocities or parameters"))
+                                 f"{clock.substeps} substeps too; look for infinite velocities or parameters{hint}"))
     clock.substeps *= 2
     sim.warnings.append(f"frame {sim.frame + 1}: point {where} of {body.path} stopped being a number; repeated with "
                         f"{clock.substeps} substeps, which stay")
