@@ -22,6 +22,7 @@ from wsim.kernels.spring import net
 NEAR, OWN = ("x", "d", "q", "f"), ("v", "carry", "slip", "gw")      # of a point in the room; gw: gravity, inverse mass
 STRIDE = 4 * len(NEAR)               # reals from point to point in the part of the room that springs read
 LOT = 128              # springs that are taken together, unless one point has more: their r stay in the fastest cache
+MOST = 2.0             # length over rest length from which an edge is suspect
 EIGHT = 8              # of them share a root and a division; so many entries past the last are read and left alone
 
 ROOM = """
@@ -69,6 +70,7 @@ SPRINGS = """
             const eight over = length > 0 ? 1 / length : eight{{}};
             eight by = *(const entries*)(s.k.data + c) * (length - *(const entries*)(s.rest.data + c)) * over;
             {damping}
+            {watch}
             *(eight*)pull = by;
         }}
         r = R; pull = P;
@@ -87,6 +89,10 @@ APART = "*u++ = here[2] - other[2];"
 DAMPING = """const Columns b = columns(u);
             by += *(const entries*)(s.damping.data + c) * over * over * (a.x * b.x + a.y * b.y + a.z * b.z);"""
 
+WATCH = """if (t == count - 1)
+                for (int l = 0; l < 8 && c + l < start[q]; ++l)
+                    torn |= s.rest.data[c + l] > 0 && !(length[l] <= most * s.rest.data[c + l]);"""
+
 PULL = """
     const {real} *X = (const {real}*)x.data, *D = (const {real}*)d.data + 3 * n * source, *V = D + 6 * n;
     for (int i = 0; i < n; ++i) {{
@@ -104,6 +110,8 @@ MARCH = """
     {real} *X = ({real}*)p.x.data, *E = ({real}*)p.d.data, *Q = ({real}*)p.q.data, *V = ({real}*)p.v.data,
            *C = ({real}*)p.carry.data, *S = ({real}*)p.slip.data;
     const int *object = c.object.data, pins = c.target.shape[1], count = step.count + (step.close > 0);
+    const {real} most = {most};
+    bool torn = false;
     for (int i = 0; i < n; ++i) {{
         vec *here = near + 4 * i, *mine = own + 4 * i;
         here[0] = load(X, i); here[1] = load(E, i); here[2] = load(Q, i); here[3] = zero;
@@ -127,6 +135,7 @@ MARCH = """
         }}
         store(V, i, mine[0]); store(C, i, mine[1]);
     }}
+    if (torn && p.frame && p.status.data[0] < 1) p.status.data[0] = 1;
 #endif
 """
 MOVE = """
@@ -182,6 +191,7 @@ def moving(real):
         v: wp.array(dtype=vec3)              # velocity [m/s]
         carry: wp.array(dtype=vec3)          # remainder of v
         slip: wp.array(dtype=vec3)           # remainder of d
+        status: wp.array(dtype=int)          # becomes at least 1 where a spring ends longer than MOST times its rest length
         frame: int                           # 1: the call takes a frame, d is the remainder of x before it and after; no slip
 
     return Moving
@@ -197,12 +207,12 @@ def room(real, points: int, lot: int, device) -> wp.array:
     return wp.zeros(points * (len(NEAR) + len(OWN)) + 3 * (lot + EIGHT), dtype=types(real).vec4, device=device)
 
 
-def _code(text: str, then: str, real, damped: bool) -> str:
-    """The C++ of `text`, with the springs in it, and `then` after those of each point."""
+def _code(text: str, then: str, real, damped: bool, watch: str = "") -> str:
+    """The C++ of `text`, with the springs in it, `watch` after lots of them, and `then` after those of each point."""
     name = "float" if real is wp.float32 else "double"
     springs = SPRINGS.format(real=name, then=then.format(real=name), apart=APART if damped else "",
-                             damping=DAMPING if damped else "")
-    return ROOM.format(real=name) + text.format(real=name, springs=springs)
+                             damping=DAMPING if damped else "", watch=watch)
+    return ROOM.format(real=name) + text.format(real=name, springs=springs, most=MOST)
 
 
 @cache
@@ -228,7 +238,7 @@ def march(real, module, damped: bool):
     """Kernel, launched over 1: `Step.count` substeps of kicks and drifts, and a last kick where `Step.close` is not 0."""
     vec4, List, Net, Step, Moving = types(real).vec4, list_of(real), net(real), steps(real), moving(real)
 
-    @wp.func_native(_code(MARCH, MOVE, real, damped))
+    @wp.func_native(_code(MARCH, MOVE, real, damped, WATCH))
     def substeps(n: int, c: Net, s: List, step: Step, p: Moving, room: wp.array(dtype=vec4)): ...
 
     @wp.kernel(module=module, enable_backward=False)

@@ -17,12 +17,11 @@ from wsim.integrator import Integrator
 from wsim.kernels import cluster, march
 from wsim.kernels import explicit as kernels
 from wsim.kernels import spring as kernels_spring
+from wsim.kernels.march import MOST
 from wsim.kernels.real import types
 from wsim.model import Model, edge_lengths
 from wsim.stage import RESIDUAL, Clock, Method, Stage
 from wsim.state import State
-
-MOST = 2.0             # length over rest length from which an edge is suspect
 
 
 class Explicit(Method):
@@ -49,11 +48,11 @@ class Explicit(Method):
         model, real, module, pull = self.model, self.model.real, self.model.module, self.pull
         what, size = f"{pull.count} springs, {sum(len(e.ids) for e in pull.elements)} elements", pull.bytes
         plain = not (pull.elements or self.integrator.stages or self.field)
+        self.marches = pull.added and plain
         if pull.cluster and plain:
             self.run = cluster.frame(real, model.module_of(pull.cluster.threads), pull.cluster)
             self.stages = [Stage(self.integrator.name, "predict", self.frame_by_cluster, 1, size * count, "frame", what)]
             return
-        self.marches = pull.added and plain
         if self.marches:
             self.march = march.march(real, module, self.damped)
             if not self.steps:
@@ -89,12 +88,14 @@ class Explicit(Method):
         """What a march works on, in place. slip: None where it takes frames."""
         m = self.moving = march.moving(self.model.real)()
         m.x, m.d, m.q, m.v, m.carry, m.slip, m.frame = self.state.x, d, q, self.state.v, carry, slip, int(slip is None)
+        m.status = self.status[RESIDUAL:]
 
     def watch(self) -> None:
         """An edge that has more than doubled, or is no number, may be one that an unstable step has thrown: `Simulation`
-        repeats the frame with another solver where the scene leaves it the choice, and warns where not."""
+        repeats the frame with another solver where the scene leaves it the choice, and warns where not. Whole frames of a
+        march look at their springs themselves."""
         edges = [(b, edge_lengths(b)) for b in self.model.bodies if len(b.edges)]
-        if not edges:
+        if not edges or (self.marches and not self.steps):
             return
         ids = np.concatenate([b.edges[rest > 0.0] for b, rest in edges]).astype(np.int32)
         self.edges = self.model.upload(ids, wp.vec2i)
