@@ -61,7 +61,8 @@ def main() -> None:
             show(rows, row(n, plan, device, number == 0))
     gather.cluster_of = kept
     if args.json:
-        Path(args.json).write_text(json.dumps({"hardware": hardware(device), "warp": wp.config.version, "rows": rows}, indent=1))
+        head = {"hardware": hardware(device), "warp": wp.config.version}
+        Path(args.json).write_text(json.dumps(head | {"rows": rows}, indent=1))
 
 
 if __name__ == "__main__":
