@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from wsim.cloth import Rows
-from wsim.cluster import MANY, Cluster, cluster_of, halo
+from wsim.cluster import LARGE, MANY, Cluster, cluster_of, halo
 from wsim.kernels import corner, march
 from wsim.kernels import spring as kernels
 from wsim.kernels.cluster import Shares
@@ -60,7 +60,8 @@ class Pull:
             most = int(np.diff(start).max())
             self.lanes = _lanes(n, most)
             if self.alone:
-                self.cluster = cluster_of(n, most, 16 if model.device.sm_count >= MANY else 8, np.dtype(model.dtype).itemsize)
+                size = 16 if model.device.arch in LARGE and model.device.sm_count >= MANY else 8
+                self.cluster = cluster_of(n, most, size, np.dtype(model.dtype).itemsize)
                 self.lanes = self.cluster.lanes if self.cluster else self.lanes
             width = -(-most // self.lanes) * self.lanes
             if n <= FEW or n * width <= PADDED * len(spring):
