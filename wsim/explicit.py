@@ -54,7 +54,7 @@ class Explicit(Method):
             self.stages = [Stage(self.integrator.name, "predict", self.frame_by_cluster, 1, size * count, "frame", what)]
             return
         if self.marches:
-            self.march = march.march(real, module, self.damped)
+            self.march = march.march(real, module, self.damped, pull.even)
             if not self.steps:
                 self.move(self.state.e, self.state.v, self.state.r, None)
                 self.stages = [Stage(self.integrator.name, "predict", self.frame_by_march, 1, size * count, "frame", what)]

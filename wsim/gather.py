@@ -17,6 +17,7 @@ from wsim.model import Model
 from wsim.topology import incident
 
 FEW = 20_000           # points up to which padding to the largest number of springs is free: launches are all that counts
+EVEN = 0.5             # share of points with as many springs as the one before, from which a CPU takes them point by point
 PADDED = 1.5           # entries over springs' ends that padding may cost above
 
 
@@ -51,6 +52,9 @@ class Pull:
             order, low = np.lexsort((ids.max(1), ids.min(1))), np.bincount(ids.min(1), minlength=n)
             self.entry = np.append(order, np.full(march.EIGHT, -1))
             start, other = np.concatenate([[0], np.cumsum(low)]), march.STRIDE * ids.max(1)[order]
+            self.even = bool(np.mean(low[1:] == low[:-1]) >= EVEN)
+            if not self.even:
+                self.table.lower = model.upload((march.STRIDE * ids.min(1)[order]).astype(np.int32), int)
             self.table.lot = march.lot(int(low.max()))
             self.space = march.room(model.real, n, self.table.lot, model.device)
         else:
@@ -112,7 +116,7 @@ class Pull:
     def need_springs(self) -> None:
         """Makes the kernel of springs that `launch` needs on a CPU."""
         if self.added:
-            self.pull = march.pull(self.model.real, self.model.module, self.damped)
+            self.pull = march.pull(self.model.real, self.model.module, self.damped, self.even)
 
     def flags(self) -> tuple:
         """What `wsim.kernels.spring.acceleration` is made of."""
