@@ -64,7 +64,7 @@ QUICK_PEER = ((("xpbd", "vbd"), ((1, 16), (4, 16), (8, 8), (16, 16))),)
 QUICK_OWN = (("xpbd", ("backward_euler", "bdf2"), (1, 4, 8, 16), (4, 16)), ("implicit", ("bdf2",), (2, 4, 8), (1, 2)),
              ("auto", ("auto",), (10,), (4,)))
 QUICK_FINE = ("xpbd", (0.72, 1.05, 2.0), (1,))
-QUICK_STABLE = (0.72, 1.05, 2.0)
+QUICK_STABLE = (0.72, 0.8, 1.05, 2.0)
 
 
 def stable(limit: float, quick: bool) -> list[int]:
