@@ -23,7 +23,8 @@ ROOT = Path(__file__).resolve().parent.parent
 LAYERS = (
     ("curve", "fabric", "latest", "polygon", "scene", "solids", "topology", "normals", "shapes", "color", "check", "integrator",
      "stability", "apart",
-     "check_object", "locality", "kempe", "camera", "look", "png", "gif", "progress", "report"),
+     "check_object", "tets", "tetmend", "lattice", "inside", "embed", "cage",
+     "locality", "kempe", "camera", "look", "png", "gif", "progress", "report"),
     ("kernels",),
     ("stage", "state", "order", "model", "linear", "cluster"),
     ("contact",),
