@@ -2,8 +2,9 @@
 
 Cubes cut in five tets (`wsim.lattice`) cover the bounds; kept are the tets that the surface passes through (tested exactly,
 by separating axes: Akenine-Moeller 2001) and those inside (`wsim.inside`). Small holes, self-intersections and several
-pieces do no harm. The cage is larger than the body, by up to a cell on each side and half a cell on average: take masses
-from the body's volume where they matter. Where two sheets of the surface come nearer than a cell, the cage joins them.
+pieces do no harm. Where two sheets of the surface come nearer than a cell, the cage joins them. The cage is larger than the
+body, by about half a cell on each side (a ball 16 cells across: by 20 %): `filled` says how much of each tet is body, to
+weigh mass and stiffness with (Nesme, Kry, Jerabkova, Faure 2009).
 """
 
 from functools import reduce
@@ -13,9 +14,11 @@ import numpy as np
 from wsim.inside import Rays
 from wsim.lattice import CORNERS, FIVE, five, grid, spread
 from wsim.polygon import flat
+from wsim.tets import checked
 
 MOST = 30_000_000      # cells of the bounds: 5 bytes each, and the queries of a slab
 EPS = 1e-9             # of a cell: surfaces that touch a tet from outside by no more do not pass through it
+FINE = 512             # places along the longest side at which `filled` may look: columns of rays go with its square
 LONG = 1.5             # cells: longer triangles are cut, so that none has many cells in its bounds
 TET_EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 
@@ -48,6 +51,30 @@ def cage(points, triangles, cells: int) -> tuple[np.ndarray, np.ndarray]:
     number = np.cumsum(used) - 1
     lattice = np.stack(np.unravel_index(np.flatnonzero(used), tuple(counts + 1)), axis=1)
     return origin + width * lattice, number[tets].astype(np.int32)
+
+
+def filled(points, triangles, cage_points, tets) -> np.ndarray:
+    """Part of each tet (t, 4) of cage_points [m] that lies inside of a surface (points (m, 3) [m], triangles (f, 3)), (t,).
+
+    Counted at 35 places a tet, so in steps of 1/35; the errors of many tets cancel (a ball: its volume within 0.5 % at 12
+    cells). 0 where a tet is barely cut: keep such points from having no mass. Cells under 1/100 of the whole are seen more
+    coarsely (FINE). Triangles without area are passed over. Raises ValueError naming the argument."""
+    points, triangles = _surface(points, triangles)
+    cage_points, tets = checked(cage_points, tets)
+    if not np.isfinite(cage_points).all():
+        raise ValueError("cage_points are not all finite")
+    if len(tets) == 0:
+        return np.zeros(0)
+    origin, step = cage_points.min(axis=0), float(np.ptp(cage_points, axis=0).max()) / FINE
+    scaled = (cage_points - origin) / step
+    rays = Rays((points - origin) / step, triangles, np.zeros(3), np.ceil(scaled.max(axis=0)))
+    k = grid((5, 5, 5, 5))
+    spots = (k[k.sum(axis=1) == 4] + 0.25) / 5.0                   # barycentric, (35, 4): symmetric, none on a face
+    part = np.empty(len(tets))
+    for some in np.array_split(np.arange(len(tets)), len(tets) // 10_000 + 1):
+        places = np.rint(np.einsum("si,tik->tsk", spots, scaled[tets[some, :4]])).astype(np.int64)
+        part[some] = rays.inside(places.reshape(-1, 3)).reshape(len(some), -1).mean(axis=1)
+    return part
 
 
 def _surface(points, triangles) -> tuple[np.ndarray, np.ndarray]:

@@ -1,6 +1,6 @@
 """Inside or outside of a surface that need not be quite closed, at places of an integer lattice. NumPy only.
 
-The generalised winding number (Jacobson, Kavan, Sorkine-Hornung 2013, eq. 5) is the mean, over all directions, of the
+The generalised winding number (Jacobson, Kavan, Sorkine-Hornung 2013) is the mean, over all directions, of the
 signed crossings of a ray with the surface. Here: the mean over the six directions of the axes. It is exact for closed
 surfaces; a hole spoils it only where three of six rays leave through holes. Where neighbouring triangles are wound
 differently signs mean nothing: then a ray with an odd number of crossings counts as one from inside.

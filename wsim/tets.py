@@ -82,7 +82,7 @@ def gradients(points, tets) -> np.ndarray:
 def quality(points, tets) -> tuple[np.ndarray, float, np.ndarray]:
     """Mean ratio of each tet, (t,); the least; and how many lie in each tenth of 0 to 1, (10,) (negative: in the first).
 
-    eta = 12 (3 V)^(2/3) / sum l^2 (Liu and Joe 1994, "On the shape of tetrahedra from bisection", eq. 5): 1 for a regular
+    eta = 12 (3 V)^(2/3) / sum l^2 (Liu and Joe 1994, "Relationship between tetrahedron shape measures"): 1 for a regular
     tet, 0 for a flat one, here negative for one turned inside out. Corner tets of a cube 0.84, tets of a BCC lattice 0.95.
     """
     volume, squares = measures(points, tets)
