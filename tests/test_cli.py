@@ -264,7 +264,15 @@ def test_an_interrupted_run_keeps_its_frames(stage, out, monkeypatch, capsys):
     assert list(samples(out)) == [0, 1, 2]
 
 
-def test_ctrl_c_from_outside_ends_a_run_with_130(stage, out):
+@pytest.fixture
+def heard():
+    """Ctrl-C as in a terminal: a shell starts what it puts in the background with it ignored, and children inherit that."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_ctrl_c_from_outside_ends_a_run_with_130(stage, out, heard):
     """Whenever it comes once the result has begun: the file is whole and holds the frames so far."""
     options = ["--device", "cpu", "--frames", "100000", "--quiet"]
     command = [sys.executable, "-m", "wsim", "run", stage, "-o", out, *options]
@@ -288,7 +296,7 @@ def test_an_ignored_ctrl_c_stays_ignored():
         signal.signal(signal.SIGINT, before)
 
 
-def test_ctrl_c_waits_for_what_is_being_written():
+def test_ctrl_c_waits_for_what_is_being_written(heard):
     done = []
     with pytest.raises(KeyboardInterrupt), whole():
         os.kill(os.getpid(), signal.SIGINT)
