@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-LARGE, MANY = (90, 100, 103), 64      # compute capabilities and multiprocessors with clusters of 16 blocks; 8 fit everywhere
+LARGE, MANY = 90, 64   # compute capability and multiprocessors on which clusters of 16 blocks were run; 8 fit everywhere
 THREADS, ENTRIES, PUSHES = 512, 16, 4      # of a block at most; springs and places of a lane, for which there are registers
 FULL = {4: 12, 8: 6}   # springs of a lane for which blocks of THREADS have registers, by bytes of a number
 ENOUGH, SHORT = 128, 6 # threads of a block that keep four schedulers at work; springs that a lane takes without much delay

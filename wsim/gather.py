@@ -64,7 +64,7 @@ class Pull:
             most = int(np.diff(start).max())
             self.lanes = _lanes(n, most)
             if self.alone:
-                size = 16 if model.device.arch in LARGE and model.device.sm_count >= MANY else 8
+                size = 16 if model.device.arch == LARGE and model.device.sm_count >= MANY else 8
                 self.cluster = cluster_of(n, most, size, np.dtype(model.dtype).itemsize)
                 self.lanes = self.cluster.lanes if self.cluster else self.lanes
             width = -(-most // self.lanes) * self.lanes

@@ -4,7 +4,7 @@
 
 Each job writes FOLDER/NAME.txt as it goes, and FOLDER/NAME.json where its tool has one, so that a visit cut short keeps what
 was done. A job that would begin with less than half its limit left is skipped, and said. Last come the jobs' times and exit
-codes; exit code 1 if one failed. The limits are three times what an H200 took, or what is left. peers.py says what X is.
+codes; exit code 1 if one failed. The limits are generous guesses, or what is left. peers.py says what X is.
 """
 
 import argparse
