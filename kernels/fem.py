@@ -175,7 +175,7 @@ def product(material: str, *, real, module):
 @cache
 def gather(*, real, module):
     """Kernel over points: the sum of the corners' parts. Arguments: start (points + 1,) and item, places 4 c + k of each
-    point's corners as `wsim.tets.corners` has them; f, sum_out."""
+    point's corners as `wsim.tetra.tets.corners` has them; f, sum_out."""
     t = types(real)
 
     def gather(start: wp.array(dtype=int), item: wp.array(dtype=int), f: wp.array(dtype=t.vec3),

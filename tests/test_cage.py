@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from wsim import solids, tets
-from wsim.cage import cage, filled
-from wsim.embed import embed, follow
-from wsim.inside import Rays
-from wsim.lattice import box, grid
+from wsim import solids
+from wsim.tetra import tets
+from wsim.tetra.cage import cage, filled
+from wsim.tetra.embed import embed, follow
+from wsim.tetra.inside import Rays
+from wsim.tetra.lattice import box, grid
 
 TURN = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
 TURN *= np.linalg.det(TURN)

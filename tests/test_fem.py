@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import warp as wp
 
-from wsim import tets
 from wsim.kernels import fem
 from wsim.kernels.material import TABLE, lame
 from wsim.kernels.real import types
-from wsim.lattice import box
+from wsim.tetra import tets
+from wsim.tetra.lattice import box
 
 MATERIALS = sorted(TABLE)
 E, NU = 1e5, 0.3

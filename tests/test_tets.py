@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wsim import lattice, tetmend, tets
+from wsim.tetra import lattice, mend, tets
 
 SIZE = (2.0, 1.0, 1.5)
 REGULAR = np.array([[1, 1, 1], [1, -1, -1], [-1, -1, 1], [-1, 1, -1]], float)          # volume 8/3
@@ -41,7 +41,7 @@ def test_a_box_is_filled_by_tets_of_positive_volume(kind, cells):
     volumes = tets.volumes(points, rows)
     assert volumes.min() > 0
     assert volumes.sum() == pytest.approx(np.prod(SIZE), rel=1e-14 * len(rows))
-    assert tetmend.mend(points, rows)[2] == []                                  # no loose point, no copy
+    assert mend.mend(points, rows)[2] == []                                  # no loose point, no copy
 
 
 @pytest.mark.parametrize("kind", lattice.KINDS)
@@ -189,7 +189,7 @@ def planted(change):
     """Flaws of the box after `change(points, rows)`, which returns both anew."""
     points, rows = block()
     points, rows = change(points.copy(), rows.copy())
-    return tetmend.mend(points, rows)
+    return mend.mend(points, rows)
 
 
 def put(array, at, value):
@@ -228,7 +228,7 @@ def test_tets_turned_inside_out_are_swapped_and_named():
     points, rows = crumpled()
     bad = rows.copy()
     bad[[3, 50]] = bad[[3, 50]][:, [1, 0, 2, 3]]
-    mended, turned, flaws = tetmend.mend(points, bad)
+    mended, turned, flaws = mend.mend(points, bad)
     assert turned.tolist() == [3, 50] and flaws == []
     assert tets.volumes(points, mended).min() > 0
     assert np.array_equal(np.sort(mended, axis=1), np.sort(rows, axis=1))
@@ -239,7 +239,7 @@ def test_many_flaws_at_once_are_counted_kind_by_kind_fatal_ones_first():
     points, rows = crumpled()
     points[rows[0, 0]] = np.nan
     rows[[20, 30]], rows[40, 0] = 2, 999
-    flaws = tetmend.mend(points, rows)[2]
+    flaws = mend.mend(points, rows)[2]
     assert [f.fatal for f in flaws] == sorted((f.fatal for f in flaws), reverse=True)
     assert any(f.text.startswith("2 tets (first: 20) are naming a point twice") for f in flaws)
     assert any(f.text.startswith("tet 40 is") for f in flaws)
@@ -249,12 +249,12 @@ def test_many_flaws_at_once_are_counted_kind_by_kind_fatal_ones_first():
 def test_what_is_flat_depends_on_the_shape_and_not_on_the_size(scale):
     base = np.array([[0, 0, 0], [1, 0, 0], [0.5, np.sqrt(0.75), 0], [0.5, np.sqrt(1 / 12), 1]]) * scale
     for height, flaw in ((8e-6, False), (6e-6, True)):          # volume sqrt(3)/12 height edge^2: the bound is at 6.93e-6
-        flaws = tetmend.mend(base * (1, 1, height), [[0, 1, 2, 3]])[2]
+        flaws = mend.mend(base * (1, 1, height), [[0, 1, 2, 3]])[2]
         assert bool(flaws) == flaw
 
 
 def test_a_flat_mesh_of_huge_coordinates_is_no_number_but_a_flaw():
-    assert "flat" in tetmend.mend(1e200 * REGULAR, [[0, 1, 2, 3]])[2][0].text
+    assert "flat" in mend.mend(1e200 * REGULAR, [[0, 1, 2, 3]])[2][0].text
 
 
 @pytest.mark.parametrize("points, rows, words", [
@@ -263,7 +263,7 @@ def test_a_flat_mesh_of_huge_coordinates_is_no_number_but_a_flaw():
     (REGULAR, [0, 1, 2, 3], "tets have shape (4,)"),
     (np.array([["a"] * 3]), [[0, 1, 2, 3]], "points have shape (1, 3)")])
 def test_arrays_of_another_shape_are_refused(points, rows, words):
-    for function in (tetmend.mend, tets.volumes):
+    for function in (mend.mend, tets.volumes):
         with pytest.raises(ValueError) as refused:
             function(points, rows)
         assert words in str(refused.value)

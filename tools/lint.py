@@ -21,9 +21,8 @@ ROOT = Path(__file__).resolve().parent.parent
 # From the bottom up; a module imports from its own row and the rows below it. A name stands for a module of wsim and
 # for everything in a folder of that name.
 LAYERS = (
-    ("curve", "fabric", "latest", "polygon", "scene", "solids", "topology", "normals", "shapes", "color", "check", "integrator",
-     "stability", "apart",
-     "check_object", "tets", "tetmend", "lattice", "inside", "embed", "cage",
+    ("curve", "fabric", "bulk", "bodies", "latest", "polygon", "scene", "solids", "topology", "normals", "shapes", "color",
+     "check", "integrator", "stability", "apart", "check_object", "tetra",
      "locality", "kempe", "camera", "look", "png", "gif", "progress", "report"),
     ("kernels",),
     ("stage", "state", "order", "model", "linear", "cluster"),

@@ -13,7 +13,10 @@ import numpy as np
 
 from wsim import topology
 from wsim.order import order_of_points
-from wsim.scene import Cloth, Scene, Springs
+from wsim.scene import Cloth, Scene, Soft, Springs
+from wsim.tetra import tets
+
+THIN = 1.0 / 64.0      # least part of a cage's tet that counts: with less, light points hang on nothing and want small steps
 
 
 @dataclass
@@ -21,7 +24,7 @@ class Body:
     """One cloth or spring net of one world, in solver order."""
 
     world: int
-    source: Cloth | Springs
+    source: Cloth | Springs | Soft
     number: int                          # row of this body in the tables per object
     first: int                           # first of its points in the arrays
     index: np.ndarray                    # author's point -> place in the arrays, (n,)
@@ -35,6 +38,8 @@ class Body:
     triangles: np.ndarray                # places in the arrays, (t, 3); empty for springs
     polygon: np.ndarray                  # author's polygon of each triangle, (t,)
     edges: np.ndarray                    # places in the arrays, (m, 2)
+    tets: np.ndarray                     # places in the arrays, (t, 4); empty for all but soft bodies
+    idle: np.ndarray                     # places of points that nothing holds and that stay where they are
 
     @property
     def path(self) -> str:
@@ -157,8 +162,8 @@ def edge_lengths(body: Body) -> np.ndarray:
 
 
 def hard_places(model: Model) -> np.ndarray:
-    """Places in the arrays of every hard-pinned point."""
-    places = [b.index[p.points] for p in model.scene.pins for b in model.bodies
+    """Places in the arrays of every point that is pinned hard, or idle."""
+    places = [b.idle for b in model.bodies] + [b.index[p.points] for p in model.scene.pins for b in model.bodies
               if b.path == p.body and not isfinite(p.stiffness)]
     return np.concatenate([np.zeros(0, np.int64), *places])
 
@@ -177,6 +182,26 @@ def cloth_masses(cloth: Cloth, triangles: np.ndarray, rest: np.ndarray) -> np.nd
     return masses
 
 
+def soft_masses(soft: Soft, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mass of each author's point [kg], and the points that no tet has (which get some mass, and stay where they are).
+
+    Authored, or the volume of the tets at rest times density; of tets that are partly body at least THIN of it."""
+    n, idle = len(rest), np.setdiff1d(np.arange(len(rest)), soft.tets)
+    if soft.masses is not None:
+        return soft.masses.astype(np.float64), idle
+    density = np.array([m.density for m in soft.materials])[0 if soft.which is None else soft.which]
+    masses = tets.masses(rest, soft.tets, np.broadcast_to(density * soft_share(soft), len(soft.tets)))
+    if soft.mass is not None:
+        masses *= soft.mass / masses.sum()
+    masses[idle] = masses.sum() / n
+    return masses, idle
+
+
+def soft_share(soft: Soft) -> np.ndarray | float:
+    """By how much mass and stiffness of each tet count, (t,) or 1."""
+    return 1.0 if soft.filled is None else np.maximum(soft.filled.astype(np.float64), THIN)
+
+
 def _surface(cloth: Cloth) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Triangles and their polygons, rest positions [m] in world size, masses of the author's points."""
     triangles, polygon = topology.triangulate(cloth.points, cloth.counts, cloth.indices)
@@ -184,28 +209,49 @@ def _surface(cloth: Cloth) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarr
     return triangles, polygon, rest - rest.mean(axis=0), cloth_masses(cloth, triangles, rest)
 
 
-def make_body(source: Cloth | Springs, world: int, number: int, first: int) -> Body:
-    """Welds, orders and measures one body. Every field but the motion is independent of the device."""
-    places = source.motion.points(source.points, 0.0)
+@dataclass
+class _Shape:
+    """What a source is made of, by the author's points."""
+
+    rest: np.ndarray                         # [m], (n, 3)
+    masses: np.ndarray                       # [kg], (n,)
+    reach: np.ndarray                        # [m], (n,)
+    material: Any                            # has static_friction and dynamic_friction
+    particle: np.ndarray                     # of each point, (n,)
+    triangles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.int32))
+    polygon: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
+    edges: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int32))
+    tets: np.ndarray = field(default_factory=lambda: np.zeros((0, 4), np.int32))
+    idle: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+
+
+def _shape(source: Cloth | Springs | Soft, places: np.ndarray) -> _Shape:
     n = len(places)
-    edges: np.ndarray
     if isinstance(source, Cloth):
         triangles, polygon, rest, masses = _surface(source)
-        edges = np.zeros((0, 2), np.int32)
         particle = topology.weld(places, source.weld) if source.weld > 0.0 else np.arange(n)
         thick = np.full(n, source.material.thickness) if source.thicknesses is None else source.thicknesses
-        reach, friction = 0.5 * thick, (source.material.static_friction, source.material.dynamic_friction)
-    else:
-        triangles, polygon, edges = np.zeros((0, 3), np.int32), np.zeros(0, np.int32), source.edges
-        rest = places - places.mean(axis=0)
+        return _Shape(rest, masses, 0.5 * thick, source.material, particle, triangles, polygon)
+    if isinstance(source, Springs):
         masses = np.broadcast_to(source.masses, n).astype(np.float64)
-        particle, reach = np.arange(n), np.full(n, source.radius)
-        friction = (source.static_friction, source.dynamic_friction)
+        return _Shape(places - places.mean(axis=0), masses, np.full(n, source.radius), source, np.arange(n), edges=source.edges)
+    rest = source.motion.points(source.points if source.rest_points is None else source.rest_points, 0.0)
+    rest, triangles = rest - rest.mean(axis=0), tets.surface(source.tets)
+    masses, idle = soft_masses(source, rest)
+    return _Shape(rest, masses, np.zeros(n), source.material, np.arange(n), triangles, np.arange(len(triangles)),
+                  tets.edges(source.tets), source.tets, idle)
+
+
+def make_body(source: Cloth | Springs | Soft, world: int, number: int, first: int) -> Body:
+    """Welds, orders and measures one body. Every field but the motion is independent of the device."""
+    places = source.motion.points(source.points, 0.0)
+    n, shape = len(places), _shape(source, places)
+    particle = shape.particle
     count = int(particle.max()) + 1 if n else 0
     one = np.zeros(count, np.int64)
     one[particle[::-1]] = np.arange(n)[::-1]                       # first author's point of each particle
-    place_edges = particle[edges if len(edges) else topology.edges(triangles)]
-    order = order_of_points(rest[one], place_edges)                # order[new] = old
+    place_edges = particle[shape.edges if len(shape.edges) else topology.edges(shape.triangles)]
+    order = order_of_points(shape.rest[one], place_edges)          # order[new] = old
     place = np.empty(count, np.int64)
     place[order] = np.arange(count)
     index = first + place[particle]
@@ -214,13 +260,15 @@ def make_body(source: Cloth | Springs, world: int, number: int, first: int) -> B
     velocities = np.zeros((n, 3)) if source.velocities is None else source.velocities @ spin.T
     origin = 0.5 * (places.min(axis=0) + places.max(axis=0)) if n else np.zeros(3)
     origin = np.round(origin)                                      # whole metres: the origin itself is exact
-    triangles = index[triangles]
+    triangles = index[shape.triangles]
     whole = _distinct(triangles)
-    triangles, polygon = triangles[whole], polygon[whole]
-    edges = topology.edges(triangles) if isinstance(source, Cloth) else index[edges]
-    return Body(world, source, number, first, index, origin, places[one] - origin, velocities[one], rest[one],
-                np.bincount(place[particle], masses, count), reach[one], friction,
-                triangles.astype(np.int32), polygon, edges.astype(np.int32))
+    triangles, polygon = triangles[whole], shape.polygon[whole]
+    edges = topology.edges(triangles) if isinstance(source, Cloth) else index[shape.edges]
+    friction = (shape.material.static_friction, shape.material.dynamic_friction)
+    return Body(world, source, number, first, index, origin, places[one] - origin, velocities[one], shape.rest[one],
+                np.bincount(place[particle], shape.masses, count), shape.reach[one], friction,
+                triangles.astype(np.int32), polygon, edges.astype(np.int32), index[shape.tets].astype(np.int32),
+                index[shape.idle])
 
 
 def _distinct(triangles: np.ndarray) -> np.ndarray:
@@ -241,5 +289,6 @@ def build(scene: Scene, worlds: int, device, real, module: str = "") -> Model:
     for world in range(worlds):
         shift, rows = world * first, world * len(single)
         bodies += [replace(b, world=world, number=b.number + rows, first=b.first + shift, index=b.index + shift,
-                           triangles=b.triangles + shift, edges=b.edges + shift) for b in single]
+                           triangles=b.triangles + shift, edges=b.edges + shift, tets=b.tets + shift, idle=b.idle + shift)
+                   for b in single]
     return Model(scene, worlds, device, real, module, bodies)

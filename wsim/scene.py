@@ -1,8 +1,8 @@
 """What exists: plain data in SI units (m, kg, s, rad), NumPy only, one to one with what a USD stage can say.
 
-A scene holds objects, each named by its prim path: cloths, spring nets, colliders, pins. Points are kept as USD keeps
-them, float32 in the object's own frame [m], beside a local-to-world `motion` in float64, so that nothing is lost far from the
-origin and a save followed by a load gives the same scene.
+A scene holds objects, each named by its prim path: cloths, spring nets, soft bodies, colliders, pins. Points are kept as USD
+keeps them, float32 in the object's own frame [m], beside a local-to-world `motion` in float64, so that nothing is lost far from
+the origin and a save followed by a load gives the same scene.
 
     scene = Scene(gravity=(0, -9.81, 0))
     flag = scene.cloth("/flag", *shapes.sheet(1.0, 1.0, 32, 32), material=Fabric(stretch=500.0))
@@ -10,90 +10,16 @@ origin and a save followed by a load gives the same scene.
     scene.sphere("/ball", 0.3, at=(0, -0.5, 0))
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from math import inf
 
 import numpy as np
 
+from wsim.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, array
 from wsim.curve import Curve, Motion
-from wsim.fabric import Fabric
 
-CLOTH_MODELS = ("membrane", "springs")
-
-
-def _array(value, dtype, *shape):
-    """value as a contiguous array of that dtype and shape (-1: any); None stays None."""
-    return None if value is None else np.ascontiguousarray(value, dtype).reshape(shape)
-
-
-class _Compared:
-    """Dataclasses with arrays, equal when every field is."""
-
-    def __eq__(self, other):
-        return type(self) is type(other) and all(
-            _same(getattr(self, f.name), getattr(other, f.name))
-            for f in fields(self) if f.compare)  # type: ignore[arg-type]
-
-
-def _same(a, b) -> bool:
-    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
-        return a is not None and b is not None and np.array_equal(a, b)
-    if isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)):
-        return len(a) == len(b) and all(_same(x, y) for x, y in zip(a, b, strict=True))
-    return bool(a == b)
-
-
-@dataclass(eq=False)
-class Cloth(_Compared):
-    """A surface that deforms. Polygons as authored; they are cut into triangles by `wsim.topology`."""
-
-    path: str
-    points: np.ndarray                       # [m] own frame, (n, 3) float32
-    counts: np.ndarray                       # corners of each polygon, (faces,)
-    indices: np.ndarray                      # point of each corner, (sum of counts,)
-    material: Fabric = field(default_factory=Fabric)
-    motion: Motion = field(default_factory=Motion.still)   # own frame to world, [m]
-    velocities: np.ndarray | None = None     # [m/s] own frame, (n, 3); None: at rest
-    rest_points: np.ndarray | None = None    # [m] own frame, (n, 3); None: points
-    masses: np.ndarray | None = None         # [kg] of each point, (n,); None: material density
-    mass: float | None = None                # [kg] of the whole cloth; used where masses is None
-    thicknesses: np.ndarray | None = None    # [m] of each point, (n,); None: material thickness
-    model: str = "membrane"                  # in-plane elasticity: "membrane" (triangle strain) or "springs" (edges)
-    flat: bool = True                        # rest angles are flat; False: those of the rest shape
-    weld: float = 0.0                        # points closer than this [m] are one particle (seams); 0: none
-    tethers: bool = False                    # long-range attachments to the nearest pin
-    drag: float = 0.0                        # aerodynamic drag coefficient (against the relative wind)
-    lift: float = 0.0                        # aerodynamic lift coefficient (across the relative wind)
-
-    def __post_init__(self):
-        self.points = _array(self.points, np.float32, -1, 3)
-        self.counts, self.indices = _array(self.counts, np.int32, -1), _array(self.indices, np.int32, -1)
-        self.velocities = _array(self.velocities, np.float32, -1, 3)
-        self.rest_points = _array(self.rest_points, np.float32, -1, 3)
-        self.masses, self.thicknesses = _array(self.masses, np.float32, -1), _array(self.thicknesses, np.float32, -1)
-
-
-@dataclass(eq=False)
-class Springs(_Compared):
-    """A net of linear springs between own points."""
-
-    path: str
-    points: np.ndarray                       # [m] own frame, (n, 3) float32
-    edges: np.ndarray                        # points of each spring, (m, 2)
-    stiffness: np.ndarray                    # [N/m], (m,) or (1,) for all
-    masses: np.ndarray                       # [kg], (n,) or (1,) for all
-    lengths: np.ndarray | None = None        # rest lengths [m], (m,); None: those of points
-    damping: float = 0.0                     # relaxation time [s]
-    radius: float = 0.0                      # distance that colliders keep [m]
-    motion: Motion = field(default_factory=Motion.still)
-    velocities: np.ndarray | None = None     # [m/s], (n, 3)
-    static_friction: float = 0.5
-    dynamic_friction: float = 0.5
-
-    def __post_init__(self):
-        self.points, self.edges = _array(self.points, np.float32, -1, 3), _array(self.edges, np.int32, -1, 2)
-        self.stiffness, self.masses = _array(self.stiffness, np.float32, -1), _array(self.masses, np.float32, -1)
-        self.lengths, self.velocities = _array(self.lengths, np.float32, -1), _array(self.velocities, np.float32, -1, 3)
+__all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylinder", "Motion", "Pin", "Plane", "Problem",
+           "Scene", "SceneError", "Shape", "Skin", "Soft", "Sphere", "Springs", "Surface"]
 
 
 @dataclass(frozen=True)
@@ -133,7 +59,7 @@ class Cone:
 
 
 @dataclass(eq=False)
-class Surface(_Compared):
+class Surface(Compared):
     """A triangle mesh. Closed: its inside is solid. Open: both sides keep `Collider.thickness` away."""
 
     points: np.ndarray                       # [m] own frame, (n, 3) float32
@@ -142,15 +68,15 @@ class Surface(_Compared):
     poses: Curve | None = None               # points over time, values (keys, n, 3), for a deforming mesh
 
     def __post_init__(self):
-        self.points = _array(self.points, np.float32, -1, 3)
-        self.counts, self.indices = _array(self.counts, np.int32, -1), _array(self.indices, np.int32, -1)
+        self.points = array(self.points, np.float32, -1, 3)
+        self.counts, self.indices = array(self.counts, np.int32, -1), array(self.indices, np.int32, -1)
 
 
 Shape = Plane | Sphere | Box | Capsule | Cylinder | Cone | Surface
 
 
 @dataclass(eq=False)
-class Collider(_Compared):
+class Collider(Compared):
     """A solid that pushes and is not pushed. `motion` is rigid: a scale has gone into the shape's sizes."""
 
     path: str
@@ -162,11 +88,11 @@ class Collider(_Compared):
 
 
 @dataclass(eq=False)
-class Pin(_Compared):
-    """Points of a cloth or spring net held to a frame, static or animated (USD: PhysicsAttachment, point to xform)."""
+class Pin(Compared):
+    """Points of a body held to a frame, static or animated (USD: PhysicsAttachment, point to xform)."""
 
     path: str
-    body: str                                # path of the cloth or spring net
+    body: str                                # path of the cloth, spring net or soft body
     points: np.ndarray                       # indices in the author's order, (k,)
     target: str = ""                         # path of the Xform it hangs on; "": an Xform beside the pin
     motion: Motion = field(default_factory=Motion.still)   # target's frame to world, rigid, [m]
@@ -175,12 +101,12 @@ class Pin(_Compared):
     damping: float = 0.0                     # [N s/m]
 
     def __post_init__(self):
-        self.points = _array(list(self.points) if isinstance(self.points, range) else self.points, np.int32, -1)
-        self.places = _array(self.places, np.float32, -1, 3)
+        self.points = array(list(self.points) if isinstance(self.points, range) else self.points, np.int32, -1)
+        self.places = array(self.places, np.float32, -1, 3)
 
 
 @dataclass(eq=False)
-class Scene(_Compared):
+class Scene(Compared):
     """Everything there is. Frame f is at time f / fps [s] after `start`; h = 1 / fps / substeps."""
 
     gravity: tuple[float, float, float] = (0.0, -9.81, 0.0)   # [m/s^2]
@@ -198,6 +124,7 @@ class Scene(_Compared):
     error: float = 0.01                      # wanted RMS error of positions over the scene's size, for "auto"
     cloths: list[Cloth] = field(default_factory=list)
     springs: list[Springs] = field(default_factory=list)
+    softs: list[Soft] = field(default_factory=list)
     colliders: list[Collider] = field(default_factory=list)
     pins: list[Pin] = field(default_factory=list)
     source: str | None = field(default=None, compare=False)   # file it was loaded from
@@ -214,6 +141,11 @@ class Scene(_Compared):
         self.springs.append(Springs(path, points, edges, stiffness, masses, **more))
         return self.springs[-1]
 
+    def soft(self, path: str, points, tets, **more) -> Soft:
+        """Adds a soft body; see `Soft` for the fields."""
+        self.softs.append(Soft(path, points, tets, **more))
+        return self.softs[-1]
+
     def collider(self, path: str, shape: Shape, at=(0.0, 0.0, 0.0), **more) -> Collider:
         """Adds a collider at a place [m], or with motion=Motion(...)."""
         more.setdefault("motion", Motion.at_place(at))
@@ -225,9 +157,9 @@ class Scene(_Compared):
         self.pins.append(Pin(path, body if isinstance(body, str) else body.path, points, **more))
         return self.pins[-1]
 
-    def bodies(self) -> list[Cloth | Springs]:
+    def bodies(self) -> list[Cloth | Springs | Soft]:
         """Everything that has points that move, in the order of the state's arrays."""
-        return [*self.cloths, *self.springs]
+        return [*self.cloths, *self.springs, *self.softs]
 
 
 @dataclass(frozen=True)

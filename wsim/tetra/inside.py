@@ -11,7 +11,7 @@ Edelsbrunner and Muecke 1990): of the triangles at an edge or point that it hits
 
 import numpy as np
 
-from wsim.lattice import spread
+from wsim.tetra.lattice import spread
 from wsim.topology import hinges
 
 

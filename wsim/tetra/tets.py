@@ -4,7 +4,7 @@
 
 Faces of such a tet are, counter-clockwise from outside, (1 2 3), (0 3 2), (0 1 3), (0 2 1): the order and orientation of
 UsdGeomTetMesh, rightHanded. Ten-node rows are four corners, then the middles of 01, 12, 02, 03, 13, 23 (the order of VTK's
-quadratic tetra). Everything runs over whole arrays; what is wrong with a mesh is found by `wsim.tetmend`.
+quadratic tetra). Everything runs over whole arrays; what is wrong with a mesh is found by `wsim.tetra.mend`.
 """
 
 import numpy as np
@@ -196,7 +196,7 @@ def quadratic(points, tets) -> tuple[np.ndarray, np.ndarray]:
 
 def across(tets, most: int = ACROSS + 1) -> int:
     """How many cells the thickest part is across, at most (the true number may be one less): 1 + twice the edges from the
-    surface to the point farthest inside, for cells like those of `wsim.lattice` "five"; "bcc" has an edge more for each
+    surface to the point farthest inside, for cells like those of `wsim.tetra.lattice` "five"; "bcc" has an edge more for each
     two cells. Counting stops at `most`."""
     tets = np.asarray(tets)[:, :4]
     reached = np.ones(int(tets.max(initial=-1)) + 1, bool)

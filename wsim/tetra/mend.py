@@ -1,6 +1,6 @@
 """What is wrong with a mesh of tetrahedra, and the winding put right. NumPy only.
 
-Points and tets as in `wsim.tets`. A million tets take about a second: equal rows are looked for by sorting one 64-bit
+Points and tets as in `wsim.tetra.tets`. A million tets take about a second: equal rows are looked for by sorting one 64-bit
 number of each, and looked at only where two numbers agree.
 """
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wsim.tets import given, measures
+from wsim.tetra.tets import given, measures
 from wsim.topology import distinct, order_of
 
 # Least volume of a rest tet over the cube of its longest edge (a regular tet: 0.12). At the bound its height is some 6e-6 of
@@ -33,7 +33,7 @@ def mend(points, tets) -> tuple[np.ndarray, np.ndarray, list[Flaw]]:
     Raises ValueError only for arrays of another shape or type."""
     points, tets = given(points, tets)
     if tets.shape[1] != 4:
-        raise ValueError(f"tets have {tets.shape[1]} nodes; give rows of 4 (wsim.tets.quadratic adds the middles)")
+        raise ValueError(f"tets have {tets.shape[1]} nodes; give rows of 4 (wsim.tetra.tets.quadratic adds the middles)")
     n, tets = len(points), tets.astype(np.int64)
     finite = np.isfinite(points).all(axis=1)
     outside = ((tets < 0) | (tets >= n)).any(axis=1)

@@ -5,7 +5,7 @@
     bcc    corners and centres of the cubes; each tet joins two neighbouring centres to an edge between them: all equal,
            quality 0.95 (Molino, Bridson, Teran, Fedkiw 2003), 12 a cube; at the faces of the box pyramids, cut in two, 0.76
 
-Quality: mean ratio, `wsim.tets.quality`. Rounding aside every cell of a box is the same; sizes in [m].
+Quality: mean ratio, `wsim.tetra.tets.quality`. Rounding aside every cell of a box is the same; sizes in [m].
 """
 
 from collections.abc import Iterator

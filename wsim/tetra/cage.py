@@ -1,7 +1,7 @@
 """A cage of tetrahedra around an arbitrary surface: coarse cells that move, and carry a fine surface. NumPy only.
 
-Cubes cut in five tets (`wsim.lattice`) cover the bounds; kept are the tets that the surface passes through (tested exactly,
-by separating axes: Akenine-Moeller 2001) and those inside (`wsim.inside`). Small holes, self-intersections and several
+Cubes cut in five tets (lattice.py) cover the bounds; kept are the tets that the surface passes through (tested exactly,
+by separating axes: Akenine-Moeller 2001) and those inside (inside.py). Small holes, self-intersections and several
 pieces do no harm. Where two sheets of the surface come nearer than a cell, the cage joins them. The cage is larger than the
 body, by about half a cell on each side (a ball 16 cells across: by 20 %): `filled` says how much of each tet is body, to
 weigh mass and stiffness with (Nesme, Kry, Jerabkova, Faure 2009).
@@ -11,10 +11,10 @@ from functools import reduce
 
 import numpy as np
 
-from wsim.inside import Rays
-from wsim.lattice import CORNERS, FIVE, five, grid, spread
 from wsim.polygon import flat
-from wsim.tets import checked
+from wsim.tetra.inside import Rays
+from wsim.tetra.lattice import CORNERS, FIVE, five, grid, spread
+from wsim.tetra.tets import checked
 
 MOST = 30_000_000      # cells of the bounds: 5 bytes each, and the queries of a slab
 EPS = 1e-9             # of a cell: surfaces that touch a tet from outside by no more do not pass through it

@@ -1,6 +1,6 @@
 """Points held by tetrahedra: the tet of each and its barycentric coordinates, by which it follows. NumPy only.
 
-    p = sum_i b_i x_i,   sum b = 1,   b_i = 1 + g_i . (p - x_i)        g of `wsim.tets.gradients`
+    p = sum_i b_i x_i,   sum b = 1,   b_i = 1 + g_i . (p - x_i)        g of `wsim.tetra.tets.gradients`
 
 Affine motions of the tets carry every point exactly. A grid about as fine as the tets finds them; inside means that no
 coordinate is below 0 but for rounding. A point outside takes the tet nearest to it; some coordinate is below 0 then: it
@@ -9,9 +9,9 @@ follows by extrapolation.
 
 import numpy as np
 
-from wsim.lattice import CORNERS, spread
-from wsim.tetmend import FLAT
-from wsim.tets import FACES, checked, gradients, measures, surface
+from wsim.tetra.lattice import CORNERS, spread
+from wsim.tetra.mend import FLAT
+from wsim.tetra.tets import FACES, checked, gradients, measures, surface
 
 ROUNDING = 1e-10       # of a tet's height, by which a point may lie outside for the search: a thousand times the rounding
 CELLS = 4              # of the grid a tet, at most: more cost memory, fewer cost time
@@ -22,7 +22,7 @@ def embed(points, tets, places, reach: float | None = None) -> tuple[np.ndarray,
 
     points [m] (n, 3), tets (t, 4), places [m] (m, 3). reach [m]: how far outside of all tets a place may lie; by default
     as far as the longest edge. Places are reproduced to 1e-12 of the mesh's size unless tets are nearly flat.
-    Raises ValueError for an array that is not finite, for tets that are flat or turned inside out (see wsim.tetmend), and
+    Raises ValueError for an array that is not finite, for tets that are flat or turned inside out (see wsim.tetra.mend), and
     naming the first place that lies farther outside."""
     points, tets = checked(points, tets)
     places = np.asarray(places, np.float64).reshape(-1, 3)

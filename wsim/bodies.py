@@ -1,0 +1,130 @@
+"""Bodies of a scene: what has points that move. Plain data in SI units, NumPy only; see `wsim.scene`."""
+
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from wsim.bulk import Bulk
+from wsim.curve import Motion
+from wsim.fabric import Fabric
+
+CLOTH_MODELS = ("membrane", "springs")
+
+
+def array(value, dtype, *shape):
+    """value as a contiguous array of that dtype and shape (-1: any); None stays None."""
+    return None if value is None else np.ascontiguousarray(value, dtype).reshape(shape)
+
+
+class Compared:
+    """Dataclasses with arrays, equal when every field is."""
+
+    def __eq__(self, other):
+        return type(self) is type(other) and all(
+            same(getattr(self, f.name), getattr(other, f.name))
+            for f in fields(self) if f.compare)  # type: ignore[arg-type]
+
+
+def same(a, b) -> bool:
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        return a is not None and b is not None and np.array_equal(a, b)
+    if isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)):
+        return len(a) == len(b) and all(same(x, y) for x, y in zip(a, b, strict=True))
+    return bool(a == b)
+
+
+@dataclass(eq=False)
+class Cloth(Compared):
+    """A surface that deforms. Polygons as authored; they are cut into triangles by `wsim.topology`."""
+
+    path: str
+    points: np.ndarray                       # [m] own frame, (n, 3) float32
+    counts: np.ndarray                       # corners of each polygon, (faces,)
+    indices: np.ndarray                      # point of each corner, (sum of counts,)
+    material: Fabric = field(default_factory=Fabric)
+    motion: Motion = field(default_factory=Motion.still)   # own frame to world, [m]
+    velocities: np.ndarray | None = None     # [m/s] own frame, (n, 3); None: at rest
+    rest_points: np.ndarray | None = None    # [m] own frame, (n, 3); None: points
+    masses: np.ndarray | None = None         # [kg] of each point, (n,); None: material density
+    mass: float | None = None                # [kg] of the whole cloth; used where masses is None
+    thicknesses: np.ndarray | None = None    # [m] of each point, (n,); None: material thickness
+    model: str = "membrane"                  # in-plane elasticity: "membrane" (triangle strain) or "springs" (edges)
+    flat: bool = True                        # rest angles are flat; False: those of the rest shape
+    weld: float = 0.0                        # points closer than this [m] are one particle (seams); 0: none
+    tethers: bool = False                    # long-range attachments to the nearest pin
+    drag: float = 0.0                        # aerodynamic drag coefficient (against the relative wind)
+    lift: float = 0.0                        # aerodynamic lift coefficient (across the relative wind)
+
+    def __post_init__(self):
+        self.points = array(self.points, np.float32, -1, 3)
+        self.counts, self.indices = array(self.counts, np.int32, -1), array(self.indices, np.int32, -1)
+        self.velocities = array(self.velocities, np.float32, -1, 3)
+        self.rest_points = array(self.rest_points, np.float32, -1, 3)
+        self.masses, self.thicknesses = array(self.masses, np.float32, -1), array(self.thicknesses, np.float32, -1)
+
+
+@dataclass(eq=False)
+class Springs(Compared):
+    """A net of linear springs between own points."""
+
+    path: str
+    points: np.ndarray                       # [m] own frame, (n, 3) float32
+    edges: np.ndarray                        # points of each spring, (m, 2)
+    stiffness: np.ndarray                    # [N/m], (m,) or (1,) for all
+    masses: np.ndarray                       # [kg], (n,) or (1,) for all
+    lengths: np.ndarray | None = None        # rest lengths [m], (m,); None: those of points
+    damping: float = 0.0                     # relaxation time [s]
+    radius: float = 0.0                      # distance that colliders keep [m]
+    motion: Motion = field(default_factory=Motion.still)
+    velocities: np.ndarray | None = None     # [m/s], (n, 3)
+    static_friction: float = 0.5
+    dynamic_friction: float = 0.5
+
+    def __post_init__(self):
+        self.points, self.edges = array(self.points, np.float32, -1, 3), array(self.edges, np.int32, -1, 2)
+        self.stiffness, self.masses = array(self.stiffness, np.float32, -1), array(self.masses, np.float32, -1)
+        self.lengths, self.velocities = array(self.lengths, np.float32, -1), array(self.velocities, np.float32, -1, 3)
+
+
+@dataclass(eq=False)
+class Skin(Compared):
+    """Points of a mesh that is only seen: each follows the tet of its soft body that it lies in (USD: a Mesh of the body)."""
+
+    path: str
+    points: np.ndarray                       # [m] the soft body's own frame, where its rest (bind) pose is, (m, 3) float32
+
+    def __post_init__(self):
+        self.points = array(self.points, np.float32, -1, 3)
+
+
+@dataclass(eq=False)
+class Soft(Compared):
+    """A solid of tetrahedra that deforms. Volumes are positive: `wsim.tetra.mend` turns others."""
+
+    path: str
+    points: np.ndarray                       # [m] own frame, (n, 3) float32
+    tets: np.ndarray                         # corners of each tet, (t, 4)
+    material: Bulk = field(default_factory=Bulk)
+    others: list[Bulk] = field(default_factory=list)       # further materials of some tets
+    which: np.ndarray | None = None          # material of each tet: 0 is `material`, k is others[k - 1], (t,); None: all 0
+    motion: Motion = field(default_factory=Motion.still)
+    velocities: np.ndarray | None = None     # [m/s] own frame, (n, 3)
+    rest_points: np.ndarray | None = None    # [m] own frame, (n, 3); None: points
+    masses: np.ndarray | None = None         # [kg] of each point, (n,); None: material density
+    mass: float | None = None                # [kg] of the whole; used where masses is None
+    filled: np.ndarray | None = None         # part of each tet that is body (of a cage), (t,): weighs mass and stiffness
+    pressure: float = 0.0                    # [Pa] inside above that outside, on the surface
+    quadratic: bool = False                  # ten nodes a tet: accurate from 2 cells across; four want 4 and more
+    skins: list[Skin] = field(default_factory=list)
+
+    def __post_init__(self):
+        self.points, self.tets = array(self.points, np.float32, -1, 3), array(self.tets, np.int32, -1, 4)
+        self.which, self.filled = array(self.which, np.int32, -1), array(self.filled, np.float32, -1)
+        self.velocities = array(self.velocities, np.float32, -1, 3)
+        self.rest_points = array(self.rest_points, np.float32, -1, 3)
+        self.masses = array(self.masses, np.float32, -1)
+
+    @property
+    def materials(self) -> list[Bulk]:
+        """All materials, in the order that `which` counts."""
+        return [self.material, *self.others]

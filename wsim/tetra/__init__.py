@@ -1,0 +1,1 @@
+"""Meshes of tetrahedra: making, mending, and carrying finer surfaces. NumPy only."""
