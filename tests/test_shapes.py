@@ -102,7 +102,19 @@ def test_spring_sheet_has_the_springs_it_says():
     (lambda: shapes.sheet(1.0, 1.0, 2, 2, cut="x"), "alternating"), (lambda: shapes.sheet(1, 1, 2, 2, up="X"), "up is"),
     (lambda: shapes.sphere(-1.0), "radius is -1"), (lambda: shapes.cylinder(1.0, 1.0, 2), "segments is 2"),
     (lambda: shapes.box((1.0, np.nan, 1.0)), "half y is nan"), (lambda: shapes.spring_sheet(1.0, 1), "n is 1"),
-    (lambda: shapes.spring_sheet(1.0, 4, cross=-1.0), "cross is -1"), (lambda: shapes.torso(np.inf), "height is inf")])
+    (lambda: shapes.spring_sheet(1.0, 4, cross=-1.0), "cross is -1"), (lambda: shapes.torso(np.inf), "height is inf"),
+    (lambda: shapes.block((1.0, 0.0, 1.0), 2), "size is"), (lambda: shapes.block((1, 1, 1), 0), "cells is 0"),
+    (lambda: shapes.block((1, 1, 1), 1, at=(0, 0)), "at is")])
 def test_what_is_wrong_is_named(call, words):
     with pytest.raises(ValueError, match=words):
         call()
+
+
+@pytest.mark.parametrize("kind", ["five", "bcc"])
+def test_a_block_fills_its_box_and_fits_a_scene(kind):
+    soft = Scene().soft("/jelly", *shapes.block((1.0, 2.0, 0.5), (2, 4, 1), kind, at=(3.0, 0.0, -1.0)))
+    corners = soft.points[soft.tets].astype(float)
+    volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0
+    assert np.all(volumes > 0) and np.isclose(volumes.sum(), 1.0, rtol=1e-6)        # points are float32
+    assert np.array_equal([soft.points.min(axis=0), soft.points.max(axis=0)], [[2.5, -1.0, -1.25], [3.5, 1.0, -0.75]])
+    assert np.all(soft.points[:5 * 2, 0] == 2.5)                                    # the end at the least x comes first

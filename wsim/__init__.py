@@ -13,6 +13,7 @@ never starts Warp.
 TYPE_CHECKING = False            # as typing's, without importing typing
 if TYPE_CHECKING:
     from wsim import shapes
+    from wsim.bulk import Bulk
     from wsim.curve import Curve, Motion
     from wsim.fabric import Fabric
     from wsim.recorder import Recorder
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
         Problem,
         Scene,
         SceneError,
+        Skin,
+        Soft,
         Sphere,
         Springs,
         Surface,
@@ -39,13 +42,13 @@ __version__ = "0.0.1"
 
 _HOME = {
     **dict.fromkeys(("Scene", "Cloth", "Springs", "Collider", "Pin", "Plane", "Sphere", "Box", "Capsule", "Cylinder",
-                     "Cone", "Surface", "Problem", "SceneError"), "wsim.scene"),
-    "Curve": "wsim.curve", "Motion": "wsim.curve", "Fabric": "wsim.fabric", "shapes": "wsim.shapes",
+                     "Cone", "Surface", "Soft", "Skin", "Problem", "SceneError"), "wsim.scene"),
+    "Curve": "wsim.curve", "Motion": "wsim.curve", "Fabric": "wsim.fabric", "Bulk": "wsim.bulk", "shapes": "wsim.shapes",
     "load": "wsim.usd", "save": "wsim.usd", "Simulation": "wsim.simulation", "Recorder": "wsim.recorder",
 }
 __all__ = [  # noqa: F822  (names of __getattr__)
-    "Box", "Capsule", "Cloth", "Collider", "Cone", "Curve", "Cylinder", "Fabric", "Motion", "Pin", "Plane", "Problem",
-    "Recorder", "Scene", "SceneError", "Simulation", "Sphere", "Springs", "Surface", "load", "save", "shapes",
+    "Box", "Bulk", "Capsule", "Cloth", "Collider", "Cone", "Curve", "Cylinder", "Fabric", "Motion", "Pin", "Plane", "Problem",
+    "Recorder", "Scene", "SceneError", "Simulation", "Skin", "Soft", "Sphere", "Springs", "Surface", "load", "save", "shapes",
 ]
 
 

@@ -3,6 +3,7 @@
     sheet           a rectangle of cells, vertical or horizontal; row 0 is its top (or far) edge
     spring_sheet    a square net of springs: structural, both diagonals, weak cross springs over one point
     sphere, box, capsule, cylinder, cone, torso     closed surfaces, wound outward (counter-clockwise from outside)
+    block           a solid box of tetrahedra, as `Scene.soft` takes it
 
 A surface is (points (n, 3) float64 [m], counts (faces,) int32, indices (sum of counts,) int32), in the order that
 `Scene.cloth` and `scene.Surface` take. Solids of revolution run along z, as `wsim.scene` has them. Everything raises
@@ -10,6 +11,8 @@ ValueError naming the argument, what was found and what is allowed.
 """
 
 import numpy as np
+
+from wsim.tetra import lattice
 
 CUTS = ("alternating", "diagonal", "quads")
 
@@ -190,3 +193,17 @@ def torso(height: float = 0.85, segments: int = 24) -> tuple[np.ndarray, np.ndar
     rings = np.stack([half[:, :1] * np.cos(angle), half[:, 1:] * np.sin(angle),
                       np.broadcast_to(z[:, None], (len(z), segments))], axis=2)
     return _loft(rings * height, (0.0, 0.0, 0.0), (0.0, 0.0, height))
+
+
+def block(size, cells, kind: str = "five", *, at=(0.0, 0.0, 0.0)) -> tuple[np.ndarray, np.ndarray]:
+    """A solid box of sides `size` (three [m]) about `at` [m], cut into `cells` (one number or three) along its sides:
+    points (n, 3) float64 [m] and tets (t, 4) int32 of positive volume, for `Scene.soft`.
+
+    The first (cx + 1)(cy + 1)(cz + 1) points are the corners of the cells, z fastest, then y: those of the side at the least
+    x come first. kind: "five" tets a cell, or "bcc", of better shape, which adds the centres of the cells.
+    """
+    points, tets = lattice.box(size, cells, kind)
+    at = np.asarray(at, np.float64)
+    if at.shape != (3,) or not np.all(np.isfinite(at)):
+        raise ValueError(f"at is {at.tolist()}; it must be three finite coordinates [m]")
+    return points + at, tets
