@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom, Vt
 
-from wsim import usd
+from wsim import shapes, usd
 from wsim.curve import Curve, Motion
 from wsim.fabric import Fabric
-from wsim.scene import Box, Capsule, Cone, Cylinder, Plane, Scene, SceneError, Sphere, Surface
+from wsim.scene import Box, Capsule, Cone, Cylinder, Plane, Scene, SceneError, Skin, Sphere, Surface
 from wsim.view import Viewer, view
 from wsim.view import log as logs
 from wsim.view.measures import Measures
@@ -84,6 +84,23 @@ def test_topology_is_sent_once_and_points_every_frame(tmp_path, scene):
     assert found["/world/net strips"] == 4
     for curve in ("energy/kinetic_energy", "strain/max_strain", "other/residual"):
         assert found[f"/plots/{curve} scalars"] == 3
+
+
+@needs_rerun
+def test_a_soft_body_is_shown_by_its_surface_or_by_its_skin(tmp_path):
+    """8 corners and the middles of the 12 edges and 6 faces of a cube, and not its centre; three normals at a corner, two on
+    an edge."""
+    scene, points = Scene(), 0.2 * np.eye(3)
+    scene.soft("/jelly", *shapes.block((1, 1, 1), 2))
+    scene.soft("/bear", *shapes.block((1, 1, 1), 2), skins=[Skin("/bear/fur", points, [3], [0, 1, 2])])
+    sim, viewer = Stepped(scene), Viewer(scene, save=tmp_path / "a.rrd")
+    sim.step()
+    viewer.log(sim)
+    viewer.close()
+    found = rows(tmp_path / "a.rrd")
+    assert len(np.unique(viewer.shown["/jelly"].point)) == 26 and len(viewer.shown["/jelly"].point) == 8 * 3 + 12 * 2 + 6
+    assert found["/world/jelly triangle_indices"] == found["/world/bear/fur triangle_indices"] == 1
+    assert found["/world/bear/fur vertex_positions"] == 2 and "/world/bear triangle_indices" not in found
 
 
 @needs_rerun

@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 # for everything in a folder of that name.
 LAYERS = (
     ("curve", "fabric", "bulk", "bodies", "latest", "polygon", "scene", "solids", "topology", "normals", "shapes", "color",
-     "check", "integrator", "stability", "apart", "check_object", "tetra",
+     "check", "integrator", "stability", "apart", "check_object", "tetra", "skin",
      "locality", "kempe", "camera", "look", "png", "gif", "progress", "report"),
     ("kernels",),
     ("stage", "state", "order", "model", "linear", "cluster"),

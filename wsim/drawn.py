@@ -10,6 +10,7 @@ from wsim import solids
 from wsim.look import CREASE, Look, palette, smoothing
 from wsim.polygon import index_fault
 from wsim.scene import Problem, SceneError
+from wsim.tetra.tets import checked, surface, volumes
 from wsim.topology import triangulate
 
 
@@ -18,7 +19,7 @@ class Drawn:
     """A prim with triangles. `points(time code)` gives world positions [m], (n, 3) float64, as many at every time."""
 
     look: Look
-    kind: str                                             # "cloth", "springs", "collider" or "plain"
+    kind: str                                             # "cloth", "springs", "soft", "collider" or "plain"
     points: Callable[[float], np.ndarray]
     moves: bool = True                                    # False: the same points at all times
 
@@ -35,7 +36,7 @@ def triangulated(prim: Usd.Prim, kind: str, number: int, time: float, meters: fl
     if prim.IsA(UsdGeom.Mesh):
         triangles, corners, polygon = _mesh(prim, time)
     else:
-        triangles = _outline(prim, time)[1]
+        triangles = _tets(prim, time) if prim.IsA(UsdGeom.TetMesh) else _outline(prim, time)[1]
     if len(triangles) == 0:
         return None
     path, start = str(prim.GetPath()), matrix(prim, time)
@@ -101,14 +102,29 @@ def _mesh(prim: Usd.Prim, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return triangles, corners, polygon
 
 
+def _tets(prim: Usd.Prim, time: float) -> np.ndarray:
+    """Surface triangles (t, 3) of a TetMesh, counter-clockwise from outside.
+
+    The sign of each tet's volume decides, which is what `orientation` should say: by the default points, where no tet is
+    turned inside out by a simulation, as far as there are any."""
+    points, rest = _authored(prim, time), _authored(prim, Usd.TimeCode.Default())
+    rows = np.asarray(UsdGeom.TetMesh(prim).GetTetVertexIndicesAttr().Get(time) or [], np.int64).reshape(-1, 4)
+    try:
+        points, rows = checked(rest if len(rest) == len(points) else points, rows)
+    except ValueError as error:
+        raise SceneError(Problem(str(prim.GetPath()), f"its tetVertexIndices are wrong: {error}")) from None
+    turned = volumes(points, rows) < 0
+    return surface(np.where(turned[:, None], rows[:, [0, 1, 3, 2]], rows))
+
+
 def _local(prim: Usd.Prim, time: float) -> np.ndarray:
     """Points of the drawn triangles in the prim's own frame, (n, 3) float64, stage units."""
-    if prim.IsA(UsdGeom.Mesh):
+    if prim.IsA(UsdGeom.Mesh) or prim.IsA(UsdGeom.TetMesh):
         return _authored(prim, time)
     return _outline(prim, time)[0]
 
 
-def _authored(prim: Usd.Prim, time: float) -> np.ndarray:
+def _authored(prim: Usd.Prim, time: float | Usd.TimeCode) -> np.ndarray:
     return np.asarray(UsdGeom.PointBased(prim).GetPointsAttr().Get(time) or np.zeros((0, 3)), np.float64).reshape(-1, 3)
 
 
@@ -123,9 +139,6 @@ def _outline(prim: Usd.Prim, time: float) -> solids.Outline:
         return solids.sphere(number("radius"))
     if name == "Cube":
         return solids.box(np.full(3, 0.5 * number("size")))
-    if name == "TetMesh":
-        faces = UsdGeom.TetMesh.ComputeSurfaceFaces(UsdGeom.TetMesh(prim), time)
-        return _authored(prim, time), np.asarray(faces, np.int32).reshape(-1, 3)
     if name == "BasisCurves":
         return _curves(prim, time)
     if name == "Points":
@@ -183,7 +196,7 @@ def _colors(prim, time, triangles, corners, polygon) -> tuple[np.ndarray | None,
         return (None, None) if color is None else (color[None], None)
     values = np.asarray(values, np.float64).reshape(-1, 3)
     by = {"uniform": None if polygon is None else np.repeat(polygon[:, None], 3, axis=1), "faceVarying": corners}.get(
-        str(primvar.GetInterpolation()), triangles if corners is not None else None)
+        str(primvar.GetInterpolation()), triangles if corners is not None or prim.IsA(UsdGeom.TetMesh) else None)
     if len(values) == 1 or by is None or int(by.max()) >= len(values) or str(primvar.GetInterpolation()) == "constant":
         return values.mean(axis=0, keepdims=True), None
     return values, np.asarray(by, np.int32)

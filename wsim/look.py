@@ -13,16 +13,17 @@ from wsim import topology
 
 CREASE = radians(40.0)
 
-# Linear RGB. Cloth is warm and saturated, what it falls on is light grey, so the eye goes to what moves.
+# Linear RGB. Cloth and soft bodies are warm and saturated, what they fall on is light grey: the eye goes to what moves.
 PALETTE = {"cloth": [(0.62, 0.075, 0.045), (0.80, 0.30, 0.025), (0.50, 0.04, 0.16), (0.70, 0.45, 0.06),
                      (0.36, 0.06, 0.32)],
+           "soft": [(0.84, 0.36, 0.03), (0.66, 0.06, 0.12), (0.78, 0.16, 0.03), (0.56, 0.30, 0.04), (0.48, 0.05, 0.26)],
            "springs": [(0.50, 0.09, 0.04), (0.60, 0.25, 0.03)],
            "collider": [(0.56, 0.57, 0.59), (0.47, 0.49, 0.53), (0.62, 0.60, 0.56)],
            "plain": [(0.20, 0.30, 0.42), (0.30, 0.38, 0.33), (0.36, 0.30, 0.40)]}
 
 
 def palette(kind: str, number: int) -> tuple[float, float, float]:
-    """Linear colour of the number-th prim of a kind: "cloth", "springs", "collider" or "plain"."""
+    """Linear colour of the number-th prim of a kind: a key of PALETTE."""
     colors = PALETTE[kind]
     return colors[number % len(colors)]
 

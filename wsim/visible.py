@@ -1,9 +1,9 @@
 """What a stage shows: its visible prims as triangle meshes in world space [m], at any time code. Reads by pxr.
 
-Drawn are Mesh, TetMesh (its surface), the analytic shapes, BasisCurves (control polygons, as tubes) and Points (as
-beads), with their display colours, else the diffuse colour of a bound preview material, else a palette by what they
-are. Skinned meshes move with their skeleton. Guides and proxies are drawn only where a stage shows nothing else. Point
-instancers are not drawn, and `Visible.notes` says so.
+Drawn are Mesh, TetMesh (its surface, unless meshes of its soft body are seen instead), the analytic shapes, BasisCurves
+(control polygons, as tubes) and Points (as beads), with their display colours, else the diffuse colour of a bound preview
+material, else a palette by what they are. Skinned meshes move with their skeleton. Guides and proxies are drawn only where
+a stage shows nothing else. Point instancers are not drawn, and `Visible.notes` says so.
 """
 
 from collections.abc import Callable
@@ -14,8 +14,10 @@ import numpy as np
 from pxr import Gf, Tf, Usd, UsdGeom, UsdSkel
 
 from wsim.drawn import Drawn, matrix, moves, triangulated
+from wsim.look import PALETTE
 from wsim.scene import Problem, SceneError
-from wsim.usd.stage import reason
+from wsim.usd import names
+from wsim.usd.stage import applied, reason
 
 
 @dataclass
@@ -55,7 +57,7 @@ def visible(path) -> Visible:
     shown = shown or [p for p in prims if p.IsA(UsdGeom.Gprim)]
     times = _times(stage, shown)
     level = [p for p in planes if _is_level(p, up, times[0])]
-    drawn = _all_drawn([p for p in shown if p not in level], times[0], meters)
+    drawn = _all_drawn(_without_cages([p for p in shown if p not in level]), times[0], meters)
     if not drawn and not level:
         raise SceneError(Problem(str(path), "nothing visible to draw; it needs a mesh, curves, points or a shape"))
     floor = None
@@ -114,11 +116,29 @@ def _is_level(prim: Usd.Prim, up: str, time: float) -> bool:
     return normal["XYZ".index(up)] > 0.9999 * np.linalg.norm(normal)
 
 
+def _soft_body(prim: Usd.Prim) -> Usd.Prim | None:
+    """The soft body that a prim belongs to: the deformable body at or above it, if that is simulated by tets."""
+    while prim and not prim.IsPseudoRoot():
+        if names.BODY in applied(prim):
+            return prim if any(names.VOLUME_SIM in applied(p) for p in (prim, *prim.GetChildren())) else None
+        prim = prim.GetParent()
+    return None
+
+
+def _without_cages(prims: list[Usd.Prim]) -> list[Usd.Prim]:
+    """The prims but for the tets of soft bodies that are seen by their skins."""
+    skinned = {body.GetPath() for p in prims if p.IsA(UsdGeom.Mesh) and (body := _soft_body(p))}
+    return [p for p in prims
+            if not (p.IsA(UsdGeom.TetMesh) and (body := _soft_body(p)) and body.GetPath() in skinned)]
+
+
 def _kind(prim: Usd.Prim) -> str:
     """What a prim is in a simulation, by its applied schemas, known to USD or not."""
-    schemas = prim.GetPrimTypeInfo().GetAppliedAPISchemas()
+    schemas = applied(prim)
     if prim.IsA(UsdGeom.BasisCurves):
         return "springs"
+    if prim.IsA(UsdGeom.TetMesh) or prim.IsA(UsdGeom.PointBased) and _soft_body(prim):
+        return "soft"
     if any(name.endswith("DeformableSimAPI") for name in schemas):
         return "cloth"
     if "PhysicsCollisionAPI" in schemas:
@@ -129,9 +149,9 @@ def _kind(prim: Usd.Prim) -> str:
 
 def _all_drawn(prims: list[Usd.Prim], time: float, meters: float) -> list[Drawn]:
     kinds = {prim.GetPath(): _kind(prim) for prim in prims}
-    if not {"cloth", "springs"} & set(kinds.values()):     # nothing else to look at: shapes get the warm colours
+    if not {"cloth", "springs", "soft"} & set(kinds.values()):     # nothing else to look at: shapes get the warm colours
         kinds = {path: "cloth" if kind == "plain" else kind for path, kind in kinds.items()}
-    drawn, numbers = [], dict.fromkeys(("cloth", "springs", "collider", "plain"), 0)
+    drawn, numbers = [], dict.fromkeys(PALETTE, 0)
     for prim in prims:
         kind = kinds[prim.GetPath()]
         one = triangulated(prim, kind, numbers[kind], time, meters)

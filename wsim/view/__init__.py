@@ -24,10 +24,13 @@ from wsim.scene import (
     Plane,
     Scene,
     Shape,
+    Soft,
     Sphere,
     Springs,
     Surface,
 )
+from wsim.skin import held
+from wsim.tetra.tets import surface
 from wsim.view.log import Log, Shown, srgb
 from wsim.visible import visible
 
@@ -47,6 +50,9 @@ class Viewer:
             raise ValueError("a viewer shows (spawn=True) or writes (save=PATH); it was given neither")
         self.scene, self.stream = scene, Log(Path(scene.source or "scene").stem, scene.up, save)
         self.shown = {c.path: Shown(self.stream, _cloth_look(c, k)) for k, c in enumerate(scene.cloths)}
+        self.skins = held(scene)
+        for k, soft in enumerate(scene.softs):
+            self.shown |= {look.path: Shown(self.stream, look) for look in _soft_looks(soft, k)}
         self.outlines = {c.path: _shape(c.shape, c.path + "/shape", k) for k, c in enumerate(scene.colliders)}
         self.stream.at(scene.start, 0.0)
         for collider in scene.colliders:
@@ -64,9 +70,13 @@ class Viewer:
             self._collider(collider, poses[collider.path], sim.time, False)
         self.stream.plot(sim.indicators())
 
-    def _body(self, body: Cloth | Springs, points: np.ndarray) -> None:
-        if isinstance(body, Cloth):
-            self.shown[body.path].send(points)
+    def _body(self, body: Cloth | Springs | Soft, points: np.ndarray) -> None:
+        if not isinstance(body, Springs):
+            if body.path in self.shown:
+                self.shown[body.path].send(points)
+            for path, skin in self.skins.items():
+                if skin.body == body.path and path in self.shown:
+                    self.shown[path].send(skin.of(points))
             return
         color = srgb(np.array([palette("springs", self.scene.springs.index(body))]))
         lines = self.stream.rr.LineStrips3D(points[body.edges].astype(np.float32), colors=color)
@@ -114,6 +124,17 @@ def _cloth_look(cloth: Cloth, number: int) -> Look:
     triangles, _ = topology.triangulate(cloth.points, cloth.counts, cloth.indices)
     groups = smoothing(cloth.points, triangles, np.pi)
     return Look(triangles, np.array([palette("cloth", number)]), normal_of=groups, path=cloth.path)
+
+
+def _soft_looks(soft: Soft, number: int) -> list[Look]:
+    """How a soft body is drawn: by its skins, as far as they have faces, else by the surface of its tets."""
+    color, looks = np.array([palette("soft", number)]), []
+    for skin in soft.skins:
+        triangles, _ = topology.triangulate(skin.points, skin.counts, skin.indices)
+        if len(triangles):
+            looks.append(Look(triangles, color, normal_of=smoothing(skin.points, triangles, CREASE), path=skin.path))
+    triangles = surface(soft.tets)
+    return looks or [Look(triangles, color, normal_of=smoothing(soft.points, triangles, CREASE), path=soft.path)]
 
 
 def _shape(shape: Shape, path: str, number: int) -> tuple[np.ndarray, Look]:
