@@ -181,13 +181,16 @@ def check(args) -> int:
     """`wsim check`: every problem of a scene, its errors first; fails if it cannot be simulated."""
     from wsim.check import check as examine
     from wsim.scene import SceneError
+    from wsim.skin import held
 
-    scene = None
+    scene, problems = None, []
     try:
         scene = _load(args)
         problems = list(dict.fromkeys([*scene.notes, *examine(scene)]))
+        if not any(problem.fatal for problem in problems):
+            held(scene)
     except SceneError as error:
-        problems = error.problems
+        problems += error.problems
     problems.sort(key=lambda p: not p.fatal)
     fatal = sum(p.fatal for p in problems)
     if args.json:
@@ -202,17 +205,19 @@ def check(args) -> int:
 
 
 def _count(n: int, noun: str) -> str:
-    """1 pin, 2 pins"""
-    return f"{n} {noun}{'' if n == 1 else 's'}"
+    """1 pin, 2 pins; 1 body, 2 bodies"""
+    return f"{n} {noun}" if n == 1 else f"{n} {noun[:-1]}ies" if noun.endswith("y") else f"{n} {noun}s"
 
 
 def _inventory(scene: "Scene") -> str:
     """What a scene holds, in words."""
-    points = sum(len(body.points) for body in scene.bodies())
-    kinds: dict[str, list] = {"cloth": scene.cloths, "spring net": scene.springs, "collider": scene.colliders,
-                              "pin": scene.pins}
+    kinds: dict[str, list] = {"cloth": scene.cloths, "spring net": scene.springs, "soft body": scene.softs,
+                              "skin": [skin for soft in scene.softs for skin in soft.skins],
+                              "collider": scene.colliders, "pin": scene.pins}
     things = ", ".join(_count(len(found), noun) for noun, found in kinds.items() if found)
-    return (f"{things}; {_count(points, 'point')}; {_count(scene.frames, 'frame')} of 1/{scene.fps:g} s, "
+    sizes = {"point": sum(len(body.points) for body in scene.bodies()), "tet": sum(len(soft.tets) for soft in scene.softs)}
+    size = ", ".join(_count(n, noun) for noun, n in sizes.items() if n)
+    return (f"{things}; {size}; {_count(scene.frames, 'frame')} of 1/{scene.fps:g} s, "
             f"{_count(scene.substeps, 'substep')}, {_count(scene.iterations, 'iteration')}, "
             f"solver {scene.solver}, integrator {scene.integrator}")
 

@@ -94,10 +94,10 @@ def body_prim(stage: Usd.Stage, path: str, count: int) -> Usd.Prim:
                                  "wsim.save and load that file"))
     if prim.IsInstanceProxy():
         raise SceneError(Problem(path, f"is inside the instance {_instances(prim)}, whose contents a layer cannot "
-                                 "change; set instanceable = false there, or move the cloth out of it"))
+                                 "change; set instanceable = false there, or move the body out of it"))
     if not prim.IsA(UsdGeom.PointBased):
         raise SceneError(Problem(path, f"is a {prim.GetTypeName() or 'prim without type'}, which has no points; a body "
-                                 "is a Mesh, BasisCurves or other UsdGeom.PointBased"))
+                                 "is a Mesh, TetMesh, BasisCurves or other UsdGeom.PointBased"))
     map_ = particles_of(prim)
     points = _points_at_rest(prim)
     found = len(points) if map_ is None else int(map_.max(initial=-1)) + 1
@@ -151,6 +151,9 @@ class BodyOver:
         self.follow: Normals | None = None
         if prim.IsA(UsdGeom.Mesh):
             self._mesh(UsdGeom.Mesh(prim), normals, notes)
+        elif prim.IsA(UsdGeom.TetMesh):                    # of its surface; nobody but an old exporter authors them
+            _block(base.GetNormalsAttr())
+            _block(prim.GetAttribute("primvars:normals"))
 
     def _mesh(self, mesh: UsdGeom.Mesh, wanted: bool, notes: list[Problem]) -> None:
         counts = np.array(_earliest(mesh.GetFaceVertexCountsAttr()) or [], np.int64)

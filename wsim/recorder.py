@@ -4,9 +4,10 @@
         recorder.append(recorder.time_code(0), {"/flag": positions}, {"/flag": velocities})
 
 The result sublayers the scene's file by a relative path and has `over`s alone: time samples of points, velocities,
-normals and extent. Default values stay those of the source, because unauthored rest shapes are read from them. The file
-grows under a name of its own and is renamed when it is whole (`wsim.partial`): a run that is killed leaves
-NAME.partial.usdc with its frames, and the next run to the same output puts that aside as NAME.recovered.usdc.
+normals and extent, of the bodies and of the skins that follow them (`wsim.skin`). Default values stay those of the source,
+because unauthored rest shapes are read from them. The file grows under a name of its own and is renamed when it is whole
+(`wsim.partial`): a run that is killed leaves NAME.partial.usdc with its frames, and the next run to the same output puts
+that aside as NAME.recovered.usdc.
 """
 
 import math
@@ -21,6 +22,7 @@ from wsim.overs import BodyOver, ColliderOver, body_prim
 from wsim.partial import Partial, check_output, partial_path, recover
 from wsim.restart import Restart, check_fields, copy_samples, is_frame, store
 from wsim.scene import Problem, Scene, SceneError
+from wsim.skin import held
 from wsim.sublayer import choose, flattened, put_over, refuse_layers_of, write_source
 from wsim.usd.stage import open_stage
 
@@ -90,20 +92,27 @@ class Recorder:
         self.stage.SetEditTarget(layer)
         choose(self.stage, self.scene.variants)
         self.rate = self.stage.GetTimeCodesPerSecond()
-        self.bodies, problems = {}, []
-        for body in self.scene.bodies():
-            try:
-                self.bodies[body.path] = (body_prim(self.stage, body.path, len(body.points)), len(body.points))
-            except SceneError as error:
-                problems += error.problems
-        if problems:
-            raise SceneError(problems)
+        self.bodies = self._prims({b.path: len(b.points) for b in self.scene.bodies()})
+        self.skins = held(self.scene)
+        followers = self._prims({path: len(skin.rows) for path, skin in self.skins.items()})
         self.overs = {path: BodyOver(prim, velocities=velocities, normals=normals, notes=self.notes)
-                      for path, (prim, _) in self.bodies.items()}
+                      for path, (prim, _) in {**self.bodies, **followers}.items()}
         if self.continues:
             self.codes += copy_samples(self.continues, self.stage, self.scene)
         self.colliders = {c.path: ColliderOver(self.stage, self._original, c, self.codes) for c in self.scene.colliders}
         layer.startTimeCode = self.scene.start
+
+    def _prims(self, counts: Mapping[str, int]) -> dict[str, tuple[Usd.Prim, int]]:
+        """Prim and number of points of each path. Raises SceneError with every one that cannot take a result."""
+        found, problems = {}, []
+        for path, count in counts.items():
+            try:
+                found[path] = (body_prim(self.stage, path, count), count)
+            except SceneError as error:
+                problems += error.problems
+        if problems:
+            raise SceneError(problems)
+        return found
 
     def _original(self) -> Any:
         return open_stage(self.source, self.scene.variants)
@@ -116,7 +125,7 @@ class Recorder:
 
     def append(self, time_code: float, positions: Arrays, velocities: Arrays | None = None,
                poses: Arrays | None = None) -> None:
-        """Writes one sample of every body; saves after whole frames, as often as 5 % of the wall time allows.
+        """Writes one sample of every body and of its skins; saves after whole frames, as often as 5 % of the wall time allows.
 
         positions    {body path: (n, 3)} world [m], author's order      velocities   the same [m/s]
         poses        {collider path: (4, 4)} world [m]; written where they are not what the source says
@@ -131,7 +140,7 @@ class Recorder:
         fields = self._checked_fields() if whole else {}
         samples = []
         for path, over in self.overs.items():
-            samples += over.sample(code, positions[path], velocities[path] if velocities else None)
+            samples += over.sample(code, self._of(path, positions), self._of(path, velocities) if velocities else None)
         time = (code - self.scene.start) / self.rate
         for path, pose in (poses or {}).items():
             if path in self.colliders:
@@ -151,6 +160,10 @@ class Recorder:
             self.fields, self.fields_code = fields, code
             if self.file.due():
                 self._save(self.bytes_since_fields >= FIELDS_SHARE * _bytes(self.fields))
+
+    def _of(self, path: str, values: Arrays) -> np.ndarray:
+        """Values of a body, or those that a skin has from its body."""
+        return self.skins[path].of(values[self.skins[path].body]) if path in self.skins else values[path]
 
     def _check(self, code: float, positions: Arrays, velocities: Arrays | None) -> None:
         if self.closed:
@@ -221,7 +234,7 @@ class Recorder:
 
     def _let_go(self) -> None:
         """Releases stage and prims, so that the file can be renamed on every system."""
-        self.overs, self.colliders, self.bodies, self.stage, self.closed = {}, {}, {}, None, True
+        self.overs, self.skins, self.colliders, self.bodies, self.stage, self.closed = {}, {}, {}, {}, None, True
 
     def _drop(self) -> None:
         """Ends without a result: no file of this recorder stays."""

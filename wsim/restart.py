@@ -25,7 +25,7 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 
 from wsim.overs import Frame, body_prim, particles_of
 from wsim.partial import put_index_back
-from wsim.scene import Cloth, Problem, Scene, SceneError, Springs
+from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
 from wsim.usd.stage import open_stage
 
 CODE, FIELDS = "wsim:restart:timeCode", "wsim:restart:fields:"
@@ -187,7 +187,7 @@ def _whole_frames(result: Result, scene: Scene, paths: list[str]) -> set[float]:
     return frames
 
 
-def _read_body(result: Result, body: Cloth | Springs, restart: Restart) -> None:
+def _read_body(result: Result, body: Cloth | Springs | Soft, restart: Restart) -> None:
     """Positions and velocities of a body into `restart`."""
     path, code = body.path, restart.frame_time_code
     points, rates = result.positions(path, code), result.velocities(path, code)
@@ -209,10 +209,11 @@ def _read_body(result: Result, body: Cloth | Springs, restart: Restart) -> None:
 def copy_samples(restart: Restart, stage: Usd.Stage, scene: Scene) -> list[float]:
     """Copies what the earlier result recorded up to the restart into the stage's edit target; returns its time codes.
 
-    Of a flattened result only the bodies: its other samples are the source's own.
+    Of a flattened result only bodies and skins: its other samples are the source's own.
     """
     layer = Sdf.Layer.OpenAsAnonymous(restart.path)
     wanted: list[tuple[str, tuple[str, ...]]] = [(b.path, SAMPLED) for b in scene.bodies()]
+    wanted += [(skin.path, SAMPLED) for soft in scene.softs for skin in soft.skins]
     if layer.subLayerPaths:
         wanted += [(c.path, ("xformOp:transform",)) for c in scene.colliders]
     codes: set[float] = set()
