@@ -22,14 +22,14 @@ ROOT = Path(__file__).resolve().parent.parent
 # for everything in a folder of that name.
 LAYERS = (
     ("curve", "fabric", "bulk", "bodies", "latest", "polygon", "scene", "solids", "topology", "normals", "shapes", "color",
-     "check", "integrator", "stability", "apart", "check_object", "tetra", "skin",
+     "check", "integrator", "stability", "apart", "check_object", "check_soft", "tetra", "skin",
      "locality", "kempe", "camera", "look", "png", "gif", "progress", "report"),
     ("kernels",),
     ("stage", "state", "order", "model", "linear", "cluster"),
     ("contact",),
     ("cloth",),
     ("frequency", "choice"),
-    ("elastic", "gather"),
+    ("elastic", "elements", "gather"),
     ("points", "explicit", "implicit", "aero", "xpbd", "fem", "rigid", "fluid", "pose"),
     ("plan",),
     ("measure", "mend", "simulation"),

@@ -88,13 +88,16 @@ class Springs(Compared):
 
 @dataclass(eq=False)
 class Skin(Compared):
-    """Points of a mesh that is only seen: each follows the tet of its soft body that it lies in (USD: a Mesh of the body)."""
+    """A mesh that is only seen: each point follows the tet of its soft body that it lies in (USD: a Mesh of the body)."""
 
     path: str
     points: np.ndarray                       # [m] the soft body's own frame, where its rest (bind) pose is, (m, 3) float32
+    counts: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))     # corners of each polygon; to save it
+    indices: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))    # point of each corner
 
     def __post_init__(self):
         self.points = array(self.points, np.float32, -1, 3)
+        self.counts, self.indices = array(self.counts, np.int32, -1), array(self.indices, np.int32, -1)
 
 
 @dataclass(eq=False)

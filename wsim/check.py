@@ -12,11 +12,13 @@ from math import inf
 
 import numpy as np
 
-from wsim import check_object, topology
+from wsim import check_object, check_soft, topology
 from wsim.check_object import array, error, number, rigid, warning
 from wsim.integrator import EXPLICIT, IMPLICIT, INTEGRATORS, SOLVERS
-from wsim.scene import Cloth, Pin, Problem, Scene, Springs
+from wsim.scene import Cloth, Pin, Problem, Scene, Soft, Springs
+from wsim.tetra import tets
 
+SOFT_SOLVERS = tuple(name for name in ("auto", "implicit", "explicit") if name in SOLVERS)
 STRONG = 50.0       # [m/s^2] five times Earth's gravity; files that take their unit for centimetres hold 981
 
 
@@ -27,6 +29,8 @@ def check(scene: Scene) -> list[Problem]:
         found += check_object.cloth(cloth)
     for net in scene.springs:
         found += check_object.springs(net)
+    for soft in scene.softs:
+        found += check_soft.soft(soft)
     for collider in scene.colliders:
         found += check_object.collider(collider)
     for pin in scene.pins:
@@ -64,6 +68,9 @@ def _method(scene: Scene) -> Iterator[Problem]:
         if found not in allowed:
             yield error("/", f"{name} is '{found}'", ", ".join(allowed), "choose one of them")
             return
+    if scene.softs and scene.solver == "xpbd":
+        yield error("/", f"solver xpbd has no tetrahedra, of which {scene.softs[0].path} is made", ", ".join(SOFT_SOLVERS),
+                    "choose one of them")
     if scene.integrator == "implicit_midpoint" and scene.colliders:
         yield error("/", "integrator implicit_midpoint rebounds from colliders", "backward_euler, bdf2 or an explicit one",
                     "choose one of them")
@@ -80,7 +87,8 @@ def _damping(scene: Scene) -> Iterator[Problem]:
     if scene.fps <= 0.0 or scene.substeps < 1:
         return
     h = 1.0 / scene.fps / scene.substeps
-    for body in scene.bodies():
+    swept: list[Cloth | Springs] = [*scene.cloths, *scene.springs]         # a soft body is solved for otherwise
+    for body in swept:
         damping = body.material.damping if isinstance(body, Cloth) else body.damping
         if damping > 4.0 * h:
             yield warning(body.path, f"damping is {damping:g} s, {damping / h:.0f} substeps of {h:g} s: it slows the solver's "
@@ -90,9 +98,10 @@ def _damping(scene: Scene) -> Iterator[Problem]:
 
 def _paths(scene: Scene) -> Iterator[Problem]:
     if not scene.bodies():
-        yield error("/", "nothing here can move: no cloth and no spring net", "at least one",
+        yield error("/", "nothing here can move: no cloth, no spring net and no soft body", "at least one",
                     "apply PhysicsSurfaceDeformableSimAPI to a mesh, or let `wsim new cloth MESH -o SCENE` do it")
-    named: list = [*scene.cloths, *scene.springs, *scene.colliders, *scene.pins]
+    skins = [skin for soft in scene.softs for skin in soft.skins]
+    named: list = [*scene.bodies(), *skins, *scene.colliders, *scene.pins]
     for path, n in Counter(thing.path for thing in named).items():
         if n > 1:
             yield error(path, f"{n} objects have this path", "one", "give each its own")
@@ -112,7 +121,7 @@ def _pin(pin: Pin, scene: Scene) -> Iterator[Problem]:
     body = next((b for b in scene.bodies() if b.path == pin.body), None)
     if body is None:
         names = ", ".join(b.path for b in scene.bodies()[:5]) or "none, the scene has no body"
-        yield error(path, f"it holds '{pin.body}', which is no cloth and no spring net here", names, "name one of them")
+        yield error(path, f"it holds '{pin.body}', which is no cloth, spring net or soft body here", names, "name one of them")
         return
     bad = (pin.points < 0) | (pin.points >= len(body.points))
     if bad.any():
@@ -120,11 +129,13 @@ def _pin(pin: Pin, scene: Scene) -> Iterator[Problem]:
                     "count from 0, in the order of the mesh's points")
 
 
-def _pieces(body: Cloth | Springs) -> np.ndarray:
-    """Label of the connected piece of each point, shape (n,); -1 for points of no face or spring."""
+def _pieces(body: Cloth | Springs | Soft) -> np.ndarray:
+    """Label of the connected piece of each point, shape (n,); -1 for points of no face, spring or tet."""
     n, used = len(body.points), np.zeros(len(body.points), bool)
     if isinstance(body, Springs):
         edges, corners = body.edges, body.edges.reshape(-1)
+    elif isinstance(body, Soft):
+        edges, corners = tets.edges(body.tets), body.tets.reshape(-1)
     else:
         triangles = topology.triangulate(body.points, body.counts, body.indices)[0]
         edges, corners = topology.edges(triangles), body.indices
@@ -145,18 +156,20 @@ def _support(scene: Scene) -> Iterator[Problem]:
         for pin in (p for p in scene.pins if p.body == path):
             held[pin.points] = True
             hard[pin.points] |= pin.stiffness == inf
-        if hard.all():
-            yield error(path, f"all {n} points are pinned: nothing can move", "at least one free point",
+        label = _pieces(body)
+        moved = np.where(label >= 0)[0] if isinstance(body, Soft) else np.arange(n)     # points of no tet move nothing
+        if hard[moved].all():
+            yield error(path, f"all {len(moved)} points are pinned: nothing can move", "at least one free point",
                         "pin fewer points, or make it a collider")
         if falls and not held.any() and not scene.colliders:
             yield warning(path, "no pin holds it and nothing lies below: it falls for ever", "a pin or a collider",
                           "add a PhysicsAttachment, or apply PhysicsCollisionAPI to what it should land on")
-        label = _pieces(body)
         pieces = np.unique(label[label >= 0])
         loose = np.setdiff1d(pieces, label[held])
         if len(pieces) > 1 and len(loose):
             yield warning(path, f"{len(loose)} of its {len(pieces)} separate pieces are held by no pin",
                           "one piece, or pieces meant to fall apart",
+                          "make their points shared ones, pin each of them, or split the mesh" if isinstance(body, Soft) else
                           "sew them (weld: a distance), pin each of them, or split the mesh")
         if isinstance(body, Springs) and (label < 0).any():
             yield warning(path, f"{(label < 0).sum()} points belong to no spring", "none", "remove them")

@@ -102,7 +102,7 @@ def cloth(thing: Cloth) -> list[Problem]:
     found = list(placed(path, thing.points, thing.motion))
     found += surface(thing, path, None if found else thing.motion)
     if not any(p.fatal for p in found):
-        found += [*_size(path, thing.motion.points(thing.points)), *_rounding(path, thing.points)]
+        found += [*size(path, thing.motion.points(thing.points)), *rounding(path, thing.points)]
     found += array(path, "velocities", thing.velocities, n)
     found += array(path, "rest points", thing.rest_points, n)
     found += array(path, "masses", thing.masses, n, 0.0, True)
@@ -116,7 +116,7 @@ def cloth(thing: Cloth) -> list[Problem]:
     return found
 
 
-def _size(path: str, world: np.ndarray) -> Iterator[Problem]:
+def size(path: str, world: np.ndarray) -> Iterator[Problem]:
     extent = float(np.ptp(world, axis=0).max())
     if extent > LARGE or extent < SMALL:
         yield warning(path, f"it is {extent:.3g} m {'large' if extent > LARGE else 'small'}",
@@ -124,8 +124,8 @@ def _size(path: str, world: np.ndarray) -> Iterator[Problem]:
                       "0.01 if they are centimetres (which is also what USD takes when none is authored)")
 
 
-def _rounding(path: str, points: np.ndarray) -> Iterator[Problem]:
-    """float32 steps by up to 1.2e-7 of the value: far from the own origin that is much of a small cloth."""
+def rounding(path: str, points: np.ndarray) -> Iterator[Problem]:
+    """float32 steps by up to 1.2e-7 of the value: far from the own origin that is much of a small body."""
     step = float(np.abs(points).max()) * float(np.finfo(np.float32).eps)
     extent = float(np.ptp(points, axis=0).max())
     if step > ROUNDED * extent > 0.0:

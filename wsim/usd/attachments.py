@@ -9,18 +9,19 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from wsim.curve import Motion
-from wsim.scene import Cloth, Pin, Springs
+from wsim.scene import Cloth, Pin, Soft, Springs
 from wsim.usd import names
 from wsim.usd.attributes import author, read
 from wsim.usd.motion import author_motion, placement, split
 from wsim.usd.springs import curve_vertices
 from wsim.usd.stage import Reading, Units
 
+Body = Cloth | Springs | Soft
 FRAME = "frame"                    # child of a pin that it hangs on where it names no target
 DERIVED = "wsim:derived"           # custom data of coords1 that follow from the points
 
 
-def load_pin(reading: Reading, prim: Usd.Prim, bodies: dict[str, Cloth | Springs]) -> Pin | None:
+def load_pin(reading: Reading, prim: Usd.Prim, bodies: dict[str, Body]) -> Pin | None:
     """The pin of an attachment; None if it is switched off, or of another kind (noted), or broken (reported).
 
     bodies      by path of the simulation geometry; also by the path of the body above it
@@ -35,8 +36,8 @@ def load_pin(reading: Reading, prim: Usd.Prim, bodies: dict[str, Cloth | Springs
     source, target = _target(prim, names.SRC0), _target(prim, names.SRC1)
     body = bodies.get(source)
     if body is None:
-        reading.warn(path, f"attaches {source or 'nothing'}, which is not simulated as a cloth or spring net ("
-                     f"{', '.join(b.path for b in dict.fromkeys(bodies.values())) or 'there is none'}); it is left out"
+        reading.warn(path, f"attaches {source or 'nothing'}, which is not simulated as a cloth, spring net or soft "
+                     f"body ({', '.join(dict.fromkeys(b.path for b in bodies.values())) or 'there is none'}); it is left out"
                      ) if not _unknown(reading, source) else reading.fail(
                      path, f"{names.SRC0} names {source or 'nothing'}, which does not exist; name a simulation mesh")
         return None
@@ -100,9 +101,9 @@ def _hang(reading: Reading, prim: Usd.Prim, pin: Pin, target: str) -> bool:
     return True
 
 
-def _particles(reading: Reading, prim: Usd.Prim, body: Cloth | Springs, points: np.ndarray) -> np.ndarray | None:
+def _particles(reading: Reading, prim: Usd.Prim, body: Body, points: np.ndarray) -> np.ndarray | None:
     """Points of the body from vertices of its prim: a net's particle has several vertices."""
-    if isinstance(body, Cloth):
+    if not isinstance(body, Springs):
         return points
     numbering = read(reading.stage.GetPrimAtPath(body.path), "Springs", "particles")
     if numbering is None:
@@ -115,14 +116,14 @@ def _particles(reading: Reading, prim: Usd.Prim, body: Cloth | Springs, points: 
     return numbering[points]
 
 
-def _places(pin: Pin, body: Cloth | Springs) -> np.ndarray:
+def _places(pin: Pin, body: Body) -> np.ndarray:
     """Where the held points are at the start, in the target's frame [m], (k, 3)."""
     world = body.motion.points(body.points[pin.points])
     M = pin.motion.at(0.0)
     return (world - M[:3, 3]) @ np.linalg.inv(M[:3, :3]).T
 
 
-def _follow(prim: Usd.Prim, pin: Pin, body: Cloth | Springs, units: Units) -> bool:
+def _follow(prim: Usd.Prim, pin: Pin, body: Body, units: Units) -> bool:
     """True if coords1 were written only for other readers and still agree with the points."""
     attribute = prim.GetAttribute("physics:coords1")
     inside = np.all((pin.points >= 0) & (pin.points < len(body.points)))
@@ -133,7 +134,7 @@ def _follow(prim: Usd.Prim, pin: Pin, body: Cloth | Springs, units: Units) -> bo
     return np.allclose(pin.places, _places(pin, body).astype(np.float32), rtol=1e-6, atol=1e-6)
 
 
-def author_pin(stage: Usd.Stage, pin: Pin, body: Cloth | Springs, units: Units, frames: int) -> None:
+def author_pin(stage: Usd.Stage, pin: Pin, body: Body, units: Units, frames: int) -> None:
     """Defines the attachment of a pin and, where it has no target of its own, the Xform that it hangs on."""
     prim = stage.DefinePrim(pin.path, names.ATTACHMENT)
     target = pin.target or f"{pin.path}/{FRAME}"
@@ -152,8 +153,8 @@ def author_pin(stage: Usd.Stage, pin: Pin, body: Cloth | Springs, units: Units, 
     author(prim, "Pin", "damping", pin.damping, units)
 
 
-def _vertices(pin: Pin, body: Cloth | Springs) -> np.ndarray:
+def _vertices(pin: Pin, body: Body) -> np.ndarray:
     """Vertices of the body's prim: of a net, the first of each particle."""
-    if isinstance(body, Cloth):
+    if not isinstance(body, Springs):
         return pin.points
     return np.unique(curve_vertices(body), return_index=True)[1][pin.points]

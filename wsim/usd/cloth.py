@@ -12,6 +12,7 @@ from pxr import Usd, UsdGeom
 from wsim.scene import Cloth
 from wsim.usd import names
 from wsim.usd.attributes import author, read
+from wsim.usd.masses import at_least_the_lightest, body_density, body_mass, element_type, shared
 from wsim.usd.material import author_fabric, bind, load_fabric, subset_materials
 from wsim.usd.motion import author_motion, placement
 from wsim.usd.names import row
@@ -46,7 +47,7 @@ def load_cloth(reading: Reading, mesh: Usd.Prim, body: Usd.Prim) -> Cloth | None
                   rest_points=_rest(reading, mesh, rest), flat=_flat(reading, mesh))
     cloth.thicknesses, constant = _thicknesses(reading, mesh, cloth)
     cloth.masses, cloth.mass = _masses(reading, mesh, body, cloth)
-    cloth.material = load_fabric(reading, mesh, _body_density(reading, body), constant)
+    cloth.material = load_fabric(reading, mesh, body_density(reading, body), constant)
     for field in OWN:
         value = read(mesh, "Cloth", field, units)
         if value is not None:
@@ -82,20 +83,10 @@ def _flat(reading: Reading, mesh: Usd.Prim) -> bool:
 
 
 def _elements(reading: Reading, mesh: Usd.Prim, field: str, values: np.ndarray, cloth: Cloth) -> str:
-    """constant, face or point: as authored, else by the number of values; "" if it does not fit (reported)."""
+    """constant, face or point; "" if the values fit none of them (reported)."""
     sizes = {"point": len(cloth.points), "face": len(cloth.counts), "constant": 1}
-    kind = read(mesh, "Elements", field, reading.units) or next((k for k, n in sizes.items() if n == len(values)), "")
-    name = row("Cloth", field).attribute
-    if kind not in sizes or len(values) != sizes[kind]:
-        reading.fail(mesh.GetPath(), f"{name} has {len(values)} values of elementType {kind!r}; allowed is "
-                     + ", ".join(f"{n} for {k!r}" for k, n in sizes.items()))
-        return ""
-    low = float(np.min(values)) if np.all(np.isfinite(values)) else float("nan")
-    if not low > 0:
-        bad = int(np.flatnonzero(~(np.isfinite(values) & (values > 0)))[0])
-        reading.fail(mesh.GetPath(), f"{name}[{bad}] is {values[bad]:g} (in SI units); allowed is a finite number > 0")
-        return ""
-    return kind
+    kind = read(mesh, "Elements", field, reading.units)
+    return element_type(reading, mesh, row("Cloth", field).attribute, kind, values, sizes)
 
 
 def _thicknesses(reading: Reading, mesh: Usd.Prim, cloth: Cloth) -> tuple[np.ndarray | None, float | None]:
@@ -125,38 +116,24 @@ def _refined(reading: Reading, mesh: Usd.Prim, values: np.ndarray) -> float:
 
 
 def _spread(cloth: Cloth, of_faces: np.ndarray) -> np.ndarray:
-    """Sum over the faces at each point, (n,). Corners out of range are left out: they are reported elsewhere."""
+    """Sum over the faces at each point, (n,)."""
     of_corners = np.repeat(np.asarray(of_faces, np.float64), np.maximum(cloth.counts, 0))
-    indices = cloth.indices[:len(of_corners)]
-    inside = (indices >= 0) & (indices < len(cloth.points))
-    return np.bincount(indices[inside], of_corners[:len(indices)][inside], len(cloth.points))
+    corners = cloth.indices[:len(of_corners)]
+    return shared(corners, of_corners[:len(corners)], len(cloth.points))
 
 
 def _masses(reading: Reading, mesh: Usd.Prim, body: Usd.Prim, cloth: Cloth) -> tuple[np.ndarray | None, float | None]:
     """(mass of each point [kg] or None, mass of the whole [kg] or None)."""
-    mass = read(body, "Body", "mass", reading.units)
-    if mass is not None and not (np.isfinite(mass) and mass >= 0):
-        reading.fail(body.GetPath(), f"physics:mass is {mass:g}; allowed is a finite number > 0, or 0 for none")
-        mass = None
+    mass = body_mass(reading, body)
     values = read(mesh, "Cloth", "masses", reading.units)
     if values is None or len(values) == 0:
-        return None, mass or None
+        return None, mass
     kind = _elements(reading, mesh, "masses", values, cloth)
     if kind == "constant":
         return None, float(str(values[0]))
     if kind == "face":
-        of_points = _spread(cloth, values / np.maximum(cloth.counts, 1))
-        lightest = of_points[of_points > 0].min(initial=np.inf)
-        return np.where(of_points > 0, of_points, lightest).astype(np.float32), mass or None
-    return (values if kind == "point" else None), mass or None
-
-
-def _body_density(reading: Reading, body: Usd.Prim) -> float | None:
-    density = read(body, "Body", "density", reading.units)
-    if density is not None and not (np.isfinite(density) and density >= 0):
-        reading.fail(body.GetPath(), f"physics:density is {density:g}; allowed is a finite number > 0, or 0 for none")
-        return None
-    return density or None
+        return at_least_the_lightest(_spread(cloth, values / np.maximum(cloth.counts, 1))), mass
+    return (values if kind == "point" else None), mass
 
 
 def apply_cloth(mesh: Usd.Prim, cloth: Cloth, units: Units) -> None:

@@ -19,6 +19,7 @@ from wsim.usd.cloth import load_cloth
 from wsim.usd.colliders import load_collider
 from wsim.usd.material import foreign_spellings
 from wsim.usd.settings import frames_of, load_settings
+from wsim.usd.soft import load_soft
 from wsim.usd.springs import load_springs
 from wsim.usd.stage import Reading, Units, applied, open_stage, quiet
 
@@ -35,6 +36,7 @@ class Found:
     colliders: list = field(default_factory=list)
     attachments: list = field(default_factory=list)
     meshes: list = field(default_factory=list)
+    tet_meshes: list = field(default_factory=list)
 
 
 def load(path, variants: dict[str, dict[str, str]] | None = None) -> Scene:
@@ -98,14 +100,16 @@ def _usable_units(reading: Reading) -> None:
 
 def _load_body(reading: Reading, scene: Scene, prim: Usd.Prim, body: Usd.Prim) -> None:
     apis = applied(prim)
-    if names.VOLUME_SIM in apis:
-        reading.warn(prim.GetPath(), "is a volume deformable: soft bodies are not simulated yet, and it is left out")
-    elif prim.IsInstanceProxy():
+    if prim.IsInstanceProxy():
         root = prim
         while not root.IsInstance():
             root = root.GetParent()
         reading.fail(prim.GetPath(), f"is to be simulated and lies in the instance {root.GetPath()}, whose contents "
                      f"cannot be written over; author instanceable = false on {root.GetPath()}")
+    elif names.VOLUME_SIM in apis:
+        soft = load_soft(reading, prim, body)
+        if soft is not None:
+            scene.softs.append(soft)
     elif names.SURFACE_SIM in apis:
         cloth = load_cloth(reading, prim, body)
         if cloth is not None:
@@ -134,8 +138,8 @@ def _walk(reading: Reading) -> Found:
             found.attachments.append(prim)
         elif kind in (names.ELEMENT_FILTER, names.COLLISION_GROUP):
             reading.warn(prim.GetPath(), f"{kind} is not used yet: every collider acts on every body")
-        elif kind == "Mesh":
-            found.meshes.append(prim)
+        elif kind in ("Mesh", "TetMesh"):
+            (found.meshes if kind == "Mesh" else found.tet_meshes).append(prim)
         if names.BODY in apis:
             found.bodies.append(prim)
         if any(api in apis for api in SIMULATED):
@@ -181,7 +185,8 @@ def _pairs(reading: Reading, found: Found) -> list[tuple[Usd.Prim, Usd.Prim]]:
             _kinematic_body(reading, found, sims[0], body)
         else:
             pairs.append((sims[0], body))
-            _followers(reading, sims[0], body)
+            if names.VOLUME_SIM not in applied(sims[0]):
+                _followers(reading, sims[0], body)
     for prim in found.simulated:
         if prim.GetPath() not in claimed:
             reading.warn(prim.GetPath(), f"has a simulation API and no {names.BODY} on it or its parent; it is taken "
@@ -200,7 +205,7 @@ def _kinematic_body(reading: Reading, found: Found, sim: Usd.Prim, body: Usd.Pri
 
 
 def _followers(reading: Reading, sim: Usd.Prim, body: Usd.Prim) -> None:
-    """Notes what lies in a body and will not follow it."""
+    """Notes what lies in a body of cloth or springs and will not follow it; a soft body has skins."""
     for prim in Usd.PrimRange(body):
         if prim.IsA(UsdGeom.PointBased) and prim.GetPath() != sim.GetPath():
             reading.warn(prim.GetPath(), f"lies in the deformable body {body.GetPath()} and is not its simulation "
@@ -217,7 +222,7 @@ def _order(scene: Scene, scenes: list[Usd.Prim]) -> None:
     relationship = scenes[0].GetRelationship(names.ORDER) if scenes else None
     if relationship:
         place = {str(path): i for i, path in enumerate(relationship.GetTargets())}
-        for kind in (scene.cloths, scene.springs, scene.colliders, scene.pins):
+        for kind in (scene.cloths, scene.springs, scene.softs, scene.colliders, scene.pins):
             kind.sort(key=lambda thing: place.get(thing.path, len(place)))
 
 
@@ -250,11 +255,17 @@ def _nothing(reading: Reading, found: Found) -> Problem:
     """The error of a stage with nothing to simulate."""
     file = reading.stage.GetRootLayer().realPath or reading.stage.GetRootLayer().identifier
     left_out = [str(prim.GetPath()) for prim in found.simulated]
-    text = "nothing in it can be simulated: no cloth or spring net" + (
-        f" (left out: {', '.join(left_out)})" if left_out else f" (no prim has {names.BODY} and {names.SURFACE_SIM})")
-    meshes = [str(prim.GetPath()) for prim in found.meshes]
-    if not meshes:
-        return Problem(file, f"{text}; it has no Mesh to make one of either")
-    shown = ", ".join(meshes[:8]) + (f" and {len(meshes) - 8} more" if len(meshes) > 8 else "")
-    return Problem(file, f"{text}. Its meshes: {shown}. `wsim new cloth {os.path.basename(file)}"
-                   + (" --prim PATH" if len(meshes) > 1 else "") + " -o SCENE` makes a scene with one as cloth")
+    text = "nothing in it can be simulated: no cloth, spring net or soft body" + (
+        f" (left out: {', '.join(left_out)})" if left_out else
+        f" (no prim has {names.BODY} and {names.SURFACE_SIM} or {names.VOLUME_SIM})")
+    hints = [_hint(os.path.basename(file), *kind) for kind in (("meshes", "cloth", found.meshes),
+                                                              ("TetMeshes", "softbody", found.tet_meshes)) if kind[2]]
+    return Problem(file, ". ".join([text, *hints]) if hints else f"{text}; it has no Mesh and no TetMesh to make one of")
+
+
+def _hint(file: str, plural: str, kind: str, prims: list) -> str:
+    """The prims that could be of a kind, and the command that makes them."""
+    paths = [str(prim.GetPath()) for prim in prims]
+    shown = ", ".join(paths[:8]) + (f" and {len(paths) - 8} more" if len(paths) > 8 else "")
+    return (f"Its {plural}: {shown}. `wsim new {kind} {file}" + (" --prim PATH" if len(paths) > 1 else "")
+            + f" -o SCENE` makes a scene with one as {'cloth' if kind == 'cloth' else 'soft body'}")

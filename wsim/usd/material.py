@@ -1,4 +1,4 @@
-"""Materials: what is bound for the purpose "physics" (or for all purposes) <-> `Fabric` and friction.
+"""Materials: what is bound for the purpose "physics" (or for all purposes) <-> `Fabric` and friction. (Solids: bulk.py)
 
 The deformable proposal says a sheet by surfaceStretchStiffness K = E h / (1 - nu^2), surfaceShearStiffness G h and
 surfaceBendStiffness E h^3 / (12 (1 - nu^2)); a stiffness that is not authored (-inf) follows from youngsModulus E,
@@ -66,13 +66,18 @@ def load_fabric(reading: Reading, prim: Usd.Prim, body_density: float | None, th
                      "material:binding:physics")
         material = prim                                       # carries no such attribute: every fallback
     values = _sheet(reading, material, thickness)
-    values["density"] = body_density or _positive(read(material, "Fabric", "density", reading.units)) or names.DENSITY
+    values["density"] = density_of(reading, material, body_density)
     values["static_friction"], values["dynamic_friction"] = load_friction(reading, prim, note=True)
     for field in ("damping", "strain_limit"):
         value = read(material, "Fabric", field, reading.units)
         if value is not None:
             values[field] = value
-    return _validated(reading, material, values)
+    return validated(reading, material, Fabric, values)
+
+
+def density_of(reading: Reading, material: Usd.Prim, body_density: float | None) -> float:
+    """[kg/m^3]: the body's, else the material's, else the proposal's fallback."""
+    return body_density or _positive(read(material, "Friction", "density", reading.units)) or names.DENSITY
 
 
 def _sheet(reading: Reading, material: Usd.Prim, thickness: float | None) -> dict:
@@ -88,7 +93,7 @@ def _sheet(reading: Reading, material: Usd.Prim, thickness: float | None) -> dic
         name = row("Elastic", "young").attribute
         reading.fail(material.GetPath(), f"{name} is {E / units.factor('Pa'):g}; allowed is a finite number > 0")
         E = names.YOUNGS_MODULUS
-    safe = nu if -1.0 < nu < 0.5 else 0.0                      # out of range: reported by _validated
+    safe = nu if -1.0 < nu < 0.5 else 0.0                      # out of range: reported by validated
     derived = {"stretch": E * h, "shear": E * h / (2.0 * (1.0 + safe)), "bend": E * h * h * h / (12.0 * (1.0 - safe * safe))}
     for field in derived:
         value = read(material, "Fabric", field, units, through=_plane_stress(safe) if field == "stretch" else None)
@@ -112,16 +117,17 @@ def _positive(value: float | None) -> float | None:
     return None if value in (*UNAUTHORED, 0.0) else value
 
 
-def _validated(reading: Reading, material: Usd.Prim, values: dict) -> Fabric:
+def validated(reading: Reading, material: Usd.Prim, kind: type, values: dict):
+    """The Fabric or Bulk (kind) of these values; those out of range are reported and left at their defaults."""
     good = {}
     for field, value in values.items():
         try:
-            Fabric(**{field: value})
+            kind(**{field: value})
             good[field] = value
         except ValueError as error:
-            reading.fail(material.GetPath(), f"{row('Fabric', field).attribute}: {error} (in SI units); author it "
+            reading.fail(material.GetPath(), f"{row(kind.__name__, field).attribute}: {error} (in SI units); author it "
                                              "there")
-    return Fabric(**good)
+    return kind(**good)
 
 
 def load_curve_stretch(reading: Reading, prim: Usd.Prim, area: float) -> tuple[float, float]:
@@ -131,7 +137,7 @@ def load_curve_stretch(reading: Reading, prim: Usd.Prim, area: float) -> tuple[f
         return names.YOUNGS_MODULUS * area, names.DENSITY
     E = read(material, "Elastic", "young", reading.units)
     EA = read(material, "Elastic", "curve_stretch", reading.units)
-    density = _positive(read(material, "Fabric", "density", reading.units))
+    density = _positive(read(material, "Friction", "density", reading.units))
     if EA in UNAUTHORED:
         EA = (names.YOUNGS_MODULUS if E in UNAUTHORED else E) * area
     for name, value in (("curvesStretchStiffness", EA), ("density", density or names.DENSITY)):
@@ -140,14 +146,14 @@ def load_curve_stretch(reading: Reading, prim: Usd.Prim, area: float) -> tuple[f
     return EA, density or names.DENSITY
 
 
-def _define(stage: Usd.Stage, path: str) -> Usd.Prim:
+def define(stage: Usd.Stage, path: str) -> Usd.Prim:
     UsdGeom.Scope.Define(stage, Sdf.Path(path).GetParentPath())
     return UsdShade.Material.Define(stage, path).GetPrim()
 
 
 def author_fabric(stage: Usd.Stage, path: str, fabric: Fabric, units: Units) -> Usd.Prim:
     """Defines a Material that says a fabric."""
-    prim = _define(stage, path)
+    prim = define(stage, path)
     for schema in (names.MATERIAL, names.SURFACE_MATERIAL, names.WSIM_MATERIAL):
         prim.AddAppliedSchema(schema)
     for field in (f.name for f in fields(Fabric)):
@@ -158,7 +164,7 @@ def author_fabric(stage: Usd.Stage, path: str, fabric: Fabric, units: Units) -> 
 
 def author_friction(stage: Usd.Stage, path: str, friction: tuple[float, float], units: Units) -> Usd.Prim:
     """Defines a Material that says nothing but friction (static, dynamic)."""
-    prim = _define(stage, path)
+    prim = define(stage, path)
     prim.AddAppliedSchema(names.MATERIAL)
     for field, value in zip(FRICTION, friction, strict=True):
         author(prim, "Friction", field, value, units)

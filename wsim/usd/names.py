@@ -17,6 +17,7 @@ VOLUME_SIM = "PhysicsVolumeDeformableSimAPI"
 SURFACE_MATERIAL = "PhysicsSurfaceDeformableMaterialAPI"
 CURVES_MATERIAL = "PhysicsCurvesDeformableMaterialAPI"
 VOLUME_MATERIAL = "PhysicsVolumeDeformableMaterialAPI"
+POSE = "PhysicsDeformablePoseAPI"       # applied by name: POSE:<name>
 ATTACHMENT = "PhysicsAttachment"
 ELEMENT_FILTER = "PhysicsElementCollisionFilter"
 COLLISION_GROUP, FILTERED_PAIRS, FILTERED = "PhysicsCollisionGroup", "PhysicsFilteredPairsAPI", "physics:filteredPairs"
@@ -31,7 +32,7 @@ BINDING = "MaterialBindingAPI"
 
 # Schemas of wsim, registered from schema/.
 WSIM_SCENE, WSIM_CLOTH, WSIM_MATERIAL = "WsimSceneAPI", "WsimClothAPI", "WsimMaterialAPI"
-WSIM_SPRINGS, WSIM_COLLIDER = "WsimSpringsAPI", "WsimColliderAPI"
+WSIM_SPRINGS, WSIM_COLLIDER, WSIM_SOFT = "WsimSpringsAPI", "WsimColliderAPI", "WsimSoftAPI"
 
 # Fallbacks of the proposal, in SI units; the schemas are not registered, so USD cannot supply them.
 YOUNGS_MODULUS = 1.0e6      # [Pa]
@@ -83,11 +84,21 @@ TABLE = (
     Row("Fabric", "damping", WSIM_MATERIAL, "wsim:damping", "double", "s"),
     Row("Fabric", "strain_limit", WSIM_MATERIAL, "wsim:strainLimit", "double"),
 
+    Row("Bulk", "young", VOLUME_MATERIAL, "physics:youngsModulus", "float", "Pa"),
+    Row("Bulk", "poisson", VOLUME_MATERIAL, "physics:poissonsRatio", "float"),
+    Row("Bulk", "density", MATERIAL, "physics:density", "float", "kg/m^3"),
+    Row("Bulk", "static_friction", MATERIAL, "physics:staticFriction", "float"),
+    Row("Bulk", "dynamic_friction", MATERIAL, "physics:dynamicFriction", "float"),
+    Row("Bulk", "model", WSIM_MATERIAL, "wsim:elasticModel", "token", uniform=True),
+    Row("Bulk", "damping", WSIM_MATERIAL, "wsim:damping", "double", "s"),
+    Row("Bulk", "yield_strain", WSIM_MATERIAL, "wsim:yieldStrain", "double"),
+
     Row("Elastic", "young", SURFACE_MATERIAL, "physics:youngsModulus", "float", "Pa"),
     Row("Elastic", "curve_stretch", CURVES_MATERIAL, "physics:curvesStretchStiffness", "float", "N"),
 
     Row("Friction", "static_friction", MATERIAL, "physics:staticFriction", "float"),
     Row("Friction", "dynamic_friction", MATERIAL, "physics:dynamicFriction", "float"),
+    Row("Friction", "density", MATERIAL, "physics:density", "float", "kg/m^3"),
 
     Row("Body", "mass", BODY, "physics:mass", "float", "kg"),
     Row("Body", "density", BODY, "physics:density", "float", "kg/m^3"),
@@ -110,6 +121,26 @@ TABLE = (
     Row("Elements", "masses", SURFACE_SIM, "physics:masses:elementType", "token", uniform=True),
     Row("Elements", "thicknesses", SURFACE_SIM, "physics:thicknesses:elementType", "token", uniform=True),
     Row("Elements", "rest_angles", SURFACE_SIM, "physics:restBendAnglesDefault", "token", uniform=True),
+
+    Row("Soft", "points", "TetMesh", "points", "point3f[]", "m"),
+    Row("Soft", "tets", "TetMesh", "tetVertexIndices", "int4[]"),
+    Row("Soft", "surface", "TetMesh", "surfaceFaceVertexIndices", "int3[]"),
+    Row("Soft", "orientation", "TetMesh", "orientation", "token", uniform=True),
+    Row("Soft", "velocities", "TetMesh", "velocities", "vector3f[]", "m/s"),
+    Row("Soft", "rest_points", VOLUME_SIM, "physics:restShapePoints", "point3f[]", "m"),
+    Row("Soft", "rest_tets", VOLUME_SIM, "physics:restTetVertexIndices", "int4[]"),
+    Row("Soft", "masses", VOLUME_SIM, "physics:masses", "float[]", "kg"),
+    Row("Soft", "masses_of", VOLUME_SIM, "physics:masses:elementType", "token", uniform=True),
+    Row("Soft", "pressure", WSIM_SOFT, "wsim:pressure", "double", "Pa"),
+    Row("Soft", "quadratic", WSIM_SOFT, "wsim:quadratic", "bool", uniform=True),
+    Row("Soft", "filled", WSIM_SOFT, "wsim:filled", "float[]"),
+
+    Row("Part", "tets", "GeomSubset", "indices", "int[]"),
+    Row("Part", "kind", "GeomSubset", "elementType", "token", uniform=True),
+    Row("Part", "family", "GeomSubset", "familyName", "token", uniform=True),
+
+    Row("Pose", "points", f"{POSE}:bind", "physics:deformablePose:bind:points", "point3f[]", "m"),
+    Row("Pose", "purposes", f"{POSE}:bind", "physics:deformablePose:bind:purposes", "token[]", uniform=True),
 
     Row("Springs", "points", "BasisCurves", "points", "point3f[]", "m"),
     Row("Springs", "counts", "BasisCurves", "curveVertexCounts", "int[]"),
@@ -150,6 +181,8 @@ FOREIGN_ATTRIBUTES = {
     "physics:bendStiffness": "physics:surfaceBendStiffness (force * length: the old value times the thickness cubed)",
     "physics:twistStiffness": "physics:curvesTwistStiffness",
     "physics:thickness": "physics:thicknesses on the simulation mesh, with physics:thicknesses:elementType = constant",
+    "physics:restTetVtxIndices": "physics:restTetVertexIndices",
+    "physics:restTriVtxIndices": "physics:restTriVertexIndices",
     "physics:surfaceThickness": "physics:thicknesses on the simulation mesh, with elementType = constant",
 }
 FOREIGN_SCHEMAS = {
@@ -162,6 +195,7 @@ FOREIGN_SCHEMAS = {
     "PhysxParticleClothAPI": f"{BODY} and {SURFACE_SIM}",
     "PhysxDeformableSurfaceAPI": f"{BODY} and {SURFACE_SIM}",
     "PhysxDeformableBodyAPI": f"{BODY} and {VOLUME_SIM}",
+    "PhysxDeformableBodyMaterialAPI": VOLUME_MATERIAL,
 }
 FOREIGN_PREFIXES = {"omniphysics:": "physics:", "physxDeformable:": "physics:"}
 

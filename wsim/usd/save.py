@@ -6,14 +6,17 @@ from pathlib import Path
 
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
+from wsim.bulk import Bulk
 from wsim.check import check
 from wsim.fabric import Fabric
-from wsim.scene import Cloth, Collider, Pin, Problem, Scene, SceneError, Springs
+from wsim.scene import Cloth, Collider, Pin, Problem, Scene, SceneError, Skin, Soft, Springs
 from wsim.usd import names
 from wsim.usd.attachments import FRAME, author_pin
 from wsim.usd.cloth import author_cloth_prim
 from wsim.usd.colliders import author_collider
 from wsim.usd.settings import author_settings
+from wsim.usd.skins import skin_problems
+from wsim.usd.soft import author_soft
 from wsim.usd.springs import author_springs
 from wsim.usd.stage import SUFFIXES, Units, reason
 
@@ -33,8 +36,8 @@ def save(scene: Scene, path) -> None:
 
 
 def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
-    objects: list[Cloth | Springs | Collider | Pin] = [*scene.cloths, *scene.springs, *scene.colliders, *scene.pins]
-    taken = {thing.path for thing in objects}
+    objects: list[Cloth | Springs | Soft | Collider | Pin] = [*scene.bodies(), *scene.colliders, *scene.pins]
+    taken = {thing.path for thing in [*objects, *_skins(scene)]}
     settings = author_settings(stage, _free("/physicsScene", taken), scene, units)
     materials = _Materials(_free("/materials", taken))
     by_path = {thing.path: thing for thing in scene.bodies()}
@@ -44,6 +47,8 @@ def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
             author_cloth_prim(stage, thing, materials.of(thing), units, scene.frames)
         elif isinstance(thing, Springs):
             author_springs(stage, thing, materials.of(thing), units, scene.frames)
+        elif isinstance(thing, Soft):
+            _author_soft(stage, thing, materials, taken, units, scene.frames)
         elif isinstance(thing, Collider):
             author_collider(stage, thing, materials.of(thing), units, scene.frames)
         else:
@@ -54,18 +59,34 @@ def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
     stage.SetDefaultPrim(stage.GetPrimAtPath(Sdf.Path(objects[0].path).GetPrefixes()[0]) if objects else settings)
 
 
+def _author_soft(stage: Usd.Stage, soft: Soft, materials: "_Materials", taken: set[str], units: Units, frames: int) -> None:
+    for skin in soft.skins:
+        _parents(stage, skin.path)
+    paths = [materials.of_value(bulk, Sdf.Path(soft.path).name) for bulk in soft.materials]
+    parts: list[str] = []
+    for _ in soft.others:
+        parts.append(_free(f"{soft.path}/part", taken | set(parts)))
+    author_soft(stage, soft, paths, parts, units, frames)
+
+
+def _skins(scene: Scene) -> list[Skin]:
+    return [skin for soft in scene.softs for skin in soft.skins]
+
+
 class _Materials:
-    """Paths of materials: one for each different fabric or friction, named after the first object that has it."""
+    """Paths of materials: one for each different fabric, solid or friction, named after the first object that has it."""
 
     def __init__(self, scope: str):
         self.scope = scope
-        self.paths: dict[Fabric | tuple[float, float], str] = {}
+        self.paths: dict[Fabric | Bulk | tuple[float, float], str] = {}
 
     def of(self, thing: Cloth | Springs | Collider) -> str:
-        what: Fabric | tuple[float, float]
-        what = thing.material if isinstance(thing, Cloth) else (thing.static_friction, thing.dynamic_friction)
+        return self.of_value(thing.material if isinstance(thing, Cloth) else (thing.static_friction, thing.dynamic_friction),
+                             Sdf.Path(thing.path).name)
+
+    def of_value(self, what: Fabric | Bulk | tuple[float, float], name: str) -> str:
         if what not in self.paths:
-            self.paths[what] = _free(f"{self.scope}/{Sdf.Path(thing.path).name}", set(self.paths.values()))
+            self.paths[what] = _free(f"{self.scope}/{name}", set(self.paths.values()))
         return self.paths[what]
 
 
@@ -86,18 +107,20 @@ def _parents(stage: Usd.Stage, path: str) -> None:
 
 def _path_problems(scene: Scene) -> list[Problem]:
     """Paths that a stage cannot hold."""
-    problems, geometry = [], [thing.path for thing in [*scene.bodies(), *scene.colliders]]
+    solid = [*scene.bodies(), *_skins(scene), *scene.colliders]
+    problems, geometry = [*skin_problems(scene)], [thing.path for thing in solid]
+    owner = {skin.path: soft.path for soft in scene.softs for skin in soft.skins}
     moving = {thing.path: thing.motion for thing in scene.colliders}
-    for thing in [*scene.bodies(), *scene.colliders, *scene.pins]:
+    for thing in [*solid, *scene.pins]:
         good = Sdf.Path.IsValidPathString(thing.path) and Sdf.Path(thing.path).IsAbsoluteRootOrPrimPath()
         if not good or thing.path == "/":
             problems.append(Problem(thing.path, "is not a prim path; allowed is like /World/flag (letters, digits, _)"))
-        above = [other for other in geometry if thing.path.startswith(other + "/") and thing.path != other]
+        above = [other for other in geometry if thing.path.startswith(other + "/") and other != owner.get(thing.path)]
         if above and not isinstance(thing, Pin):
             problems.append(Problem(thing.path, f"lies below {above[0]}, which is geometry; give it a place of its "
                                                 "own"))
     for pin in scene.pins:
-        if pin.target in {body.path for body in scene.bodies()}:
+        if pin.target in {thing.path for thing in [*scene.bodies(), *_skins(scene)]}:
             problems.append(Problem(pin.path, f"hangs on {pin.target}, which is simulated; name an Xform or a "
                                               "collider"))
         if pin.target and pin.target in moving and moving[pin.target] != pin.motion:
