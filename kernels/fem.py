@@ -1,21 +1,34 @@
-"""Linear tetrahedra: displacement gradient, forces of corners, products with the stiffness. Points gather the corners' parts.
+"""Linear tetrahedra: forces of corners, blocks of the stiffness, energy. Points gather what belongs to them: no atomics.
 
-    H = sum_k (u_k - u_0) g_k^T,  k = 1, 2, 3      f_k = -V P g_k,   f_0 = -(f_1 + f_2 + f_3)      (Sifakis, Barbic 2012, 4.2)
-    (K v)_k = V dP(sum_l (v_l - v_0) g_l^T) g_k
+    H = sum_k ((x_k - x_0) - r_k + (d_k - d_0)) g_k^T,  k = 1, 2, 3        F = 1 + H       (Sifakis, Barbic 2012, 4.2)
+    f_k = -V P g_k,   f_0 = -(f_1 + f_2 + f_3)            A_kl = V dP/dF contracted with g_k and g_l
 
-u displacement from rest [m]; g_k [1/m] the rows of Dm^-1 at rest, gradients of the barycentric coordinates; V volume at rest
-[m^3]; P and dP from kernels/material.py: dP is the positive part of the stiffness, so K is symmetric and never negative. All
-corner forces of a tet sum to zero to the last bit but one: f_0 is made of the others.
+x + d positions [m], r_k edges at rest from corner 0 [m], g_k [1/m] gradients of the barycentric coordinates, V volume at rest
+[m^3]; P and dP of kernels/material.py, dP its positive part, so A is never negative. All corner forces of a tet sum to zero to
+the last bit but one: f_0 is made of the others. Differences of x come first: far from the origin nothing is lost.
+
+Damping, tau [s]: P += tau F (2 mu e + lam tr e), e = sym(F^T dF/dt) the rate of Green's strain, dF/dt from (d - a) / g, a the
+anchor. It leaves rigid motion alone, is positive, and is that of Kelvin and Voigt, tau K v, at rest.
+
+With dF = a g_l^T in the frame W = R V of the stretches, b = W^T a, h = V^T g_l, g = V^T g_k, the stiffness of stretch.py is
+
+    V W (A o g h^T + D o h g^T + diag(S (g o h))) W^T,     S, D = (f +- t)/2 off the diagonal, o entry by entry
 """
 
 from functools import cache
+from typing import Any
 
 import warp as wp
 
 from wsim.kernels import material as materials
+from wsim.kernels.descent import Trial
+from wsim.kernels.material import hooke
 from wsim.kernels.real import types
-from wsim.kernels.rotation import rotation
-from wsim.kernels.stretch import response
+from wsim.kernels.rotation import identity, rotation
+from wsim.kernels.stretch import forth, held, strain, symmetric
+from wsim.kernels.tangent import elements_of
+
+D = types(wp.float64)
 
 
 @cache
@@ -26,164 +39,252 @@ def elements(real):
     @wp.struct
     class Tets:
         point: wp.array(dtype=wp.vec4i)          # (t,)
+        edge: wp.array(dtype=t.mat33)            # rows r_1, r_2, r_3 [m], (t,)
         gradient: wp.array(dtype=t.mat33)        # rows g_1, g_2, g_3 [1/m], (t,)
         volume: wp.array(dtype=real)             # [m^3], (t,)
         mu: wp.array(dtype=real)                 # [Pa], (t,)
         lam: wp.array(dtype=real)                # [Pa], (t,)
+        tau: wp.array(dtype=real)                # [s], (t,)
+        force: int                               # place of the first corner's force
+        block: int                               # place of the first tet's blocks
 
     return Tets
 
 
 @cache
-def tangents(material: str, real):
-    """Struct of what `product` reads of a state: the rotation, and T of corotational or V, A, B of the others."""
-    t = types(real)
-
-    @wp.struct
-    class Short:
-        q: wp.array(dtype=t.quat)                # quaternion (x, y, z, w), (t,)
-        T: wp.array(dtype=t.mat33)               # [Pa], (t,)
-
-    @wp.struct
-    class Whole:
-        q: wp.array(dtype=t.quat)
-        V: wp.array(dtype=t.mat33)
-        A: wp.array(dtype=t.mat33)               # [Pa]
-        B: wp.array(dtype=t.mat33)               # [Pa]
-
-    return Short if material == "corotational" else Whole
-
-
-@cache
-def _gradient(real):
-    """Function: sum_k (a_k - a_0) g_k^T of tet c for a vector a over points."""
-    t, Tets = types(real), elements(real)
+def displaced(real, kept):
+    """Functions, in precision `kept`, of tet c: H of x + d, and the gradient of a vector over points."""
+    t, k, Tets = types(real), types(kept), elements(real)
 
     @wp.func
-    def gradient(tets: Tets, c: int, a: wp.array(dtype=t.vec3)):
+    def gradient(tets: Tets, c: int, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3)):
         p = tets.point[c]
-        a0 = a[p[0]]
-        D = wp.matrix_from_cols(a[p[1]] - a0, a[p[2]] - a0, a[p[3]] - a0)
-        return D * tets.gradient[c]
-
-    return gradient
-
-
-@cache
-def _spread(real):
-    """Function: scale P g_k to the corners 1, 2, 3 of tet c, and minus their sum to corner 0."""
-    t, Tets = types(real), elements(real)
+        r = tets.edge[c]
+        x0 = k.vec3(x[p[0]])
+        d0 = k.vec3(d[p[0]])
+        u = k.mat33()
+        for i in range(3):
+            u[i] = ((k.vec3(x[p[i + 1]]) - x0) - k.vec3(r[i])) + (k.vec3(d[p[i + 1]]) - d0)
+        return wp.transpose(u) * k.mat33(tets.gradient[c])
 
     @wp.func
-    def spread(tets: Tets, c: int, P: t.mat33, scale: real, f_out: wp.array(dtype=t.vec3)):
+    def change(tets: Tets, c: int, v: wp.array(dtype=t.vec3)):
+        p = tets.point[c]
+        v0 = k.vec3(v[p[0]])
+        u = k.mat33()
+        for i in range(3):
+            u[i] = k.vec3(v[p[i + 1]]) - v0
+        return wp.transpose(u) * k.mat33(tets.gradient[c])
+
+    return gradient, change
+
+
+@wp.func
+def rate_stress(F: Any, dF: Any, mu: Any, lam: Any):
+    """F (2 mu e + lam tr e), e = sym(F^T dF)."""
+    return F * hooke(symmetric(wp.transpose(F) * dF), mu, lam)
+
+
+@wp.func
+def rate_block(g: Any, h: Any, mu: Any, lam: Any):
+    """M of the block F M F^T of `rate_stress`: mu g.h + mu h g^T + lam g h^T."""
+    m = mu * wp.dot(g, h)
+    return wp.diag(wp.vector(m, m, m)) + mu * wp.outer(h, g) + lam * wp.outer(g, h)
+
+
+@wp.func
+def halves(B: Any):
+    """S, D: (f + t)/2 and (f - t)/2 of each pair, 0 on the diagonal; f stands above it in B, t below."""
+    half = type(B[0, 0])(0.5)
+    S = half * (B + wp.transpose(B))
+    T = half * (B - wp.transpose(B))
+    for i in range(3):
+        for j in range(i):
+            T[i, j] = T[j, i]
+    return S, T
+
+
+@wp.func
+def spread(at: int, Q: Any, G: Any, f_out: Any):
+    """Q g_k to the corners 1, 2, 3 from place `at` on, minus their sum to corner 0."""
+    f1 = Q * G[0]
+    f2 = Q * G[1]
+    f3 = Q * G[2]
+    f_out[at] = -(f1 + f2 + f3)
+    f_out[at + 1] = f1
+    f_out[at + 2] = f2
+    f_out[at + 3] = f3
+
+
+@wp.func
+def stretch_block(A: Any, S: Any, T: Any, g: Any, h: Any):
+    """A o g h^T + T o h g^T + diag(S (g o h))."""
+    return wp.cw_mul(A, wp.outer(g, h)) + wp.cw_mul(T, wp.outer(h, g)) + wp.diag(S * wp.cw_mul(g, h))
+
+
+@cache
+def _turn(material: str, real):
+    """Function: quaternion of the rotation at H, or (0, 0, 0, 1) where the material never turns."""
+    t, turns = types(real), materials.TABLE[material].turns
+
+    @wp.func
+    def still(H: t.mat33, q: t.quat):
+        return t.quat(real(0.0), real(0.0), real(0.0), real(1.0))
+
+    @wp.func
+    def turn(H: t.mat33, q: t.quat):
+        return rotation(H, q)
+
+    return turn if turns else still
+
+
+@cache
+def forces(material: str, damped: bool, *, real, module):
+    """Kernel over tets: forces [N] of corner k of tet c at `force` + 4 c + k, and quaternions of their rotations, (t,).
+
+    The kernel's arguments: tets, x, d, v (velocities [m/s]), q (of a nearby state; zeros stand for none), f_out, q_out."""
+    t, Tets, row = types(real), elements(real), materials.TABLE[material]
+    (gradient, change), stress, turn, turns = displaced(real, real), row.stress, _turn(material, real), row.needs_rotation
+    vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
+
+    def forces(tets: Tets, x: vec3, d: vec3, v: vec3, q: quat, f_out: vec3, q_out: quat):
+        c = wp.tid()
+        H = gradient(tets, c, x, d)
+        now = t.quat(real(0.0), real(0.0), real(0.0), real(1.0))
+        if wp.static(turns):
+            now = turn(H, q[c])
+            q_out[c] = now
+        P = stress(H, now, tets.mu[c], tets.lam[c])
+        if wp.static(damped):
+            P += tets.tau[c] * rate_stress(identity(H) + held(H), change(tets, c, v), tets.mu[c], tets.lam[c])
+        spread(tets.force + 4 * c, -tets.volume[c] * P, tets.gradient[c], f_out)
+
+    name = f"fem_forces_{material}{'_damped' * damped}_{t.name}"
+    return wp.kernel(forces, name=name, module=module, enable_backward=False)
+
+
+@cache
+def linearise(material: str, damped: bool, *, real, module):
+    """Kernel over tets: forces as `forces` has them, and the blocks A_01, A_02, A_03, A_12, A_13, A_23 [N/m] of tet c from
+    `block` + 6 c on. `rate` 1/g: what the damping is multiplied by."""
+    t, Tets, Elements, row = types(real), elements(real), elements_of(real), materials.TABLE[material]
+    gradient, change = displaced(real, real)
+    stress, spectrum, turn = row.stress, row.spectrum, _turn(material, real)
+    vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
+
+    def linearise(tets: Tets, x: vec3, d: vec3, a: vec3, q: quat, rate: real, q_out: quat, out: Elements):
+        c = wp.tid()
+        H = gradient(tets, c, x, d)
+        mu = tets.mu[c]
+        lam = tets.lam[c]
+        now = turn(H, q[c])
+        q_out[c] = now
+        P = stress(H, now, mu, lam)
         G = tets.gradient[c]
-        Q = (scale * tets.volume[c]) * P
-        f1 = Q * G[0]
-        f2 = Q * G[1]
-        f3 = Q * G[2]
-        f_out[4 * c] = -(f1 + f2 + f3)
-        f_out[4 * c + 1] = f1
-        f_out[4 * c + 2] = f2
-        f_out[4 * c + 3] = f3
+        V, A, B = spectrum(H, now, mu, lam)
+        Y = G * V
+        S, T = halves(B)
+        U = tets.volume[c] * forth(now, V)
+        W = wp.transpose(forth(now, V))
+        K11 = U * stretch_block(A, S, T, Y[0], Y[0]) * W
+        K12 = U * stretch_block(A, S, T, Y[0], Y[1]) * W
+        K13 = U * stretch_block(A, S, T, Y[0], Y[2]) * W
+        K22 = U * stretch_block(A, S, T, Y[1], Y[1]) * W
+        K23 = U * stretch_block(A, S, T, Y[1], Y[2]) * W
+        K33 = U * stretch_block(A, S, T, Y[2], Y[2]) * W
+        if wp.static(damped):
+            F = identity(H) + held(H)
+            s = rate * tets.tau[c]
+            P += s * rate_stress(F, change(tets, c, d) - change(tets, c, a), mu, lam)
+            F1 = (s * tets.volume[c]) * F
+            K11 += F1 * rate_block(G[0], G[0], mu, lam) * wp.transpose(F)
+            K12 += F1 * rate_block(G[0], G[1], mu, lam) * wp.transpose(F)
+            K13 += F1 * rate_block(G[0], G[2], mu, lam) * wp.transpose(F)
+            K22 += F1 * rate_block(G[1], G[1], mu, lam) * wp.transpose(F)
+            K23 += F1 * rate_block(G[1], G[2], mu, lam) * wp.transpose(F)
+            K33 += F1 * rate_block(G[2], G[2], mu, lam) * wp.transpose(F)
+        spread(tets.force + 4 * c, -tets.volume[c] * P, G, out.force)
+        at = tets.block + 6 * c
+        out.block[at] = -(K11 + wp.transpose(K12) + wp.transpose(K13))
+        out.block[at + 1] = -(K12 + K22 + wp.transpose(K23))
+        out.block[at + 2] = -(K13 + K23 + K33)
+        out.block[at + 3] = K12
+        out.block[at + 4] = K13
+        out.block[at + 5] = K23
 
-    return spread
+    name = f"fem_linearise_{material}{'_damped' * damped}_{t.name}"
+    return wp.kernel(linearise, name=name, module=module, enable_backward=False)
 
 
 @cache
-def forces(material: str, *, real, module):
-    """Kernel over tets: forces [N] of corner k of tet c at 4 c + k, (4 t,), and the quaternions of their rotations, (t,).
+def energy_change(material: str, damped: bool, *, real, module):
+    """Kernel over bodies times lanes: adds the change of energy and damping along p to a `Trial`; see kernels/descent.py.
 
-    The kernel's arguments: tets, u, q (the quaternions of a nearby state; zeros stand for none), f_out, q_out."""
+    In float64 but for the rotation, which `real` has: the energy is stationary in it, so that an error w costs w^2."""
     t, Tets, row = types(real), elements(real), materials.TABLE[material]
-    gradient, spread, stress, turns = _gradient(real), _spread(real), row.stress, row.needs_rotation
+    (gradient, change), energy, turn, turns = (displaced(real, wp.float64), row.energy, _turn(material, real),
+                                               row.needs_rotation)
+    vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
 
-    def forces(tets: Tets, u: wp.array(dtype=t.vec3), q: wp.array(dtype=t.quat), f_out: wp.array(dtype=t.vec3),
-               q_out: wp.array(dtype=t.quat)):
-        c = wp.tid()
-        H = gradient(tets, c, u)
-        turn = t.quat(real(0.0), real(0.0), real(0.0), real(1.0))
+    @wp.func
+    def density(H: D.mat33, q: t.quat, mu: wp.float64, lam: wp.float64):
+        now = q
         if wp.static(turns):
-            turn = rotation(H, q[c])
-            q_out[c] = turn
-        spread(tets, c, stress(H, turn, tets.mu[c], tets.lam[c]), real(-1.0), f_out)
+            now = turn(t.mat33(H), q)
+        return energy(H, wp.normalize(D.quat(now)), mu, lam), now
 
-    return wp.kernel(forces, name=f"fem_forces_{material}_{t.name}", module=module, enable_backward=False)
+    def energy_change(trial: Trial, tets: Tets, x: vec3, d: vec3, a: vec3, p: vec3, q: quat, rate: wp.float64):
+        row = wp.tid()
+        body = row // trial.lanes
+        if trial.step[body] >= wp.float64(0.0):
+            return
+        for c in range(trial.first[body] + row - body * trial.lanes, trial.first[body + 1], trial.lanes):
+            H = gradient(tets, c, x, d)
+            Y = change(tets, c, p)
+            mu = wp.float64(tets.mu[c])
+            lam = wp.float64(tets.lam[c])
+            volume = wp.float64(tets.volume[c])
+            before, now = density(H, q[c], mu, lam)
+            slope = wp.float64(0.0)
+            curve = wp.float64(0.0)
+            if wp.static(damped):
+                F = identity(H) + held(H)
+                P = rate_stress(F, Y, mu, lam)
+                s = rate * wp.float64(tets.tau[c])
+                slope = s * wp.ddot(P, change(tets, c, d) - change(tets, c, a))
+                curve = wp.float64(0.5) * s * wp.ddot(P, Y)
+            part = wp.float64(1.0)
+            for k in range(trial.end):
+                if k >= trial.begin:
+                    after, then = density(H + part * Y, now, mu, lam)
+                    trial.change[row, k] = trial.change[row, k] + volume * ((after - before) + part * (slope + part * curve))
+                part *= wp.float64(0.5)
+
+    name = f"fem_change_{material}{'_damped' * damped}_{t.name}"
+    return wp.kernel(energy_change, name=name, module=module, enable_backward=False)
 
 
 @cache
-def energies(material: str, *, real, module):
-    """Kernel over tets: energy [J] of each, (t,) float64. Arguments: tets, u, q (see `forces`), energy_out."""
+def statistics(material: str, *, real, module):
+    """Kernel over any number of threads: of each one's share of the tets the largest |E|, E = sym(R^T F) - 1, the sum of
+    |E|^2 V [m^3], and the energy [J], (threads,) vec3d. Arguments: tets, count, x, d, q, out."""
     t, Tets, row = types(real), elements(real), materials.TABLE[material]
-    gradient, energy, turns = _gradient(real), row.energy, row.needs_rotation
+    (gradient, _), energy = displaced(real, wp.float64), row.energy
+    vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
 
-    def energies(tets: Tets, u: wp.array(dtype=t.vec3), q: wp.array(dtype=t.quat), energy_out: wp.array(dtype=wp.float64)):
-        c = wp.tid()
-        H = gradient(tets, c, u)
-        turn = t.quat(real(0.0), real(0.0), real(0.0), real(1.0))
-        if wp.static(turns):
-            turn = rotation(H, q[c])
-        energy_out[c] = wp.float64(tets.volume[c]) * wp.float64(energy(H, turn, tets.mu[c], tets.lam[c]))
+    def statistics(tets: Tets, count: int, x: vec3, d: vec3, q: quat, out: wp.array(dtype=wp.vec3d)):
+        most = wp.float64(0.0)
+        squares = wp.float64(0.0)
+        stored = wp.float64(0.0)
+        for c in range(wp.tid(), count, out.shape[0]):
+            H = gradient(tets, c, x, d)
+            now = wp.normalize(D.quat(rotation(t.mat33(H), q[c])))
+            E = strain(H, now)
+            ee = wp.ddot(E, E)
+            volume = wp.float64(tets.volume[c])
+            most = wp.max(most, wp.sqrt(ee))
+            squares += ee * volume
+            stored += volume * energy(H, now, wp.float64(tets.mu[c]), wp.float64(tets.lam[c]))
+        out[wp.tid()] = wp.vec3d(most, squares, stored)
 
-    return wp.kernel(energies, name=f"fem_energies_{material}_{t.name}", module=module, enable_backward=False)
-
-
-@cache
-def tangent(material: str, *, real, module):
-    """Kernel over tets: `tangents` at u. Arguments: tets, u, q (see `forces`), tangent_out."""
-    t, Tets, Tangent, row = types(real), elements(real), tangents(material, real), materials.TABLE[material]
-    gradient, spectrum, twist, turns = _gradient(real), row.spectrum, materials.twist, row.turns
-    short = material == "corotational"
-
-    def tangent(tets: Tets, u: wp.array(dtype=t.vec3), q: wp.array(dtype=t.quat), tangent_out: Tangent):
-        c = wp.tid()
-        H = gradient(tets, c, u)
-        turn = t.quat(real(0.0), real(0.0), real(0.0), real(1.0))
-        if wp.static(turns):
-            turn = rotation(H, q[c])
-        tangent_out.q[c] = turn
-        if wp.static(short):
-            tangent_out.T[c] = twist(H, turn, tets.mu[c], tets.lam[c], real(0.0))
-        else:
-            V, A, B = spectrum(H, turn, tets.mu[c], tets.lam[c])
-            tangent_out.V[c] = V
-            tangent_out.A[c] = A
-            tangent_out.B[c] = B
-
-    return wp.kernel(tangent, name=f"fem_tangent_{material}_{t.name}", module=module, enable_backward=False)
-
-
-@cache
-def product(material: str, *, real, module):
-    """Kernel over tets: parts of K v at their corners, (4 t,), in units of v times N/m. Arguments: tets, tangent, v, f_out."""
-    t, Tets, Tangent = types(real), elements(real), tangents(material, real)
-    gradient, spread, corotational = _gradient(real), _spread(real), materials.corotational_response
-    short = material == "corotational"
-
-    def product(tets: Tets, tangent: Tangent, v: wp.array(dtype=t.vec3), f_out: wp.array(dtype=t.vec3)):
-        c = wp.tid()
-        dF = gradient(tets, c, v)
-        q = tangent.q[c]
-        if wp.static(short):
-            P = corotational(q, tangent.T[c], dF, tets.mu[c], tets.lam[c])
-        else:
-            P = response(q, tangent.V[c], tangent.A[c], tangent.B[c], dF)
-        spread(tets, c, P, real(1.0), f_out)
-
-    return wp.kernel(product, name=f"fem_product_{material}_{t.name}", module=module, enable_backward=False)
-
-
-@cache
-def gather(*, real, module):
-    """Kernel over points: the sum of the corners' parts. Arguments: start (points + 1,) and item, places 4 c + k of each
-    point's corners as `wsim.tetra.tets.corners` has them; f, sum_out."""
-    t = types(real)
-
-    def gather(start: wp.array(dtype=int), item: wp.array(dtype=int), f: wp.array(dtype=t.vec3),
-               sum_out: wp.array(dtype=t.vec3)):
-        i = wp.tid()
-        total = t.vec3()
-        for k in range(start[i], start[i + 1]):
-            total += f[item[k]]
-        sum_out[i] = total
-
-    return wp.kernel(gather, name=f"fem_gather_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(statistics, name=f"fem_statistics_{material}_{t.name}", module=module, enable_backward=False)

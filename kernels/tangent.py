@@ -21,7 +21,7 @@ from wsim.kernels.constraint import across, dihedral, inverse, membrane
 from wsim.kernels.real import types
 from wsim.kernels.xpbd import batch_of
 
-WHOLE, TURNED = -1, -2         # second number of a part of a block: a triangle's block, or its transpose; >= 0: hinges
+WHOLE, TURNED = -1, -2         # second number of a part of a block: that of a triangle or tet, or its transpose; >= 0: hinges
 
 
 @cache
@@ -32,8 +32,8 @@ def elements_of(real):
     @wp.struct
     class Elements:
         J: wp.array(dtype=t.vec3)            # alpha^-1/2 G of each corner of a hinge, (4 hinges,)
-        block: wp.array(dtype=t.mat33)       # A_01, A_02, A_12 of each triangle, (3 triangles,)
-        force: wp.array(dtype=t.vec3)        # [N] on each corner: of hinges, then of triangles
+        block: wp.array(dtype=t.mat33)       # A_01, A_02, A_12 of each triangle, then A_01, A_02, A_03, A_12, A_13, A_23 of tets
+        force: wp.array(dtype=t.vec3)        # [N] on each corner: of hinges, then of triangles, then of tets
 
     return Elements
 

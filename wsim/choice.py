@@ -49,6 +49,7 @@ COSTS = {"cuda": Cost(4.5e-6, 1.3e-11, 1.3e-11, 2.5e-5, 2.1e-11, 9e-6),
          "cpu": Cost(2e-6, 2.8e-9, 6.7e-9, 1e-6, 1.9e-8, 4e-6)}
 CLUSTER = 3.5e-7, 9e-11      # [s] a substep of a net that a cluster takes, and of each point in it: springs, no damping
 WEIGHT = {"distance": 1.0, "membrane": 4.0, "dihedral": 4.4}     # work of a projection over that of a spring (CPU)
+SOLVED = 2             # Newton steps a substep of soft bodies
 UNEVEN = 1e3           # ratio of two masses that hold each other, from which sweeps stall
 
 
@@ -75,6 +76,8 @@ def choose(model: Model, rows: dict[str, list[Rows]]) -> Choice:
     method = TABLE.get(scene.integrator)
     if scene.solver == "explicit" or (method and method.explicit):
         return _explicit(model, rows, method)
+    if scene.softs:
+        return _soft(scene, method)
     if scene.solver in ("xpbd", "implicit"):
         return _named(scene, scene.solver, method or TABLE["backward_euler"], "the scene names it")
     if method:
@@ -84,6 +87,13 @@ def choose(model: Model, rows: dict[str, list[Rows]]) -> Choice:
 
 def _named(scene: Scene, solver: str, method: Integrator, why: str) -> Choice:
     return Choice(solver, method, scene.substeps, scene.iterations, why)
+
+
+def _soft(scene: Scene, method: Integrator | None) -> Choice:
+    """Soft bodies by Newton's method: a step of a frame is stable, and what it solves it solves to a residual."""
+    chosen = method or TABLE["backward_euler" if scene.colliders else "bdf2"]
+    iterations = scene.iterations if scene.solver == "implicit" else min(scene.iterations, SOLVED)
+    return Choice("implicit", chosen, scene.substeps, iterations, "soft bodies are solved together with all that they hold")
 
 
 def _explicit(model: Model, rows: dict[str, list[Rows]], method: Integrator | None) -> Choice:

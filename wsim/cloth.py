@@ -15,7 +15,7 @@ import numpy as np
 from wsim import topology
 from wsim.model import Body, Model
 from wsim.order import color
-from wsim.scene import Cloth, Springs
+from wsim.scene import Cloth, Soft, Springs
 
 HARD = ("tether", "limit")           # kinds without compliance and multiplier
 
@@ -53,6 +53,8 @@ class Rows:
 def rows_of(body: Body, pinned: np.ndarray | None = None) -> list[Rows]:
     """Every constraint of a body, without colours; pinned: places in the arrays of hard-pinned points, of any body."""
     source, pinned = body.source, np.zeros(0, np.int64) if pinned is None else pinned
+    if isinstance(source, Soft):
+        return []                    # its tets: `wsim.elements`
     made = [*(_net(body, source) if isinstance(source, Springs) else _cloth(body, source)),
             *tethers(body, pinned[(pinned >= body.first) & (pinned < body.last)])]
     for r in made:

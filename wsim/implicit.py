@@ -12,9 +12,10 @@ Contacts and soft pins enter the system, see kernels/touching.py; tethers and st
 import numpy as np
 import warp as wp
 
-from wsim import linear, topology
+from wsim import elements, linear, topology
 from wsim.cloth import Rows, in_worlds
-from wsim.kernels import descent, newton, tangent, touching
+from wsim.elements import Table
+from wsim.kernels import descent, fem, newton, tangent, touching
 from wsim.kernels.real import types
 from wsim.model import Model
 from wsim.stage import RESIDUAL, Clock, Method, Stage
@@ -33,39 +34,6 @@ MET_MIDPOINT = 1e-2    # as MET, for the implicit midpoint, which damps nothing 
                        # scattered, or in one place) gained energy with 0.1, and did not with this
 
 
-class Table:
-    """All constraints of one kind, on the device, in the order of the bodies."""
-
-    def __init__(self, kind: str, rows: list[Rows], model: Model):
-        self.kind, self.rows, self.model, self.stale = kind, rows, model, False
-        self.ids = np.concatenate([r.ids for r in rows]).astype(np.int32)
-        self.size = len(self.ids)
-        sizes = np.bincount([r.body.number for r in rows if r.body is not None], [len(r.ids) for r in rows], len(model.bodies))
-        self.first = model.upload(np.r_[0, np.cumsum(sizes)].astype(np.int32), int)
-        self.most = int(sizes.max())
-        t = types(model.real)
-        self.data = tangent.batch_of(kind, model.real)()
-        self.data.point = model.upload(self.ids, wp.types.vector(self.ids.shape[1], int))
-        rest = np.concatenate([r.rest for r in rows])
-        self.data.rest = model.upload(rest, t.mat22 if rest.ndim == 3 else t.scalar)
-        alpha, tau = self.values()
-        self.data.alpha = model.upload(alpha, t.vec3 if alpha.ndim == 2 else t.scalar)
-        self.data.tau = model.upload(tau, t.scalar)
-
-    def values(self) -> tuple[np.ndarray, np.ndarray]:
-        """Compliance and relaxation time [s] of each constraint."""
-        return (np.concatenate([np.broadcast_to(r.alpha, (len(r.ids), *r.alpha.shape[1:])) for r in self.rows]),
-                np.concatenate([np.full(len(r.ids), r.tau) for r in self.rows]))
-
-    def refresh(self) -> None:
-        """Uploads the rows' compliances and relaxation times anew, into the same arrays."""
-        if self.stale:
-            alpha, tau = self.values()
-            self.data.alpha.assign(alpha.astype(self.model.dtype))
-            self.data.tau.assign(tau.astype(self.model.dtype))
-            self.stale = False
-
-
 class Implicit(Method):
     """Stage newton, and what it reports."""
 
@@ -77,14 +45,17 @@ class Implicit(Method):
         self.tables = {kind: Table(kind, [r for r in every if r.kind == kind], model)
                        for kind in KINDS if any(r.kind == kind for r in every)}
         self.contact = self.pins = self.free = None
-        self.springs, self.elements = "distance" in self.tables, bool(self.tables.keys() - {"distance"})
+        self.solids = elements.tables_of(model) if model.scene.softs else []
+        self.springs = "distance" in self.tables
+        self.elements = bool(self.solids or self.tables.keys() - {"distance"})
+        tets = np.concatenate([np.zeros((0, 4), np.int32), *(t.ids for t in self.solids)])
         self.system = linear.System(model, points.constants.w, self.ids("distance", 2), self.ids("dihedral", 4),
-                                    self.ids("membrane", 3))
+                                    self.ids("membrane", 3), tets)
         self.rows, self.A, self.v = self.system.rows, self.system.A, self.system.v
         self.work()
         self.make()
-        self.stages.append(Stage("newton", "solve", self.newton, self.launches, self.bytes, "iteration",
-                                 ", ".join(f"{b.size} {b.kind}" for b in self.tables.values())))
+        what = [f"{b.size} {b.kind}" for b in self.tables.values()] + [f"{t.size} {t.name} tets" for t in self.solids]
+        self.stages.append(Stage("newton", "solve", self.newton, self.launches, self.bytes, "iteration", ", ".join(what)))
 
     def ids(self, kind: str, corners: int) -> np.ndarray:
         return self.tables[kind].ids if kind in self.tables else np.zeros((0, corners), np.int32)
@@ -99,15 +70,21 @@ class Implicit(Method):
         self.b, self.c, self.saved, self.f = (over(model.points, t.vec3) for _ in range(4))
         self.fields, self.time = {"c": self.c}, -1.0
         self.element = tangent.elements_of(model.real)()
-        self.element.J = over(4 * len(self.ids("dihedral", 4)), t.vec3)
-        self.element.block = over(3 * len(self.ids("membrane", 3)), t.mat33)
-        self.element.force = over(4 * len(self.ids("dihedral", 4)) + 3 * len(self.ids("membrane", 3)), t.vec3)
+        hinges, triangles = len(self.ids("dihedral", 4)), len(self.ids("membrane", 3))
+        force, block = 4 * hinges + 3 * triangles, 3 * triangles
+        for table in self.solids:
+            table.place(force, block)
+            force, block = force + 4 * table.size, block + 6 * table.size
+        self.element.J, self.element.block = over(4 * hinges, t.vec3), over(block, t.mat33)
+        self.element.force = over(force, t.vec3)
         self.residual, self.step = over(bodies, model.real), over(bodies, wp.float64)
-        most = max([int(b.count) for b in model.bodies] + [t.most for t in self.tables.values()])
+        most = max([int(b.count) for b in model.bodies] + [t.most for t in self.tables.values()]
+                   + [s.most for s in self.solids])
         self.lanes = int(np.clip(most // 8, 32, 2**16)) if cuda else 1
         self.change = wp.zeros((bodies * self.lanes, 1 + descent.HALVINGS), dtype=wp.float64, device=model.device)
         self.trials = {kind: [self.trial(first, begin, end) for begin, end in ((0, 1), (1, 1 + descent.HALVINGS))]
-                       for kind, first in [("", self.system.first), *((k, b.first) for k, b in self.tables.items())]}
+                       for kind, first in [("", self.system.first), *((k, b.first) for k, b in self.tables.items()),
+                                           *((s.name, s.first) for s in self.solids)]}
 
     def trial(self, first: wp.array, begin: int, end: int):
         trial = descent.Trial()
@@ -124,6 +101,8 @@ class Implicit(Method):
         self.assemble = newton.assemble(real, module, self.springs, self.elements)
         self.inertia, self.move = descent.inertia(real, module), descent.move(real, module)
         self.elastic = {kind: descent.elastic(kind, real, module) for kind in self.tables}
+        self.stressed = {s.name: [f(s.name, s.damped, real=real, module=module) for f in (fem.linearise, fem.energy_change)]
+                         for s in self.solids}
         self.choose, self.left = descent.choose(real, block), descent.left(real, block)
         if self.clock.watched:
             from wsim.kernels.residual import judge
@@ -214,6 +193,8 @@ class Implicit(Method):
         if self.triangles:
             triangles = self.tables["membrane"]
             launch(self.triangles, triangles.size, [triangles.data, s.x, s.d, a, rate, offset], [self.element])
+        for s_ in self.solids:
+            launch(self.stressed[s_.name][0], s_.size, [s_.data, s.x, s.d, a, s_.q, rate], [s_.q, self.element])
         springs = self.tables["distance"].data if self.springs else tangent.batch_of("distance", self.model.real)()
         launch(self.assemble, self.model.points, [self.rows, springs, self.element, s.x, s.d, a, self.b, rate],
                [self.f, self.A])
@@ -232,13 +213,17 @@ class Implicit(Method):
             launch(self.inertia, rows, [self.trials[""][which], self.A, s.d, b, y], [])
             for kind, table in self.tables.items():
                 launch(self.elastic[kind], rows, [self.trials[kind][which], table.data, s.x, s.d, a, y, rate], [])
+            for solid in self.solids:
+                launch(self.stressed[solid.name][1], rows,
+                       [self.trials[solid.name][which], solid.data, s.x, s.d, a, y, solid.q, rate], [])
             self.system.launch(self.choose, [self.trials[""][which], self.system.drop], [self.step])
         launch(self.move, self.model.points, [self.points.constants.object, self.step, y, s.d], [s.d])
 
     @property
     def launches(self) -> int:
         """Of a Newton step; conjugate gradients by several blocks take two more an iteration."""
-        return 8 + 3 * (self.free is not None) + 2 * len(self.tables) + (self.hinges is not None) + (self.triangles is not None)
+        return (8 + 3 * (self.free is not None) + 2 * len(self.tables) + 3 * len(self.solids) + (self.hinges is not None)
+                + (self.triangles is not None))
 
     @property
     def bytes(self) -> int:
@@ -256,8 +241,10 @@ class Implicit(Method):
         """elastic_energy [J]; residual of the frame's last Newton step (kernels/descent.py, `left`), largest of all
         bodies; pcg_iterations of the last substep, largest of all bodies."""
         module = self.model.module + "_report"
-        return {"elastic_energy": sum((self.energy(b, module) for b in self.tables.values()), 0.0),
-                "residual": float(self.residual.numpy().max()), "pcg_iterations": float(self.system.count.numpy().max())}
+        solid = elements.indicators(self.solids, self.state)
+        stored = sum((self.energy(b, module) for b in self.tables.values()), solid.get("solid_energy", 0.0))
+        return {"elastic_energy": stored, **solid, "residual": float(self.residual.numpy().max()),
+                "pcg_iterations": float(self.system.count.numpy().max())}
 
     def energy(self, table: Table, module: str) -> float:
         """1/2 C alpha^-1 C [J] of a table, summed in float64."""
@@ -268,8 +255,8 @@ class Implicit(Method):
         return float(out.numpy()[:, 2].sum())
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
-        """stretch, shear, bend of a cloth, stiffness of a spring net, damping [s] of either."""
-        hit = False
+        """stretch, shear, bend of a cloth, stiffness of a spring net, young [Pa] and poisson of a soft body, damping [s]."""
+        hit = any([solid.set(path, name, value, world) for solid in self.solids])
         for table in self.tables.values():
             for r in table.rows:
                 if r.body is None or r.body.path != path or world not in (None, r.body.world):
