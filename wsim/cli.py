@@ -11,6 +11,7 @@ import os
 import sys
 
 from wsim import __version__
+from wsim.bulk import MODELS
 from wsim.integrator import INTEGRATORS, SOLVERS
 
 DONE, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
@@ -150,16 +151,35 @@ def _run(commands) -> None:
 
 def _new(commands) -> None:
     new = commands.add_parser("new", help="make a scene of a bare mesh").add_subparsers(dest="kind", required=True)
+    _new_cloth(new)
+    _new_softbody(new)
+    for kind in new.choices.values():
+        kind.add_argument("-o", "--output", required=True, metavar="SCENE")
+        kind.add_argument("--prim", metavar="PATH", help="which mesh, by path or name (default: the only one)")
+        kind.add_argument("--ground", type=length, metavar="METRES", help="a ground plane so far below it (default: none)")
+        kind.add_argument("--meters-per-unit", type=positive, metavar="X", help="unit of the mesh (default: its file's)")
+        kind.add_argument("--frames", type=whole, metavar="N", help="frames to simulate (default: the file's)")
+        kind.add_argument("--debug", action="store_true", help="show where an error came from")
+
+
+def _new_cloth(new) -> None:
     cloth = new.add_parser("cloth", help="a scene in which a mesh is cloth; the mesh is referred to and stays as it is")
     cloth.add_argument("mesh", help="USD file")
-    cloth.add_argument("-o", "--output", required=True, metavar="SCENE")
-    cloth.add_argument("--prim", metavar="PATH", help="which mesh, by path or name (default: the only one)")
     cloth.add_argument("--fabric", default="cotton", metavar="NAME", help="silk, cotton, denim, leather or rubber")
     cloth.add_argument("--weld", type=length, metavar="METRES", help="sew points closer than this (seams)")
-    cloth.add_argument("--ground", type=length, metavar="METRES", help="a ground plane so far below it (default: none)")
-    cloth.add_argument("--meters-per-unit", type=positive, metavar="X", help="unit of the mesh (default: its file's)")
-    cloth.add_argument("--frames", type=whole, metavar="N", help="frames to simulate (default: the file's)")
-    cloth.add_argument("--debug", action="store_true", help="show where an error came from")
+
+
+def _new_softbody(new) -> None:
+    soft = new.add_parser("softbody", help="a scene in which a TetMesh, or a closed mesh in a cage of tets, is a soft body; "
+                                           "the mesh is referred to and stays as it is")
+    soft.add_argument("mesh", help="USD file")
+    soft.add_argument("--cells", type=whole, default=10, metavar="N",
+                      help="cells of the cage along the longest side; 4 and more across it bend as they should (default: 10)")
+    soft.add_argument("--young", type=positive, default=1e6, metavar="PA", help="Young's modulus [Pa] (default: 1e6, rubber)")
+    soft.add_argument("--poisson", type=float, default=0.3, metavar="NU", help="Poisson's ratio, below 0.5 (default: 0.3)")
+    soft.add_argument("--density", type=positive, default=1e3, metavar="RHO", help="kg/m^3 (default: 1000, water)")
+    soft.add_argument("--model", choices=MODELS, default=MODELS[0],
+                      help="elastic energy (default: corotational; neo_hookean for large strain)")
 
 
 def _check(commands) -> None:
