@@ -129,8 +129,8 @@ def _follow(prim: Usd.Prim, pin: Pin, body: Body, units: Units) -> bool:
     inside = np.all((pin.points >= 0) & (pin.points < len(body.points)))
     if pin.places is None or not attribute.GetCustomDataByKey(DERIVED) or not inside:
         return False
-    if len(pin.places) != len(pin.points):
-        return False
+    if len(pin.places) != len(pin.points) or not np.isfinite(body.motion.values).all():
+        return False                                           # reported by wsim.check
     return np.allclose(pin.places, _places(pin, body).astype(np.float32), rtol=1e-6, atol=1e-6)
 
 

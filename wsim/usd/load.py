@@ -222,7 +222,8 @@ def _order(scene: Scene, scenes: list[Usd.Prim]) -> None:
     relationship = scenes[0].GetRelationship(names.ORDER) if scenes else None
     if relationship:
         place = {str(path): i for i, path in enumerate(relationship.GetTargets())}
-        for kind in (scene.cloths, scene.springs, scene.softs, scene.colliders, scene.pins):
+        lists: list[list] = [scene.cloths, scene.springs, scene.softs, scene.colliders, scene.pins]
+        for kind in [*lists, *(soft.skins for soft in scene.softs)]:
             kind.sort(key=lambda thing: place.get(thing.path, len(place)))
 
 

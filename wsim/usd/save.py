@@ -55,7 +55,8 @@ def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
             if thing.target:
                 _parents(stage, thing.target)
             author_pin(stage, thing, by_path[thing.body], units, scene.frames)
-    settings.CreateRelationship(names.ORDER, False).SetTargets([Sdf.Path(thing.path) for thing in objects])
+    settings.CreateRelationship(names.ORDER, False).SetTargets(
+        [Sdf.Path(thing.path) for thing in [*objects, *_skins(scene)]])
     stage.SetDefaultPrim(stage.GetPrimAtPath(Sdf.Path(objects[0].path).GetPrefixes()[0]) if objects else settings)
 
 
@@ -109,13 +110,12 @@ def _path_problems(scene: Scene) -> list[Problem]:
     """Paths that a stage cannot hold."""
     solid = [*scene.bodies(), *_skins(scene), *scene.colliders]
     problems, geometry = [*skin_problems(scene)], [thing.path for thing in solid]
-    owner = {skin.path: soft.path for soft in scene.softs for skin in soft.skins}
     moving = {thing.path: thing.motion for thing in scene.colliders}
     for thing in [*solid, *scene.pins]:
         good = Sdf.Path.IsValidPathString(thing.path) and Sdf.Path(thing.path).IsAbsoluteRootOrPrimPath()
         if not good or thing.path == "/":
             problems.append(Problem(thing.path, "is not a prim path; allowed is like /World/flag (letters, digits, _)"))
-        above = [other for other in geometry if thing.path.startswith(other + "/") and other != owner.get(thing.path)]
+        above = [other for other in geometry if thing.path.startswith(other + "/") and thing.path != other]
         if above and not isinstance(thing, Pin):
             problems.append(Problem(thing.path, f"lies below {above[0]}, which is geometry; give it a place of its "
                                                 "own"))

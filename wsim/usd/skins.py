@@ -7,12 +7,13 @@ are carried from one to the other by the tets.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from pxr import Usd, UsdGeom
 
 from wsim.scene import Problem, Scene, SceneError, Skin, Soft, Surface
-from wsim.tetra.embed import embed, follow
+from wsim.skin import hold
 from wsim.usd import names
 from wsim.usd.attributes import author, read
 from wsim.usd.colliders import turned_over
@@ -26,6 +27,7 @@ def load_skins(reading: Reading, mesh: Usd.Prim, body: Usd.Prim, soft: Soft) -> 
     """The skins of a soft body; what follows it not, though it lies in the body, is noted."""
     skins = []
     tied = _bind_points(reading, mesh, "Soft")
+    tied = soft.points if tied is None else tied
     for prim in _meshes(reading, mesh, body):
         points = _bind_points(reading, prim, "Cloth")
         counts, indices = (read(prim, "Cloth", field, reading.units, reading.start) for field in ("counts", "indices"))
@@ -34,17 +36,22 @@ def load_skins(reading: Reading, mesh: Usd.Prim, body: Usd.Prim, soft: Soft) -> 
                          "no skin of it")
             continue
         own, there = soft.motion.at(0.0), placement(reading, prim).motion.at(0.0)
+        if not np.isfinite(there).all():
+            reading.fail(prim.GetPath(), "its transform holds NaN or infinity; author its xformOps again")
+            continue
         turned = prim.GetAttribute("orientation").Get() == UsdGeom.Tokens.leftHanded
         if not np.array_equal(own, there):
-            points = _back(own, points @ there[:3, :3].T + there[:3, 3])
-            turned ^= bool(np.linalg.det(own[:3, :3]) * np.linalg.det(there[:3, :3]) < 0)
+            with np.errstate(invalid="ignore"):                # points that are not finite: reported by wsim.check_soft
+                points = _back(own, points @ there[:3, :3].T + there[:3, 3])
+            turned ^= (np.linalg.det(there[:3, :3]) < 0) != mirrored(soft)
         skin = Skin(str(prim.GetPath()), points, counts, turned_over(counts, indices) if turned else indices)
         rest = soft.points if soft.rest_points is None else soft.rest_points
-        if tied is not None and tied.shape == rest.shape and not np.array_equal(tied, rest):
+        finite = all(np.isfinite(values).all() for values in (own, tied, rest))
+        if finite and tied.shape == rest.shape and not np.array_equal(tied, rest):
             try:
-                skin.points = carried(soft, skin.points, tied, rest)
-            except ValueError as error:
-                reading.fail(prim.GetPath(), f"cannot follow {mesh.GetPath()} from its bind pose: {error}")
+                skin.points = carried(soft, skin, tied, rest)
+            except SceneError as error:
+                reading.problems += error.problems
                 continue
         skins.append(skin)
     return skins
@@ -84,26 +91,27 @@ def _bind_points(reading: Reading, prim: Usd.Prim, owner: str) -> np.ndarray | N
     return read(prim, owner, "points", reading.units, reading.start) if points is None else points
 
 
+def mirrored(soft: Soft) -> bool:
+    """Whether the body's frame is the mirror image of a turned one at the start."""
+    return bool(np.isfinite(soft.motion.values).all() and np.linalg.det(soft.motion.at(0.0)[:3, :3]) < 0)
+
+
 def _back(M: np.ndarray, world: np.ndarray) -> np.ndarray:
-    """World positions [m] in the frame M (singular: as they are, wsim.check reports it)."""
-    if np.linalg.det(M[:3, :3]) == 0.0:
+    """World positions [m] in the frame M (singular or not finite: as they are, wsim.check reports it)."""
+    if not np.isfinite(M).all() or np.linalg.det(M[:3, :3]) == 0.0:
         return world
     return (world - M[:3, 3]) @ np.linalg.inv(M[:3, :3]).T
 
 
-def carried(soft: Soft, places: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Places (m, 3) [m] of the body's frame that follow its tets from points `before` to `after`, (n, 3), float32.
-
-    Raises ValueError as `wsim.tetra.embed.embed` does: tets without volume before, places far outside."""
-    tet, weights = embed(soft.motion.points(before), soft.tets, soft.motion.points(places))
-    return follow(after, soft.tets, tet, weights).astype(np.float32)
+def carried(soft: Soft, skin: Skin, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Points of a skin [m] in the body's frame, (m, 3) float32, that follow its tets from points `before` to `after`, (n, 3).
+    Raises SceneError as `wsim.skin.hold` does."""
+    return hold(replace(soft, rest_points=before), skin).of(after).astype(np.float32)
 
 
 def body_of(soft: Soft) -> str:
-    """Path of the prim that a save makes the deformable body: the TetMesh, or what is above it where skins lie beside it."""
-    if all(skin.path.startswith(soft.path + "/") for skin in soft.skins):
-        return soft.path
-    return soft.path.rpartition("/")[0]
+    """Path of the prim that a save makes the deformable body: the TetMesh, or what is above it if skins lie beside it."""
+    return soft.path.rpartition("/")[0] if soft.skins else soft.path
 
 
 def author_bind_pose(mesh: Usd.Prim, soft: Soft, units: Units) -> None:
@@ -123,10 +131,7 @@ def author_skin(stage: Usd.Stage, soft: Soft, skin: Skin, units: Units, frames: 
     mesh = UsdGeom.Mesh.Define(stage, skin.path)
     prim, points = mesh.GetPrim(), skin.points
     if soft.rest_points is not None:
-        try:
-            points = carried(soft, skin.points, soft.rest_points, soft.points)
-        except ValueError as error:
-            raise SceneError(Problem(skin.path, f"cannot follow {soft.path}: {error}")) from None
+        points = carried(soft, skin, soft.rest_points, soft.points)
         _author_pose(prim, skin.points, units)
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     for field, value in (("points", points), ("counts", skin.counts), ("indices", skin.indices)):
@@ -144,8 +149,8 @@ def skin_problems(scene: Scene) -> Iterator[Problem]:
             if len(skin.counts) == 0:
                 yield Problem(skin.path, "has no faces; give counts and indices, as to a cloth")
             if not body or not skin.path.startswith(body + "/"):
-                yield Problem(skin.path, f"must lie beside {soft.path}, below one prim that is the body; allowed is like "
-                                         "/ball/sim for the soft body and /ball/skin for its skin")
+                yield Problem(skin.path, f"must lie beside {soft.path}, below the prim above it, which becomes the body; "
+                                         "allowed is like /ball/sim for the soft body and /ball/skin for its skin")
         if body in bodies:
             yield Problem(soft.path, f"and {bodies[body]} both have skins below {body}, which can be the body of one; give "
                                      "each a prim of its own above")

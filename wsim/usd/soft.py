@@ -20,7 +20,7 @@ from wsim.usd.masses import at_least_the_lightest, body_density, body_mass, elem
 from wsim.usd.material import bind
 from wsim.usd.motion import author_motion, placement
 from wsim.usd.names import row
-from wsim.usd.skins import author_bind_pose, author_skin, body_of, load_skins
+from wsim.usd.skins import author_bind_pose, author_skin, body_of, load_skins, mirrored
 from wsim.usd.stage import Reading, Units
 
 OWN = ("pressure", "quadratic", "filled")                    # of WsimSoftAPI
@@ -102,18 +102,15 @@ def _masses(reading: Reading, mesh: Usd.Prim, body: Usd.Prim, soft: Soft) -> tup
     return (values if kind == "point" else None), mass
 
 
-def _mirrored(soft: Soft) -> bool:
-    return bool(np.linalg.det(soft.motion.at(0.0)[:3, :3]) < 0)
-
-
 def _wound(reading: Reading, mesh: Usd.Prim, soft: Soft) -> np.ndarray:
     """Tets of positive volume at rest in the world, where they have any."""
     orientation = read(mesh, "Soft", "orientation") or UsdGeom.Tokens.rightHanded
-    tets = soft.tets[:, TURNED] if (orientation == UsdGeom.Tokens.leftHanded) != _mirrored(soft) else soft.tets
+    tets = soft.tets[:, TURNED] if (orientation == UsdGeom.Tokens.leftHanded) != mirrored(soft) else soft.tets
     rest = soft.points if soft.rest_points is None else soft.rest_points
-    if len(rest) != len(soft.points):
+    if len(rest) != len(soft.points) or not np.isfinite(soft.motion.values).all():
         return tets                                            # reported by wsim.check_soft
-    mended, wrong, _ = mend(soft.motion.points(rest), tets)
+    with np.errstate(invalid="ignore"):                        # points that are not finite: reported by wsim.check_soft
+        mended, wrong, _ = mend(soft.motion.points(rest), tets)
     if len(wrong):
         reading.warn(mesh.GetPath(), f"{len(wrong)} of its {len(tets)} tets are wound against its orientation {orientation} "
                      f"(first: tet {wrong[0]}); they are turned: swap two corners of each, or correct orientation")
@@ -138,7 +135,7 @@ def author_soft(stage: Usd.Stage, soft: Soft, materials: list[str], parts: list[
             author(prim, "Soft", field, getattr(soft, field), units)
     if soft.masses is not None:
         author(prim, "Soft", "masses_of", "point")
-    author(prim, "Soft", "orientation", UsdGeom.Tokens.leftHanded if _mirrored(soft) else UsdGeom.Tokens.rightHanded)
+    author(prim, "Soft", "orientation", UsdGeom.Tokens.leftHanded if mirrored(soft) else UsdGeom.Tokens.rightHanded)
     author(prim, "Soft", "surface", surface(soft.tets))
     mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
     author_motion(prim, soft.motion, units, frames)
