@@ -103,7 +103,7 @@ MISTAKES = {
     "twin path": (lambda s: s.collider("/body/skin", Plane()), "/body/skin", "2 objects have this path"),
     "skin point": (lambda s: s.softs[0].skins[0].points.__setitem__((2, 0), inf), "/body/skin", "first at index 2"),
     "skin away": (lambda s: s.softs[0].skins[0].points.__setitem__((2, 0), 9.0), "/body/skin", "point 2 lies 8.5 m outside"),
-    "skin index": (lambda s: s.softs[0].skins[0].indices.__setitem__(1, 3), "/body/skin", "corner 1 names point 3; allowed: 0 to"),
+    "skin index": (lambda s: s.softs[0].skins[0].indices.__setitem__(1, 3), "/body/skin", "corner 1 names point 3; allowed: 0"),
     "skin face": (lambda s: s.softs[0].skins[0].counts.__setitem__(0, 2), "/body/skin", "face 0 has 2 corners"),
     "skin corners": (lambda s: s.softs[0].skins[0].counts.__setitem__(0, 4), "/body/skin", "4 corners, and 3 are given"),
 }

@@ -111,7 +111,7 @@ def _cycles(faces) -> set:
 
 
 def bear() -> str:
-    return (f'def Xform "root" (prepend references = @{BEAR}@) {{\nover "bear" (prepend apiSchemas = '
+    return (f'def Xform "zoo" (prepend references = @{BEAR}@) {{\nover "bear" (prepend apiSchemas = '
             f'["PhysicsDeformableBodyAPI", "PhysicsVolumeDeformableSimAPI", "MaterialBindingAPI"]) {{\n{SOLID}\n}}\n}}\n'
             + solid("float physics:youngsModulus = 1e5"))
 
@@ -119,7 +119,7 @@ def bear() -> str:
 def test_the_bear_loads_checks_saves_and_loads_equal(read, tmp_path):
     scene = read(bear() + 'def Plane "floor" (prepend apiSchemas = ["PhysicsCollisionAPI"]) {}\n')
     soft = scene.softs[0]
-    assert (soft.path, len(soft.points), len(soft.tets)) == ("/root/bear", 961, 3008)
+    assert (soft.path, len(soft.points), len(soft.tets)) == ("/zoo/bear", 961, 3008)
     assert meshes.volumes(soft.points, soft.tets).sum() == pytest.approx(98.4285, rel=1e-5)       # as its mesher had it
     assert check(scene) == [] and [n for n in scene.notes if "friction" not in n.text.lower()] == []
     save(scene, tmp_path / "b.usdc")
@@ -268,6 +268,17 @@ def test_an_attachment_of_what_is_no_body_is_left_out_with_the_bodies_named(read
            'uniform token physics:type1 = "xform"\nint[] physics:indices0 = [0]\n}\n')
     scene = read(volume() + solid() + pin)
     assert scene.pins == [] and "not simulated as a cloth, spring net or soft body (/ball)" in notes(scene)
+
+
+def test_a_kinematic_soft_body_collides_by_its_surface(read):
+    """Six of the eight faces of two tets that share one, and what they enclose is their volume, 1/6 and 1/3, outward."""
+    left = TWO.replace("2, 3), (1, 2, 3, 4)", "3, 2), (1, 2, 4, 3)") + '\nuniform token orientation = "leftHanded"'
+    scene = read(cloth() + "".join(volume(f"{SOLID}\nbool physics:kinematicEnabled = 1", name, geometry)
+                                   for name, geometry in (("right", TWO), ("left", left))) + solid())
+    assert scene.softs == [] and [c.path for c in scene.colliders] == ["/right", "/left"]
+    for shape in (c.shape for c in scene.colliders):
+        a, b, c = shape.points[shape.indices.reshape(-1, 3)].transpose(1, 0, 2).astype(float)
+        assert len(a) == 6 and np.einsum("fk,fk", a, np.cross(b, c)) / 6.0 == pytest.approx(1 / 6 + 1 / 3)
 
 
 def test_a_cloth_and_a_soft_body_share_a_stage(read, tmp_path):

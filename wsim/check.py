@@ -99,7 +99,7 @@ def _damping(scene: Scene) -> Iterator[Problem]:
 def _paths(scene: Scene) -> Iterator[Problem]:
     if not scene.bodies():
         yield error("/", "nothing here can move: no cloth, no spring net and no soft body", "at least one",
-                    "apply PhysicsSurfaceDeformableSimAPI to a mesh, or let `wsim new cloth MESH -o SCENE` do it")
+                    "apply PhysicsSurfaceDeformableSimAPI to a mesh, or let `wsim new cloth MESH -o SCENE` (or softbody) do it")
     skins = [skin for soft in scene.softs for skin in soft.skins]
     named: list = [*scene.bodies(), *skins, *scene.colliders, *scene.pins]
     for path, n in Counter(thing.path for thing in named).items():

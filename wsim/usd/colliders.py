@@ -13,6 +13,7 @@ from pxr import Usd, UsdGeom
 from wsim import solids
 from wsim.curve import Curve, Motion
 from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
+from wsim.tetra.tets import surface
 from wsim.usd import names
 from wsim.usd.attributes import array, author, author_times, read, read_times
 from wsim.usd.material import author_friction, bind, load_friction
@@ -39,9 +40,9 @@ def load_collider(reading: Reading, prim: Usd.Prim) -> Collider | None:
     """The collider of a prim; None if its kind cannot collide yet or it is broken (both are reported)."""
     path, kind = str(prim.GetPath()), prim.GetTypeName()
     sizes = _sizes(reading, prim)
-    if sizes is None and kind != "Mesh":
+    if sizes is None and kind not in ("Mesh", "TetMesh"):
         reading.warn(path, f"is a {kind or 'prim without a type'} with {names.COLLISION}; such a collider is left out "
-                     "(read are Plane, Sphere, Cube, Capsule, Cylinder, Cone and Mesh)")
+                     "(read are Plane, Sphere, Cube, Capsule, Cylinder, Cone, Mesh and TetMesh)")
         return None
     if _axis(prim) not in TURN:
         reading.fail(path, f"axis is {_axis(prim)!r}; allowed is X, Y or Z")
@@ -190,17 +191,30 @@ def turned_over(counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
     return indices[np.repeat(2 * ends - counts - 1, counts) - np.arange(len(indices))]
 
 
+def _faces(reading: Reading, prim: Usd.Prim) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Counts and indices at the start; of a TetMesh those of its surface."""
+    if not prim.IsA(UsdGeom.TetMesh):
+        counts, indices = (read(prim, "Cloth", field, reading.units, reading.start) for field in ("counts", "indices"))
+        return counts, indices
+    tets = read(prim, "Soft", "tets", reading.units, reading.start)
+    if tets is None:
+        return None, None
+    faces = surface(tets)
+    return np.full(len(faces), 3, np.int32), faces.ravel()
+
+
 def _mesh(reading: Reading, prim: Usd.Prim, place: Placement, S: np.ndarray) -> Surface | None:
     """A mesh collider; animated points become poses at the authored samples."""
     units, path = reading.units, prim.GetPath()
-    counts, indices = (read(prim, "Cloth", field, units, reading.start) for field in ("counts", "indices"))
+    counts, indices = _faces(reading, prim)
     attribute = prim.GetAttribute("points")
     default = read(prim, "Cloth", "points", units)
     points = default if default is not None else read(prim, "Cloth", "points", units, reading.start)
     if points is None or counts is None or indices is None:
         reading.fail(path, "is a mesh collider without points or faces (is a payload or reference missing?)")
         return None
-    if read(prim, "Cloth", "counts", units) is None and prim.GetAttribute("faceVertexCounts").ValueMightBeTimeVarying():
+    topology = prim.GetAttribute("tetVertexIndices" if prim.IsA(UsdGeom.TetMesh) else "faceVertexCounts")
+    if topology.Get() is None and topology.ValueMightBeTimeVarying():
         reading.fail(path, "its topology is animated; a collider mesh must keep its faces")
         return None
     approximation = prim.GetAttribute("physics:approximation")
