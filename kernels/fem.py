@@ -186,31 +186,23 @@ def linearise(material: str, damped: bool, *, real, module):
         S, T = halves(B)
         U = tets.volume[c] * forth(now, V)
         W = wp.transpose(forth(now, V))
-        K11 = U * stretch_block(A, S, T, Y[0], Y[0]) * W
-        K12 = U * stretch_block(A, S, T, Y[0], Y[1]) * W
-        K13 = U * stretch_block(A, S, T, Y[0], Y[2]) * W
-        K22 = U * stretch_block(A, S, T, Y[1], Y[1]) * W
-        K23 = U * stretch_block(A, S, T, Y[1], Y[2]) * W
-        K33 = U * stretch_block(A, S, T, Y[2], Y[2]) * W
+        F = identity(H) + held(H)
+        s = rate * tets.tau[c]
         if wp.static(damped):
-            F = identity(H) + held(H)
-            s = rate * tets.tau[c]
             P += s * rate_stress(F, change(tets, c, d) - change(tets, c, a), mu, lam)
-            F1 = (s * tets.volume[c]) * F
-            K11 += F1 * rate_block(G[0], G[0], mu, lam) * wp.transpose(F)
-            K12 += F1 * rate_block(G[0], G[1], mu, lam) * wp.transpose(F)
-            K13 += F1 * rate_block(G[0], G[2], mu, lam) * wp.transpose(F)
-            K22 += F1 * rate_block(G[1], G[1], mu, lam) * wp.transpose(F)
-            K23 += F1 * rate_block(G[1], G[2], mu, lam) * wp.transpose(F)
-            K33 += F1 * rate_block(G[2], G[2], mu, lam) * wp.transpose(F)
         spread(tets.force + 4 * c, -tets.volume[c] * P, G, out.force)
         at = tets.block + 6 * c
-        out.block[at] = -(K11 + wp.transpose(K12) + wp.transpose(K13))
-        out.block[at + 1] = -(K12 + K22 + wp.transpose(K23))
-        out.block[at + 2] = -(K13 + K23 + K33)
-        out.block[at + 3] = K12
-        out.block[at + 4] = K13
-        out.block[at + 5] = K23
+        three = int(3)                                    # a variable: nine blocks unrolled take a second more to compile
+        for j in range(three):
+            sum = t.mat33()
+            for i in range(three):
+                K = U * stretch_block(A, S, T, Y[i], Y[j]) * W
+                if wp.static(damped):
+                    K += (s * tets.volume[c]) * (F * rate_block(G[i], G[j], mu, lam) * wp.transpose(F))
+                sum += K
+                if i < j:
+                    out.block[at + 2 + i + j] = K         # A_12, A_13, A_23
+            out.block[at + j] = -sum                      # A_0j
 
     name = f"fem_linearise_{material}{'_damped' * damped}_{t.name}"
     return wp.kernel(linearise, name=name, module=module, enable_backward=False)
@@ -244,7 +236,8 @@ def energy_change(material: str, damped: bool, *, real, module):
             mu = wp.float64(tets.mu[c])
             lam = wp.float64(tets.lam[c])
             volume = wp.float64(tets.volume[c])
-            before, now = density(H, q[c], mu, lam)
+            before = wp.float64(0.0)
+            now = q[c]
             slope = wp.float64(0.0)
             curve = wp.float64(0.0)
             if wp.static(damped):
@@ -253,12 +246,16 @@ def energy_change(material: str, damped: bool, *, real, module):
                 s = rate * wp.float64(tets.tau[c])
                 slope = s * wp.ddot(P, change(tets, c, d) - change(tets, c, a))
                 curve = wp.float64(0.5) * s * wp.ddot(P, Y)
-            part = wp.float64(1.0)
-            for k in range(trial.end):
-                if k >= trial.begin:
-                    after, then = density(H + part * Y, now, mu, lam)
-                    trial.change[row, k] = trial.change[row, k] + volume * ((after - before) + part * (slope + part * curve))
-                part *= wp.float64(0.5)
+            part = wp.float64(0.0)
+            for j in range(trial.begin, trial.end + 1):      # first where it is now, then every trial: compiled once
+                psi, now = density(H + part * Y, now, mu, lam)
+                k = j - 1
+                if j == trial.begin:
+                    before = psi
+                    part = wp.float64(1.0) / wp.float64(1 << trial.begin)
+                else:
+                    trial.change[row, k] = trial.change[row, k] + volume * ((psi - before) + part * (slope + part * curve))
+                    part *= wp.float64(0.5)
 
     name = f"fem_change_{material}{'_damped' * damped}_{t.name}"
     return wp.kernel(energy_change, name=name, module=module, enable_backward=False)

@@ -16,7 +16,7 @@ from typing import Any
 
 import warp as wp
 
-ITERATIONS = 6                  # of Newton before Jacobi: cubic, so that what needs more does not converge
+ITERATIONS = wp.constant(6)     # of Newton before Jacobi: cubic, so that what needs more does not converge
 SWEEPS = wp.constant(8)         # of Jacobi; 4 do for nearly all matrices, the loop ends by itself
 
 
@@ -257,7 +257,8 @@ def rotation(H: Any, warm: Any):
     if size > one:
         scale = one / size
     done = bool(False)
-    for _k in range(wp.static(ITERATIONS)):
+    most = int(ITERATIONS)                           # a variable: unrolled, this took 0.7 s of a processor to compile
+    for _k in range(most):
         w, least = turn_step(H, q, scale)
         if least < zero:
             break
