@@ -1,0 +1,133 @@
+"""The example scenes of soft bodies; tools/scenes.py writes them."""
+
+from math import pi, sin
+
+import numpy as np
+
+from tools.usda import block, ground, listed, moved, number, pin, said, scene, settings, solid
+from wsim import shapes
+from wsim.bulk import Bulk
+from wsim.tetra.tets import surface
+
+BODY = '["PhysicsDeformableBodyAPI", "PhysicsVolumeDeformableSimAPI", "PhysicsCollisionAPI", "WsimSoftAPI", ' \
+       '"MaterialBindingAPI"]'
+MATERIAL = '["PhysicsMaterialAPI", "PhysicsVolumeDeformableMaterialAPI", "WsimMaterialAPI"]'
+STEPS = "Implicit steps: long ones are stable, a second Newton step solves what the first left. "
+
+
+def material(name: str, bulk: Bulk, comment: str) -> str:
+    """The Material of a solid: what differs from the defaults of `Bulk`, and what the proposal has without them."""
+    plain = ("young", "poisson", "density", "static_friction", "dynamic_friction")
+    own = [f for f in ("model", "damping") if getattr(bulk, f) != getattr(Bulk(), f)]
+    return block("Material", name, said("Bulk", 1.0, **{f: getattr(bulk, f) for f in (*plain, *own)}), MATERIAL, comment)
+
+
+def looks(name: str, color) -> str:
+    return (f"color3f[] primvars:displayColor = [({', '.join(number(c) for c in color)})]\n"
+            f"rel material:binding:physics = </World/{name}>")
+
+
+def solid_block(name: str, size, cells, of: str, color, comment: str, place: str = "", at=(0.0, 0.0, 0.0)) -> str:
+    """A soft box: its tets, and the triangles of its surface, which viewers draw."""
+    points, tets = shapes.block(size, cells, at=at)
+    body = "\n".join(filter(None, [
+        f"float3[] extent = {listed(np.array([points.min(axis=0), points.max(axis=0)]))}",
+        f"point3f[] points = {listed(points)}",
+        f"int4[] tetVertexIndices = {listed(tets)}", f"int3[] surfaceFaceVertexIndices = {listed(surface(tets))}",
+        looks(of, color), place]))
+    return block("TetMesh", name, body, BODY, comment)
+
+
+def samples(kind: str, attribute: str, keys) -> str:
+    """An attribute over time; keys: (frame, value or values)."""
+    def text(value) -> str:
+        return f"({', '.join(number(v) for v in value)})" if np.ndim(value) else number(value)
+    return f"{kind} {attribute}.timeSamples = {{\n" + "".join(f"    {f}: {text(v)},\n" for f, v in keys) + "}"
+
+
+def eased(frame: float, first: float, last: float) -> float:
+    """0 before the frame `first`, 1 after `last`, smooth between."""
+    s = min(max((frame - first) / (last - first), 0.0), 1.0)
+    return s * s * (3.0 - 2.0 * s)
+
+
+def cantilever() -> str:
+    nx, ny, nz = 16, 4, 4
+    wall = "double size = 1\nfloat3[] extent = [(-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)]\nfloat3 xformOp:scale = (0.2, 2, 2)\n" \
+           + moved(-0.1, 2, 0, "xformOp:scale") + "\ncolor3f[] primvars:displayColor = [(0.55, 0.56, 0.6)]"
+    rubber = Bulk(young=1e7, density=1000.0, damping=0.15)
+    return scene("A bar of 4 x 1 x 1 m, fixed in a wall at one end, bends under its own weight.", [
+        settings(comment=STEPS, substeps=2, iterations=2),
+        material("Rubber", rubber, "Theory of beams (Timoshenko) has the end sink by rho g A L^4 / (8 E I) + rho g L^2 / "
+                 "(2 k G) = 38 + 2 cm; linear tets, four across, give 86 % of it. Damping is what brings it to rest."),
+        solid_block("Bar", (4.0, 1.0, 1.0), (nx, ny, nz), "Rubber", (0.85, 0.4, 0.05),
+                    "16 x 4 x 4 cells of five tets. Four cells across is the least that bends as it should.",
+                    at=(2.0, 2.0, 0.0)),
+        block("Cube", "Wall", wall, comment="What the end hangs on, and to be seen: it has no PhysicsCollisionAPI."),
+        pin("Clamp", "/World/Bar", np.arange((ny + 1) * (nz + 1)), "/World/Wall", "The points of the end at x = 0."),
+    ], frames=72)
+
+
+def twist() -> str:
+    nx, ny, nz = 16, 4, 4
+    end = (ny + 1) * (nz + 1)
+    turn = [(f, (0.0, 0.0, 0.0) if f == 0 else (360.0 * eased(f, 6, 66), 0.0, 0.0)) for f in range(0, 73, 3)]
+    grip = samples("float3", "xformOp:rotateXYZ", turn) + "\n" + moved(0.4, 0.5, 0, "xformOp:rotateXYZ")
+    return scene("A rubber bar is twisted by a full turn: one end is held, the other turns with an animated Xform.", [
+        settings(comment=STEPS, substeps=4, iterations=2),
+        material("Rubber", Bulk(young=1e6, poisson=0.45, density=1000.0, model="neo_hookean", damping=0.005),
+                 "Twisted like this, Neo-Hookean loses 3 % of its volume (K is 9.7 G at nu = 0.45); corotational loses 12 %."),
+        solid_block("Bar", (0.8, 0.2, 0.2), (nx, ny, nz), "Rubber", (0.75, 0.1, 0.06), "80 x 20 x 20 cm.", at=(0.0, 0.5, 0.0)),
+        block("Xform", "Left", moved(-0.4, 0.5, 0), comment="Stays."),
+        block("Xform", "Right", grip, comment="Turns about the bar's axis, x, and then rests. Viewers interpolate angles "
+              "between the keys, and so does wsim."),
+        pin("Held", "/World/Bar", np.arange(end), "/World/Left", "The end at the least x."),
+        pin("Turned", "/World/Bar", nx * end + np.arange(end), "/World/Right", "The other end."),
+    ], frames=96)
+
+
+def bear() -> str:
+    own = "\n".join([looks("Jelly", (0.5, 0.22, 0.08)), "float3 xformOp:rotateXYZ = (0, -25, 8)",
+                     "float3 xformOp:scale = (0.1, 0.1, 0.1)", moved(0, 0.3, 0, 'xformOp:rotateXYZ", "xformOp:scale')])
+    mesh = block("TetMesh", "Bear", own, BODY, "The bear as it was delivered: bare tets in another file, untouched, ten metres "
+                 "long; a scale makes it one metre. What makes it a soft body is authored here, over the reference.")
+    there = "prepend references = @assets/bear_tet.usdc@</root/bear>\n    "
+    mesh = mesh.replace("prepend apiSchemas", there + "prepend apiSchemas", 1)
+    return scene("A bear of jelly falls on the floor, askew, and bounces.", [
+        settings(comment=STEPS, substeps=8, iterations=2),
+        material("Jelly", Bulk(young=2e5, poisson=0.4, density=1000.0, static_friction=0.6, dynamic_friction=0.5), "E = 200 "
+                 "kPa: a firm jelly sweet. Nothing damps it but the time steps, backward Euler with colliders."),
+        mesh, ground(),
+    ], frames=96)
+
+
+def squeezed_cube() -> str:
+    keys = range(0, 97, 3)
+    close = {f: 0.10 * eased(f, 3, 27) - 0.14 * eased(f, 60, 72) for f in keys}
+    lift = {f: 0.35 * sin(0.5 * pi * eased(f, 30, 54)) for f in keys}
+
+    def plate(name: str, side: int, comment: str) -> str:
+        path = samples("double3", "xformOp:translate", [
+            (f, (side * (0.25 + 0.03 + 0.001 - close[f]), 0.3 + lift[f], 0.0)) for f in keys])
+        body = ("double size = 1\nfloat3[] extent = [(-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)]\n"
+                f"float3 xformOp:scale = (0.06, 0.5, 0.7)\n{path}\n"
+                'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]\n'
+                "rel material:binding:physics = </World/Grip>")
+        return solid("Cube", name, body, comment=comment, apis=', "MaterialBindingAPI"')
+
+    friction = ("float physics:staticFriction = 1\nfloat physics:dynamicFriction = 0.9")
+    return scene("Two plates squeeze a soft cube, lift it by friction, and let it fall.", [
+        settings(comment=STEPS, substeps=8, iterations=2),
+        material("Foam", Bulk(young=2e4, poisson=0.35, density=60.0, static_friction=1.0, dynamic_friction=0.9, damping=0.005),
+                 "A foam of 60 kg/m^3: the cube weighs 7.5 kg."),
+        block("Material", "Grip", friction, '["PhysicsMaterialAPI"]', "Rubber-faced plates."),
+        solid_block("Cube", (0.5, 0.5, 0.5), (6, 6, 6), "Foam", (0.8, 0.3, 0.04), "50 cm, six cells a side.",
+                    at=(0.0, 0.25, 0.0)),
+        plate("Left", -1, "A box collider that moves: it closes by 10 cm, rises, and opens. Squeezed by 40 % the cube presses "
+              "with 2 kN on each plate, and friction carries its 74 N."),
+        plate("Right", 1, "The mirror image."),
+        ground(),
+    ], frames=96)
+
+
+SOFT_SCENES = {"cantilever": cantilever, "twist": twist, "bear": bear, "squeezed_cube": squeezed_cube}
