@@ -125,9 +125,14 @@ def _soft_body(prim: Usd.Prim) -> Usd.Prim | None:
     return None
 
 
+def _collides(prim: Usd.Prim) -> bool:
+    enabled = prim.GetAttribute("physics:collisionEnabled")
+    return names.COLLISION in applied(prim) and not (enabled and enabled.Get() is False)
+
+
 def _without_cages(prims: list[Usd.Prim]) -> list[Usd.Prim]:
-    """The prims but for the tets of soft bodies that are seen by their skins."""
-    skinned = {body.GetPath() for p in prims if p.IsA(UsdGeom.Mesh) and (body := _soft_body(p))}
+    """The prims but for the tets of soft bodies that are seen by their skins. (What collides by itself is no skin.)"""
+    skinned = {body.GetPath() for p in prims if p.IsA(UsdGeom.Mesh) and (body := _soft_body(p)) and not _collides(p)}
     return [p for p in prims
             if not (p.IsA(UsdGeom.TetMesh) and (body := _soft_body(p)) and body.GetPath() in skinned)]
 
