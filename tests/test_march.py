@@ -8,7 +8,7 @@ import warp as wp
 
 from wsim import shapes
 from wsim.fabric import Fabric
-from wsim.kernels.march import LOT
+from wsim.kernels.lots import LOT
 from wsim.plan import build
 from wsim.scene import Scene, Sphere
 from wsim.simulation import Simulation

@@ -1,9 +1,9 @@
 """Explicit integrators: forces are gathered by points, a launch a substep. See kernels/explicit.py and kernels/corner.py.
 
 Where nothing but springs, elements and hard pins acts, the positions at the start of a frame stay and displacements grow
-through it ("frame"); small nets then take a whole frame in one launch, of a cluster of blocks or of one CPU thread. Wind,
-contacts, soft pins, tethers and strain limits act on every substep: its positions are committed at its end, and what they
-changed becomes a velocity.
+through it ("frame"); small nets then take a whole frame in one launch, of a cluster of blocks, and springs alone on a CPU in
+one of threads abreast. Wind, contacts, soft pins, tethers and strain limits act on every substep: its positions are committed
+at its end, and what they changed becomes a velocity.
 """
 
 import numpy as np
@@ -17,6 +17,7 @@ from wsim.integrator import Integrator
 from wsim.kernels import cluster, march
 from wsim.kernels import explicit as kernels
 from wsim.kernels import spring as kernels_spring
+from wsim.kernels.abreast import teams
 from wsim.kernels.march import MOST
 from wsim.kernels.real import types
 from wsim.model import Model, edge_lengths
@@ -57,6 +58,7 @@ class Explicit(Method):
             self.march = march.march(real, module, self.damped, pull.even)
             if not self.steps:
                 self.move(self.state.e, self.state.v, self.state.r, None)
+                what += f", {pull.abreast.count} threads" * (pull.abreast.count > 1)
                 self.stages = [Stage(self.integrator.name, "predict", self.frame_by_march, 1, size * count, "frame", what)]
                 return
         self.room()
@@ -137,7 +139,7 @@ class Explicit(Method):
         s, step = self.state, self.step(clock, kick, drift, source)
         if self.marches:
             step.count = 1
-            self.model.launch(self.march, 1, [self.net, self.pull.table, step], [self.moving, self.pull.space])
+            self.model.launch(self.march, 1, [self.net, self.pull.table, step, teams()()], [self.moving, self.pull.space])
             return source
         self.pull.launch(source, s.x, self.pair)
         self.model.launch(self.kernel, self.model.points * self.pull.lanes,
@@ -198,8 +200,16 @@ class Explicit(Method):
                                  [s.x, s.e, s.v, s.r])
 
     def frame_by_march(self, clock: Clock) -> None:
-        """All substeps in one launch of one CPU thread."""
-        self.model.launch(self.march, 1, [self.net, self.pull.table, self.whole(clock)], [self.moving, self.pull.space])
+        """All substeps in one launch: of one CPU thread, which others join."""
+        self.walk(clock, self.pull.abreast.lead(self.key(clock)))
+
+    def walk(self, clock: Clock, team) -> None:
+        """As one of the team."""
+        self.model.launch(self.march, 1, [self.net, self.pull.table, self.whole(clock), team], [self.moving, self.pull.space])
+
+    def key(self, clock: Clock) -> tuple:
+        """Of what the arguments of `walk` are made."""
+        return clock.substeps, clock.h, self.stride, 0 if self.target is None else self.target.ptr
 
     def close(self, clock: Clock, source: int) -> None:
         s = self.state
@@ -232,6 +242,8 @@ class Explicit(Method):
     def before_frame(self, time: float, clock: Clock) -> None:
         if self.pins is not None and self.target is not self.pins.target["hard"]:
             self.target = self.net.target = self.pins.target["hard"]
+        if self.marches and not self.steps:
+            self.pull.abreast.send(self.key(clock), lambda team: self.walk(clock, team))
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]."""

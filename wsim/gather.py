@@ -7,9 +7,10 @@ threads; on a CPU every spring stands once, at its lower end, and is added to bo
 import numpy as np
 import warp as wp
 
+from wsim.abreast import Abreast, cores, orders
 from wsim.cloth import Rows
 from wsim.cluster import LARGE, MANY, Cluster, cluster_of, halo
-from wsim.kernels import corner, march
+from wsim.kernels import corner, lots, march
 from wsim.kernels import spring as kernels
 from wsim.kernels.cluster import Shares
 from wsim.kernels.real import types
@@ -25,13 +26,14 @@ class Pull:
     """Every force on the points, on the device. `columns`: of the pins' targets, see `Pins.columns`."""
 
     def __init__(self, model: Model, constants, rows: list[Rows], columns: np.ndarray | None, alone: bool = False):
-        """alone: nothing else acts within a frame, so that a cluster of blocks may take all of it."""
+        """alone: nothing else acts within a frame, so that a cluster of blocks, or CPU threads abreast, may take all of it."""
         self.model = model
         self.cluster: Cluster | None = None
         self.springs = [r for r in rows if r.kind == "distance"]
         self.damped = any(r.tau > 0.0 for r in rows)
         self.added = bool(self.springs) and not model.device.is_cuda
-        self.alone = alone and not self.damped and len(self.springs) == len(rows) and _clusters(model.device)
+        self.whole = alone and len(self.springs) == len(rows)
+        self.alone = self.whole and not self.damped and _clusters(model.device)
         self.net = kernels.net(model.real)()
         for name in ("w", "object", "gravity", "decay"):
             setattr(self.net, name, getattr(constants, name))
@@ -48,15 +50,19 @@ class Pull:
         """Entries: which spring stands where."""
         model, n = self.model, self.model.points
         if self.added:
-            self.table = march.list_of(model.real)()
+            self.table = lots.list_of(model.real)()
+            stands = orders(self.springs, model.bodies)
+            ids = np.argsort(stands)[ids]
             order, low = np.lexsort((ids.max(1), ids.min(1))), np.bincount(ids.min(1), minlength=n)
-            self.entry = np.append(order, np.full(march.EIGHT, -1))
-            start, other = np.concatenate([[0], np.cumsum(low)]), march.STRIDE * ids.max(1)[order]
+            self.entry = np.append(order, np.full(lots.EIGHT, -1))
+            start, other = np.concatenate([[0], np.cumsum(low)]), lots.STRIDE * ids.max(1)[order]
+            self.table.order = model.upload(stands.astype(np.int32), int)
+            self.abreast = Abreast(model, ids, cores() if self.whole else 1)
             self.even = bool(np.mean(low[1:] == low[:-1]) >= EVEN)
             if not self.even:
-                self.table.lower = model.upload((march.STRIDE * ids.min(1)[order]).astype(np.int32), int)
-            self.table.lot = march.lot(int(low.max()))
-            self.space = march.room(model.real, n, self.table.lot, model.device)
+                self.table.lower = model.upload((lots.STRIDE * ids.min(1)[order]).astype(np.int32), int)
+            self.table.lot = lots.lot(int(low.max()))
+            self.space = lots.room(model.real, n, self.table.lot, self.abreast.count, model.device)
         else:
             start, spring = incident(ids, n)
             point = np.repeat(np.arange(n), np.diff(start))
