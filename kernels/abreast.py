@@ -23,9 +23,9 @@ DOOR, CALL, FORMED, FROM, LEFT, STALLS, DONE = range(7)      # words of the desk
 APART = 32             # ints from word to word: two cache lines, since processors fetch them in pairs
 MOST = 16              # threads
 SHUT = 63              # in the low six bits of DOOR
-SPIN = 600_000         # cycles of waiting before the core is given up, some 200 us: longer than a nap takes, since else one nap
+SPIN = 600_000         # cycles of waiting before the core is given up, 150 to 260 us: longer than a nap, since else one nap
                        # of one thread keeps the others waiting, who nap in turn (0.55 of one thread's time became 0.75 to 0.9)
-NAP = 20               # [us] for which it is given up; Linux makes 75 of them
+NAP = 20               # [us] for which it is given up; Linux makes 75 to 110 of them
 NEVER = 2**30          # naps until a wait is given up that will end
 PATIENCE = 100         # naps for which a helper looks for an open door
 
