@@ -32,7 +32,7 @@ def elements_of(real):
     @wp.struct
     class Elements:
         J: wp.array(dtype=t.vec3)            # alpha^-1/2 G of each corner of a hinge, (4 hinges,)
-        block: wp.array(dtype=t.mat33)       # A_01, A_02, A_12 of each triangle, then A_01, A_02, A_03, A_12, A_13, A_23 of tets
+        block: wp.array(dtype=t.mat33)       # A_01, A_02, A_12 of each triangle, then of tets as kernels/fem.py says
         force: wp.array(dtype=t.vec3)        # [N] on each corner: of hinges, then of triangles, then of tets
 
     return Elements

@@ -45,8 +45,8 @@ KERNELS = {
     "shirt": POINTS | CLOTH | LIMIT | {"search_solid", "contact"},
 }
 
-SCENE = {"wsim", "wsim.curve", "wsim.fabric", "wsim.scene", "wsim.polygon", "wsim.topology", "wsim.latest",
-         "wsim.check", "wsim.check_object"}
+SCENE = {"wsim", "wsim.bodies", "wsim.bulk", "wsim.curve", "wsim.fabric", "wsim.scene", "wsim.polygon", "wsim.topology",
+         "wsim.latest", "wsim.check", "wsim.check_object"}
 LOADER = {"wsim.solids"}                       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = {"wsim.simulation", "wsim.plan", "wsim.stage", "wsim.state", "wsim.model", "wsim.order", "wsim.locality",
        "wsim.color", "wsim.kempe", "wsim.choice", "wsim.integrator", "wsim.mend", "wsim.cloth", "wsim.apart",
@@ -150,3 +150,10 @@ def test_a_change_of_the_scene_changes_just_its_kernels(tmp_path, change, kernel
     moves = {"predict_bdf2", "finish_bdf2", "predict_euler"} if change == "bdf2" else {"predict_euler", "finish_euler"}
     found = {re.sub("^residual_.*", "residual", k) for k in found}
     assert found - {"finish_euler"} == (kernels | PINS | {"not_finite"} | moves) - {"finish_euler"}
+
+
+def test_a_soft_body_compiles_its_own_material_and_no_constraint():
+    found = stepped("cantilever")
+    kernels = {subject(k) for k in found["kernels"]}
+    assert {k[4:] for k in kernels if k.startswith("fem")} == {"linearise_corotational_damped", "change_corotational_damped"}
+    assert not kernels & (CLOTH | {"distance", "contact"}) and found["adjoint"] == [] and "xpbd" in found["skipped"]

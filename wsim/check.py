@@ -12,11 +12,10 @@ from math import inf
 
 import numpy as np
 
-from wsim import check_object, check_soft, topology
+from wsim import check_object, topology
 from wsim.check_object import array, error, number, rigid, warning
 from wsim.integrator import EXPLICIT, IMPLICIT, INTEGRATORS, SOLVERS
 from wsim.scene import Cloth, Pin, Problem, Scene, Soft, Springs
-from wsim.tetra import tets
 
 SOFT_SOLVERS = tuple(name for name in ("auto", "implicit", "explicit") if name in SOLVERS)
 STRONG = 50.0       # [m/s^2] five times Earth's gravity; files that take their unit for centimetres hold 981
@@ -30,6 +29,7 @@ def check(scene: Scene) -> list[Problem]:
     for net in scene.springs:
         found += check_object.springs(net)
     for soft in scene.softs:
+        from wsim import check_soft
         found += check_soft.soft(soft)
     for collider in scene.colliders:
         found += check_object.collider(collider)
@@ -135,6 +135,7 @@ def _pieces(body: Cloth | Springs | Soft) -> np.ndarray:
     if isinstance(body, Springs):
         edges, corners = body.edges, body.edges.reshape(-1)
     elif isinstance(body, Soft):
+        from wsim.tetra import tets
         edges, corners = tets.edges(body.tets), body.tets.reshape(-1)
     else:
         triangles = topology.triangulate(body.points, body.counts, body.indices)[0]

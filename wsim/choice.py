@@ -50,7 +50,21 @@ COSTS = {"cuda": Cost(4.5e-6, 1.3e-11, 1.3e-11, 2.5e-5, 2.1e-11, 9e-6),
 CLUSTER = 3.5e-7, 9e-11      # [s] a substep of a net that a cluster takes, and of each point in it: springs, no damping
 WEIGHT = {"distance": 1.0, "membrane": 4.0, "dihedral": 4.4}     # work of a projection over that of a spring (CPU)
 SOLVED = 2             # Newton steps a substep of soft bodies
+STIFFENED = 1.25       # materials that stiffen under strain need shorter steps than at rest
 UNEVEN = 1e3           # ratio of two masses that hold each other, from which sweeps stall
+
+
+@dataclass(frozen=True)
+class Solid:
+    """Seconds: of a substep of leapfrog and of each tet in it, of a Newton step and of each tet in it."""
+
+    step: float
+    tet: float
+    newton: float
+    solved: float
+
+
+SOLID = {"cuda": Solid(9e-6, 8e-11, 3.5e-4, 5e-9), "cpu": Solid(2e-5, 2e-7, 1e-4, 3.5e-6)}
 
 
 @dataclass(frozen=True)
@@ -77,7 +91,7 @@ def choose(model: Model, rows: dict[str, list[Rows]]) -> Choice:
     if scene.solver == "explicit" or (method and method.explicit):
         return _explicit(model, rows, method)
     if scene.softs:
-        return _soft(scene, method)
+        return _soft(model, rows, method)
     if scene.solver in ("xpbd", "implicit"):
         return _named(scene, scene.solver, method or TABLE["backward_euler"], "the scene names it")
     if method:
@@ -89,11 +103,31 @@ def _named(scene: Scene, solver: str, method: Integrator, why: str) -> Choice:
     return Choice(solver, method, scene.substeps, scene.iterations, why)
 
 
-def _soft(scene: Scene, method: Integrator | None) -> Choice:
-    """Soft bodies by Newton's method: a step of a frame is stable, and what it solves it solves to a residual."""
+def _soft(model: Model, rows: dict[str, list[Rows]], method: Integrator | None) -> Choice:
+    """Soft bodies: leapfrog where its steps cost less, nothing is hit and nothing else is named; else Newton's method, of which
+    a step of a frame is stable, and which solves to a residual."""
+    scene, leapfrog = model.scene, TABLE["leapfrog"]
     chosen = method or TABLE["backward_euler" if scene.colliders else "bdf2"]
     iterations = scene.iterations if scene.solver == "implicit" else min(scene.iterations, SOLVED)
-    return Choice("implicit", chosen, scene.substeps, iterations, "soft bodies are solved together with all that they hold")
+    newton = Choice("implicit", chosen, scene.substeps, iterations, "the scene names it")
+    if scene.solver == "implicit" or method:
+        return newton
+    reason = _unfit(model, rows)
+    if reason:
+        return replace(newton, why=reason.replace("XPBD solves", "Newton's method solves"))
+    from wsim.frequency import bound
+    cost = SOLID["cuda" if model.device.is_cuda else "cpu"]
+    tets = sum(len(b.tets) for b in model.bodies)
+    omega, c = bound(model, rows)
+    stiffens = any(m.model not in ("corotational", "linear") for s in scene.softs for m in s.materials)
+    n = ceil(needed(scene, leapfrog, omega, c) * (STIFFENED if stiffens else 1.0))
+    explicit = n * (cost.step + cost.tet * tets)
+    implicit = scene.substeps * iterations * (cost.newton + cost.solved * tets)
+    said = (f"{n} substeps of leapfrog keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; Newton steps "
+            f"would take {1e3 * implicit:.3g} ms for {scene.substeps} x {iterations}")
+    if explicit <= implicit:
+        return Choice("explicit", leapfrog, max(n, scene.substeps), 1, said)
+    return replace(newton, why=said)
 
 
 def _explicit(model: Model, rows: dict[str, list[Rows]], method: Integrator | None) -> Choice:

@@ -6,6 +6,8 @@ one of threads abreast. Wind, contacts, soft pins, tethers and strain limits act
 at its end, and what they changed becomes a velocity.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import warp as wp
 
@@ -111,6 +113,8 @@ class Explicit(Method):
 
     def start(self, clock: Clock) -> None:
         s = self.state
+        for table in self.pull.tables:
+            table.forget()
         self.model.launch(self.begin, self.model.points, [s.e, s.v, s.r, 0], [self.pair, self.carry, self.own])
 
     def resume(self, clock: Clock) -> None:
@@ -248,11 +252,12 @@ class Explicit(Method):
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]."""
         from wsim.elastic import energy
-        return {"elastic_energy": energy(self.model, self.rows, self.state)}
+        solid = self.pull.tables[0].indicators(self.pull.tables, self.state) if self.pull.tables else {}
+        return {"elastic_energy": energy(self.model, self.rows, self.state) + solid.get("solid_energy", 0.0), **solid}
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """stretch, shear, bend of a cloth, stiffness of a spring net, damping [s] of either where there is some."""
-        hit = False
+        hit = any([table.set(path, name, value, world) for table in self.pull.tables])
         for r in self.rows:
             if r.body is None or r.body.path != path or world not in (None, r.body.world):
                 continue
@@ -268,6 +273,8 @@ class Explicit(Method):
         """Substeps that keep the present stiffness stable, in every world."""
         firsts = [b for b in self.model.bodies if b.world == 0]
         bounds = [frequency.bound(self.model, {b.path: [r.moved(b) for r in self.rows if r.body is not None
-                                                        and (r.body.path, r.body.world) == (b.path, world)] for b in firsts})
+                                                        and (r.body.path, r.body.world) == (b.path, world)] for b in firsts},
+                                  [replace(p, body=b) for table in self.pull.tables for p in table.parts for b in firsts
+                                   if (p.body.path, p.body.world) == (b.path, world)])
                   for world in range(self.model.worlds)]
         return max(needed(self.model.scene, self.integrator, omega, c) for omega, c in bounds)

@@ -79,19 +79,29 @@ def stiffness(rows: list[Rows], body: Body) -> list[Stiffness]:
     return found
 
 
+def solids(body: Body, parts: list | None) -> list[Stiffness]:
+    """Every tet of a soft body at rest; parts: `wsim.soft.Part` of all as they are, None: as in the scene."""
+    if not len(body.tets):
+        return []
+    from wsim.bulk import MODELS
+    from wsim.soft import parts_of, strains
+    mine = [p for name in MODELS for p in parts_of(body, name)] if parts is None else [p for p in parts if p.body is body]
+    return [Stiffness(p.body.tets[p.rows] - body.first, strains(p), float(p.lame()[2].max())) for p in mine]
+
+
 def _inverse(body: Body, pinned: np.ndarray) -> np.ndarray:
     w = 1.0 / body.masses
     w[pinned[(pinned >= body.first) & (pinned < body.last)] - body.first] = 0.0
     return w
 
 
-def bound(model: Model, rows: dict[str, list[Rows]]) -> tuple[float, float]:
-    """Highest frequency omega [rad/s] and highest decay rate c [1/s] of the points of world 0, from above."""
+def bound(model: Model, rows: dict[str, list[Rows]], parts: list | None = None) -> tuple[float, float]:
+    """Highest frequency omega [rad/s] and highest decay rate c [1/s] of the points of world 0, from above. parts: `solids`."""
     pinned, top, decay = hard_places(model), 0.0, 0.0
     for body in (b for b in model.bodies if b.world == 0):
         w = _inverse(body, pinned)
         sums, damped = np.zeros(body.count), np.zeros(body.count)
-        for s in stiffness(rows[body.path], body):
+        for s in [*stiffness(rows[body.path], body), *solids(body, parts)]:
             g = np.linalg.norm(s.J[:, 0], axis=2) if s.J.shape[1] == 1 else np.linalg.norm(s.J.swapaxes(1, 2), 2, (2, 3))
             g = np.where(w[s.ids] > 0.0, g, 0.0)
             each = np.bincount(s.ids.ravel(), (g * g.sum(1, keepdims=True)).ravel(), body.count)
@@ -105,7 +115,7 @@ def estimate(model: Model, rows: dict[str, list[Rows]], iterations: int = ITERAT
     """Highest frequency [rad/s] of the points of world 0 at rest, from below."""
     pinned, top = hard_places(model), 0.0
     for body in (b for b in model.bodies if b.world == 0):
-        parts, root = stiffness(rows[body.path], body), np.sqrt(_inverse(body, pinned))[:, None]
+        parts, root = [*stiffness(rows[body.path], body), *solids(body, None)], np.sqrt(_inverse(body, pinned))[:, None]
         y, value = np.random.default_rng(7).normal(size=(body.count, 3)) * root, 0.0
         for _ in range(iterations):
             size = np.linalg.norm(y)

@@ -32,8 +32,9 @@ class Pull:
         self.springs = [r for r in rows if r.kind == "distance"]
         self.damped = any(r.tau > 0.0 for r in rows)
         self.added = bool(self.springs) and not model.device.is_cuda
-        self.whole = alone and len(self.springs) == len(rows)
-        self.alone = self.whole and not self.damped and _clusters(model.device)
+        self.only = not (self.damped or model.scene.softs) and len(self.springs) == len(rows)
+        self.whole = alone and len(self.springs) == len(rows) and not model.scene.softs
+        self.alone = alone and self.only and _clusters(model.device)
         self.net = kernels.net(model.real)()
         for name in ("w", "object", "gravity", "decay"):
             setattr(self.net, name, getattr(constants, name))
@@ -42,8 +43,14 @@ class Pull:
         if self.springs:
             self.place(np.concatenate([r.ids for r in self.springs]).astype(np.int32))
             self.values()
-        self.elements = [Elements(model, kind, [r for r in rows if r.kind == kind])
+        self.elements: list[Elements | Solid] = [Elements(model, kind, [r for r in rows if r.kind == kind])
                          for kind in sorted({r.kind for r in rows} - {"distance"})]
+        self.tables: list = []
+        if model.scene.softs:
+            from wsim.solid import tables_of
+            self.tables = tables_of(model)
+        self.elements += [Solid(table) for table in self.tables]
+        self.damped = self.damped or any(table.damped for table in self.tables)
         self.corners()
 
     def place(self, ids: np.ndarray) -> None:
@@ -134,7 +141,7 @@ class Pull:
         if self.added:
             self.model.launch(self.pull, 1, [self.table, x, pair, source], [self.force, self.space])
         for e in self.elements:
-            self.model.launch(e.corners(self.damped), len(e.ids), [e.data, x, pair, source, e.first], [self.force])
+            e.launch(x, pair, source, self.force, self.damped)
 
     def refresh(self) -> None:
         """Uploads stiffness and damping anew."""
@@ -202,5 +209,21 @@ class Elements:
         self.data.stiffness.assign(self.stiffness().astype(self.model.dtype))
         self.data.tau.assign(self.tau().astype(self.model.dtype))
 
-    def corners(self, damped: bool):
-        return corner.corners(self.kind, real=self.model.real, module=self.model.module, damped=damped)
+    def launch(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None, damped: bool) -> None:
+        kernel = corner.corners(self.kind, real=self.model.real, module=self.model.module, damped=damped)
+        self.model.launch(kernel, len(self.ids), [self.data, x, pair, source, self.first], [force])
+
+
+class Solid:
+    """Tets of one material model."""
+
+    def __init__(self, table):
+        self.table, self.ids, self.first, self.damped = table, table.ids, 0, table.damped
+
+    def launch(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None, damped: bool) -> None:
+        n = len(x)
+        self.table.place(self.first, 0)
+        self.table.forces(x, pair[source * n:(source + 1) * n], pair[(2 + source) * n:(3 + source) * n], force)
+
+    def refresh(self) -> None:
+        """Live parameters are written where they are set."""

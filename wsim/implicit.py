@@ -12,10 +12,10 @@ Contacts and soft pins enter the system, see kernels/touching.py; tethers and st
 import numpy as np
 import warp as wp
 
-from wsim import elements, linear, topology
+from wsim import linear, topology
 from wsim.cloth import Rows, in_worlds
 from wsim.elements import Table
-from wsim.kernels import descent, fem, newton, tangent, touching
+from wsim.kernels import descent, newton, tangent, touching
 from wsim.kernels.real import types
 from wsim.model import Model
 from wsim.stage import RESIDUAL, Clock, Method, Stage
@@ -45,12 +45,14 @@ class Implicit(Method):
         self.tables = {kind: Table(kind, [r for r in every if r.kind == kind], model)
                        for kind in KINDS if any(r.kind == kind for r in every)}
         self.contact = self.pins = self.free = None
-        self.solids = elements.tables_of(model) if model.scene.softs else []
+        self.solids: list = []
+        if model.scene.softs:
+            from wsim import solid
+            self.solids = solid.tables_of(model)
         self.springs = "distance" in self.tables
         self.elements = bool(self.solids or self.tables.keys() - {"distance"})
-        tets = np.concatenate([np.zeros((0, 4), np.int32), *(t.ids for t in self.solids)])
         self.system = linear.System(model, points.constants.w, self.ids("distance", 2), self.ids("dihedral", 4),
-                                    self.ids("membrane", 3), tets)
+                                    [self.ids("membrane", 3), *(s.ids for s in self.solids)])
         self.rows, self.A, self.v = self.system.rows, self.system.A, self.system.v
         self.work()
         self.make()
@@ -74,7 +76,8 @@ class Implicit(Method):
         force, block = 4 * hinges + 3 * triangles, 3 * triangles
         for table in self.solids:
             table.place(force, block)
-            force, block = force + 4 * table.size, block + 6 * table.size
+            corners = table.ids.shape[1]
+            force, block = force + corners * table.size, block + corners * (corners - 1) // 2 * table.size
         self.element.J, self.element.block = over(4 * hinges, t.vec3), over(block, t.mat33)
         self.element.force = over(force, t.vec3)
         self.residual, self.step = over(bodies, model.real), over(bodies, wp.float64)
@@ -101,8 +104,7 @@ class Implicit(Method):
         self.assemble = newton.assemble(real, module, self.springs, self.elements)
         self.inertia, self.move = descent.inertia(real, module), descent.move(real, module)
         self.elastic = {kind: descent.elastic(kind, real, module) for kind in self.tables}
-        self.stressed = {s.name: [f(s.name, s.damped, real=real, module=module) for f in (fem.linearise, fem.energy_change)]
-                         for s in self.solids}
+        self.stressed = {s.name: s.kernels() for s in self.solids}
         self.choose, self.left = descent.choose(real, block), descent.left(real, block)
         if self.clock.watched:
             from wsim.kernels.residual import judge
@@ -134,6 +136,9 @@ class Implicit(Method):
     def newton(self, clock: Clock) -> None:
         """One Newton step; after the last of a frame, or of any substep of the midpoint, its residual."""
         rate = 1.0 / clock.g
+        if clock.i == 0 and clock.k == 0:
+            for table in self.solids:
+                table.forget()
         if clock.i == 0:
             self.start(clock)
         self.linearise(rate)
@@ -241,7 +246,7 @@ class Implicit(Method):
         """elastic_energy [J]; residual of the frame's last Newton step (kernels/descent.py, `left`), largest of all
         bodies; pcg_iterations of the last substep, largest of all bodies."""
         module = self.model.module + "_report"
-        solid = elements.indicators(self.solids, self.state)
+        solid = self.solids[0].indicators(self.solids, self.state) if self.solids else {}
         stored = sum((self.energy(b, module) for b in self.tables.values()), solid.get("solid_energy", 0.0))
         return {"elastic_energy": stored, **solid, "residual": float(self.residual.numpy().max()),
                 "pcg_iterations": float(self.system.count.numpy().max())}

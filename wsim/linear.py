@@ -1,11 +1,12 @@
 """Sparse systems over points: their structure, from who touches whom, and their solution. See kernels/pcg.py.
 
     springs     (m, 2) points of each spring; row i of the system has an entry for each spring end at point i
-    hinges      (h, 4), triangles (t, 3), tets (e, 4): row i has a block for each other point that shares one with i
+    hinges      (h, 4): row i has a block for each other point that shares one with i
+    elements    (m, k) each, triangles and tets say, which leave a block of each pair of their points (0 1), (0 2) .. (1 2) ..
 """
 
 from dataclasses import dataclass
-from itertools import permutations
+from itertools import combinations, permutations
 
 import numpy as np
 import warp as wp
@@ -21,8 +22,6 @@ FUSE = {"cuda": 1500, "cpu": 2**31}     # points up to which one block solves a 
                                         # 12.5 ms a frame, 10k points by several 5.4; 1k points by one 2.0
 CHUNKS = 512           # blocks of a larger body, at most: each sums what all have found
 EACH = 4               # iterations between two looks at whether some body goes on; even
-# block of a pair of corners of a triangle, and of a tet
-PLACE = {3: {(0, 1): 0, (0, 2): 1, (1, 2): 2}, 4: {(0, 1): 0, (0, 2): 1, (0, 3): 2, (1, 2): 3, (1, 3): 4, (2, 3): 5}}
 
 
 @dataclass
@@ -46,9 +45,9 @@ class Blocks:
     """Blocks by point, and what each is the sum of.
 
     first, column     blocks first[i] .. first[i + 1] of point i, each with its other point
-    part, item        items part[b] .. part[b + 1] of block b: places of two hinge corners (4 hinge + corner), or of a
-                      triangle's or a tet's block (3 triangle + pair, then 6 tet + pair) and WHOLE or TURNED
-    corner, pull      places pull[corner[i] .. corner[i + 1]] of the corners at point i: 4 hinge + corner, triangles, tets
+    part, item        items part[b] .. part[b + 1] of block b: places of two hinge corners (4 hinge + corner), or of an
+                      element's block (pairs element + pair, one kind after the other) and WHOLE or TURNED
+    corner, pull      places pull[corner[i] .. corner[i + 1]] of the corners at point i: 4 hinge + corner, then elements
     """
 
     first: np.ndarray
@@ -59,30 +58,30 @@ class Blocks:
     pull: np.ndarray
 
 
-def blocks(hinges: np.ndarray, triangles: np.ndarray, tets: np.ndarray, n: int) -> Blocks:
-    """Blocks of n points; their items in the order hinges, triangles, tets, ascending."""
-    keys, items = [np.zeros(0, np.int64)], [np.zeros((0, 2), np.int64)]
-    for ids, begin in ((hinges, -1), (triangles, 0), (tets, 3 * len(triangles))):
-        every, pairs = np.arange(len(ids)), PLACE[ids.shape[1]]
+def blocks(hinges: np.ndarray, elements: list[np.ndarray], n: int) -> Blocks:
+    """Blocks of n points; their items in the order hinges, elements, ascending."""
+    keys, items, begin = [np.zeros(0, np.int64)], [np.zeros((0, 2), np.int64)], 0
+    for kind, ids in enumerate([hinges, *elements]):
+        every, pairs = np.arange(len(ids)), {pair: k for k, pair in enumerate(combinations(range(ids.shape[1]), 2))}
         for a, b in permutations(range(ids.shape[1]), 2):
             keys.append(ids[:, a].astype(np.int64) * n + ids[:, b])
-            found = (4 * every + a, 4 * every + b) if begin < 0 else \
+            found = (4 * every + a, 4 * every + b) if kind == 0 else \
                 (begin + len(pairs) * every + pairs[min(a, b), max(a, b)], np.full(len(ids), WHOLE if a < b else TURNED))
             items.append(np.stack(found, axis=1))
+        begin += len(pairs) * len(ids) * (kind > 0)
     key, item = np.concatenate(keys), np.concatenate(items)
     order = topology.order_of(key)
     key, item = key[order], item[order]
     new = np.flatnonzero(np.r_[np.ones(min(len(key), 1), bool), key[1:] != key[:-1]])
     first = np.searchsorted(key[new], np.arange(n + 1, dtype=np.int64) * n)
-    corner, pull = topology.incident(np.concatenate([hinges.ravel(), triangles.ravel(), tets.ravel()])[:, None], n)
+    corner, pull = topology.incident(np.concatenate([ids.ravel() for ids in (hinges, *elements)])[:, None], n)
     return Blocks(first, key[new] % n, np.r_[new, len(key)], item, corner, pull)
 
 
 class System:
     """A y = f over the points of all bodies, each body a system of its own."""
 
-    def __init__(self, model: Model, w: wp.array, springs: np.ndarray, hinges: np.ndarray, triangles: np.ndarray,
-                 tets: np.ndarray):
+    def __init__(self, model: Model, w: wp.array, springs: np.ndarray, hinges: np.ndarray, elements: list[np.ndarray]):
         """w: inverse masses [1/kg]; the others as above, empty (0, k) where there are none."""
         self.model, n, t, s = model, model.points, types(model.real), newton.structs(model.real)
         self.rows, self.A, self.v = s.Rows(), s.Matrix(), pcg.vectors(model.real)()
@@ -91,9 +90,9 @@ class System:
             e = entries(springs, n)
             self.put(self.rows, spring=e.first, other=e.other, number=e.number)
             self.A.link = self.zeros(len(e.other), t.vec4)
-        elements = len(hinges) + len(triangles) + len(tets) > 0
-        if elements:
-            b = blocks(hinges, triangles, tets, n)
+        paired = len(hinges) + sum(map(len, elements)) > 0
+        if paired:
+            b = blocks(hinges, elements, n)
             self.put(self.rows, pair=b.first, column=b.column, part=b.part, corner=b.corner, pull=b.pull)
             self.rows.item = model.upload(b.item.astype(np.int32), wp.vec2i)
             self.A.block = self.zeros(len(b.column), t.mat33)
@@ -102,7 +101,7 @@ class System:
             setattr(self.v, name, self.zeros(n, t.vec3))
         self.first = model.upload(np.array([*(b.first for b in model.bodies), n], np.int32), int)
         self.drop, self.count = self.zeros(len(model.bodies), wp.float64), self.zeros(len(model.bodies), int)
-        kinds = model.real, model.sweep_module, len(springs) > 0, elements
+        kinds = model.real, model.sweep_module, len(springs) > 0, paired
         self.large = max(b.count for b in model.bodies) > FUSE["cuda" if model.device.is_cuda else "cpu"]
         if self.large:
             self.kernels, self.chunks = pcg.several(*kinds), self.cut()

@@ -66,12 +66,14 @@ def profile(plan: Plan) -> dict[str, float]:
 
 
 def rows(plan: Plan) -> tuple[int, int]:
-    """Springs, triangles, hinges and limits of all methods; and how many are worked on in a substep: once each in a sweep, a
+    """Springs, triangles, hinges, limits, tets of all methods; and how many are worked on in a substep: once each in a sweep, a
     Newton step, an evaluation of the forces."""
     clock, integrator = plan.clock, plan.choice.integrator
     swept = getattr(plan.method("xpbd"), "constraints", 0)
-    newton = sum(t.size for t in getattr(plan.method("implicit"), "tables", {}).values())
-    pulled = sum(len(r.ids) for r in getattr(plan.method("explicit"), "rows", []))
+    implicit, explicit = plan.method("implicit"), plan.method("explicit")
+    newton = sum(t.size for t in (*getattr(implicit, "tables", {}).values(), *getattr(implicit, "solids", [])))
+    pulled = sum(len(r.ids) for r in getattr(explicit, "rows", []))
+    pulled += sum(t.size for t in explicit.pull.tables) if explicit else 0             # type: ignore[attr-defined]
     return swept + newton + pulled, (swept + newton) * clock.iterations + pulled * integrator.forces
 
 

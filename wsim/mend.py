@@ -14,7 +14,8 @@ from wsim.stage import NOT_FINITE, OVERFLOW, RESIDUAL
 if TYPE_CHECKING:
     from wsim.simulation import Simulation
 
-STIFFENS = ("stretch", "shear", "bend", "damping", "stiffness", "air_drag")     # live parameters that bound explicit steps
+# live parameters that bound explicit steps
+STIFFENS = ("stretch", "shear", "bend", "damping", "stiffness", "air_drag", "young", "poisson")
 
 
 def mend(sim: Simulation, status: np.ndarray) -> bool:
@@ -73,14 +74,15 @@ def _suspect(sim: Simulation) -> None:
 
 
 def _switch(sim: Simulation) -> bool:
-    """Goes on with XPBD where an edge has more than doubled under an explicit integrator that nobody asked for by name: its
-    step may have thrown it. Live parameters are set again."""
+    """Goes on with XPBD (soft bodies: Newton's method) where an edge has more than doubled under an explicit integrator that
+    nobody asked for by name: its step may have thrown it. Live parameters are set again."""
     scene = sim.scene
     if (scene.solver, scene.integrator) != ("auto", "auto"):
         return False
     sim.state.restore()
     kept = {name: sim.state.arrays[name].numpy() for name in ("x", "e", "v")}
-    sim.scene = replace(scene, solver="xpbd", integrator="backward_euler")
+    solver = "implicit" if scene.softs else "xpbd"
+    sim.scene = replace(scene, solver=solver, integrator="backward_euler")
     sim.plan = plans.build(sim.scene, device=sim.device, real=sim.model.real, worlds=sim.worlds)
     sim.model, sim.state, sim.graph = sim.plan.model, sim.plan.state, None
     for name, values in kept.items():
@@ -91,8 +93,9 @@ def _switch(sim: Simulation) -> bool:
     sim.seconds.pop("compile", None)
     sim.load()
     sim.state.snapshot()
+    other = "Newton steps" if scene.softs else "XPBD"
     sim.warnings.append(f"frame {sim.frame + 1}: an edge stretched to more than twice its length under leapfrog; from here on "
-                        f"XPBD, {scene.substeps} substeps of {scene.iterations} iterations")
+                        f"{other}, {scene.substeps} substeps of {scene.iterations} iterations")
     return True
 
 

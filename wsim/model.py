@@ -14,7 +14,6 @@ import numpy as np
 from wsim import topology
 from wsim.order import order_of_points
 from wsim.scene import Cloth, Scene, Soft, Springs
-from wsim.tetra import tets
 
 THIN = 1.0 / 64.0      # least part of a cage's tet that counts: with less, light points hang on nothing and want small steps
 
@@ -186,11 +185,12 @@ def soft_masses(soft: Soft, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mass of each author's point [kg], and the points that no tet has (which get some mass, and stay where they are).
 
     Authored, or the volume of the tets at rest times density; of tets that are partly body at least THIN of it."""
+    from wsim.tetra.tets import masses as shared
     n, idle = len(rest), np.setdiff1d(np.arange(len(rest)), soft.tets)
     if soft.masses is not None:
         return soft.masses.astype(np.float64), idle
     density = np.array([m.density for m in soft.materials])[0 if soft.which is None else soft.which]
-    masses = tets.masses(rest, soft.tets, np.broadcast_to(density * soft_share(soft), len(soft.tets)))
+    masses = shared(rest, soft.tets, np.broadcast_to(density * soft_share(soft), len(soft.tets)))
     if soft.mass is not None:
         masses *= soft.mass / masses.sum()
     masses[idle] = masses.sum() / n
@@ -236,6 +236,7 @@ def _shape(source: Cloth | Springs | Soft, places: np.ndarray) -> _Shape:
         masses = np.broadcast_to(source.masses, n).astype(np.float64)
         return _Shape(places - places.mean(axis=0), masses, np.full(n, source.radius), source, np.arange(n), edges=source.edges)
     rest = source.motion.points(source.points if source.rest_points is None else source.rest_points, 0.0)
+    from wsim.tetra import tets
     rest, triangles = rest - rest.mean(axis=0), tets.surface(source.tets)
     masses, idle = soft_masses(source, rest)
     return _Shape(rest, masses, np.zeros(n), source.material, np.arange(n), triangles, np.arange(len(triangles)),

@@ -36,6 +36,7 @@ def why(scene: Scene, choice: Choice, rows: dict[str, list[Rows]]) -> dict[str, 
         "explicit": choice.why if choice.solver == "explicit" else "",
         "implicit": choice.why if choice.solver == "implicit" else "",
         "xpbd": choice.why if choice.solver == "xpbd" else "tethers or strain limits" if hard else "",
+        "fem": f"{sum(len(s.tets) for s in scene.softs)} tets" if scene.softs else "",
         "contact": f"colliders: {', '.join(kinds)}" if kinds else "",
     }
 

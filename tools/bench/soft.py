@@ -2,7 +2,7 @@
 
     python tools/bench/soft.py [--device cuda:0|cpu] [--cells 8,17,58] [--model corotational,neo_hookean] [--json FILE]
 
-A cube of 1 m of n^3 cells of five tets, E 1e6 Pa, nu 0.3, 1000 kg/m^3, one face held, falls under its weight from rest: frames of
+A cube of 1 m, n^3 cells of five tets, E 1e6 Pa, nu 0.3, 1000 kg/m^3, one face held, falls under its weight from rest: frames of
 1/60 s, `substeps` and `newton` steps each. residual is that of the last Newton step over inertia and weight; pcg the
 iterations of the last substep. ms is the median of the later frames, each waited for. build_s, compile_s: once, as is.
 """

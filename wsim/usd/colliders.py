@@ -13,7 +13,6 @@ from pxr import Usd, UsdGeom
 from wsim import solids
 from wsim.curve import Curve, Motion
 from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
-from wsim.tetra.tets import surface
 from wsim.usd import names
 from wsim.usd.attributes import array, author, author_times, read, read_times
 from wsim.usd.material import author_friction, bind, load_friction
@@ -199,6 +198,7 @@ def _faces(reading: Reading, prim: Usd.Prim) -> tuple[np.ndarray | None, np.ndar
     tets = read(prim, "Soft", "tets", reading.units, reading.start)
     if tets is None:
         return None, None
+    from wsim.tetra.tets import surface
     faces = surface(tets)
     return np.full(len(faces), 3, np.int32), faces.ravel()
 

@@ -19,7 +19,6 @@ from wsim.usd.cloth import load_cloth
 from wsim.usd.colliders import load_collider
 from wsim.usd.material import foreign_spellings
 from wsim.usd.settings import frames_of, load_settings
-from wsim.usd.soft import load_soft
 from wsim.usd.springs import load_springs
 from wsim.usd.stage import Reading, Units, applied, open_stage, quiet
 
@@ -107,6 +106,7 @@ def _load_body(reading: Reading, scene: Scene, prim: Usd.Prim, body: Usd.Prim) -
         reading.fail(prim.GetPath(), f"is to be simulated and lies in the instance {root.GetPath()}, whose contents "
                      f"cannot be written over; author instanceable = false on {root.GetPath()}")
     elif names.VOLUME_SIM in apis:
+        from wsim.usd.soft import load_soft
         soft = load_soft(reading, prim, body)
         if soft is not None:
             scene.softs.append(soft)

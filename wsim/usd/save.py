@@ -15,8 +15,6 @@ from wsim.usd.attachments import FRAME, author_pin
 from wsim.usd.cloth import author_cloth_prim
 from wsim.usd.colliders import author_collider
 from wsim.usd.settings import author_settings
-from wsim.usd.skins import skin_problems
-from wsim.usd.soft import author_soft
 from wsim.usd.springs import author_springs
 from wsim.usd.stage import SUFFIXES, Units, reason
 
@@ -61,6 +59,7 @@ def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
 
 
 def _author_soft(stage: Usd.Stage, soft: Soft, materials: "_Materials", taken: set[str], units: Units, frames: int) -> None:
+    from wsim.usd.soft import author_soft
     for skin in soft.skins:
         _parents(stage, skin.path)
     paths = [materials.of_value(bulk, Sdf.Path(soft.path).name) for bulk in soft.materials]
@@ -109,7 +108,11 @@ def _parents(stage: Usd.Stage, path: str) -> None:
 def _path_problems(scene: Scene) -> list[Problem]:
     """Paths that a stage cannot hold."""
     solid = [*scene.bodies(), *_skins(scene), *scene.colliders]
-    problems, geometry = [*skin_problems(scene)], [thing.path for thing in solid]
+    problems: list[Problem] = []
+    geometry = [thing.path for thing in solid]
+    if scene.softs:
+        from wsim.usd.skins import skin_problems
+        problems += skin_problems(scene)
     moving = {thing.path: thing.motion for thing in scene.colliders}
     for thing in [*solid, *scene.pins]:
         good = Sdf.Path.IsValidPathString(thing.path) and Sdf.Path(thing.path).IsAbsoluteRootOrPrimPath()
