@@ -150,3 +150,6 @@ def test_soft_bodies_agree(model, cells, precision, bound):
     scene.pin("/wall", body, np.flatnonzero(points[:, 0] < -0.499))
     cpu, gpu = ends(scene, 5, "cpu", "cuda:0", precision=precision)
     assert reference.rms(cpu - gpu) < bound * 1.0
+    scene.solver = "explicit"
+    cpu, gpu = ends(scene, 5, "cpu", "cuda:0", precision=precision)
+    assert reference.rms(cpu - gpu) < bound * 1.0

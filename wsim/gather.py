@@ -30,7 +30,11 @@ class Pull:
         self.model = model
         self.cluster: Cluster | None = None
         self.springs = [r for r in rows if r.kind == "distance"]
-        self.damped = any(r.tau > 0.0 for r in rows)
+        self.tables: list = []
+        if model.scene.softs:
+            from wsim.solid import tables_of
+            self.tables = tables_of(model)
+        self.damped = any(r.tau > 0.0 for r in rows) or any(table.damped for table in self.tables)
         self.added = bool(self.springs) and not model.device.is_cuda
         self.only = not (self.damped or model.scene.softs) and len(self.springs) == len(rows)
         self.whole = alone and len(self.springs) == len(rows) and not model.scene.softs
@@ -45,12 +49,7 @@ class Pull:
             self.values()
         self.elements: list[Elements | Solid] = [Elements(model, kind, [r for r in rows if r.kind == kind])
                          for kind in sorted({r.kind for r in rows} - {"distance"})]
-        self.tables: list = []
-        if model.scene.softs:
-            from wsim.solid import tables_of
-            self.tables = tables_of(model)
         self.elements += [Solid(table) for table in self.tables]
-        self.damped = self.damped or any(table.damped for table in self.tables)
         self.corners()
 
     def place(self, ids: np.ndarray) -> None:
