@@ -3,8 +3,9 @@
     python tools/bench/soft.py [--device cuda:0|cpu] [--cells 8,17,58] [--model corotational,neo_hookean] [--json FILE]
 
 A cube of 1 m, n^3 cells of five tets, E 1e6 Pa, nu 0.3, 1000 kg/m^3, one face held, falls under its weight from rest: frames of
-1/60 s, n substeps of `newton` steps each (leapfrog: as many substeps as it needs, 0 steps). residual is that of the last Newton
-step over inertia and weight; pcg the iterations of the last substep. ms is the median of the later frames, each waited for. build_s, compile_s: once, as is.
+1/60 s, n substeps of `newton` steps each (leapfrog: what it needs, and 0). residual is that of the last Newton step over
+inertia and weight; pcg the iterations of the last substep. ms is the median of the later frames, each waited for. build_s,
+compile_s: once, as is.
 """
 
 import argparse
@@ -49,11 +50,13 @@ def row(cells: int, model: str, setting: tuple, device: str, frames: int) -> dic
         times.append(1e3 * (time.perf_counter() - start))
         iterations.append(int(newton.system.count.numpy().max()) if newton else 0)
     found, substeps = sim.indicators(), sim.plan.clock.substeps
+    drop = float(-sim.positions()[:, 1].min() - 0.5)
     return {"cells": cells, "tets": len(sim.scene.softs[0].tets), "points": sim.model.points, "model": model,
             "substeps": substeps, "newton": setting[1] * bool(newton), "integrator": setting[2], "ms": float(np.median(times)),
             "ms_substep": float(np.median(times)) / substeps, "pcg": int(np.median(iterations)),
-            "residual": found.get("residual", 0.0), "solid_strain": found["solid_strain"], "drop": float(-sim.positions()[:, 1].min() - 0.5),
-            "build_s": sim.seconds["build"], "compile_s": sim.seconds["compile"], "first_s": first, "warnings": len(sim.warnings)}
+            "residual": found.get("residual", 0.0), "solid_strain": found["solid_strain"], "drop": drop,
+            "build_s": sim.seconds["build"], "compile_s": sim.seconds["compile"], "first_s": first,
+            "warnings": len(sim.warnings)}
 
 
 def kernels(cells: int, model: str, setting: tuple, device: str) -> list[tuple[str, int, float]]:
