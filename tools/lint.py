@@ -32,7 +32,7 @@ LAYERS = (
     ("elastic", "elements", "solid", "gather"),
     ("points", "explicit", "implicit", "aero", "xpbd", "fem", "rigid", "fluid", "pose"),
     ("plan",),
-    ("measure", "mend", "simulation"),
+    ("measure", "mend", "stress", "simulation"),
     ("usd", "partial", "sublayer", "overs", "restart", "recorder", "fit", "drawn", "visible", "view", "picture"),
     ("cli", "bench", "commands", "run", "__main__", "__init__"),
 )

@@ -143,6 +143,8 @@ def _run(commands) -> None:
     run.add_argument("--samples", type=whole, default=1, metavar="N", help="samples written a frame, for motion blur")
     run.add_argument("--restart", metavar="RESULT", help="go on from the last frame of an earlier result")
     run.add_argument("--flatten", action="store_true", help="one file that holds the scene too")
+    run.add_argument("--stress", action="store_true",
+                     help="write von Mises stress and strain of soft bodies as primvars vonMises and strain")
     run.add_argument("--png", type=image, metavar="FILE", help="picture of the last frame")
     run.add_argument("--view", action="store_true", help="live view (needs the extra `view`)")
     run.add_argument("--json", action="store_true", help="print the closing report as JSON")

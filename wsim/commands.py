@@ -112,7 +112,7 @@ def _prepared(scene: "Scene", args) -> Iterator["Run"]:
 
     try:
         job = prepare(scene, args.output, simulate, samples=args.samples, preroll=args.preroll, flatten=args.flatten,
-                      restart=args.restart)
+                      restart=args.restart, stress=args.stress)
         job.watchers += [viewer.log for viewer in viewers]
         yield job
     finally:

@@ -10,7 +10,7 @@ which is what transforms keyed at each frame do from this code on. Computed in f
 float32, in the prim's frame.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,8 +20,10 @@ from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 from wsim.normals import Normals
 from wsim.scene import Collider, Problem, SceneError
 from wsim.usd.names import row
+from wsim.usd.stage import Units
 
 STEP = 1.0 / 16.0      # [time codes] of the forward difference
+PRIMVARS = {"vonMises": "Pa", "strain": "1"}      # of soft bodies, where they are asked for: name and unit
 PARTICLES = row("Springs", "particles").attribute
 
 
@@ -196,6 +198,13 @@ class BodyOver:
         if self.normals and self.follow:
             found.append((self.normals, self.follow.at(local)))
         return [(a, Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(v, np.float32))) for a, v in found]
+
+    def color(self, values: Mapping[str, np.ndarray]) -> list:
+        """(attribute, value) of primvars [SI] by name, (n,) each, not yet set; a name of PRIMVARS, in the stage's unit."""
+        api, units = UsdGeom.PrimvarsAPI(self.prim), Units.of(self.prim.GetStage())
+        return [(api.CreatePrimvar(name, Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex).GetAttr(),
+                 Vt.FloatArray.FromNumpy((value / units.factor(PRIMVARS[name])).astype(np.float32)))
+                for name, value in values.items()]
 
     def _spread(self, values: np.ndarray) -> np.ndarray:
         return values if self.map is None else values[self.map]

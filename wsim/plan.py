@@ -84,6 +84,11 @@ class Plan:
     def method(self, name: str) -> Method | None:
         return next((m for m in self.methods if m.name == name), None)
 
+    @property
+    def solids(self) -> list:
+        """Tables of tets (`wsim.solid`), of whichever method has them."""
+        return [t for m in self.methods for t in getattr(m, "solids", getattr(getattr(m, "pull", None), "tables", []))]
+
     def before_frame(self, time: float) -> None:
         for method in self.methods:
             method.before_frame(time, self.clock)

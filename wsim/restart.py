@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
-from wsim.overs import Frame, body_prim, particles_of
+from wsim.overs import PRIMVARS, Frame, body_prim, particles_of
 from wsim.partial import put_index_back
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
 from wsim.usd.stage import open_stage
@@ -32,7 +32,8 @@ CODE, FIELDS = "wsim:restart:timeCode", "wsim:restart:fields:"
 TYPES = {np.dtype(np.float32): (Sdf.ValueTypeNames.FloatArray, Vt.FloatArray),
          np.dtype(np.float64): (Sdf.ValueTypeNames.DoubleArray, Vt.DoubleArray),
          np.dtype(np.int32): (Sdf.ValueTypeNames.IntArray, Vt.IntArray)}
-SAMPLED = ("points", "velocities", "extent", "normals", "primvars:normals")     # what a recorder samples on a body
+STRESS = tuple(f"primvars:{name}" for name in PRIMVARS)
+SAMPLED = ("points", "velocities", "extent", "normals", "primvars:normals", *STRESS)     # what a recorder samples on a body
 NAME = re.compile(r"[A-Za-z_]\w*\Z")
 
 
@@ -224,7 +225,11 @@ def copy_samples(restart: Restart, stage: Usd.Stage, scene: Scene) -> list[float
             if times:
                 prim = stage.GetPrimAtPath(path)
                 attribute = prim.GetAttribute(name) or prim.CreateAttribute(name, spec.typeName, False)
+                if spec.HasInfo("interpolation"):
+                    attribute.SetMetadata("interpolation", spec.GetInfo("interpolation"))
                 for c in times:
                     attribute.Set(layer.QueryTimeSample(spec.path, c), c)
+                if name in STRESS:                          # else the last one would stay, where this run writes none
+                    attribute.Set(Sdf.ValueBlock(), restart.frame_time_code + stage.GetTimeCodesPerSecond() / scene.fps)
                 codes.update(times if name == "points" else ())
     return sorted(codes)

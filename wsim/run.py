@@ -89,6 +89,7 @@ class Run:
     samples: int = 1
     preroll: int = 0
     first: int = 0                                # frames that an earlier run has done and written
+    stress: bool = False                          # written with the points of soft bodies, see `wsim.stress`
     shown: Callable[[int], None] = lambda done: None
     watchers: list[Callable] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=lambda: {"simulate": 0.0, "write": 0.0})
@@ -134,19 +135,21 @@ class Run:
         sim, paths = self.simulation, [body.path for body in self.scene.bodies()]
         code = self.recorder.time_code(self.first + k / self.samples)
         with whole(), self._timed("write"):
+            stress = {s.path: sim.stress(s.path).at_points() for s in self.scene.softs if self.stress}
             self.recorder.append(code, {p: sim.positions(p) for p in paths}, {p: sim.velocities(p) for p in paths},
-                                 sim.poses())
+                                 sim.poses(), stress)
         self.written = self.first + k // self.samples
         for watch in self.watchers:
             watch(sim)
 
 
 def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"], *, samples: int = 1, preroll: int = 0,
-            flatten: bool = False, restart: str | None = None) -> Run:
+            flatten: bool = False, restart: str | None = None, stress: bool = False) -> Run:
     """Everything that comes before the first frame, so that what cannot work fails before it has cost time.
 
     simulate    makes the simulation of a scene (device and precision are its matter)
     restart     an earlier result of this scene to go on from; frames are still counted from the scene's start
+    stress      writes von Mises stress and strain of soft bodies as primvars; a warning where there is none
 
     Raises SceneError, and OSError where the output cannot be written.
     """
@@ -169,9 +172,11 @@ def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"]
             return {} if sim.frame % samples else {body.path: sim.fields(body.path) for body in scene.bodies()}
 
         recorder = Recorder(scene, output, flatten=flatten, restart_fields=fields, continues=earlier)
+        if stress and not scene.softs:
+            recorder.notes.append(Problem("--stress", "there is no soft body whose stress could be written", fatal=False))
     except ValueError as error:                   # the recorder's word for an output that would be a mistake
         raise SceneError(Problem(output, str(error).removeprefix(f"{output}: "))) from error
-    return Run(scene, sim, recorder, samples, preroll, earlier.frame if earlier else 0)
+    return Run(scene, sim, recorder, samples, preroll, earlier.frame if earlier else 0, stress)
 
 
 def _go_on(sim: "Simulation", earlier: "Restart", samples: int) -> None:

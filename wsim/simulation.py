@@ -243,6 +243,12 @@ class Simulation:
 
     def report(self, profile: bool = True) -> dict:
         """What ran and how well: device, precision, frames, times, errors, stages, what was skipped, warnings."""
+    def stress(self, path: str | None = None, world: int = 0):
+        """`wsim.stress.Stress` of a soft body now: `von_mises` [Pa] and `strain` of each tet. Compiles a kernel when first
+        called. Raises SceneError where the body is none."""
+        from wsim import stress
+        return stress.stress(self.plan, path, world)
+
         return measure.report(self, profile)
 
 

@@ -1,0 +1,49 @@
+"""Stress and strain of each tet, to look at: von Mises's of the Cauchy stress, and the size of the strain.
+
+    sigma = P F^T / J        J = det F                                     (Bonet, Wood 2008, 5.45)
+    von Mises = sqrt(3/2 s:s),   s = dev sym(sigma)        strain = |E|,   E = sym(R^T F) - 1
+
+P is the elastic stress of kernels/material.py: damping is not in it. A tet that is turned inside out has the stress of |J|, and
+one that is flat that of |J| = FLAT, so that every number is finite. In float64.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels import material as materials
+from wsim.kernels.fem import displaced, elements
+from wsim.kernels.real import types
+from wsim.kernels.rotation import identity, rotation
+from wsim.kernels.stretch import held, strain, symmetric
+
+FLAT = wp.constant(wp.float64(1.0e-3))
+D = types(wp.float64)
+
+
+@wp.func
+def von_mises(P: D.mat33, F: D.mat33):
+    """[Pa] of the first Piola-Kirchhoff stress P [Pa] at F."""
+    sigma = symmetric(P * wp.transpose(F)) / wp.max(wp.abs(wp.determinant(F)), FLAT)
+    s = sigma - (wp.trace(sigma) / wp.float64(3.0)) * identity(F)
+    return wp.sqrt(wp.float64(1.5) * wp.ddot(s, s))
+
+
+@cache
+def stress(material: str, *, real, module):
+    """Kernel over tets: (von Mises stress [Pa], |E|) of each at x + d, (t,) vec2d. Arguments: tets, x, d, q, out."""
+    t, Tets, law = types(real), elements(real), materials.TABLE[material]
+    (gradient, _), stress_of = displaced(real, wp.float64), law.stress
+    vec3, quat, turns = wp.array(dtype=t.vec3), wp.array(dtype=t.quat), law.turns
+
+    def stress(tets: Tets, x: vec3, d: vec3, q: quat, out: wp.array(dtype=wp.vec2d)):
+        c = wp.tid()
+        H = gradient(tets, c, x, d)
+        now = wp.normalize(D.quat(rotation(t.mat33(H), q[c])))
+        E = strain(H, now)
+        if wp.static(not turns):
+            now = D.quat(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
+        P = stress_of(H, now, wp.float64(tets.mu[c]), wp.float64(tets.lam[c]))
+        out[c] = wp.vec2d(von_mises(P, identity(H) + held(H)), wp.sqrt(wp.ddot(E, E)))
+
+    return wp.kernel(stress, name=f"stress_{material}_{t.name}", module=module, enable_backward=False)

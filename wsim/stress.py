@@ -1,0 +1,58 @@
+"""Stress and strain of soft bodies, by tet and by point, for who asks: see kernels/stress.py. Nothing is compiled before."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels import stress as kernels
+from wsim.model import Body
+from wsim.plan import Plan
+from wsim.scene import Problem, SceneError, Soft
+from wsim.tetra.tets import volumes
+
+
+@dataclass
+class Stress:
+    """Of each tet of a soft body, in the author's order."""
+
+    body: Body
+    von_mises: np.ndarray         # of the Cauchy stress [Pa], (t,); of a cage's tet: with the stiffness that it has there
+    strain: np.ndarray            # |E|, E = sym(R^T F) - 1, what is elastic of it, (t,)
+
+    def at_points(self) -> dict[str, np.ndarray]:
+        """Means over the tets of each point, weighed by their volume at rest, (n,) in the author's order: vonMises [Pa] and
+        strain. 0 where there is no tet."""
+        body, corners = self.body, self.body.tets.ravel() - self.body.first
+        volume = np.repeat(volumes(body.rest, body.tets - body.first), body.tets.shape[1])
+        whole = np.bincount(corners, volume, body.count)
+        places = body.index - body.first
+
+        def mean(values: np.ndarray) -> np.ndarray:
+            sums = np.bincount(corners, volume * np.repeat(values, body.tets.shape[1]), body.count)
+            return (sums / np.where(whole > 0.0, whole, 1.0))[places]
+        return {"vonMises": mean(self.von_mises), "strain": mean(self.strain)}
+
+
+def stress(plan: Plan, path: str | None, world: int = 0) -> Stress:
+    """Of the soft body of that path (None: the only body) now. Raises SceneError where that is no soft body."""
+    body = plan.model.body(path, world)
+    if not isinstance(body.source, Soft):
+        raise SceneError(Problem(body.path, f"is a {type(body.source).__name__.lower()}; stress is that of soft bodies"))
+    found = np.zeros((len(body.tets), 2))
+    for table in plan.solids:
+        first = 0
+        for part in table.parts:
+            if part.body is body:
+                found[part.rows] = _of(table, plan)[first:first + len(part.rows)]
+            first += len(part.rows)
+    return Stress(body, *found.T)
+
+
+def _of(table, plan: Plan) -> np.ndarray:
+    """(von Mises stress [Pa], |E|) of each tet of a table, (t, 2)."""
+    model, state = plan.model, plan.state
+    kernel = kernels.stress(table.name, real=model.real, module=f"{model.module}_stress_{table.name}")
+    out = wp.zeros(table.size, dtype=wp.vec2d, device=model.device)
+    model.launch(kernel, table.size, [table.data, state.x, state.e, table.q], [out])
+    return out.numpy()
