@@ -241,14 +241,14 @@ class Simulation:
         x = self.state.x.numpy().astype(np.float64) + self.state.e.numpy()
         return measure.gather(self.plan, x, self.state.v.numpy().astype(np.float64))
 
-    def report(self, profile: bool = True) -> dict:
-        """What ran and how well: device, precision, frames, times, errors, stages, what was skipped, warnings."""
     def stress(self, path: str | None = None, world: int = 0):
         """`wsim.stress.Stress` of a soft body now: `von_mises` [Pa] and `strain` of each tet. Compiles a kernel when first
         called. Raises SceneError where the body is none."""
         from wsim import stress
         return stress.stress(self.plan, path, world)
 
+    def report(self, profile: bool = True) -> dict:
+        """What ran and how well: device, precision, frames, times, errors, stages, what was skipped, warnings."""
         return measure.report(self, profile)
 
 
