@@ -50,6 +50,8 @@ class Pull:
         self.elements: list[Elements | Solid] = [Elements(model, kind, [r for r in rows if r.kind == kind])
                          for kind in sorted({r.kind for r in rows} - {"distance"})]
         self.elements += [Solid(table) for table in self.tables]
+        for e in self.elements:
+            e.make(self.damped)                  # before the module is compiled
         self.corners()
 
     def place(self, ids: np.ndarray) -> None:
@@ -122,6 +124,8 @@ class Pull:
         if self.elements:
             starts, items = incident(np.concatenate([e.ids.ravel() for e in self.elements])[:, None], model.points)
             self.net.first, self.net.item = model.upload(starts.astype(np.int32), int), model.upload(items + first, int)
+            if model.device.is_cuda and not self.springs:
+                self.lanes = _lanes(model.points, int(np.diff(starts).max()))
         for e in self.elements:
             e.first, first = first, first + e.ids.size
 
@@ -140,7 +144,7 @@ class Pull:
         if self.added:
             self.model.launch(self.pull, 1, [self.table, x, pair, source], [self.force, self.space])
         for e in self.elements:
-            e.launch(x, pair, source, self.force, self.damped)
+            e.launch(x, pair, source, self.force)
 
     def refresh(self) -> None:
         """Uploads stiffness and damping anew."""
@@ -208,9 +212,11 @@ class Elements:
         self.data.stiffness.assign(self.stiffness().astype(self.model.dtype))
         self.data.tau.assign(self.tau().astype(self.model.dtype))
 
-    def launch(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None, damped: bool) -> None:
-        kernel = corner.corners(self.kind, real=self.model.real, module=self.model.module, damped=damped)
-        self.model.launch(kernel, len(self.ids), [self.data, x, pair, source, self.first], [force])
+    def make(self, damped: bool) -> None:
+        self.kernel = corner.corners(self.kind, real=self.model.real, module=self.model.module, damped=damped)
+
+    def launch(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> None:
+        self.model.launch(self.kernel, len(self.ids), [self.data, x, pair, source, self.first], [force])
 
 
 class Solid:
@@ -219,7 +225,10 @@ class Solid:
     def __init__(self, table):
         self.table, self.ids, self.first, self.damped = table, table.ids, 0, table.damped
 
-    def launch(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None, damped: bool) -> None:
+    def make(self, damped: bool) -> None:
+        self.table.need_forces()
+
+    def launch(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> None:
         n = len(x)
         self.table.place(self.first, 0)
         self.table.forces(x, pair[source * n:(source + 1) * n], pair[(2 + source) * n:(3 + source) * n], force)

@@ -20,7 +20,7 @@ class Tetrahedra:
 
     def __init__(self, name: str, model: Model):
         self.name, self.model, t = name, model, types(model.real)
-        self.parts = [p for b in model.bodies for p in parts_of(b, name)]
+        self.parts = [p for b in model.bodies if b.tets.shape[1] == 4 for p in parts_of(b, name)]
         self.ids = np.concatenate([p.body.tets[p.rows] for p in self.parts]).astype(np.int32)
         self.size = len(self.ids)
         sizes = np.bincount([p.body.number for p in self.parts], [len(p.rows) for p in self.parts], len(model.bodies))
@@ -47,10 +47,13 @@ class Tetrahedra:
         """Where the forces of corners and the blocks of pairs begin."""
         self.data.force, self.data.block = force, block
 
+    def need_forces(self) -> None:
+        """Makes the kernel that `forces` launches."""
+        self.pull = fem.forces(self.name, self.damped, real=self.model.real, module=self.model.module)
+
     def forces(self, x: wp.array, d: wp.array, v: wp.array, force: wp.array | None) -> None:
         """Launches the forces of corners at displacements d and velocities v."""
-        kernel = fem.forces(self.name, self.damped, real=self.model.real, module=self.model.module)
-        self.model.launch(kernel, self.size, [self.data, x, d, v, self.q], [force, self.q])
+        self.model.launch(self.pull, self.size, [self.data, x, d, v, self.q], [force, self.q])
 
     def kernels(self) -> list:
         """Of Newton's method: `linearise` and `energy_change`."""
@@ -91,6 +94,14 @@ class Tetrahedra:
 
 
 def tables_of(model: Model) -> list[Tetrahedra]:
-    """A table for each material model that some soft body has, by name."""
-    names = {m.model for b in model.bodies if isinstance(b.source, Soft) for m in b.source.materials}
-    return [Tetrahedra(name, model) for name in sorted(names) if any(parts_of(b, name) for b in model.bodies)]
+    """A table for each material model that some soft body has, by name; of quadratic tets tables of their own."""
+    tables, ten = [Tetrahedra(name, model) for name in _models(model, 4)], _models(model, 10)
+    if ten:
+        from wsim.quadratic import Quadratic
+        tables += [Quadratic(name, model) for name in ten]
+    return tables
+
+
+def _models(model: Model, nodes: int) -> list[str]:
+    return sorted({m.model for b in model.bodies if isinstance(b.source, Soft) and b.tets.shape[1] == nodes
+                   for m in b.source.materials if parts_of(b, m.model)})
