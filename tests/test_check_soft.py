@@ -95,7 +95,6 @@ MISTAKES = {
     "which count": (spoil(which=np.zeros(3, np.int32)), "/body/sim", "3 values of which"),
     "pressure": (spoil(pressure=nan), "/body/sim", "pressure is nan"),
     "pressed": (spoil(pressure=5.0), "/body/sim", "not simulated yet"),
-    "quadratic": (spoil(quadratic=True), "/body/sim", "quadratic tets are not simulated yet"),
     "plastic": (made_of(yield_strain=0.1), "/body/sim", "plasticity is not simulated yet"),
     "solver": (lambda s: setattr(s, "solver", "xpbd"), "/", "allowed: auto, implicit, explicit"),
     "all pinned": (lambda s: s.pin("/pin", "/body/sim", range(N)), "/body/sim", "all 125 points are pinned"),

@@ -25,7 +25,7 @@ LAYERS = (
      "check", "integrator", "stability", "apart", "check_object", "check_soft", "tetra", "skin",
      "locality", "kempe", "camera", "look", "png", "gif", "progress", "report"),
     ("kernels",),
-    ("stage", "state", "order", "model", "linear", "cluster", "abreast"),
+    ("stage", "state", "order", "masses", "middles", "model", "linear", "cluster", "abreast"),
     ("contact",),
     ("cloth", "soft"),
     ("frequency", "choice"),

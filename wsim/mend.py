@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wsim import plan as plans
+from wsim.middles import places
 from wsim.scene import Problem, SceneError
 from wsim.stage import NOT_FINITE, OVERFLOW, RESIDUAL
 
@@ -54,7 +55,8 @@ def _refine(sim: Simulation, point: int) -> None:
     """Twice the substeps, where a position is no number."""
     clock = sim.plan.clock
     body = next(b for b in sim.model.bodies if b.first <= point < b.last)
-    where = int(np.flatnonzero(body.index == point)[0])
+    where = int(np.flatnonzero(places(body) == point)[0])
+    where = where if where < len(body.index) else int(body.ends[where - len(body.index), 0])
     if clock.substeps >= 16 * sim.plan.choice.substeps:
         least = getattr(sim.plan.method("explicit"), "least", None)
         hint = f", or name a solver without a limit ({sim.plan.integrator} needs {least()} substeps at rest, more where the " \

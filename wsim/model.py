@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from wsim import topology
+from wsim.masses import cloth_masses, soft_masses, soft_weights
+from wsim.middles import held, links, spread, with_middles
 from wsim.order import order_of_points
 from wsim.scene import Cloth, Scene, Soft, Springs
-
-THIN = 1.0 / 64.0      # least part of a cage's tet that counts: with less, light points hang on nothing and want small steps
 
 
 @dataclass
@@ -37,8 +37,10 @@ class Body:
     triangles: np.ndarray                # places in the arrays, (t, 3); empty for springs
     polygon: np.ndarray                  # author's polygon of each triangle, (t,)
     edges: np.ndarray                    # places in the arrays, (m, 2)
-    tets: np.ndarray                     # places in the arrays, (t, 4); empty for all but soft bodies
+    tets: np.ndarray                     # places in the arrays, (t, 4), quadratic (t, 10); empty for all but soft bodies
     idle: np.ndarray                     # places of points that nothing holds and that stay where they are
+    middles: np.ndarray                  # places of the middles of edges of quadratic tets, (m,); see `wsim.middles`
+    ends: np.ndarray                     # author's points that each is between, (m, 2)
 
     @property
     def path(self) -> str:
@@ -162,44 +164,9 @@ def edge_lengths(body: Body) -> np.ndarray:
 
 def hard_places(model: Model) -> np.ndarray:
     """Places in the arrays of every point that is pinned hard, or idle."""
-    places = [b.idle for b in model.bodies] + [b.index[p.points] for p in model.scene.pins for b in model.bodies
+    places = [b.idle for b in model.bodies] + [held(b, p.points)[0] for p in model.scene.pins for b in model.bodies
               if b.path == p.body and not isfinite(p.stiffness)]
     return np.concatenate([np.zeros(0, np.int64), *places])
-
-
-def cloth_masses(cloth: Cloth, triangles: np.ndarray, rest: np.ndarray) -> np.ndarray:
-    """Mass of each author's point [kg]: authored, or rest area times thickness times density, a third to each corner."""
-    if cloth.masses is not None:
-        return cloth.masses.astype(np.float64)
-    n = len(cloth.points)
-    thickness = np.full(n, cloth.material.thickness) if cloth.thicknesses is None else cloth.thicknesses
-    area = topology.areas(rest, triangles)
-    share = area * np.asarray(thickness, np.float64)[triangles].mean(axis=1) * cloth.material.density / 3.0
-    masses = np.bincount(triangles.ravel(), np.repeat(share, 3), n)
-    if cloth.mass is not None:
-        masses *= cloth.mass / masses.sum()
-    return masses
-
-
-def soft_masses(soft: Soft, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mass of each author's point [kg], and the points that no tet has (which get some mass, and stay where they are).
-
-    Authored, or the volume of the tets at rest times density; of tets that are partly body at least THIN of it."""
-    from wsim.tetra.tets import masses as shared
-    n, idle = len(rest), np.setdiff1d(np.arange(len(rest)), soft.tets)
-    if soft.masses is not None:
-        return soft.masses.astype(np.float64), idle
-    density = np.array([m.density for m in soft.materials])[0 if soft.which is None else soft.which]
-    masses = shared(rest, soft.tets, np.broadcast_to(density * soft_share(soft), len(soft.tets)))
-    if soft.mass is not None:
-        masses *= soft.mass / masses.sum()
-    masses[idle] = masses.sum() / n
-    return masses, idle
-
-
-def soft_share(soft: Soft) -> np.ndarray | float:
-    """By how much mass and stiffness of each tet count, (t,) or 1."""
-    return 1.0 if soft.filled is None else np.maximum(soft.filled.astype(np.float64), THIN)
 
 
 def _surface(cloth: Cloth) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -223,6 +190,7 @@ class _Shape:
     edges: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int32))
     tets: np.ndarray = field(default_factory=lambda: np.zeros((0, 4), np.int32))
     idle: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    ends: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int32))     # of middles, which follow the points
 
 
 def _shape(source: Cloth | Springs | Soft, places: np.ndarray) -> _Shape:
@@ -239,19 +207,20 @@ def _shape(source: Cloth | Springs | Soft, places: np.ndarray) -> _Shape:
     from wsim.tetra import tets
     rest, triangles = rest - rest.mean(axis=0), tets.surface(source.tets)
     masses, idle = soft_masses(source, rest)
-    return _Shape(rest, masses, np.zeros(n), source.material, np.arange(n), triangles, np.arange(len(triangles)),
-                  tets.edges(source.tets), source.tets, idle)
+    shape = _Shape(rest, masses, np.zeros(n), source.material, np.arange(n), triangles, np.arange(len(triangles)),
+                   tets.edges(source.tets), source.tets, idle)
+    return with_middles(shape, soft_weights(source)) if source.quadratic else shape
 
 
 def make_body(source: Cloth | Springs | Soft, world: int, number: int, first: int) -> Body:
     """Welds, orders and measures one body. Every field but the motion is independent of the device."""
     places = source.motion.points(source.points, 0.0)
     n, shape = len(places), _shape(source, places)
-    particle = shape.particle
+    particle, places = shape.particle, spread(places, shape.ends)
     count = int(particle.max()) + 1 if n else 0
     one = np.zeros(count, np.int64)
-    one[particle[::-1]] = np.arange(n)[::-1]                       # first author's point of each particle
-    place_edges = particle[shape.edges if len(shape.edges) else topology.edges(shape.triangles)]
+    one[particle[::-1]] = np.arange(len(places))[::-1]             # first author's point of each particle
+    place_edges = particle[links(shape)]
     order = order_of_points(shape.rest[one], place_edges)          # order[new] = old
     place = np.empty(count, np.int64)
     place[order] = np.arange(count)
@@ -266,10 +235,11 @@ def make_body(source: Cloth | Springs | Soft, world: int, number: int, first: in
     triangles, polygon = triangles[whole], shape.polygon[whole]
     edges = topology.edges(triangles) if isinstance(source, Cloth) else index[shape.edges]
     friction = (shape.material.static_friction, shape.material.dynamic_friction)
-    return Body(world, source, number, first, index, origin, places[one] - origin, velocities[one], shape.rest[one],
+    velocities = spread(velocities, shape.ends)
+    return Body(world, source, number, first, index[:n], origin, places[one] - origin, velocities[one], shape.rest[one],
                 np.bincount(place[particle], shape.masses, count), shape.reach[one], friction,
                 triangles.astype(np.int32), polygon, edges.astype(np.int32), index[shape.tets].astype(np.int32),
-                index[shape.idle])
+                index[shape.idle], index[n:], shape.ends)
 
 
 def _distinct(triangles: np.ndarray) -> np.ndarray:
@@ -290,6 +260,7 @@ def build(scene: Scene, worlds: int, device, real, module: str = "") -> Model:
     for world in range(worlds):
         shift, rows = world * first, world * len(single)
         bodies += [replace(b, world=world, number=b.number + rows, first=b.first + shift, index=b.index + shift,
-                           triangles=b.triangles + shift, edges=b.edges + shift, tets=b.tets + shift, idle=b.idle + shift)
+                           triangles=b.triangles + shift, edges=b.edges + shift, tets=b.tets + shift, idle=b.idle + shift,
+                           middles=b.middles + shift)
                    for b in single]
     return Model(scene, worlds, device, real, module, bodies)

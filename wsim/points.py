@@ -8,6 +8,7 @@ import warp as wp
 from wsim.integrator import Integrator
 from wsim.kernels import points as kernels
 from wsim.kernels.real import types
+from wsim.middles import held, spread
 from wsim.model import Body, Model, hard_places
 from wsim.scene import Motion, Pin
 from wsim.stage import NOT_FINITE, Clock, Method, Stage
@@ -98,9 +99,10 @@ class _Pinned:
 
     def __init__(self, pin: Pin, body: Body):
         self.pin, self.body, self.motion = pin, body, pin.motion
-        self.places = body.index[pin.points]
+        self.places, ends = held(body, pin.points)
+        self.part = len(pin.points) / len(self.places)       # of stiffness and damping: points between share them
         start = body.source.motion.points(body.source.points[pin.points], 0.0)
-        self.locals = pin.places if pin.places is not None else _local(pin.motion, start)
+        self.locals = spread(pin.places if pin.places is not None else _local(pin.motion, start), ends)
 
     def targets(self, time: float) -> np.ndarray:
         """Where its points belong at `time` [s], relative to the body's origin [m]."""
@@ -150,8 +152,8 @@ class Pins(Method):
         each = [len(p.places) for p in group]
         self.soft = kernels.soft_pins(real)()
         self.soft.point, self.soft.w = self.place["soft"], self.points.constants.w
-        self.soft.alpha = self.model.upload(np.repeat([1.0 / p.pin.stiffness for p in group], each), t.scalar)
-        self.soft.damping = self.model.upload(np.repeat([p.pin.damping for p in group], each), t.scalar)
+        self.soft.alpha = self.model.upload(np.repeat([1.0 / (p.part * p.pin.stiffness) for p in group], each), t.scalar)
+        self.soft.damping = self.model.upload(np.repeat([p.part * p.pin.damping for p in group], each), t.scalar)
         self.lam = wp.zeros(n, dtype=t.vec3, device=self.model.device)
         self.hold_kernel = kernels.hold_pins(real, module)
         self.stages.append(Stage("soft pins", "solve", self.hold, 1, n * 80, "iteration", f"{n} points"))

@@ -16,6 +16,7 @@ from wsim import measure, mend
 from wsim import plan as plans
 from wsim.apart import apart
 from wsim.check import check
+from wsim.middles import places, spread, stored
 from wsim.model import edge_lengths
 from wsim.scene import Motion, Problem, Scene, SceneError
 
@@ -194,16 +195,16 @@ class Simulation:
                                      f"{values.shape}"))
         array = self.state.x if name == "positions" else self.state.v
         now = array.numpy()
-        exact = values - body.origin if name == "positions" else values
+        exact, index = spread(values - body.origin if name == "positions" else values, body.ends), places(body)
         if name == "positions":
             solver = np.empty((body.count, 3))
-            solver[body.index - body.first] = exact
-            exact = apart(solver, body.edges - body.first, edge_lengths(body))[body.index - body.first]
-        now[body.index] = exact
+            solver[index - body.first] = exact
+            exact = apart(solver, body.edges - body.first, edge_lengths(body))[index - body.first]
+        now[index] = exact
         array.assign(now)
         if name == "positions":
             rest = self.state.e.numpy()
-            rest[body.index] = exact - now[body.index]
+            rest[index] = exact - now[index]
             self.state.e.assign(rest)
         self.plan.clock.starting = True
         self.graph = None
@@ -214,22 +215,23 @@ class Simulation:
         return own | {name: array for m in self.plan.methods for name, array in m.fields.items()}
 
     def fields(self, path: str | None = None) -> dict[str, np.ndarray]:
-        """What an exact restart needs of a body, by name, each in the author's order."""
+        """What an exact restart needs of a body, by name, each in the author's order, behind it middles of quadratic tets."""
         body = self.model.body(path)
-        return {name: array.numpy()[body.index] for name, array in self._persistent().items()}
+        return {name: array.numpy()[places(body)] for name, array in self._persistent().items()}
 
     def restart(self, frame: int, fields: dict[str, dict[str, np.ndarray]]) -> None:
         """Goes on after `frame` frames with the fields that an earlier run left, by path and name: bit for bit where every
         body has all of them (then there is no jump in time), else as at a start, without history."""
-        arrays = self._persistent()
+        arrays, whole = self._persistent(), True
         for path, values in fields.items():
             body = self.model.body(path)
             for name in values.keys() & arrays.keys():
                 now = arrays[name].numpy()
-                now[body.index] = values[name]
+                now[places(body)] = stored(body, values[name])
+                whole &= len(values[name]) == len(places(body))
                 arrays[name].assign(now)
         self.frame = frame
-        exact = all(arrays.keys() <= fields.get(b.path, {}).keys() for b in self.scene.bodies())
+        exact = whole and all(arrays.keys() <= fields.get(b.path, {}).keys() for b in self.scene.bodies())
         self.plan.clock.starting = not exact
         if exact and (contact := self.plan.method("contact")):
             contact.contacts.time = (frame - 1) / self.scene.fps       # type: ignore[attr-defined]

@@ -1,13 +1,17 @@
 """What a soft body is made of: its tets by material model, their moduli, and how stiff they are at rest. NumPy."""
 
 from dataclasses import dataclass, field
+from math import sqrt
 
 import numpy as np
 
 from wsim.kernels.material import lame
-from wsim.model import Body, soft_share
+from wsim.masses import soft_share
+from wsim.model import Body
 from wsim.scene import Soft
-from wsim.tetra.tets import gradients, volumes
+from wsim.tetra.tets import EDGES, gradients, volumes
+
+NEAR, FAR = (5.0 + 3.0 * sqrt(5.0)) / 20.0, (5.0 - sqrt(5.0)) / 20.0      # barycentric coordinates of four points
 
 
 @dataclass
@@ -51,14 +55,29 @@ def parts_of(body: Body, model: str) -> list[Part]:
 
 
 def strains(part: Part) -> np.ndarray:
-    """J with the energy 1/2 |J u|^2 of small displacements u of the corners, (t, 6, 4, 3): normal strains, then shears."""
+    """J with the energy 1/2 |J u|^2 of small displacements u of the nodes, (t, rows, k, 3): normal strains, then shears, of
+    linear tets (6 rows, 4 nodes), or of the four points of quadratic ones (24 rows, 10 nodes)."""
     mu, lam, _ = part.lame()
-    ids = part.body.tets[part.rows] - part.body.first
+    ids = part.body.tets[part.rows, :4] - part.body.first
     g, V = gradients(part.body.rest, ids), volumes(part.body.rest, ids)
-    eye = np.eye(3)
-    hooke = 2.0 * mu[:, None, None] * eye + lam[:, None, None] * np.ones((3, 3))
+    if part.body.tets.shape[1] == 4:
+        return _strains(g, V, mu, lam)
+    return np.concatenate([_strains(slopes(g, a), 0.25 * V, mu, lam) for a in range(4)], axis=1)
+
+
+def slopes(g: np.ndarray, a: int) -> np.ndarray:
+    """Gradients of the shape functions of ten nodes at point a (kernels/quadratic.py), (t, 10, 3), from those of barycentric
+    coordinates, (t, 4, 3) [1/m]."""
+    L = np.where(np.arange(4) == a, NEAR, FAR)
+    i, j = np.array(EDGES).T
+    return np.concatenate([(4.0 * L - 1.0)[:, None] * g, 4.0 * (L[i, None] * g[:, j] + L[j, None] * g[:, i])], axis=1)
+
+
+def _strains(g: np.ndarray, V: np.ndarray, mu: np.ndarray, lam: np.ndarray) -> np.ndarray:
+    """Of gradients g (t, k, 3) [1/m] and volumes V (t,) [m^3]."""
+    hooke = 2.0 * mu[:, None, None] * np.eye(3) + lam[:, None, None] * np.ones((3, 3))
     root = np.linalg.cholesky(V[:, None, None] * hooke)                           # L: e.He = |L^T e|^2
-    J = np.zeros((len(ids), 6, 4, 3))
+    J = np.zeros((len(V), 6, g.shape[1], 3))
     J[:, :3] = np.einsum("tir,tki->trki", root, g)                                # e_ii = sum_k g_ki u_ki
     shear = np.sqrt(V * mu)
     for row, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):

@@ -1,6 +1,7 @@
-"""Tetrahedra of soft bodies on the device, a table for each material model: what kernels/fem.py reads."""
+"""Tetrahedra of soft bodies on the device, a table for each material model: what kernels/fem.py and quadratic.py read."""
 
 from math import sqrt
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -16,11 +17,12 @@ LANES = 4096           # threads that sum the energy
 
 
 class Tetrahedra:
-    """All tets of one material model, in the order of the bodies."""
+    """All tets of one material model with so many nodes, in the order of the bodies."""
 
-    def __init__(self, name: str, model: Model):
-        self.name, self.model, t = name, model, types(model.real)
-        self.parts = [p for b in model.bodies if b.tets.shape[1] == 4 for p in parts_of(b, name)]
+    def __init__(self, material: str, model: Model, nodes: int = 4):
+        self.material, self.model, t = material, model, types(model.real)
+        self.name, self.maths, points = _kind(material, nodes)
+        self.parts = [p for b in model.bodies if b.tets.shape[1] == nodes for p in parts_of(b, material)]
         self.ids = np.concatenate([p.body.tets[p.rows] for p in self.parts]).astype(np.int32)
         self.size = len(self.ids)
         sizes = np.bincount([p.body.number for p in self.parts], [len(p.rows) for p in self.parts], len(model.bodies))
@@ -29,16 +31,16 @@ class Tetrahedra:
         rest = np.zeros((model.points, 3))
         for b in model.bodies:
             rest[b.first:b.last] = b.rest
-        corners = rest[self.ids]
-        self.data = fem.elements(model.real)()
-        self.data.point = model.upload(self.ids, wp.vec4i)
-        self.data.edge = model.upload(corners[:, 1:] - corners[:, :1], t.mat33)
-        self.data.gradient = model.upload(meshes.gradients(rest, self.ids)[:, 1:], t.mat33)
-        self.data.volume = model.upload(meshes.volumes(rest, self.ids), t.scalar)
+        ids = self.ids[:, :4]
+        self.data = self.maths.elements(model.real)()
+        self.data.point = model.upload(self.ids, wp.vec4i if nodes == 4 else int)
+        self.data.edge = model.upload(rest[ids[:, 1:]] - rest[ids[:, :1]], t.mat33)
+        self.data.gradient = model.upload(meshes.gradients(rest, ids)[:, 1:], t.mat33)
+        self.data.volume = model.upload(meshes.volumes(rest, ids), t.scalar)
         mu, lam, tau = self.moduli()
         self.data.mu, self.data.lam, self.data.tau = (model.upload(a, t.scalar) for a in (mu, lam, tau))
         self.damped = bool(tau.any())
-        self.q = wp.zeros(self.size, dtype=t.quat, device=model.device)
+        self.q = wp.zeros(points * self.size, dtype=t.quat, device=model.device)
 
     def moduli(self) -> tuple[np.ndarray, ...]:
         return tuple(np.concatenate(columns) for columns in zip(*(p.lame() for p in self.parts), strict=True))
@@ -49,7 +51,7 @@ class Tetrahedra:
 
     def need_forces(self) -> None:
         """Makes the kernel that `forces` launches."""
-        self.pull = fem.forces(self.name, self.damped, real=self.model.real, module=self.model.module)
+        self.pull = self.maths.forces(self.material, self.damped, real=self.model.real, module=self.model.module)
 
     def forces(self, x: wp.array, d: wp.array, v: wp.array, force: wp.array | None) -> None:
         """Launches the forces of corners at displacements d and velocities v."""
@@ -57,8 +59,8 @@ class Tetrahedra:
 
     def kernels(self) -> list:
         """Of Newton's method: `linearise` and `energy_change`."""
-        return [f(self.name, self.damped, real=self.model.real, module=self.model.module)
-                for f in (fem.linearise, fem.energy_change)]
+        return [f(self.material, self.damped, real=self.model.real, module=self.model.module)
+                for f in (self.maths.linearise, self.maths.energy_change)]
 
     def forget(self) -> None:
         """Rotations are sought anew: a frame depends on nothing that a restart, or a frame that is repeated, does not have."""
@@ -75,7 +77,7 @@ class Tetrahedra:
     def statistics(self, state) -> np.ndarray:
         """Largest |E|, sum of |E|^2 V [m^3], energy [J] at x + e."""
         out = wp.zeros(min(LANES, self.size), dtype=wp.vec3d, device=self.model.device)
-        kernel = fem.statistics(self.name, real=self.model.real, module=f"{self.model.module}_report")
+        kernel = self.maths.statistics(self.material, real=self.model.real, module=f"{self.model.module}_report")
         self.model.launch(kernel, out.size, [self.data, self.size, state.x, state.e, self.q], [out])
         each = out.numpy()
         return np.array([each[:, 0].max(), each[:, 1].sum(), each[:, 2].sum()])
@@ -95,13 +97,14 @@ class Tetrahedra:
 
 def tables_of(model: Model) -> list[Tetrahedra]:
     """A table for each material model that some soft body has, by name; of quadratic tets tables of their own."""
-    tables, ten = [Tetrahedra(name, model) for name in _models(model, 4)], _models(model, 10)
-    if ten:
-        from wsim.quadratic import Quadratic
-        tables += [Quadratic(name, model) for name in ten]
-    return tables
+    found = {(b.tets.shape[1], m.model) for b in model.bodies if isinstance(b.source, Soft) for m in b.source.materials
+             if parts_of(b, m.model)}
+    return [Tetrahedra(name, model, nodes) for nodes, name in sorted(found)]
 
 
-def _models(model: Model, nodes: int) -> list[str]:
-    return sorted({m.model for b in model.bodies if isinstance(b.source, Soft) and b.tets.shape[1] == nodes
-                   for m in b.source.materials if parts_of(b, m.model)})
+def _kind(material: str, nodes: int) -> tuple[str, Any, int]:
+    """Name of a table, module of its kernels, points of a tet where those evaluate the material."""
+    if nodes == 4:
+        return material, fem, 1
+    from wsim.kernels import quadratic
+    return f"quadratic {material}", quadratic, quadratic.POINTS

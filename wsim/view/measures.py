@@ -4,6 +4,7 @@ import numpy as np
 
 from wsim.drawn import matrix
 from wsim.measure import edge_strain
+from wsim.middles import places, spread
 from wsim.model import Body, make_body
 from wsim.overs import particles_of
 from wsim.scene import Scene, SceneError
@@ -51,4 +52,6 @@ class Measures:
         velocities = prim.GetAttribute("velocities").Get(t)
         if velocities is not None and len(velocities) == len(index):
             v[index] = np.asarray(velocities, float) @ M[:3, :3].T
+        for a in (x, v):                       # middles of quadratic tets are not in a result
+            a[places(body)] = spread(a[body.index], body.ends)
         return self.seen.meters * x, self.seen.meters * v
