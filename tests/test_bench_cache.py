@@ -10,10 +10,12 @@ import pytest
 
 from tests.conftest import grid
 from tests.test_bench import report, row
+from wsim import shapes
 from wsim.bench import cache
+from wsim.bulk import Bulk
 from wsim.curve import Curve, Motion
 from wsim.fabric import Fabric
-from wsim.scene import Cloth, Collider, Pin, Scene, Springs, Surface
+from wsim.scene import Cloth, Collider, Pin, Scene, Skin, Soft, Springs, Surface
 
 
 @pytest.fixture
@@ -29,6 +31,9 @@ def full() -> Scene:
     cloth = scene.cloth("/cloth", *grid(), velocities=np.ones((16, 3)), rest_points=grid()[0], masses=np.ones(16),
                         thicknesses=np.ones(16))
     net = scene.net("/net", np.eye(3), [[0, 1], [1, 2]], [9.0], [1.0], lengths=[1.0, 1.0], velocities=np.ones((3, 3)))
+    points, tets = shapes.block((1.0, 1.0, 1.0), 1)
+    scene.soft("/cube", points, tets, others=[Bulk(2e6)], which=[0, 1, 0, 0, 0], velocities=np.ones((8, 3)), rest_points=points,
+               masses=np.ones(8), filled=np.ones(5))
     scene.pin("/pin", cloth, [0], places=[[0.0, 0.0, 0.0]])
     scene.pin("/soft", net, [0], stiffness=5.0)
     scene.collider("/ball", Surface(*grid(), poses=Curve([0.0, 1.0], np.zeros((2, 16, 3)))))
@@ -51,6 +56,10 @@ def other(value):
         return Curve(value.times, other(value.values))
     if isinstance(value, Fabric):
         return replace(value, bend=2e-5)
+    if isinstance(value, Bulk):
+        return replace(value, poisson=0.31)
+    if isinstance(value, list):
+        return [*map(other, value[:-1]), other(value[-1])]
     if isinstance(value, Surface):
         return replace(value, points=other(value.points))
     if isinstance(value, bool):
@@ -66,7 +75,7 @@ def places(kinds, ignored):
     return [(kind, f.name) for kind in kinds for f in fields(kind) if (f.name in cache.NAMES) == ignored]
 
 
-THINGS = {Scene: "", Cloth: "cloths", Springs: "springs", Pin: "pins", Collider: "colliders"}
+THINGS = {Scene: "", Cloth: "cloths", Springs: "springs", Soft: "softs", Pin: "pins", Collider: "colliders"}
 
 
 def changed(kind, field) -> Scene:
@@ -95,6 +104,7 @@ def test_the_key_does_not_change_with_names_notes_and_later_frames():
     scene = full()
     scene.cloths[0].path = scene.pins[0].body = "/Other"
     scene.pins[0].path, scene.pins[0].target, scene.colliders[0].path = "/a", "/b", "/c"
+    scene.softs[0].skins.append(Skin("/cube/skin", np.eye(3), np.array([3]), np.arange(3)))     # follows, and moves nothing
     scene.source, scene.notes, scene.variants, scene.start = "b.usda", ["odd"], {"/a": {"b": "c"}}, 7.0
     assert name(scene) == name(full())
     assert name(Scene(frames=96)) == name(Scene(frames=50)) != name(Scene(frames=5))

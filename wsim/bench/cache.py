@@ -2,7 +2,8 @@
 
 A report counts for one scene on one device in one version of wsim and Warp: the name of its file is a hash of these. Of the
 scene counts all that changes the motion or what a bench looks at. Not counted are the names of things (a pin knows its body by
-number), where it was loaded from, what was warned of, and the frames after those looked at.
+number), meshes that only follow a soft body, where it was loaded from, what was warned of, and the frames after those looked
+at.
 """
 
 import hashlib
@@ -21,7 +22,7 @@ from wsim.report import as_json
 from wsim.scene import Scene
 
 FORMAT = 1
-NAMES = {"path", "source", "notes", "variants", "target", "start", "up"}       # change no motion, or say so otherwise
+NAMES = {"path", "skins", "source", "notes", "variants", "target", "start", "up"}       # change no motion, or say so otherwise
 
 
 def folder() -> Path:

@@ -24,7 +24,7 @@ class Row:
     largest: float | None = None           # largest of the sampled frames
     drift: float | None = None             # energy beside the reference's, over what energy turned over
     residual: float | None = None          # what the sweeps left (strain, radians); None: not known
-    strain: float | None = None            # RMS over the edges
+    strain: float | None = None            # RMS over the edges, or over the volume of soft bodies where that is larger
     held: bool = True                      # False: the setting gave way to another on the way, as the note says
     own: bool = False                      # what the scene itself names
     note: str = ""

@@ -8,10 +8,11 @@
 Refinement of a scene that amplifies perturbations a hundredfold shows where rounding leads and not where the scene goes: two
 right solutions differ as much. So does one whose differences do not shrink. Then no errors of positions are quoted.
 
-Where only springs, membranes, hinges and pins act the reference is Runge-Kutta of order 4; else leapfrog, whose limit for
+Where only springs, membranes, hinges, tets and pins act the reference is Runge-Kutta of order 4; else leapfrog, whose limit for
 short substeps is that of coloured XPBD too (33 x 33 hanging cloth with tethers and strain limits, 7 frames: they meet within
 1.3e-4 of its size, box and cloth within 4e-5). Collisions, tethers and limits make it order 1, and are iterated: what twice the
-iterations change is added to the estimate. Scenes too stiff for explicit steps are refined with XPBD or Newton's method.
+iterations change is added to the estimate. Scenes too stiff for explicit steps are refined with Newton's method or XPBD,
+soft bodies with Newton's alone; of those the cost of explicit steps is known from `wsim.choice` before any is taken.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,6 +25,8 @@ from wsim.bench.budget import Budget
 from wsim.bench.front import AMPLIFIES, PERTURBED
 from wsim.bench.setting import NEWTON, Setting, first_substeps, smooth
 from wsim.bench.track import LONGEST, Look, Track, distance, fine, size
+from wsim.choice import SOLID
+from wsim.integrator import TABLE
 from wsim.model import hard_places
 from wsim.scene import Problem, Scene, SceneError
 from wsim.simulation import Simulation
@@ -36,6 +39,7 @@ SHARP = 1e-7           # estimated error down to which refinement goes on while 
 LEVELS = 9             # at most
 LEAST = 8.0            # times the coarsest level: two finer ones, and the perturbed one
 SHARE, CHEAP = 0.5, 0.03
+UNSURE = 2.0           # times what is to be spent that a guess of seconds must be before it counts without a trial
 
 
 @dataclass
@@ -49,6 +53,7 @@ class Reference:
     seconds: float
     notes: list[str] = field(default_factory=list)
     found: dict[str, float] = field(default_factory=dict)      # energies, where errors of positions are refused; or nothing
+    leapfrog: float = 0.0                  # guess of the seconds of a frame of leapfrog, see `leapfrog`
 
     @property
     def refused(self) -> str:
@@ -80,18 +85,25 @@ def richardson(differences: Sequence[float], order: int) -> float:
     return last / (ratio - 1.0) if ratio > SHRINKS else inf
 
 
-def candidates(scene: Scene, look: Look) -> list[tuple[Setting, int]]:
-    """Coarsest setting and order of every method that may serve, the best first."""
-    n, sweeps = max(4, first_substeps(scene)), max(scene.iterations, 4)
+def leapfrog(scene: Scene, look: Look) -> tuple[int, float]:
+    """Substeps a frame with which leapfrog is stable, and a guess of its seconds a frame, known beforehand of soft bodies only
+    (of others 0: a trial costs little)."""
     auto = Simulation(replace(scene, solver="explicit", integrator="auto", substeps=1), device=look.device)
-    stable = auto.plan.choice.substeps
+    stable, cost = auto.plan.choice.substeps, SOLID["cuda" if auto.device.is_cuda else "cpu"]
+    tets = sum(len(s.tets) for s in scene.softs)
+    return stable, stable * (cost.step + cost.tet * tets) if tets else 0.0
+
+
+def candidates(scene: Scene, stable: int) -> list[tuple[Setting, int]]:
+    """Coarsest setting and order of every method that may serve, the best first; leapfrog is stable with so many substeps."""
+    n, sweeps = max(4, first_substeps(scene)), max(scene.iterations, 4)
     if not smooth(scene):
         integrator, order = ("backward_euler", 1) if scene.colliders else ("bdf2", 2)
+        solver, repeats = ("implicit", NEWTON[-1]) if scene.softs else ("xpbd", sweeps)
         return [(Setting("explicit", "leapfrog", stable, 1, "float64"), 1),
-                (Setting("xpbd", integrator, max(n, scene.substeps // 2), sweeps, "float64"), order)]
-    return [(Setting("explicit", "rk4", stable, 1, "float64"), 4),
-            (Setting("implicit", "bdf2", n, NEWTON[-1], "float64"), 2),
-            (Setting("xpbd", "bdf2", n, 4 * sweeps, "float64"), 2)]
+                (Setting(solver, integrator, max(n, scene.substeps // 2), repeats, "float64"), order)]
+    newton = [(Setting("explicit", "rk4", stable, 1, "float64"), 4), (Setting("implicit", "bdf2", n, NEWTON[-1], "float64"), 2)]
+    return newton if scene.softs else [*newton, (Setting("xpbd", "bdf2", n, 4 * sweeps, "float64"), 2)]
 
 
 def perturb(sim: Simulation) -> None:
@@ -173,10 +185,15 @@ class Refinement:
 def make(scene: Scene, look: Look, budget: Budget, say: Callable[[str], None]) -> Reference:
     """The best reference that SHARE of the budget pays for. Raises SceneError where nothing moves or nothing runs."""
     began, notes = budget.spent, []
-    found = candidates(scene, look)
+    stable, guess = leapfrog(scene, look)
+    found = candidates(scene, stable)
     for k, (coarsest, order) in enumerate(found):
         last = k + 1 == len(found)
         r, allowed = Refinement(scene, look, coarsest, order, say), inf if last else budget.left(SHARE)
+        known = LEAST * look.frames * guess * TABLE[coarsest.integrator].forces if coarsest.solver == "explicit" else 0.0
+        if not last and known > UNSURE * allowed:
+            notes.append(f"{coarsest} would take about {known:.2g} s")
+            continue
         try:
             cost = r.tried() if not last else 0.0
             if cost <= allowed:
@@ -188,7 +205,7 @@ def make(scene: Scene, look: Look, budget: Budget, say: Callable[[str], None]) -
             notes.append(f"{coarsest}: {error.problems[0].text}")
             continue
         if last or cost <= allowed:
-            return _refined(r, budget, began, notes)
+            return replace(_refined(r, budget, began, notes), leapfrog=guess)
         notes.append(f"{coarsest} would take about {cost:.0f} s")
     raise AssertionError("there is always a last candidate")
 

@@ -1,4 +1,8 @@
-"""What a bench varies: solver, integrator, substeps, iterations and precision of one run, and which of them a scene bears."""
+"""What a bench varies: solver, integrator, substeps, iterations and precision of one run, and which of them a scene bears.
+
+Of scenes with soft bodies XPBD is no solver (`check` says so). Where nothing but tets, springs and pins act the implicit
+midpoint is tried as well, which takes no energy from a body that swings.
+"""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
@@ -43,7 +47,7 @@ class Setting:
 
 
 def smooth(scene: Scene) -> bool:
-    """Whether nothing but springs, membranes, hinges and pins act: positions depend smoothly on the step."""
+    """Whether nothing but springs, membranes, hinges, tets and pins act: positions depend smoothly on the step."""
     return not scene.colliders and not any(
         c.tethers or isfinite(c.material.strain_limit) for c in scene.cloths)
 
@@ -60,10 +64,16 @@ def series(scene: Scene, quick: bool = False) -> Iterator[Setting]:
     """The coarsest setting of each series of runs; a series goes on by more substeps. Most promising first."""
     n = first_substeps(scene)
     yield Setting("explicit", "auto", 1, 1)                    # leapfrog with as many substeps as are stable
-    for sweeps in SWEEPS[:2] if quick else SWEEPS:
+    for sweeps in () if scene.softs else SWEEPS[:2] if quick else SWEEPS:
         for integrator in ("backward_euler", "bdf2"):
             if integrator == "backward_euler" or sweeps > 1:   # BDF2 needs its residual
                 yield Setting("xpbd", integrator, n, sweeps)
+    midpoint = ("implicit_midpoint",) if scene.softs and smooth(scene) else ()
     for steps in NEWTON[:1] if quick else NEWTON:
-        for integrator in ("backward_euler", "bdf2"):
+        for integrator in ("backward_euler", "bdf2", *midpoint):
             yield Setting("implicit", integrator, n, steps)
+
+
+def unable(scene: Scene) -> dict[str, str]:
+    """Solvers that are not tried at all, and why."""
+    return {"xpbd": "it has no tetrahedra, of which soft bodies are made"} if scene.softs else {}

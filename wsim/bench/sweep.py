@@ -13,7 +13,7 @@ from wsim.bench.budget import Budget
 from wsim.bench.front import Row, front
 from wsim.bench.reference import Reference
 from wsim.bench.report import percent
-from wsim.bench.setting import Setting, series
+from wsim.bench.setting import Setting, series, unable
 from wsim.bench.track import Look, Track, distance, run, size
 from wsim.scene import Scene, SceneError
 
@@ -21,6 +21,7 @@ ENOUGH = 1e-4          # error below which finer settings interest nobody: a ten
 DOMINATED = 8.0        # times slower than a row that errs less: a series ends there
 EAGER = 4.0            # a new series may cost so many times the cheapest run that is open
 KEPT = 0.1             # of the budget, for what comes last
+DEAR = 0.1             # of the budget, that the first run of a series may take unless it comes last
 DOUBLES = 2            # float32 rows that are repeated in float64, to show where rounding begins
 
 
@@ -67,7 +68,8 @@ class Sweep:
         if not self.reference.refused:
             errors = distance(track.places, there.places) / size(self.scene)
             return replace(row, end=float(errors[-1]), largest=float(errors.max()))
-        row.residual, row.strain = track.found.get("residual"), track.found.get("rms_strain")
+        strains = [track.found[name] for name in ("rms_strain", "rms_solid_strain") if name in track.found]
+        row.residual, row.strain = track.found.get("residual"), max(strains, default=None)
         turned = self.reference.found
         if turned:
             turnover = turned["kinetic_energy"] + turned.get("elastic_energy", 0.0) + abs(turned["gravity_work"])
@@ -80,9 +82,14 @@ class Sweep:
         own = self.run(Setting(s.solver, s.integrator, s.substeps, s.iterations), 0.0)
         if own:
             own.own = True
+        for solver, why in unable(s).items():
+            self.left_out.append({"setting": solver, "why": why})
         new, known = list(series(s, quick)), list[tuple[float, Setting]]()
+        if new and self.frames(new[0]) > DEAR * self.budget.seconds:
+            new.append(new.pop(0))
         while new or known:
-            start = max(self.starts, default=0.0)              # compiling, mostly
+            start = max(self.starts, default=0.0)              # compiling, mostly; and frames where they may be many substeps
+            start = max(start, self.frames(new[0])) if new else start
             known.sort(key=lambda entry: entry[0])
             if new and (not known or start <= EAGER * known[0][0]):
                 began = self.budget.spent
@@ -94,6 +101,10 @@ class Sweep:
                 known.append((self.step * self.seconds[row.setting], row.setting.finer(self.step)))
         if not quick:
             self.doubles()
+
+    def frames(self, setting: Setting) -> float:
+        """Seconds that the frames of a series' first run may take: of leapfrog on soft bodies; of others nothing is known."""
+        return self.look.frames * self.reference.leapfrog if setting.solver == "explicit" else 0.0
 
     def goes_on(self, row: Row) -> bool:
         """Whether a finer setting of the same series tells more."""
