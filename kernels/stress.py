@@ -11,8 +11,8 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels import fem
 from wsim.kernels import material as materials
-from wsim.kernels.fem import displaced, elements
 from wsim.kernels.real import types
 from wsim.kernels.rotation import identity, rotation
 from wsim.kernels.stretch import held, strain, symmetric
@@ -30,20 +30,42 @@ def von_mises(P: D.mat33, F: D.mat33):
 
 
 @cache
-def stress(material: str, *, real, module):
-    """Kernel over tets: (von Mises stress [Pa], |E|) of each at x + d, (t,) vec2d. Arguments: tets, x, d, q, out."""
-    t, Tets, law = types(real), elements(real), materials.TABLE[material]
-    (gradient, _), stress_of = displaced(real, wp.float64), law.stress
+def places(points: int, real):
+    """Struct of the tets, and a function: H at evaluation point k, one a tet or four of a quadratic one."""
+    t = types(real)
+    if points == 1:
+        gradient, Tets = fem.displaced(real, wp.float64)[0], fem.elements(real)
+
+        @wp.func
+        def at(tets: Tets, k: int, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3)):
+            return gradient(tets, k, x, d)
+        return Tets, at
+    from wsim.kernels import quadratic
+    moved, _, slopes = quadratic.displaced(real, wp.float64)
+    Ten = quadratic.elements(real)
+
+    @wp.func
+    def at_one_of(tets: Ten, k: int, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3)):
+        return wp.transpose(moved(tets, k // points, x, d)) * slopes(tets, k // points, k % points)
+    return Ten, at_one_of
+
+
+@cache
+def stress(material: str, points: int, *, real, module):
+    """Kernel over evaluation points, so many of each tet: (von Mises stress [Pa], |E|) at x + d, (points t,) vec2d.
+    Arguments: tets, x, d, q, out."""
+    t, law = types(real), materials.TABLE[material]
+    (Tets, gradient), stress_of = places(points, real), law.stress
     vec3, quat, turns = wp.array(dtype=t.vec3), wp.array(dtype=t.quat), law.turns
 
     def stress(tets: Tets, x: vec3, d: vec3, q: quat, out: wp.array(dtype=wp.vec2d)):
-        c = wp.tid()
-        H = gradient(tets, c, x, d)
-        now = wp.normalize(D.quat(rotation(t.mat33(H), q[c])))
+        k = wp.tid()
+        H = gradient(tets, k, x, d)
+        now = wp.normalize(D.quat(rotation(t.mat33(H), q[k])))
         E = strain(H, now)
         if wp.static(not turns):
             now = D.quat(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
-        P = stress_of(H, now, wp.float64(tets.mu[c]), wp.float64(tets.lam[c]))
-        out[c] = wp.vec2d(von_mises(P, identity(H) + held(H)), wp.sqrt(wp.ddot(E, E)))
+        P = stress_of(H, now, wp.float64(tets.mu[k // points]), wp.float64(tets.lam[k // points]))
+        out[k] = wp.vec2d(von_mises(P, identity(H) + held(H)), wp.sqrt(wp.ddot(E, E)))
 
-    return wp.kernel(stress, name=f"stress_{material}_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(stress, name=f"stress_{material}_{points}_{t.name}", module=module, enable_backward=False)

@@ -94,7 +94,6 @@ MISTAKES = {
     "which": (at("which", slice(8, 12), 1), "/body/sim", "which[8] is 1: tet 8 has a material that there is not"),
     "which count": (spoil(which=np.zeros(3, np.int32)), "/body/sim", "3 values of which"),
     "pressure": (spoil(pressure=nan), "/body/sim", "pressure is nan"),
-    "pressed": (spoil(pressure=5.0), "/body/sim", "not simulated yet"),
     "plastic": (made_of(yield_strain=0.1), "/body/sim", "plasticity is not simulated yet"),
     "solver": (lambda s: setattr(s, "solver", "xpbd"), "/", "allowed: auto, implicit, explicit"),
     "all pinned": (lambda s: s.pin("/pin", "/body/sim", range(N)), "/body/sim", "all 125 points are pinned"),

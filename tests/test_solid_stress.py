@@ -44,10 +44,11 @@ def of_stretches(model: str, s: np.ndarray) -> float:
     return float(np.sqrt(0.5 * sum((sigma[i] - sigma[i - 1])**2 for i in range(3))))
 
 
-@pytest.mark.parametrize("model", ["corotational", "neo_hookean"])
-def test_stress_and_strain_are_those_of_the_stretches_in_any_pose(model):
-    s = np.array([1.2, 0.95, 1.05])
-    found = deformed(block(model), turn() @ np.diag(s) @ turn().T).stress("/block")
+@pytest.mark.parametrize("model, quadratic", [("corotational", False), ("neo_hookean", False), ("corotational", True)])
+def test_stress_and_strain_are_those_of_the_stretches_in_any_pose(model, quadratic):
+    s, scene = np.array([1.2, 0.95, 1.05]), block(model)
+    scene.softs[0].quadratic = quadratic
+    found = deformed(scene, turn() @ np.diag(s) @ turn().T).stress("/block")
     np.testing.assert_allclose(found.von_mises, of_stretches(model, s), rtol=1e-6)
     np.testing.assert_allclose(found.strain, np.linalg.norm(s - 1.0), rtol=1e-6)
     for values in (found.at_points()["vonMises"] / found.von_mises[0], found.at_points()["strain"] / found.strain[0]):

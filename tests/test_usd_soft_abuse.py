@@ -30,7 +30,6 @@ BODIES = [
     (volume(f"{SOLID}\nfloat[] wsim:filled = [1, 1.5]"), "/ball: filled[1] is 1.5"),
     (volume(f"{SOLID}\nfloat[] wsim:filled = [1]"), "/ball: 1 filled; allowed: 2"),
     (volume(f"{SOLID}\ndouble wsim:pressure = nan"), "/ball: pressure is nan"),
-    (volume(f"{SOLID}\ndouble wsim:pressure = 9"), "/ball: pressure is 9 Pa: it is not simulated yet"),
     (volume(f"{SOLID}\nvector3f[] velocities = [(0, 0, 0)]"), "/ball: 1 velocities"),
     (volume().replace("TetMesh", "Mesh"), "/ball: has PhysicsVolumeDeformableSimAPI and is a Mesh; it must be a TetMesh"),
     (volume() + 'def PhysicsScene "s" (prepend apiSchemas = ["WsimSceneAPI"]) {\nuniform token wsim:solver = "xpbd"\n}\n',

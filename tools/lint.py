@@ -29,7 +29,7 @@ LAYERS = (
     ("contact",),
     ("cloth", "soft"),
     ("frequency", "choice"),
-    ("elastic", "elements", "solid", "gather"),
+    ("elastic", "elements", "solid", "pressure", "gather"),
     ("points", "explicit", "implicit", "aero", "xpbd", "fem", "rigid", "fluid", "pose"),
     ("plan",),
     ("measure", "mend", "stress", "simulation"),

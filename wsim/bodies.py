@@ -116,7 +116,7 @@ class Soft(Compared):
     masses: np.ndarray | None = None         # [kg] of each point, (n,); None: material density
     mass: float | None = None                # [kg] of the whole; used where masses is None
     filled: np.ndarray | None = None         # part of each tet that is body (of a cage), (t,): weighs mass and stiffness
-    pressure: float = 0.0                    # [Pa] inside above that outside, on the surface
+    pressure: float = 0.0                    # [Pa] inside above that outside: in its hollows, or where none are on its surface
     quadratic: bool = False                  # ten nodes a tet: accurate from 2 cells across; four want 4 and more
     skins: list[Skin] = field(default_factory=list)
 

@@ -89,8 +89,6 @@ def _options(thing: Soft) -> Iterator[Problem]:
 
 def pending(thing: Soft) -> Iterator[Problem]:
     """What a scene can say and no solver does yet."""
-    if thing.pressure != 0.0 and isfinite(thing.pressure):
-        yield error(thing.path, f"pressure is {thing.pressure:g} Pa: it is not simulated yet", "0", "leave wsim:pressure off")
     for material in thing.materials:
         if material.yield_strain < inf:
             yield error(thing.path, f"yield strain is {material.yield_strain:g}: plasticity is not simulated yet", "inf",

@@ -56,7 +56,7 @@ class Implicit(Method):
         self.rows, self.A, self.v = self.system.rows, self.system.A, self.system.v
         self.work()
         self.make()
-        what = [f"{b.size} {b.kind}" for b in self.tables.values()] + [f"{t.size} {t.name} tets" for t in self.solids]
+        what = [f"{b.size} {b.kind}" for b in self.tables.values()] + [f"{t.size} {t.name} {t.noun}" for t in self.solids]
         self.stages.append(Stage("newton", "solve", self.newton, self.launches, self.bytes, "iteration", ", ".join(what)))
 
     def ids(self, kind: str, corners: int) -> np.ndarray:

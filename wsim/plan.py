@@ -180,7 +180,7 @@ def _module(scene: Scene, real, reasons: dict[str, str], choice: Choice) -> str:
              sorted({(c.model, c.material.damping > 0, c.material.bend > 0, np.isfinite(c.material.strain_limit),
                       c.tethers) for c in scene.cloths}),
              sorted({(s.damping > 0, len(s.stiffness) > 1) for s in scene.springs}),
-             sorted({(m.model, m.damping > 0) for s in scene.softs for m in s.materials}),
+             sorted({(m.model, m.damping > 0, s.pressure != 0.0) for s in scene.softs for m in s.materials}),
              sorted({bool(np.isfinite(p.stiffness)) for p in scene.pins})]
     return "wsim_" + hashlib.sha256(json.dumps(kinds, default=str).encode()).hexdigest()[:12]
 

@@ -19,6 +19,8 @@ LANES = 4096           # threads that sum the energy
 class Tetrahedra:
     """All tets of one material model with so many nodes, in the order of the bodies."""
 
+    noun = "tets"
+
     def __init__(self, material: str, model: Model, nodes: int = 4):
         self.material, self.model, t = material, model, types(model.real)
         self.name, self.maths, points = _kind(material, nodes)
@@ -68,9 +70,10 @@ class Tetrahedra:
 
     @staticmethod
     def indicators(tables: list["Tetrahedra"], state) -> dict[str, float]:
-        """solid_strain: largest |E|, E = sym(R^T F) - 1; rms_solid_strain, over the volume; solid_energy [J]."""
+        """solid_strain: largest |E|, E = sym(R^T F) - 1; rms_solid_strain, over the volume; solid_energy [J], with that
+        of a pressure, -p (V - V at rest)."""
         each = np.array([t.statistics(state) for t in tables])
-        volume = sum(float(t.data.volume.numpy().astype(np.float64).sum()) for t in tables)
+        volume = sum(float(t.data.volume.numpy().astype(np.float64).sum()) for t in tables if t.parts)
         return {"solid_strain": float(each[:, 0].max()), "rms_solid_strain": sqrt(float(each[:, 1].sum()) / volume),
                 "solid_energy": float(each[:, 2].sum())}
 
@@ -95,11 +98,16 @@ class Tetrahedra:
         return hit
 
 
-def tables_of(model: Model) -> list[Tetrahedra]:
-    """A table for each material model that some soft body has, by name; of quadratic tets tables of their own."""
+def tables_of(model: Model) -> list:
+    """A table for each material model that some soft body has, by name; of quadratic tets tables of their own; last
+    that of pressure."""
     found = {(b.tets.shape[1], m.model) for b in model.bodies if isinstance(b.source, Soft) for m in b.source.materials
              if parts_of(b, m.model)}
-    return [Tetrahedra(name, model, nodes) for nodes, name in sorted(found)]
+    tables: list = [Tetrahedra(name, model, nodes) for nodes, name in sorted(found)]
+    if any(soft.pressure for soft in model.scene.softs):
+        from wsim.pressure import Pressure
+        tables.append(Pressure(model))
+    return tables
 
 
 def _kind(material: str, nodes: int) -> tuple[str, Any, int]:

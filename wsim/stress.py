@@ -23,13 +23,13 @@ class Stress:
     def at_points(self) -> dict[str, np.ndarray]:
         """Means over the tets of each point, weighed by their volume at rest, (n,) in the author's order: vonMises [Pa] and
         strain. 0 where there is no tet."""
-        body, corners = self.body, self.body.tets.ravel() - self.body.first
-        volume = np.repeat(volumes(body.rest, body.tets - body.first), body.tets.shape[1])
+        body, tets = self.body, self.body.tets[:, :4] - self.body.first
+        corners, volume = tets.ravel(), np.repeat(volumes(body.rest, tets), 4)
         whole = np.bincount(corners, volume, body.count)
         places = body.index - body.first
 
         def mean(values: np.ndarray) -> np.ndarray:
-            sums = np.bincount(corners, volume * np.repeat(values, body.tets.shape[1]), body.count)
+            sums = np.bincount(corners, volume * np.repeat(values, 4), body.count)
             return (sums / np.where(whole > 0.0, whole, 1.0))[places]
         return {"vonMises": mean(self.von_mises), "strain": mean(self.strain)}
 
@@ -50,9 +50,10 @@ def stress(plan: Plan, path: str | None, world: int = 0) -> Stress:
 
 
 def _of(table, plan: Plan) -> np.ndarray:
-    """(von Mises stress [Pa], |E|) of each tet of a table, (t, 2)."""
-    model, state = plan.model, plan.state
-    kernel = kernels.stress(table.name, real=model.real, module=f"{model.module}_stress_{table.name}")
-    out = wp.zeros(table.size, dtype=wp.vec2d, device=model.device)
-    model.launch(kernel, table.size, [table.data, state.x, state.e, table.q], [out])
-    return out.numpy()
+    """(von Mises stress [Pa], |E|) of each tet of a table, (t, 2): means over its evaluation points."""
+    model, state, points = plan.model, plan.state, len(table.q) // table.size
+    kernel = kernels.stress(table.material, points, real=model.real,
+                            module=f"{model.module}_stress_{table.material}_{points}")
+    out = wp.zeros(len(table.q), dtype=wp.vec2d, device=model.device)
+    model.launch(kernel, len(table.q), [table.data, state.x, state.e, table.q], [out])
+    return out.numpy().reshape(table.size, points, 2).mean(axis=1)
