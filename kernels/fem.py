@@ -210,26 +210,18 @@ def linearise(material: str, damped: bool, *, real, module):
 
 @cache
 def energy_change(material: str, damped: bool, *, real, module):
-    """Kernel over bodies times lanes: adds the change of energy and damping along p to a `Trial`; see kernels/descent.py.
-
-    In float64 but for the rotation, which `real` has: the energy is stationary in it, so that an error w costs w^2."""
-    t, Tets, row = types(real), elements(real), materials.TABLE[material]
-    (gradient, change), energy, turn, turns = (displaced(real, wp.float64), row.energy, _turn(material, real),
-                                               row.needs_rotation)
+    """Kernel over bodies times lanes: adds the change of energy and damping along p to a `Trial`; see kernels/descent.py. In
+    float64; no energy needs a rotation, q is not read."""
+    t, Tets, energy = types(real), elements(real), materials.TABLE[material].energy
+    gradient, change = displaced(real, wp.float64)
     vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
-
-    @wp.func
-    def density(H: D.mat33, q: t.quat, mu: wp.float64, lam: wp.float64):
-        now = q
-        if wp.static(turns):
-            now = turn(t.mat33(H), q)
-        return energy(H, wp.normalize(D.quat(now)), mu, lam), now
 
     def energy_change(trial: Trial, tets: Tets, x: vec3, d: vec3, a: vec3, p: vec3, q: quat, rate: wp.float64):
         row = wp.tid()
         body = row // trial.lanes
         if trial.step[body] >= wp.float64(0.0):
             return
+        none = D.quat(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
         for c in range(trial.first[body] + row - body * trial.lanes, trial.first[body + 1], trial.lanes):
             H = gradient(tets, c, x, d)
             Y = change(tets, c, p)
@@ -237,7 +229,6 @@ def energy_change(material: str, damped: bool, *, real, module):
             lam = wp.float64(tets.lam[c])
             volume = wp.float64(tets.volume[c])
             before = wp.float64(0.0)
-            now = q[c]
             slope = wp.float64(0.0)
             curve = wp.float64(0.0)
             if wp.static(damped):
@@ -248,7 +239,7 @@ def energy_change(material: str, damped: bool, *, real, module):
                 curve = wp.float64(0.5) * s * wp.ddot(P, Y)
             part = wp.float64(0.0)
             for j in range(trial.begin, trial.end + 1):      # first where it is now, then every trial: compiled once
-                psi, now = density(H + part * Y, now, mu, lam)
+                psi = energy(H + part * Y, none, mu, lam)
                 k = j - 1
                 if j == trial.begin:
                     before = psi

@@ -35,12 +35,13 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.neo_hookean import (
+    cofactor,
     neo_hookean_derivative,
     neo_hookean_energy,
     neo_hookean_spectrum,
     neo_hookean_stress,
 )
-from wsim.kernels.rotation import eigen, identity, twice_axis
+from wsim.kernels.rotation import eigen, identity, rounding, twice_axis
 from wsim.kernels.stretch import back, forth, held, off_diagonal, positive_part, strain, symmetric
 
 SUM = wp.constant(1.0e-3)         # of two stretches: smaller is stiffer against the turns of flat elements
@@ -107,9 +108,46 @@ def hooke_stretch(H: Any, mu: Any, lam: Any):
 
 
 @wp.func
+def stretch_sum(H: Any):
+    """(y, a): y = tr S - 3, and a = |F|^2 - 3, without a rotation.
+
+    tr S = s1 + s2 + s3 is the largest eigenvalue of Horn's matrix (rotation.py), whose characteristic polynomial is
+    x^4 - 2 |F|^2 x^2 - 8 det F x + |F|^4 - 4 |cof F|^2. About x = 3, with j = det F - 1 and b = |cof F|^2 - 3 - 2 a, small
+    strains keep their digits: p(y) = y^4 + 12 y^3 + (48 - 2a) y^2 + (64 - 12a - 8j) y - 20a - 24j + a^2 - 4b. All its roots are
+    real: Newton from above, x = sqrt(3) |F|, falls to the largest. Half the digits where that is double (s2 + s3 = 0).
+    """
+    zero = type(H[0, 0])(0.0)
+    two = type(zero)(2.0)
+    C = cofactor(H)
+    t = wp.trace(H)
+    c = wp.trace(C)
+    hh = wp.ddot(H, H)
+    K = t * identity(H) - wp.transpose(H) + C                        # cof F = 1 + K
+    a = two * t + hh
+    j = t + c + wp.dot(H[0], C[0])
+    p0 = a * a - type(zero)(4.0) * (two * c + wp.ddot(K, K) - two * hh) - type(zero)(20.0) * a - type(zero)(24.0) * j
+    p1 = type(zero)(64.0) - type(zero)(12.0) * a - type(zero)(8.0) * j
+    p2 = type(zero)(48.0) - two * a
+    three = type(zero)(3.0)
+    y = three * a / (wp.sqrt(wp.max(type(zero)(9.0) + three * a, zero)) + three)
+    n = int(60)                                                      # a variable: not unrolled
+    for _k in range(n):
+        p = (((y + type(zero)(12.0)) * y + p2) * y + p1) * y + p0
+        slope = ((type(zero)(4.0) * y + type(zero)(36.0)) * y + two * p2) * y + p1
+        if not slope > zero:
+            break
+        step = p / slope
+        y -= wp.max(step, zero)
+        if not step > rounding(zero) * wp.abs(y):
+            break
+    return y, a
+
+
+@wp.func
 def corotational_energy(H: Any, q: Any, mu: Any, lam: Any):
-    """Psi = mu |E|^2 + lam/2 tr(E)^2 [J/m^3], E = S - 1."""
-    return hooke_energy(strain(H, q), mu, lam)
+    """Psi = mu |E|^2 + lam/2 tr(E)^2 [J/m^3], E = S - 1; |E|^2 = |F|^2 - 3 - 2 tr E; q is not read."""
+    y, a = stretch_sum(held(H))
+    return mu * wp.max(a - (y + y), type(mu)(0.0)) + type(mu)(0.5) * lam * y * y
 
 
 @wp.func
@@ -208,7 +246,7 @@ class Material:
     derivative: wp.Function        # (H, q, dF, mu, lam) -> dP [Pa], exact
     spectrum: wp.Function          # (H, q, mu, lam) -> V, A, B for `response`: its positive part
     turns: bool = True             # else q is never the rotation of F, but (0, 0, 0, 1)
-    needs_rotation: bool = False   # energy, stress, derivative read q; `spectrum` always does
+    needs_rotation: bool = False   # stress and derivative read q; `spectrum` always does, energy never
 
 
 TABLE = {
