@@ -2,13 +2,26 @@
 
     kinetic    1/2 sum m v^2 [J]            gravity   -sum m g.x [J], from the origin of the world
     strain     |length - rest| / rest of every edge of a cloth or spring
+
+Where nothing of the scene takes energy and nothing moves it, the energy of a run changes by the integrator alone, which for
+implicit ones is their numerical damping:
+
+    energy_change      (E - E at the start) / what was turned over: the largest of the kinetic energies seen, of kinetic and
+                       elastic energy at both ends, and of what gravity gave or took
 """
+
+from dataclasses import dataclass
+from math import inf, isfinite
 
 import numpy as np
 import warp as wp
 
 from wsim.model import Body, edge_lengths
 from wsim.plan import Plan
+from wsim.scene import Pin
+
+STILL = 1e-6          # of what gravity would give over the size of a body: less turned over is what float32 leaves of rest
+PLACED = 1e-5         # of the size of a body that a pin may be away from its points
 
 
 def edge_strain(body: Body, x: np.ndarray) -> np.ndarray:
@@ -42,6 +55,80 @@ def gather(plan: Plan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         out |= method.indicators(x, v)
     out["energy"] = out["kinetic_energy"] + out["gravity_energy"] + out.get("elastic_energy", 0.0)
     return out
+
+
+# what the integrator itself takes away
+
+@dataclass
+class Balance:
+    """A run from where it was last placed, in which nothing but its integrator takes energy."""
+
+    plan: Plan
+    frame: int                    # where it begins
+    state: wp.array               # all persistent fields there
+    changes: int                  # live parameters that had been set
+    most: float = 0.0             # largest kinetic energy seen [J]
+    next: int = 1                 # frames after the beginning at which it is looked at again: 1, 2, 3, 4, 6, 8, 12, 16 ...
+
+    def look(self, sim) -> None:
+        """After a frame; now and then."""
+        if sim.frame - self.frame < self.next:
+            return
+        power = 1 << (self.next.bit_length() - 1)
+        self.next = 2 * power if self.next > power else max(power + power // 2, self.next + 1)
+        v = self.plan.state.v.numpy().astype(np.float64)
+        self.most = max(self.most, float(0.5 * np.sum(self.plan.model.stack("masses") * np.sum(v**2, axis=1))))
+
+    def change(self, sim) -> dict[str, float]:
+        """energy_change and energy_change_seconds, or nothing where something else has changed it, or nothing moved."""
+        if sim.plan is not self.plan or len(sim.changes) != self.changes or sim.frame == self.frame:
+            return {}
+        now, plan = sim.indicators(), self.plan
+        turned = [t.q for t in plan.solids]                  # rotations of the present state, from which others are sought
+        kept = [wp.clone(q) for q in turned]
+        plan.state.snapshot()
+        wp.copy(plan.state.every, self.state)
+        for table in plan.solids:
+            table.forget()
+        first = sim.indicators()
+        plan.state.restore()
+        for q, before in zip(turned, kept, strict=True):
+            wp.copy(q, before)
+        own = [e["kinetic_energy"] + e.get("elastic_energy", 0.0) for e in (first, now)]
+        over = max(self.most, *own, abs(now["gravity_energy"] - first["gravity_energy"]))
+        weight = float(np.sum(plan.model.stack("masses"))) * float(np.linalg.norm(sim.scene.gravity))
+        extent = max(float(np.ptp(b.places, axis=0).max(initial=0.0)) for b in plan.model.bodies)
+        if not over > STILL * weight * extent:               # at rest
+            return {}
+        return {"energy_change": (now["energy"] - first["energy"]) / over,
+                "energy_change_seconds": (sim.frame - self.frame) / sim.scene.fps}
+
+
+def balance(sim) -> Balance | None:
+    """Of a run that begins here by an implicit integrator; None where something else takes energy or gives some."""
+    if sim.plan.choice.integrator.explicit or not closed(sim):
+        return None
+    return Balance(sim.plan, sim.frame, wp.clone(sim.state.every), len(sim.changes))
+
+
+def closed(sim) -> bool:
+    """Whether energy stays: no contacts, damping, drag, limits or pressure, and pins that hold points where they are."""
+    scene = sim.scene
+    lossy = [bool(scene.colliders), scene.air_drag]
+    lossy += [c.material.damping or c.drag or c.lift or c.tethers or isfinite(c.material.strain_limit) for c in scene.cloths]
+    lossy += [s.damping for s in scene.springs] + [s.pressure for s in scene.softs]
+    lossy += [m.damping or isfinite(m.yield_strain) for s in scene.softs for m in s.materials]
+    return not any(lossy) and all(_stays(sim, pin) for pin in scene.pins)
+
+
+def _stays(sim, pin: Pin) -> bool:
+    """Whether a pin is hard, does not move, and finds its points where it holds them."""
+    if pin.stiffness < inf or np.ptp(pin.motion.values, axis=0).any():
+        return False
+    body = next(b for b in sim.scene.bodies() if b.path == pin.body)
+    start = body.motion.points(body.points)
+    held = start[pin.points] if pin.places is None else pin.motion.points(pin.places)
+    return bool(np.abs(sim.positions(pin.body)[pin.points] - held).max(initial=0.0) <= PLACED * np.ptp(start, axis=0).max())
 
 
 def profile(plan: Plan) -> dict[str, float]:
@@ -92,7 +179,7 @@ def report(sim, with_profile: bool = True) -> dict:
         "points": plan.model.points, "constraints": constraints, "ms_per_frame": ms,
         "points_per_second": plan.model.points * a_second,
         "constraints_per_second": a_substep * a_second,
-        "seconds": dict(sim.seconds), "error": sim.indicators(),
+        "seconds": dict(sim.seconds), "error": sim.indicators() | (sim.balance.change(sim) if sim.balance else {}),
         "stages": [{k: r[k] for k in ("name", "phase", "launches", "bytes")} | {"ms": spent.get(r["name"])}
                    for r in plan.table()],
         "skipped": plan.skipped, "warnings": sim.warnings,

@@ -54,6 +54,7 @@ def _error(report: dict) -> list[str]:
     found = {name: value for name, value in report.get("error", {}).items() if value is not None}
     if not found:
         return []
+    change, time = found.pop("energy_change", None), found.pop("energy_change_seconds", 0.0)
     parts = []
     for name, value in found.items():
         label = name.replace("_", " ")
@@ -61,6 +62,9 @@ def _error(report: dict) -> list[str]:
                      else f"{label} {value:.3g} {UNITS.get(name, '')}".rstrip() if isinstance(value, float)
                      else f"{label} {value}")
     rows = [", ".join(parts[k:k + 4]) for k in range(0, len(parts), 4)]
+    if change is not None:
+        what = "numerical damping" if change <= 0.0 else "error"
+        rows.append(f"energy {100.0 * change:+.2g} % in {time:.3g} s ({what} of {report.get('integrator', 'the integrator')})")
     return [f"error     {rows[0]}", *(f"          {row}" for row in rows[1:])]
 
 

@@ -67,6 +67,7 @@ class Simulation:
     def _build(self) -> None:
         self.frame = 0
         self.graph = None
+        self.balance: measure.Balance | None = None
         # a live motion changes a collider: the given scene stays as it is, for reset
         self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])
         self.changes: list[tuple] = []         # live parameters that were set, for another plan of the same scene
@@ -88,6 +89,8 @@ class Simulation:
         """One frame. Raises SceneError when it cannot be finished."""
         began = time.perf_counter()
         self.load()
+        if self.plan.clock.starting:
+            self.balance = measure.balance(self)
         for _ in range(REPEATS):
             try:
                 self.plan.before_frame(self.time)
@@ -105,6 +108,8 @@ class Simulation:
         self.frame += 1
         self.milliseconds.append(1e3 * (time.perf_counter() - began))
         self.seconds.setdefault("first_frame", time.perf_counter() - began)
+        if self.balance:
+            self.balance.look(self)
 
     def run(self, frames: int | None = None, each: Callable | None = None) -> None:
         """So many frames (None: the scene's); `each(simulation)` is called after every one."""
