@@ -22,10 +22,10 @@ ROOT = Path(__file__).resolve().parent.parent
 # for everything in a folder of that name.
 LAYERS = (
     ("curve", "fabric", "bulk", "bodies", "latest", "polygon", "scene", "solids", "topology", "normals", "shapes", "color",
-     "check", "integrator", "stability", "apart", "check_object", "check_soft", "tetra", "skin",
+     "check", "integrator", "stability", "apart", "check_object", "check_soft", "check_tie", "tetra", "skin",
      "locality", "kempe", "camera", "look", "png", "gif", "progress", "report"),
     ("kernels",),
-    ("stage", "state", "order", "masses", "middles", "model", "linear", "cluster", "abreast"),
+    ("stage", "state", "order", "ties", "masses", "middles", "model", "linear", "cluster", "abreast"),
     ("contact",),
     ("cloth", "soft"),
     ("frequency", "choice"),

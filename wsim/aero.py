@@ -26,7 +26,7 @@ class Aero(Method):
         self.model, self.state, self.points, self.constants = model, state, points, points.constants
         real, module, t = model.real, model.module, types(model.real)
         cloths = [b for b in model.bodies if isinstance(b.source, Cloth) and (b.source.drag or b.source.lift)]
-        triangles = np.concatenate([b.triangles for b in cloths])
+        triangles = model.shared(np.concatenate([b.triangles for b in cloths]))
         starts, items = topology.incident(triangles, model.points)
         self.triangle = model.upload(triangles, wp.vec3i)
         self.first, self.item = model.upload(starts.astype(np.int32), int), model.upload(items.astype(np.int32), int)

@@ -35,6 +35,9 @@ def check(scene: Scene) -> list[Problem]:
         found += check_object.collider(collider)
     for pin in scene.pins:
         found += _pin(pin, scene)
+    for tie in scene.ties:
+        from wsim import check_tie
+        found += check_tie.tie(tie, scene)
     if not any(p.fatal for p in found):           # triangles and pieces can be asked only of sound objects
         found += [*_support(scene), *_damping(scene)]
     return sorted(found, key=lambda p: not p.fatal)
@@ -101,7 +104,7 @@ def _paths(scene: Scene) -> Iterator[Problem]:
         yield error("/", "nothing here can move: no cloth, no spring net and no soft body", "at least one",
                     "apply PhysicsSurfaceDeformableSimAPI to a mesh, or let `wsim new cloth MESH -o SCENE` (or softbody) do it")
     skins = [skin for soft in scene.softs for skin in soft.skins]
-    named: list = [*scene.bodies(), *skins, *scene.colliders, *scene.pins]
+    named: list = [*scene.bodies(), *skins, *scene.colliders, *scene.pins, *scene.ties]
     for path, n in Counter(thing.path for thing in named).items():
         if n > 1:
             yield error(path, f"{n} objects have this path", "one", "give each its own")
@@ -162,6 +165,8 @@ def _support(scene: Scene) -> Iterator[Problem]:
         if hard[moved].all():
             yield error(path, f"all {len(moved)} points are pinned: nothing can move", "at least one free point",
                         "pin fewer points, or make it a collider")
+        for tie in (t for t in scene.ties if t.body == path):
+            held[tie.points] = True
         if falls and not held.any() and not scene.colliders:
             yield warning(path, "no pin holds it and nothing lies below: it falls for ever", "a pin or a collider",
                           "add a PhysicsAttachment, or apply PhysicsCollisionAPI to what it should land on")

@@ -19,7 +19,7 @@ def energy(model: Model, rows: list[Rows], state: State) -> float:
     for kind in sorted({r.kind for r in rows if r.kind not in HARD}):
         same = [r for r in rows if r.kind == kind]
         data = batch_of(kind, model.real)()
-        ids = np.concatenate([r.ids for r in same]).astype(np.int32)
+        ids = model.shared(np.concatenate([r.ids for r in same]).astype(np.int32))
         rest = np.concatenate([r.rest for r in same])
         alpha = np.concatenate([np.broadcast_to(r.alpha, (len(r.ids), *r.alpha.shape[1:])) for r in same])
         data.point = model.upload(ids, wp.types.vector(ids.shape[1], int))

@@ -14,9 +14,10 @@ class Table:
 
     def __init__(self, kind: str, rows: list[Rows], model: Model):
         self.kind, self.rows, self.model, self.stale = kind, rows, model, False
-        self.ids = np.concatenate([r.ids for r in rows]).astype(np.int32)
+        self.ids = model.shared(np.concatenate([r.ids for r in rows]).astype(np.int32))
         self.size = len(self.ids)
-        sizes = np.bincount([r.body.number for r in rows if r.body is not None], [len(r.ids) for r in rows], len(model.bodies))
+        systems = [model.system(r.body.number) for r in rows if r.body is not None]
+        sizes = np.bincount(systems, [len(r.ids) for r in rows], len(model.starts) - 1)
         self.first = model.upload(np.r_[0, np.cumsum(sizes)].astype(np.int32), int)
         self.most = int(sizes.max())
         t = types(model.real)

@@ -101,7 +101,7 @@ class Explicit(Method):
         edges = [(b, edge_lengths(b)) for b in self.model.bodies if len(b.edges)]
         if not edges or (self.marches and not self.steps):
             return
-        ids = np.concatenate([b.edges[rest > 0.0] for b, rest in edges]).astype(np.int32)
+        ids = self.model.shared(np.concatenate([b.edges[rest > 0.0] for b, rest in edges]).astype(np.int32))
         self.edges = self.model.upload(ids, wp.vec2i)
         self.most = self.model.upload(MOST * np.concatenate([rest[rest > 0.0] for _, rest in edges]), self.model.real)
         self.stretched = kernels_spring.stretched(self.model.real, self.model.module)

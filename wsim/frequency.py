@@ -2,12 +2,15 @@
 
     bound       omega^2 <= max over points i of (1 / m_i) sum_c g_ci sum_l g_cl,   g_ck = |alpha_c^-1/2 G_ck|
                 the row sums of M^-1 K at rest (Gershgorin 1931): safe at rest, and cautious by 38 % on a square net
+                of tets: the highest eigenvalue of any one with its share of its points' masses (Irons, Treharne 1971), as
+                safe, and less cautious: by 20 to 30 %, against 80 % by row sums (linear), 210 % (quadratic)
     estimate    the highest eigenvalue of M^-1 K at rest by power iteration (von Mises 1929), from below
     gradients   G of every constraint at rest, as kernels/constraint.py has them
 
 K keeps the material part G^T alpha^-1 G; what tension adds is not in it. Points that are pinned do not count.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +19,7 @@ from wsim.cloth import HARD, Rows
 from wsim.model import Body, Model, hard_places
 
 ITERATIONS = 40        # of the power method: within 2 % on nets of 1e2 to 1e5 points
+SOME = 20_000          # tets at a time: a quadratic one has 6 kB of J
 
 
 @dataclass
@@ -79,14 +83,32 @@ def stiffness(rows: list[Rows], body: Body) -> list[Stiffness]:
     return found
 
 
-def solids(body: Body, parts: list | None) -> list[Stiffness]:
-    """Every tet of a soft body at rest; parts: `wsim.soft.Part` of all as they are, None: as in the scene."""
+def solids(body: Body, parts: list | None) -> Iterator[Stiffness]:
+    """Every tet of a soft body at rest, some at a time; parts: `wsim.soft.Part` of all as they are, None: as in the scene."""
     if not len(body.tets):
-        return []
+        return
     from wsim.bulk import MODELS
     from wsim.soft import parts_of, strains
     mine = [p for name in MODELS for p in parts_of(body, name)] if parts is None else [p for p in parts if p.body is body]
-    return [Stiffness(p.body.tets[p.rows] - body.first, strains(p), float(p.lame()[2].max())) for p in mine]
+    for some in (s for p in mine for s in p.cut(SOME)):
+        yield Stiffness(body.tets[some.rows] - body.first, strains(some), float(some.lame()[2].max()))
+
+
+def stiffest(body: Body, parts: list | None, w: np.ndarray) -> tuple[float, float]:
+    """Highest eigenvalue of M^-1 K and of M^-1 sum tau K of the tets of a body, from above: that of one tet alone. Tets share a
+    point's mass by |J_k|^2, its part of the diagonal. (tr A^8)^(1/8) stands for A's highest eigenvalue: a little above it."""
+    total, top, decay = np.zeros(body.count), 0.0, 0.0
+    for s in solids(body, parts):
+        total += np.bincount(s.ids.ravel(), np.einsum("mrki,mrki->mk", s.J, s.J).ravel(), body.count)
+    for s in solids(body, parts):
+        share = np.einsum("mrki,mrki->mk", s.J, s.J) / total[s.ids]
+        B = (s.J * np.sqrt(w[s.ids] / np.maximum(share, 1e-30))[:, None, :, None]).reshape(*s.J.shape[:2], -1)
+        A = B @ B.transpose(0, 2, 1)
+        size = max(float(np.trace(A, axis1=1, axis2=2).max()), 1e-300)
+        A = np.linalg.matrix_power(A / size, 8)
+        square = size * float(np.trace(A, axis1=1, axis2=2).max())**0.125
+        top, decay = max(top, square), max(decay, s.tau * square)
+    return top, decay
 
 
 def _inverse(body: Body, pinned: np.ndarray) -> np.ndarray:
@@ -97,17 +119,20 @@ def _inverse(body: Body, pinned: np.ndarray) -> np.ndarray:
 
 def bound(model: Model, rows: dict[str, list[Rows]], parts: list | None = None) -> tuple[float, float]:
     """Highest frequency omega [rad/s] and highest decay rate c [1/s] of the points of world 0, from above. parts: `solids`."""
-    pinned, top, decay = hard_places(model), 0.0, 0.0
+    pinned, tops, decay = np.setdiff1d(hard_places(model), model.gone), [0.0], 0.0
     for body in (b for b in model.bodies if b.world == 0):
         w = _inverse(body, pinned)
         sums, damped = np.zeros(body.count), np.zeros(body.count)
-        for s in [*stiffness(rows[body.path], body), *solids(body, parts)]:
+        for s in stiffness(rows[body.path], body):
             g = np.linalg.norm(s.J[:, 0], axis=2) if s.J.shape[1] == 1 else np.linalg.norm(s.J.swapaxes(1, 2), 2, (2, 3))
             g = np.where(w[s.ids] > 0.0, g, 0.0)
             each = np.bincount(s.ids.ravel(), (g * g.sum(1, keepdims=True)).ravel(), body.count)
             sums += each
             damped += s.tau * each
-        top, decay = max(top, float((w * sums).max(initial=0.0))), max(decay, float((w * damped).max(initial=0.0)))
+        square, rate = stiffest(body, parts, w)
+        tops.append(float((w * sums).max(initial=0.0)) + square)
+        decay = max(decay, float((w * damped).max(initial=0.0)) + rate)
+    top = max(tops) if model.alias is None else sum(tops)              # a point that two share has the forces of both
     return top**0.5, decay + model.scene.air_drag
 
 

@@ -45,7 +45,7 @@ class Pull:
         self.net.pin = model.upload(np.full(model.points, -1, np.int32) if columns is None else columns, int)
         self.table, self.lanes, self.width = self.net, 1, 0
         if self.springs:
-            self.place(np.concatenate([r.ids for r in self.springs]).astype(np.int32))
+            self.place(model.shared(np.concatenate([r.ids for r in self.springs]).astype(np.int32)))
             self.values()
         self.elements: list[Elements | Solid] = [Elements(model, kind, [r for r in rows if r.kind == kind])
                          for kind in sorted({r.kind for r in rows} - {"distance"})]
@@ -189,7 +189,7 @@ class Elements:
     def __init__(self, model: Model, kind: str, rows: list[Rows]):
         self.model, self.kind, self.rows, self.first = model, kind, rows, 0
         t, real = types(model.real), model.real
-        self.ids = np.concatenate([r.ids for r in rows]).astype(np.int32)
+        self.ids = model.shared(np.concatenate([r.ids for r in rows]).astype(np.int32))
         self.data = corner.elements(kind, real)()
         self.data.point = model.upload(self.ids, wp.types.vector(self.ids.shape[1], int))
         self.data.rest = model.upload(np.concatenate([r.rest for r in rows]), t.mat22 if kind == "membrane" else real)

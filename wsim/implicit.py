@@ -65,7 +65,7 @@ class Implicit(Method):
     def work(self) -> None:
         """Vectors over points, and numbers of each body."""
         model, t = self.model, types(self.model.real)
-        bodies, cuda = len(model.bodies), model.device.is_cuda
+        bodies, cuda = self.system.systems, model.device.is_cuda
 
         def over(count, dtype):
             return wp.zeros(count, dtype=dtype, device=model.device)
@@ -81,7 +81,7 @@ class Implicit(Method):
         self.element.J, self.element.block = over(4 * hinges, t.vec3), over(block, t.mat33)
         self.element.force = over(force, t.vec3)
         self.residual, self.step = over(bodies, model.real), over(bodies, wp.float64)
-        most = max([int(b.count) for b in model.bodies] + [t.most for t in self.tables.values()]
+        most = max([int(np.diff(model.starts).max())] + [t.most for t in self.tables.values()]
                    + [s.most for s in self.solids])
         self.lanes = int(np.clip(most // 8, 32, 2**16)) if cuda else 1
         self.change = wp.zeros((bodies * self.lanes, 1 + descent.HALVINGS), dtype=wp.float64, device=model.device)
@@ -115,7 +115,8 @@ class Implicit(Method):
         real, module, model = self.model.real, self.model.module, self.model
         self.contact, self.pins = contact, pins if pins and pins.groups["soft"] else None
         w = self.rows.w.numpy()
-        free = [int(not contact and w[b.first:b.last].all()) for b in model.bodies]
+        starts = self.system.starts
+        free = [int(not contact and w[i:j].all()) for i, j in zip(starts[:-1], starts[1:], strict=True)]
         if any(free):
             from wsim.kernels import momentum
             block = model.sweep_module
@@ -177,7 +178,7 @@ class Implicit(Method):
             y, launch = self.v.y, self.model.launch
             launch(self.amount, self.part.size, [self.system.first, self.lanes, self.A, self.state.d, self.b, y], [self.part])
             self.system.launch(self.mean, [self.lanes, self.free, self.part], [self.shift])
-            launch(self.translate, self.model.points, [self.points.constants.object, self.shift, y], [y])
+            launch(self.translate, self.model.points, [self.system.of, self.shift, y], [y])
 
     def measure(self, clock: Clock) -> None:
         """What the frame's last Newton step left, and whether BDF2 or the midpoint may go on."""
@@ -212,7 +213,7 @@ class Implicit(Method):
         """d goes along y as far as Phi says: all the way or, after pass 1, a part, or nowhere."""
         s, a, y = self.state, self.points.anchor, self.v.y
         b = self.q if self.contact else self.b
-        rows, launch = len(self.model.bodies) * self.lanes, self.model.launch
+        rows, launch = self.system.systems * self.lanes, self.model.launch
         self.step.fill_(-1.0)
         for which in passes:
             launch(self.inertia, rows, [self.trials[""][which], self.A, s.d, b, y], [])
@@ -222,7 +223,7 @@ class Implicit(Method):
                 launch(self.stressed[solid.name][1], rows,
                        [self.trials[solid.name][which], solid.data, s.x, s.d, a, y, solid.q, rate], [])
             self.system.launch(self.choose, [self.trials[""][which], self.system.drop], [self.step])
-        launch(self.move, self.model.points, [self.points.constants.object, self.step, y, s.d], [s.d])
+        launch(self.move, self.model.points, [self.system.of, self.step, y, s.d], [s.d])
 
     @property
     def launches(self) -> int:

@@ -79,7 +79,7 @@ def blocks(hinges: np.ndarray, elements: list[np.ndarray], n: int) -> Blocks:
 
 
 class System:
-    """A y = f over the points of all bodies, each body a system of its own."""
+    """A y = f over the points of all bodies, each body a system of its own, or each world (`Model.starts`)."""
 
     def __init__(self, model: Model, w: wp.array, springs: np.ndarray, hinges: np.ndarray, elements: list[np.ndarray]):
         """w: inverse masses [1/kg]; the others as above, empty (0, k) where there are none."""
@@ -99,10 +99,12 @@ class System:
         self.A.own, self.A.P, self.A.aside = self.zeros(n, t.scalar), self.zeros(n, t.mat33), self.zeros(1, t.scalar)
         for name in "yrzwps":
             setattr(self.v, name, self.zeros(n, t.vec3))
-        self.first = model.upload(np.array([*(b.first for b in model.bodies), n], np.int32), int)
-        self.drop, self.count = self.zeros(len(model.bodies), wp.float64), self.zeros(len(model.bodies), int)
+        self.starts, self.systems = model.starts, len(model.starts) - 1
+        self.first = model.upload(self.starts.astype(np.int32), int)
+        self.of = model.upload(np.repeat(np.arange(self.systems), np.diff(self.starts)).astype(np.int32), int)
+        self.drop, self.count = self.zeros(self.systems, wp.float64), self.zeros(self.systems, int)
         kinds = model.real, model.sweep_module, len(springs) > 0, paired
-        self.large = max(b.count for b in model.bodies) > FUSE["cuda" if model.device.is_cuda else "cpu"]
+        self.large = int(np.diff(self.starts).max()) > FUSE["cuda" if model.device.is_cuda else "cpu"]
         if self.large:
             self.kernels, self.chunks = pcg.several(*kinds), self.cut()
         else:
@@ -118,11 +120,10 @@ class System:
     def cut(self):
         """Bodies in chunks of points, each for a block."""
         model, chunks = self.model, pcg.Chunks()
-        sizes = np.array([b.count for b in model.bodies])
+        sizes = np.diff(self.starts)
         each = -(-sizes // np.maximum(BLOCK, -(-sizes // CHUNKS)))
         body, own = np.repeat(np.arange(len(sizes)), each), np.r_[0, np.cumsum(each)]
-        start = np.array([b.first for b in model.bodies])
-        first = start[body] + sizes[body] * (np.arange(len(body)) - own[body]) // each[body]
+        first = self.starts[body] + sizes[body] * (np.arange(len(body)) - own[body]) // each[body]
         self.put(chunks, body=body, first=np.r_[first, model.points], own=own)
         chunks.gamma, chunks.delta = self.zeros((2, len(body)), wp.float64), self.zeros(len(body), wp.float64)
         chunks.last, chunks.done = self.zeros((2, len(sizes)), wp.vec4d), self.zeros((2, len(sizes)), int)
@@ -145,7 +146,7 @@ class System:
 
     def launch(self, kernel, inputs: list, outputs: list, count: int = 0) -> None:
         """A block of threads for each body, or `count` blocks; on the CPU a thread for each."""
-        model, count = self.model, count or len(self.model.bodies)
+        model, count = self.model, count or self.systems
         if model.device.is_cuda:
             wp.launch(kernel, count * BLOCK, inputs, outputs, device=model.device, block_dim=BLOCK)
         else:

@@ -39,6 +39,7 @@ def gather(plan: Plan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
     """
     model = plan.model
     masses = model.stack("masses")
+    masses[model.gone] = 0.0
     constants = plan.methods[0].constants            # type: ignore[attr-defined]
     free = constants.w.numpy() > 0.0
     gravity = constants.gravity.numpy().astype(np.float64)

@@ -41,6 +41,7 @@ class Body:
     idle: np.ndarray                     # places of points that nothing holds and that stay where they are
     middles: np.ndarray                  # places of the middles of edges of quadratic tets, (m,); see `wsim.middles`
     ends: np.ndarray                     # author's points that each is between, (m, 2)
+    own: np.ndarray                      # as index, but the idle places of points that are another body's (`wsim.ties`)
 
     @property
     def path(self) -> str:
@@ -68,10 +69,31 @@ class Model:
     dropped: list[str] = field(default_factory=list)      # what was left out while building, in words
     arrays: dict = field(default_factory=dict)            # device tables by name
     modules: dict[str, int] = field(default_factory=dict)     # with blocks of their own, by name: threads of a block
+    alias: np.ndarray | None = None      # place that stands for each place, (points,), where bodies share points
 
     @property
     def points(self) -> int:
         return self.bodies[-1].last if self.bodies else 0
+
+    def shared(self, places: np.ndarray) -> np.ndarray:
+        """Places with those of points that bodies share in one body's arrays only."""
+        return places if self.alias is None else self.alias[places].astype(places.dtype)
+
+    @property
+    def gone(self) -> np.ndarray:
+        """Places that another stands for, (k,)."""
+        return np.zeros(0, np.int64) if self.alias is None else np.flatnonzero(self.alias != np.arange(self.points))
+
+    @property
+    def starts(self) -> np.ndarray:
+        """First place of each system and the end, (systems + 1,). A system shares no force with others: a body, or, where
+        bodies share points, all of a world."""
+        each = 1 if self.alias is None else len(self.bodies) // self.worlds
+        return np.array([*(b.first for b in self.bodies[::each]), self.points])
+
+    def system(self, number):
+        """System of the body of that number, or of each of an array of numbers."""
+        return number if self.alias is None else number // (len(self.bodies) // self.worlds)
 
     @property
     def dtype(self):
@@ -239,7 +261,7 @@ def make_body(source: Cloth | Springs | Soft, world: int, number: int, first: in
     return Body(world, source, number, first, index[:n], origin, places[one] - origin, velocities[one], shape.rest[one],
                 np.bincount(place[particle], shape.masses, count), shape.reach[one], friction,
                 triangles.astype(np.int32), polygon, edges.astype(np.int32), index[shape.tets].astype(np.int32),
-                index[shape.idle], index[n:], shape.ends)
+                index[shape.idle], index[n:], shape.ends, index[:n])
 
 
 def _distinct(triangles: np.ndarray) -> np.ndarray:
@@ -257,10 +279,16 @@ def build(scene: Scene, worlds: int, device, real, module: str = "") -> Model:
     for number, source in enumerate(scene.bodies()):
         single.append(make_body(source, 0, number, first))
         first = single[-1].last
+    alias = None
+    if scene.ties:
+        from wsim.ties import join
+        alias = join(single, scene.ties)
     for world in range(worlds):
         shift, rows = world * first, world * len(single)
         bodies += [replace(b, world=world, number=b.number + rows, first=b.first + shift, index=b.index + shift,
                            triangles=b.triangles + shift, edges=b.edges + shift, tets=b.tets + shift, idle=b.idle + shift,
-                           middles=b.middles + shift)
+                           middles=b.middles + shift, own=b.own + shift)
                    for b in single]
-    return Model(scene, worlds, device, real, module, bodies)
+    if alias is not None:
+        alias = np.concatenate([alias + world * first for world in range(worlds)])
+    return Model(scene, worlds, device, real, module, bodies, alias=alias)

@@ -29,8 +29,8 @@ class Pressure:
         self.weights = [w for _, w in each]
         self.ids = np.concatenate([ids for ids, _ in each]).astype(np.int32)
         self.size = len(self.ids)
-        sizes = np.zeros(len(model.bodies), np.int64)
-        sizes[[b.number for b in self.bodies]] = [len(w) for w in self.weights]
+        systems = [model.system(b.number) for b in self.bodies]
+        sizes = np.bincount(systems, [len(w) for w in self.weights], len(model.starts) - 1)
         self.first = model.upload(np.r_[0, np.cumsum(sizes)].astype(np.int32), int)
         self.most = int(sizes.max())
         origin = np.repeat([ids[0, 0] for ids, _ in each], [len(w) for w in self.weights])

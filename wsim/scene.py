@@ -19,7 +19,7 @@ from wsim.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, arra
 from wsim.curve import Curve, Motion
 
 __all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylinder", "Motion", "Pin", "Plane", "Problem",
-           "Scene", "SceneError", "Shape", "Skin", "Soft", "Sphere", "Springs", "Surface"]
+           "Scene", "SceneError", "Shape", "Skin", "Soft", "Sphere", "Springs", "Surface", "Tie"]
 
 
 @dataclass(frozen=True)
@@ -106,6 +106,20 @@ class Pin(Compared):
 
 
 @dataclass(eq=False)
+class Tie(Compared):
+    """Points that a body shares with a soft body (USD: PhysicsAttachment, point to point): a cloth laid on it, say."""
+
+    path: str
+    body: str                                # path of a cloth, spring net or soft body
+    points: np.ndarray                       # indices in its author's order, (k,)
+    other: str                               # path of a soft body; its points are where the shared ones are
+    others: np.ndarray                       # (k,)
+
+    def __post_init__(self):
+        self.points, self.others = array(self.points, np.int32, -1), array(self.others, np.int32, -1)
+
+
+@dataclass(eq=False)
 class Scene(Compared):
     """Everything there is. Frame f is at time f / fps [s] after `start`; h = 1 / fps / substeps."""
 
@@ -127,6 +141,7 @@ class Scene(Compared):
     softs: list[Soft] = field(default_factory=list)
     colliders: list[Collider] = field(default_factory=list)
     pins: list[Pin] = field(default_factory=list)
+    ties: list[Tie] = field(default_factory=list)
     source: str | None = field(default=None, compare=False)   # file it was loaded from
     notes: list["Problem"] = field(default_factory=list, compare=False)   # what the loader warned about
     variants: dict[str, dict[str, str]] = field(default_factory=dict, compare=False)   # {prim: {set: chosen}}
@@ -156,6 +171,12 @@ class Scene(Compared):
         """Holds points (indices) of a cloth or spring net; see `Pin` for the fields."""
         self.pins.append(Pin(path, body if isinstance(body, str) else body.path, points, **more))
         return self.pins[-1]
+
+    def tie(self, path: str, body, points, other, others) -> Tie:
+        """Points (indices) of a body become points of a soft body, the first the first of `others`, and so on."""
+        names = (b if isinstance(b, str) else b.path for b in (body, other))
+        self.ties.append(Tie(path, next(names), points, next(names), others))
+        return self.ties[-1]
 
     def bodies(self) -> list[Cloth | Springs | Soft]:
         """Everything that has points that move, in the order of the state's arrays."""

@@ -204,9 +204,10 @@ class Simulation:
         now = array.numpy()
         exact, index = spread(values - body.origin if name == "positions" else values, body.ends), places(body)
         if name == "positions":
+            own = np.concatenate([body.own, body.middles]) - body.first
             solver = np.empty((body.count, 3))
-            solver[index - body.first] = exact
-            exact = apart(solver, body.edges - body.first, edge_lengths(body))[index - body.first]
+            solver[own] = exact
+            exact = apart(solver, body.edges - body.first, edge_lengths(body))[own]
         now[index] = exact
         array.assign(now)
         if name == "positions":
@@ -248,6 +249,8 @@ class Simulation:
     def indicators(self) -> dict[str, float]:
         """Error indicators and energies now: strain, residual, penetration, energy [J]."""
         x = self.state.x.numpy().astype(np.float64) + self.state.e.numpy()
+        if self.model.alias is not None:
+            x = x[self.model.alias]
         return measure.gather(self.plan, x, self.state.v.numpy().astype(np.float64))
 
     def stress(self, path: str | None = None, world: int = 0):

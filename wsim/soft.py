@@ -1,5 +1,6 @@
 """What a soft body is made of: its tets by material model, their moduli, and how stiff they are at rest. NumPy."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import sqrt
 
@@ -30,6 +31,12 @@ class Part:
         found = np.array([lame(float(E), float(nu)) for E, nu in pairs.T])[which.reshape(-1)]
         share = np.broadcast_to(soft_share(self.soft), len(self.body.tets))[self.rows]
         return found[:, 0] * share, found[:, 1] * share, self.values["damping"]
+
+    def cut(self, most: int) -> Iterator["Part"]:
+        """Parts of at most so many tets."""
+        for k in range(0, len(self.rows), most):
+            some = slice(k, k + most)
+            yield Part(self.body, self.rows[some], self.material[some], {name: v[some] for name, v in self.values.items()})
 
     @property
     def soft(self) -> Soft:

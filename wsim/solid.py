@@ -27,7 +27,8 @@ class Tetrahedra:
         self.parts = [p for b in model.bodies if b.tets.shape[1] == nodes for p in parts_of(b, material)]
         self.ids = np.concatenate([p.body.tets[p.rows] for p in self.parts]).astype(np.int32)
         self.size = len(self.ids)
-        sizes = np.bincount([p.body.number for p in self.parts], [len(p.rows) for p in self.parts], len(model.bodies))
+        systems = [model.system(p.body.number) for p in self.parts]
+        sizes = np.bincount(systems, [len(p.rows) for p in self.parts], len(model.starts) - 1)
         self.first = model.upload(np.r_[0, np.cumsum(sizes)].astype(np.int32), int)
         self.most = int(sizes.max())
         rest = np.zeros((model.points, 3))

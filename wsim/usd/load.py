@@ -21,6 +21,7 @@ from wsim.usd.material import foreign_spellings
 from wsim.usd.settings import frames_of, load_settings
 from wsim.usd.springs import load_springs
 from wsim.usd.stage import Reading, Units, applied, open_stage, quiet
+from wsim.usd.ties import is_tie, load_tie
 
 SIMULATED = (names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM, names.WSIM_SPRINGS)
 
@@ -79,6 +80,10 @@ def _read(reading: Reading) -> Scene:
     by_path = {**{k: v for k, v in above.items() if v is not None}, **by_path}
     failed = any(problem.fatal for problem in reading.problems)
     for prim in found.attachments if not failed else ():
+        if is_tie(prim):
+            tie = load_tie(reading, prim, by_path)
+            scene.ties += [tie] if tie is not None else []
+            continue
         pin = load_pin(reading, prim, by_path)
         if pin is not None:
             scene.pins.append(pin)
@@ -222,7 +227,7 @@ def _order(scene: Scene, scenes: list[Usd.Prim]) -> None:
     relationship = scenes[0].GetRelationship(names.ORDER) if scenes else None
     if relationship:
         place = {str(path): i for i, path in enumerate(relationship.GetTargets())}
-        lists: list[list] = [scene.cloths, scene.springs, scene.softs, scene.colliders, scene.pins]
+        lists: list[list] = [scene.cloths, scene.springs, scene.softs, scene.colliders, scene.pins, scene.ties]
         for kind in [*lists, *(soft.skins for soft in scene.softs)]:
             kind.sort(key=lambda thing: place.get(thing.path, len(place)))
 

@@ -159,6 +159,8 @@ TABLE = (
     Row("Pin", "type1", ATTACHMENT, "physics:type1", "token", uniform=True),
     Row("Pin", "points", ATTACHMENT, "physics:indices0", "int[]"),
     Row("Pin", "places", ATTACHMENT, "physics:coords1", "vector3f[]", "m"),
+    Row("Tie", "points", ATTACHMENT, "physics:indices0", "int[]"),
+    Row("Tie", "others", ATTACHMENT, "physics:indices1", "int[]"),
     Row("Pin", "stiffness", ATTACHMENT, "physics:stiffness", "float", "N/m"),
     Row("Pin", "damping", ATTACHMENT, "physics:damping", "float", "N s/m"),
 )

@@ -9,7 +9,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
 from wsim.bulk import Bulk
 from wsim.check import check
 from wsim.fabric import Fabric
-from wsim.scene import Cloth, Collider, Pin, Problem, Scene, SceneError, Skin, Soft, Springs
+from wsim.scene import Cloth, Collider, Pin, Problem, Scene, SceneError, Skin, Soft, Springs, Tie
 from wsim.usd import names
 from wsim.usd.attachments import FRAME, author_pin
 from wsim.usd.cloth import author_cloth_prim
@@ -17,6 +17,7 @@ from wsim.usd.colliders import author_collider
 from wsim.usd.settings import author_settings
 from wsim.usd.springs import author_springs
 from wsim.usd.stage import SUFFIXES, Units, reason
+from wsim.usd.ties import author_tie
 
 
 def save(scene: Scene, path) -> None:
@@ -34,12 +35,12 @@ def save(scene: Scene, path) -> None:
 
 
 def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
-    objects: list[Cloth | Springs | Soft | Collider | Pin] = [*scene.bodies(), *scene.colliders, *scene.pins]
+    objects: list[Cloth | Springs | Soft | Collider | Pin | Tie] = [*scene.bodies(), *scene.colliders, *scene.pins, *scene.ties]
     taken = {thing.path for thing in [*objects, *_skins(scene)]}
     settings = author_settings(stage, _free("/physicsScene", taken), scene, units)
     materials = _Materials(_free("/materials", taken))
     by_path = {thing.path: thing for thing in scene.bodies()}
-    for thing in sorted(objects, key=lambda thing: (isinstance(thing, Pin), thing.path.count("/"))):
+    for thing in sorted(objects, key=lambda thing: (isinstance(thing, (Pin, Tie)), thing.path.count("/"))):
         _parents(stage, thing.path)
         if isinstance(thing, Cloth):
             author_cloth_prim(stage, thing, materials.of(thing), units, scene.frames)
@@ -47,6 +48,8 @@ def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
             author_springs(stage, thing, materials.of(thing), units, scene.frames)
         elif isinstance(thing, Soft):
             _author_soft(stage, thing, materials, taken, units, scene.frames)
+        elif isinstance(thing, Tie):
+            author_tie(stage, thing)
         elif isinstance(thing, Collider):
             author_collider(stage, thing, materials.of(thing), units, scene.frames)
         else:
@@ -114,12 +117,12 @@ def _path_problems(scene: Scene) -> list[Problem]:
         from wsim.usd.skins import skin_problems
         problems += skin_problems(scene)
     moving = {thing.path: thing.motion for thing in scene.colliders}
-    for thing in [*solid, *scene.pins]:
+    for thing in [*solid, *scene.pins, *scene.ties]:
         good = Sdf.Path.IsValidPathString(thing.path) and Sdf.Path(thing.path).IsAbsoluteRootOrPrimPath()
         if not good or thing.path == "/":
             problems.append(Problem(thing.path, "is not a prim path; allowed is like /World/flag (letters, digits, _)"))
         above = [other for other in geometry if thing.path.startswith(other + "/") and thing.path != other]
-        if above and not isinstance(thing, Pin):
+        if above and not isinstance(thing, (Pin, Tie)):
             problems.append(Problem(thing.path, f"lies below {above[0]}, which is geometry; give it a place of its "
                                                 "own"))
     for pin in scene.pins:
