@@ -94,7 +94,7 @@ MISTAKES = {
     "which": (at("which", slice(8, 12), 1), "/body/sim", "which[8] is 1: tet 8 has a material that there is not"),
     "which count": (spoil(which=np.zeros(3, np.int32)), "/body/sim", "3 values of which"),
     "pressure": (spoil(pressure=nan), "/body/sim", "pressure is nan"),
-    "plastic": (made_of(yield_strain=0.1), "/body/sim", "plasticity is not simulated yet"),
+    "plastic": (lambda s: (made_of(yield_strain=0.1)(s), spoil(quadratic=True)(s)), "/body/sim", "quadratic tets do not flow"),
     "solver": (lambda s: setattr(s, "solver", "xpbd"), "/", "allowed: auto, implicit, explicit"),
     "all pinned": (lambda s: s.pin("/pin", "/body/sim", range(N)), "/body/sim", "all 125 points are pinned"),
     "pin index": (lambda s: s.pin("/pin", "/body/sim", [N]), "/pin", "point 125 of /body/sim; allowed: 0 to 124"),

@@ -29,7 +29,7 @@ LAYERS = (
     ("contact",),
     ("cloth", "soft"),
     ("frequency", "choice"),
-    ("elastic", "elements", "solid", "pressure", "gather"),
+    ("elastic", "elements", "solid", "plastic", "pressure", "gather"),
     ("points", "explicit", "implicit", "aero", "xpbd", "fem", "rigid", "fluid", "pose"),
     ("plan",),
     ("measure", "mend", "stress", "simulation"),

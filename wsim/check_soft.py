@@ -90,9 +90,9 @@ def _options(thing: Soft) -> Iterator[Problem]:
 def pending(thing: Soft) -> Iterator[Problem]:
     """What a scene can say and no solver does yet."""
     for material in thing.materials:
-        if material.yield_strain < inf:
-            yield error(thing.path, f"yield strain is {material.yield_strain:g}: plasticity is not simulated yet", "inf",
-                        "leave wsim:yieldStrain of its material off")
+        if material.yield_strain < inf and thing.quadratic:
+            yield error(thing.path, f"yield strain is {material.yield_strain:g}: quadratic tets do not flow yet", "inf, or "
+                        "linear tets", "leave wsim:yieldStrain of its material off, or wsim:quadratic")
 
 
 def _skin(thing: Soft, skin: Skin, sound: bool) -> Iterator[Problem]:

@@ -58,6 +58,9 @@ class Implicit(Method):
         self.make()
         what = [f"{b.size} {b.kind}" for b in self.tables.values()] + [f"{t.size} {t.name} {t.noun}" for t in self.solids]
         self.stages.append(Stage("newton", "solve", self.newton, self.launches, self.bytes, "iteration", ", ".join(what)))
+        if any(s.plastic for s in self.solids):
+            size = sum(s.size for s in self.solids if s.plastic)
+            self.stages.append(Stage("flow", "deform", self.flow, 1, size * 150, what=f"{size} plastic tets"))
 
     def ids(self, kind: str, corners: int) -> np.ndarray:
         return self.tables[kind].ids if kind in self.tables else np.zeros((0, corners), np.int32)
@@ -152,6 +155,12 @@ class Implicit(Method):
             self.model.launch(self.end, self.model.points, [self.state.d, self.b], [self.c])
             if clock.k == clock.substeps - 1 or clock.beyond:      # one unsolved step of the midpoint can gain energy
                 self.measure(clock)
+
+    def flow(self, clock: Clock) -> None:
+        """Tets beyond their yield, where the substep has ended."""
+        for table in self.solids:
+            if table.plastic:
+                table.plastic.flow(self.state.x, self.state.e)
 
     def start(self, clock: Clock) -> None:
         """d becomes the best of three: the prediction, that and the last step's forces, where the substep began."""

@@ -83,12 +83,15 @@ def _switch(sim: Simulation) -> bool:
         return False
     sim.state.restore()
     kept = {name: sim.state.arrays[name].numpy() for name in ("x", "e", "v")}
+    flowed = {name: kept.array.numpy() for name, kept in sim.state.elements.items()}
     solver = "implicit" if scene.softs else "xpbd"
     sim.scene = replace(scene, solver=solver, integrator="backward_euler")
     sim.plan = plans.build(sim.scene, device=sim.device, real=sim.model.real, worlds=sim.worlds)
     sim.model, sim.state, sim.graph = sim.plan.model, sim.plan.state, None
     for name, values in kept.items():
         sim.state.arrays[name].assign(values)
+    for name, values in flowed.items():
+        sim.state.elements[name].array.assign(values)
     for path, name, value, world in sim.changes:
         for method in sim.plan.methods:
             method.set(path, name, value, world)

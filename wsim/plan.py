@@ -9,6 +9,7 @@
 import hashlib
 import json
 from dataclasses import dataclass, field
+from math import inf
 
 import numpy as np
 import warp as wp
@@ -180,7 +181,8 @@ def _module(scene: Scene, real, reasons: dict[str, str], choice: Choice) -> str:
              sorted({(c.model, c.material.damping > 0, c.material.bend > 0, np.isfinite(c.material.strain_limit),
                       c.tethers) for c in scene.cloths}),
              sorted({(s.damping > 0, len(s.stiffness) > 1) for s in scene.springs}),
-             sorted({(m.model, m.damping > 0, s.pressure != 0.0) for s in scene.softs for m in s.materials}),
+             sorted({(m.model, m.damping > 0, m.yield_strain < inf, s.pressure != 0.0)
+                     for s in scene.softs for m in s.materials}),
              sorted({bool(np.isfinite(p.stiffness)) for p in scene.pins})]
     return "wsim_" + hashlib.sha256(json.dumps(kinds, default=str).encode()).hexdigest()[:12]
 
@@ -201,6 +203,7 @@ def build(scene: Scene, *, device, real, worlds: int = 1) -> Plan:
     plan.skipped = [{"stage": name, "why": text} for name, text in WITHOUT.items()
                     if not reasons.get(name) and not (name == "history" and clock.multistep)]
     _add(plan, scene, reasons, rows)
+    state.elements = {name: kept for table in plan.solids for name, kept in table.kept.items()}
     _start(model, state)
     return plan
 

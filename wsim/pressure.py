@@ -20,6 +20,8 @@ class Pressure:
 
     name, noun, damped = "pressure", "triangles", False
     parts: list = []                  # of tets
+    kept: dict = {}                   # nothing outlives a frame
+    plastic = None
 
     def __init__(self, model: Model):
         self.model, real = model, model.real

@@ -225,7 +225,12 @@ class Simulation:
     def fields(self, path: str | None = None) -> dict[str, np.ndarray]:
         """What an exact restart needs of a body, by name, each in the author's order, behind it middles of quadratic tets."""
         body = self.model.body(path)
-        return {name: array.numpy()[places(body)] for name, array in self._persistent().items()}
+        elements = {name: kept.array.numpy()[kept.places[body.number]] for name, kept in self._elements(body).items()}
+        return {name: array.numpy()[places(body)] for name, array in self._persistent().items()} | elements
+
+    def _elements(self, body) -> dict:
+        """What outlives a frame and belongs to elements of this body, by name."""
+        return {name: kept for name, kept in self.state.elements.items() if body.number in kept.places}
 
     def restart(self, frame: int, fields: dict[str, dict[str, np.ndarray]]) -> None:
         """Goes on after `frame` frames with the fields that an earlier run left, by path and name: bit for bit where every
@@ -238,8 +243,13 @@ class Simulation:
                 now[places(body)] = stored(body, values[name])
                 whole &= len(values[name]) == len(places(body))
                 arrays[name].assign(now)
+            for name, kept in self._elements(body).items():
+                now = kept.array.numpy()
+                now[kept.places[body.number]] = values.get(name, now[kept.places[body.number]])
+                kept.array.assign(now)
         self.frame = frame
-        exact = whole and all(arrays.keys() <= fields.get(b.path, {}).keys() for b in self.scene.bodies())
+        exact = whole and all(arrays.keys() | self._elements(self.model.body(b.path)).keys() <= fields.get(b.path, {}).keys()
+                              for b in self.scene.bodies())
         self.plan.clock.starting = not exact
         if exact and (contact := self.plan.method("contact")):
             contact.contacts.time = (frame - 1) / self.scene.fps       # type: ignore[attr-defined]

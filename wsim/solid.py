@@ -1,7 +1,7 @@
 """Tetrahedra of soft bodies on the device, a table for each material model: what kernels/fem.py and quadratic.py read."""
 
-from math import sqrt
-from typing import Any
+from math import inf, sqrt
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -12,6 +12,9 @@ from wsim.model import Model
 from wsim.scene import Soft
 from wsim.soft import parts_of
 from wsim.tetra import tets as meshes
+
+if TYPE_CHECKING:
+    from wsim.plastic import Plastic
 
 LANES = 4096           # threads that sum the energy
 
@@ -44,6 +47,12 @@ class Tetrahedra:
         self.data.mu, self.data.lam, self.data.tau = (model.upload(a, t.scalar) for a in (mu, lam, tau))
         self.damped = bool(tau.any())
         self.q = wp.zeros(points * self.size, dtype=t.quat, device=model.device)
+        self.plastic: Plastic | None = None
+        self.kept: dict = {}              # what outlives a frame, by name
+        if any(m.yield_strain < inf for p in self.parts for m in p.soft.materials):
+            from wsim import plastic
+            self.plastic = plastic.Plastic(self)
+            self.kept = {f"plastic_{self.name}": self.plastic.kept}
 
     def moduli(self) -> tuple[np.ndarray, ...]:
         return tuple(np.concatenate(columns) for columns in zip(*(p.lame() for p in self.parts), strict=True))
@@ -57,7 +66,9 @@ class Tetrahedra:
         self.pull = self.maths.forces(self.material, self.damped, real=self.model.real, module=self.model.module)
 
     def forces(self, x: wp.array, d: wp.array, v: wp.array, force: wp.array | None) -> None:
-        """Launches the forces of corners at displacements d and velocities v."""
+        """Launches the forces of corners at displacements d and velocities v, where tets have flowed."""
+        if self.plastic:
+            self.plastic.flow(x, d)
         self.model.launch(self.pull, self.size, [self.data, x, d, v, self.q], [force, self.q])
 
     def kernels(self) -> list:
@@ -68,18 +79,24 @@ class Tetrahedra:
     def forget(self) -> None:
         """Rotations are sought anew: a frame depends on nothing that a restart, or a frame that is repeated, does not have."""
         self.q.zero_()
+        if self.plastic:
+            self.plastic.shape()
 
     @staticmethod
     def indicators(tables: list["Tetrahedra"], state) -> dict[str, float]:
-        """solid_strain: largest |E|, E = sym(R^T F) - 1; rms_solid_strain, over the volume; solid_energy [J], with that
-        of a pressure, -p (V - V at rest)."""
+        """solid_strain: largest |E|, E = sym(R^T F) - 1; rms_solid_strain, over the volume; plastic_strain: largest
+        |F_p - 1|; solid_energy [J], with that of a pressure, -p (V - V at rest)."""
         each = np.array([t.statistics(state) for t in tables])
         volume = sum(float(t.data.volume.numpy().astype(np.float64).sum()) for t in tables if t.parts)
-        return {"solid_strain": float(each[:, 0].max()), "rms_solid_strain": sqrt(float(each[:, 1].sum()) / volume),
+        flowed = [t.plastic.strain() for t in tables if t.plastic]
+        return {"solid_strain": float(each[:, 0].max()), **({"plastic_strain": max(flowed)} if flowed else {}),
+                "rms_solid_strain": sqrt(float(each[:, 1].sum()) / volume),
                 "solid_energy": float(each[:, 2].sum())}
 
     def statistics(self, state) -> np.ndarray:
         """Largest |E|, sum of |E|^2 V [m^3], energy [J] at x + e."""
+        if self.plastic:
+            self.plastic.shape()
         out = wp.zeros(min(LANES, self.size), dtype=wp.vec3d, device=self.model.device)
         kernel = self.maths.statistics(self.material, real=self.model.real, module=f"{self.model.module}_report")
         self.model.launch(kernel, out.size, [self.data, self.size, state.x, state.e, self.q], [out])
@@ -87,8 +104,11 @@ class Tetrahedra:
         return np.array([each[:, 0].max(), each[:, 1].sum(), each[:, 2].sum()])
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
-        """young [Pa], poisson, damping [s] of a soft body; damping cannot begin where there was none."""
+        """young [Pa], poisson, damping [s] of a soft body; damping and yield_strain cannot begin where there were
+        none."""
         hit = False
+        if name == "yield_strain" and self.plastic:
+            return self.plastic.set(path, float(value), world)
         for p in self.parts:
             if p.body.path == path and world in (None, p.body.world) and name in p.values:
                 p.values[name] = np.full(len(p.rows), float(value))

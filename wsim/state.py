@@ -6,6 +6,7 @@ scene lacks is not allocated.
 
 from dataclasses import dataclass, field
 
+import numpy as np
 import warp as wp
 
 
@@ -33,6 +34,16 @@ HALF = (Field("b", "m/s", True, "velocity half a substep before v (leapfrog amon
 
 
 @dataclass
+class Kept:
+    """An array over elements that outlives a frame, its snapshot, and the places of each body's elements in it, in the author's
+    order, by the number of the body."""
+
+    array: wp.array
+    aside: wp.array
+    places: dict[int, np.ndarray]
+
+
+@dataclass
 class State:
     """Device arrays by field name, all of one length; `fields` says what each is."""
 
@@ -41,6 +52,7 @@ class State:
     saved: dict[str, wp.array] = field(default_factory=dict)
     every: wp.array | None = None                 # all persistent fields behind each other, and their snapshot
     aside: wp.array | None = None
+    elements: dict[str, Kept] = field(default_factory=dict)       # by name
 
     @staticmethod
     def allocate(fields: tuple[Field, ...], count: int, dtype, device) -> "State":
@@ -66,12 +78,17 @@ class State:
         """Copies every persistent field aside (capturable)."""
         if self.every is not None and self.aside is not None and len(self.every):
             wp.copy(self.aside, self.every)
+        for kept in self.elements.values():
+            wp.copy(kept.aside, kept.array)
 
     def restore(self) -> None:
         """Puts the snapshot back."""
         if self.every is not None and self.aside is not None and len(self.every):
             wp.copy(self.every, self.aside)
+        for kept in self.elements.values():
+            wp.copy(kept.array, kept.aside)
 
     @property
     def bytes(self) -> int:
-        return sum(a.capacity for a in (*self.arrays.values(), *self.saved.values()))
+        elements = [a for kept in self.elements.values() for a in (kept.array, kept.aside)]
+        return sum(a.capacity for a in (*self.arrays.values(), *self.saved.values(), *elements))

@@ -52,6 +52,8 @@ def stress(plan: Plan, path: str | None, world: int = 0) -> Stress:
 def _of(table, plan: Plan) -> np.ndarray:
     """(von Mises stress [Pa], |E|) of each tet of a table, (t, 2): means over its evaluation points."""
     model, state, points = plan.model, plan.state, len(table.q) // table.size
+    if table.plastic:
+        table.plastic.shape()
     kernel = kernels.stress(table.material, points, real=model.real,
                             module=f"{model.module}_stress_{table.material}_{points}")
     out = wp.zeros(len(table.q), dtype=wp.vec2d, device=model.device)
