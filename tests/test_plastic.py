@@ -76,8 +76,7 @@ def pulled(solver: str, yields: float, way: list[float], frames: int) -> Simulat
 @pytest.mark.parametrize("solver", ["implicit", "explicit"])
 def test_a_bar_that_was_pulled_is_at_rest_where_its_yield_is_subtracted(solver):
     """The strain at yield is sqrt(3/2) Y of 5 %: let back by as much, hardly any stress is left. Not none: nothing hardens, so
-    that flow gathers where the bar gets thinner, by up to 8 % there, and the thin place bears less. Volume is that of the start.
-    """
+    that flow gathers where the bar gets thinner, by up to 8 %, and there it bears less. Volume is that of the start."""
     least = np.sqrt(1.5) * Y
     sim = pulled(solver, Y, [0.0, 0.05, 0.05 - least], 60)
     middle = np.abs(sim.scene.softs[0].points[sim.scene.softs[0].tets].mean(axis=1)[:, 0]) < 0.3

@@ -10,6 +10,7 @@ second, of the rate of Green's strain, leaves rigid motion alone.
 
 A yield strain y bounds |dev E|, the square root of the sum of the squares of the deviatoric strain: a bar that is pulled begins
 to flow at the strain sqrt(3/2) y / (1 + nu), and keeps what goes beyond it (kernels/plastic.py). Volume always comes back.
+Nothing tears.
 """
 
 from dataclasses import dataclass, fields
