@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tools.stress import acts, energy, judge, rows, run, scenes, solvers
+from tools.stress import acts, energy, judge, rows, run, scenes, soft_rows, solvers, table
 from tools.stress.__main__ import chosen, verdict_of
 from wsim.apart import NUDGE, apart
 from wsim.simulation import Simulation
@@ -16,7 +16,7 @@ AUTO = solvers.SOLVERS[0]
 
 
 def row(name: str) -> rows.Row:
-    return next(r for r in rows.ROWS if r.name == name)
+    return next(r for r in table.ROWS if r.name == name)
 
 
 def record(**more) -> judge.Record:
@@ -109,8 +109,8 @@ def test_an_explicit_solver_beyond_its_limit_is_listed_and_others_are_not():
 
 
 def test_auto_is_never_excused_but_where_the_scene_itself_is_wrong():
-    excused = {r.name for r in rows.ROWS if r.reasons("auto", "auto")}
-    assert excused == {"coincident, rest 0"}
+    excused = {r.name for r in table.ROWS if r.reasons("auto", "auto")}
+    assert excused == {"coincident, rest 0"} | {f"soft {name}, corotational" for name in soft_rows.HEAPS}
 
 
 def test_a_named_explicit_solver_is_excused_only_far_from_rest_and_implicit_ones_are_not():
@@ -127,7 +127,7 @@ def test_the_midpoint_is_excused_only_where_its_step_does_not_resolve():
 
 
 def test_names_of_rows_are_unique_and_wrong_ones_are_refused():
-    assert len({r.name for r in rows.ROWS}) == len(rows.ROWS)
+    assert len({r.name for r in table.ROWS}) == len(table.ROWS)
     with pytest.raises(ValueError, match="names no row"):
         chosen(["nothing of that name"], "")
     with pytest.raises(ValueError, match="names none"):
@@ -185,3 +185,55 @@ def test_points_that_need_no_parting_stay_as_they_are():
     places = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     assert apart(places, np.array([[0, 1]]), np.array([1.0])) is places
     assert apart(places, np.array([[0, 2]]), np.array([0.0])) is places
+
+
+# soft bodies
+
+@pytest.mark.parametrize("model", soft_rows.MODELS)
+def test_energies_of_tets_agree_with_the_engine(model):
+    simulation = Simulation(replace(soft_rows.bar(model=model), solver="implicit", integrator="backward_euler"), device="cpu",
+                            precision="float64")
+    simulation.set("/bar", "positions", simulation.positions() + 0.02 * np.random.default_rng(0).normal(size=(45, 3)))
+    (_, parts), = energy.elastic_of(simulation.scene)
+    found, x = simulation.indicators(), simulation.positions()
+    assert parts.stored(x) == pytest.approx(found["elastic_energy"], rel=1e-9)
+    assert parts.strain(x).max() == pytest.approx(found["solid_strain"], rel=1e-9)
+
+
+def test_the_fastest_frequency_of_tets_is_that_of_the_reference():
+    pytest.importorskip("scipy")
+    from tools.bench.soft_reference import Solid
+    scene = soft_rows.bar()
+    soft = scene.softs[0]
+    solid = Solid(soft.points, soft.tets, scene.pins[0].points)
+    free, root = solid.moving(), np.repeat(solid.masses, 3)**-0.5
+    K = solid.tangent(solid.points).toarray() * root[:, None] * root
+    assert energy.fastest(scene) == pytest.approx(np.linalg.eigvalsh(K[np.ix_(free, free)])[-1]**0.5, rel=1e-5)
+
+
+def test_leapfrog_may_swing_as_far_as_its_invariant_lets_it():
+    """x'' = -x from rest and from the middle, in NumPy."""
+    h, most = 1.5, 0.0
+    for x, v in ((1.0, 0.0), (0.0, 1.0)):
+        start = 0.5 * (x * x + v * v)
+        for _ in range(200):
+            v -= 0.5 * h * x
+            x += h * v
+            v -= 0.5 * h * x
+            most = max(most, 0.5 * (x * x + v * v) / start)
+    assert 0.95 * judge.leapfrog_swing(0.5 * h) < most <= judge.leapfrog_swing(0.5 * h) * (1.0 + 1e-12)
+
+
+@pytest.mark.parametrize("name", ["soft 1e6", "soft inside out, corotational", "soft inside out, neo_hookean"])
+def test_a_soft_body_ends_finite_and_recovers(name):
+    found = run.case(row(name), AUTO, "cpu")
+    verdict = verdict_of(found, row(name), AUTO)
+    assert verdict.held, verdict.text
+
+
+def test_a_body_that_stays_turned_is_strained():
+    """Mirrored, every tet is its own mirror image: the stretches are 1, 1, -1."""
+    (_, parts), = energy.elastic_of(soft_rows.bar())
+    x = soft_rows.bar().softs[0].points.astype(float)
+    np.testing.assert_allclose(parts.strain(soft_rows.turned(x, None)), 2.0, rtol=1e-6)
+    assert parts.strain(x).max() < 1e-6

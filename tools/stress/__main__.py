@@ -14,9 +14,10 @@ import warp as wp
 
 from tools.bench.speed import hardware
 from tools.stress import judge
-from tools.stress.rows import ROWS, Row
+from tools.stress.rows import Row
 from tools.stress.run import Worker, watched
 from tools.stress.solvers import Solver, available, listed
+from tools.stress.table import ROWS
 
 HEAD = f"{'row':<26} {'solver':<26} {'worst strain':>12} {'left':>9} {'energy':>8} {'ms':>7}  verdict"
 
@@ -61,7 +62,7 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"{hardware(device)}, {args.precision}, warp {wp.config.version}\n{HEAD}", flush=True)
     worker, results = Worker(), []
     for row in rows:
-        for solver in solvers:
+        for solver in (s for s in solvers if not row.solvers or s.solver in row.solvers):
             record = watched(worker, row, solver, args.device, args.precision, args.long)
             verdict = verdict_of(record, row, solver)
             print(line(record, verdict), flush=True)

@@ -14,10 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tools.stress.solids import Solid, solid
 from wsim import topology
 from wsim.cloth import flat
 from wsim.model import Body, make_body
-from wsim.scene import Cloth, Scene, Springs
+from wsim.scene import Cloth, Scene, Soft, Springs
 
 
 @dataclass
@@ -89,13 +90,14 @@ def _angles(x: np.ndarray, hinges: np.ndarray) -> np.ndarray:
     return np.arctan2(-np.linalg.norm(E, axis=1) * ((p[:, 3] - p[:, 0]) * n2).sum(1), (n2 * n3).sum(1))
 
 
-def elastic_of(scene: Scene) -> list[tuple[str, Elastic]]:
-    """(path, Elastic) of every body, in the author's order of points; nothing is welded here."""
-    found = []
+def elastic_of(scene: Scene) -> list[tuple[str, Elastic | Solid]]:
+    """(path, Elastic or Solid) of every body, in the author's order of points; nothing is welded here."""
+    found: list[tuple[str, Elastic | Solid]] = []
     for number, source in enumerate(scene.bodies()):
         body = make_body(source, 0, number, 0)
         held = [p.points for p in scene.pins if p.body == source.path and p.stiffness == np.inf]
-        found.append((source.path, _elastic(source, body, np.concatenate([np.zeros(0, int), *held]))))
+        points = np.concatenate([np.zeros(0, int), *held])
+        found.append((source.path, solid(source, body, points) if isinstance(source, Soft) else _elastic(source, body, points)))
     return found
 
 
@@ -126,9 +128,13 @@ def _elastic(source: Cloth | Springs, body: Body, held: np.ndarray) -> Elastic:
 
 
 def fastest(scene: Scene) -> float:
-    """Bound [rad/s] on the highest frequency, by row sums of M^-1 K (Gershgorin): sum of k |G_i| sum_j |G_j| over m_i."""
+    """Bound [rad/s] on the highest frequency, by row sums of M^-1 K (Gershgorin): sum of k |G_i| sum_j |G_j| over m_i; of
+    soft bodies itself."""
     most = 0.0
     for _, e in elastic_of(scene):
+        if isinstance(e, Solid):
+            most = max(most, e.fastest()**2)
+            continue
         sums = np.bincount(e.edges.ravel(), np.repeat(2.0 * e.stiffness, 2), len(e.masses))
         if len(e.triangles):
             b = np.linalg.norm(np.concatenate([-e.inverse.sum(1, keepdims=True), e.inverse], axis=1), axis=2)

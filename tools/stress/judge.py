@@ -131,6 +131,12 @@ def swing(part: float) -> float:
     return (1.0 + part) / (1.0 - part)
 
 
+def leapfrog_swing(part: float) -> float:
+    """How far the energy of leapfrog may rise: of a mode it keeps v^2 + (1 - part^2) omega^2 x^2 (Hairer, Lubich, Wanner 2003,
+    Acta Numerica, 5). part: h omega / 2 < 1 of the fastest mode."""
+    return 1.0 / (1.0 - part * part)
+
+
 def sweeps_leave(gravity: float, h: float, edges: int, length: float, iterations: int) -> float:
     """Strain that Gauss-Seidel sweeps leave in a sheet that hangs by `edges` edges of `length` [m].
 

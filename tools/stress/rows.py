@@ -47,6 +47,8 @@ class Row:
     momentum: float = 0.0                        # bound on its relative change; 0: forces act from outside
     recovers: bool = True                        # False: there is no rest length to come back to
     seconds: float = 60.0                        # limit on the time of all frames
+    soft: bool = False                           # a soft body: strain of tets by volume, nothing is promised to be left
+    solvers: tuple[str, ...] = ()                # those that have what it takes; (): all
     creep: float = 0.0                           # [s] relaxation time of stresses, where the material damps
     listed: dict = field(default_factory=dict)   # (solver, integrator, both or "*"; kind of fault) -> reason, beforehand
 

@@ -15,9 +15,11 @@ import warp as wp
 from tools.stress import judge
 from tools.stress.energy import Elastic, elastic_of, fastest
 from tools.stress.judge import Record
-from tools.stress.rows import ROWS, Row
+from tools.stress.rows import Row
 from tools.stress.scenes import SIDE
+from tools.stress.solids import Solid
 from tools.stress.solvers import MOST, Solver, given, limit
+from tools.stress.table import ROWS
 from wsim.scene import Scene, SceneError
 from wsim.simulation import Simulation
 
@@ -31,7 +33,7 @@ class Run:
     scene: Scene
     sim: Simulation
     row: Row
-    parts: list[tuple[str, Elastic]]
+    parts: list[tuple[str, Elastic | Solid]]
     gravity: np.ndarray
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(7))
     places: dict = field(default_factory=dict)
@@ -47,7 +49,7 @@ class Run:
         if name == "gravity":
             self.gravity = np.asarray(value, float)
 
-    def state(self) -> list[tuple[Elastic, np.ndarray, np.ndarray]]:
+    def state(self) -> list[tuple[Elastic | Solid, np.ndarray, np.ndarray]]:
         return [(e, self.sim.positions(path), self.sim.velocities(path)) for path, e in self.parts]
 
     def energy(self, whole: bool) -> float:
@@ -66,7 +68,12 @@ class Run:
         return sum(p for p, _ in found), sum(s for _, s in found)
 
     def strain(self) -> tuple[float, float]:
-        """RMS and largest |strain| of the edges."""
+        """RMS and largest |strain| of the edges, or of the tets, by their volume."""
+        if self.row.soft:
+            (_, e), = self.parts
+            assert isinstance(e, Solid)
+            each = e.strain(self.sim.positions())
+            return float(np.sqrt(np.average(each**2, weights=e.volumes))), float(each.max())
         all_ = np.concatenate([e.strain(x) for e, x, _ in self.state()])
         return float(np.sqrt(np.mean(all_**2))), float(np.abs(all_).max())
 
@@ -151,12 +158,14 @@ def _bounds(run: Run, record: Record, solver: Solver) -> None:
     early = record.strain[:record.abused + row.settle // 3]
     faded = max(early, default=0.0) * row.faded(2.0 / 3.0 * row.settle / scene.fps)
     gravity = float(np.linalg.norm(run.gravity))
-    if solver.solver == "auto":
+    if solver.solver == "auto" and not row.soft:
         record.left = sqrt(3.0) * scene.error            # its promise, RMS over the size: a strain s moves y by s y
     if solver.sweeps:
         record.left = judge.sweeps_leave(gravity, h, row.edges, row.edge, run.sim.plan.clock.iterations)
     if solver.integrator == "symplectic_euler":
         record.swing = judge.swing(min(0.5 * h * fastest(run.scene), 0.99))
+    if row.soft and run.sim.plan.choice.integrator.name == "leapfrog":
+        record.swing = judge.leapfrog_swing(min(0.5 * h * fastest(run.scene), 0.99))
     record.bound = judge.recovery(row.static, faded) if row.recovers else np.inf
     record.momentum_bound = row.momentum or np.inf
     if row.rest:
