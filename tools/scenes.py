@@ -10,49 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
+from tools.scenes_cloth import SOFT, cloth, looks, material, thickness
 from tools.scenes_soft import SOFT_SCENES
-from tools.usda import block, ground, listed, moved, number, pin, said, scene, settings, solid
+from tools.usda import block, ground, listed, moved, number, pin, scene, settings, solid
 from wsim import shapes
-from wsim.fabric import Fabric, fabric
+from wsim.fabric import fabric
 
 SHORT = "Many short substeps of few iterations: a fine cloth's stretch goes with h^2 / iterations."
-SOFT = '["PhysicsDeformableBodyAPI", "PhysicsSurfaceDeformableSimAPI", "PhysicsCollisionAPI", "WsimClothAPI", ' \
-       '"MaterialBindingAPI"]'
-
-
-def material(name: str, f: Fabric, metres: float = 1.0, **more) -> str:
-    """The Material of a fabric preset; `more` goes to it. The stretch of the proposal is E h / (1 - nu^2)."""
-    values = said("Fabric", metres, stretch=f.stretch / (1.0 - f.poisson ** 2), shear=f.shear, bend=f.bend,
-                  poisson=f.poisson, density=f.density, static_friction=f.static_friction,
-                  dynamic_friction=f.dynamic_friction, **more)
-    return block("Material", name.capitalize(), values,
-                 '["PhysicsMaterialAPI", "PhysicsSurfaceDeformableMaterialAPI", "WsimMaterialAPI"]',
-                 f"The preset \"{name}\" of wsim.fabric, where the sources of its figures are.")
-
-
-def cloth(name: str, surface, fabric_name: str, color, comment: str, metres: float = 1.0, **own) -> str:
-    """A cloth: body, simulation mesh and picture in one Mesh."""
-    points, counts, indices = surface
-    low, high = points.min(axis=0), points.max(axis=0)
-    body = "\n".join(filter(None, [
-        f"float3[] extent = {listed(np.array([low, high]))}",
-        f"point3f[] points = {listed(points)}",
-        f"int[] faceVertexCounts = {listed(counts)}",
-        f"int[] faceVertexIndices = {listed(indices)}",
-        'uniform token subdivisionScheme = "none"',
-        looks(fabric_name, color), said("Cloth", metres, **own),
-        thickness(fabric(fabric_name), metres)]))
-    return block("Mesh", name, body, SOFT, comment)
-
-
-def thickness(f: Fabric, metres: float) -> str:
-    return (f"float[] physics:thicknesses = [{f.thickness / metres:.6g}]\n"
-            'uniform token physics:thicknesses:elementType = "constant"')
-
-
-def looks(material_name: str, color) -> str:
-    return (f"color3f[] primvars:displayColor = [({', '.join(number(c) for c in color)})]\n"
-            f"rel material:binding:physics = </World/{material_name.capitalize()}>")
 
 
 def hanging_cloth() -> str:

@@ -4,9 +4,11 @@ from math import pi, sin
 
 import numpy as np
 
+from tools import scenes_cloth
 from tools.usda import block, ground, listed, moved, number, pin, said, scene, settings, solid
 from wsim import shapes
 from wsim.bulk import Bulk
+from wsim.fabric import fabric
 from wsim.tetra.tets import surface
 
 BODY = '["PhysicsDeformableBodyAPI", "PhysicsVolumeDeformableSimAPI", "PhysicsCollisionAPI", "WsimSoftAPI", ' \
@@ -130,4 +132,29 @@ def squeezed_cube() -> str:
     ], frames=96)
 
 
-SOFT_SCENES = {"cantilever": cantilever, "twist": twist, "bear": bear, "squeezed_cube": squeezed_cube}
+def trampoline() -> str:
+    side, n, above = 0.4, 16, 0.8
+    points, _ = shapes.block((side,) * 3, (4, 4, 4), at=(0.0, above + 0.5 * side, 0.0))
+    surface = shapes.sheet(1.6, 1.6, n, n, horizontal=True, at=(0.0, above, 0.0))
+    away = np.linalg.norm(surface[0][:, None] - points[None], axis=2)
+    shared = np.flatnonzero(away.min(axis=1) < 1e-6)
+    rim = np.flatnonzero(np.abs(surface[0]).max(axis=1, where=[True, False, True], initial=0.0) > 0.799)
+    tie = "\n".join(["rel physics:src0 = </World/Sheet>", f"int[] physics:indices0 = {listed(shared)}",
+                     'uniform token physics:type0 = "point"', "rel physics:src1 = </World/Jelly>",
+                     f"int[] physics:indices1 = {listed(away.argmin(axis=1)[shared])}",
+                     'uniform token physics:type1 = "point"'])
+    return scene("A cube of jelly bounces on a sheet of rubber, with which it shares the points of its lower side.", [
+        settings(comment="Nothing touches a collider, so wsim may choose explicit steps. ", substeps=8, iterations=2),
+        material("Gel", Bulk(young=3e4, poisson=0.4, density=300.0), "E = 30 kPa: a pudding of 19 kg."),
+        scenes_cloth.material("rubber", fabric("rubber")),
+        solid_block("Jelly", (side,) * 3, (4, 4, 4), "Gel", (0.75, 0.3, 0.05), "40 cm, four cells a side.",
+                    at=(0.0, above + 0.5 * side, 0.0)),
+        scenes_cloth.cloth("Sheet", surface, "rubber", (0.2, 0.32, 0.52), "1.6 m square, 1 mm thick."),
+        block("PhysicsAttachment", "Laid", tie, comment="Point to point: each pair is one particle, with the mass and the "
+              "forces of both."),
+        block("Xform", "Frame", "", comment="Where the rim is held."),
+        pin("Rim", "/World/Sheet", rim, "/World/Frame", "All points of the sheet's edge."),
+    ], frames=72)
+
+
+SOFT_SCENES = {"cantilever": cantilever, "twist": twist, "bear": bear, "squeezed_cube": squeezed_cube, "trampoline": trampoline}

@@ -165,8 +165,9 @@ def _support(scene: Scene) -> Iterator[Problem]:
         if hard[moved].all():
             yield error(path, f"all {len(moved)} points are pinned: nothing can move", "at least one free point",
                         "pin fewer points, or make it a collider")
-        for tie in (t for t in scene.ties if t.body == path):
-            held[tie.points] = True
+        for tie in scene.ties:                    # what hangs on another is held as well as that is
+            if path in (tie.body, tie.other):
+                held[tie.points if tie.body == path else tie.others] = True
         if falls and not held.any() and not scene.colliders:
             yield warning(path, "no pin holds it and nothing lies below: it falls for ever", "a pin or a collider",
                           "add a PhysicsAttachment, or apply PhysicsCollisionAPI to what it should land on")

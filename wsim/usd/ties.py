@@ -25,7 +25,7 @@ def load_tie(reading: Reading, prim: Usd.Prim, bodies: dict[str, Cloth | Springs
     found = [(bodies.get(source), indices) for source, indices in ends]
     for (source, _), (body, _) in zip(ends, found, strict=True):
         if body is None:
-            reading.warn(path, f"attaches {source or 'nothing'}, which is not simulated as a cloth or soft body; it is left out")
+            reading.warn(path, f"attaches {source or 'nothing'}, which is no simulated cloth or soft body; it is left out")
             return None
     (mine, points), (other, others) = found if isinstance(found[1][0], Soft) else found[::-1]
     if not isinstance(other, Soft) or isinstance(mine, Springs):
