@@ -5,6 +5,7 @@ import pytest
 import warp as wp
 
 from tests.test_simulation import chain, drape
+from tests.test_ties import laid
 from tools.bench import reference
 from wsim import shapes
 from wsim.bulk import Bulk
@@ -153,3 +154,42 @@ def test_soft_bodies_agree(model, cells, precision, bound):
     scene.solver = "explicit"
     cpu, gpu = ends(scene, 5, "cpu", "cuda:0", precision=precision)
     assert reference.rms(cpu - gpu) < bound * 1.0
+
+
+@pytest.mark.parametrize("settings", [{"solver": "implicit", "integrator": "bdf2", "substeps": 2, "iterations": 4},
+                                      {"solver": "explicit", "integrator": "leapfrog", "substeps": 60, "iterations": 1}])
+def test_pressure_and_plastic_flow_agree(settings):
+    """A bar that bends under its weight beyond its yield, blown up a little."""
+    scene = Scene(fps=60.0, **settings)
+    points, tets = shapes.block((0.6, 0.2, 0.2), (6, 2, 2))
+    soft = scene.soft("/bar", points, tets, material=Bulk(2e4, 0.3, 1e3, yield_strain=0.02))
+    soft.pressure = 500.0
+    scene.pin("/wall", soft, np.flatnonzero(points[:, 0] < -0.29999))
+    sims = [Simulation(scene, device=device, precision="float64") for device in ("cpu", "cuda:0", "cuda:0")]
+    for sim in sims:
+        sim.run(8)
+    cpu, gpu, again = (sim.positions() for sim in sims)
+    assert sims[1].indicators()["plastic_strain"] > 0.02
+    assert reference.rms(cpu - gpu) < (1e-5 if scene.solver == "implicit" else 1e-12)      # its solves end at a tolerance
+    np.testing.assert_allclose(sims[1].stress().strain, sims[0].stress().strain, atol=1e-3)
+    assert np.array_equal(gpu, again)
+
+
+@pytest.mark.parametrize("solver", ["implicit", "explicit"])
+@pytest.mark.parametrize("what", ["quadratic", "pressure", "yield", "shared"])
+def test_what_soft_bodies_may_have_agrees(what, solver):
+    """Middles of edges, pressure, plastic flow, points shared with a cloth."""
+    scene = laid(solver=solver, integrator="auto", iterations=4)[0] if what == "shared" else Scene(
+        fps=60.0, substeps=2, iterations=4, solver=solver)
+    if what != "shared":
+        points, tets = shapes.block((1.0, 0.5, 0.5), (4, 2, 2))
+        bulk = Bulk(young=2e5, yield_strain=0.01) if what == "yield" else Bulk(young=2e5)
+        body = scene.soft("/bar", points, tets, material=bulk, quadratic=what == "quadratic",
+                          pressure=2e4 if what == "pressure" else 0.0)
+        scene.pin("/wall", body, np.flatnonzero(points[:, 0] < -0.499))
+    found = []
+    for device in ("cpu", "cuda:0"):
+        sim = Simulation(scene, device=device, precision="float64")
+        sim.run(6)
+        found.append(sim.positions("/bar"))
+    assert reference.rms(found[0] - found[1]) < 1e-9
