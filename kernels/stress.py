@@ -40,13 +40,13 @@ def places(points: int, real):
         def at(tets: Tets, k: int, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3)):
             return gradient(tets, k, x, d)
         return Tets, at
-    from wsim.kernels import quadratic
-    moved, _, slopes = quadratic.displaced(real, wp.float64)
-    Ten = quadratic.elements(real)
+    from wsim.kernels import ten_nodes
+    slopes, gradient_of, _ = ten_nodes.displaced(real, wp.float64)
+    Ten = ten_nodes.elements(real)
 
     @wp.func
     def at_one_of(tets: Ten, k: int, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3)):
-        return wp.transpose(moved(tets, k // points, x, d)) * slopes(tets, k // points, k % points)
+        return gradient_of(tets, k // points, slopes(tets, k // points, k % points), x, d)
     return Ten, at_one_of
 
 
