@@ -73,6 +73,35 @@ def test_a_method_that_is_not_known_is_a_row_that_failed():
     assert not found["finite"] and "magic" in found["failed"] and "cannot run" in suite.line(found)
 
 
+# soft bodies
+
+def soft(name: str, solver: str, integrator: str, substeps: int) -> dict:
+    problem = next(p for p in suite.PROBLEMS if p.name == name)
+    return suite.run(problem, {"solver": solver, "integrator": integrator, "substeps": substeps, "iterations": 1}, "cpu")
+
+
+def test_no_row_of_a_soft_body_is_one_of_xpbd():
+    found = {(p.name, s["solver"]) for p, s in suite.rows(only=("soft_",))}
+    assert found == {(f"soft_{what}", solver) for what in ("rest", "frequency", "modulus", "spin")
+                     for solver in ("explicit", "implicit")}
+
+
+@pytest.mark.parametrize("name, solver, integrator, substeps, bound", [
+    ("soft_rest", "implicit", "backward_euler", 1, 1e-5), ("soft_frequency", "explicit", "leapfrog", 12, 5e-5),
+    ("soft_modulus", "implicit", "backward_euler", 1, 1e-4), ("soft_spin", "explicit", "leapfrog", 6, 1e-3)])
+def test_soft_bodies_are_as_near_to_what_is_known_as_they_should_be(name, solver, integrator, substeps, bound):
+    pytest.importorskip("scipy")
+    found = soft(name, solver, integrator, substeps)
+    assert found["finite"] and found["error"] < bound and not found["warnings"]
+
+
+def test_without_scipy_a_row_that_needs_it_says_so(monkeypatch):
+    monkeypatch.setitem(sys.modules, "tools.bench.soft_reference", None)
+    monkeypatch.delattr("tools.bench.soft_reference", raising=False)
+    found = soft("soft_rest", "explicit", "leapfrog", 12)
+    assert "SciPy" in found["failed"] and "Traceback" not in found["failed"]
+
+
 # side by side
 
 def test_slower_by_more_than_the_spread_is_marked():

@@ -46,6 +46,7 @@ class Problem:
     stable: int                              # substeps a frame with which leapfrog is stable
     substeps: tuple[int, ...]                # of the methods that are stable at any step
     quick: bool = True
+    solvers: tuple[str, ...] = ()            # those that have what it takes; (): all
     known: float = 1e-7                      # errors below it say nothing: how well the answer is known, or float32's rounding
 
 
