@@ -23,7 +23,7 @@ from wsim.kernels.real import types
 from wsim.kernels.rotation import identity, rotation
 from wsim.kernels.stretch import forth, held, strain
 from wsim.kernels.tangent import elements_of
-from wsim.kernels.ten_nodes import NODES, POINTS, displaced, elements
+from wsim.kernels.ten_nodes import NODES, POINTS, displaced, elements, gradient
 
 
 @wp.func
@@ -34,12 +34,12 @@ def contracted(n: Any, C: Any):
 
 
 @wp.func
-def spread(at: int, n: int, f: Any, f_out: Any):
-    """Rows of f to the nodes from place `at` on; the first node gets minus the sum of the others."""
+def spread(at: int, n: int, part: Any, f: Any, f_out: Any):
+    """Rows of f times `part` to the nodes from place `at` on; the first node gets minus the sum of the others."""
     sum = type(f[0])()
     for i in range(1, n):
-        f_out[at + i] = f[i]
-        sum += f[i]
+        f_out[at + i] = part * f[i]
+        sum += part * f[i]
     f_out[at] = -sum
 
 
@@ -48,7 +48,7 @@ def forces(material: str, damped: bool, *, real, module):
     """Kernel over tets: forces [N] of node k of tet c at `force` + 10 c + k, and quaternions of the rotations of its points,
     (4 t,). The kernel's arguments are those of `fem.forces`: tets, x, d, v, q, f_out, q_out."""
     t, Tets, row = types(real), elements(real), materials.TABLE[material]
-    (slopes, gradient, change), stress = displaced(real, real), row.stress
+    (slopes, moved, change), stress = displaced(real, real), row.stress
     turn, turns = turn_of(material, real), row.needs_rotation
     vec3, quat, ten = wp.array(dtype=t.vec3), wp.array(dtype=t.quat), wp.types.matrix((NODES, 3), real)
 
@@ -57,22 +57,22 @@ def forces(material: str, damped: bool, *, real, module):
         mu = tets.mu[c]
         lam = tets.lam[c]
         f = ten()
+        u = moved(tets, c, x, d)
         nodes = tets.point.shape[1]
         points = int(POINTS)
         for a in range(points):
             N = slopes(tets, c, a)
-            H = gradient(tets, c, N, x, d)
+            H = gradient(u, N, nodes)
             now = t.quat(real(0.0), real(0.0), real(0.0), real(1.0))
             if wp.static(turns):
                 now = turn(H, q[4 * c + a])
                 q_out[4 * c + a] = now
             P = stress(H, now, mu, lam)
             if wp.static(damped):
-                P += tets.tau[c] * rate_stress(identity(H) + held(H), change(tets, c, N, v), mu, lam)
-            P *= real(-0.25) * tets.volume[c]
+                P += tets.tau[c] * rate_stress(identity(H) + held(H), gradient(change(tets, c, v), N, nodes), mu, lam)
             for k in range(nodes):
                 f[k] += P * N[k]
-        spread(tets.force + 10 * c, nodes, f, f_out)
+        spread(tets.force + 10 * c, nodes, real(-0.25) * tets.volume[c], f, f_out)
 
     name = f"quadratic_forces_{material}{'_damped' * damped}_{t.name}"
     return wp.kernel(forces, name=name, module=module, enable_backward=False)
@@ -83,8 +83,7 @@ def linearise(material: str, damped: bool, *, real, module):
     """Kernel over tets: forces as `forces` has them, and the blocks A_01, A_02 .. A_09, A_12 .. A_89 [N/m] of tet c from
     `block` + 45 c on. `rate` 1/g: what the damping is multiplied by."""
     t, Tets, Elements, row = types(real), elements(real), elements_of(real), materials.TABLE[material]
-    slopes, gradient, change = displaced(real, real)
-    stress, spectrum, turn = row.stress, row.spectrum, turn_of(material, real)
+    (slopes, moved, change), turn, stress, spectrum = displaced(real, real), turn_of(material, real), row.stress, row.spectrum
     vec3, quat, ten = wp.array(dtype=t.vec3), wp.array(dtype=t.quat), wp.types.matrix((NODES, 3), real)
     all_axes, one_axis = wp.types.matrix((27, 3), real), wp.types.matrix((9, 3), real)
 
@@ -95,6 +94,7 @@ def linearise(material: str, damped: bool, *, real, module):
         part = real(0.25) * tets.volume[c]
         s = rate * tets.tau[c]
         f = ten()
+        u = moved(tets, c, x, d)
         C = all_axes()
         Cn = one_axis()
         axes = wp.identity(n=3, dtype=real)
@@ -103,7 +103,7 @@ def linearise(material: str, damped: bool, *, real, module):
         nodes = tets.point.shape[1]
         for e in range(points):
             N = slopes(tets, c, e)
-            H = gradient(tets, c, N, x, d)
+            H = gradient(u, N, nodes)
             now = turn(H, q[4 * c + e])
             q_out[4 * c + e] = now
             P = stress(H, now, mu, lam)
@@ -119,8 +119,7 @@ def linearise(material: str, damped: bool, *, real, module):
                     for r in range(3):
                         C[9 * n + 3 * m + r] = K[r]
             if wp.static(damped):
-                P += s * rate_stress(F, change(tets, c, N, d) - change(tets, c, N, a), mu, lam)
-            P *= -part
+                P += s * rate_stress(F, gradient(change(tets, c, d) - change(tets, c, a), N, nodes), mu, lam)
             for k in range(nodes):
                 f[k] += P * N[k]
             for j in range(1, nodes):
@@ -132,17 +131,16 @@ def linearise(material: str, damped: bool, *, real, module):
                     if e > 0:
                         K += out.block[at]
                     out.block[at] = K
-        spread(tets.force + 10 * c, nodes, f, out.force)
-
-    name = f"quadratic_linearise_{material}{'_damped' * damped}_{t.name}"
-    return wp.kernel(linearise, name=name, module=module, enable_backward=False)
+        spread(tets.force + 10 * c, nodes, -part, f, out.force)
+    return wp.kernel(linearise, name=f"quadratic_linearise_{material}{'_damped' * damped}_{t.name}", module=module,
+                     enable_backward=False)
 
 
 @cache
 def energy_change(material: str, damped: bool, *, real, module):
     """Kernel over bodies times lanes: adds the change of energy and damping along p to a `Trial`; see `fem.energy_change`."""
     t, Tets, energy = types(real), elements(real), materials.TABLE[material].energy
-    slopes, gradient, change = displaced(real, wp.float64)
+    slopes, moved, change = displaced(real, wp.float64)
     vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
 
     def energy_change(trial: Trial, tets: Tets, x: vec3, d: vec3, a: vec3, p: vec3, q: quat, rate: wp.float64):
@@ -151,12 +149,13 @@ def energy_change(material: str, damped: bool, *, real, module):
         if trial.step[body] >= wp.float64(0.0):
             return
         lane = row - body * trial.lanes
+        nodes = tets.point.shape[1]
         none = D.quat(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
         for k in range(4 * trial.first[body] + lane, 4 * trial.first[body + 1], trial.lanes):
             c = k // 4
             N = slopes(tets, c, k - 4 * c)
-            H = gradient(tets, c, N, x, d)
-            Y = change(tets, c, N, p)
+            H = gradient(moved(tets, c, x, d), N, nodes)
+            Y = gradient(change(tets, c, p), N, nodes)
             mu = wp.float64(tets.mu[c])
             lam = wp.float64(tets.lam[c])
             volume = wp.float64(0.25) * wp.float64(tets.volume[c])
@@ -166,7 +165,7 @@ def energy_change(material: str, damped: bool, *, real, module):
             if wp.static(damped):
                 P = rate_stress(identity(H) + held(H), Y, mu, lam)
                 s = rate * wp.float64(tets.tau[c])
-                slope = s * wp.ddot(P, change(tets, c, N, d) - change(tets, c, N, a))
+                slope = s * wp.ddot(P, gradient(change(tets, c, d) - change(tets, c, a), N, nodes))
                 curve = wp.float64(0.5) * s * wp.ddot(P, Y)
             part = wp.float64(0.0)
             for j in range(trial.begin, trial.end + 1):      # first where it is now, then every trial: compiled once
@@ -187,7 +186,7 @@ def energy_change(material: str, damped: bool, *, real, module):
 def statistics(material: str, *, real, module):
     """Kernel over any number of threads: as `fem.statistics`, of all points of the tets."""
     t, Tets, row = types(real), elements(real), materials.TABLE[material]
-    (slopes, gradient, _), energy = displaced(real, wp.float64), row.energy
+    (slopes, moved, _), energy = displaced(real, wp.float64), row.energy
     vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
 
     def statistics(tets: Tets, count: int, x: vec3, d: vec3, q: quat, out: wp.array(dtype=wp.vec3d)):
@@ -196,7 +195,7 @@ def statistics(material: str, *, real, module):
         stored = wp.float64(0.0)
         for k in range(wp.tid(), 4 * count, out.shape[0]):
             c = k // 4
-            H = gradient(tets, c, slopes(tets, c, k - 4 * c), x, d)
+            H = gradient(moved(tets, c, x, d), slopes(tets, c, k - 4 * c), tets.point.shape[1])
             now = wp.normalize(D.quat(rotation(t.mat33(H), q[k])))
             E = strain(H, now)
             ee = wp.ddot(E, E)

@@ -41,12 +41,13 @@ def places(points: int, real):
             return gradient(tets, k, x, d)
         return Tets, at
     from wsim.kernels import ten_nodes
-    slopes, gradient_of, _ = ten_nodes.displaced(real, wp.float64)
-    Ten = ten_nodes.elements(real)
+    slopes, moved, _ = ten_nodes.displaced(real, wp.float64)
+    Ten, gradient_of = ten_nodes.elements(real), ten_nodes.gradient
 
     @wp.func
     def at_one_of(tets: Ten, k: int, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3)):
-        return gradient_of(tets, k // points, slopes(tets, k // points, k % points), x, d)
+        c = k // points
+        return gradient_of(moved(tets, c, x, d), slopes(tets, c, k - points * c), tets.point.shape[1])
     return Ten, at_one_of
 
 

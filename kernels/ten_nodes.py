@@ -13,6 +13,7 @@ Point a has L_a = (5 + 3 sqrt 5)/20, others (5 - sqrt 5)/20, and a quarter of th
 """
 
 from functools import cache
+from typing import Any
 
 import warp as wp
 
@@ -65,36 +66,45 @@ def second_end(k: int):
     return j
 
 
+@wp.func
+def gradient(u: Any, N: Any, n: int):
+    """sum_k u_k n_k^T over the n rows of both. A number that the compiler knows would be unrolled, at seconds of its time."""
+    H = wp.outer(u[0], N[0])
+    for k in range(1, n):
+        H += wp.outer(u[k], N[k])
+    return H
+
+
 @cache
 def displaced(real, kept):
-    """Functions, in precision `kept`, of tet c: the n_ak of point a, (10, 3); with these the gradients H of x + d, and of a
-    vector over points. Loops go by a number that the compiler does not know: unrolled they would take seconds more of it."""
+    """Functions, in precision `kept`, of tet c, (10, 3) each: n_ak of point a; u_k of x + d; a vector over points, less that of
+    the first node. See `gradient`."""
     t, k, Tets = types(real), types(kept), elements(real)
     ten, vec3 = wp.types.matrix((NODES, 3), kept), wp.array(dtype=t.vec3)
 
     @wp.func
-    def gradient(tets: Tets, c: int, N: ten, x: vec3, d: vec3):
+    def moved(tets: Tets, c: int, x: vec3, d: vec3):
         edge = k.mat33(tets.edge[c])
         r = wp.matrix_from_rows(k.vec3(), edge[0], edge[1], edge[2])
         first = tets.point[c, 0]
         x0 = k.vec3(x[first])
         d0 = k.vec3(d[first])
-        H = k.mat33()
+        u = ten()
         n = tets.point.shape[1]
         for i in range(1, n):
             p = tets.point[c, i]
             at = kept(0.5) * (r[first_end(i)] + r[second_end(i)])
-            H += wp.outer(((k.vec3(x[p]) - x0) - at) + (k.vec3(d[p]) - d0), N[i])
-        return H
+            u[i] = ((k.vec3(x[p]) - x0) - at) + (k.vec3(d[p]) - d0)
+        return u
 
     @wp.func
-    def change(tets: Tets, c: int, N: ten, v: vec3):
+    def change(tets: Tets, c: int, v: vec3):
         v0 = k.vec3(v[tets.point[c, 0]])
-        H = k.mat33()
+        u = ten()
         n = tets.point.shape[1]
         for i in range(1, n):
-            H += wp.outer(k.vec3(v[tets.point[c, i]]) - v0, N[i])
-        return H
+            u[i] = k.vec3(v[tets.point[c, i]]) - v0
+        return u
 
     @wp.func
     def slopes(tets: Tets, c: int, a: int):
@@ -112,4 +122,4 @@ def displaced(real, kept):
                 N[m] = (kept(4.0) * L[i] - kept(1.0)) * g[i]
         return N
 
-    return slopes, gradient, change
+    return slopes, moved, change

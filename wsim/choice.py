@@ -50,7 +50,8 @@ COSTS = {"cuda": Cost(4.5e-6, 1.3e-11, 1.3e-11, 2.5e-5, 2.1e-11, 9e-6),
 CLUSTER = 3.5e-7, 9e-11      # [s] a substep of a net that a cluster takes, and of each point in it: springs, no damping
 WEIGHT = {"distance": 1.0, "membrane": 4.0, "dihedral": 4.4}     # work of a projection over that of a spring (CPU)
 SOLVED = 2             # Newton steps a substep of soft bodies
-STIFFENED = 1.25       # materials that stiffen under strain need shorter steps than at rest
+STIFFENED = 1.7        # materials that stiffen under strain need shorter steps than at rest, where the bound is close
+TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
 UNEVEN = 1e3           # ratio of two masses that hold each other, from which sweeps stall
 
 
@@ -117,12 +118,12 @@ def _soft(model: Model, rows: dict[str, list[Rows]], method: Integrator | None) 
         return replace(newton, why=reason.replace("XPBD solves", "Newton's method solves"))
     from wsim.frequency import bound
     cost = SOLID["cuda" if model.device.is_cuda else "cpu"]
-    tets = sum(len(b.tets) for b in model.bodies)
+    pulled, solved = (sum(len(b.tets) * (1.0 if b.tets.shape[1] == 4 else ten) for b in model.bodies) for ten in TEN)
     omega, c = bound(model, rows)
     stiffens = any(m.model not in ("corotational", "linear") for s in scene.softs for m in s.materials)
     n = ceil(needed(scene, leapfrog, omega, c) * (STIFFENED if stiffens else 1.0))
-    explicit = n * (cost.step + cost.tet * tets)
-    implicit = scene.substeps * iterations * (cost.newton + cost.solved * tets)
+    explicit = n * (cost.step + cost.tet * pulled)
+    implicit = scene.substeps * iterations * (cost.newton + cost.solved * solved)
     said = (f"{n} substeps of leapfrog keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; Newton steps "
             f"would take {1e3 * implicit:.3g} ms for {scene.substeps} x {iterations}")
     if explicit <= implicit:
