@@ -233,7 +233,7 @@ def _motions() -> list[Row]:
         Row("soft 1 km/s, free", "every point of a free bar thrown at 1 km/s", partial(bar, gravity=0.0, held=False),
             act=partial(once, partial(thrown, 1e3)), momentum=1e-4, listed=DEFORMED, **free),
         Row("soft float", "every point of a free bar thrown at 1 m/s: momentum stays", partial(bar, gravity=0.0, held=False),
-            act=partial(once, partial(thrown, 1.0)), frames=300, momentum=1e-5, **free),
+            act=partial(once, partial(thrown, 1.0)), frames=300, momentum=2e-5, **free),
         Row("soft far", "a hanging bar 1.3 km from the origin, thrown at 1 m/s", partial(hung, at=far),
             act=partial(once, partial(thrown, 1.0)), level=(far[0], far[1] - 2.0, far[2]), **fading(YOUNG)),
     ]

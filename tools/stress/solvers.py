@@ -13,6 +13,8 @@ MOST = 20_000         # substeps a second beyond which an explicit solver may re
 GROWTH = 2e-3         # [1/s] at which the amplitude of an undamped spring may grow: 1 % of its energy in five seconds
 COARSE = 10.0         # h omega from which on a mode of the midpoint decays 1 + (h omega / 2)^2 = 26 times slower than its drag
                       # says: exp(-10/s 3 s / 2 / 26) = 0.56 of it is left when a row has settled
+SOLID = 1.5           # as COARSE, for soft bodies, whose forces are far from linear: from here on energy is seen to go up
+STRETCHED = 1.5       # a soft body that is stretched by a tenth and more is stiffer than at rest, where `fastest` looks at it
 UNRESOLVED = ("the midpoint hardly damps what its step does not resolve (h omega > 10), and keeps the energy of linear systems "
               "only")
 
@@ -76,7 +78,7 @@ def available() -> list[Solver]:
 
 def limit(scene: Scene, solver: Solver) -> float:
     """Substeps a second that an explicit solver needs by the row sums of its springs; 0 for any other."""
-    return solver.needs(fastest(scene)) if solver.needs else 0.0
+    return solver.needs((STRETCHED if scene.softs else 1.0) * fastest(scene)) if solver.needs else 0.0
 
 
 def given(scene: Scene, solver: Solver) -> Scene:
@@ -90,7 +92,8 @@ def listed(scene: Scene, solver: Solver) -> dict[str, str]:
     """What an explicit solver may do where it needs more than MOST substeps a second: refuse; those that grow at any
     step may grow. And what the midpoint may do where it does not resolve the stiffness."""
     need = limit(scene, solver)
-    if solver.name == "implicit/implicit_midpoint" and fastest(scene) > COARSE * scene.fps * scene.substeps:
+    coarse = (SOLID if scene.softs else COARSE) * scene.fps * scene.substeps
+    if solver.name == "implicit/implicit_midpoint" and fastest(scene) > coarse:
         return dict.fromkeys(("energy", "strain"), UNRESOLVED)
     if need <= MOST:
         return {}
