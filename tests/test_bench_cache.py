@@ -15,7 +15,7 @@ from wsim.bench import cache
 from wsim.bulk import Bulk
 from wsim.curve import Curve, Motion
 from wsim.fabric import Fabric
-from wsim.scene import Cloth, Collider, Pin, Scene, Skin, Soft, Springs, Surface
+from wsim.scene import Cloth, Collider, Pin, Scene, Skin, Soft, Springs, Surface, Tie
 
 
 @pytest.fixture
@@ -32,8 +32,9 @@ def full() -> Scene:
                         thicknesses=np.ones(16))
     net = scene.net("/net", np.eye(3), [[0, 1], [1, 2]], [9.0], [1.0], lengths=[1.0, 1.0], velocities=np.ones((3, 3)))
     points, tets = shapes.block((1.0, 1.0, 1.0), 1)
-    scene.soft("/cube", points, tets, others=[Bulk(2e6)], which=[0, 1, 0, 0, 0], velocities=np.ones((8, 3)), rest_points=points,
-               masses=np.ones(8), filled=np.ones(5))
+    cube = scene.soft("/cube", points, tets, others=[Bulk(2e6)], which=[0, 1, 0, 0, 0], velocities=np.ones((8, 3)),
+                      rest_points=points, masses=np.ones(8), filled=np.ones(5))
+    scene.tie("/tie", cloth, [3], cube, [1])
     scene.pin("/pin", cloth, [0], places=[[0.0, 0.0, 0.0]])
     scene.pin("/soft", net, [0], stiffness=5.0)
     scene.collider("/ball", Surface(*grid(), poses=Curve([0.0, 1.0], np.zeros((2, 16, 3)))))
@@ -65,7 +66,7 @@ def other(value):
     if isinstance(value, bool):
         return not value
     if isinstance(value, str):
-        return {"membrane": "springs", "/cloth": "/net", "/net": "/cloth"}.get(value, "explicit")
+        return {"membrane": "springs", "/cloth": "/net", "/net": "/cloth", "/cube": "/net"}.get(value, "explicit")
     if isinstance(value, tuple):
         return (*value[:-1], value[-1] + 1)
     return 1.0 if value is None or value == inf else value - 1
@@ -75,7 +76,7 @@ def places(kinds, ignored):
     return [(kind, f.name) for kind in kinds for f in fields(kind) if (f.name in cache.NAMES) == ignored]
 
 
-THINGS = {Scene: "", Cloth: "cloths", Springs: "springs", Soft: "softs", Pin: "pins", Collider: "colliders"}
+THINGS = {Scene: "", Cloth: "cloths", Springs: "springs", Soft: "softs", Pin: "pins", Tie: "ties", Collider: "colliders"}
 
 
 def changed(kind, field) -> Scene:
@@ -96,13 +97,15 @@ def test_the_key_changes_with_every_field_that_matters(kind, field):
 def test_the_key_changes_with_every_thing(field):
     scene = full()
     getattr(scene, field).pop()
-    scene.pins = [p for p in scene.pins if any(b.path == p.body for b in scene.bodies())]
+    paths = {b.path for b in scene.bodies()}
+    scene.pins, scene.ties = ([t for t in things if {t.body, getattr(t, "other", t.body)} <= paths]
+                              for things in (scene.pins, scene.ties))
     assert name(scene) != name(full())
 
 
 def test_the_key_does_not_change_with_names_notes_and_later_frames():
     scene = full()
-    scene.cloths[0].path = scene.pins[0].body = "/Other"
+    scene.cloths[0].path = scene.pins[0].body = scene.ties[0].body = "/Other"
     scene.pins[0].path, scene.pins[0].target, scene.colliders[0].path = "/a", "/b", "/c"
     scene.softs[0].skins.append(Skin("/cube/skin", np.eye(3), np.array([3]), np.arange(3)))     # follows, and moves nothing
     scene.source, scene.notes, scene.variants, scene.start = "b.usda", ["odd"], {"/a": {"b": "c"}}, 7.0

@@ -148,7 +148,7 @@ def test_an_animated_pin_follows_its_xform_and_the_xforms_scale_goes_into_the_pl
 
 @pytest.mark.parametrize("text, said", [
     (attachment(kinds=("face", "xform")), "attaches face to xform and is left out"),
-    (attachment(kinds=("point", "point")), "attaches point to point and is left out"),
+    (attachment(kinds=("point", "point")), "attaches /hook, which is no simulated cloth or soft body"),
     (attachment(""), "has no physics:indices0")])
 def test_attachments_that_are_not_simulated_are_noted(read, text, said):
     scene = read(cloth() + HOOK.format("") + text)

@@ -54,10 +54,10 @@ def plain(value, scene: Scene):
 
 
 def _field(thing, name: str, scene: Scene):
-    """A field; for the body that a pin holds its number, for frames those that a bench looks at."""
+    """A field; for the bodies that a pin or a tie names their numbers, for frames those that a bench looks at."""
     from wsim.bench.study import looked_at
     value = getattr(thing, name)
-    if name == "body":
+    if name in ("body", "other"):
         return [body.path for body in scene.bodies()].index(value)
     return looked_at(scene) if name == "frames" and thing is scene else value
 
