@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.test_soft import bar, ran
-from wsim import Fabric, Scene, SceneError, Simulation, load, save
+from wsim import Fabric, Scene, SceneError, Simulation, load, save, shapes
 from wsim.check import check
 from wsim.curve import Motion
 
@@ -94,3 +94,18 @@ def test_a_bad_tie_is_told_by_its_path(change, words):
     assert problems and any(words in str(p) and p.path in ("/tie", "/blanket") for p in problems)
     with pytest.raises(SceneError, match="tie|blanket"):
         Simulation(scene, device="cpu")
+
+
+def test_two_soft_blocks_that_share_a_face_are_one():
+    """Halves of a bar, tied, hang as the bar does: the same tets, by cells that mirror alike on both sides of the cut."""
+    whole, halves = bar((4, 2, 2), (0.4, 0.2, 0.2), iterations=4), Scene(
+        solver="implicit", integrator="backward_euler", substeps=2, iterations=4, fps=60.0)
+    material = whole.softs[0].material
+    left, right = (halves.soft(f"/{name}", *shapes.block((0.2, 0.2, 0.2), (2, 2, 2), at=(x, 0.0, 0.0)), material=material)
+                   for name, x in (("left", -0.1), ("right", 0.1)))
+    halves.pin("/wall", left, np.flatnonzero(left.points[:, 0] < -0.1999))
+    own, other = np.flatnonzero(right.points[:, 0] < 1e-6), np.flatnonzero(left.points[:, 0] > -1e-6)
+    halves.tie("/cut", right, own, left, other)
+    together, apart = ran(whole, 8, precision="float64"), ran(halves, 8, precision="float64")
+    end = whole.softs[0].points[:, 0] > -1e-6
+    np.testing.assert_allclose(apart.positions("/right"), together.positions()[end], atol=1e-7)

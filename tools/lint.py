@@ -29,14 +29,14 @@ LAYERS = (
     ("contact",),
     ("cloth", "soft"),
     ("frequency", "choice"),
-    ("elastic", "elements", "solid", "plastic", "pressure", "gather"),
-    ("points", "explicit", "implicit", "aero", "xpbd", "fem", "rigid", "fluid", "pose"),
+    ("elastic", "elements", "fem", "plastic", "pressure", "gather"),
+    ("points", "explicit", "implicit", "aero", "xpbd", "rigid", "fluid", "pose"),
     ("plan",),
     ("measure", "mend", "stress", "simulation"),
     ("usd", "partial", "sublayer", "overs", "restart", "recorder", "fit", "drawn", "visible", "view", "picture"),
     ("cli", "bench", "commands", "run", "__main__", "__init__"),
 )
-METHODS = {"points", "explicit", "implicit", "aero", "xpbd", "fem", "rigid", "fluid", "pose"}    # these never import each other
+METHODS = {"points", "explicit", "implicit", "aero", "xpbd", "rigid", "fluid", "pose"}    # these never import each other
 READS_USD = {"usd", "partial", "sublayer", "overs", "restart", "recorder", "drawn", "visible"}
 WITHOUT_WARP = {*LAYERS[0], *READS_USD, "cli", "__init__", "__main__"}
 ONLY = {"rerun": {"view"}, "pxr": {*READS_USD, "view", "picture"}, "matplotlib": {"bench"}}   # who may import these packages

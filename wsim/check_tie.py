@@ -37,6 +37,10 @@ def tie(thing: Tie, scene: Scene) -> Iterator[Problem]:
     twice = np.flatnonzero(np.bincount(thing.points) > 1)
     if len(twice):
         yield error(path, f"point {twice[0]} of {thing.body} has more than one partner", "one", "name each point once")
+    if isinstance(body, Soft) and (body.quadratic or other.quadratic):
+        yield error(thing.body, f"it shares points with {thing.other}, and one of them is quadratic",
+                    "soft bodies of linear tets",
+                    "leave wsim:quadratic off: middles of edges are not shared yet")
     if isinstance(body, Cloth) and (body.tethers or isfinite(body.material.strain_limit)):
         what = "tethers" if body.tethers else "a strain limit"
         yield error(thing.body, f"it shares points with {thing.other} and has {what}",

@@ -40,7 +40,7 @@ class Explicit(Method):
         self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
         self.pull = Pull(model, points.constants, self.rows, None if pins is None else pins.columns(),
                          alone=not (steps or self.integrator.stages))
-        self.net, self.damped = self.pull.net, self.pull.damped
+        self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
         self.make(clock.substeps)
         self.watch()
 
@@ -113,7 +113,7 @@ class Explicit(Method):
 
     def start(self, clock: Clock) -> None:
         s = self.state
-        for table in self.pull.tables:
+        for table in self.solids:
             table.forget()
         self.model.launch(self.begin, self.model.points, [s.e, s.v, s.r, 0], [self.pair, self.carry, self.own])
 
@@ -252,12 +252,12 @@ class Explicit(Method):
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]."""
         from wsim.elastic import energy
-        solid = self.pull.tables[0].indicators(self.pull.tables, self.state) if self.pull.tables else {}
+        solid = self.solids[0].indicators(self.solids, self.state) if self.solids else {}
         return {"elastic_energy": energy(self.model, self.rows, self.state) + solid.get("solid_energy", 0.0), **solid}
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """stretch, shear, bend of a cloth, stiffness of a spring net, damping [s] of either where there is some."""
-        hit = any([table.set(path, name, value, world) for table in self.pull.tables])
+        hit = any([table.set(path, name, value, world) for table in self.solids])
         for r in self.rows:
             if r.body is None or r.body.path != path or world not in (None, r.body.world):
                 continue
@@ -274,7 +274,7 @@ class Explicit(Method):
         firsts = [b for b in self.model.bodies if b.world == 0]
         bounds = [frequency.bound(self.model, {b.path: [r.moved(b) for r in self.rows if r.body is not None
                                                         and (r.body.path, r.body.world) == (b.path, world)] for b in firsts},
-                                  [replace(p, body=b) for table in self.pull.tables for p in table.parts for b in firsts
+                                  [replace(p, body=b) for table in self.solids for p in table.parts for b in firsts
                                    if (p.body.path, p.body.world) == (b.path, world)])
                   for world in range(self.model.worlds)]
         return max(needed(self.model.scene, self.integrator, omega, c) for omega, c in bounds)

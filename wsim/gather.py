@@ -32,7 +32,7 @@ class Pull:
         self.springs = [r for r in rows if r.kind == "distance"]
         self.tables: list = []
         if model.scene.softs:
-            from wsim.solid import tables_of
+            from wsim.fem import tables_of
             self.tables = tables_of(model)
         self.damped = any(r.tau > 0.0 for r in rows) or any(table.damped for table in self.tables)
         self.added = bool(self.springs) and not model.device.is_cuda
@@ -47,9 +47,9 @@ class Pull:
         if self.springs:
             self.place(model.shared(np.concatenate([r.ids for r in self.springs]).astype(np.int32)))
             self.values()
-        self.elements: list[Elements | Solid] = [Elements(model, kind, [r for r in rows if r.kind == kind])
-                         for kind in sorted({r.kind for r in rows} - {"distance"})]
-        self.elements += [Solid(table) for table in self.tables]
+        kinds = sorted({r.kind for r in rows} - {"distance"})
+        flat = [Elements(model, kind, [r for r in rows if r.kind == kind]) for kind in kinds]
+        self.elements: list[Elements | Solid] = [*flat, *(Solid(table) for table in self.tables)]
         for e in self.elements:
             e.make(self.damped)                  # before the module is compiled
         self.corners()
@@ -223,7 +223,7 @@ class Solid:
     """Tets of one material model."""
 
     def __init__(self, table):
-        self.table, self.ids, self.first, self.damped = table, table.ids, 0, table.damped
+        self.table, self.ids, self.first = table, table.ids, 0
 
     def make(self, damped: bool) -> None:
         self.table.need_forces()

@@ -1,4 +1,4 @@
-"""Cloth and springs by Newton's method and conjugate gradients (Baraff, Witkin 1998): kernels/newton.py, kernels/pcg.py.
+"""Cloth, springs, soft bodies by Newton's method and conjugate gradients (Baraff, Witkin 1998): kernels/newton.py, pcg.py.
 
 An iteration of a substep is one Newton step: forces and Jacobian at d, conjugate gradients to TOLERANCE or CAP iterations, a
 line search. d starts where Phi is least of: the prediction b; b and what forces did in the substep before; the place where the
@@ -47,8 +47,8 @@ class Implicit(Method):
         self.contact = self.pins = self.free = None
         self.solids: list = []
         if model.scene.softs:
-            from wsim import solid
-            self.solids = solid.tables_of(model)
+            from wsim.fem import tables_of
+            self.solids = tables_of(model)
         self.springs = "distance" in self.tables
         self.elements = bool(self.solids or self.tables.keys() - {"distance"})
         self.system = linear.System(model, points.constants.w, self.ids("distance", 2), self.ids("dihedral", 4),
@@ -208,8 +208,8 @@ class Implicit(Method):
         if self.triangles:
             triangles = self.tables["membrane"]
             launch(self.triangles, triangles.size, [triangles.data, s.x, s.d, a, rate, offset], [self.element])
-        for s_ in self.solids:
-            launch(self.stressed[s_.name][0], s_.size, [s_.data, s.x, s.d, a, s_.q, rate], [s_.q, self.element])
+        for table in self.solids:
+            launch(self.stressed[table.name][0], table.size, [table.data, s.x, s.d, a, table.q, rate], [table.q, self.element])
         springs = self.tables["distance"].data if self.springs else tangent.batch_of("distance", self.model.real)()
         launch(self.assemble, self.model.points, [self.rows, springs, self.element, s.x, s.d, a, self.b, rate],
                [self.f, self.A])

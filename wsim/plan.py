@@ -87,8 +87,8 @@ class Plan:
 
     @property
     def solids(self) -> list:
-        """Tables of tets (`wsim.solid`), of whichever method has them."""
-        return [t for m in self.methods for t in getattr(m, "solids", getattr(getattr(m, "pull", None), "tables", []))]
+        """Tables of tets (`wsim.fem`), of whichever method has them."""
+        return [table for m in self.methods for table in getattr(m, "solids", [])]
 
     def before_frame(self, time: float) -> None:
         for method in self.methods:
@@ -181,7 +181,7 @@ def _module(scene: Scene, real, reasons: dict[str, str], choice: Choice) -> str:
              sorted({(c.model, c.material.damping > 0, c.material.bend > 0, np.isfinite(c.material.strain_limit),
                       c.tethers) for c in scene.cloths}),
              sorted({(s.damping > 0, len(s.stiffness) > 1) for s in scene.springs}),
-             sorted({(m.model, m.damping > 0, m.yield_strain < inf, s.pressure != 0.0)
+             sorted({(m.model, m.damping > 0, m.yield_strain < inf, s.pressure != 0.0, s.quadratic)
                      for s in scene.softs for m in s.materials}),
              sorted({bool(np.isfinite(p.stiffness)) for p in scene.pins})]
     return "wsim_" + hashlib.sha256(json.dumps(kinds, default=str).encode()).hexdigest()[:12]

@@ -1,4 +1,4 @@
-"""Plastic flow of the tets of a table (`wsim.solid`), on the device: see kernels/plastic.py."""
+"""Plastic flow of the tets of a table (`wsim.fem`), on the device: see kernels/plastic.py."""
 
 import numpy as np
 import warp as wp

@@ -1,4 +1,4 @@
-"""Pressure in soft bodies, on the device: a table of triangles that stands beside those of tets (`wsim.solid`).
+"""Pressure in soft bodies, on the device: a table of triangles that stands beside those of tets (`wsim.fem`).
 
 It acts on the hollows of a body where there are some (a ball's air, say), else on the surface as a whole: what is inside is the
 body then. Of ten-node tets each face is taken as four triangles, 4/3 times, and as one, -1/3 times: flat faces then get exactly
@@ -35,12 +35,13 @@ class Pressure:
         sizes = np.bincount(systems, [len(w) for w in self.weights], len(model.starts) - 1)
         self.first = model.upload(np.r_[0, np.cumsum(sizes)].astype(np.int32), int)
         self.most = int(sizes.max())
-        origin = np.repeat([ids[0, 0] for ids, _ in each], [len(w) for w in self.weights])
+        rest = np.concatenate([b.rest for b in model.bodies])
+        self.rest, self.ids = [volume(rest[ids], w) for ids, w in each], model.shared(self.ids)
+        starts = np.cumsum([0, *(len(w) for w in self.weights)])[:-1]
+        origin = np.repeat(self.ids[starts, 0], [len(w) for w in self.weights])
         self.data = pressure.elements(real)()
         self.data.point = model.upload(np.column_stack([self.ids, origin]).astype(np.int32), wp.vec4i)
         self.data.pressure = model.upload(self.spread(), real)
-        rest = np.concatenate([b.rest for b in model.bodies])
-        self.rest = [volume(rest[ids], w) for ids, w in each]
         self.q = None                 # no rotations
 
     def spread(self) -> np.ndarray:

@@ -37,7 +37,7 @@ class Tetrahedra:
         rest = np.zeros((model.points, 3))
         for b in model.bodies:
             rest[b.first:b.last] = b.rest
-        ids = self.ids[:, :4]
+        ids, self.ids = self.ids[:, :4], model.shared(self.ids)      # at rest every body is as it was cut
         self.data = self.maths.elements(model.real)()
         self.data.point = model.upload(self.ids, wp.vec4i if nodes == 4 else int)
         self.data.edge = model.upload(rest[ids[:, 1:]] - rest[ids[:, :1]], t.mat33)
