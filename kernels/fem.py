@@ -12,7 +12,7 @@ anchor. It leaves rigid motion alone, is positive, and is that of Kelvin and Voi
 
 With dF = a g_l^T in the frame W = R V of the stretches, b = W^T a, h = V^T g_l, g = V^T g_k, the stiffness of stretch.py is
 
-    V W (A o g h^T + D o h g^T + diag(S (g o h))) W^T,     S, D = (f +- t)/2 off the diagonal, o entry by entry
+    V W (A o g h^T + T o h g^T + diag(S (g o h))) W^T,     S, T = (f +- t)/2 off the diagonal, o entry by entry
 """
 
 from functools import cache
@@ -94,7 +94,7 @@ def rate_block(g: Any, h: Any, mu: Any, lam: Any):
 
 @wp.func
 def halves(B: Any):
-    """S, D: (f + t)/2 and (f - t)/2 of each pair, 0 on the diagonal; f stands above it in B, t below."""
+    """S, T: (f + t)/2 and (f - t)/2 of each pair, 0 on the diagonal; f stands above it in B, t below."""
     half = type(B[0, 0])(0.5)
     S = half * (B + wp.transpose(B))
     T = half * (B - wp.transpose(B))
@@ -123,7 +123,7 @@ def stretch_block(A: Any, S: Any, T: Any, g: Any, h: Any):
 
 
 @cache
-def _turn(material: str, real):
+def turn_of(material: str, real):
     """Function: quaternion of the rotation at H, or (0, 0, 0, 1) where the material never turns."""
     t, turns = types(real), materials.TABLE[material].turns
 
@@ -144,7 +144,7 @@ def forces(material: str, damped: bool, *, real, module):
 
     The kernel's arguments: tets, x, d, v (velocities [m/s]), q (of a nearby state; zeros stand for none), f_out, q_out."""
     t, Tets, row = types(real), elements(real), materials.TABLE[material]
-    (gradient, change), stress, turn, turns = displaced(real, real), row.stress, _turn(material, real), row.needs_rotation
+    (gradient, change), stress, turn, turns = displaced(real, real), row.stress, turn_of(material, real), row.needs_rotation
     vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
 
     def forces(tets: Tets, x: vec3, d: vec3, v: vec3, q: quat, f_out: vec3, q_out: quat):
@@ -169,7 +169,7 @@ def linearise(material: str, damped: bool, *, real, module):
     `block` + 6 c on. `rate` 1/g: what the damping is multiplied by."""
     t, Tets, Elements, row = types(real), elements(real), elements_of(real), materials.TABLE[material]
     gradient, change = displaced(real, real)
-    stress, spectrum, turn = row.stress, row.spectrum, _turn(material, real)
+    stress, spectrum, turn = row.stress, row.spectrum, turn_of(material, real)
     vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
 
     def linearise(tets: Tets, x: vec3, d: vec3, a: vec3, q: quat, rate: real, q_out: quat, out: Elements):

@@ -17,8 +17,7 @@ import warp as wp
 
 from wsim.kernels import material as materials
 from wsim.kernels.descent import Trial
-from wsim.kernels.fem import D, halves, rate_block, rate_stress, stretch_block
-from wsim.kernels.fem import _turn as turn_of
+from wsim.kernels.fem import D, halves, rate_block, rate_stress, stretch_block, turn_of
 from wsim.kernels.real import types
 from wsim.kernels.rotation import identity, rotation
 from wsim.kernels.stretch import forth, held, strain

@@ -5,8 +5,8 @@
     st_venant_kirchhoff    Hooke's law of Green's strain, for comparison: softens under pressure, does not resist inversion
     linear                 small strain and small turns only: for comparison; a turned body swells
 
-Each has Young's modulus E and Poisson's ratio nu at rest. Damping by Rayleigh's two parts, force = -drag M v - damping K v: the
-second, of the rate of Green's strain, leaves rigid motion alone.
+Each has Young's modulus E and Poisson's ratio nu at rest. Of Rayleigh's two parts of damping, force = -c M v - damping K v, the
+second is the material's: of the rate of Green's strain, it leaves rigid motion alone. c is `Scene.air_drag`.
 
 A yield strain y bounds |dev E|, the square root of the sum of the squares of the deviatoric strain: a bar that is pulled begins
 to flow at the strain sqrt(3/2) y / (1 + nu), and keeps what goes beyond it (kernels/plastic.py). Volume always comes back.

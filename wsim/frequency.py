@@ -119,7 +119,7 @@ def _inverse(body: Body, pinned: np.ndarray) -> np.ndarray:
 
 def bound(model: Model, rows: dict[str, list[Rows]], parts: list | None = None) -> tuple[float, float]:
     """Highest frequency omega [rad/s] and highest decay rate c [1/s] of the points of world 0, from above. parts: `solids`."""
-    pinned, tops, decay = np.setdiff1d(hard_places(model), model.gone), [0.0], 0.0
+    pinned, tops, decays = np.setdiff1d(hard_places(model), model.gone), [0.0], [0.0]
     for body in (b for b in model.bodies if b.world == 0):
         w = _inverse(body, pinned)
         sums, damped = np.zeros(body.count), np.zeros(body.count)
@@ -131,9 +131,9 @@ def bound(model: Model, rows: dict[str, list[Rows]], parts: list | None = None) 
             damped += s.tau * each
         square, rate = stiffest(body, parts, w)
         tops.append(float((w * sums).max(initial=0.0)) + square)
-        decay = max(decay, float((w * damped).max(initial=0.0)) + rate)
-    top = max(tops) if model.alias is None else sum(tops)              # a point that two share has the forces of both
-    return top**0.5, decay + model.scene.air_drag
+        decays.append(float((w * damped).max(initial=0.0)) + rate)
+    most = max if model.alias is None else sum                         # a point that two share has the forces of both
+    return most(tops)**0.5, most(decays) + model.scene.air_drag
 
 
 def estimate(model: Model, rows: dict[str, list[Rows]], iterations: int = ITERATIONS) -> float:

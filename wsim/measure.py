@@ -161,7 +161,7 @@ def rows(plan: Plan) -> tuple[int, int]:
     implicit, explicit = plan.method("implicit"), plan.method("explicit")
     newton = sum(t.size for t in (*getattr(implicit, "tables", {}).values(), *getattr(implicit, "solids", [])))
     pulled = sum(len(r.ids) for r in getattr(explicit, "rows", []))
-    pulled += sum(t.size for t in explicit.pull.tables) if explicit else 0             # type: ignore[attr-defined]
+    pulled += sum(t.size for t in explicit.solids) if explicit else 0             # type: ignore[attr-defined]
     return swept + newton + pulled, (swept + newton) * clock.iterations + pulled * integrator.forces
 
 
