@@ -272,8 +272,9 @@ class Explicit(Method):
     def least(self) -> int:
         """Substeps that keep the present stiffness stable, in every world."""
         firsts = [b for b in self.model.bodies if b.world == 0]
-        bounds = [frequency.bound(self.model, {b.path: [r.moved(b) for r in self.rows if r.body is not None
-                                                        and (r.body.path, r.body.world) == (b.path, world)] for b in firsts},
+        bounds = [frequency.bound(frequency.in_world(self.model, world),
+                                  {b.path: [r.moved(b) for r in self.rows if r.body is not None
+                                            and (r.body.path, r.body.world) == (b.path, world)] for b in firsts},
                                   [replace(p, body=b) for table in self.solids for p in table.parts for b in firsts
                                    if (p.body.path, p.body.world) == (b.path, world)])
                   for world in range(self.model.worlds)]

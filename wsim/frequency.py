@@ -11,7 +11,7 @@ K keeps the material part G^T alpha^-1 G; what tension adds is not in it. Points
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -115,6 +115,12 @@ def _inverse(body: Body, pinned: np.ndarray) -> np.ndarray:
     w = 1.0 / body.masses
     w[pinned[(pinned >= body.first) & (pinned < body.last)] - body.first] = 0.0
     return w
+
+
+def in_world(model: Model, world: int) -> Model:
+    """The model with the masses of that world in world 0: live densities may differ."""
+    masses = {b.path: b.masses for b in model.bodies if b.world == world}
+    return replace(model, bodies=[replace(b, masses=masses[b.path]) if b.world == 0 else b for b in model.bodies])
 
 
 def bound(model: Model, rows: dict[str, list[Rows]], parts: list | None = None) -> tuple[float, float]:

@@ -46,3 +46,10 @@ def soft_weights(soft: Soft) -> np.ndarray:
 def soft_share(soft: Soft) -> np.ndarray | float:
     """By how much mass and stiffness of each tet count, (t,) or 1."""
     return 1.0 if soft.filled is None else np.maximum(soft.filled.astype(np.float64), THIN)
+
+
+def density_of(source) -> float | None:
+    """The one density [kg/m^3] that all masses of a body follow; None where masses are authored or materials differ."""
+    if not isinstance(source, (Cloth, Soft)) or source.masses is not None or source.mass is not None:
+        return None
+    return None if isinstance(source, Soft) and source.others else source.material.density

@@ -8,6 +8,7 @@ import warp as wp
 from wsim.integrator import Integrator
 from wsim.kernels import points as kernels
 from wsim.kernels.real import types
+from wsim.masses import density_of
 from wsim.middles import held, spread
 from wsim.model import Body, Model, hard_places
 from wsim.scene import Motion, Pin
@@ -22,6 +23,7 @@ class Points(Method):
         super().__init__("points")
         self.model, self.state, self.status, self.struck = model, state, status, struck
         self.integrator = integrator
+        self.densities: dict[int, float] = {}         # that were set, by number of the body
         self.constants = self.tables()
         self.kernels = {"guard": kernels.not_finite(model.real, model.module)}
         size = 3 * np.dtype(model.dtype).itemsize * model.points
@@ -83,14 +85,29 @@ class Points(Method):
         self.model.launch(self.kernels["guard"], self.model.points, [self.state.x, self.state.v], [self.status[NOT_FINITE:]])
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
-        """gravity [m/s^2] and air_drag [1/s], of one body or, with path "/", of all."""
+        """gravity [m/s^2] and air_drag [1/s], of one body or, with path "/", of all; density [kg/m^3] of a body."""
         rows = self.model.rows(path, world)
+        if name == "density":
+            return self.weigh([b for b in self.model.bodies if b.path == path and world in (None, b.world)], float(value))
         if name not in ("gravity", "air_drag") or not rows:
             return False
         array = self.constants.gravity if name == "gravity" else self.constants.decay
         values = array.numpy()
         values[rows] = value
         array.assign(values)
+        return True
+
+    def weigh(self, bodies: list[Body], density: float) -> bool:
+        """Masses follow the density; False where a body has none (`wsim.masses.density_of`), or shares points with another."""
+        if not bodies or self.model.alias is not None or any(density_of(b.source) is None for b in bodies):
+            return False
+        w = self.constants.w.numpy()
+        for b in bodies:
+            before = self.densities.get(b.number) or density_of(b.source)
+            assert before is not None
+            b.masses, self.densities[b.number] = b.masses * (density / before), density
+            w[b.first:b.last] *= before / density
+        self.constants.w.assign(w)
         return True
 
 
