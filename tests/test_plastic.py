@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.test_soft import bar, ran
-from tests.test_solid_stress import turn
+from tests.soft_bar import bar, ran
+from tests.tet_box import turn
 from wsim import Bulk, Scene, Simulation, shapes
 from wsim.curve import Motion
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.test_soft import bar, ran, settled, spin
+from tests.soft_bar import bar, ran, settled, spin
 from wsim import Bulk, Scene, Simulation, shapes
 from wsim.kernels import descent
 from wsim.kernels.material import lame

@@ -1,108 +1,29 @@
-"""Quadratic tetrahedra: forces against the energy, patch test, rotations, blocks of the stiffness; bodies made of them."""
+"""Quadratic tetrahedra: forces against the energy, patch test, order, rotations, blocks of the stiffness; bodies of them."""
 
 import numpy as np
 import pytest
 import warp as wp
 
-from wsim import Bulk, Scene, Simulation, frequency, shapes
+from tests.soft_bar import NU, E, ran
+from tests.soft_bar import bar as any_bar
+from tests.tet_box import TetBox, bent, turn
+from wsim import Bulk, Scene, Simulation, frequency
 from wsim.curve import Motion
-from wsim.kernels import descent, quadratic
 from wsim.kernels.material import TABLE, lame
-from wsim.kernels.real import types
-from wsim.kernels.tangent import elements_of
 from wsim.middles import held
 from wsim.model import make_body
-from wsim.tetra import tets
-from wsim.tetra.lattice import box
 from wsim.tetra.tets import masses
 
-E, NU, TAU = 1e5, 0.3, 0.01
-PAIRS = [(k, m) for k in range(10) for m in range(k + 1, 10)]
 
-
-class Nodes:
-    """A box of ten-node tets on the CPU, evaluated by the kernels."""
-
-    def __init__(self, material: str, real=wp.float64, size=(0.3, 0.2, 0.2), cells=(2, 1, 1)):
-        self.material, self.real, self.t = material, real, types(real)
-        corners, self.four = box(size, cells)
-        self.points, self.tets = tets.quadratic(corners, self.four)
-        mu, lam = lame(E, NU)
-        self.batch, t, count = quadratic.elements(real)(), self.t, len(self.tets)
-        at = self.points[self.four]
-        self.batch.point = wp.array(self.tets, dtype=int, device="cpu")
-        self.batch.edge = self.array(at[:, 1:] - at[:, :1], t.mat33)
-        self.batch.gradient = self.array(tets.gradients(self.points, self.four)[:, 1:], t.mat33)
-        self.batch.volume = self.array(tets.volumes(self.points, self.four), real)
-        self.batch.mu, self.batch.lam, self.batch.tau = (self.array(np.full(count, v), real) for v in (mu, lam, TAU))
-        self.x = self.array(self.points, t.vec3)
-        self.q = wp.zeros(4 * count, dtype=t.quat, device="cpu")
-
-    @property
-    def module(self) -> str:
-        return f"test_quadratic_{self.material}_{self.t.name}"
-
-    def array(self, values, dtype):
-        return wp.array(np.asarray(values, np.float32 if self.real is wp.float32 else np.float64), dtype=dtype, device="cpu")
-
-    def gathered(self, parts) -> np.ndarray:
-        total = np.zeros((len(self.points), 3))
-        np.add.at(total, self.tets.ravel(), parts.numpy().astype(np.float64))
-        return total
-
-    def force(self, u, v=None) -> np.ndarray:
-        """Forces at displacements u [m] and velocities v [m/s]."""
-        parts, t = wp.zeros(10 * len(self.tets), dtype=self.t.vec3, device="cpu"), self.t
-        kernel = quadratic.forces(self.material, True, real=self.real, module=self.module)
-        velocities = self.array(np.zeros_like(self.points) if v is None else v, t.vec3)
-        wp.launch(kernel, len(self.tets), [self.batch, self.x, self.array(u, t.vec3), velocities, self.q],
-                  [parts, wp.zeros_like(self.q)], device="cpu")
-        return self.gathered(parts)
-
-    def change(self, u, p, rate=0.0) -> float:
-        """Of energy and damping from u to u + p."""
-        t, trial = self.t, descent.Trial()
-        trial.first = wp.array([0, len(self.tets)], dtype=int, device="cpu")
-        trial.lanes, trial.begin, trial.end = 1, 0, 1
-        trial.step = wp.array([-1.0], dtype=wp.float64, device="cpu")
-        trial.change = wp.zeros((1, 9), dtype=wp.float64, device="cpu")
-        kernel = quadratic.energy_change(self.material, True, real=self.real, module=self.module)
-        where = [self.array(z, t.vec3) for z in (u, u, p)]
-        wp.launch(kernel, 1, [trial, self.batch, self.x, *where, self.q, rate], [], device="cpu")
-        return float(trial.change.numpy()[0, 0])
-
-    def stiffness(self, u, rate=0.0) -> tuple[np.ndarray, np.ndarray]:
-        """K (3n, 3n) with the damping's part, and forces at rest, of the kernel that Newton's method takes."""
-        t, out, n = self.t, elements_of(self.real)(), len(self.points)
-        out.block = wp.zeros(45 * len(self.tets), dtype=t.mat33, device="cpu")
-        out.force = wp.zeros(10 * len(self.tets), dtype=t.vec3, device="cpu")
-        kernel, where = quadratic.linearise(self.material, True, real=self.real, module=self.module), self.array(u, t.vec3)
-        wp.launch(kernel, len(self.tets), [self.batch, self.x, where, where, self.q, rate], [wp.zeros_like(self.q), out],
-                  device="cpu")
-        K, blocks = np.zeros((n, n, 3, 3)), out.block.numpy().astype(np.float64).reshape(-1, 45, 3, 3)
-        for pair, (k, m) in enumerate(PAIRS):
-            i, j, A = self.tets[:, k], self.tets[:, m], blocks[:, pair]
-            for at, value in (((i, j), A), ((j, i), A.transpose(0, 2, 1)), ((i, i), -A), ((j, j), -A.transpose(0, 2, 1))):
-                np.add.at(K, at, value)
-        return K.transpose(0, 2, 1, 3).reshape(3 * n, 3 * n), self.gathered(out.force)
-
-
-def turn(seed: int = 3) -> np.ndarray:
-    """Some proper rotation."""
-    Q = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
-    return Q * np.sign(np.linalg.det(Q))
-
-
-def bent(body: Nodes, size: float = 0.01) -> np.ndarray:
-    """Random displacements on top of a turn."""
-    return body.points @ (turn() - np.eye(3)).T + size * np.random.default_rng(1).normal(size=body.points.shape)
+def ten(material: str, real=wp.float64, cells=(2, 1, 1), nu: float = NU) -> TetBox:
+    return TetBox(material, real, cells, nodes=10, nu=nu)
 
 
 @pytest.mark.parametrize("material", ["corotational", "neo_hookean"])
 def test_forces_are_minus_the_gradient_of_the_energy_and_damping_minus_that_of_its_potential(material):
     """Central differences of h = 1e-6 m in float64: h^2 of the third derivative, and rounding 1e-16 E / h."""
-    body, rng, h = Nodes(material), np.random.default_rng(2), 1e-6
-    u, v = bent(body), rng.normal(size=body.points.shape)
+    body, rng, h = ten(material), np.random.default_rng(2), 1e-6
+    u, v = bent(body, 0.01), rng.normal(size=body.points.shape)
     slope = (body.change(u, h * v) - body.change(u, -h * v)) / (2.0 * h)
     force, drag = body.force(u), body.force(u, v) - body.force(u)
     assert np.sum(force * v) == pytest.approx(-slope, rel=1e-7)
@@ -115,7 +36,7 @@ def test_forces_are_minus_the_gradient_of_the_energy_and_damping_minus_that_of_i
 @pytest.mark.parametrize("material", ["corotational", "neo_hookean"])
 def test_blocks_are_differences_of_forces_where_the_stiffness_is_positive(material):
     """Stretched by 20 % in all directions, K has no negative part."""
-    body, h = Nodes(material), 1e-6
+    body, h = ten(material), 1e-6
     u = 0.2 * body.points + 0.0005 * np.random.default_rng(5).normal(size=body.points.shape)
     v = np.random.default_rng(4).normal(size=u.shape)
     for rate, drag in ((0.0, 0.0), (50.0, 50.0)):
@@ -126,7 +47,7 @@ def test_blocks_are_differences_of_forces_where_the_stiffness_is_positive(materi
 
 def test_the_stiffness_is_symmetric_never_negative_and_has_six_motions_that_cost_nothing():
     """At rest: three translations and three turns, no hourglass. Scrambled: half of the points see an inside out."""
-    body = Nodes("corotational", cells=(1, 1, 1))
+    body = ten("corotational", cells=(1, 1, 1))
     values = np.linalg.eigvalsh(body.stiffness(np.zeros_like(body.points))[0])
     assert np.abs(values[:6]).max() < 1e-13 * values[-1] and values[6] > 1e-3 * values[-1]
     K = body.stiffness(0.2 * np.random.default_rng(6).normal(size=body.points.shape), rate=50.0)[0]
@@ -137,34 +58,61 @@ def test_the_stiffness_is_symmetric_never_negative_and_has_six_motions_that_cost
 @pytest.mark.parametrize("real, bound", [(wp.float64, 1e-12), (wp.float32, 3e-5)])
 def test_the_inside_of_a_body_under_uniform_strain_is_at_rest(real, bound):
     """Patch test: 10 % with shear. Corners carry no load of it and middles all, so that the largest is that of a middle."""
-    body = Nodes("corotational", real, cells=(2, 2, 2))
+    body = ten("corotational", real, cells=(2, 2, 2))
     u = body.points @ np.array([[0.1, 0.05, 0.0], [0.02, -0.03, 0.04], [0.0, 0.01, 0.05]]).T
-    inside = (np.abs(body.points) / body.points.max(axis=0) < 1.0 - 1e-9).all(axis=1)
     force = body.force(u)
-    assert inside.sum() > 8 and np.abs(force[inside]).max() < bound * np.abs(force).max()
+    assert body.inside.sum() > 8 and np.abs(force[body.inside]).max() < bound * np.abs(force).max()
 
 
 def test_bending_of_small_strain_is_exact_for_every_mesh():
     """u = (x y, -x^2/2, 0) k, nu = 0: the stress E k y along x has no divergence, so that nodes inside are at rest. Its
     energy is E k^2 I L / 2. Linear tets miss both."""
-    body, k = Nodes("linear", cells=(2, 2, 2)), 0.01
-    mu, lam = lame(E, 0.0)
-    body.batch.mu.fill_(mu)
-    body.batch.lam.fill_(lam)
+    body, k = ten("linear", cells=(2, 2, 2), nu=0.0), 0.01
     x, y, _ = body.points.T
     u = k * np.stack([x * y, -0.5 * x * x, 0.0 * x], axis=1)
-    inside = (np.abs(body.points) / body.points.max(axis=0) < 1.0 - 1e-9).all(axis=1)
     force = body.force(u)
-    assert np.abs(force[inside]).max() < 1e-12 * np.abs(force).max()
+    assert np.abs(force[body.inside]).max() < 1e-12 * np.abs(force).max()
     assert body.change(0.0 * u, u) == pytest.approx(0.5 * E * k**2 * (0.2 * 0.2**3 / 12.0) * 0.3, rel=1e-12)
+
+
+def smooth(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """u = grad phi [m] and its gradient at places x, (n, 3) and (n, 3, 3). phi = e^(sqrt2 a x) sin(a y + c) sin(a z + c) is
+    harmonic: div u = 0 and Laplace u = 0, so that u is at rest without body force, whatever E and nu."""
+    a = 3.0 * np.array([np.sqrt(2.0), 1.0, 1.0])                                                              # [1/m]
+    e, (sy, sz), (cy, cz) = np.exp(a[0] * x[:, 0]), np.sin(3.0 * x[:, 1:] + 0.3).T, np.cos(3.0 * x[:, 1:] + 0.3).T
+    second = np.array([[sy * sz, cy * sz, sy * cz], [cy * sz, -sy * sz, cy * cz], [sy * cz, cy * cz, -sy * sz]])
+    return (e * second[0]).T * a, (e * second).T * np.outer(a, a)
+
+
+def errors(nodes: int, cells: int) -> np.ndarray:
+    """Of energy and displacements, over those of `smooth`, in a box whose surface is held to it; so many cells a side."""
+    body = TetBox("linear", cells=(cells, cells, cells), nodes=nodes)
+    u, free = smooth(body.points)[0], np.repeat(body.inside, 3)
+    K, found = body.stiffness(0.0 * u)[0], u.ravel().copy()
+    found[free] = np.linalg.solve(K[np.ix_(free, free)], -K[np.ix_(free, ~free)] @ found[~free])
+    found = found.reshape(u.shape)
+    at, weights = np.polynomial.legendre.leggauss(8)
+    places = np.stack(np.meshgrid(at, at, at, indexing="ij"), axis=-1).reshape(-1, 3) * body.points.max(axis=0)
+    weights = np.einsum("i,j,k->ijk", weights, weights, weights).ravel() * body.points.max(axis=0).prod()
+    energy = lame(E, NU)[0] * weights @ (smooth(places)[1]**2).sum(axis=(1, 2))               # mu |grad u|^2, symmetric
+    off = np.sqrt(np.mean((found - u)[body.inside]**2) / np.mean(u**2))
+    return np.array([body.change(0.0 * u, found) / energy - 1.0, off])
+
+
+@pytest.mark.parametrize("nodes, cells, order", [(4, 4, 2), (10, 2, 3)])
+def test_displacements_converge_by_third_order_and_energy_by_fourth(nodes, cells, order):
+    """From 2 cells a side to 4; of linear tets from 4 to 8, where both fall by second order."""
+    coarse, fine = errors(nodes, cells), errors(nodes, 2 * cells)
+    np.testing.assert_allclose(np.log2(coarse / fine), [2 * order - 2, order], atol=0.1)
+    assert (fine < ([0.01, 1e-3] if nodes == 4 else [1e-4, 2e-4])).all()
 
 
 def test_a_turned_body_is_at_rest_and_forces_sum_to_nothing():
     """float32: displacements of 0.3 m are rounded by 2e-8, strains of cells of 0.1 m by a few 1e-7, stress over E."""
-    body = Nodes("corotational", wp.float32)
+    body = ten("corotational", wp.float32)
     assert np.abs(body.force(body.points @ (turn() - np.eye(3)).T)).max() < 2e-6 * E * 0.1**2
-    body = Nodes("corotational")
-    u = bent(body)
+    body = ten("corotational")
+    u = bent(body, 0.01)
     force = body.force(u, np.random.default_rng(5).normal(size=u.shape))
     size = np.abs(force).sum()
     assert np.abs(force.sum(axis=0)).max() < 1e-14 * size
@@ -174,7 +122,7 @@ def test_a_turned_body_is_at_rest_and_forces_sum_to_nothing():
 def test_a_collapsed_body_has_finite_forces_and_blocks():
     assert set(TABLE) == {"linear", "corotational", "neo_hookean", "st_venant_kirchhoff"}
     for material in ("corotational", "neo_hookean"):
-        body = Nodes(material)
+        body = ten(material)
         for u in (-body.points, -2.0 * body.points, -body.points * (1.0, 0.0, 0.0)):
             K, force = body.stiffness(u, rate=50.0)
             assert np.isfinite(force).all() and np.isfinite(K).all()
@@ -182,21 +130,10 @@ def test_a_collapsed_body_has_finite_forces_and_blocks():
 
 # bodies
 
-def bar(cells=(4, 1, 1), size=(0.4, 0.1, 0.1), held=True, **more) -> Scene:
-    """A bar along x, held at its left end."""
-    given = {"solver": "implicit", "integrator": "backward_euler", "substeps": 2, "iterations": 2, "fps": 60.0}
-    scene = Scene(**given | more)
-    points, rows = shapes.block(size, cells)
-    body = scene.soft("/bar", points, rows, material=Bulk(E, NU, 1e3), quadratic=True)
-    if held:
-        scene.pin("/wall", body, np.flatnonzero(points[:, 0] < points[:, 0].min() + 1e-6))
+def bar(cells=(4, 1, 1), size=(0.4, 0.1, 0.1), **more) -> Scene:
+    scene = any_bar(cells, size, **more)
+    scene.softs[0].quadratic = True
     return scene
-
-
-def ran(scene: Scene, frames: int, **options) -> Simulation:
-    sim = Simulation(scene, device="cpu", **options)
-    sim.run(frames)
-    return sim
 
 
 def sag(cells: int, quadratic: bool) -> float:

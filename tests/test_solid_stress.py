@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.test_cli import run
+from tests.tet_box import turn
 from wsim import Bulk, Fabric, Scene, SceneError, Simulation, shapes
 from wsim.kernels.material import lame
 from wsim.usd import save
@@ -21,11 +22,6 @@ def deformed(scene: Scene, F: np.ndarray) -> Simulation:
     sim = Simulation(scene, device="cpu", precision="float64")
     sim.set("/block", "positions", scene.softs[0].points.astype(np.float64) @ F.T)
     return sim
-
-
-def turn() -> np.ndarray:
-    Q = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
-    return Q * np.sign(np.linalg.det(Q))
 
 
 def of_stretches(model: str, s: np.ndarray) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.test_soft import bar, ran
+from tests.soft_bar import bar, ran
 from wsim import Fabric, Scene, SceneError, Simulation, load, save, shapes
 from wsim.check import check
 from wsim.curve import Motion
