@@ -1,9 +1,25 @@
-"""What several test files share: a small cloth as arrays, and a scene that holds one."""
+"""What several test files share: a small cloth as arrays, a scene that holds one; how kernels are compiled."""
 
 import numpy as np
 import pytest
+import warp as wp
 
+from wsim.model import Model
 from wsim.scene import Scene
+
+
+@pytest.fixture(scope="session", autouse=True)
+def header():
+    """Warp's precompiled header for all modules: a process of the tests makes hundreds, and each after the first is 1.5 s
+    cheaper. A simulation does without: for the one or two modules of a user's process the header costs more than it saves."""
+    load = Model.load
+
+    def with_header(model: Model) -> None:
+        wp.config.use_precompiled_headers = True               # Simulation.load puts back what it found
+        load(model)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Model, "load", with_header)
+        yield
 
 
 def grid(side: int = 4, size: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
