@@ -33,7 +33,7 @@ LAYERS = (
     ("points", "explicit", "implicit", "aero", "xpbd", "rigid", "fluid", "pose"),
     ("plan",),
     ("measure", "mend", "stress", "simulation"),
-    ("usd", "partial", "sublayer", "overs", "restart", "recorder", "fit", "drawn", "visible", "view", "picture"),
+    ("usd", "partial", "sublayer", "overs", "restart", "recorder", "fitting", "drawn", "visible", "view", "picture"),
     ("cli", "bench", "commands", "run", "__main__", "__init__"),
 )
 METHODS = {"points", "explicit", "implicit", "aero", "xpbd", "rigid", "fluid", "pose"}    # these never import each other

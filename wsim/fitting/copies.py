@@ -1,0 +1,102 @@
+"""Copies of one scene with different parameters, in one batched float64 simulation that can begin again.
+
+Solver, integrator and substeps are those that the scene takes with its values at the start, for every copy and to the end of a
+fit: a residual that changes its scheme with its parameters is no function. Where a stiffer copy needs shorter explicit steps,
+all take them from then on.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import warp as wp
+
+from wsim import mend
+from wsim.fitting.parameter import Parameter
+from wsim.scene import Problem, Scene, SceneError
+from wsim.simulation import Simulation
+
+
+class Broken(Exception):
+    """A copy stopped being a number, or could not go on, in `frame`."""
+
+    def __init__(self, frame: int, reason: str):
+        super().__init__(f"frame {frame}: {reason}")
+        self.frame, self.reason = frame, reason
+
+
+def settled(scene: Scene, device) -> Scene:
+    """The scene with its solver, integrator, substeps and iterations named: what "auto" comes to at its present values."""
+    choice = Simulation(scene, device=device, precision="float64").plan.choice
+    return replace(scene, solver=choice.solver, integrator=choice.integrator.name, substeps=choice.substeps,
+                   iterations=choice.iterations)
+
+
+class Copies:
+    """`begin` with values, go on `to` a frame, read `positions`; and again. Raises SceneError where the scene cannot run."""
+
+    def __init__(self, scene: Scene, parameters: list[Parameter], worlds: int, device=None):
+        self.scene, self.parameters, self.worlds = settled(scene, device), parameters, worlds
+        self.sim = Simulation(self.scene, device=device, precision="float64", worlds=worlds)
+        self.keep()
+
+    def keep(self) -> None:
+        """Remembers the start."""
+        sim = self.sim
+        self.plan, self.substeps = sim.plan, sim.plan.clock.substeps
+        clock = sim.plan.clock
+        self.scheme = clock.multistep, clock.beyond
+        self.arrays = [a for m in sim.plan.methods for a in m.fields.values()] + [k.array for k in sim.state.elements.values()]
+        if sim.state.every is not None:
+            self.arrays.append(sim.state.every)
+        self.saved = [wp.clone(a) for a in self.arrays]
+
+    def rewind(self) -> None:
+        """Back to the start; built anew where a frame has changed the scheme."""
+        sim, clock = self.sim, self.sim.plan.clock
+        if sim.plan is not self.plan or (clock.multistep, clock.beyond) != self.scheme:
+            sim.given = replace(sim.given, substeps=self.substeps)
+            sim.reset()
+            self.keep()
+            return
+        for array, saved in zip(self.arrays, self.saved, strict=True):
+            wp.copy(array, saved)
+        if clock.substeps != self.substeps:
+            clock.substeps, sim.graph = self.substeps, None
+        clock.starting, sim.frame = True, 0
+        sim.changes.clear()
+        sim.milliseconds.clear()
+
+    def begin(self, values: np.ndarray) -> None:
+        """From the start, world k with the row k of values (worlds, parameters)."""
+        self.rewind()
+        sim = self.sim
+        for world, row in enumerate(values):
+            scene = self.scene
+            for p, value in zip(self.parameters, row, strict=True):
+                scene = p.written(scene, float(value))
+            given = {(path, name): value for p in self.parameters for path, name, value in p.live(scene)}
+            for (path, name), value in given.items():
+                if not any([m.set(path, name, value, world) for m in sim.plan.methods]):
+                    raise SceneError(Problem(path, f"{name} is fixed while solver {sim.plan.choice.solver} runs; leave it out, "
+                                             "or name another solver"))
+        stiffens = [name for _, name in given if name in mend.STIFFENS]
+        if stiffens:
+            mend.keep_stable(sim, stiffens[0])
+        self.substeps = sim.plan.clock.substeps
+
+    def to(self, frame: int) -> None:
+        """Frames up to that one. Raises Broken."""
+        sim = self.sim
+        while sim.frame < frame:
+            try:
+                sim.step()
+            except SceneError as error:
+                raise Broken(sim.frame + 1, error.problems[0].text) from None
+            if sim.plan is not self.plan or sim.plan.clock.substeps != self.substeps:
+                raise Broken(sim.frame, sim.warnings[-1] if sim.warnings else "the scheme has changed")
+
+    def positions(self, path: str) -> np.ndarray:
+        """World positions [m] of a body in every copy, (worlds, n, 3)."""
+        state, bodies = self.sim.state, [b for b in self.sim.model.bodies if b.path == path]
+        x = state.x.numpy().astype(np.float64) + state.e.numpy()
+        return np.stack([x[b.index] + b.origin for b in bodies])

@@ -1,0 +1,172 @@
+"""Parameters of a scene from what was seen of it, and how sure they are.
+
+    result = wsim.fit(scene, "observed.usdc", "stretch,bend")
+    print(result.text())
+    wsim.save(result.scene, "fitted.usda")
+
+`search` is the method (Levenberg-Marquardt with a growing horizon), `misfit` what it makes small, `estimate` what is known in
+the end. Priors act on the mapped space: {"stretch": (500.0, 0.2)} is a factor e^0.2 about 500 N/m.
+"""
+
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from math import isfinite, sqrt
+from time import perf_counter
+
+import numpy as np
+
+from wsim.fitting.estimate import Estimate, estimate
+from wsim.fitting.misfit import Misfit, experiments_of
+from wsim.fitting.parameter import Parameter, parameters
+from wsim.fitting.search import Prior, Search
+from wsim.scene import Problem, Scene, SceneError
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to fit. Raises SceneError for values out of range."""
+
+    device: str | None = None              # None: the GPU if there is one
+    differences: str = "central"           # "central": 1 + 2 p copies; "forward": 1 + p copies, and less is known of curvature
+    accuracy: float = 0.0                  # two error bars (of theta) that are enough; 0: what all the data give
+    limit: float = 200.0                   # simulations, each copy over the whole horizon counts 1
+    state: str | None = None               # file to save to after every step, and to go on from where it is there
+    eps: float | None = None               # difference of theta; None: by the solver
+
+    def __post_init__(self):
+        wrong = []
+        if self.differences not in ("central", "forward"):
+            wrong.append(Problem("differences", f"found {self.differences!r}; allowed are central, forward"))
+        for name in ("accuracy", "limit", "eps"):
+            value = getattr(self, name)
+            if value is not None and not (isfinite(value) and (value > 0.0 or (name == "accuracy" and value == 0.0))):
+                least = ">= 0" if name == "accuracy" else "> 0"
+                wrong.append(Problem(name, f"found {value}; allowed is a finite number {least}"))
+        if wrong:
+            raise SceneError(wrong)
+
+
+@dataclass
+class Fit:
+    """What was found. `estimate` has it as arrays."""
+
+    parameters: list[Parameter]
+    estimate: Estimate
+    scene: Scene                           # the first scene, with what was found
+    scenes: list[Scene]
+    converged: bool
+    sigma: float                           # [m] noise: estimated, or as given
+    misfit: float                          # rms of the residuals at the end over sigma: 1 where the model is right
+    steps: int
+    simulations: float                     # of the whole horizon: every copy counts, a part as a part
+    launches: int                          # batches of copies that were run
+    worlds: int                            # copies in each
+    frames: int                            # last frame that was used
+    seconds: float
+    residuals: list[tuple[float, int, float]] = field(default_factory=list)     # time [s], frame, rms [m or sigma]
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def values(self) -> dict[str, float]:
+        return {p.name: float(v) for p, v in zip(self.parameters, self.estimate.values, strict=True)}
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Standard deviations; inf: not identifiable."""
+        return {p.name: float(v) for p, v in zip(self.parameters, self.estimate.errors, strict=True)}
+
+    def as_dict(self) -> dict:
+        """For JSON."""
+        e = self.estimate
+        return {"parameters": [{"name": p.name, "value": v, "error": s, "low": a, "high": b, "unit": p.unit,
+                                "identifiable": bool(np.isfinite(s))}
+                               for p, v, s, a, b in zip(self.parameters, e.values, e.errors, e.low, e.high, strict=True)],
+                "correlation": e.correlation.tolist(), "singular_values": e.singular.tolist(), "not_identifiable": e.words,
+                "converged": self.converged, "sigma": self.sigma, "misfit_over_sigma": self.misfit, "frames": self.frames,
+                "simulations": self.simulations, "launches": self.launches, "worlds": self.worlds, "steps": self.steps,
+                "seconds": self.seconds, "residuals": self.residuals, "notes": self.notes}
+
+    def text(self) -> str:
+        """The result as a table."""
+        from wsim.fitting.table import text
+        return text(self)
+
+
+def fit(scene: Scene, observations, parameters_: str | Iterable[str], *, also=(), start: dict[str, float] | None = None,
+        priors: dict[str, tuple[float, float]] | None = None, each: Callable[[dict], None] | None = None,
+        settings: Settings | None = None) -> Fit:
+    """Fits parameters (`wsim.fitting.parameter`) of a scene to observations (`wsim.fitting.observe`).
+
+    observations   Track and Scan objects, or a USD file with sampled points under the same prim paths
+    also           further experiments [(scene, observations)] that share the parameters
+    start          {name: value}; else the scene's present values
+    priors         {name: (mean, sigma)}, the mean in the parameter's unit, sigma in the mapped space
+    each           called after every step with a dict: step, accepted, frame, frames, values, rms, simulations
+    Raises SceneError with everything that is wrong, by prim path.
+    """
+    began, settings = perf_counter(), settings or Settings()
+    experiments = experiments_of(scene, observations, also)
+    found, scenes = parameters(parameters_, [s for s, _ in experiments], start)
+    prior = _priors(found, priors or {})
+    theta = np.array([_start(p, scenes) for p in found])
+    misfit = Misfit([(s, seen) for s, (_, seen) in zip(scenes, experiments, strict=True)], found, device=settings.device,
+                    differences=settings.differences, eps=settings.eps)
+    known = experiments[0][1][0].sigma is not None
+    search = Search(misfit, theta, prior, sigma=known, limit=settings.limit, accuracy=settings.accuracy,
+                    each=lambda s: _told(s, settings, each))
+    if settings.state and os.path.exists(settings.state):
+        search.resume(settings.state)
+    search.run()
+    return _result(search, found, scenes, perf_counter() - began)
+
+
+def _start(p: Parameter, scenes: list[Scene]) -> float:
+    """theta of its value; of several experiments that of the first which has it."""
+    value = next(v for v in (p.value(s) for s in scenes) if v is not None)
+    return p.map.forward(value)
+
+
+def _priors(found: list[Parameter], given: dict[str, tuple[float, float]]) -> Prior:
+    prior, problems = Prior(np.zeros(len(found)), np.zeros(len(found))), []
+    for name, pair in given.items():
+        row = next((k for k, p in enumerate(found) if p.name == name), None)
+        if row is None:
+            problems.append(Problem(name, f"has a prior and is not fitted; fitted are {', '.join(p.name for p in found)}"))
+            continue
+        try:
+            mean, sigma = map(float, pair)
+            if not (isfinite(sigma) and sigma > 0.0):
+                raise ValueError("sigma must be a finite number > 0")
+            prior.mean[row], prior.weight[row] = found[row].map.forward(mean), 1.0 / sigma**2
+        except (TypeError, ValueError) as error:
+            problems.append(Problem(name, f"prior is {pair}; allowed is (mean, sigma): {error}"))
+    if problems:
+        raise SceneError(problems)
+    return prior
+
+
+def _told(search: Search, settings: Settings, each: Callable[[dict], None] | None) -> None:
+    if settings.state:
+        search.save(settings.state)
+    best, misfit = search.best, search.misfit
+    if each and best:
+        each({"step": search.steps, "accepted": search.accepted, "frame": best.frame, "frames": misfit.lasts[0],
+              "values": dict(zip((p.name for p in misfit.parameters), misfit.values(search.theta).tolist(), strict=True)),
+              "rms": sqrt(best.misfit / max(best.count, 1)), "simulations": misfit.walked})
+
+
+def _result(search: Search, found: list[Parameter], scenes: list[Scene], seconds: float) -> Fit:
+    best, misfit, notes = search.best, search.misfit, list(search.notes)
+    assert best is not None
+    noise = search.noise(best)
+    e = estimate(found, search.theta, best.J, noise, search.prior.weight, search.lost(best))
+    left = sqrt(best.least / max(best.count - len(found), 1) / noise)
+    if search.known and left > 1.5:
+        notes.append(f"what is left is {left:.3g} times the noise that was given: the model, or the noise, is not right, and "
+                     "error bars are too small")
+    for p, value in zip(found, e.values, strict=True):
+        scenes = [p.written(s, float(value)) for s in scenes]
+    sigma = misfit.sigma if search.known else sqrt(noise)
+    return Fit(found, e, scenes[0], scenes, search.converged, sigma, left, search.steps, misfit.walked, misfit.launches,
+               1 + len(found) * (1 + misfit.central), best.frame, seconds, best.rows, notes)

@@ -1,0 +1,50 @@
+"""A fit in words: what `wsim fit` prints."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from wsim.fitting.fit import Fit
+
+STRONG = 0.9           # correlation that is named
+BARS = " .:-=+*#"      # of the smallest to the largest residual
+
+
+def number(value: float) -> str:
+    return f"{value:.5g}"
+
+
+def text(fit: "Fit") -> str:
+    """Table, what the data leave open, residuals over time, cost."""
+    e, rows = fit.estimate, [("parameter", "value", "error bar", "two error bars", "unit")]
+    for k, p in enumerate(fit.parameters):
+        known = np.isfinite(e.errors[k])
+        rows.append((p.name, number(e.values[k]), f"{e.errors[k]:.2g}" if known else "unknown",
+                     f"{number(e.low[k])} to {number(e.high[k])}" if known else "not identifiable", p.unit))
+    wide = [max(len(r[k]) for r in rows) for k in range(4)]
+    lines = ["  ".join([r[0].ljust(wide[0]), r[1].rjust(wide[1]), r[2].rjust(wide[2]), r[3].ljust(wide[3]), r[4]]).rstrip()
+             for r in rows]
+    lines += [f"not identifiable: {w}" for w in e.words]
+    lines += _correlated(fit)
+    lines.append(f"singular values {', '.join(f'{s:.3g}' for s in e.singular)} (of the Jacobian over the noise)")
+    lines.append(f"noise {fit.sigma:.3g} m, residuals over it {fit.misfit:.3g}; by time |{bars(fit)}|")
+    end = "converged" if fit.converged else "NOT converged"
+    lines.append(f"{end} after {fit.steps} steps, {fit.simulations:.3g} simulations ({fit.launches} launches of "
+                 f"{fit.worlds} copies), {fit.seconds:.3g} s, frames to {fit.frames}")
+    return "\n".join([*lines, *(f"warning: {n}" for n in fit.notes)])
+
+
+def _correlated(fit: "Fit") -> list[str]:
+    names, C, known = [p.name for p in fit.parameters], fit.estimate.correlation, np.isfinite(fit.estimate.errors)
+    return [f"{names[i]} and {names[j]} are correlated by {C[i, j]:+.3f}" for i in range(len(names)) for j in range(i)
+            if known[i] and known[j] and abs(C[i, j]) > STRONG]
+
+
+def bars(fit: "Fit", width: int = 48) -> str:
+    """Residuals over time, a sign for each moment, or for some together."""
+    values = np.array([r[2] for r in fit.residuals])
+    if not len(values) or not values.max() > 0.0:
+        return ""
+    parts = [p.mean() for p in np.array_split(values, min(width, len(values)))]
+    return "".join(BARS[int(round(p / max(parts) * (len(BARS) - 1)))] for p in parts)
