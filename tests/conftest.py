@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.processes import pytest_addoption, pytest_configure, pytest_runtestloop  # noqa: F401   hooks of pytest
 from wsim.model import Model
 from wsim.scene import Scene
 
