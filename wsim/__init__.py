@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from wsim.bulk import Bulk
     from wsim.curve import Curve, Motion
     from wsim.fabric import Fabric
+    from wsim.fitting.fit import fit
     from wsim.recorder import Recorder
     from wsim.scene import (
         Box,
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
         Cylinder,
         Pin,
         Plane,
-        Problem,
+        Problem,  # noqa: F401  (one of _HOME, and not counted among the names that a star imports)
         Scene,
         SceneError,
         Skin,
@@ -44,11 +45,13 @@ _HOME = {
     **dict.fromkeys(("Scene", "Cloth", "Springs", "Collider", "Pin", "Plane", "Sphere", "Box", "Capsule", "Cylinder",
                      "Cone", "Surface", "Soft", "Skin", "Problem", "SceneError"), "wsim.scene"),
     "Curve": "wsim.curve", "Motion": "wsim.curve", "Fabric": "wsim.fabric", "Bulk": "wsim.bulk", "shapes": "wsim.shapes",
-    "load": "wsim.usd", "save": "wsim.usd", "Simulation": "wsim.simulation", "Recorder": "wsim.recorder",
+    "load": "wsim.usd", "save": "wsim.usd", "Simulation": "wsim.simulation", "fit": "wsim.fitting.fit",
+    "Recorder": "wsim.recorder",
 }
 __all__ = [  # noqa: F822  (names of __getattr__)
-    "Box", "Bulk", "Capsule", "Cloth", "Collider", "Cone", "Curve", "Cylinder", "Fabric", "Motion", "Pin", "Plane", "Problem",
-    "Recorder", "Scene", "SceneError", "Simulation", "Skin", "Soft", "Sphere", "Springs", "Surface", "load", "save", "shapes",
+    "Box", "Bulk", "Capsule", "Cloth", "Collider", "Cone", "Curve", "Cylinder", "Fabric", "Motion", "Pin", "Plane",
+    "Recorder", "Scene", "SceneError", "Simulation", "Skin", "Soft", "Sphere", "Springs", "Surface", "fit", "load", "save",
+    "shapes",
 ]
 
 

@@ -107,7 +107,7 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="wsim", description="A USD scene in, a simulated USD layer out.")
     top.add_argument("--version", action="version", version=f"wsim {__version__}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for add in (_run, _new, _check, _plan, _bench, _view, _picture):
+    for add in (_run, _new, _check, _plan, _bench, _fit, _view, _picture):
         add(commands)
     for command in commands.choices.values():
         command.add_argument("--debug", action="store_true", help="show where an error came from")
@@ -210,6 +210,24 @@ def _bench(commands) -> None:
     bench.add_argument("--json", type=report, metavar="FILE", help="everything found, as .json; - prints it, and no table")
     bench.add_argument("--plot", type=drawing, metavar="FILE", help=".png or .svg (needs the extra `plot`)")
     _choices(bench)
+
+
+def _fit(commands) -> None:
+    fit = commands.add_parser("fit", help="find parameters of a scene from an observed motion, and how sure they are")
+    fit.add_argument("scene")
+    fit.add_argument("--to", action="append", required=True, metavar="OBSERVED", help="USD file with sampled points")
+    fit.add_argument("--parameters", required=True, metavar="A,B", help="stretch,bend, say, or /World/Cloth:stretch")
+    fit.add_argument("-o", "--output", metavar="FITTED", help="layer over the scene with what was found")
+    fit.add_argument("--frames", type=whole, metavar="N", help="frames that are used (default: the scene's)")
+    fit.add_argument("--noise", type=positive, metavar="METRES", help="standard deviation (default: estimated)")
+    fit.add_argument("--start", action="append", default=[], metavar="NAME=VALUE", help="default: the scene's value")
+    fit.add_argument("--prior", action="append", default=[], metavar="NAME=MEAN:SIGMA", help="sigma 0.1 of a modulus: 10 %%")
+    fit.add_argument("--accuracy", type=fraction, metavar="E", help="1%%, say: stop where two error bars are that small")
+    fit.add_argument("--limit", type=positive, default=200.0, metavar="N", help="simulations at most (default: 200)")
+    fit.add_argument("--restart", metavar="FILE", help="keeps its state there, and goes on from it")
+    fit.add_argument("--device", help="cpu, cuda:0 ... (default: the GPU if there is one)")
+    fit.add_argument("--json", action="store_true", help="print the result as JSON")
+    _choices(fit)
 
 
 def _view(commands) -> None:

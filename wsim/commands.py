@@ -259,6 +259,14 @@ def bench(args) -> int:
     return DONE
 
 
+def fit(args) -> int:
+    """`wsim fit`: parameters from an observed motion; fails where they were not found."""
+    _hush()
+    from wsim.fitting import command
+
+    return DONE if command.run(_load(args), args) else FAILED
+
+
 def view(args) -> int:
     """`wsim view`: a result in rerun, or as a file for it."""
     from wsim.view import view as show

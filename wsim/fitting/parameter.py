@@ -180,7 +180,7 @@ def parameters(asked: str | Iterable[str], scenes: list[Scene], start: dict[str,
     problems += [q for p in found for q in _wrong(p, scenes)]
     problems += _twice(found, scenes)
     if problems:
-        raise SceneError(problems)
+        raise SceneError(dict.fromkeys(problems))
     return found, scenes
 
 
@@ -238,7 +238,7 @@ def _wrong(p: Parameter, scenes: list[Scene]) -> list[Problem]:
             elif isinstance(thing, Soft) and row.within and thing.others:
                 problems.append(Problem(path, f"has {len(thing.materials)} materials, and {p.what} is fitted as one value; "
                                         "give it one material, or leave it out"))
-    return list(dict.fromkeys(problems))
+    return problems
 
 
 def _twice(found: list[Parameter], scenes: list[Scene]) -> list[Problem]:

@@ -29,7 +29,7 @@ RADIUS = 1.0           # largest step of a mapped parameter: a factor e
 WEAK = 0.1             # lam: what the data leave open within 3 units of theta moves little
 CURVED = 1e-3          # curvature of less than this (of theta) never ends a run early
 DONE = 0.3             # error bars that a last step may leave
-SMALL = 1e-4           # of theta, that it may leave where there is no noise
+SMALL = 1e-7           # of theta, that it may leave where there is no noise
 FLOOR = 1e-9           # [m] least noise: data without any
 LINEAR = 0.2           # part of the answer to a change of theta by NEAR that curvature may be, where it is more than noise
 NEAR = 1e-3            # no model knows a parameter better: where such a change is not answered in proportion, all is chance
@@ -120,20 +120,25 @@ class Search:
 
     def step(self, sums: Sums) -> tuple[np.ndarray, np.ndarray]:
         """d and q."""
-        A, s2, one = self.matrix(sums), self.noise(sums), np.eye(len(sums.theta))
-        g = sums.J.T @ sums.R[:-1, -1] / s2 + self.prior.weight * (sums.theta - self.prior.mean)
+        s2, root = self.noise(sums), np.sqrt(self.prior.weight)
+        rows = np.concatenate([sums.J / np.sqrt(s2), np.diag(root)])
+        side = np.concatenate([sums.R[:-1, -1] / np.sqrt(s2), root * (sums.theta - self.prior.mean)])
+        U, S, V = np.linalg.svd(rows, full_matrices=False)
+        kept = self.lost(sums) * S[0] < S                   # along the others J is what differences err, and no step is right
+        U, S, V = U[:, kept], S[kept], V[kept]
         lam = WEAK
         while True:
-            d = -np.linalg.solve(A + lam * one, g)
-            if np.abs(d).max() <= self.radius or lam > 1e300:
+            d = -V.T @ (S / (S**2 + lam) * (U.T @ side))
+            if np.abs(d).max(initial=0.0) <= self.radius or lam > 1e300:
                 break
             lam *= 2.0
-        q = np.zeros_like(d) if sums.bend is None else -np.linalg.solve(A + lam * one, sums.bend @ (0.5 * d**2) / s2)
-        return d, q
+        if sums.bend is None:
+            return d, np.zeros_like(d)
+        return d, -V.T @ ((V @ (sums.bend @ (0.5 * d**2) / s2)) / (S**2 + lam))
 
     def bars(self, sums: Sums, q: np.ndarray) -> float:
         """Length of q in error bars."""
-        return float(np.sqrt(q @ self.matrix(sums) @ q))
+        return float(np.sqrt(((sums.J @ q)**2).sum() / self.noise(sums) + (self.prior.weight * q**2).sum()))
 
     def ends(self, sums: Sums) -> bool:
         """Whether more data would not make the step any better."""
@@ -246,7 +251,7 @@ class Search:
     def save(self, path) -> None:
         """Writes a JSON file under a temporary name and renames it."""
         b = self.best
-        best = b and {**vars(b), "theta": b.theta.tolist(), "R": b.R.tolist(), "bend": None if b.bend is None else b.bend.tolist()}
+        best = b and {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in vars(b).items()}
         found = {"parameters": [p.name for p in self.misfit.parameters], "theta": self.theta.tolist(), "radius": self.radius,
                  "steps": self.steps, "simulations": self.misfit.walked, "launches": self.misfit.launches,
                  "converged": self.converged, "end": self.end, "notes": self.notes, "best": best}

@@ -96,7 +96,7 @@ def _sheet(reading: Reading, material: Usd.Prim, thickness: float | None) -> dic
     safe = nu if -1.0 < nu < 0.5 else 0.0                      # out of range: reported by validated
     derived = {"stretch": E * h, "shear": E * h / (2.0 * (1.0 + safe)), "bend": E * h * h * h / (12.0 * (1.0 - safe * safe))}
     for field in derived:
-        value = read(material, "Fabric", field, units, through=_plane_stress(safe) if field == "stretch" else None)
+        value = read(material, "Fabric", field, units, through=plane_stress(safe) if field == "stretch" else None)
         if value not in UNAUTHORED:
             derived[field] = value
         if field == "stretch" and value not in UNAUTHORED and not value > 0:     # as authored, not as converted
@@ -107,7 +107,7 @@ def _sheet(reading: Reading, material: Usd.Prim, thickness: float | None) -> dic
     return {"thickness": h, "poisson": nu, **derived}
 
 
-def _plane_stress(nu: float):
+def plane_stress(nu: float):
     """(forward, inverse) between E h and the plane-stress stiffness E h / (1 - nu^2)."""
     return (lambda stretch: stretch / (1.0 - nu * nu)), (lambda stiffness: stiffness * (1.0 - nu * nu))
 
@@ -157,7 +157,7 @@ def author_fabric(stage: Usd.Stage, path: str, fabric: Fabric, units: Units) -> 
     for schema in (names.MATERIAL, names.SURFACE_MATERIAL, names.WSIM_MATERIAL):
         prim.AddAppliedSchema(schema)
     for field in (f.name for f in fields(Fabric)):
-        through = _plane_stress(fabric.poisson) if field == "stretch" else None
+        through = plane_stress(fabric.poisson) if field == "stretch" else None
         author(prim, "Fabric", field, getattr(fabric, field), units, through)
     return prim
 

@@ -80,6 +80,14 @@ def author_settings(stage: Usd.Stage, path: str, scene: Scene, units: Units) -> 
     """Writes a PhysicsScene with gravity, air and solver settings."""
     prim = stage.DefinePrim(path, PHYSICS_SCENE)
     prim.AddAppliedSchema(WSIM_SCENE)
+    author_gravity(prim, scene, units)
+    for field in FIELDS:
+        author(prim, "Scene", field, getattr(scene, field), units)
+    return prim
+
+
+def author_gravity(prim: Usd.Prim, scene: Scene, units: Units) -> None:
+    """Direction and magnitude, and beside them the exact vector where they round it."""
     magnitude = math.sqrt(sum(v * v for v in scene.gravity))
     direction = tuple(v / magnitude for v in scene.gravity) if magnitude > 0 else _down(units)
     author(prim, "Scene", "direction", direction, units)
@@ -87,6 +95,3 @@ def author_settings(stage: Usd.Stage, path: str, scene: Scene, units: Units) -> 
     if _gravity(prim, units) != tuple(scene.gravity):
         attribute = prim.GetAttribute(row("Scene", "magnitude").attribute)
         attribute.SetCustomDataByKey(EXACT, Gf.Vec3d(*map(float, scene.gravity)))
-    for field in FIELDS:
-        author(prim, "Scene", field, getattr(scene, field), units)
-    return prim

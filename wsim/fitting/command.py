@@ -1,0 +1,76 @@
+"""`wsim fit`: from files to a table and a layer."""
+
+import os
+import sys
+
+from wsim.fitting.fit import Fit, Settings, fit
+from wsim.fitting.observe import Track, read
+from wsim.progress import line
+from wsim.report import as_json
+from wsim.scene import Problem, Scene, SceneError
+
+
+def run(scene: Scene, args) -> bool:
+    """Fits, prints, writes; whether it converged."""
+    if args.output:
+        from wsim.usd.fitted import check_target
+        check_target(scene, args.output)
+    seen: list[Track] = [t for path in args.to for t in read(path, scene, args.noise)]
+    settings = Settings(device=args.device, accuracy=args.accuracy or 0.0, limit=args.limit, state=args.restart)
+    with line(0) as progress:
+        progress.say("compiling")
+
+        def told(step: dict) -> None:
+            values = ", ".join(f"{name} {value:.5g}" for name, value in step["values"].items())
+            progress.say(f"step {step['step']}: {values}; frames to {step['frame']} of {step['frames']}, "
+                         f"{step['simulations']:.3g} simulations")
+        result = fit(scene, seen, args.parameters, start=_pairs("--start", args.start),
+                     priors=_priors(args.prior), each=told, settings=settings)
+    write(scene, result, args)
+    return result.converged
+
+
+def write(scene: Scene, result: Fit, args) -> None:
+    if args.output:
+        from wsim.usd.fitted import save_fitted
+        unknown = [p.name for p in result.parameters if result.errors[p.name] == float("inf")]
+        save_fitted(scene, result.scene, args.output, result.as_dict() | {"residuals": []})
+        if unknown:
+            print(f"warning: {args.output}: {', '.join(unknown)} could not be identified; what is written there is one of many "
+                  "answers", file=sys.stderr)
+    if args.json:
+        print(as_json(result.as_dict() | {"scene": args.scene, "output": args.output}))
+    else:
+        print(result.text())
+        if args.output:
+            print(f"{args.output}: a layer over {os.path.basename(str(scene.source))} with these values")
+
+
+def _pairs(option: str, texts: list[str]) -> dict[str, float]:
+    """name=value"""
+    found = {}
+    for text in texts:
+        name, _, value = text.rpartition("=")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            name = ""
+        if not name:
+            raise SceneError(Problem(option, f"found {text!r}; write it as name=value"))
+    return found
+
+
+def _priors(texts: list[str]) -> dict[str, tuple[float, float]]:
+    """name=mean:sigma"""
+    found = {}
+    for text in texts:
+        name, _, pair = text.rpartition("=")
+        mean, _, sigma = pair.partition(":")
+        try:
+            found[name] = float(mean), float(sigma)
+        except ValueError:
+            name = ""
+        if not name:
+            raise SceneError(Problem("--prior", f"found {text!r}; write it as name=mean:sigma, sigma in the mapped space (of a "
+                                     "modulus 0.1 is 10 %)"))
+    return found
