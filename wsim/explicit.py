@@ -278,4 +278,5 @@ class Explicit(Method):
                                   [replace(p, body=b) for table in self.solids for p in table.parts for b in firsts
                                    if (p.body.path, p.body.world) == (b.path, world)])
                   for world in range(self.model.worlds)]
-        return max(needed(self.model.scene, self.integrator, omega, c) for omega, c in bounds)
+        tops = [b for b in set(bounds) if not any(b != o and b[0] <= o[0] and b[1] <= o[1] for o in bounds)]
+        return max(needed(self.model.scene, self.integrator, omega, c) for omega, c in tops)
