@@ -9,11 +9,13 @@ and y stays in the filter's range, which makes it the modified method of Baraff 
 Boxerman 2003, section 3. It ends when sqrt(r.P r) is `tolerance` times that of f.
 
 Two ways to run it: `solve` gives a block of threads to each body (on the CPU one thread), all iterations in one launch;
-`several` gives several blocks to a body, two launches an iteration. Sums are in float64 and in a fixed order.
+`several` gives several blocks to a body, two launches an iteration. Sums are in float64 and in a fixed order. With a coarse
+space (kernels/multigrid.py) z gets more than P r between `advance` and `multiply`, and r is kept in the filter's range.
 """
 
 from functools import cache
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
@@ -43,6 +45,27 @@ def total(v: wp.float64) -> wp.float64:
     ...
 
 
+@wp.func
+def kept(P: Any):
+    """Projector on the range of a symmetric positive matrix: what a filter has left. Eigenvalues 1e5 apart are told from 0."""
+    least = type(P[0, 0])(1.0e-5)
+    S = P - P
+    size = wp.trace(P)
+    if size > type(size)(0.0):
+        M = P / size
+        a = wp.cross(M[1], M[2])
+        b = wp.cross(M[2], M[0])
+        c = wp.cross(M[0], M[1])
+        pairs = a[0] + b[1] + c[2]
+        if not pairs > least:
+            S = M
+        elif wp.dot(M[0], a) > least * pairs:
+            S = wp.identity(n=3, dtype=type(size))
+        else:
+            S = wp.identity(n=3, dtype=type(size)) - wp.matrix_from_rows(a, b, c) / pairs
+    return S
+
+
 @cache
 def vectors(real):
     """Struct of what an iteration carries: y [m], r, w, s [N], z, p [m], (points,)."""
@@ -61,7 +84,7 @@ def vectors(real):
 
 
 @cache
-def parts(real, springs: bool, elements: bool) -> SimpleNamespace:
+def parts(real, springs: bool, elements: bool, coarse: bool = False) -> SimpleNamespace:
     """Functions of one point: product (A z)_i, begin, and step: what follows once alpha and beta are known."""
     t, s, Vectors = types(real), structs(real), vectors(real)
 
@@ -85,6 +108,8 @@ def parts(real, springs: bool, elements: bool) -> SimpleNamespace:
     @wp.func
     def begin(i: int, A: s.Matrix, f: wp.array(dtype=t.vec3), v: Vectors):
         r = f[i]
+        if wp.static(coarse):
+            r = kept(A.P[i]) * r
         z = A.P[i] * r
         v.y[i] = t.vec3()
         v.p[i] = t.vec3()
@@ -98,6 +123,8 @@ def parts(real, springs: bool, elements: bool) -> SimpleNamespace:
         p = v.z[i] + beta * v.p[i]
         q = v.w[i] + beta * v.s[i]
         r = v.r[i] - alpha * q
+        if wp.static(coarse):
+            r = kept(A.P[i]) * r
         z = A.P[i] * r
         v.p[i] = p
         v.s[i] = q
@@ -107,7 +134,7 @@ def parts(real, springs: bool, elements: bool) -> SimpleNamespace:
         return wp.float64(wp.dot(r, z))
 
     return SimpleNamespace(product=product, begin=begin, step=step, name="_".join(
-        [*["springs"] * springs, *["elements"] * elements, t.name]))
+        [*["springs"] * springs, *["elements"] * elements, *["coarse"] * coarse, t.name]))
 
 
 @cache
@@ -191,12 +218,12 @@ def gathered(parts: wp.array(dtype=wp.float64), first: int, last: int, lane: int
 
 
 @cache
-def several(real, module, springs: bool, elements: bool) -> SimpleNamespace:
+def several(real, module, springs: bool, elements: bool, coarse: bool = False) -> SimpleNamespace:
     """Kernels over chunks times a block of threads: `start`, then `multiply` and `advance` in turn until none is going.
 
     `advance` reads row `side` of `gamma`, `last` and `done` and writes the other.
     """
-    s, o, Vectors, t = structs(real), parts(real, springs, elements), vectors(real), types(real)
+    s, o, Vectors, t = structs(real), parts(real, springs, elements, coarse), vectors(real), types(real)
     product, begin, step = o.product, o.begin, o.step
 
     def start(c: Chunks, A: s.Matrix, f: wp.array(dtype=t.vec3), v: Vectors, drop_out: wp.array(dtype=wp.float64)):

@@ -51,16 +51,25 @@ class Implicit(Method):
             self.solids = tables_of(model)
         self.springs = "distance" in self.tables
         self.elements = bool(self.solids or self.tables.keys() - {"distance"})
+        coarse, why = self.coarse()
         self.system = linear.System(model, points.constants.w, self.ids("distance", 2), self.ids("dihedral", 4),
-                                    [self.ids("membrane", 3), *(s.ids for s in self.solids)])
+                                    [self.ids("membrane", 3), *(s.ids for s in self.solids)], coarse)
         self.rows, self.A, self.v = self.system.rows, self.system.A, self.system.v
         self.work()
         self.make()
         what = [f"{b.size} {b.kind}" for b in self.tables.values()] + [f"{t.size} {t.name} {t.noun}" for t in self.solids]
-        self.stages.append(Stage("newton", "solve", self.newton, self.launches, self.bytes, "iteration", ", ".join(what)))
+        self.stages.append(Stage("newton", "solve", self.newton, self.launches, self.bytes, "iteration", ", ".join(what) + why))
         if any(s.plastic for s in self.solids):
             size = sum(s.size for s in self.solids if s.plastic)
             self.stages.append(Stage("flow", "deform", self.flow, 1, size * 150, what=f"{size} plastic tets"))
+
+    def coarse(self) -> tuple[list, str]:
+        """Bodies that are solved with a coarse space, and what the plan says about it."""
+        if not self.solids:
+            return [], ""
+        from wsim.multigrid import wanted
+        bodies, why = wanted(self.model, self.clock.h)
+        return bodies, f"; {why}"
 
     def ids(self, kind: str, corners: int) -> np.ndarray:
         return self.tables[kind].ids if kind in self.tables else np.zeros((0, corners), np.int32)
@@ -148,7 +157,7 @@ class Implicit(Method):
         self.linearise(rate)
         if clock.i == 0 and self.springs:
             self.A.aside.zero_()
-        self.system.solve(self.f, TOLERANCE, CAP)
+        self.system.solve(self.f, TOLERANCE, CAP, (self.state.x, self.state.d))
         self.keep_momentum()
         self.search(rate, 0, 1)
         if clock.i == clock.iterations - 1:

@@ -5,6 +5,7 @@
     elements    (m, k) each, triangles and tets say, which leave a block of each pair of their points (0 1), (0 2) .. (1 2) ..
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, permutations
 
@@ -16,12 +17,13 @@ from wsim.kernels import newton, pcg
 from wsim.kernels.real import types
 from wsim.kernels.stream import BLOCK
 from wsim.kernels.tangent import TURNED, WHOLE
-from wsim.model import Model
+from wsim.model import Body, Model
 
 FUSE = {"cuda": 1500, "cpu": 2**31}     # points up to which one block solves a body. H200, 4 x 1: 4k points by one block
                                         # 12.5 ms a frame, 10k points by several 5.4; 1k points by one 2.0
 CHUNKS = 512           # blocks of a larger body, at most: each sums what all have found
 EACH = 4               # iterations between two looks at whether some body goes on; even
+EACH_COARSE = 2        # of those with a coarse space, which are few and long
 
 
 @dataclass
@@ -81,8 +83,10 @@ def blocks(hinges: np.ndarray, elements: list[np.ndarray], n: int) -> Blocks:
 class System:
     """A y = f over the points of all bodies, each body a system of its own, or each world (`Model.starts`)."""
 
-    def __init__(self, model: Model, w: wp.array, springs: np.ndarray, hinges: np.ndarray, elements: list[np.ndarray]):
-        """w: inverse masses [1/kg]; the others as above, empty (0, k) where there are none."""
+    def __init__(self, model: Model, w: wp.array, springs: np.ndarray, hinges: np.ndarray, elements: list[np.ndarray],
+                 coarse: Sequence[Body] = ()):
+        """w: inverse masses [1/kg]; the others as above, empty (0, k) where there are none. coarse: bodies with a coarse
+        space."""
         self.model, n, t, s = model, model.points, types(model.real), newton.structs(model.real)
         self.rows, self.A, self.v = s.Rows(), s.Matrix(), pcg.vectors(model.real)()
         self.rows.w = w
@@ -96,6 +100,10 @@ class System:
             self.put(self.rows, pair=b.first, column=b.column, part=b.part, corner=b.corner, pull=b.pull)
             self.rows.item = model.upload(b.item.astype(np.int32), wp.vec2i)
             self.A.block = self.zeros(len(b.column), t.mat33)
+        self.coarse = None
+        if coarse:
+            from wsim.multigrid import Multigrid
+            self.coarse = Multigrid(model, coarse, max(e.shape[1] for e in elements), b.first, b.column)
         self.A.own, self.A.P, self.A.aside = self.zeros(n, t.scalar), self.zeros(n, t.mat33), self.zeros(1, t.scalar)
         for name in "yrzwps":
             setattr(self.v, name, self.zeros(n, t.vec3))
@@ -103,10 +111,10 @@ class System:
         self.first = model.upload(self.starts.astype(np.int32), int)
         self.of = model.upload(np.repeat(np.arange(self.systems), np.diff(self.starts)).astype(np.int32), int)
         self.drop, self.count = self.zeros(self.systems, wp.float64), self.zeros(self.systems, int)
-        kinds = model.real, model.sweep_module, len(springs) > 0, paired
-        self.large = int(np.diff(self.starts).max()) > FUSE["cuda" if model.device.is_cuda else "cpu"]
+        kinds = model.real, self.coarse.module if self.coarse else model.sweep_module, len(springs) > 0, paired
+        self.large = bool(coarse) or int(np.diff(self.starts).max()) > FUSE["cuda" if model.device.is_cuda else "cpu"]
         if self.large:
-            self.kernels, self.chunks = pcg.several(*kinds), self.cut()
+            self.kernels, self.chunks = pcg.several(*kinds, bool(coarse)), self.cut()
         else:
             self.kernel = pcg.solve(*kinds)
 
@@ -130,19 +138,31 @@ class System:
         chunks.going = self.zeros(1, int)
         return chunks
 
-    def solve(self, f: wp.array, tolerance: float, cap: int) -> None:
-        """Launches conjugate gradients: v.y becomes A^-1 f; see `pcg.solve` for drop and count."""
+    def solve(self, f: wp.array, tolerance: float, cap: int, at: tuple = ()) -> None:
+        """Launches conjugate gradients: v.y becomes A^-1 f; see `pcg.solve` for drop and count. at: positions and displacements
+        (points,) of A, for the coarse space."""
         if not self.large:
             self.launch(self.kernel, [self.rows, self.A, self.first, f, tolerance, cap, self.v], [self.drop, self.count])
             return
         c, size = self.chunks, self.chunks.body.size
 
         def some() -> None:
-            for k in range(EACH):
+            for k in range(EACH_COARSE if self.coarse else EACH):
                 self.launch(self.kernels.multiply, [c, self.rows, self.A, k % 2, self.v], [], size)
                 self.launch(self.kernels.advance, [c, self.A, tolerance, cap, k % 2, self.v], [self.drop, self.count], size)
+                self.correct(1 - k % 2)
+        if self.coarse:
+            self.coarse.setup(self.rows, self.A, *at)
         self.launch(self.kernels.start, [c, self.A, f, self.v], [self.drop], size)
+        self.correct(0)
         wp.capture_while(c.going, some)
+
+    def correct(self, side: int) -> None:
+        """z gets its part of the coarse space, row `side` of gamma its part of r.z."""
+        if self.coarse:
+            c = self.chunks
+            self.coarse.cycle(c.going, self.v.r, self.launch)
+            self.launch(self.coarse.blocks.prolong, [c, self.coarse.g, side, self.v], [], c.body.size)
 
     def launch(self, kernel, inputs: list, outputs: list, count: int = 0) -> None:
         """A block of threads for each body, or `count` blocks; on the CPU a thread for each."""
