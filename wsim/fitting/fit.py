@@ -19,7 +19,7 @@ import numpy as np
 from wsim.fitting.estimate import Estimate, estimate
 from wsim.fitting.misfit import Misfit, experiments_of
 from wsim.fitting.parameter import Parameter, parameters
-from wsim.fitting.search import Prior, Search
+from wsim.fitting.search import LOUD, Prior, Search
 from wsim.scene import Problem, Scene, SceneError
 
 
@@ -165,6 +165,9 @@ def _result(search: Search, found: list[Parameter], scenes: list[Scene], seconds
     if search.known and left > 1.5:
         notes.append(f"what is left is {left:.3g} times the noise that was given: the model, or the noise, is not right, and "
                      "error bars are too small")
+    if noise > 3.0 * LOUD * best.quiet and not search.known:
+        notes.append(f"what is left grows from {sqrt(best.quiet):.2g} m to {sqrt(noise):.2g} m with time: the model misses "
+                     "something, or this is a wrong valley; try other start values, and do not trust the error bars")
     for p, value in zip(found, e.values, strict=True):
         scenes = [p.written(s, float(value)) for s in scenes]
     sigma = misfit.sigma if search.known else sqrt(noise)

@@ -27,13 +27,15 @@ from wsim.scene import Problem, SceneError
 
 RADIUS = 1.0           # largest step of a mapped parameter: a factor e
 WEAK = 0.1             # lam: what the data leave open within 3 units of theta moves little
-CURVED = 1e-3          # curvature of less than this (of theta) never ends a run early
+CURVED = 1e-5          # curvature of less than this (of theta) never ends a run early
 DONE = 0.3             # error bars that a last step may leave
 SMALL = 1e-7           # of theta, that it may leave where there is no noise
 FLOOR = 1e-9           # [m] least noise: data without any
 LINEAR = 0.2           # part of the answer to a change of theta by NEAR that curvature may be, where it is more than noise
 NEAR = 1e-3            # no model knows a parameter better: where such a change is not answered in proportion, all is chance
 SLACK = 1e-3           # of the misfit: as good as equal
+FEW = 20               # residuals more than parameters, from which they tell what noise is
+LOUD = 4.0             # s^2 over what it was at an earlier moment: the linear model is what is wrong, not the data
 
 
 @dataclass
@@ -44,6 +46,7 @@ class Sums:
     R: np.ndarray                             # [J r] = Q R, (p + 1, p + 1)
     bend: np.ndarray | None                   # J^T K, (p, p)
     curve: float = 0.0                        # largest |K| / |J| of a column so far
+    quiet: float = np.inf                     # least s^2 that was seen on the way
     count: int = 0
     time: float = 0.0
     frame: int = 0
@@ -64,6 +67,8 @@ class Sums:
             curves = np.linalg.norm(part.K, axis=0) / np.maximum(size, 1e-300)
             self.curve = max(self.curve, float(curves[size > 1e-3 * size.max()].max(initial=0.0)))
         self.count, self.time, self.frame = self.count + len(part.r), part.time, part.frame
+        if self.count - len(self.theta) >= FEW:
+            self.quiet = min(self.quiet, self.least / (self.count - len(self.theta)))
         self.rows.append((part.time, part.frame, float(np.sqrt(np.mean(part.r**2))) if len(part.r) else 0.0))
         self.growth.append(np.sqrt(np.mean(part.J**2, axis=0)).tolist() if len(part.r) else [0.0] * part.J.shape[1])
 
@@ -114,9 +119,9 @@ class Search:
         """s^2."""
         return 1.0 if self.known else max(sums.least / max(sums.count - len(sums.theta), 1), FLOOR**2)
 
-    def matrix(self, sums: Sums) -> np.ndarray:
-        """J^T J / s^2 + P."""
-        return sums.J.T @ sums.J / self.noise(sums) + np.diag(self.prior.weight)
+    def calm(self, sums: Sums) -> float:
+        """s^2, but at most LOUD times what it was at any earlier moment."""
+        return min(self.noise(sums), max(LOUD * sums.quiet, FLOOR**2))
 
     def step(self, sums: Sums) -> tuple[np.ndarray, np.ndarray]:
         """d and q."""
@@ -136,23 +141,23 @@ class Search:
             return d, np.zeros_like(d)
         return d, -V.T @ ((V @ (sums.bend @ (0.5 * d**2) / s2)) / (S**2 + lam))
 
-    def bars(self, sums: Sums, q: np.ndarray) -> float:
-        """Length of q in error bars."""
-        return float(np.sqrt(((sums.J @ q)**2).sum() / self.noise(sums) + (self.prior.weight * q**2).sum()))
+    def bars(self, sums: Sums, q: np.ndarray, noise: float) -> float:
+        """Length of q in error bars of noise s^2."""
+        return float(np.sqrt(((sums.J @ q)**2).sum() / noise + (self.prior.weight * q**2).sum()))
 
     def ends(self, sums: Sums) -> bool:
         """Whether more data would not make the step any better."""
         d, q = self.step(sums)
         if sums.bend is None:
-            return bool(np.abs(d).max() > 0.1 and self.bars(sums, d) > 3.0) or self.enough(sums, d, q)
-        return bool(np.abs(q).max() > CURVED and self.bars(sums, q) > 1.0) or self.enough(sums, d, q)
+            return bool(np.abs(d).max() > 0.1 and self.bars(sums, d, self.calm(sums)) > 3.0) or self.enough(sums, d, q)
+        return bool(np.abs(q).max() > CURVED and self.bars(sums, q, self.calm(sums)) > 1.0) or self.enough(sums, d, q)
 
     def enough(self, sums: Sums, d: np.ndarray, q: np.ndarray) -> bool:
         """Whether the step leaves less than `accuracy`."""
         left = np.abs(d if sums.bend is None else q).max()
         if not self.accuracy or left > 0.25 * self.accuracy or np.abs(d).max() > RADIUS / 2.0:
             return False
-        A = self.matrix(sums)
+        A = sums.J.T @ sums.J / self.noise(sums) + np.diag(self.prior.weight)
         if np.linalg.eigvalsh(A)[0] < 1.0 / self.accuracy**2:
             return False
         return bool(2.0 * np.sqrt(np.diag(np.linalg.inv(A))).max() <= self.accuracy)
@@ -161,7 +166,7 @@ class Search:
         """Whether the step from here is the last one."""
         d, q = self.step(sums)
         last = d if sums.bend is None else q
-        whole = sums.time >= self.end and (np.abs(last).max() < SMALL or self.bars(sums, last) < DONE)
+        whole = sums.time >= self.end and (np.abs(last).max() < SMALL or self.bars(sums, last, self.noise(sums)) < DONE)
         return bool(whole) or self.enough(sums, d, q)
 
     def lost(self, sums: Sums) -> float:
