@@ -11,17 +11,19 @@ STRONG = 0.9           # correlation that is named
 BARS = " .:-=+*#"      # of the smallest to the largest residual
 
 
-def number(value: float) -> str:
-    return f"{value:.5g}"
+def number(value: float, error: float = 0.0) -> str:
+    """With two figures of its error, five at least and ten at most."""
+    figures = 5 if not 0.0 < error < abs(value) else int(np.ceil(np.log10(abs(value) / error))) + 2
+    return f"{value:.{min(max(figures, 5), 10)}g}"
 
 
 def text(fit: "Fit") -> str:
     """Table, what the data leave open, residuals over time, cost."""
     e, rows = fit.estimate, [("parameter", "value", "error bar", "two error bars", "unit")]
     for k, p in enumerate(fit.parameters):
-        known = np.isfinite(e.errors[k])
-        rows.append((p.name, number(e.values[k]), f"{e.errors[k]:.2g}" if known else "unknown",
-                     f"{number(e.low[k])} to {number(e.high[k])}" if known else "not identifiable", p.unit))
+        known, error = np.isfinite(e.errors[k]), float(e.errors[k])
+        rows.append((p.name, number(e.values[k], error), f"{error:.2g}" if known else "unknown",
+                     f"{number(e.low[k], error)} to {number(e.high[k], error)}" if known else "not identifiable", p.unit))
     wide = [max(len(r[k]) for r in rows) for k in range(4)]
     lines = ["  ".join([r[0].ljust(wide[0]), r[1].rjust(wide[1]), r[2].rjust(wide[2]), r[3].ljust(wide[3]), r[4]]).rstrip()
              for r in rows]
