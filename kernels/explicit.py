@@ -15,7 +15,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.real import types
+from wsim.kernels.real import differentiable, types
 from wsim.kernels.spring import acceleration, net
 
 
@@ -76,10 +76,12 @@ def _leap(real, flags: tuple, field=None):
             d1 = d0
             if step.drift > real(0.0) and net.pin[i] >= 0:
                 d1 = net.target[step.row, net.pin[i]] - x[i]
-            if step.drift > real(0.0):
-                v_out[i] = (d1 - d0) / step.h
+            v1 = (d1 - d0) / step.h
             d_out[into * n + i] = d1
-            d_out[(2 + into) * n + i] = (d1 - d0) / step.h
+            d_out[(2 + into) * n + i] = v1
+            if step.drift == real(0.0):
+                v1 = v0
+            v_out[i] = v1
 
     return leap
 
@@ -91,7 +93,7 @@ def leap(real, module, flags: tuple, field=None):
     t, one = types(real), _leap(real, flags, field)
     vec3, Net, Step = t.vec3, net(real), steps(real)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=differentiable(module))
     def leap(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), v: wp.array(dtype=vec3),
              carry: wp.array(dtype=vec3), step: Step,
              d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3)):
@@ -143,7 +145,7 @@ def stage(real, module, flags: tuple, field=None):
     t, Net, Part, lanes = types(real), net(real), parts(real), dict(flags).get("lanes", 1)
     vec3, force, pinned = t.vec3, acceleration(real, **dict(flags), field=field), _pinned(real)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=differentiable(module))
     def stage(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), v: wp.array(dtype=vec3),
               carry: wp.array(dtype=vec3), own: wp.array(dtype=vec3), part: Part,
               d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3),
@@ -191,7 +193,7 @@ def begin(real, module):
     """Kernel: copy `source` of d is e and v, and the sums start; r is the remainder of v."""
     vec3 = types(real).vec3
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=differentiable(module))
     def begin(e: wp.array(dtype=vec3), v: wp.array(dtype=vec3), r: wp.array(dtype=vec3), source: int,
               d_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3), own_out: wp.array(dtype=vec3)):
         i = wp.tid()
@@ -213,7 +215,7 @@ def commit(real, module):
     """Kernel: the position becomes x + d of copy `source`, with its remainder."""
     vec3 = types(real).vec3
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=differentiable(module))
     def commit(d: wp.array(dtype=vec3), carry: wp.array(dtype=vec3), x: wp.array(dtype=vec3), source: int,
                x_out: wp.array(dtype=vec3), e_out: wp.array(dtype=vec3), r_out: wp.array(dtype=vec3)):
         i = wp.tid()
@@ -237,7 +239,7 @@ def correct(real, module):
     """
     vec3 = types(real).vec3
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=differentiable(module))
     def correct(d: wp.array(dtype=vec3), a: wp.array(dtype=vec3), e: wp.array(dtype=vec3), pair: wp.array(dtype=vec3),
                 x: wp.array(dtype=vec3), v: wp.array(dtype=vec3), h: real, source: int,
                 x_out: wp.array(dtype=vec3), e_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3),
@@ -266,7 +268,7 @@ def settle(real, module):
     up to `share` of |c| (1/2, as the kick is half a one): an impact is not repeated."""
     vec3 = types(real).vec3
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=differentiable(module))
     def settle(before: wp.array(dtype=vec3), change: wp.array(dtype=vec3), v: wp.array(dtype=vec3), share: real,
                v_out: wp.array(dtype=vec3)):
         i = wp.tid()

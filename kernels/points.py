@@ -21,7 +21,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.real import types
+from wsim.kernels.real import differentiable, types
 
 
 @cache
@@ -44,7 +44,7 @@ def predict_euler(real, module):
     """Kernel: anchor and unconstrained displacement of backward Euler."""
     t, Constants = types(real), constants(real)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=differentiable(module))
     def predict_euler(c: Constants, e: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), g: real,
                       a_out: wp.array(dtype=t.vec3), d_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
@@ -63,7 +63,7 @@ def predict_bdf2(real, module):
     """Kernel: anchor and unconstrained displacement of BDF2."""
     t, Constants = types(real), constants(real)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=differentiable(module))
     def predict_bdf2(c: Constants, e: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), s: wp.array(dtype=t.vec3),
                      u: wp.array(dtype=t.vec3), g: real,
                      a_out: wp.array(dtype=t.vec3), d_out: wp.array(dtype=t.vec3)):
@@ -85,7 +85,7 @@ def finish_euler(real, module):
     """Kernel: velocity, new position and its remainder."""
     t = types(real)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=differentiable(module))
     def finish_euler(a: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3), g: real,
                      x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
@@ -104,7 +104,7 @@ def finish_beyond(real, module):
     """Kernel: as finish_euler, from the middle of the substep to its end."""
     t = types(real)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=differentiable(module))
     def finish_beyond(e: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
                       v: wp.array(dtype=t.vec3), g: real,
                       x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3)):
@@ -127,7 +127,7 @@ def finish_bdf2(real, module):
     made the normal part of a step one of backward Euler, since a multistep formula across an impact bounces."""
     t = types(real)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=differentiable(module))
     def finish_bdf2(a: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
                     e: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), struck: wp.array(dtype=int), h: real, g: real,
                     x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3),
@@ -159,7 +159,7 @@ def move_pins(real, module):
     is. target [m], (substeps, pins)."""
     t = types(real)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=differentiable(module))
     def move_pins(point: wp.array(dtype=int), target: wp.array2d(dtype=t.vec3), x: wp.array(dtype=t.vec3),
                   e: wp.array(dtype=t.vec3), k: int, part: real, d_out: wp.array(dtype=t.vec3)):
         p = wp.tid()
@@ -189,7 +189,7 @@ def hold_pins(real, module):
     """Kernel: a soft pin, C = x + d - target (three rows), as a spring with damping (XPBD, eq. 18 and 26)."""
     t, SoftPins = types(real), soft_pins(real)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=differentiable(module))
     def hold_pins(pins: SoftPins, target: wp.array2d(dtype=t.vec3), x: wp.array(dtype=t.vec3),
                   a: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), lam: wp.array(dtype=t.vec3), k: int, g: real,
                   d_out: wp.array(dtype=t.vec3), lam_out: wp.array(dtype=t.vec3)):
@@ -214,7 +214,7 @@ def not_finite(real, module):
     """Kernel: status becomes at least 1 + i for the highest point i whose position or velocity is not finite."""
     t = types(real)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=differentiable(module))
     def not_finite(x: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), status: wp.array(dtype=int)):
         i = wp.tid()
         zero = (x[i] - x[i]) + (v[i] - v[i])              # no number minus itself is no number: a seventh of isfinite's time

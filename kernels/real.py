@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
+ADJOINT = "_adjoint"          # end of the names of modules whose kernels are compiled with their adjoints
 _NAMES = ("vec2", "vec3", "vec4", "mat22", "mat33", "mat44", "quat", "transform")
 
 
@@ -19,3 +20,8 @@ def types(real) -> SimpleNamespace:
     letter = "f" if real is wp.float32 else "d"
     members = {name: getattr(wp, name + letter) for name in _NAMES}
     return SimpleNamespace(scalar=real, name="f32" if real is wp.float32 else "f64", **members)
+
+
+def differentiable(module) -> bool:
+    """Whether a module has the adjoints of its kernels, which double the time to compile it: its name says so."""
+    return str(module).endswith(ADJOINT)

@@ -86,13 +86,10 @@ def acceleration(real, *, springs: bool, corners: bool, damped: bool, added: boo
         return s * r
 
     @wp.func
-    def acceleration(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), i: int, lane: int,
-                     source: int):
+    def gathered(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), i: int, lane: int,
+                 source: int):
+        """By itself: adjoints see of a sum in a loop what it was before, so who calls may multiply it, but not this."""
         n = x.shape[0]
-        o = net.object[i]
-        pull = net.gravity[o]                             # read before the springs: the reads then wait together
-        decay = net.decay[o]
-        w = net.w[i]
         x0 = x[i]
         d0 = d[source * n + i]
         v0 = d[(2 + source) * n + i]
@@ -109,11 +106,23 @@ def acceleration(real, *, springs: bool, corners: bool, damped: bool, added: boo
         if wp.static(corners):
             for e in range(net.first[i] + lane, net.first[i + 1], lanes):
                 force += f[net.item[e]]
+        return force
+
+    @wp.func
+    def acceleration(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), i: int, lane: int,
+                     source: int):
+        n = x.shape[0]
+        o = net.object[i]
+        pull = net.gravity[o]                             # read before the springs: the reads then wait together
+        decay = net.decay[o]
+        w = net.w[i]
+        v0 = d[(2 + source) * n + i]
+        force = gathered(net, f, x, d, i, lane, source)
         if wp.static(lanes > 1):
             force = total(force)
         a = w * force + pull - decay * v0
         if wp.static(field is not None):
-            a += field(x0 + d0, v0)
+            a += field(x[i] + d[source * n + i], v0)
         return a
 
     return acceleration

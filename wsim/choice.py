@@ -91,7 +91,8 @@ def choose(model: Model, rows: dict[str, list[Rows]]) -> Choice:
     """The choice for a checked scene. Raises SceneError where a named explicit integrator is beyond its limit."""
     scene = model.scene
     method = TABLE.get(scene.integrator)
-    if scene.solver == "explicit" or (method and method.explicit):
+    solver = "explicit" if model.gradients and scene.solver == "auto" and not method else scene.solver
+    if solver == "explicit" or (method and method.explicit):
         return _explicit(model, rows, method)
     if scene.softs:
         return _soft(model, rows, method)

@@ -80,6 +80,11 @@ class Explicit(Method):
                            Stage(self.integrator.name, "predict", self.predict, launches + 1, size, what=what),
                            Stage("correct", "finish", self.finish, 1, 0, what="what others changed")]
             return
+        if model.gradients:                      # substep by substep, so that a recording may begin and end at each
+            self.stages = [Stage("start", "pose", self.start, 1, 0, "frame", "displacements are zero"),
+                           Stage(self.integrator.name, "predict", self.one, launches, size, what=what),
+                           Stage("commit", "deform", self.last, 2, 0, "frame", "positions")]
+            return
         self.stages = [Stage(self.integrator.name, "predict", self.frame, 3 + count * launches, size * count, "frame", what)]
 
     def room(self) -> None:
@@ -122,7 +127,7 @@ class Explicit(Method):
         """
         self.start(clock)
         if self.state.has("b") and not clock.starting:
-            wp.copy(self.state.v, self.state.b)
+            self.model.copy(self.state.v, self.state.b)
 
     @property
     def stride(self) -> int:
@@ -189,6 +194,19 @@ class Explicit(Method):
             source = self.advance(clock, source)
         self.close(clock, self.read_out(clock, source))
 
+    def side(self, clock: Clock) -> int:
+        """The copy that this substep starts from; a march works on one."""
+        return 0 if self.marches else clock.k * self.integrator.forces % 2
+
+    def one(self, clock: Clock) -> None:
+        """A substep of a frame."""
+        self.advance(clock, self.side(clock))
+
+    def last(self, clock: Clock) -> None:
+        """The end of a frame, after its last substep."""
+        clock.k = clock.substeps - 1
+        self.close(clock, self.read_out(clock, (self.side(clock) + self.integrator.forces) % 2))
+
     def whole(self, clock: Clock):
         """All substeps of a frame, and leapfrog's last half kick."""
         clock.k, half = 0, len(self.integrator.steps) == 2
@@ -221,23 +239,21 @@ class Explicit(Method):
 
     def predict(self, clock: Clock) -> None:
         """Where others act on the substep: the displacement goes where they look for it."""
-        if clock.k == 0:
-            self.at = 0
         s, n = self.state, self.model.points
-        self.at = self.advance(clock, self.at)
-        wp.copy(s.d, self.pair, 0, self.at * n, n)
-        wp.copy(s.a, s.e)
+        self.at = self.advance(clock, self.side(clock))
+        self.model.copy(s.d, self.pair, 0, self.at * n, n)
+        self.model.copy(s.a, s.e)
 
     def finish(self, clock: Clock) -> None:
         s = self.state
         self.model.launch(self.correct, self.model.points, [s.d, s.a, s.e, self.pair, s.x, s.v, clock.h, self.at],
                           [s.x, s.e, s.v, self.pair, self.change])
         if self.own is not None:
-            wp.copy(self.own, self.pair, 0, self.at * self.model.points, self.model.points)
+            self.model.copy(self.own, self.pair, 0, self.at * self.model.points, self.model.points)
         if clock.k == clock.substeps - 1:
-            wp.copy(s.r, self.carry, 0, 0, self.model.points)
+            self.model.copy(s.r, self.carry, 0, 0, self.model.points)
         if clock.k == clock.substeps - 1 and len(self.integrator.steps) == 2:
-            wp.copy(s.b, s.v)
+            self.model.copy(s.b, s.v)
             self.read_out(clock, self.at)
             self.model.launch(self.settle, self.model.points, [s.b, self.change, s.v, 0.5], [s.v])
 

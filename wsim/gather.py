@@ -35,10 +35,10 @@ class Pull:
             from wsim.fem import tables_of
             self.tables = tables_of(model)
         self.damped = any(r.tau > 0.0 for r in rows) or any(table.damped for table in self.tables)
-        self.added = bool(self.springs) and not model.device.is_cuda
+        self.added = bool(self.springs) and not (model.device.is_cuda or model.gradients)
         self.only = not (self.damped or model.scene.softs) and len(self.springs) == len(rows)
         self.whole = alone and len(self.springs) == len(rows) and not model.scene.softs
-        self.alone = alone and self.only and _clusters(model.device)
+        self.alone = alone and self.only and _clusters(model.device) and not model.gradients
         self.net = kernels.net(model.real)()
         for name in ("w", "object", "gravity", "decay"):
             setattr(self.net, name, getattr(constants, name))
@@ -76,7 +76,7 @@ class Pull:
             point = np.repeat(np.arange(n), np.diff(start))
             self.entry, other = spring, ids[spring].sum(1) - point
             most = int(np.diff(start).max())
-            self.lanes = _lanes(n, most)
+            self.lanes = 1 if model.gradients else _lanes(n, most)
             if self.alone:
                 size = 16 if model.device.arch == LARGE and model.device.sm_count >= MANY else 8
                 self.cluster = cluster_of(n, most, size, np.dtype(model.dtype).itemsize)
@@ -124,7 +124,7 @@ class Pull:
         if self.elements:
             starts, items = incident(np.concatenate([e.ids.ravel() for e in self.elements])[:, None], model.points)
             self.net.first, self.net.item = model.upload(starts.astype(np.int32), int), model.upload(items + first, int)
-            if model.device.is_cuda and not self.springs:
+            if model.device.is_cuda and not (self.springs or model.gradients):
                 self.lanes = _lanes(model.points, int(np.diff(starts).max()))
         for e in self.elements:
             e.first, first = first, first + e.ids.size

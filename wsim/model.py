@@ -70,6 +70,8 @@ class Model:
     arrays: dict = field(default_factory=dict)            # device tables by name
     modules: dict[str, int] = field(default_factory=dict)     # with blocks of their own, by name: threads of a block
     alias: np.ndarray | None = None      # place that stands for each place, (points,), where bodies share points
+    gradients: bool = False              # kernels have adjoints, and no method works in place where those cannot follow
+    tape: Any = None                     # `wsim.tape.Tape` that records what is launched
 
     @property
     def points(self) -> int:
@@ -126,10 +128,13 @@ class Model:
     def launch(self, kernel, dim: int, inputs: list, outputs: list) -> None:
         """Launches a kernel of this model's module."""
         import warp as wp
-        if self.device.is_cuda:
-            wp.launch(kernel, dim, inputs, outputs, device=self.device, block_dim=self.block)
-        else:
-            wp.launch(kernel, dim, inputs, outputs, device=self.device)
+        how = {"device": self.device, **({"block_dim": self.block} if self.device.is_cuda else {})}
+        (self.tape or wp).launch(kernel, dim, inputs, outputs, **how)
+
+    def copy(self, into, source, into_first: int = 0, first: int = 0, count: int = 0) -> None:
+        """As `wp.copy`, of arrays of vectors."""
+        import warp as wp
+        (self.tape or wp).copy(into, source, into_first, first, count)
 
     @property
     def sweep_module(self) -> str:
@@ -170,9 +175,10 @@ class Model:
             wp.load_module(name, device=self.device, block_dim=threads)
 
     def upload(self, values, dtype):
-        """Device array of NumPy values, in the model's precision where dtype is a real type."""
+        """Device array of NumPy values, of the model's precision where dtype is a real type; with gradients if asked for."""
         import warp as wp
-        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+        real = getattr(dtype, "_wp_scalar_type_", dtype) in (wp.float32, wp.float64)
+        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device, requires_grad=self.gradients and real)
 
 
 def edge_lengths(body: Body) -> np.ndarray:

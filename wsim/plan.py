@@ -18,9 +18,9 @@ from wsim import model as models
 from wsim.apart import apart
 from wsim.choice import Choice, choose
 from wsim.cloth import HARD, Rows, rows_of
-from wsim.kernels.real import types
+from wsim.kernels.real import ADJOINT, types
 from wsim.model import Model, edge_lengths, hard_places
-from wsim.scene import Cloth, Scene
+from wsim.scene import Cloth, Scene, SceneError
 from wsim.stage import PHASES, Clock, Method, Stage
 from wsim.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, State
 
@@ -96,19 +96,24 @@ class Plan:
 
     def frame(self) -> None:
         """Launches one frame: all that a graph holds."""
-        clock = self.clock
         self.status.zero_()
         self.state.snapshot()
-        for phase in PHASES[:-1]:
-            for stage in self.stages(phase, "frame"):
-                stage.launch(clock)
-        for k in range(clock.substeps):
-            clock.k = k
-            self.substep()
-        for stage in self.stages("deform", "frame"):
-            stage.launch(clock)
+        self.stretch(0, self.clock.substeps)
         if self.host is not None:
             wp.copy(self.host, self.status)
+
+    def stretch(self, first: int, last: int) -> None:
+        """Substeps first .. last of a frame, with what stands before the first of a frame and behind its last."""
+        clock = self.clock
+        for phase in PHASES[:-1] if first == 0 else ():
+            for stage in self.stages(phase, "frame"):
+                stage.launch(clock)
+        for k in range(first, last):
+            clock.k = k
+            self.substep()
+        if last == clock.substeps:
+            for stage in self.stages("deform", "frame"):
+                stage.launch(clock)
 
     def substep(self) -> None:
         clock = self.clock
@@ -187,21 +192,27 @@ def _module(scene: Scene, real, reasons: dict[str, str], choice: Choice) -> str:
     return "wsim_" + hashlib.sha256(json.dumps(kinds, default=str).encode()).hexdigest()[:12]
 
 
-def build(scene: Scene, *, device, real, worlds: int = 1) -> Plan:
+def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = False) -> Plan:
     """Model, state and stages of a checked scene."""
     model = models.build(scene, worlds, device, real)
+    model.gradients = gradients
     pinned = hard_places(model)
     rows = {b.path: rows_of(b, pinned) for b in model.bodies if b.world == 0}
     choice = choose(model, rows)
+    if gradients:
+        from wsim.covered import uncovered
+        if problems := uncovered(scene, choice):
+            raise SceneError(problems)
     reasons = why(scene, choice, rows)
-    model.module = _module(scene, real, reasons, choice)
+    model.module = _module(scene, real, reasons, choice) + ADJOINT * gradients
     state = State.allocate(_fields(scene, choice, reasons), model.points, types(real).vec3, device)
     clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator.name == "bdf2",
                   choice.integrator.beyond)
     status = wp.zeros(4, dtype=int, device=device)
     plan = Plan(model, state, clock, [], status, choice)
     plan.skipped = [{"stage": name, "why": text} for name, text in WITHOUT.items()
-                    if not reasons.get(name) and not (name == "history" and clock.multistep)]
+                    if not reasons.get(name) and not (name == "history" and clock.multistep)
+                    and not (name == "gradients" and gradients)]
     _add(plan, scene, reasons, rows)
     state.elements = {name: kept for table in plan.solids for name, kept in table.kept.items()}
     _start(model, state)

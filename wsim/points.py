@@ -52,9 +52,11 @@ class Points(Method):
         inverse[hard_places(model)] = 0.0
         c = kernels.constants(model.real)()
         c.w = model.upload(inverse, t.scalar)
-        c.object = model.upload(np.repeat([b.number for b in bodies], [b.count for b in bodies]).astype(np.int32), int)
-        c.gravity = model.upload(np.tile(np.asarray(scene.gravity, model.dtype), (len(bodies), 1)), t.vec3)
-        c.decay = model.upload(np.full(len(bodies), scene.air_drag, model.dtype), t.scalar)
+        own = np.repeat([b.number for b in bodies], [b.count for b in bodies])
+        rows = model.points if model.gradients else len(bodies)      # gradients of many points are not summed by atomics
+        c.object = model.upload((np.arange(rows) if model.gradients else own).astype(np.int32), int)
+        c.gravity = model.upload(np.tile(np.asarray(scene.gravity, model.dtype), (rows, 1)), t.vec3)
+        c.decay = model.upload(np.full(rows, scene.air_drag, model.dtype), t.scalar)
         return c
 
     @property
@@ -91,6 +93,8 @@ class Points(Method):
             return self.weigh([b for b in self.model.bodies if b.path == path and world in (None, b.world)], float(value))
         if name not in ("gravity", "air_drag") or not rows:
             return False
+        if self.model.gradients:                         # a row a point
+            rows = [i for row in rows for i in range(self.model.bodies[row].first, self.model.bodies[row].last)]
         array = self.constants.gravity if name == "gravity" else self.constants.decay
         values = array.numpy()
         values[rows] = value
@@ -155,7 +159,8 @@ class Pins(Method):
             if group:
                 places = np.concatenate([p.places for p in group])
                 self.place[kind] = model.upload(places.astype(np.int32), int)
-                self.target[kind] = wp.zeros((1, len(places)), dtype=t.vec3, device=model.device)
+                self.target[kind] = wp.zeros((1, len(places)), dtype=t.vec3, device=model.device,
+                                             requires_grad=model.gradients)
         self.explicit = explicit
         if self.groups["hard"] and not explicit:
             self.move = kernels.move_pins(real, module)

@@ -40,7 +40,7 @@ class Simulation:
     device     "cpu", "cuda:0", ...; None takes the GPU if there is one
     precision  "float32" or "float64" (the measuring instrument)
     worlds     so many independent copies of the scene in one set of arrays
-    gradients  not available for these methods: True raises
+    gradients  kernels are compiled with their adjoints, for a `wsim.recording.Recording`
     Raises SceneError with every problem of the scene.
     """
 
@@ -49,14 +49,12 @@ class Simulation:
         began = time.perf_counter()
         if precision not in PRECISIONS:
             raise SceneError(Problem("precision", f"found {precision!r}; allowed are {', '.join(PRECISIONS)}"))
-        if gradients:
-            raise SceneError(Problem("gradients", "found True; no method differentiates yet, allowed is False"))
         if worlds < 1:
             raise SceneError(Problem("worlds", f"found {worlds}; allowed is 1 or more"))
         problems = check(scene)
         if any(p.fatal for p in problems):
             raise SceneError([p for p in problems if p.fatal])
-        self.given, self.precision, self.worlds = scene, precision, worlds
+        self.given, self.precision, self.worlds, self.gradients = scene, precision, worlds, gradients
         self.device = _device(device)
         self.warnings = [str(p) for p in (*scene.notes, *problems) if not p.fatal]
         self.seconds: dict[str, float] = {}
@@ -72,7 +70,8 @@ class Simulation:
         self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])
         self.changes: list[tuple] = []         # live parameters that were set, for another plan of the same scene
         try:
-            self.plan = plans.build(self.scene, device=self.device, real=PRECISIONS[self.precision], worlds=self.worlds)
+            self.plan = plans.build(self.scene, device=self.device, real=PRECISIONS[self.precision], worlds=self.worlds,
+                                    gradients=self.gradients)
         except RuntimeError as error:
             raise _memory(error, self.device) from None
         self.model, self.state = self.plan.model, self.plan.state

@@ -4,6 +4,8 @@
     bound   of the highest frequency: row sums of M^-1 K (Gershgorin 1931), see `wsim.frequency`
 """
 
+from functools import cache
+
 import numpy as np
 
 from wsim.integrator import Integrator
@@ -38,6 +40,7 @@ def growth(method: Integrator, omega: float, c: float, h: float) -> float:
     return 1.0
 
 
+@cache
 def limit(method: Integrator, omega: float, c: float = 0.0, rate: float = 1.0) -> float:
     """Largest stable step [s] for every mode up to omega [rad/s] whose decay rate is c [1/s] at omega; inf: any.
 

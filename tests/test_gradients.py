@@ -1,0 +1,188 @@
+"""Gradients of whole runs against differences of order 8 of runs without them, in float64: right to about 1e-11."""
+
+import numpy as np
+import pytest
+
+from wsim import shapes
+from wsim.bulk import Bulk
+from wsim.fabric import Fabric
+from wsim.recording import Recording
+from wsim.scene import Cloth, Pin, Scene, SceneError, Soft, Springs
+from wsim.simulation import Simulation
+
+STEPS = {"damping": 0.03, "poisson": 0.002, "bend": 0.03, "stretch": 0.006, "shear": 0.006}         # relative
+WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])      # Fornberg 1988, table 1
+
+
+
+
+class Run:
+    """A scene, a linear loss of its last positions and velocities, and its gradient."""
+
+    def __init__(self, scene: Scene, frames: int = 3, **how):
+        self.scene, self.frames = scene, frames
+        self.sim = Simulation(scene, device="cpu", precision="float64", gradients=True)
+        self.recording = Recording(self.sim, frames, **how)
+        self.recording.run()
+        self.path = scene.bodies()[0].path
+        rng = np.random.default_rng(5)
+        self.x, self.v = rng.normal(size=(2, len(scene.bodies()[0].points), 3))
+        self.v *= 0.01
+        self.gradient = self.recording.backward({frames: self.x}, {frames: self.v})
+
+    def slope(self, values, step: float) -> float:
+        """Derivative of the loss of runs without gradients by s, where values(s) are (path, name, value) to be set: to order 8,
+        a world for each run."""
+        parts = [sign * k * step for k in range(1, 5) for sign in (1, -1)]
+        sim = Simulation(self.scene, device="cpu", precision="float64", worlds=len(parts))
+        for world, s in enumerate(parts):
+            sim.set(*values(s), world)
+        sim.run(self.frames)
+        losses = [(sim.positions(self.path, w) * self.x).sum() + (sim.velocities(self.path, w) * self.v).sum()
+                  for w in range(len(parts))]
+        return float(np.reshape(losses, (4, 2)) @ (1, -1) @ WEIGHTS / step)
+
+    def check(self, found: float, values, step: float, within: float = 1e-9) -> None:
+        expected = self.slope(values, step)
+        assert abs(expected) > 0.0
+        assert found == pytest.approx(expected, rel=within)
+
+    def state(self, name: str) -> None:
+        """By the initial positions or velocities, along a random direction."""
+        start = getattr(self.recording, name)(0, self.path)
+        way = np.random.default_rng(6).normal(size=start.shape)
+        self.check((getattr(self.gradient, name)(self.path) * way).sum(), lambda s: (self.path, name, start + s * way),
+                   5e-5 if name == "positions" else 2e-3)
+
+    def material(self, name: str, value: float) -> None:
+        self.check(self.gradient.material(name, self.path), lambda s: (self.path, name, value + s),
+                   STEPS.get(name, 0.02) * value)
+
+    def world(self) -> None:
+        """By gravity and drag of the air."""
+        g, way = np.asarray(self.scene.gravity), np.array([0.3, -0.5, 0.8])
+        self.check(self.gradient.gravity() @ way, lambda s: ("/", "gravity", g + s * way), 0.02)
+        self.check(self.gradient.air_drag(), lambda s: ("/", "air_drag", self.scene.air_drag + s), 0.02)
+
+
+def net(**kwargs) -> Scene:
+    """A chain of springs hung at one end, not quite straight."""
+    points = np.array([[0.1 * i, 0.0, 0.003 * (i % 3)] for i in range(12)])
+    edges = np.stack([np.arange(11), np.arange(1, 12)], axis=1)
+    chain = Springs("/chain", points, edges, masses=0.01, stiffness=np.array([kwargs.pop("stiffness", 40.0)]), damping=1e-3)
+    return Scene(**({"springs": [chain], "pins": [Pin("/pin", "/chain", np.array([0]))], "fps": 60, "frames": 4,
+                     "air_drag": 0.4, "solver": "explicit", "substeps": 40} | kwargs))
+
+
+@pytest.mark.parametrize("integrator", ["leapfrog", "symplectic_euler", "rk4", "midpoint", "explicit_euler"])
+def test_a_chain_of_springs_by_every_explicit_integrator(integrator):
+    run = Run(net(integrator=integrator))
+    run.state("positions")
+    run.material("stiffness", 40.0)
+    run.material("damping", 1e-3)
+    if integrator in ("leapfrog", "rk4"):
+        run.state("velocities")
+        run.world()
+
+
+def sheet(model: str, **kwargs) -> Scene:
+    """A cloth of 5 x 5 points, bent and sheared, held at two corners."""
+    points, counts, indices = shapes.sheet(0.2, 0.2, 4, 4)
+    rest = points.copy()
+    points[:, 2] = 0.3 * points[:, 0] ** 2 + 0.1 * points[:, 0] * points[:, 1]
+    fabric = Fabric(stretch=40.0, shear=15.0, bend=2e-4, density=150.0, thickness=1e-3, poisson=0.2 * (model == "membrane"),
+                    damping=kwargs.pop("damping", 0.0))
+    cloth = Cloth("/cloth", points, counts, indices, rest_points=rest, model=model, material=fabric)
+    return Scene(cloths=[cloth], pins=[Pin("/pin", "/cloth", np.array([20, 24]))], fps=60, frames=4, air_drag=0.2,
+                 **({"solver": "explicit", "integrator": "leapfrog", "substeps": 50} | kwargs))
+
+
+@pytest.mark.parametrize("model", ["membrane", "springs"])
+def test_a_sheet_that_stretches_shears_and_bends(model):
+    run = Run(sheet(model, damping=2e-4))
+    for name in ("stretch", "bend", "damping", *["shear"] * (model == "membrane")):
+        run.material(name, getattr(run.scene.cloths[0].material, name))
+    run.state("positions")
+    run.state("velocities")
+    run.check(run.gradient.density() / 150.0, lambda s: ("/cloth", "density", 150.0 + s), 0.8)
+    run.world()
+
+
+def bar(model: str, **kwargs) -> Scene:
+    """A bar of 40 tets, clamped at one end and turning about itself."""
+    points, tets = shapes.block((0.4, 0.1, 0.1), (4, 2, 1))
+    ends = np.flatnonzero(points[:, 0] < points[:, 0].min() + 1e-6)
+    spin = np.stack([0 * points[:, 0], -4.0 * points[:, 2] * points[:, 0], 4.0 * points[:, 1] * points[:, 0]], axis=1)
+    soft = Soft("/bar", points, tets, velocities=spin, material=Bulk(2e4, 0.35, 1e3, model, damping=kwargs.pop("damping", 0.0)))
+    return Scene(softs=[soft], pins=[Pin("/pin", "/bar", ends)], fps=60, frames=4,
+                 **({"solver": "explicit", "integrator": "leapfrog", "substeps": 40} | kwargs))
+
+
+@pytest.mark.parametrize("model", ["corotational", "neo_hookean"])
+def test_a_soft_bar(model):
+    run = Run(bar(model, damping=1e-3))
+    run.material("young", 2e4)
+    run.material("poisson", 0.35)
+    run.material("damping", 1e-3)
+    run.state("positions")
+    run.state("velocities")
+
+
+@pytest.mark.parametrize("frames, substeps", [(6, 40), (40, 2)])
+def test_checkpoints_give_the_same_gradient_for_less_memory(frames, substeps):
+    """The last point falls free of the chain: parts of a frame, or several frames, are kept at a time."""
+    scene = net(integrator="leapfrog", substeps=substeps, stiffness=4.0)
+    kept, again = (Run(scene, frames, keep=keep) for keep in ("all", "checkpoints"))
+    assert again.recording.checkpoints and not kept.recording.checkpoints
+    assert (len(again.recording.cuts) > 2) == (substeps == 40) and (again.recording.group > 1) == (substeps == 2)
+    assert again.recording.bytes < 0.5 * kept.recording.bytes
+    for name in ("positions", "velocities", "masses"):
+        assert getattr(again.gradient, name)() == pytest.approx(getattr(kept.gradient, name)(), rel=1e-12, abs=1e-12)
+    assert again.gradient.material("stiffness") == pytest.approx(kept.gradient.material("stiffness"), rel=1e-12)
+
+
+def test_a_recording_runs_as_a_simulation_does_and_again_after_a_change():
+    scene = sheet("membrane")
+    sim, plain = (Simulation(scene, device="cpu", precision="float64", gradients=g) for g in (True, False))
+    recording = Recording(sim, 2)
+    for stretch in (40.0, 30.0):
+        for s in (sim, plain):
+            s.set("/cloth", "stretch", stretch)
+        recording.run()
+        plain.run(2)
+        assert recording.positions(2) == pytest.approx(plain.positions(), abs=1e-14)
+        plain = Simulation(scene, device="cpu", precision="float64")
+
+
+def test_single_precision_loses_four_digits_at_most():
+    scene, found = bar("corotational"), []
+    for precision in ("float32", "float64"):
+        recording = Recording(Simulation(scene, device="cpu", precision=precision, gradients=True), 2)
+        x = recording.positions(0)
+        found.append(recording.backward({2: x}))
+    for name in ("young", "poisson"):
+        a, b = (g.material(name, elements=True) for g in found)
+        assert np.linalg.norm(a - b) < 1e-4 * np.linalg.norm(b)
+    assert np.linalg.norm(found[0].positions() - found[1].positions()) < 1e-4 * np.linalg.norm(found[1].positions())
+
+
+@pytest.mark.parametrize("change, text", [
+    ({"solver": "xpbd"}, "/: gradients were asked for, and solver xpbd has none yet; set wsim:solver = explicit"),
+    ({"pins": [Pin("/pin", "/chain", np.array([0]), stiffness=10.0)]}, "/pin: .*a soft pin has none yet")])
+def test_what_has_no_gradients_is_named(change, text):
+    with pytest.raises(SceneError, match=text):
+        Simulation(net(**change), device="cpu", gradients=True)
+
+
+@pytest.mark.parametrize("seeds, text", [({9: np.zeros((12, 3))}, "found frame 9; allowed are 0 to 2"),
+                                         ({1: np.zeros((11, 3))}, r"shape \(12, 3\); found \(11, 3\)"),
+                                         ({1: np.full((12, 3), np.nan)}, "must be finite")])
+def test_wrong_seeds_are_named(seeds, text):
+    recording = Recording(Simulation(net(), device="cpu", gradients=True), 2)
+    with pytest.raises(SceneError, match=text):
+        recording.backward(seeds)
+
+
+def test_a_recording_wants_gradients():
+    with pytest.raises(SceneError, match="Simulation\\(scene, gradients=True\\)"):
+        Recording(Simulation(net(), device="cpu"), 2)

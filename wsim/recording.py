@@ -1,0 +1,251 @@
+"""A run that can be differentiated: frames forward, and the adjoint of all that they did backward.
+
+Frames are recorded once (`wsim.tape`) and replayed as graphs, forward and backward. What the backward pass reads of a frame is
+either kept for all frames, or for a segment at a time: then each segment leaves the arrays with which it began, and runs once
+more before it is differentiated (checkpoints; Griewank, Walther 2000, Algorithm 799). A segment is a part of a frame's
+substeps, or several frames.
+"""
+
+from dataclasses import dataclass
+from math import ceil, sqrt
+
+import numpy as np
+import warp as wp
+
+from wsim.scene import Problem, SceneError
+from wsim.sensitivity import Gradient, Parameters
+from wsim.simulation import Simulation
+from wsim.stage import NOT_FINITE
+from wsim.tape import Root, Slots, Tape, give
+
+FULL = 1 << 30         # bytes up to which everything is kept
+
+
+@dataclass
+class Stretch:
+    """A part of a frame, recorded, and graphs of both directions."""
+
+    tape: Tape
+    forward: wp.Graph | None = None
+    backward: wp.Graph | None = None
+
+
+class Recording:
+    """So many frames of a simulation from where it stands, forward by `run` and backward by `backward`.
+
+    keep   "all": memory for every frame; "checkpoints": for a segment, which runs twice; "auto": by bytes
+    Raises SceneError where the simulation has no gradients, or a method of the scene has none.
+    """
+
+    def __init__(self, sim: Simulation, frames: int, keep: str = "auto"):
+        if not sim.model.gradients:
+            raise SceneError(Problem("gradients", "found False; a recording needs Simulation(scene, gradients=True)"))
+        if frames < 1:
+            raise SceneError(Problem("frames", f"found {frames}; allowed is 1 or more"))
+        if keep not in ("auto", "all", "checkpoints"):
+            raise SceneError(Problem("keep", f"found {keep!r}; allowed are auto, all, checkpoints"))
+        sim.load()
+        self.sim, self.frames, self.plan, self.state = sim, frames, sim.plan, sim.state
+        self.start, self.begins, self.jumps = sim.frame, self.plan.clock.starting, self.plan.starts
+        self.roots: list[Root] = []
+        self.slots = Slots(sim.device, sim.model.real)
+        self.parameters = Parameters(self.plan)
+        assert self.state.every is not None
+        self.every, self.initial = self.state.every, wp.clone(self.state.every)
+        self.stretches: dict[tuple, Stretch] = {}
+        self.choose(keep)
+        self.prepare()
+        self.states, self.speeds = (wp.zeros((frames + 1, sim.model.points), dtype=self.state.x.dtype, device=sim.device)
+                                    for _ in range(2))
+        self.ran = False
+
+    # what is recorded and kept
+
+    def choose(self, keep: str) -> None:
+        """Records a frame to see what it changes and what it costs, and chooses how many are kept at a time."""
+        S = self.plan.clock.substeps
+        self.plan.before_frame(self.sim.time)
+        self.record(0, S)                        # what is read before it is written is known from now on
+        self.slots.drop()
+        probe = self.record(0, S)
+        each = self.slots.bytes / S
+        point = sum(r.base.capacity for r, _ in probe.entries)
+        self.full = int(each * S * self.frames)
+        self.checkpoints = keep == "checkpoints" or (keep == "auto" and self.full > FULL)
+        self.group, self.cuts = self.frames, [0, S]
+        if self.checkpoints:
+            parts = sqrt(S * each / (self.frames * point))
+            if parts >= 1.0:
+                step = ceil(S / round(parts))
+                self.group, self.cuts = 1, [*range(0, S, step), S]
+            else:
+                self.group = min(self.frames, round(1.0 / parts))
+        self.slots.drop()
+
+    def prepare(self) -> None:
+        """Records every stretch once; allocates what checkpoints need."""
+        self.rewind()
+        for frame in range(min(self.frames, self.group + self.jumps)):
+            self.pose(frame)
+            for part in range(len(self.cuts) - 1):
+                if len(self.cuts) > 2:
+                    self.slots.rewind()
+                self.stretches[self.key(frame, part)] = Stretch(self.record(*self.cuts[part:part + 2]))
+            self.plan.clock.starting = False
+        found = {id(r) for stretch in self.stretches.values() for r, _ in stretch.tape.entries}
+        self.carried = [r for r in self.roots if id(r) in found]
+        count = ceil(self.frames / self.group) * (len(self.cuts) - 1) if self.checkpoints else 0
+        self.saved = [[wp.empty_like(r.base) for r in self.carried] for _ in range(count)]
+
+    def key(self, frame: int, part: int) -> tuple:
+        return frame % self.group, part, self.jumps and frame == 0
+
+    def record(self, first: int, last: int) -> Tape:
+        """Runs substeps first .. last once, recording."""
+        model, tape = self.sim.model, Tape(self.slots, self.roots)
+        model.tape = tape
+        try:
+            tape.begin()
+            self.plan.stretch(first, last)
+            tape.finish()
+        except ValueError as error:
+            raise SceneError(Problem("gradients", f"{error}; leave out what needs it, or choose another solver")) from None
+        finally:
+            model.tape = None
+        return tape
+
+    def rewind(self) -> None:
+        """The state that the recording began with."""
+        wp.copy(self.every, self.initial)
+        self.plan.clock.starting = self.begins
+
+    def pose(self, frame: int) -> None:
+        self.plan.before_frame((self.start + frame) / self.sim.scene.fps)
+
+    @property
+    def bytes(self) -> int:
+        """Device memory of versions, their gradients and checkpoints."""
+        return self.slots.bytes + sum(a.capacity for arrays in self.saved for a in arrays)
+
+    # forward
+
+    def run(self) -> None:
+        """All frames from the beginning. Raises SceneError when a position is no number."""
+        self.rewind()
+        self.plan.status.zero_()
+        self.keep(0)
+        for frame in range(self.frames):
+            self.pose(frame)
+            for part in range(len(self.cuts) - 1):
+                if self.checkpoints and (frame % self.group == 0):
+                    for array, root in zip(self.saved[self.segment(frame, part)], self.carried, strict=True):
+                        wp.copy(array, root.base)
+                self.forward(frame, part)
+            self.keep(frame + 1)
+        self.sim.frame, self.plan.clock.starting, self.ran = self.start + self.frames, False, True
+        if int(self.plan.status.numpy()[NOT_FINITE]):
+            bad = int(np.argmax(~np.isfinite(self.states.numpy()).all(axis=(1, 2))))
+            raise SceneError(Problem("frame", f"a position is no number in frame {self.start + bad}; give it more substeps, or "
+                                     "fewer frames"))
+
+    def segment(self, frame: int, part: int) -> int:
+        return frame // self.group * (len(self.cuts) - 1) + part
+
+    def keep(self, frame: int) -> None:
+        wp.copy(self.states[frame], self.state.x)
+        wp.copy(self.speeds[frame], self.state.v)
+
+    def forward(self, frame: int, part: int) -> None:
+        stretch = self.stretches[self.key(frame, part)]
+        if stretch.forward is None:
+            stretch.forward = self.graph(stretch.tape.forward)
+        wp.capture_launch(stretch.forward)
+
+    def graph(self, launch) -> wp.Graph:
+        with wp.ScopedCapture(device=self.sim.device, force_module_load=False) as capture:
+            launch()
+        return capture.graph
+
+    def positions(self, frame: int, path: str | None = None, world: int = 0) -> np.ndarray:
+        """World positions [m] of a body's points after so many frames (0: at the start), float64 (n, 3), author's order."""
+        body = self.sim.model.body(path, world)
+        return self.state_of(self.states, frame)[body.index] + body.origin
+
+    def velocities(self, frame: int, path: str | None = None, world: int = 0) -> np.ndarray:
+        """Velocities [m/s], as `positions`."""
+        return self.state_of(self.speeds, frame)[self.sim.model.body(path, world).index]
+
+    def state_of(self, array: wp.array, frame: int) -> np.ndarray:
+        if not 0 <= frame <= self.frames:
+            raise SceneError(Problem("frame", f"found {frame}; allowed are 0 to {self.frames}"))
+        if not self.ran:
+            self.run()
+        return array[frame].numpy().astype(np.float64)
+
+    # backward
+
+    def backward(self, positions: dict | None = None, velocities: dict | None = None) -> Gradient:
+        """Gradient of a loss whose derivatives by positions [1/m] and velocities [s/m] after some frames are given:
+        {frame: (n, 3) in the author's order, or {path: (n, 3)}}. Raises SceneError for frames and shapes that are none.
+        """
+        if not self.ran:
+            self.run()
+        seeds = [(self.state.x, self.dense(positions, "positions")), (self.state.v, self.dense(velocities, "velocities"))]
+        for root in self.roots:
+            root.carried.zero_()
+        self.parameters.zero()
+        targets: list = []
+        for frame in reversed(range(self.frames)):
+            self.seed(seeds, frame + 1)
+            if self.checkpoints and (frame + 1 == self.frames or (frame + 1) % self.group == 0) and len(self.cuts) == 2:
+                self.again(frame)
+            self.pose(frame)
+            for part in reversed(range(len(self.cuts) - 1)):
+                if len(self.cuts) > 2:
+                    self.restore(frame, part)
+                    self.forward(frame, part)
+                self.reverse(frame, part)
+            targets.append(self.parameters.take_targets())
+        self.seed(seeds, 0)
+        return Gradient(self.parameters, {r.base.ptr: r.carried.numpy() for r in self.roots}, targets[::-1])
+
+    def again(self, last: int) -> None:
+        """The segment that ends with frame `last`, from its checkpoint."""
+        first = last // self.group * self.group
+        self.restore(first, 0)
+        for frame in range(first, last + 1):
+            self.pose(frame)
+            self.forward(frame, 0)
+
+    def restore(self, frame: int, part: int) -> None:
+        for array, root in zip(self.saved[self.segment(frame, part)], self.carried, strict=True):
+            wp.copy(root.base, array)
+
+    def reverse(self, frame: int, part: int) -> None:
+        stretch = self.stretches[self.key(frame, part)]
+        if stretch.backward is None:
+            stretch.backward = self.graph(stretch.tape.backward)
+        wp.capture_launch(stretch.backward)
+
+    def seed(self, seeds: list, frame: int) -> None:
+        """Adds the loss's own derivatives after so many frames."""
+        for base, dense in seeds:
+            if frame in dense:
+                root = next((r for r in self.roots if r.base.ptr == base.ptr), None)
+                assert root is not None
+                give(wp.array(dense[frame], dtype=base.dtype, device=self.sim.device), root.carried)
+
+    def dense(self, given: dict | None, what: str) -> dict[int, np.ndarray]:
+        """Derivatives over all points in solver order, by frame."""
+        model, found = self.sim.model, {}
+        for frame, values in (given or {}).items():
+            if not 0 <= frame <= self.frames:
+                raise SceneError(Problem(what, f"found frame {frame}; allowed are 0 to {self.frames}"))
+            found[frame] = np.zeros((model.points, 3), model.dtype)
+            for path, each in (values if isinstance(values, dict) else {None: values}).items():
+                index, each = model.body(path).index, np.asarray(each, np.float64)
+                if each.shape != (len(index), 3) or not np.isfinite(each).all():
+                    raise SceneError(Problem(path or what, f"derivatives must be finite with shape ({len(index)}, 3); found "
+                                             f"{each.shape}"))
+                np.add.at(found[frame], index, each)
+        return found

@@ -1,0 +1,202 @@
+"""From gradients of what kernels read to those of what a scene says: the chain rule of parameters, in float64.
+
+Kernels read a number for each spring, hinge, triangle, tet and point, and each has a gradient of its own: sums over many
+elements are taken here and not by atomics in float32 (a parameter that 2e7 threads share would be 2.6 % off). Gravity and drag
+of the air stand once a point for the same reason.
+"""
+
+import numpy as np
+import warp as wp
+
+from wsim.cloth import Rows
+
+
+class Parameters:
+    """The arrays of a plan that have gradients, by what they mean."""
+
+    def __init__(self, plan):
+        self.plan, self.model = plan, plan.model
+        explicit = plan.method("explicit")
+        self.pull = explicit.pull
+        self.points = plan.method("points").constants
+        self.pins = plan.method("pins")
+
+    def arrays(self) -> list[wp.array]:
+        """Everything that is differentiated by, of one kind each."""
+        pull, c = self.pull, self.points
+        found = [c.w, c.gravity, c.decay]
+        if pull.springs:
+            found += [pull.net.k, pull.net.rest] + [pull.net.damping] * pull.damped
+        for e in pull.elements:
+            data = e.table.data if hasattr(e, "table") else e.data
+            found += [getattr(data, name) for name in ("stiffness", "rest", "tau", "mu", "lam", "edge", "gradient", "volume")
+                      if hasattr(data, name)]
+        return found + self.targets()
+
+    def targets(self) -> list[wp.array]:
+        return list(self.pins.target.values()) if self.pins else []
+
+    def zero(self) -> None:
+        for array in self.arrays():
+            array.grad.zero_()
+
+    def take_targets(self) -> list[np.ndarray]:
+        """Gradients of the pins' targets of a frame, which are zeros then."""
+        found = [array.grad.numpy().astype(np.float64) for array in self.targets()]
+        for array in self.targets():
+            array.grad.zero_()
+        return found
+
+    def springs(self, array: wp.array) -> np.ndarray:
+        """Sums over the two ends of each spring, from a gradient of the entries."""
+        entry = self.pull.entry
+        grad = array.grad.numpy().astype(np.float64)[:len(entry)]
+        return np.bincount(entry[entry >= 0], grad[entry >= 0], self.pull.count)
+
+
+class Gradient:
+    """Derivatives of a loss, in SI units, by what a scene says.
+
+    Bodies by path, None: the only one; worlds as ever. Arrays over points are float64, (n, 3) or (n,), in the author's order;
+    where an author's points are one particle (a weld), each has the sum.
+    """
+
+    def __init__(self, parameters: Parameters, states: dict[int, np.ndarray], targets: list):
+        self.parameters, self.model, self.plan = parameters, parameters.model, parameters.plan
+        self.states, self._targets = states, targets
+        self.grads = {array.ptr: array.grad.numpy().astype(np.float64) for array in parameters.arrays()}
+        pull = parameters.pull
+        self.entries = {name: parameters.springs(getattr(pull.net, name)) for name in ("k", "rest", *["damping"] * pull.damped)
+                        } if pull.springs else {}
+
+    def of(self, array: wp.array) -> np.ndarray:
+        return self.grads[array.ptr]
+
+    # points
+
+    def positions(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """By the positions at the start [1/m], (n, 3)."""
+        return self.by_point(self.plan.state.x, path, world)
+
+    def velocities(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """By the velocities at the start [s/m], (n, 3)."""
+        return self.by_point(self.plan.state.v, path, world)
+
+    def by_point(self, array: wp.array, path: str | None, world: int) -> np.ndarray:
+        found = self.states.get(array.ptr)
+        body = self.model.body(path, world)
+        return np.zeros((len(body.index), 3)) if found is None else found.astype(np.float64)[body.index]
+
+    def masses(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """By the masses of the points [1/kg], (n,); 0 of pinned ones."""
+        w = self.parameters.points.w
+        return (-self.of(w) * w.numpy().astype(np.float64)**2)[self.model.body(path, world).index]
+
+    def density(self, path: str | None = None, world: int = 0) -> float:
+        """By the factor of all masses of a body: density times the derivative by the density."""
+        b = self.model.body(path, world)
+        w = self.parameters.points.w
+        return float(-(self.of(w) * w.numpy().astype(np.float64))[b.first:b.last].sum())
+
+    def gravity(self, world: int = 0) -> np.ndarray:
+        """[s^2/m], (3,)."""
+        return self.of(self.parameters.points.gravity)[self.places(world)].sum(axis=0)
+
+    def air_drag(self, world: int = 0) -> float:
+        """[s]."""
+        return float(self.of(self.parameters.points.decay)[self.places(world)].sum())
+
+    def places(self, world: int) -> np.ndarray:
+        return np.concatenate([np.arange(b.first, b.last) for b in self.model.bodies if b.world == world])
+
+    def targets(self, path: str) -> np.ndarray:
+        """By where a hard pin puts its points [1/m]: (frames, substeps, points, 3) of a moving one, (points, 3) of one that
+        stands still."""
+        pins = self.parameters.pins
+        for number, kind in enumerate(pins.target if pins else ()):
+            at = 0
+            for p in pins.groups[kind]:
+                if p.pin.path == path:
+                    each = np.stack([frame[number][:, at:at + len(p.places)] for frame in self._targets])
+                    return each if pins.moves else each.sum(axis=(0, 1))
+                at += len(p.places)
+        raise KeyError(f"no pin has the path {path!r}")
+
+    # materials
+
+    def material(self, name: str, path: str | None = None, world: int = 0, elements: bool = False):
+        """By stretch, shear, bend [N/m], [N m] of a cloth, stiffness of springs [N/m], young [Pa], poisson of a soft body, or
+        damping [s]. elements: of each element by itself, in the order of the solver; else the sum. Raises KeyError where the
+        body has nothing of that name."""
+        body = self.model.body(path, world)
+        found = [self.rows(name, body), self.flat(name, body), self.solid(name, body)]
+        parts = [each for some in found for each in some]
+        if not parts:
+            raise KeyError(f"{body.path} has no {name!r} with a gradient")
+        every = np.concatenate(parts)
+        return every if elements else float(every.sum())
+
+    def rows(self, name: str, body) -> list[np.ndarray]:
+        """Of springs."""
+        found, first = [], 0
+        for r in self.parameters.pull.springs:
+            part = slice(first, first + len(r.ids))
+            first = part.stop
+            if r.body is not body:
+                continue
+            k = np.broadcast_to(1.0 / r.alpha, len(r.ids))
+            by_k = self.entries["k"][part] + (r.tau * self.entries["damping"][part] if "damping" in self.entries else 0.0)
+            if name in r.stiffness:
+                found.append(by_k * k / r.stiffness[name])
+            elif name == "damping" and r.tau > 0.0:
+                found.append(self.entries["damping"][part] * k)
+        return found
+
+    def flat(self, name: str, body) -> list[np.ndarray]:
+        """Of hinges and triangles."""
+        found = []
+        for e in self.parameters.pull.elements:
+            if not hasattr(e, "kind"):
+                continue
+            first = 0
+            for r in e.rows:
+                part = slice(first, first + len(r.ids))
+                first = part.stop
+                if r.body is not body:
+                    continue
+                if name == "damping" and r.tau > 0.0:
+                    found.append(self.of(e.data.tau)[part])
+                elif name in r.stiffness:
+                    found.append(_by_stiffness(r, name, e.kind, self.of(e.data.stiffness)[part], e.stiffness()[part]))
+        return found
+
+    def solid(self, name: str, body) -> list[np.ndarray]:
+        """Of tets, by Hooke's constants of each."""
+        found = []
+        for table in self.plan.solids:
+            first = 0
+            for p in getattr(table, "parts", ()):
+                part = slice(first, first + len(p.rows))
+                first = part.stop
+                if p.body is not body or name not in p.values:
+                    continue
+                by_mu, by_lam, by_tau = (self.of(a)[part] for a in (table.data.mu, table.data.lam, table.data.tau))
+                young, nu = p.values["young"], p.values["poisson"]
+                mu, lam, _ = p.lame()
+                if name == "young":
+                    found.append((by_mu * mu + by_lam * lam) / young)
+                elif name == "poisson":
+                    found.append(-by_mu * mu / (1.0 + nu)
+                                 + by_lam * young * (1.0 + 2.0 * nu**2) / ((1.0 + nu) * (1.0 - 2.0 * nu))**2)
+                else:
+                    found.append(by_tau)
+        return found
+
+
+def _by_stiffness(r: Rows, name: str, kind: str, by: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+    """Of each element by one of its stiffnesses, which all entries of its table are proportional to."""
+    value = r.stiffness[name]
+    if kind != "membrane":
+        return by * stiffness / value
+    columns = slice(0, 2) if name == "stretch" else slice(2, 3)
+    return (by[:, columns] * stiffness[:, columns]).sum(axis=1) / value

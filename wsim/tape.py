@@ -1,0 +1,243 @@
+"""Launches of a stretch of substeps, each into arrays of its own, and their adjoints in reverse.
+
+A method launches as ever, on the arrays of its state. While a tape records, what a launch writes goes into a new version of the
+array, and what it reads comes from the latest: Warp's adjoints then find every value that a nonlinear operation has read (an
+array written in place gives wrong gradients without a word). A version that nobody has read yet may be written once more: the
+adjoint of a write takes its gradient away. Kernels that write a part of an array after others have read it start from a copy,
+but for those in WHOLE, which write all that is ever read.
+
+    roots     arrays that a method writes; a stretch begins with a copy (`Tape.entries`) and leaves the latest (`Tape.ends`)
+    slots     memory of the versions and of their gradients, in order; stretches share it unless all of them are kept
+
+Integers are flags and lists, quaternions start an iteration (kernels/rotation.py): neither has a gradient, both stay in place.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels import adjoint
+
+WHOLE = ("begin", "leap", "commit", "corners", "fem_forces", "predict", "finish")
+CHUNK = 1 << 16        # scalars of the first piece of memory that slots are cut from; each is twice the one before
+
+
+@dataclass
+class Root:
+    """An array that changes. base: where the method has it; carried: the gradient of its value between two stretches."""
+
+    base: wp.array
+    carried: wp.array
+    latest: wp.array | None = None
+    fresh: bool = False                # nobody has read `latest` yet
+    written: bool = False
+
+
+class Slots:
+    """Arrays with gradients, handed out in order; `rewind` hands out the same again."""
+
+    def __init__(self, device, real):
+        self.device, self.real = device, real
+        self.chunks: list[tuple[wp.array, wp.array]] = []
+        self.at, self.most = (0, 0), (0, 0)
+
+    def rewind(self) -> None:
+        self.at = (0, 0)
+
+    def take(self, like: wp.array) -> wp.array:
+        """An array of that type and shape, with its gradient."""
+        size = like.size * (wp.types.type_size_in_bytes(like.dtype) // wp.types.type_size_in_bytes(self.real))
+        chunk, first = self.at
+        while chunk < len(self.chunks) and first + size > self.chunks[chunk][0].size:
+            chunk, first = chunk + 1, 0
+        if chunk == len(self.chunks):
+            values, grads = (wp.zeros(max(size, CHUNK << chunk), dtype=self.real, device=self.device) for _ in range(2))
+            self.chunks.append((values, grads))
+        self.at = chunk, first + size
+        self.most = max(self.most, self.at)
+        value, grad = (_cut(array, first, like) for array in self.chunks[chunk])
+        value.grad = grad
+        return value
+
+    def clear(self, first: tuple[int, int], end: tuple[int, int]) -> None:
+        """Gradients become zero between two values of `at` (capturable)."""
+        for number in range(first[0], end[0] + 1):
+            grad = self.chunks[number][1]
+            part = grad[first[1] * (number == first[0]):end[1] if number == end[0] else grad.size]
+            if part.size:
+                part.zero_()
+
+    def drop(self) -> None:
+        """Forgets everything."""
+        self.chunks, self.at, self.most = [], (0, 0), (0, 0)
+
+    @property
+    def bytes(self) -> int:
+        size = wp.types.type_size_in_bytes(self.real)
+        return 2 * size * (self.most[1] + sum(value.size for value, _ in self.chunks[:self.most[0]]))
+
+
+def give(grad: wp.array, into: wp.array) -> None:
+    """Adds a gradient to another and clears it."""
+    wp.launch(adjoint.give(grad.dtype), grad.size, [grad], [into], device=grad.device)
+
+
+def _cut(array: wp.array, first: int, like: wp.array) -> wp.array:
+    return wp.array(ptr=array.ptr + first * wp.types.type_size_in_bytes(array.dtype), dtype=like.dtype, shape=like.shape,
+                    device=array.device, requires_grad=False)
+
+
+def _view(version: wp.array, root: wp.array, view: wp.array) -> wp.array:
+    """What `view` is of `root`, of another version of it."""
+    if view.ptr == root.ptr and view.shape == root.shape:
+        return version
+    assert version.ptr is not None and view.ptr is not None and root.ptr is not None
+
+    def same(array: wp.array) -> wp.array:
+        return wp.array(ptr=array.ptr + (view.ptr - root.ptr), dtype=view.dtype, shape=view.shape, strides=view.strides,
+                        device=view.device, requires_grad=False)
+    found = same(version)
+    found.grad = same(version.grad)
+    return found
+
+
+@dataclass
+class Tape:
+    """Records the launches of one stretch. `roots` are shared by the stretches of a recording."""
+
+    slots: Slots
+    roots: list[Root]
+    steps: list[Callable[[], None]] = field(default_factory=list)           # what was launched, in order
+    adjoints: list[Callable[[], None]] = field(default_factory=list)        # their adjoints, in the same order
+    entries: list[tuple[Root, wp.array]] = field(default_factory=list)
+    ends: list[tuple[Root, wp.array]] = field(default_factory=list)
+    first: tuple[int, int] = (0, 0)
+    end: tuple[int, int] = (0, 0)
+
+    # while a method launches
+
+    def begin(self) -> None:
+        for root in self.roots:
+            root.latest = None
+            root.fresh = root.written = False
+        self.first = self.slots.at
+
+    def launch(self, kernel, dim: int, inputs: list, outputs: list, **how) -> None:
+        """As `wp.launch`, each output into a version of its own. Raises ValueError for a kernel without an adjoint."""
+        read = [self.read(a) for a in inputs]
+        wrote = [self.write(a, kernel.key.startswith(WHOLE)) for a in outputs]
+        self.do(lambda: wp.launch(kernel, dim, read, wrote, **how))
+        if any(isinstance(a, wp.array) and a.grad is not None for a in wrote):
+            if not kernel.options.get("enable_backward"):
+                raise ValueError(f"kernel {kernel.key} has no adjoint")
+            there, back = [_adjoint(a) for a in read], [_adjoint(a) for a in wrote]
+            self.adjoints.append(lambda: wp.launch(kernel, dim, read, wrote, adj_inputs=there, adj_outputs=back,
+                                                   adjoint=True, **how))
+
+    def copy(self, into: wp.array, source: wp.array, into_first: int = 0, first: int = 0, count: int = 0) -> None:
+        """As `wp.copy` of vectors."""
+        count = count or source.size - first
+        there, back = self.read(source[first:first + count]), self.write(into[into_first:into_first + count], True)
+        self.do(lambda: wp.copy(back, there))
+        self.hand(back.grad, there.grad)
+
+    def do(self, step: Callable[[], None]) -> None:
+        step()
+        self.steps.append(step)
+
+    def hand(self, grad: wp.array, into: wp.array) -> None:
+        """Adjoint of a copy."""
+        adjoint.give(grad.dtype).module.load(grad.device)              # a capture cannot
+        self.adjoints.append(lambda: give(grad, into))
+
+    def root_of(self, array: wp.array, wanted: bool) -> Root | None:
+        for root in self.roots:
+            if root.base.ptr <= array.ptr < root.base.ptr + max(root.base.capacity, 1):
+                return root
+        if not wanted:
+            return None
+        self.roots.append(Root(array, wp.zeros_like(array, requires_grad=False)))
+        return self.roots[-1]
+
+    def read(self, a: Any) -> Any:
+        """The latest version of an argument."""
+        root = self.root_of(a, False) if _differs(a) else None
+        if root is None:
+            return a
+        if root.latest is None:
+            root.latest = self.slots.take(root.base)
+            self.do(partial(wp.copy, root.latest, root.base))
+            self.entries.append((root, root.latest))
+        root.fresh = False
+        return _view(root.latest, root.base, a)
+
+    def write(self, a: Any, whole: bool) -> Any:
+        """The version that a launch writes."""
+        root = self.root_of(a, True) if _differs(a) else None
+        if root is None:
+            return a
+        if not root.fresh:
+            if not whole:
+                self.read(root.base)
+            before, root.latest = root.latest, self.slots.take(root.base)
+            if not whole:
+                assert before is not None
+                self.follow(before, root.latest)
+        root.fresh = root.written = True
+        assert root.latest is not None
+        return _view(root.latest, root.base, a)
+
+    def follow(self, before: wp.array, after: wp.array) -> None:
+        self.do(lambda: wp.copy(after, before))
+        self.hand(after.grad, before.grad)
+
+    def finish(self) -> None:
+        """What was written goes back to where the methods have it."""
+        for root in self.roots:
+            if root.written and root.latest is not None:
+                self.ends.append((root, root.latest))
+                self.do(partial(wp.copy, root.base, root.latest))
+        self.end = self.slots.at
+        for root in self.roots:
+            adjoint.give(root.base.dtype).module.load(root.base.device)
+
+    # once more, and backwards
+
+    def forward(self) -> None:
+        for step in self.steps:
+            step()
+
+    def backward(self) -> None:
+        """From the gradients of the values at the end to those at the start (`Root.carried`); adds to those of constants."""
+        self.slots.clear(self.first, self.end)
+        for root, version in self.ends:
+            wp.copy(version.grad, root.carried)
+            root.carried.zero_()
+        for step in reversed(self.adjoints):
+            step()
+        for root, version in self.entries:
+            give(version.grad, root.carried)
+
+
+def _differs(a: Any) -> bool:
+    """Whether an argument is an array of real numbers that may change. Quaternions only start an iteration."""
+    return isinstance(a, wp.array) and a.ptr is not None and a.dtype not in KEPT
+
+
+KEPT = (wp.int32, wp.quatf, wp.quatd, wp.vec2i, wp.vec4i, wp.uint64)
+
+
+def _adjoint(a: Any) -> Any:
+    """What Warp wants as the adjoint of an argument: gradients of an array, or of those in a struct."""
+    if isinstance(a, wp.array):
+        return a.grad
+    if not hasattr(a, "_cls"):
+        return None
+    found = a._cls()
+    for name in a._cls.vars:
+        value = getattr(a, name)
+        setattr(found, name, value.grad if isinstance(value, wp.array) else None if value is None else value)
+    return found
