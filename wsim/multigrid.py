@@ -5,7 +5,7 @@ nodes, FACTOR a side, make the next level, until no node has a neighbour.
 
 It pays where many iterations are saved. A sound wave passes kappa = h c / edge points in a step, c^2 = (lam + 2 mu) / rho,
 and block Jacobi takes about 5 kappa iterations to 1e-2, as far as the body is kappa points long (cubes of 16^3 to 32^3 cells,
-bars of 64 x 8 x 8, h 1/60 and 1/240 s: 4.3 to 5.4; with the coarse space 9 to 14).
+bars of 64 x 8 x 8, h 1/60 and 1/240 s: 4.3 to 5.4 kappa; with the coarse space 12 to 21 for the same error).
 """
 
 from collections.abc import Sequence
@@ -26,8 +26,9 @@ FACTOR = 2             # boxes a side that make one of the next level. 3: 17 ite
 EDGE = 0.87            # of the mean distance to neighbours: the edge of a cube that is cut in five tets
 DAMPED = 0.9           # of the largest omega that is sure to be stable
 SMALL = {"cuda": 64, "cpu": 2**31}      # nodes of a body in a level up to which one block goes on to the last
-POINTS = {"cuda": 20_000, "cpu": 3_000}     # of the largest body: below, launches cost more than the iterations that are saved
-WAVE = 8.0             # kappa from which a cycle costs less than what it saves
+# (points of a body from which on, least kappa), more points last. CPU: 25k tets, kappa 9.9: 45 iterations or 17, equal time;
+# 164k tets, kappa 18.7: 88 or 21, 1.3 times as fast. CUDA: a cycle is a dozen launches, few beside products over many points
+PAYS = {"cuda": ((20_000, 20.0), (100_000, 10.0)), "cpu": ((3_000, 12.0),)}
 THREADS = 64           # of a block
 
 
@@ -142,18 +143,20 @@ def _level(places, place, system, box, first, column, systems: int) -> tuple[Lev
                  np.stack([across, owner[across]], axis=1)), middle
 
 
-def wanted(model: Model, h: float) -> tuple[list, str]:
-    """Soft bodies that a step of h [s] makes stiff and large enough, and why these or none, in words."""
-    found, most, small = [], 0.0, POINTS["cuda" if model.device.is_cuda else "cpu"]
+def wanted(model: Model, h: float) -> tuple[list[Body], str]:
+    """Soft bodies that a step of h [s] makes stiff and large enough, and what they are solved by and why, in words."""
+    found, rows, said = [], PAYS["cuda" if model.device.is_cuda else "cpu"], []
     for body in (b for b in model.bodies if len(b.tets)):
-        kappa = waves(body, h)
-        most = max(most, kappa)
-        if body.count >= small and kappa >= WAVE:
+        kappa, enough = waves(body, h), [least for points, least in rows if body.count >= points]
+        if enough and kappa >= enough[-1]:
             found.append(body)
-    words = f"a wave passes {most:.3g} points a step"
-    if found:
+        if body.world == 0:
+            said.append((bool(enough) and kappa >= enough[-1], kappa, enough[-1] if enough else 0.0))
+    coarse, kappa, least = max(said, default=(False, 0.0, 0.0))
+    words = f"a wave passes {kappa:.3g} points a step"
+    if coarse:
         return found, f"multigrid, since {words}"
-    return found, f"block Jacobi, since {words}" if most < WAVE else f"block Jacobi, under {small} points"
+    return found, f"block Jacobi, since {words}, under {least:g}" if least else f"block Jacobi, under {rows[0][0]} points"
 
 
 def waves(body, h: float) -> float:
