@@ -37,6 +37,7 @@ class Copies:
     def __init__(self, scene: Scene, parameters: list[Parameter], worlds: int, device=None):
         self.scene, self.parameters, self.worlds = settled(scene, device), parameters, worlds
         self.sim = Simulation(self.scene, device=device, precision="float64", worlds=worlds)
+        self.warnings = list(self.sim.warnings)
         self.keep()
 
     def keep(self) -> None:

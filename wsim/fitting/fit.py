@@ -16,9 +16,10 @@ from time import perf_counter
 
 import numpy as np
 
+from wsim.fitting import parameter as table
 from wsim.fitting.estimate import Estimate, estimate
 from wsim.fitting.misfit import Misfit, experiments_of
-from wsim.fitting.parameter import Parameter, parameters
+from wsim.fitting.parameter import Parameter
 from wsim.fitting.search import LOUD, Prior, Search
 from wsim.scene import Problem, Scene, SceneError
 
@@ -93,7 +94,7 @@ class Fit:
         return text(self)
 
 
-def fit(scene: Scene, observations, parameters_: str | Iterable[str], *, also=(), start: dict[str, float] | None = None,
+def fit(scene: Scene, observations, parameters: str | Iterable[str], *, also=(), start: dict[str, float] | None = None,
         priors: dict[str, tuple[float, float]] | None = None, each: Callable[[dict], None] | None = None,
         settings: Settings | None = None) -> Fit:
     """Fits parameters (`wsim.fitting.parameter`) of a scene to observations (`wsim.fitting.observe`).
@@ -107,7 +108,7 @@ def fit(scene: Scene, observations, parameters_: str | Iterable[str], *, also=()
     """
     began, settings = perf_counter(), settings or Settings()
     experiments = experiments_of(scene, observations, also)
-    found, scenes = parameters(parameters_, [s for s, _ in experiments], start)
+    found, scenes = table.parameters(parameters, [s for s, _ in experiments], start)
     prior = _priors(found, priors or {})
     theta = np.array([_start(p, scenes) for p in found])
     misfit = Misfit([(s, seen) for s, (_, seen) in zip(scenes, experiments, strict=True)], found, device=settings.device,
@@ -157,8 +158,9 @@ def _told(search: Search, settings: Settings, each: Callable[[dict], None] | Non
 
 
 def _result(search: Search, found: list[Parameter], scenes: list[Scene], seconds: float) -> Fit:
-    best, misfit, notes = search.best, search.misfit, list(search.notes)
+    best, misfit = search.best, search.misfit
     assert best is not None
+    notes = [*search.notes, *misfit.notes()]
     noise = search.noise(best)
     e = estimate(found, search.theta, best.J, noise, search.prior.weight, search.lost(best))
     left = sqrt(best.least / max(best.count - len(found), 1) / noise)

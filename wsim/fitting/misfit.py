@@ -67,6 +67,16 @@ class Misfit:
                     o.prepare(copies.sim.model)
         return self.copies[worlds]
 
+    def notes(self) -> list[str]:
+        """What simulating has warned of."""
+        found = []
+        for c in (c for each in self.copies.values() for c in each):
+            found += [w.removeprefix("warning: ") for w in c.warnings]
+            if c.substeps != c.scene.substeps:
+                found.append(f"the stiffest copies needed {c.substeps} explicit substeps a frame, not "
+                             f"{c.scene.substeps}: all took them")
+        return list(dict.fromkeys(found))
+
     def values(self, theta: np.ndarray) -> np.ndarray:
         """Parameters of theta, in their units."""
         return np.array([p.map.inverse(float(t)) for p, t in zip(self.parameters, theta, strict=True)])

@@ -4,7 +4,6 @@ A material that only the fitted bodies bind is written over where it is; of one 
 /fitted, and bound.
 """
 
-import json
 import os
 from dataclasses import fields
 
@@ -13,6 +12,7 @@ from pxr import Sdf, Usd
 
 from wsim.bulk import Bulk
 from wsim.fabric import Fabric
+from wsim.report import as_json
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
 from wsim.sublayer import choose, put_over, refuse_layers_of
 from wsim.usd import names
@@ -56,7 +56,7 @@ def save_fitted(before: Scene, after: Scene, path, said: dict | None = None) -> 
         _scene(stage, before, after, units)
         _bodies(stage, before, after, units)
         if said:
-            stage.GetRootLayer().customLayerData = {SAID: json.dumps(said)}
+            stage.GetRootLayer().customLayerData = {SAID: as_json(said)}
 
 
 def _scene(stage: Usd.Stage, before: Scene, after: Scene, units: Units) -> None:
