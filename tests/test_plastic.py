@@ -26,8 +26,9 @@ def returned(s: np.ndarray) -> np.ndarray:
 
 
 def block(yields: float = Y) -> Scene:
-    scene = Scene(solver="implicit", integrator="backward_euler", substeps=1, iterations=1)
-    scene.soft("/block", *shapes.block((0.2, 0.2, 0.2), (1, 1, 1)), material=Bulk(E, 0.3, RHO, yield_strain=yields))
+    scene = Scene(solver="implicit", integrator="backward_euler", substeps=1, iterations=2)
+    soft = scene.soft("/block", *shapes.block((0.2, 0.2, 0.2), (1, 1, 1)), material=Bulk(E, 0.3, RHO, yield_strain=yields))
+    scene.pin("/wall", soft, [0])                                            # as the bars below: one module for both
     return scene
 
 
