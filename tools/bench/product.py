@@ -178,7 +178,7 @@ def main() -> None:
     parser.add_argument("--precision", default="float32", choices=("float32", "float64"))
     args = parser.parse_args()
     wp.config.quiet = True
-    multigrid.PAYS |= dict.fromkeys(multigrid.PAYS, ())               # nothing of it is needed here
+    multigrid.PAYS |= dict.fromkeys(multigrid.PAYS, ((0, np.inf),))   # nothing of it is needed here
     device = str(wp.get_device(args.device))
     print(hardware(wp.get_device(device)))
     print(f"{'tets':>8}  {'':<13}{'setup ms':>10}{'product ms':>12}{'apart':>10}")
