@@ -149,7 +149,7 @@ def membrane(X: Any, B: Any):
     a triangle is stretched, sheared or flattened; those of |F_u|, |F_v| and F_u.F_v (Baraff, Witkin 1998) become dependent,
     and the 3 x 3 solve then throws points away. With the compliance of plane stress, rest area A [m^2],
 
-        alpha = [[1, -nu, 0], [-nu, 1, 0], [0, 0, stretch / shear]] / (stretch A)   [1/J]
+        alpha = [[1, -nu s, 0], [-nu s, s^2, 0], [0, 0, stretch / shear]] / (stretch A)   [1/J],  s^2 = stretch / weft
 
     the energy 1/2 C alpha^-1 C is A psi of `wsim.fabric`. A turned or mirrored triangle (in a plane: inverted) is at
     rest. A triangle shrunk to a point opens in the plane of x and y.

@@ -18,13 +18,13 @@ from wsim.kernels.real import differentiable, types
 def elements(constraint: str, real):
     """Struct of the constraints of one kind: reads only."""
     row, t = TABLE[constraint], types(real)
-    value, stiff = (t.mat22, t.vec3) if row.rows == 3 else (real, real)
+    value, stiff = (t.mat22, t.vec4) if row.rows == 3 else (real, real)
 
     @wp.struct
     class Elements:
         point: wp.array(dtype=wp.types.vector(row.points, int))
         rest: wp.array(dtype=value)
-        stiffness: wp.array(dtype=stiff)     # alpha^-1; of a membrane (uu, uv, shear) of plane stress
+        stiffness: wp.array(dtype=stiff)     # alpha^-1; of a membrane (uu, uv, shear, vv) of plane stress
         tau: wp.array(dtype=real)            # [s]; only when damped
 
     return Elements
@@ -32,8 +32,8 @@ def elements(constraint: str, real):
 
 @wp.func
 def stress(S: Any, C: Any):
-    """S C of plane stress, S = [[uu, uv, 0], [uv, uu, 0], [0, 0, shear]]."""
-    return wp.vector(S[0] * C[0] + S[1] * C[1], S[1] * C[0] + S[0] * C[1], S[2] * C[2])
+    """S C of plane stress, S = [[uu, uv, 0], [uv, vv, 0], [0, 0, shear]]."""
+    return wp.vector(S[0] * C[0] + S[1] * C[1], S[1] * C[0] + S[3] * C[1], S[2] * C[2])
 
 
 @cache

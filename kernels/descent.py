@@ -105,7 +105,7 @@ def elastic(constraint: str, real, module):
         B = D.mat22(batch.rest[c])
         C0, G1, G2 = membrane(X, B)
         C, H1, H2 = membrane(X + part * p, B)
-        S = plane_stiffness(D.vec3(batch.alpha[c]))
+        S = plane_stiffness(D.vec4(batch.alpha[c]))
         r = G1 * V[0] + G2 * V[1]
         s = part * (G1 * p[0] + G2 * p[1])
         half = wp.float64(0.5)

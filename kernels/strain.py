@@ -58,8 +58,8 @@ def energy_row(C: Any, alpha: Any):
 def energy_block(C: Any, alpha: Any):
     """1/2 C alpha^-1 C [J] with the compliance of plane stress; 0 where alpha is 0."""
     two = type(C[0])(2.0)
-    plane = alpha[0] * (C[0] * C[0] + C[1] * C[1]) - two * alpha[1] * C[0] * C[1]
-    return (plane * inverse(alpha[0] * alpha[0] - alpha[1] * alpha[1]) + C[2] * C[2] * inverse(alpha[2])) / two
+    plane = alpha[3] * C[0] * C[0] + alpha[0] * C[1] * C[1] - two * alpha[1] * C[0] * C[1]
+    return (plane * inverse(alpha[0] * alpha[3] - alpha[1] * alpha[1]) + C[2] * C[2] * inverse(alpha[2])) / two
 
 
 SIZE, SQUARE = {1: size_row, 3: size_block}, {1: square_row, 3: square_block}      # by rows of C
@@ -77,8 +77,9 @@ def _statistics(o):
         squares = wp.float64(0.0)
         stored = wp.float64(0.0)
         none = wp.static(o.value(0.0))
+        rigid = wp.static(o.entry(0.0))
         for c in range(wp.tid(), count, out.shape[0]):
-            C, r, G, H, N = terms(batch.point[c], batch.rest[c], x, d, x, none, real(0.0), none)
+            C, r, G, H, N = terms(batch.point[c], batch.rest[c], x, d, x, rigid, real(0.0), none)
             if wp.static(not o.unilateral):
                 stored += wp.float64(energy(C, batch.alpha[place(c)]))
             if wp.static(o.unit == "m"):

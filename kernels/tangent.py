@@ -42,8 +42,8 @@ def elements_of(real):
 def plane_stiffness(alpha: Any):
     """Inverse of `plane_stress`."""
     o = type(alpha[0])(0.0)
-    q = inverse(alpha[0] * alpha[0] - alpha[1] * alpha[1])
-    return wp.matrix_from_rows(wp.vector(q * alpha[0], -q * alpha[1], o), wp.vector(-q * alpha[1], q * alpha[0], o),
+    q = inverse(alpha[0] * alpha[3] - alpha[1] * alpha[1])
+    return wp.matrix_from_rows(wp.vector(q * alpha[3], -q * alpha[1], o), wp.vector(-q * alpha[1], q * alpha[0], o),
                                wp.vector(o, o, inverse(alpha[2])))
 
 

@@ -45,9 +45,9 @@ def batch(points: int, value, compliance, scalar):
 
 
 def batch_of(constraint: str, real):
-    """Struct for a row of the table. The membrane's alpha has its three different entries: (uu, uv, shear)."""
+    """Struct for a row of the table. The membrane's alpha has its four different entries: (uu, uv, shear, vv)."""
     row, t = TABLE[constraint], types(real)
-    return batch(row.points, t.mat22, t.vec3, real) if row.rows == 3 else batch(row.points, real, real, real)
+    return batch(row.points, t.mat22, t.vec4, real) if row.rows == 3 else batch(row.points, real, real, real)
 
 
 @cache
@@ -108,7 +108,7 @@ def variant(constraint, real, multipliers, damped, uniform) -> SimpleNamespace:
     flags = {"lam": multipliers and not row.unilateral, "damped": damped and not row.unilateral, "uniform": uniform}
     name = "_".join([constraint, *(word for word, on in flags.items() if on), t.name])
     o = SimpleNamespace(**vars(row), **flags, t=t, name=name, Batch=batch_of(constraint, real))
-    o.value = t.vec3 if row.rows == 3 else real
+    o.value, o.entry = (t.vec3, t.vec4) if row.rows == 3 else (real, real)        # of lam and C, of alpha
     o.place = first_entry if uniform else own_entry
     o.ids = wp.types.vector(row.points, int)
     o.terms = _terms_block(o) if row.rows == 3 else _terms_row(o)
@@ -129,9 +129,9 @@ def first_entry(c: int):
 
 @wp.func
 def plane_stress(alpha: Any):
-    """Compliance matrix [[uu, uv, 0], [uv, uu, 0], [0, 0, shear]]."""
+    """Compliance matrix [[uu, uv, 0], [uv, vv, 0], [0, 0, shear]]; alpha = (uu, uv, shear, vv)."""
     o = type(alpha[0])(0.0)
-    return wp.matrix_from_rows(wp.vector(alpha[0], alpha[1], o), wp.vector(alpha[1], alpha[0], o),
+    return wp.matrix_from_rows(wp.vector(alpha[0], alpha[1], o), wp.vector(alpha[1], alpha[3], o),
                                wp.vector(o, o, alpha[2]))
 
 
@@ -231,7 +231,7 @@ def _terms_block(o):
 
     @wp.func
     def terms(p: o.ids, rest: mat22, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), a: wp.array(dtype=vec3),
-              alpha: vec3, gamma: real, lam: vec3):
+              alpha: o.t.vec4, gamma: real, lam: vec3):
         i = p[0]
         j = p[1]
         k = p[2]

@@ -1,5 +1,6 @@
 """How stiff the constraints of a cloth are together: closed forms of sheets, strips, cylinders and cantilevers."""
 
+from dataclasses import replace
 from math import isfinite
 
 import numpy as np
@@ -57,6 +58,18 @@ def test_a_strip_that_contracts_freely_has_the_stiffness_e_t(cut):
     curvature = FABRIC.stretch / (1.0 - nu**2)
     assert at[1e-3] - at[-1e-3] == pytest.approx(0.0, abs=1e-4 * curvature * e * 1e-3)
     assert at[1e-3] + at[-1e-3] - 2 * at[0.0] == pytest.approx(curvature * 1e-6, rel=1e-3)
+
+
+def test_a_weft_of_its_own_counts_across_the_warp():
+    """Along x a strip of `stretch`, along y one of `weft`, each free to contract; both stretched are coupled by their root."""
+    fabric, e = replace(FABRIC, weft=4.0 * FABRIC.stretch), 0.02
+    nu, s2 = fabric.poisson, 4.0
+    along = energy(np.diag([1 + e, 1 - nu * e / s2**0.5]), fabric=fabric)
+    across = energy(np.diag([1 - nu * e * s2**0.5, 1 + e]), fabric=fabric)
+    assert along == pytest.approx(0.5 * fabric.stretch * e**2, rel=1e-4)
+    assert across == pytest.approx(0.5 * fabric.weft * e**2, rel=1e-4)
+    both = energy(np.diag([1 + e, 1 + e]), fabric=fabric)
+    assert both == pytest.approx(0.5 * fabric.stretch * (1 + s2 + 2 * nu * s2**0.5) / (1 - nu**2) * e**2, rel=1e-4)
 
 
 def test_warp_and_weft_stretched_together_are_coupled_by_poisson():

@@ -28,7 +28,7 @@ class Rows:
     ids: np.ndarray               # places in the arrays, (m, k)
     rest: np.ndarray              # length [m], angle [rad] (m,), or inverse edge matrix [1/m] (m, 2, 2)
     shape: np.ndarray             # compliance at stiffness 1, (m,)
-    stiffness: dict               # by name in the scene, each (m,) or (1,): one for a spring, stretch and shear of a membrane
+    stiffness: dict               # by name in the scene, each (m,) or (1,): one for a spring; stretch, shear, weft (membrane)
     tau: float = 0.0              # relaxation time [s]
     poisson: float = 0.0
     body: Body | None = None
@@ -36,11 +36,12 @@ class Rows:
 
     @property
     def alpha(self) -> np.ndarray:
-        """Compliances, (m,), or (m, 3) of a membrane: (uu, uv, shear) of plane stress."""
+        """Compliances, (m,), or (m, 4) of a membrane: (uu, uv, shear, vv) of plane stress."""
         if self.kind == "membrane":
-            stretch, shear = self.stiffness["stretch"], self.stiffness["shear"]
+            stretch, shear, weft = (self.stiffness[name] for name in ("stretch", "shear", "weft"))
+            weft = np.where(weft > 0.0, weft, stretch)
             shear = np.maximum(shear, 1e-6 * stretch)              # a cloth without shear still has a direction
-            one = np.concatenate([1.0 / stretch, -self.poisson / stretch, 1.0 / shear])
+            one = np.concatenate([1.0 / stretch, -self.poisson / np.sqrt(stretch * weft), 1.0 / shear, 1.0 / weft])
             return self.shape[:, None] * one
         return self.shape / next(iter(self.stiffness.values()), 1.0)
 
@@ -117,7 +118,7 @@ def _membrane(body: Body, cloth: Cloth) -> list[Rows]:
     """Triangle strain: rest is the inverse of the edge matrix in the triangle's plane, shape 1 / area."""
     local, areas = flat(body.rest[body.triangles - body.first])
     good, fabric = areas > 0.0, cloth.material
-    stiffness = {"stretch": np.array([fabric.stretch]), "shear": np.array([fabric.shear])}
+    stiffness = {name: np.array([getattr(fabric, name)]) for name in ("stretch", "shear", "weft")}
     return [Rows("membrane", body.triangles[good], np.linalg.inv(local[good]), 1.0 / areas[good], stiffness,
                  fabric.damping, fabric.poisson)]
 

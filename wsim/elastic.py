@@ -24,7 +24,7 @@ def energy(model: Model, rows: list[Rows], state: State) -> float:
         alpha = np.concatenate([np.broadcast_to(r.alpha, (len(r.ids), *r.alpha.shape[1:])) for r in same])
         data.point = model.upload(ids, wp.types.vector(ids.shape[1], int))
         data.rest = model.upload(rest, t.mat22 if rest.ndim == 3 else t.scalar)
-        data.alpha = model.upload(alpha, t.vec3 if alpha.ndim == 2 else t.scalar)
+        data.alpha = model.upload(alpha, t.vec4 if alpha.ndim == 2 else t.scalar)
         out = wp.zeros(min(LANES, len(ids)), dtype=wp.vec3d, device=model.device)
         kernel = statistics(kind, real=model.real, module=f"{model.module}_report")
         model.launch(kernel, out.size, [data, state.x, len(ids), state.e], [out])

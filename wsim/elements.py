@@ -26,7 +26,7 @@ class Table:
         rest = np.concatenate([r.rest for r in rows])
         self.data.rest = model.upload(rest, t.mat22 if rest.ndim == 3 else t.scalar)
         alpha, tau = self.values()
-        self.data.alpha = model.upload(alpha, t.vec3 if alpha.ndim == 2 else t.scalar)
+        self.data.alpha = model.upload(alpha, t.vec4 if alpha.ndim == 2 else t.scalar)
         self.data.tau = model.upload(tau, t.scalar)
 
     def values(self) -> tuple[np.ndarray, np.ndarray]:

@@ -4,6 +4,8 @@ Energy of a deformed sheet, per rest area (plane stress; e_u, e_v stretches, g s
 
     psi = 1/2 stretch/(1 - nu^2) (e_u^2 + e_v^2 + 2 nu e_u e_v) + 1/2 shear g^2 + 1/2 bend kappa^2
 
+and with a weft of its own, psi = 1/2 (stretch e_u^2 + weft e_v^2 + 2 nu sqrt(stretch weft) e_u e_v)/(1 - nu^2) + ...
+
 so `stretch` = E t is the stiffness of a strip, force per width and strain [N/m], `shear` = G t [N/m],
 `bend` = E t^3 / (12 (1 - nu^2)) [N m] for a homogeneous sheet of thickness t.
 """
@@ -23,6 +25,7 @@ class Fabric:
     density: float = 200.0          # [kg/m^3], > 0; density * thickness is the mass per area
     poisson: float = 0.0            # nu, in (-1, 0.5)
     damping: float = 0.0            # relaxation time of elastic forces [s]: damping force = damping * stiffness * rate
+    weft: float = 0.0               # `stretch` across the warp (x of the rest shape) [N/m], of membranes; 0: as along it
     strain_limit: float = inf       # edges may not stretch beyond 1 + strain_limit times rest; inf: no limit
     static_friction: float = 0.5
     dynamic_friction: float = 0.5

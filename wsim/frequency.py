@@ -72,7 +72,7 @@ def stiffness(rows: list[Rows], body: Body) -> list[Stiffness]:
         G, alpha = gradients(r, body), r.alpha
         if r.kind == "membrane":
             A = np.zeros((len(G), 3, 3))
-            A[:, 0, 0] = A[:, 1, 1] = alpha[:, 0]
+            A[:, 0, 0], A[:, 1, 1] = alpha[:, 0], alpha[:, 3]
             A[:, 0, 1] = A[:, 1, 0] = alpha[:, 1]
             A[:, 2, 2] = alpha[:, 2]
             root = np.linalg.cholesky(np.linalg.inv(A))

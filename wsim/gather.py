@@ -193,17 +193,17 @@ class Elements:
         self.data = corner.elements(kind, real)()
         self.data.point = model.upload(self.ids, wp.types.vector(self.ids.shape[1], int))
         self.data.rest = model.upload(np.concatenate([r.rest for r in rows]), t.mat22 if kind == "membrane" else real)
-        self.data.stiffness = model.upload(self.stiffness(), t.vec3 if kind == "membrane" else real)
+        self.data.stiffness = model.upload(self.stiffness(), t.vec4 if kind == "membrane" else real)
         self.data.tau = model.upload(self.tau(), real)
 
     def stiffness(self) -> np.ndarray:
-        """alpha^-1, (m,); of a membrane (m, 3): (uu, uv, shear) of plane stress."""
+        """alpha^-1, (m,); of a membrane (m, 4): (uu, uv, shear, vv) of plane stress."""
         alpha = np.concatenate([np.broadcast_to(r.alpha, (len(r.ids), *r.alpha.shape[1:])) for r in self.rows])
         if self.kind != "membrane":
             return 1.0 / alpha
-        uu, uv, shear = alpha.T
-        return np.stack([uu, -uv, np.zeros_like(uu)], axis=1) / (uu**2 - uv**2)[:, None] + np.stack(
-            [np.zeros_like(uu), np.zeros_like(uu), 1.0 / shear], axis=1)
+        uu, uv, shear, vv = alpha.T
+        det = uu * vv - uv**2
+        return np.stack([vv / det, -uv / det, 1.0 / shear, uu / det], axis=1)
 
     def tau(self) -> np.ndarray:
         return np.concatenate([np.full(len(r.ids), r.tau) for r in self.rows])

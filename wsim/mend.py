@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from wsim.simulation import Simulation
 
 # live parameters that bound explicit steps
-STIFFENS = ("stretch", "shear", "bend", "damping", "stiffness", "air_drag", "young", "poisson", "density")
+STIFFENS = ("stretch", "shear", "weft", "bend", "damping", "stiffness", "air_drag", "young", "poisson", "density")
 
 
 def mend(sim: Simulation, status: np.ndarray) -> bool:

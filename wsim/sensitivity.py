@@ -198,5 +198,9 @@ def _by_stiffness(r: Rows, name: str, kind: str, by: np.ndarray, stiffness: np.n
     value = r.stiffness[name]
     if kind != "membrane":
         return by * stiffness / value
-    columns = slice(0, 2) if name == "stretch" else slice(2, 3)
-    return (by[:, columns] * stiffness[:, columns]).sum(axis=1) / value
+    if name == "weft" and not value > 0.0:
+        raise KeyError("weft follows stretch where it is 0; give it a value of its own")
+    apart = r.stiffness["weft"] > 0.0                          # uv is as the root of stretch times weft
+    parts = {"shear": (0.0, 0.0, 1.0, 0.0), "weft": (0.0, 0.5, 0.0, 1.0),
+             "stretch": (1.0, 0.5, 0.0, 0.0) if apart else (1.0, 1.0, 0.0, 1.0)}[name]
+    return (by * stiffness) @ np.array(parts) / value

@@ -175,8 +175,8 @@ class Simulation:
     def set(self, path: str, name: str, value, world: int | None = None) -> None:
         """A live parameter, from the next frame on, without rebuilding, of one world or of all (None).
 
-        "/" names the whole scene. gravity, air_drag, wind; stretch, shear, bend, damping of a cloth; stiffness of springs;
-        young, poisson, damping, pressure of a soft body (the last two where there is some from the start); density of a
+        "/" names the whole scene. gravity, air_drag, wind; stretch, weft, shear, bend, damping of a cloth; stiffness of
+        springs; young, poisson, damping, pressure of a soft body (the last two where there is some from the start); density of a
         cloth or soft body whose masses follow it;
         motion of a pin, or of a collider (which all worlds share); positions and velocities (in world space, author's
         order) of a body.
@@ -191,8 +191,8 @@ class Simulation:
         if not any([m.set(path, name, value, world) for m in self.plan.methods]):
             where = "" if world is None else f" in world {world} of {self.worlds}"
             raise SceneError(Problem(path, f"has no live parameter {name!r}{where}; there are gravity, air_drag, wind, "
-                                     "stretch, shear, bend, damping, density, stiffness, young, poisson, pressure, motion, "
-                                     "positions, velocities"))
+                                     "stretch, weft, shear, bend, damping, density, stiffness, young, poisson, pressure, "
+                                     "motion, positions, velocities"))
         self.changes.append((path, name, value, world))
         mend.keep_stable(self, name)
 

@@ -56,10 +56,11 @@ class Batch:
         self.data.point = model.upload(ids[self.order], wp.types.vector(ids.shape[1], int))
         rest = np.concatenate([r.rest for r in rows])[self.order]
         self.data.rest = model.upload(rest, t.mat22 if rest.ndim == 3 else t.scalar)
-        self.entry = t.vec3 if alpha.ndim == 2 else t.scalar
+        self.entry = t.vec4 if alpha.ndim == 2 else t.scalar
         self.data.alpha = self.send(alpha, self.entry)
         self.data.tau = self.send(tau, t.scalar) if self.damped else None
-        self.lam = wp.zeros(self.size if self.multipliers else 0, dtype=self.entry, device=model.device)
+        self.lam = wp.zeros(self.size if self.multipliers else 0, dtype=t.vec3 if alpha.ndim == 2 else t.scalar,
+                            device=model.device)
 
     def values(self) -> tuple[np.ndarray, np.ndarray]:
         """Compliance and relaxation time of each constraint in the order of the rows."""

@@ -2,6 +2,7 @@
 
     stretch               one value for every body that has it
     /World/Cloth:stretch  of that body alone
+    stretch_warp, stretch_weft    apart; stretch keeps their ratio
     gravity               three parameters: gravity_x, gravity_y, gravity_z; each may be named alone; so with wind
 
 Maps: moduli, densities and times, which are positive, by their logarithm; Poisson's ratio by a bounded map; the rest as it is.
@@ -71,7 +72,8 @@ class Row:
 
 
 TABLE = (
-    Row("stretch", Cloth, "N/m", within="material"), Row("shear", Cloth, "N/m", within="material"),
+    Row("stretch", Cloth, "N/m", within="material"), Row("stretch_warp", Cloth, "N/m", within="material"),
+    Row("stretch_weft", Cloth, "N/m", within="material"), Row("shear", Cloth, "N/m", within="material"),
     Row("bend", Cloth, "N m", within="material"), Row("damping", Cloth, "s", within="material"),
     Row("density", Cloth, "kg/m^3", within="material"),
     Row("stiffness", Springs, "N/m"), Row("damping", Springs, "s"),
@@ -80,6 +82,7 @@ TABLE = (
     Row("pressure", Soft, "Pa", Map("plain", high=1e3)),
     Row("gravity", Scene, "m/s^2", PLAIN), Row("wind", Scene, "m/s", PLAIN), Row("air_drag", Scene, "1/s"),
 )
+STRETCHES = {"stretch": ("warp", "weft"), "stretch_warp": ("warp",), "stretch_weft": ("weft",)}
 NAMES = tuple(dict.fromkeys(row.name for row in TABLE))
 FROZEN = ("poisson", "thickness", "strain_limit", "yield_strain", "static_friction", "dynamic_friction", "drag", "lift", "weld",
           "masses", "mass", "lengths", "rest_points", "air_density")        # of a scene, and fixed while it runs
@@ -127,9 +130,18 @@ class Parameter:
 
     def live(self, scene: Scene) -> list[tuple[str, str, object]]:
         """(path, name, value) of `Simulation.set` that give a running copy what this scene has."""
-        return [("/", self.what, getattr(scene, self.what)) if row.owner is Scene else
-                (thing.path, self.what, np.asarray(thing.stiffness, np.float64) if self.what == "stiffness"  # type: ignore
-                 else _get(row, thing, None)) for row, thing in self.rows(scene)]
+        found: list[tuple[str, str, object]] = []
+        for row, thing in self.rows(scene):
+            if row.owner is Scene:
+                found.append(("/", self.what, getattr(scene, self.what)))
+            elif isinstance(thing, Cloth) and self.what in STRETCHES:
+                names = ("stretch", "weft") if thing.model == "membrane" else ("stretch",)
+                found += [(thing.path, name, getattr(thing.material, name)) for name in names]
+            elif isinstance(thing, Springs) and self.what == "stiffness":
+                found.append((thing.path, self.what, np.asarray(thing.stiffness, np.float64)))
+            else:
+                found.append((thing.path, self.what, _get(row, thing, None)))            # type: ignore[attr-defined]
+        return found
 
 
 def _with(vector, axis: int, value: float) -> tuple[float, ...]:
@@ -137,12 +149,19 @@ def _with(vector, axis: int, value: float) -> tuple[float, ...]:
 
 
 def _get(row: Row, thing, axis: int | None) -> float:
+    if row.name in STRETCHES:
+        return thing.material.weft or thing.material.stretch if row.name == "stretch_weft" else thing.material.stretch
     value = getattr(getattr(thing, row.within) if row.within else thing, row.name)
     return float(value[axis]) if axis is not None else float(np.mean(np.asarray(value, np.float64)))
 
 
 def _put(row: Row, thing, value: float):
     """A copy of a body with that value; springs of different stiffness keep their proportions."""
+    if row.name in STRETCHES:
+        m = thing.material
+        new = {"stretch": {"stretch": value, "weft": m.weft * (value / m.stretch)}, "stretch_weft": {"weft": value},
+               "stretch_warp": {"stretch": value, "weft": m.weft or m.stretch}}[row.name]
+        return replace(thing, material=replace(m, **new))
     if row.within:
         return replace(thing, **{row.within: replace(getattr(thing, row.within), **{row.name: value})})
     copy = replace(thing) if row.name == "stiffness" else replace(thing, **{row.name: value})
@@ -230,6 +249,9 @@ def _wrong(p: Parameter, scenes: list[Scene]) -> list[Problem]:
             if not isfinite(value) or (p.map.kind == "log" and value <= 0.0) or (p.what == "pressure" and value == 0.0):
                 problems.append(Problem(path, f"{p.what} is {value:g} at the start, so that nothing of it runs; give a start "
                                         f"value other than 0 ({p.name})"))
+            elif p.what in ("stretch_warp", "stretch_weft") and thing.model != "membrane":     # type: ignore[attr-defined]
+                problems.append(Problem(path, f"{p.what} is of membranes, and its model is 'springs'; fit stretch, or take the "
+                                        "model 'membrane'"))
             elif p.what == "density" and density_of(thing) is None:
                 problems.append(Problem(path, "density changes nothing: masses are authored, or materials differ; remove the "
                                         "masses, or leave density out"))
@@ -245,7 +267,8 @@ def _twice(found: list[Parameter], scenes: list[Scene]) -> list[Problem]:
     seen: dict[tuple, str] = {}
     problems = []
     for p in found:
-        for key in {(k, getattr(thing, "path", "/"), p.what, p.axis) for k, s in enumerate(scenes) for _, thing in p.rows(s)}:
+        for key in {(k, getattr(thing, "path", "/"), part, p.axis) for k, s in enumerate(scenes) for _, thing in p.rows(s)
+                    for part in STRETCHES.get(p.what, (p.what,))}:
             if key in seen:
                 problems.append(Problem(key[1], f"{p.what} is named twice, by {seen[key]} and {p.name}; name it once"))
             seen[key] = p.name

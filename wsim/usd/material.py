@@ -68,7 +68,7 @@ def load_fabric(reading: Reading, prim: Usd.Prim, body_density: float | None, th
     values = _sheet(reading, material, thickness)
     values["density"] = density_of(reading, material, body_density)
     values["static_friction"], values["dynamic_friction"] = load_friction(reading, prim, note=True)
-    for field in ("damping", "strain_limit"):
+    for field in ("damping", "weft", "strain_limit"):
         value = read(material, "Fabric", field, reading.units)
         if value is not None:
             values[field] = value

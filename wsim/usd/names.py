@@ -82,6 +82,7 @@ TABLE = (
     Row("Fabric", "dynamic_friction", MATERIAL, "physics:dynamicFriction", "float"),
     Row("Fabric", "thickness", WSIM_MATERIAL, "wsim:thickness", "double", "m"),
     Row("Fabric", "damping", WSIM_MATERIAL, "wsim:damping", "double", "s"),
+    Row("Fabric", "weft", WSIM_MATERIAL, "wsim:weftStretch", "double", "N/m"),
     Row("Fabric", "strain_limit", WSIM_MATERIAL, "wsim:strainLimit", "double"),
 
     Row("Bulk", "young", VOLUME_MATERIAL, "physics:youngsModulus", "float", "Pa"),
