@@ -101,6 +101,31 @@ def test_two_parameters_of_a_noisy_sheet_within_a_percent_in_eight_simulations(f
     assert found.scene.cloths[0].material.bend == found.values["bend"] and scene.cloths[0].material.bend == 1e-3
 
 
+def test_warp_and_weft_are_found_apart(fall):
+    """A weft that is twice the warp, from one value for both; what is fitted together keeps its ratio."""
+    scene, _ = fall
+    woven = replace(scene.cloths[0], material=replace(scene.cloths[0].material, weft=400.0))
+    x = motion(replace(scene, cloths=[woven], frames=12))
+    found = fit(scene, seen(x, "/sheet", 1e-4), "stretch_warp,stretch_weft", settings=CPU)
+    assert found.values == pytest.approx({"stretch_warp": 200.0, "stretch_weft": 400.0}, rel=1e-3)
+    both, _ = parameters("stretch", [found.scene])
+    material = both[0].written(found.scene, 100.0).cloths[0].material
+    assert (material.stretch, material.weft) == pytest.approx((100.0, 200.0), rel=2e-3)
+
+
+def test_a_live_weft_moves_no_energy(fall):
+    """Forces and energies of a sheet with a weft of its own belong together: leapfrog keeps their sum."""
+    scene, _ = fall
+    sim = Simulation(scene, device="cpu", precision="float64")
+    sim.set("/sheet", "weft", 400.0)
+    sim.step()
+    before = sim.indicators()
+    sim.run(8)
+    after = sim.indicators()
+    fallen = after["kinetic_energy"] - before["kinetic_energy"]
+    assert abs(after["energy"] - before["energy"]) < 2e-3 * fallen and after["elastic_energy"] > 1e-3 * fallen
+
+
 def test_error_bars_hold_the_truth(fall):
     """Six draws, two parameters: none beyond 3.5 error bars (1 in 180 chances), at least 9 of 12 within two."""
     scene, x = fall
@@ -234,7 +259,8 @@ def test_a_fit_goes_on_where_it_was_stopped(swing, tmp_path):
     ("", "none is named"), ("elasticity", "elasticity: is no parameter; allowed are stretch"),
     ("thickness", "is fixed while a scene runs"), ("/no/cloth:stretch", "/no/cloth: nothing here has stretch"),
     ("young", "it belongs to soft"), ("stretch,/sheet:stretch", "named twice"), ("damping", "give a start value"),
-    ("wind", "no cloth has drag or lift"), ("/sheet:gravity", "the whole scene's"), ("poisson", "nu of a cloth is fixed")])
+    ("wind", "no cloth has drag or lift"), ("stretch,stretch_weft", "named twice"),
+    ("/sheet:gravity", "the whole scene's"), ("poisson", "nu of a cloth is fixed")])
 def test_a_parameter_that_cannot_be_fitted_is_named_with_those_that_can(asked, words):
     with pytest.raises(SceneError, match=words):
         parameters(asked, [sheet()])
