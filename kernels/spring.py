@@ -64,13 +64,10 @@ def together(vec3, lanes: int):
 
 
 @cache
-def acceleration(real, *, springs: bool, corners: bool, damped: bool, added: bool = False, lanes: int = 1,
-                 width: int = 0, field=None):
-    """Function: acceleration [m/s^2] of point i, copy `source` of d; `lane` is which of its `lanes` threads this is.
-    added: the springs' forces are summed already, in f[i] (kernels/march.py). width: every point has so many entries, the last
-    of which may pull at nothing; 0: see `Net.start`. field: function (x + d, v~) -> acceleration."""
+def gather(real, *, springs: bool, corners: bool, damped: bool, added: bool = False, lanes: int = 1, width: int = 0):
+    """Function: what lane `lane` of point i sums of its forces [N], copy `source` of d. See `acceleration`."""
     t = types(real)
-    Net, vec3, total = net(real), t.vec3, together(t.vec3, lanes)
+    Net, vec3 = net(real), t.vec3
 
     @wp.func
     def spring(net: Net, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), c: int, x0: vec3, d0: vec3, v0: vec3, source: int):
@@ -107,6 +104,19 @@ def acceleration(real, *, springs: bool, corners: bool, damped: bool, added: boo
             for e in range(net.first[i] + lane, net.first[i + 1], lanes):
                 force += f[net.item[e]]
         return force
+
+    return gathered
+
+
+@cache
+def acceleration(real, *, lanes: int = 1, field=None, **kinds):
+    """Function: acceleration [m/s^2] of point i, copy `source` of d; `lane` is which of its `lanes` threads this is.
+
+    springs, corners, damped: what there is. added: the springs' forces are summed already, in f[i] (kernels/march.py). width:
+    every point has so many entries, the last of which may pull at nothing; 0: see `Net.start`. field: function
+    (x + d, v~) -> acceleration."""
+    t = types(real)
+    Net, vec3, total, gathered = net(real), t.vec3, together(t.vec3, lanes), gather(real, lanes=lanes, **kinds)
 
     @wp.func
     def acceleration(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), i: int, lane: int,

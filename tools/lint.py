@@ -30,6 +30,7 @@ LAYERS = (
     ("cloth", "soft"),
     ("frequency", "choice", "covered"),
     ("elastic", "elements", "fem", "plastic", "pressure", "gather"),
+    ("unstep",),
     ("points", "explicit", "implicit", "aero", "xpbd", "rigid", "fluid", "pose"),
     ("plan",),
     ("measure", "mend", "stress", "simulation", "sensitivity", "recording"),

@@ -114,8 +114,8 @@ def cloth(thing: Cloth) -> list[Problem]:
     if thing.model not in CLOTH_MODELS:
         found.append(error(path, f"model is '{thing.model}'", " or ".join(CLOTH_MODELS), "choose one of them"))
     if thing.model == "springs" and thing.material.weft > 0.0:
-        found.append(error(path, f"weft is {thing.material.weft:g} and the model is 'springs', which has one stretch", "0 there",
-                           "take the model 'membrane'"))
+        found.append(error(path, f"weft is {thing.material.weft:g} and the model is 'springs', which has one stretch",
+                           "0 there", "take the model 'membrane'"))
     return found
 
 

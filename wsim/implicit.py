@@ -24,12 +24,10 @@ from wsim.state import State
 TOLERANCE = 1e-2       # of conjugate gradients. 32 x 32 cloth, 4 x 1: error 3.5e-3 m at 0.25 s with 1e-3 and 1e-2, 4.0e-3 with
                        # 3e-2, 5.9e-3 with 1e-1, for 47, 19, 16 and 14 iterations; further Newton steps solve what is left
 CAP = 300              # iterations of conjugate gradients: 1e5 N/m at 1/60 s takes them all, and still goes downhill
-LANES = 4096           # threads that sum the energy
 KINDS = ("distance", "dihedral", "membrane")
 MET = 0.5              # largest residual with which BDF2 goes on. 32 x 32 cloth, 1e3 N/m, 1 to 8 substeps: runs that left up to
                        # 1.5 were as right as solved ones, those that left 8 or more were not. float32 leaves 1e-3 there at
                        # best, 0.2 with 1e5 N/m
-
 MET_MIDPOINT = 1e-2    # as MET, for the implicit midpoint, which damps nothing of what is left. Rows of tools/stress (nets
                        # scattered, or in one place) gained energy with 0.1, and did not with this
 
@@ -44,7 +42,7 @@ class Implicit(Method):
         every = in_worlds(model, rows)
         self.tables = {kind: Table(kind, [r for r in every if r.kind == kind], model)
                        for kind in KINDS if any(r.kind == kind for r in every)}
-        self.contact = self.pins = self.free = None
+        self.contact = self.pins = self.free = self.unstep = None
         self.solids: list = []
         if model.scene.softs:
             from wsim.fem import tables_of
@@ -57,14 +55,18 @@ class Implicit(Method):
         self.rows, self.A, self.v = self.system.rows, self.system.A, self.system.v
         self.work()
         self.make()
+        if model.gradients:
+            from wsim.unstep import Unstep
+            self.unstep = Unstep(self, every)
         what = [f"{b.size} {b.kind}" for b in self.tables.values()] + [f"{t.size} {t.name} {t.noun}" for t in self.solids]
-        self.stages.append(Stage("newton", "solve", self.newton, self.launches, self.bytes, "iteration", ", ".join(what) + why))
+        stage = Stage("newton", "solve", self.iterate, self.launches, self.bytes, "iteration", ", ".join(what) + why)
+        self.stages.append(stage)
         if any(s.plastic for s in self.solids):
             size = sum(s.size for s in self.solids if s.plastic)
             self.stages.append(Stage("flow", "deform", self.flow, 1, size * 150, what=f"{size} plastic tets"))
 
     def coarse(self) -> tuple[list, str]:
-        """Bodies that are solved with a coarse space, and what the plan says about it."""
+        """Bodies solved with a coarse space, and what the plan says about it."""
         if not self.solids:
             return [], ""
         from wsim.multigrid import wanted
@@ -145,6 +147,13 @@ class Implicit(Method):
             first = np.unique(first)                       # points without pins have no row
             self.soft = [model.upload(values.astype(np.int32), int) for values in (first, item)]
             pins.stages = [s for s in pins.stages if s.name != "soft pins"]
+
+    def iterate(self, clock: Clock) -> None:
+        """A Newton step; while gradients are recorded all of them, to a residual."""
+        if not (self.unstep and self.model.tape):
+            self.newton(clock)
+        elif clock.i == 0:
+            self.model.tape.solve(self.unstep, clock)
 
     def newton(self, clock: Clock) -> None:
         """One Newton step; after the last of a frame, or of any substep of the midpoint, its residual."""
@@ -264,23 +273,16 @@ class Implicit(Method):
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]; residual of the frame's last Newton step (kernels/descent.py, `left`), largest of all
         bodies; pcg_iterations of the last substep, largest of all bodies."""
-        module = self.model.module + "_report"
+        from wsim.elastic import energy
         solid = self.solids[0].indicators(self.solids, self.state) if self.solids else {}
-        stored = sum((self.energy(b, module) for b in self.tables.values()), solid.get("solid_energy", 0.0))
+        rows = [r for table in self.tables.values() for r in table.rows]
+        stored = energy(self.model, rows, self.state) + solid.get("solid_energy", 0.0)
         return {"elastic_energy": stored, **solid, "residual": float(self.residual.numpy().max()),
                 "pcg_iterations": float(self.system.count.numpy().max())}
 
-    def energy(self, table: Table, module: str) -> float:
-        """1/2 C alpha^-1 C [J] of a table, summed in float64."""
-        from wsim.kernels.strain import statistics
-        out = wp.zeros(min(LANES, table.size), dtype=wp.vec3d, device=self.model.device)
-        kernel = statistics(table.kind, real=self.model.real, module=module)
-        self.model.launch(kernel, out.size, [table.data, self.state.x, table.size, self.state.e], [out])
-        return float(out.numpy()[:, 2].sum())
-
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """stretch, shear, bend of a cloth, stiffness of a spring net, young [Pa] and poisson of a soft body, damping [s]."""
-        hit = any([solid.set(path, name, value, world) for solid in self.solids])
+        hit = any([s.set(path, name, value, world) for s in (*self.solids, *(self.unstep.pull.tables if self.unstep else ()))])
         for table in self.tables.values():
             for r in table.rows:
                 if r.body is None or r.body.path != path or world not in (None, r.body.world):
@@ -293,4 +295,6 @@ class Implicit(Method):
                     continue
                 table.stale = hit = True
             table.refresh()
+        if self.unstep:
+            self.unstep.pull.refresh()
         return hit

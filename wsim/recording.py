@@ -19,6 +19,7 @@ from wsim.stage import NOT_FINITE
 from wsim.tape import Root, Slots, Tape, give
 
 FULL = 1 << 30         # bytes up to which everything is kept
+POOR = 1e-4            # residual of an implicit solve from which a warning is due
 
 
 @dataclass
@@ -58,6 +59,7 @@ class Recording:
         self.states, self.speeds = (wp.zeros((frames + 1, sim.model.points), dtype=self.state.x.dtype, device=sim.device)
                                     for _ in range(2))
         self.ran = False
+        self.residuals: dict[str, float] = {}         # of implicit solves, after `backward`
 
     # what is recorded and kept
 
@@ -207,7 +209,19 @@ class Recording:
                 self.reverse(frame, part)
             targets.append(self.parameters.take_targets())
         self.seed(seeds, 0)
+        self.look()
         return Gradient(self.parameters, {r.base.ptr: r.carried.numpy() for r in self.roots}, targets[::-1])
+
+    def look(self) -> None:
+        """What implicit solves have left, in `residuals`: gradients are as right as those are small."""
+        implicit = self.plan.method("implicit")
+        if implicit:
+            solver = implicit.unstep                                   # type: ignore[attr-defined]
+            self.residuals = {"forward": float(solver.missed.numpy()[0]), "adjoint": float(solver.left.numpy()[0])}
+            for name, value in self.residuals.items():
+                if not value < POOR:
+                    self.sim.warnings.append(f"/: gradients: the worst {name} solve has left {value:.1e} of its right side; "
+                                             f"they are no better than that. Take smaller substeps")
 
     def again(self, last: int) -> None:
         """The segment that ends with frame `last`, from its checkpoint."""

@@ -16,8 +16,8 @@ class Parameters:
 
     def __init__(self, plan):
         self.plan, self.model = plan, plan.model
-        explicit = plan.method("explicit")
-        self.pull = explicit.pull
+        explicit, implicit = plan.method("explicit"), plan.method("implicit")
+        self.pull = explicit.pull if explicit else implicit.unstep.pull
         self.points = plan.method("points").constants
         self.pins = plan.method("pins")
 
@@ -173,7 +173,7 @@ class Gradient:
     def solid(self, name: str, body) -> list[np.ndarray]:
         """Of tets, by Hooke's constants of each."""
         found = []
-        for table in self.plan.solids:
+        for table in self.parameters.pull.tables:
             first = 0
             for p in getattr(table, "parts", ()):
                 part = slice(first, first + len(p.rows))
@@ -194,13 +194,15 @@ class Gradient:
 
 
 def _by_stiffness(r: Rows, name: str, kind: str, by: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
-    """Of each element by one of its stiffnesses, which all entries of its table are proportional to."""
-    value = r.stiffness[name]
+    """Of each element by one of its stiffnesses. The table of a membrane is (uu, uv, shear, vv); uu is in proportion to
+    stretch, vv to weft, uv to the root of both; a weft of 0 stands for stretch."""
+    parts, value = by * stiffness, r.stiffness[name]
     if kind != "membrane":
-        return by * stiffness / value
-    if name == "weft" and not value > 0.0:
-        raise KeyError("weft follows stretch where it is 0; give it a value of its own")
-    apart = r.stiffness["weft"] > 0.0                          # uv is as the root of stretch times weft
-    parts = {"shear": (0.0, 0.0, 1.0, 0.0), "weft": (0.0, 0.5, 0.0, 1.0),
-             "stretch": (1.0, 0.5, 0.0, 0.0) if apart else (1.0, 1.0, 0.0, 1.0)}[name]
-    return (by * stiffness) @ np.array(parts) / value
+        return parts / value
+    same = r.stiffness["weft"] <= 0.0
+    powers = np.array({"shear": (0.0, 0.0, 1.0, 0.0), "weft": (0.0, 0.5, 0.0, 1.0), "stretch": (1.0, 0.5, 0.0, 0.0)}[name])
+    if name == "stretch":
+        powers = np.where(same[:, None], (1.0, 1.0, 0.0, 1.0), powers)
+    elif name == "weft":
+        value = np.where(same, np.inf, value)
+    return (parts * powers).sum(axis=1) / value

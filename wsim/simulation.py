@@ -176,8 +176,8 @@ class Simulation:
         """A live parameter, from the next frame on, without rebuilding, of one world or of all (None).
 
         "/" names the whole scene. gravity, air_drag, wind; stretch, weft, shear, bend, damping of a cloth; stiffness of
-        springs; young, poisson, damping, pressure of a soft body (the last two where there is some from the start); density of a
-        cloth or soft body whose masses follow it;
+        springs; young, poisson, damping, pressure of a soft body (the last two where there is some from the start); density of
+        a cloth or soft body whose masses follow it;
         motion of a pin, or of a collider (which all worlds share); positions and velocities (in world space, author's
         order) of a body.
         Raises SceneError if nothing of that path has such a parameter.

@@ -13,7 +13,7 @@ Integers are flags and lists, quaternions start an iteration (kernels/rotation.p
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -133,7 +133,7 @@ class Tape:
         if any(isinstance(a, wp.array) and a.grad is not None for a in wrote):
             if not kernel.options.get("enable_backward"):
                 raise ValueError(f"kernel {kernel.key} has no adjoint")
-            there, back = [_adjoint(a) for a in read], [_adjoint(a) for a in wrote]
+            there, back = [adjoint_of(a) for a in read], [adjoint_of(a) for a in wrote]
             self.adjoints.append(lambda: wp.launch(kernel, dim, read, wrote, adj_inputs=there, adj_outputs=back,
                                                    adjoint=True, **how))
 
@@ -141,8 +141,24 @@ class Tape:
         """As `wp.copy` of vectors."""
         count = count or source.size - first
         there, back = self.read(source[first:first + count]), self.write(into[into_first:into_first + count], True)
-        self.do(lambda: wp.copy(back, there))
+        self.do(lambda: wp.copy(back, without(there)))           # with gradients a copy would take those along
         self.hand(back.grad, there.grad)
+
+    def solve(self, unstep, clock) -> None:
+        """The implicit solve of a substep (`wsim.unstep`), with its own adjoint; what it launches is not recorded."""
+        s, anchor, model, now = unstep.method.state, unstep.method.points.anchor, unstep.model, replace(clock)
+        a, x, b = self.read(anchor), self.read(s.x), self.read(s.d)
+        d = self.write(s.d, True)
+
+        def forward() -> None:
+            before, model.tape = model.tape, None
+            for base, version in ((anchor, a), (s.x, x), (s.d, b)):
+                wp.copy(base, version)
+            unstep.solve(now)
+            wp.copy(d, s.d)
+            model.tape = before
+        self.do(forward)
+        self.adjoints.append(lambda: unstep.back(now, d, b, x, a))
 
     def do(self, step: Callable[[], None]) -> None:
         step()
@@ -191,7 +207,7 @@ class Tape:
         return _view(root.latest, root.base, a)
 
     def follow(self, before: wp.array, after: wp.array) -> None:
-        self.do(lambda: wp.copy(after, before))
+        self.do(lambda: wp.copy(after, without(before)))
         self.hand(after.grad, before.grad)
 
     def finish(self) -> None:
@@ -230,7 +246,12 @@ def _differs(a: Any) -> bool:
 KEPT = (wp.int32, wp.quatf, wp.quatd, wp.vec2i, wp.vec4i, wp.uint64)
 
 
-def _adjoint(a: Any) -> Any:
+def without(a: wp.array) -> wp.array:
+    """The same memory without a gradient."""
+    return wp.array(ptr=a.ptr, dtype=a.dtype, shape=a.shape, strides=a.strides, device=a.device)
+
+
+def adjoint_of(a: Any) -> Any:
     """What Warp wants as the adjoint of an argument: gradients of an array, or of those in a struct."""
     if isinstance(a, wp.array):
         return a.grad
@@ -239,5 +260,5 @@ def _adjoint(a: Any) -> Any:
     found = a._cls()
     for name in a._cls.vars:
         value = getattr(a, name)
-        setattr(found, name, value.grad if isinstance(value, wp.array) else None if value is None else value)
+        setattr(found, name, value.grad if isinstance(value, wp.array) else value)
     return found

@@ -1,0 +1,129 @@
+"""Gradients of whole runs: time of the backward pass over that of the forward pass, memory, and how right they are.
+
+    python tools/bench/gradients.py [--device cuda:0|cpu] [--points 32,100] [--tets 2560] [--substeps 1024] [--json FILE]
+
+sheet    points a side, springs of 1 kN/m, leapfrog; bar  tets, corotational, leapfrog or BDF2 by Newton's method (64 substeps)
+keep     all: memory for every substep; checkpoints: for a segment at a time, which then runs twice
+ms       of the forward pass (recorded, replayed from graphs), and back/forward of the least of three passes each
+bytes    of versions, gradients and checkpoints, and over those of keeping all
+apart    of the gradient by initial positions: |float32 - float64| over |float64|; slope: the derivative along a random
+         direction against a difference of order 8 of runs in float64, relative
+
+The loss is the sum of squares of the last positions.
+"""
+
+import argparse
+import json
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+from tools.bench import reference  # noqa: E402
+from tools.bench.speed import hardware  # noqa: E402
+from wsim import Scene, Simulation, shapes  # noqa: E402
+from wsim.bulk import Bulk  # noqa: E402
+from wsim.recording import Recording  # noqa: E402
+
+FRAMES = 16
+WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
+
+
+def sheet(n: int, substeps: int) -> Scene:
+    scene = reference.spring_cloth(n, stretch=1e3, diagonal=1e3)
+    return replace(scene, solver="explicit", integrator="leapfrog", substeps=substeps)
+
+
+def bar(tets: int, substeps: int, implicit: bool) -> Scene:
+    cells = max(1, round((tets / 20) ** (1 / 3)))
+    scene = Scene(fps=60.0, solver="implicit" if implicit else "explicit", integrator="bdf2" if implicit else "leapfrog",
+                  substeps=substeps, iterations=2)
+    points, solid = shapes.block((0.4, 0.1, 0.1), (4 * cells, cells, cells))
+    body = scene.soft("/bar", points, solid, material=Bulk(young=2e5, poisson=0.3, density=1e3))
+    scene.pin("/wall", body, points=np.flatnonzero(points[:, 0] < points[:, 0].min() + 1e-6))
+    return scene
+
+
+class Loss:
+    """1/2 |x|^2 of the last positions, and its gradient by the first ones."""
+
+    def __init__(self, scene: Scene, precision: str, keep: str, device: str | None):
+        self.sim = Simulation(scene, device=device, precision=precision, gradients=True)
+        self.recording = Recording(self.sim, FRAMES, keep)
+        self.recording.run()
+
+    def backward(self):
+        return self.recording.backward({FRAMES: self.recording.positions(FRAMES)})
+
+    def seconds(self, what) -> float:
+        every = []
+        for _ in range(3):
+            wp.synchronize_device(self.sim.device)
+            began = time.perf_counter()
+            what()
+            wp.synchronize_device(self.sim.device)
+            every.append(time.perf_counter() - began)
+        return min(every)
+
+
+def slope(scene: Scene, way: np.ndarray, device: str | None) -> float:
+    """Derivative of the loss along `way` by differences of runs, to order 8."""
+    path, total, step = scene.bodies()[0].path, 0.0, 2e-5
+    for k, w in enumerate(WEIGHTS, 1):
+        for sign in (1, -1):
+            sim = Simulation(scene, device=device, precision="float64", gradients=True)
+            sim.set(path, "positions", sim.positions() + sign * k * step * way)
+            recording = Recording(sim, FRAMES)
+            recording.run()
+            total += sign * w * 0.5 * float((recording.positions(FRAMES) ** 2).sum()) / step
+    return total
+
+
+def row(name: str, scene: Scene, device: str | None) -> list[dict]:
+    exact = Loss(scene, "float64", "auto", device)
+    found = exact.backward().positions()
+    way = np.random.default_rng(1).normal(size=found.shape)
+    way /= np.linalg.norm(way)
+    expected = slope(scene, way, device)
+    rows = []
+    for keep in ("all", "checkpoints"):
+        loss = Loss(scene, "float32", keep, device)
+        gradient = loss.backward().positions()
+        forward, back = loss.seconds(loss.recording.run), loss.seconds(loss.backward)
+        rows.append({"scene": name, "points": len(found), "substeps": FRAMES * scene.substeps, "keep": keep,
+                     "forward_ms": 1e3 * forward, "back_over_forward": back / forward, "megabytes": loss.recording.bytes / 1e6,
+                     "share": loss.recording.bytes / loss.recording.full,
+                     "apart": float(np.linalg.norm(gradient - found) / np.linalg.norm(found)),
+                     "slope": abs(float((found * way).sum()) / expected - 1.0), **loss.recording.residuals})
+        print("  ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in rows[-1].items()), flush=True)
+    return rows
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default=None)
+    parser.add_argument("--points", default="32,100", help="a side of the sheets")
+    parser.add_argument("--tets", default="2560")
+    parser.add_argument("--substeps", type=int, default=1024, help=f"of {FRAMES} frames, explicit")
+    parser.add_argument("--json", default=None)
+    args = parser.parse_args()
+    wp.config.log_level = wp.LOG_WARNING
+    head = {"hardware": hardware(wp.get_device(args.device)), "warp": wp.config.version}
+    print(head)
+    rows, each = [], max(1, args.substeps // FRAMES)
+    for n in map(int, filter(None, args.points.split(","))):
+        rows += row(f"sheet {n}", sheet(n, max(each, round(2.6 * n))), args.device)
+    for tets in map(int, filter(None, args.tets.split(","))):
+        rows += row(f"bar {tets}", bar(tets, each, False), args.device)
+        rows += row(f"bar {tets}, implicit", bar(tets, 4, True), args.device)
+    if args.json:
+        Path(args.json).write_text(json.dumps(head | {"rows": rows}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
