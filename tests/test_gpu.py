@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.test_gradients import bar, sheet
 from tests.test_simulation import chain, drape
 from tests.test_ties import laid
 from tools.bench import reference
@@ -11,6 +12,7 @@ from wsim import shapes
 from wsim.bulk import Bulk
 from wsim.curve import Motion
 from wsim.fabric import Fabric
+from wsim.recording import Recording
 from wsim.scene import Plane, Scene, Sphere
 from wsim.simulation import Simulation
 
@@ -193,3 +195,21 @@ def test_what_soft_bodies_may_have_agrees(what, solver):
         sim.run(6)
         found.append(sim.positions("/bar"))
     assert reference.rms(found[0] - found[1]) < 1e-9
+
+
+@pytest.mark.parametrize("keep", ["all", "checkpoints"])
+@pytest.mark.parametrize("make, settings", [
+    (sheet, {"model": "membrane"}), (sheet, {"model": "springs", "solver": "implicit", "integrator": "bdf2", "substeps": 4}),
+    (bar, {"model": "corotational"}),
+    (bar, {"model": "neo_hookean", "solver": "implicit", "integrator": "implicit_midpoint", "substeps": 4})])
+def test_gradients_agree(make, settings, keep):
+    found = []
+    for device in ("cpu", "cuda:0"):
+        recording = Recording(Simulation(make(**settings), device=device, precision="float64", gradients=True), 3, keep)
+        found.append(recording.backward({3: recording.positions(3), 1: recording.positions(1)}))
+    cpu, gpu = found
+    for name in ("positions", "velocities", "masses", "gravity"):
+        a, b = getattr(cpu, name)(), getattr(gpu, name)()
+        assert np.abs(b - a).max() < 1e-8 * np.abs(a).max()
+    name = "stretch" if make is sheet else "young"
+    assert gpu.material(name) == pytest.approx(cpu.material(name), rel=1e-8)

@@ -27,9 +27,9 @@ EDGE = 0.87            # of the mean distance to neighbours: the edge of a cube 
 DAMPED = 0.9           # of the largest omega that is sure to be stable
 SMALL = {"cuda": 64, "cpu": 2**31}      # nodes of a body in a level up to which one block goes on to the last
 # (points of a body from which on, least kappa), more points last. CPU: 25k tets, kappa 9.9: 45 iterations or 17, equal time;
-# 164k tets, kappa 18.7: 88 or 21, 1.3 times as fast; 976k tets, kappa 33.8: 217 or 24, 1.8 times. CUDA: not measured yet; a
-# cycle is a dozen launches, few beside products over many points
-PAYS = {"cuda": ((20_000, 20.0), (100_000, 10.0)), "cpu": ((3_000, 12.0),)}
+# 164k tets, kappa 18.7: 88 or 21, 1.3 times as fast; 976k tets, kappa 33.8: 217 or 24, 1.8 times. H200: a cycle is a dozen
+# launches; 205k points, kappa 33.8: 174 iterations or 27, 25 ms or 17; 42k points, 19.8: 94 or 21, 4.4 ms or 5.2
+PAYS = {"cuda": ((150_000, 14.0),), "cpu": ((3_000, 12.0),)}
 THREADS = 64           # of a block
 
 
