@@ -14,7 +14,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.real import differentiable, types
+from wsim.kernels.real import types
 from wsim.kernels.spring import gather, net
 
 
@@ -38,7 +38,7 @@ def force(real, module, flags: tuple):
     t, one = types(real), gather(real, **dict(flags))
     Net, vec3 = net(real), t.vec3
 
-    @wp.kernel(module=module, enable_backward=differentiable(module))
+    @wp.kernel(module=module, enable_backward=False)
     def force(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), pair: wp.array(dtype=vec3),
               f_out: wp.array(dtype=vec3)):
         i = wp.tid()

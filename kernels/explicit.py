@@ -93,7 +93,7 @@ def leap(real, module, flags: tuple, field=None):
     t, one = types(real), _leap(real, flags, field)
     vec3, Net, Step = t.vec3, net(real), steps(real)
 
-    @wp.kernel(module=module, enable_backward=differentiable(module))
+    @wp.kernel(module=module, enable_backward=False)
     def leap(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), v: wp.array(dtype=vec3),
              carry: wp.array(dtype=vec3), step: Step,
              d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3)):

@@ -29,7 +29,7 @@ LAYERS = (
     ("contact",),
     ("cloth", "soft"),
     ("frequency", "choice", "covered"),
-    ("elastic", "elements", "fem", "plastic", "pressure", "gather"),
+    ("elastic", "elements", "fem", "plastic", "pressure", "unpull", "gather"),
     ("unstep",),
     ("points", "explicit", "implicit", "aero", "xpbd", "rigid", "fluid", "pose"),
     ("plan",),

@@ -153,7 +153,7 @@ class Explicit(Method):
         self.pull.launch(source, s.x, self.pair)
         self.model.launch(self.kernel, self.model.points * self.pull.lanes,
                           [self.net, self.pull.force, s.x, self.pair, s.v, self.carry, step],
-                          [self.pair, s.v, self.carry])
+                          [self.pair, s.v, self.carry], self.pull.backward)
         return 1 - source
 
     def advance(self, clock: Clock, source: int) -> int:

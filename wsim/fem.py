@@ -1,5 +1,6 @@
 """Tetrahedra of soft bodies on the device, a table for each material model: what kernels/fem.py and quadratic.py read."""
 
+from collections.abc import Callable
 from math import inf, sqrt
 from typing import TYPE_CHECKING, Any
 
@@ -47,6 +48,7 @@ class Tetrahedra:
         self.data.mu, self.data.lam, self.data.tau = (model.upload(a, t.scalar) for a in (mu, lam, tau))
         self.damped = bool(tau.any())
         self.q = wp.zeros(points * self.size, dtype=t.quat, device=model.device)
+        self.backward: Callable | None = None    # adjoint of the forces
         self.plastic: Plastic | None = None
         self.kept: dict = {}              # what outlives a frame, by name
         if any(m.yield_strain < inf for p in self.parts for m in p.soft.materials):
@@ -69,7 +71,7 @@ class Tetrahedra:
         """Launches the forces of corners at displacements d and velocities v, where tets have flowed."""
         if self.plastic:
             self.plastic.flow(x, d)
-        self.model.launch(self.pull, self.size, [self.data, x, d, v, self.q], [force, self.q])
+        self.model.launch(self.pull, self.size, [self.data, x, d, v, self.q], [force, self.q], self.backward)
 
     def kernels(self) -> list:
         """Of Newton's method: `linearise` and `energy_change`."""

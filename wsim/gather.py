@@ -4,6 +4,8 @@ On a GPU a point's springs stand together, padded to equal numbers where that do
 threads; on a CPU every spring stands once, at its lower end, and is added to both (kernels/spring.py, kernels/march.py).
 """
 
+from collections.abc import Callable
+
 import numpy as np
 import warp as wp
 
@@ -29,6 +31,7 @@ class Pull:
         """alone: nothing else acts within a frame, so that a cluster of blocks, or CPU threads abreast, may take all of it."""
         self.model = model
         self.cluster: Cluster | None = None
+        self.backward: Callable | None = None         # adjoint of a leap
         self.springs = [r for r in rows if r.kind == "distance"]
         self.tables: list = []
         if model.scene.softs:
@@ -128,11 +131,17 @@ class Pull:
                 self.lanes = _lanes(model.points, int(np.diff(starts).max()))
         for e in self.elements:
             e.first, first = first, first + e.ids.size
+            if model.gradients and isinstance(e, Solid) and not e.table.damped:
+                from wsim.unpull import Untet
+                e.table.backward = Untet(model, e.table, self.net).backward
 
     def need_springs(self) -> None:
-        """Makes the kernel of springs that `launch` needs on a CPU."""
+        """Makes the kernel of springs that `launch` needs on a CPU, and what gradients of a leap need."""
         if self.added:
             self.pull = march.pull(self.model.real, self.model.module, self.damped, self.even)
+        if self.model.gradients:
+            from wsim.unpull import Unpull
+            self.backward = Unpull(self.model, self, masses=True).leap
 
     def flags(self) -> tuple:
         """What `wsim.kernels.spring.acceleration` is made of."""

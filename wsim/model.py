@@ -125,11 +125,11 @@ class Model:
         18.8 with 128, 20.2 with 256), a million points do not care. One size for a plan: each is compiled apart."""
         return 64 if self.points < 100_000 else 128
 
-    def launch(self, kernel, dim: int, inputs: list, outputs: list) -> None:
-        """Launches a kernel of this model's module."""
+    def launch(self, kernel, dim: int, inputs: list, outputs: list, backward=None) -> None:
+        """Launches a kernel of this model's module; backward: what a tape takes for its adjoint, see `Tape.by_hand`."""
         import warp as wp
         how = {"device": self.device, **({"block_dim": self.block} if self.device.is_cuda else {})}
-        (self.tape or wp).launch(kernel, dim, inputs, outputs, **how)
+        (self.tape or wp).launch(kernel, dim, inputs, outputs, **how, **({"backward": backward} if self.tape else {}))
 
     def copy(self, into, source, into_first: int = 0, first: int = 0, count: int = 0) -> None:
         """As `wp.copy`, of arrays of vectors."""

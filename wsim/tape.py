@@ -125,12 +125,15 @@ class Tape:
             root.fresh = root.written = False
         self.first = self.slots.at
 
-    def launch(self, kernel, dim: int, inputs: list, outputs: list, **how) -> None:
-        """As `wp.launch`, each output into a version of its own. Raises ValueError for a kernel without an adjoint."""
+    def launch(self, kernel, dim: int, inputs: list, outputs: list, backward=None, **how) -> None:
+        """As `wp.launch`, each output into a version of its own. backward: adjoint by hand, of the arguments as they are read
+        and written; else Warp's. Raises ValueError for a kernel without an adjoint."""
         read = [self.read(a) for a in inputs]
         wrote = [self.write(a, kernel.key.startswith(WHOLE)) for a in outputs]
         self.do(lambda: wp.launch(kernel, dim, read, wrote, **how))
-        if any(isinstance(a, wp.array) and a.grad is not None for a in wrote):
+        if backward:
+            self.adjoints.append(lambda: backward(read, wrote))
+        elif any(isinstance(a, wp.array) and a.grad is not None for a in wrote):
             if not kernel.options.get("enable_backward"):
                 raise ValueError(f"kernel {kernel.key} has no adjoint")
             there, back = [adjoint_of(a) for a in read], [adjoint_of(a) for a in wrote]

@@ -15,6 +15,7 @@ from wsim.gather import Pull
 from wsim.kernels import adjoint
 from wsim.kernels.real import types
 from wsim.tape import adjoint_of, without
+from wsim.unpull import Unpull
 
 CLOSE = {"float32": 1e-5, "float64": 1e-13}     # forces left over those of inertia, |own (d - a)|
 EXACT = {"float32": 1e-6, "float64": 1e-12}     # of the adjoint solve, over its right side
@@ -34,11 +35,11 @@ class Unstep:
         self.kernels = {f.__name__: f(real, module) for f in (adjoint.pairs, adjoint.residual, adjoint.product, adjoint.free,
                                                               adjoint.spread, adjoint.dot, adjoint.add, adjoint.going,
                                                               adjoint.worst, adjoint.weigh)}
-        self.force = adjoint.force(real, module, self.pull.flags())
+        self.force, self.unpull = adjoint.force(real, module, self.pull.flags()), Unpull(model, self.pull, masses=False)
 
         def over(count, grad=False):
             return wp.zeros(count, dtype=t.vec3, device=model.device, requires_grad=grad)
-        self.x, self.pair, self.f = over(n, True), over(4 * n, True), over(n, True)
+        self.x, self.pair, self.f = over(n, True), over(4 * n, True), over(n)
         if self.pull.force is not None:
             self.pull.force.requires_grad = True
         self.d, self.a, self.b, self.y, self.sum = (over(n) for _ in range(5))
@@ -48,26 +49,28 @@ class Unstep:
         self.count, self.on = (wp.zeros(1, dtype=int, device=model.device) for _ in range(2))
         self.missed, self.left = (wp.zeros(1, dtype=wp.float64, device=model.device) for _ in range(2))
         self.name = "float32" if real is wp.float32 else "float64"
-        self.launches: list[tuple] = []
+        self.launches: list[tuple] = []                  # of forces of corners
+        self.launched = False
 
     # forces, and their adjoints
 
     def evaluate(self, rate: float) -> None:
         """f at d, with velocities (d - a) rate."""
         self.run("pairs", [self.d, self.a, rate], [self.pair])
-        if not self.launches:
+        if not self.launched:
             self.model.tape, before = self, self.model.tape          # collects what is launched
             try:
                 self.pull.launch(0, self.x, self.pair)
-                self.model.launch(self.force, self.model.points, [self.pull.net, self.pull.force, self.x, self.pair], [self.f])
             finally:
                 self.model.tape = before
-        for kernel, dim, inputs, outputs, _, how in self.launches:
+            self.launched = True
+        for kernel, dim, inputs, outputs, _, _, how in self.launches:
             wp.launch(kernel, dim, inputs, outputs, **how)
+        self.model.launch(self.force, self.model.points, [self.pull.net, self.pull.force, self.x, self.pair], [self.f])
 
-    def launch(self, kernel, dim: int, inputs: list, outputs: list, **how) -> None:
+    def launch(self, kernel, dim: int, inputs: list, outputs: list, backward=None, **how) -> None:
         """What `Model.launch` calls while this collects."""
-        self.launches.append((kernel, dim, inputs, outputs, [self.bare(a) for a in inputs], how))
+        self.launches.append((kernel, dim, inputs, outputs, [self.bare(a) for a in inputs], backward, how))
 
     def bare(self, a):
         """An argument without its gradient, but for pair and the forces on the way: an adjoint finds it by the array itself."""
@@ -81,12 +84,16 @@ class Unstep:
 
     def transposed(self, p: wp.array, whole: bool) -> None:
         """(df/d..)^T p into the gradients of pair and, if whole, of x and all parameters, to which it adds."""
-        wp.copy(self.f.grad, p)
+        wp.copy(self.unpull.p, p)
         self.pair.grad.zero_()
         if self.pull.force is not None:
             self.pull.force.grad.zero_()
-        for kernel, dim, inputs, outputs, bare, how in reversed(self.launches):
+        self.unpull.launch(self.x, self.pair, self.pull.force, 0, whole)
+        for kernel, dim, inputs, outputs, bare, backward, how in reversed(self.launches):
             there = inputs if whole else bare
+            if backward:
+                backward(there, outputs)
+                continue
             wp.launch(kernel, dim, there, outputs, adj_inputs=[adjoint_of(a) for a in there],
                       adj_outputs=[adjoint_of(a) for a in outputs], adjoint=True, **how)
 
