@@ -72,7 +72,6 @@ def unpull(real, module, flags: tuple, parameters: bool, masses: bool):
             by.rest[c] = by.rest[c] - own * k * over
         return by_r + s * e, by_u, s * r
 
-    @wp.kernel(module=module, enable_backward=False)
     def unpull(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), source: int, by: Net,
                g: Grads):
         i = wp.tid()
@@ -106,7 +105,8 @@ def unpull(real, module, flags: tuple, parameters: bool, masses: bool):
             if net.w[i] > real(0.0):
                 by.w[i] = by.w[i] + wp.dot(g.p[i], force) / net.w[i]
 
-    return unpull
+    name = "_".join(["unpull", *["parameters"] * parameters, *["masses"] * masses])      # two of one name would be one
+    return wp.kernel(unpull, name=name, module=module, enable_backward=False)
 
 
 @cache
