@@ -91,7 +91,8 @@ def choose(model: Model, rows: dict[str, list[Rows]]) -> Choice:
     """The choice for a checked scene. Raises SceneError where a named explicit integrator is beyond its limit."""
     scene = model.scene
     method = TABLE.get(scene.integrator)
-    solver = "explicit" if model.gradients and scene.solver == "auto" and not method else scene.solver
+    sheets = model.gradients and scene.solver == "auto" and not (method or scene.softs)         # XPBD has no gradients
+    solver = "explicit" if sheets else scene.solver
     if solver == "explicit" or (method and method.explicit):
         return _explicit(model, rows, method)
     if scene.softs:
