@@ -6,8 +6,8 @@ points, 0 at pinned ones, the gradients are
 
     by b: own q (pinned: y + (df/dd)^T q)     by x: (df/dx)^T q     by a: -(df/dv)^T q / g     by any parameter: (df/d..)^T q
 
-Products with df/d.. transposed are adjoints of the launches that make f: nothing is clamped, dropped or formed (the Jacobian of
-kernels/newton.py is its positive part, and only a preconditioner here).
+Products with df/d.. transposed are adjoints of what makes f, by hand (kernels/force_adjoint.py, tet_adjoint.py) or Warp's:
+nothing is clamped, dropped or formed (the Jacobian of kernels/newton.py is its positive part, and only a preconditioner here).
 """
 
 from functools import cache

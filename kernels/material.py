@@ -193,6 +193,19 @@ def corotational_derivative(H: Any, q: Any, dF: Any, mu: Any, lam: Any):
 
 
 @wp.func
+def corotational_product(H: Any, q: Any, dF: Any, mu: Any, lam: Any):
+    """dP of `corotational_derivative` without eigenvectors: R (2 mu X + lam tr X + (lam tr E - 2 mu) [w]x), X = R^T dF,
+    (tr S - S) w = axl(X - X^T). It does not stop at the limits of nearly flat elements. A gradient of 320 tets on a CPU takes
+    1.9 of a run with it and 3.1 with the other (tools/bench/gradients.py)."""
+    E = strain(H, q)
+    X = back(q, dF)
+    one = type(mu)(1.0)
+    t = wp.trace(E)
+    w = wp.inverse((t + one + one) * identity(E) - E) * twice_axis(X)
+    return forth(q, (mu + mu) * X + (lam * wp.trace(X)) * identity(E) + (lam * t - mu - mu) * wp.skew(w))
+
+
+@wp.func
 def corotational_spectrum(H: Any, q: Any, mu: Any, lam: Any):
     """V, A, B of the positive part: f = 2 mu, A = 2 mu + lam 1 1^T."""
     e, V = eigen(strain(H, q))

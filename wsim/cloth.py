@@ -18,6 +18,7 @@ from wsim.order import color
 from wsim.scene import Cloth, Soft, Springs
 
 HARD = ("tether", "limit")           # kinds without compliance and multiplier
+LEAST = 1e-6                         # shear over stretch that a membrane has at least: without shear it still has a direction
 
 
 @dataclass
@@ -40,7 +41,7 @@ class Rows:
         if self.kind == "membrane":
             stretch, shear, weft = (self.stiffness[name] for name in ("stretch", "shear", "weft"))
             weft = np.where(weft > 0.0, weft, stretch)
-            shear = np.maximum(shear, 1e-6 * stretch)              # a cloth without shear still has a direction
+            shear = np.maximum(shear, LEAST * stretch)
             one = np.concatenate([1.0 / stretch, -self.poisson / np.sqrt(stretch * weft), 1.0 / shear, 1.0 / weft])
             return self.shape[:, None] * one
         return self.shape / next(iter(self.stiffness.values()), 1.0)

@@ -132,16 +132,16 @@ class Pull:
         for e in self.elements:
             e.first, first = first, first + e.ids.size
             if model.gradients and isinstance(e, Solid) and not e.table.damped:
-                from wsim.unpull import Untet
-                e.table.backward = Untet(model, e.table, self.net).backward
+                from wsim.force_adjoint import TetAdjoint
+                e.table.backward = TetAdjoint(model, e.table, self.net).backward
 
     def need_springs(self) -> None:
         """Makes the kernel of springs that `launch` needs on a CPU, and what gradients of a leap need."""
         if self.added:
             self.pull = march.pull(self.model.real, self.model.module, self.damped, self.even)
         if self.model.gradients:
-            from wsim.unpull import Unpull
-            self.backward = Unpull(self.model, self, masses=True).leap
+            from wsim.force_adjoint import ForceAdjoint
+            self.backward = ForceAdjoint(self.model, self, masses=True).leap
 
     def flags(self) -> tuple:
         """What `wsim.kernels.spring.acceleration` is made of."""

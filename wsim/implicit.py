@@ -42,7 +42,7 @@ class Implicit(Method):
         every = in_worlds(model, rows)
         self.tables = {kind: Table(kind, [r for r in every if r.kind == kind], model)
                        for kind in KINDS if any(r.kind == kind for r in every)}
-        self.contact = self.pins = self.free = self.unstep = None
+        self.contact = self.pins = self.free = self.adjoint = None
         self.solids: list = []
         if model.scene.softs:
             from wsim.fem import tables_of
@@ -56,8 +56,8 @@ class Implicit(Method):
         self.work()
         self.make()
         if model.gradients:
-            from wsim.unstep import Unstep
-            self.unstep = Unstep(self, every)
+            from wsim.adjoint import ImplicitAdjoint
+            self.adjoint = ImplicitAdjoint(self, every)
         what = [f"{b.size} {b.kind}" for b in self.tables.values()] + [f"{t.size} {t.name} {t.noun}" for t in self.solids]
         stage = Stage("newton", "solve", self.iterate, self.launches, self.bytes, "iteration", ", ".join(what) + why)
         self.stages.append(stage)
@@ -150,10 +150,10 @@ class Implicit(Method):
 
     def iterate(self, clock: Clock) -> None:
         """A Newton step; while gradients are recorded all of them, to a residual."""
-        if not (self.unstep and self.model.tape):
+        if not (self.adjoint and self.model.tape):
             self.newton(clock)
         elif clock.i == 0:
-            self.model.tape.solve(self.unstep, clock)
+            self.model.tape.solve(self.adjoint, clock)
 
     def newton(self, clock: Clock) -> None:
         """One Newton step; after the last of a frame, or of any substep of the midpoint, its residual."""
@@ -275,14 +275,14 @@ class Implicit(Method):
         bodies; pcg_iterations of the last substep, largest of all bodies."""
         from wsim.elastic import energy
         solid = self.solids[0].indicators(self.solids, self.state) if self.solids else {}
-        rows = [r for table in self.tables.values() for r in table.rows]
-        stored = energy(self.model, rows, self.state) + solid.get("solid_energy", 0.0)
+        stored = energy(self.model, [r for t in self.tables.values() for r in t.rows], self.state)
+        stored += solid.get("solid_energy", 0.0)
         return {"elastic_energy": stored, **solid, "residual": float(self.residual.numpy().max()),
                 "pcg_iterations": float(self.system.count.numpy().max())}
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """stretch, shear, bend of a cloth, stiffness of a spring net, young [Pa] and poisson of a soft body, damping [s]."""
-        hit = any([s.set(path, name, value, world) for s in (*self.solids, *(self.unstep.pull.tables if self.unstep else ()))])
+        hit = any([t.set(path, name, value, world) for t in (*self.solids, *(self.adjoint.pull.tables if self.adjoint else ()))])
         for table in self.tables.values():
             for r in table.rows:
                 if r.body is None or r.body.path != path or world not in (None, r.body.world):
@@ -295,6 +295,6 @@ class Implicit(Method):
                     continue
                 table.stale = hit = True
             table.refresh()
-        if self.unstep:
-            self.unstep.pull.refresh()
+        if self.adjoint:
+            self.adjoint.pull.refresh()
         return hit

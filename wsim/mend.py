@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 # live parameters that bound explicit steps
 STIFFENS = ("stretch", "shear", "weft", "bend", "damping", "stiffness", "air_drag", "young", "poisson", "density")
 
+LONG = ("an edge is more than twice its rest length: if the motion is not meant to be that violent, explicit steps are too "
+        "long for it; give more substeps, or solver auto")
+
 
 def mend(sim: Simulation, status: np.ndarray) -> bool:
     """Whether the frame must be repeated, after making it possible."""
@@ -69,10 +72,8 @@ def _refine(sim: Simulation, point: int) -> None:
 
 
 def _suspect(sim: Simulation) -> None:
-    text = ("an edge is more than twice its rest length: if the motion is not meant to be that violent, explicit steps are too "
-            "long for it; give more substeps, or solver auto")
-    if text not in sim.warnings:
-        sim.warnings.append(text)
+    if LONG not in sim.warnings:
+        sim.warnings.append(LONG)
 
 
 def _switch(sim: Simulation) -> bool:

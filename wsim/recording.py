@@ -12,10 +12,11 @@ from math import ceil, sqrt
 import numpy as np
 import warp as wp
 
+from wsim.mend import LONG
 from wsim.scene import Problem, SceneError
 from wsim.sensitivity import Gradient, Parameters
 from wsim.simulation import Simulation
-from wsim.stage import NOT_FINITE
+from wsim.stage import NOT_FINITE, RESIDUAL
 from wsim.tape import Root, Slots, Tape, give
 
 FULL = 1 << 30         # bytes up to which everything is kept
@@ -32,7 +33,8 @@ class Stretch:
 
 
 class Recording:
-    """So many frames of a simulation from where it stands, forward by `run` and backward by `backward`.
+    """So many frames of a simulation from where it stands now, forward by `run` and backward by `backward`. Every run begins
+    there; live parameters may change in between, but for what changes the number of substeps or the start.
 
     keep   "all": memory for every frame; "checkpoints": for a segment, which runs twice; "auto": by bytes
     Raises SceneError where the simulation has no gradients, or a method of the scene has none.
@@ -60,6 +62,8 @@ class Recording:
                                     for _ in range(2))
         self.ran = False
         self.residuals: dict[str, float] = {}         # of implicit solves, after `backward`
+        self.recorded = self.shape
+        self.rewind()
 
     # what is recorded and kept
 
@@ -99,6 +103,11 @@ class Recording:
         count = ceil(self.frames / self.group) * (len(self.cuts) - 1) if self.checkpoints else 0
         self.saved = [[wp.empty_like(r.base) for r in self.carried] for _ in range(count)]
 
+    @property
+    def shape(self) -> tuple:
+        """What of a simulation may not change after it was recorded."""
+        return self.plan.clock.substeps, *(array.ptr for array in self.parameters.targets())
+
     def key(self, frame: int, part: int) -> tuple:
         return frame % self.group, part, self.jumps and frame == 0
 
@@ -132,9 +141,15 @@ class Recording:
     # forward
 
     def run(self) -> None:
-        """All frames from the beginning. Raises SceneError when a position is no number."""
+        """All frames from the beginning. Raises SceneError when a position is no number, or frames are not those recorded."""
         self.rewind()
+        self.pose(0)
+        if self.sim.plan is not self.plan or self.shape != self.recorded:
+            raise SceneError(Problem("recording", "the simulation now has other substeps, or pins that move where they stood "
+                                     "still; make another Recording"))
         self.plan.status.zero_()
+        for array in self.misses():
+            array.zero_()
         self.keep(0)
         for frame in range(self.frames):
             self.pose(frame)
@@ -149,6 +164,17 @@ class Recording:
             bad = int(np.argmax(~np.isfinite(self.states.numpy()).all(axis=(1, 2))))
             raise SceneError(Problem("frame", f"a position is no number in frame {self.start + bad}; give it more substeps, or "
                                      "fewer frames"))
+        if self.plan.method("explicit") and int(self.plan.status.numpy()[RESIDUAL]):
+            self.warn(LONG)
+
+    def misses(self) -> list[wp.array]:
+        """What the worst forward and the worst adjoint solve of implicit steps have left."""
+        implicit = self.plan.method("implicit")
+        return [implicit.adjoint.missed, implicit.adjoint.left] if implicit else []       # type: ignore[attr-defined]
+
+    def warn(self, text: str) -> None:
+        if text not in self.sim.warnings:
+            self.sim.warnings.append(text)
 
     def segment(self, frame: int, part: int) -> int:
         return frame // self.group * (len(self.cuts) - 1) + part
@@ -196,6 +222,8 @@ class Recording:
         for root in self.roots:
             root.carried.zero_()
         self.parameters.zero()
+        for array in self.misses()[1:]:
+            array.zero_()
         targets: list = []
         for frame in reversed(range(self.frames)):
             self.seed(seeds, frame + 1)
@@ -214,14 +242,11 @@ class Recording:
 
     def look(self) -> None:
         """What implicit solves have left, in `residuals`: gradients are as right as those are small."""
-        implicit = self.plan.method("implicit")
-        if implicit:
-            solver = implicit.unstep                                   # type: ignore[attr-defined]
-            self.residuals = {"forward": float(solver.missed.numpy()[0]), "adjoint": float(solver.left.numpy()[0])}
-            for name, value in self.residuals.items():
-                if not value < POOR:
-                    self.sim.warnings.append(f"/: gradients: the worst {name} solve has left {value:.1e} of its right side; "
-                                             f"they are no better than that. Take smaller substeps")
+        self.residuals = dict(zip(("forward", "adjoint"), [float(a.numpy()[0]) for a in self.misses()], strict=False))
+        for name, value in self.residuals.items():
+            if not value < POOR:
+                self.warn(f"/: gradients: the worst {name} solve has left {value:.1e} of its right side; they are no better "
+                          "than that. Take smaller substeps")
 
     def again(self, last: int) -> None:
         """The segment that ends with frame `last`, from its checkpoint."""

@@ -8,7 +8,9 @@ of the air stand once a point for the same reason.
 import numpy as np
 import warp as wp
 
-from wsim.cloth import Rows
+from wsim.cloth import LEAST, Rows
+from wsim.masses import density_of
+from wsim.scene import Problem, SceneError, Springs
 
 
 class Parameters:
@@ -17,7 +19,7 @@ class Parameters:
     def __init__(self, plan):
         self.plan, self.model = plan, plan.model
         explicit, implicit = plan.method("explicit"), plan.method("implicit")
-        self.pull = explicit.pull if explicit else implicit.unstep.pull
+        self.pull = explicit.pull if explicit else implicit.adjoint.pull
         self.points = plan.method("points").constants
         self.pins = plan.method("pins")
 
@@ -29,8 +31,7 @@ class Parameters:
             found += [pull.net.k, pull.net.rest] + [pull.net.damping] * pull.damped
         for e in pull.elements:
             data = e.table.data if hasattr(e, "table") else e.data
-            found += [getattr(data, name) for name in ("stiffness", "rest", "tau", "mu", "lam", "edge", "gradient", "volume")
-                      if hasattr(data, name)]
+            found += [getattr(data, name) for name in ("stiffness", "tau", "mu", "lam") if hasattr(data, name)]
         return found + self.targets()
 
     def targets(self) -> list[wp.array]:
@@ -58,7 +59,8 @@ class Gradient:
     """Derivatives of a loss, in SI units, by what a scene says.
 
     Bodies by path, None: the only one; worlds as ever. Arrays over points are float64, (n, 3) or (n,), in the author's order;
-    where an author's points are one particle (a weld), each has the sum.
+    where an author's points are one particle (a weld), each has the sum. Raises SceneError where a path or name is none, or has
+    no derivative.
     """
 
     def __init__(self, parameters: Parameters, states: dict[int, np.ndarray], targets: list):
@@ -83,9 +85,7 @@ class Gradient:
         return self.by_point(self.plan.state.v, path, world)
 
     def by_point(self, array: wp.array, path: str | None, world: int) -> np.ndarray:
-        found = self.states.get(array.ptr)
-        body = self.model.body(path, world)
-        return np.zeros((len(body.index), 3)) if found is None else found.astype(np.float64)[body.index]
+        return self.states[array.ptr].astype(np.float64)[self.model.body(path, world).index]
 
     def masses(self, path: str | None = None, world: int = 0) -> np.ndarray:
         """By the masses of the points [1/kg], (n,); 0 of pinned ones."""
@@ -93,10 +93,13 @@ class Gradient:
         return (-self.of(w) * w.numpy().astype(np.float64)**2)[self.model.body(path, world).index]
 
     def density(self, path: str | None = None, world: int = 0) -> float:
-        """By the factor of all masses of a body: density times the derivative by the density."""
+        """By the density that all masses of a body follow [m^3/kg]."""
         b = self.model.body(path, world)
+        density = self.plan.method("points").densities.get(b.number) or density_of(b.source)
+        if density is None:
+            raise SceneError(Problem(b.path, "its masses follow no single density; take masses()"))
         w = self.parameters.points.w
-        return float(-(self.of(w) * w.numpy().astype(np.float64))[b.first:b.last].sum())
+        return float(-(self.of(w) * w.numpy().astype(np.float64))[b.first:b.last].sum()) / density
 
     def gravity(self, world: int = 0) -> np.ndarray:
         """[s^2/m], (3,)."""
@@ -120,28 +123,48 @@ class Gradient:
                     each = np.stack([frame[number][:, at:at + len(p.places)] for frame in self._targets])
                     return each if pins.moves else each.sum(axis=(0, 1))
                 at += len(p.places)
-        raise KeyError(f"no pin has the path {path!r}")
+        every = ", ".join(p.path for p in self.model.scene.pins)
+        raise SceneError(Problem(path, f"is no hard pin; there are {every or 'none'}"))
 
     # materials
 
+    def lengths(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """By the rest lengths of a spring net [1/m], (edges,), in the author's order."""
+        body = self.model.body(path, world)
+        if not isinstance(body.source, Springs):
+            raise SceneError(Problem(body.path, "is no spring net: it has no rest lengths of its own"))
+        return np.concatenate([self.entries["rest"][part] for r, part in self.parts() if r.body is body])
+
     def material(self, name: str, path: str | None = None, world: int = 0, elements: bool = False):
-        """By stretch, shear, bend [N/m], [N m] of a cloth, stiffness of springs [N/m], young [Pa], poisson of a soft body, or
-        damping [s]. elements: of each element by itself, in the order of the solver; else the sum. Raises KeyError where the
-        body has nothing of that name."""
+        """By stretch, weft, shear [N/m], bend [N m] of a cloth, stiffness of springs [N/m], young [Pa], poisson of a soft body,
+        or damping [s]. elements: of each element by itself, in the order of the solver; else the sum."""
         body = self.model.body(path, world)
         found = [self.rows(name, body), self.flat(name, body), self.solid(name, body)]
         parts = [each for some in found for each in some]
         if not parts:
-            raise KeyError(f"{body.path} has no {name!r} with a gradient")
+            raise SceneError(Problem(body.path, f"has no {name!r} with a derivative; there are {', '.join(self.names(body))}"))
         every = np.concatenate(parts)
         return every if elements else float(every.sum())
 
+    def names(self, body) -> list[str]:
+        """What `material` knows of a body."""
+        pull = self.parameters.pull
+        rows = [r for rows in (pull.springs, *(getattr(e, "rows", []) for e in pull.elements)) for r in rows if r.body is body]
+        values = [p.values for t in pull.tables for p in t.parts if p.body is body]
+        damped = any(r.tau > 0.0 for r in rows) or any(v["damping"].any() for v in values)
+        return sorted({name for d in (*(r.stiffness for r in rows), *values) for name in d} - {"damping"}
+                      | set(["damping"] * damped))
+
+    def parts(self) -> list[tuple[Rows, slice]]:
+        """Springs of each body, and where they stand in `entries`."""
+        rows = self.parameters.pull.springs
+        ends = np.cumsum([0, *(len(r.ids) for r in rows)])
+        return [(r, slice(*ends[k:k + 2])) for k, r in enumerate(rows)]
+
     def rows(self, name: str, body) -> list[np.ndarray]:
         """Of springs."""
-        found, first = [], 0
-        for r in self.parameters.pull.springs:
-            part = slice(first, first + len(r.ids))
-            first = part.stop
+        found = []
+        for r, part in self.parts():
             if r.body is not body:
                 continue
             k = np.broadcast_to(1.0 / r.alpha, len(r.ids))
@@ -186,9 +209,8 @@ class Gradient:
                 if name == "young":
                     found.append((by_mu * mu + by_lam * lam) / young)
                 elif name == "poisson":
-                    found.append(-by_mu * mu / (1.0 + nu)
-                                 + by_lam * young * (1.0 + 2.0 * nu**2) / ((1.0 + nu) * (1.0 - 2.0 * nu))**2)
-                else:
+                    found.append((2.0 * by_lam * (1.0 + 2.0 * nu**2) / (1.0 - 2.0 * nu)**2 - by_mu) * mu / (1.0 + nu))
+                elif table.damped:
                     found.append(by_tau)
         return found
 
@@ -197,12 +219,16 @@ def _by_stiffness(r: Rows, name: str, kind: str, by: np.ndarray, stiffness: np.n
     """Of each element by one of its stiffnesses. The table of a membrane is (uu, uv, shear, vv); uu is in proportion to
     stretch, vv to weft, uv to the root of both; a weft of 0 stands for stretch."""
     parts, value = by * stiffness, r.stiffness[name]
+    assert r.body is not None
     if kind != "membrane":
         return parts / value
     same = r.stiffness["weft"] <= 0.0
+    if name == "weft" and same.any():
+        raise SceneError(Problem(r.body.path, "its weft is 0 and follows stretch: it has no derivative of its own"))
+    clamped = r.stiffness["shear"] < LEAST * r.stiffness["stretch"]
+    if name == "shear" and clamped.any():
+        raise SceneError(Problem(r.body.path, f"its shear is below {LEAST:g} of stretch, and taken as that: no derivative"))
     powers = np.array({"shear": (0.0, 0.0, 1.0, 0.0), "weft": (0.0, 0.5, 0.0, 1.0), "stretch": (1.0, 0.5, 0.0, 0.0)}[name])
     if name == "stretch":
-        powers = np.where(same[:, None], (1.0, 1.0, 0.0, 1.0), powers)
-    elif name == "weft":
-        value = np.where(same, np.inf, value)
+        powers = np.where(same[:, None], (1.0, 1.0, 0.0, 1.0), powers) + (0.0, 0.0, 1.0, 0.0) * clamped[:, None]
     return (parts * powers).sum(axis=1) / value

@@ -22,6 +22,7 @@ import warp as wp
 from wsim.kernels import adjoint
 
 WHOLE = ("begin", "leap", "commit", "corners", "fem_forces", "predict", "finish")
+KEPT = (wp.int32, wp.quatf, wp.quatd, wp.vec2i, wp.vec4i, wp.uint64)      # flags, lists, starts of iterations
 CHUNK = 1 << 16        # scalars of the first piece of memory that slots are cut from; each is twice the one before
 
 
@@ -147,9 +148,9 @@ class Tape:
         self.do(lambda: wp.copy(back, without(there)))           # with gradients a copy would take those along
         self.hand(back.grad, there.grad)
 
-    def solve(self, unstep, clock) -> None:
-        """The implicit solve of a substep (`wsim.unstep`), with its own adjoint; what it launches is not recorded."""
-        s, anchor, model, now = unstep.method.state, unstep.method.points.anchor, unstep.model, replace(clock)
+    def solve(self, solver, clock) -> None:
+        """The implicit solve of a substep (`wsim.adjoint`), with its own adjoint; what it launches is not recorded."""
+        s, anchor, model, now = solver.method.state, solver.method.points.anchor, solver.model, replace(clock)
         a, x, b = self.read(anchor), self.read(s.x), self.read(s.d)
         d = self.write(s.d, True)
 
@@ -157,11 +158,11 @@ class Tape:
             before, model.tape = model.tape, None
             for base, version in ((anchor, a), (s.x, x), (s.d, b)):
                 wp.copy(base, version)
-            unstep.solve(now)
+            solver.solve(now)
             wp.copy(d, s.d)
             model.tape = before
         self.do(forward)
-        self.adjoints.append(lambda: unstep.back(now, d, b, x, a))
+        self.adjoints.append(lambda: solver.back(now, d, b, x, a))
 
     def do(self, step: Callable[[], None]) -> None:
         step()
@@ -244,9 +245,6 @@ class Tape:
 def _differs(a: Any) -> bool:
     """Whether an argument is an array of real numbers that may change. Quaternions only start an iteration."""
     return isinstance(a, wp.array) and a.ptr is not None and a.dtype not in KEPT
-
-
-KEPT = (wp.int32, wp.quatf, wp.quatd, wp.vec2i, wp.vec4i, wp.uint64)
 
 
 def without(a: wp.array) -> wp.array:

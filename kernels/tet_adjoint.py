@@ -5,40 +5,25 @@ corners' positions are the forces of the stress dP(F; Y): an exact product with 
 """
 
 from functools import cache
-from typing import Any
 
 import warp as wp
 
 from wsim.kernels import material as materials
 from wsim.kernels.fem import displaced, elements, spread, turn_of
 from wsim.kernels.real import types
-from wsim.kernels.rotation import identity, twice_axis
 from wsim.kernels.spring import net
-from wsim.kernels.stretch import back, forth, strain
-
-
-@wp.func
-def corotational_product(H: Any, q: Any, dF: Any, mu: Any, lam: Any):
-    """dP of kernels/material.py without eigenvectors: R (2 mu X + lam tr X + (lam tr E - 2 mu) [w]x), X = R^T dF,
-    (tr S - S) w = axl(X - X^T). A tenth of the time; it does not stop at the limits of nearly flat elements."""
-    E = strain(H, q)
-    X = back(q, dF)
-    one = type(mu)(1.0)
-    t = wp.trace(E)
-    w = wp.inverse((t + one + one) * identity(E) - E) * twice_axis(X)
-    return forth(q, (mu + mu) * X + (lam * wp.trace(X)) * identity(E) + (lam * t - mu - mu) * wp.skew(w))
 
 
 @cache
-def untet(material: str, real, module, parameters: bool):
+def tet_adjoint(material: str, real, module, parameters: bool):
     """Kernel over tets: at the places of the corners' forces, gradients by the corners' positions take the places of those by
     the forces; parameters: adds those by mu and lam. Arguments: tets, x, d, q, corners, by."""
     t, Tets, row = types(real), elements(real), materials.TABLE[material]
     (gradient, _), turn = displaced(real, real), turn_of(material, real)
-    derivative = corotational_product if material == "corotational" else row.derivative
+    derivative = materials.corotational_product if material == "corotational" else row.derivative
     stress, vec3 = row.stress, wp.array(dtype=t.vec3)
 
-    def untet(tets: Tets, x: vec3, d: vec3, q: wp.array(dtype=t.quat), corners: vec3, by: Tets):
+    def back(tets: Tets, x: vec3, d: vec3, q: wp.array(dtype=t.quat), corners: vec3, by: Tets):
         c = wp.tid()
         H = gradient(tets, c, x, d)
         now = turn(H, q[c])
@@ -52,8 +37,8 @@ def untet(material: str, real, module, parameters: bool):
             by.mu[c] = by.mu[c] - V * wp.ddot(stress(H, now, real(1.0), real(0.0)), Y)
             by.lam[c] = by.lam[c] - V * wp.ddot(stress(H, now, real(0.0), real(1.0)), Y)
 
-    name = f"untet_{material}{'_parameters' * parameters}_{t.name}"
-    return wp.kernel(untet, name=name, module=module, enable_backward=False)
+    name = f"tet_adjoint_{material}{'_parameters' * parameters}_{t.name}"
+    return wp.kernel(back, name=name, module=module, enable_backward=False)
 
 
 @cache

@@ -1,23 +1,23 @@
-"""Adjoints of `wsim.gather` and of a leap, by hand: see kernels/unpull.py."""
+"""Adjoints of `wsim.gather` and of a leap, by hand: see kernels/force_adjoint.py."""
 
 import warp as wp
 
-from wsim.kernels import unpull as kernels
+from wsim.kernels import force_adjoint as kernels
 from wsim.kernels.real import types
 from wsim.model import Model
 from wsim.tape import adjoint_of
 
 
-class Unpull:
+class ForceAdjoint:
     """Of the forces of a `Pull`: `p` is the gradient by the forces on points."""
 
     def __init__(self, model: Model, pull, masses: bool):
         """pull: a `wsim.gather.Pull`; masses: p is that by accelerations times inverse masses, which have gradients too."""
         self.model, self.pull = model, pull
         self.p = wp.zeros(model.points, dtype=types(model.real).vec3, device=model.device)
-        self.kernels = [kernels.unpull(model.real, model.module, pull.flags(), parameters, masses)
+        self.kernels = [kernels.force_adjoint(model.real, model.module, pull.flags(), parameters, masses)
                         for parameters in (False, True)]
-        self.unleap = kernels.unleap(model.real, model.module) if masses else None
+        self.leap_adjoint = kernels.leap_adjoint(model.real, model.module) if masses else None
 
     def into(self, x: wp.array, pair: wp.array, force: wp.array | None):
         """Where gradients go."""
@@ -35,20 +35,21 @@ class Unpull:
         (net, force, x, pair, v, _, step), (pair_out, v_out, _) = read, wrote
         out = kernels.outs(self.model.real)()
         out.pair, out.v = pair_out.grad, v_out.grad
-        self.model.launch(self.unleap, self.model.points,
+        self.model.launch(self.leap_adjoint, self.model.points,
                           [net, pair, step, out, v.grad, adjoint_of(net), self.into(x, pair, force)], [])
         self.launch(x, pair, force, step.source)
 
 
-class Untet:
+class TetAdjoint:
     """Of the forces of a table of linear tets without damping."""
 
     def __init__(self, model: Model, table, net):
         """table: a `wsim.fem.Tetrahedra`; net: which corners each point has."""
-        from wsim.kernels import untet
+        from wsim.kernels import tet_adjoint
         self.model, self.table, self.net = model, table, net
-        self.kernels = [untet.untet(table.material, model.real, model.module, parameters) for parameters in (False, True)]
-        self.take = untet.take(model.real, model.module)
+        self.kernels = [tet_adjoint.tet_adjoint(table.material, model.real, model.module, parameters)
+                        for parameters in (False, True)]
+        self.take = tet_adjoint.take(model.real, model.module)
 
     def backward(self, read: list, wrote: list) -> None:
         """Adjoint of the launch of the forces, of the arrays that it has read and written; parameters only where x has a

@@ -1,8 +1,8 @@
 """Implicit substeps with gradients: solved to a residual, and differentiated by one adjoint solve. See kernels/adjoint.py.
 
 The solve is Newton's method of `wsim.implicit`, with full steps at its end; the adjoint is a conjugate gradient method whose
-products are adjoint launches of the forces (exact, with damping and all second derivatives) and whose preconditioner is the
-solver of `wsim.linear` for the positive part. With damping the Jacobian is not symmetric where a force depends on velocities in
+products are adjoints of the forces (exact, with damping and all second derivatives) and whose preconditioner is the solver of
+`wsim.linear` for the positive part. With damping the Jacobian is not symmetric where a force depends on velocities in
 another way than on positions; stiffness-proportional damping keeps it nearly so, and what is left is measured:
 
     missed    forces that the worst solve has left, over those of inertia, |own (d - a)|
@@ -11,11 +11,11 @@ another way than on positions; stiffness-proportional damping keeps it nearly so
 
 import warp as wp
 
+from wsim.force_adjoint import ForceAdjoint
 from wsim.gather import Pull
 from wsim.kernels import adjoint
 from wsim.kernels.real import types
 from wsim.tape import adjoint_of, without
-from wsim.unpull import Unpull
 
 CLOSE = {"float32": 1e-5, "float64": 1e-13}     # forces left over those of inertia, |own (d - a)|
 EXACT = {"float32": 1e-6, "float64": 1e-12}     # of the adjoint solve, over its right side
@@ -23,7 +23,7 @@ MOST = 60              # full Newton steps, and iterations of the adjoint solve,
 INNER, CAP = 1e-2, 300
 
 
-class Unstep:
+class ImplicitAdjoint:
     """The implicit solve of a substep, forward to its residual and backward."""
 
     def __init__(self, method, rows: list):
@@ -35,7 +35,8 @@ class Unstep:
         self.kernels = {f.__name__: f(real, module) for f in (adjoint.pairs, adjoint.residual, adjoint.product, adjoint.free,
                                                               adjoint.spread, adjoint.dot, adjoint.add, adjoint.going,
                                                               adjoint.worst, adjoint.weigh)}
-        self.force, self.unpull = adjoint.force(real, module, self.pull.flags()), Unpull(model, self.pull, masses=False)
+        self.force = adjoint.force(real, module, self.pull.flags())
+        self.back_force = ForceAdjoint(model, self.pull, masses=False)
 
         def over(count, grad=False):
             return wp.zeros(count, dtype=t.vec3, device=model.device, requires_grad=grad)
@@ -84,11 +85,11 @@ class Unstep:
 
     def transposed(self, p: wp.array, whole: bool) -> None:
         """(df/d..)^T p into the gradients of pair and, if whole, of x and all parameters, to which it adds."""
-        wp.copy(self.unpull.p, p)
+        wp.copy(self.back_force.p, p)
         self.pair.grad.zero_()
         if self.pull.force is not None:
             self.pull.force.grad.zero_()
-        self.unpull.launch(self.x, self.pair, self.pull.force, 0, whole)
+        self.back_force.launch(self.x, self.pair, self.pull.force, 0, whole)
         for kernel, dim, inputs, outputs, bare, backward, how in reversed(self.launches):
             there = inputs if whole else bare
             if backward:
