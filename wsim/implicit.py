@@ -39,7 +39,7 @@ class Implicit(Method):
         """rows: soft constraints of each body of world 0, by path."""
         super().__init__("implicit")
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
-        every = in_worlds(model, rows)
+        self.every = every = in_worlds(model, rows)
         self.tables = {kind: Table(kind, [r for r in every if r.kind == kind], model)
                        for kind in KINDS if any(r.kind == kind for r in every)}
         self.contact = self.pins = self.free = self.adjoint = None
@@ -275,14 +275,14 @@ class Implicit(Method):
         bodies; pcg_iterations of the last substep, largest of all bodies."""
         from wsim.elastic import energy
         solid = self.solids[0].indicators(self.solids, self.state) if self.solids else {}
-        stored = energy(self.model, [r for t in self.tables.values() for r in t.rows], self.state)
-        stored += solid.get("solid_energy", 0.0)
+        stored = energy(self.model, self.every, self.state) + solid.get("solid_energy", 0.0)
         return {"elastic_energy": stored, **solid, "residual": float(self.residual.numpy().max()),
                 "pcg_iterations": float(self.system.count.numpy().max())}
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """stretch, shear, bend of a cloth, stiffness of a spring net, young [Pa] and poisson of a soft body, damping [s]."""
-        hit = any([t.set(path, name, value, world) for t in (*self.solids, *(self.adjoint.pull.tables if self.adjoint else ()))])
+        own = self.adjoint.pull.tables if self.adjoint else ()
+        hit = any([t.set(path, name, value, world) for t in (*self.solids, *own)])
         for table in self.tables.values():
             for r in table.rows:
                 if r.body is None or r.body.path != path or world not in (None, r.body.world):
