@@ -21,13 +21,14 @@ from wsim.kernels.spring import gather, net
 @cache
 def give(dtype):
     """Kernel: adds a gradient to another and clears it."""
+    real = getattr(dtype, "_wp_scalar_type_", dtype)
 
     @wp.kernel(module="unique", enable_backward=False)
     def give(grad: wp.array(dtype=dtype), into: wp.array(dtype=dtype)):
         i = wp.tid()
         g = grad[i]
         into[i] = into[i] + g
-        grad[i] = dtype()
+        grad[i] = dtype(real(0.0))
 
     return give
 

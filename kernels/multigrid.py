@@ -77,36 +77,46 @@ def wrench(arm: Any, f: Any):
     return wp.vector(f[0], f[1], f[2], m[0], m[1], m[2])
 
 
+@wp.func
+def times(M: wp.array(dtype=Any), k: int, u: Any):
+    """u^T M_k; M_k has the rows M[6 k] .. M[6 k + 5]."""
+    v = M.dtype()
+    six = int(SIX)
+    for b in range(six):
+        v += u[b] * M[6 * k + b]
+    return v
+
+
+@wp.func
+def column(M: wp.array(dtype=Any), k: int, a: int):
+    """Column a of M_k."""
+    u = M.dtype()
+    six = int(SIX)
+    for b in range(six):
+        u[b] = M[6 * k + b][a]
+    return u
+
+
+@wp.func
+def turned(M: wp.array(dtype=Any), k: int, u: Any):
+    """M_k u."""
+    v = M.dtype()
+    six = int(SIX)
+    for b in range(six):
+        v[b] = wp.dot(M[6 * k + b], u)
+    return v
+
+
+def named(real, module, *functions) -> dict:
+    """Kernels of functions, by the names of these."""
+    return {f.__name__: wp.kernel(f, name=f"multigrid_{f.__name__}_{types(real).name}", module=module, enable_backward=False)
+            for f in functions}
+
+
 @cache
-def setup(real, module) -> SimpleNamespace:
-    """Kernels that make the matrices of the levels, in the order of launch; `at` is the first node or block of the level:
-
-    arms            over points: arms and filters
-    shares          over 6 rows of a point
-    own_points, own_nodes        over 6 rows of a node: D of the first level, of the others
-    pairs_points, pairs_nodes    over 6 rows of a block
-    factor          over nodes: L^-1, and L^T T
-    scale           over blocks, then children: A_KJ and Q in the basis of L
-    """
-    t, s, Coarse, vec6 = types(real), structs(real), coarse(real), wp.types.vector(6, real)
-    mat66, vec3 = wp.types.matrix((6, 6), real), wp.array(dtype=t.vec3)
-
-    @wp.func
-    def times(M: wp.array(dtype=vec6), k: int, u: vec6):
-        """u^T M_k."""
-        v = vec6()
-        six = int(SIX)
-        for b in range(six):
-            v += u[b] * M[6 * k + b]
-        return v
-
-    @wp.func
-    def column(M: wp.array(dtype=vec6), k: int, a: int):
-        u = vec6()
-        six = int(SIX)
-        for b in range(six):
-            u[b] = M[6 * k + b][a]
-        return u
+def points(real, module) -> dict:
+    """arms, and shares: R_i^T S_i (own S_i R_i + sum over j of A_ij (S_j R_j - S_i R_i)), S_j R_j where j has the same node."""
+    s, Coarse, vec3 = structs(real), coarse(real), wp.array(dtype=types(real).vec3)
 
     def arms(A: s.Matrix, x: vec3, d: vec3, g: Coarse):
         i = wp.tid()
@@ -135,6 +145,14 @@ def setup(real, module) -> SimpleNamespace:
                 out -= w
         g.share[6 * i + a] = out
 
+    return named(real, module, arms, shares)
+
+
+@cache
+def first_level(real, module) -> dict:
+    """own_points: sums of shares; pairs_points: sums of R_i^T S_i A_ij S_j R_j."""
+    s, Coarse, vec6 = structs(real), coarse(real), wp.types.vector(6, real)
+
     def own_points(at: int, g: Coarse):
         K = at + wp.tid() // 6
         a = wp.tid() % 6
@@ -154,6 +172,14 @@ def setup(real, module) -> SimpleNamespace:
             q = (g.S[i] * motion(a, g.arm[i])) * A.block[e]
             out += wrench(g.arm[j], g.S[j] * q)
         g.A[6 * b + a] = out
+
+    return named(real, module, own_points, pairs_points)
+
+
+@cache
+def next_levels(real, module) -> dict:
+    """own_nodes: sums of Q_c^T (Q_c + sum over d of A_cd Q_d), c and d children of one node; pairs_nodes: of Q_c^T A_cd Q_d."""
+    Coarse, vec6 = coarse(real), wp.types.vector(6, real)
 
     def own_nodes(at: int, g: Coarse):
         K = at + wp.tid() // 6
@@ -176,6 +202,15 @@ def setup(real, module) -> SimpleNamespace:
             e = g.pair[m][0]
             out += times(g.Q, g.column[e], times(g.A, e, column(g.Q, g.pair[m][1], a)))
         g.A[6 * b + a] = out
+
+    return named(real, module, own_nodes, pairs_nodes)
+
+
+@cache
+def factor(real, module) -> dict:
+    """factor: D = L L^T and L^-1 row by row; a row of which elimination leaves only rounding is zero in both."""
+    t, Coarse, vec6, vec3 = types(real), coarse(real), wp.types.vector(6, real), wp.array(dtype=types(real).vec3)
+    mat66 = wp.types.matrix((6, 6), real)
 
     def factor(at: int, x: vec3, d: vec3, g: Coarse):
         K = at + wp.tid()
@@ -212,14 +247,13 @@ def setup(real, module) -> SimpleNamespace:
                 w = wrench(arm, f)
                 g.Q[6 * K + k] = w + vec6(real(0.0), real(0.0), real(0.0), L[3, k], L[4, k], L[5, k])
 
-    @wp.func
-    def turned(g: Coarse, K: int, u: vec6):
-        """L_K^-1 u."""
-        v = vec6()
-        six = int(SIX)
-        for b in range(six):
-            v[b] = wp.dot(g.inverse[6 * K + b], u)
-        return v
+    return named(real, module, factor)
+
+
+@cache
+def scale(real, module) -> dict:
+    """scale: L_K^-1 A_KJ L_J^-T, and Q L_K^-T."""
+    Coarse, mat66 = coarse(real), wp.types.matrix((6, 6), real)
 
     def scale(at: int, blocks: int, children: int, g: Coarse):
         n = wp.tid()
@@ -228,18 +262,31 @@ def setup(real, module) -> SimpleNamespace:
             b = at + n
             M = mat66()
             for k in range(six):
-                M[k] = turned(g, g.column[b], g.A[6 * b + k])
+                M[k] = turned(g.inverse, g.column[b], g.A[6 * b + k])
             M = wp.transpose(M)
             for k in range(six):
-                M[k] = turned(g, g.owner[b], M[k])
+                M[k] = turned(g.inverse, g.owner[b], M[k])
             M = wp.transpose(M)
             for k in range(six):
                 g.A[6 * b + k] = M[k]
         else:
             c = children + n - blocks
             for k in range(six):
-                g.Q[6 * c + k] = turned(g, g.parent[c], g.Q[6 * c + k])
+                g.Q[6 * c + k] = turned(g.inverse, g.parent[c], g.Q[6 * c + k])
 
-    every = arms, shares, own_points, pairs_points, own_nodes, pairs_nodes, factor, scale
-    return SimpleNamespace(**{f.__name__: wp.kernel(f, name=f"multigrid_{f.__name__}_{t.name}", module=module,
-                                                    enable_backward=False) for f in every})
+    return named(real, module, scale)
+
+
+@cache
+def setup(real, module) -> SimpleNamespace:
+    """Kernels that make the matrices of the levels, in the order of launch; `at` is the first node or block of the level:
+
+    arms            over points: arms and filters
+    shares          over 6 rows of a point
+    own_points, own_nodes        over 6 rows of a node: D of the first level, of the others
+    pairs_points, pairs_nodes    over 6 rows of a block
+    factor          over nodes: L^-1, and L^T T
+    scale           over blocks, then children: A_KJ and Q in the basis of L
+    """
+    groups = points, first_level, next_levels, factor, scale
+    return SimpleNamespace(**{name: kernel for group in groups for name, kernel in group(real, module).items()})

@@ -68,6 +68,7 @@ def structs(real) -> SimpleNamespace:
 
     return SimpleNamespace(Rows=Rows, Matrix=Matrix)
 
+
 @wp.func
 def side_of(L: Any, l0: Any):
     """max(0, 1 - l0 / L): stiffness of a spring across its direction over that along it; 1 where l0 = 0."""
@@ -97,53 +98,64 @@ def inverse_of(D: Any, least: Any):
     return q0 * wp.outer(e0, e0) + q1 * wp.outer(e1, e1) + q2 * wp.outer(e2, e2)
 
 
+@wp.func
+def pull(rows: Any, batch: Any, x: Any, d: Any, a: Any, i: int, e: int, rate: Any):
+    """Entry e of the springs of point i: force [N], `link`, and (k (1 - l0/L) [N/m], negative if pressed; l0 [m])."""
+    one = type(rate)(1.0)
+    j = rows.other[e]
+    c = rows.number[e]
+    moved = d[j] - d[i]
+    X = (x[j] - x[i]) + moved
+    L = wp.length(X)
+    n = inverse(L) * X
+    k = inverse(batch.alpha[c])
+    gamma = rate * batch.tau[c]
+    l0 = batch.rest[c]
+    side = k * side_of(L, l0)
+    size = k * ((L - l0) + gamma * wp.dot(n, moved - (a[j] - a[i])))
+    m = wp.sqrt((one + gamma) * k - side) * n
+    return size * n, wp.vector(m[0], m[1], m[2], side), wp.vector(k * (one - l0 * inverse(L)), l0)
+
+
+@wp.func
+def saddle(H: Any):
+    """Whether a symmetric matrix has a negative direction: some leading minor is below zero."""
+    zero = type(H[0, 0])(0.0)
+    minor = H[0, 0] * H[1, 1] - H[0, 1] * H[1, 0]
+    return H[0, 0] < zero or minor < zero or wp.determinant(H) < zero
+
+
+@wp.func
+def wave(x: Any, k0: float, k1: float, k2: float, phase: float):
+    """sin(k.x + phase)."""
+    return wp.sin(type(x[0])(k0) * x[0] + type(x[0])(k1) * x[1] + type(x[0])(k2) * x[2] + type(x[0])(phase))
+
+
+@wp.func
+def aside(x: Any):
+    """Some direction at x, the same in each world, that has no symmetry."""
+    return wp.vector(wave(x, 977.0, 631.0, 353.0, 1.0), wave(x, 743.0, 419.0, 887.0, 2.0), wave(x, 569.0, 811.0, 461.0, 3.0))
+
+
+@wp.func
+def gathered(rows: Any, el: Any, e: int):
+    """Block e: the sum of its items."""
+    A = el.block.dtype()
+    for k in range(rows.part[e], rows.part[e + 1]):
+        at = rows.item[k]
+        if at[1] >= 0:
+            A += wp.outer(el.J[at[0]], el.J[at[1]])
+        elif at[1] == wp.static(WHOLE):
+            A += el.block[at[0]]
+        else:
+            A += wp.transpose(el.block[at[0]])
+    return A
+
+
 @cache
 def assemble(real, module, springs: bool, elements: bool):
     """Kernel over points: force f [N] (minus the gradient of Phi), and the row of the Jacobian. Pinned points: zero."""
     t, s, Batch, Elements = types(real), structs(real), batch_of("distance", real), elements_of(real)
-
-    @wp.func
-    def pull(rows: s.Rows, batch: Batch, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3),
-             i: int, e: int, rate: real):
-        j = rows.other[e]
-        c = rows.number[e]
-        moved = d[j] - d[i]
-        X = (x[j] - x[i]) + moved
-        L = wp.length(X)
-        n = inverse(L) * X
-        k = inverse(batch.alpha[c])
-        gamma = rate * batch.tau[c]
-        l0 = batch.rest[c]
-        side = k * side_of(L, l0)
-        size = k * ((L - l0) + gamma * wp.dot(n, moved - (a[j] - a[i])))
-        m = wp.sqrt((real(1.0) + gamma) * k - side) * n
-        return size * n, t.vec4(m[0], m[1], m[2], side), t.vec2(k * (real(1.0) - l0 * inverse(L)), l0)
-
-    @wp.func
-    def saddle(H: t.mat33):
-        """Whether a symmetric matrix has a negative direction: some leading minor is below zero."""
-        minor = H[0, 0] * H[1, 1] - H[0, 1] * H[1, 0]
-        return H[0, 0] < real(0.0) or minor < real(0.0) or wp.determinant(H) < real(0.0)
-
-    @wp.func
-    def aside(x: t.vec3):
-        """Some direction at x, the same in each world, that has no symmetry."""
-        return t.vec3(wp.sin(real(977.0) * x[0] + real(631.0) * x[1] + real(353.0) * x[2] + real(1.0)),
-                      wp.sin(real(743.0) * x[0] + real(419.0) * x[1] + real(887.0) * x[2] + real(2.0)),
-                      wp.sin(real(569.0) * x[0] + real(811.0) * x[1] + real(461.0) * x[2] + real(3.0)))
-
-    @wp.func
-    def gathered(rows: s.Rows, el: Elements, e: int):
-        A = t.mat33()
-        for k in range(rows.part[e], rows.part[e + 1]):
-            at = rows.item[k]
-            if at[1] >= 0:
-                A += wp.outer(el.J[at[0]], el.J[at[1]])
-            elif at[1] == wp.static(WHOLE):
-                A += el.block[at[0]]
-            else:
-                A += wp.transpose(el.block[at[0]])
-        return A
 
     def assemble(rows: s.Rows, batch: Batch, el: Elements, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3),
                  a: wp.array(dtype=t.vec3), b: wp.array(dtype=t.vec3), rate: real, f_out: wp.array(dtype=t.vec3),

@@ -26,6 +26,7 @@ from wsim.kernels.constraint import TABLE, membrane_response, membrane_slender
 from wsim.kernels.matrix import solve_block
 from wsim.kernels.real import types
 
+TINY = {wp.float32: 4.0 * 2.0**-23, wp.float64: 4.0 * 2.0**-52}       # roundings left where elimination ends in 0
 CALM = 1e-2            # strain below which no step of a membrane is too long, up to triangles of 1 : 800
 
 
@@ -62,7 +63,7 @@ def projection(constraint: str, *, real=wp.float32, module="unique", multipliers
     over the constraints of a colour, the first of which is `first`.
     """
     o = variant(constraint, real, multipliers, damped, uniform)
-    vec3, value, one = o.t.vec3, o.value, _one(o, backward)
+    vec3, value, one = o.t.vec3, o.value, one_of(o, backward)
 
     def project(batch: o.Batch, x: wp.array(dtype=vec3), a: wp.array(dtype=vec3), first: int, rate: real, omega: real,
                 d: wp.array(dtype=vec3), lam: wp.array(dtype=value), d_out: wp.array(dtype=vec3),
@@ -81,7 +82,7 @@ def sweep(constraint: str, *, real=wp.float32, module="unique", multipliers: boo
     The kernel's arguments: batch, x, a, starts, rate, omega, d, lam, d_out, lam_out; starts (colours + 1,) int.
     """
     o = variant(constraint, real, multipliers, damped, uniform)
-    vec3, value, one = o.t.vec3, o.value, _one(o, False)
+    vec3, value, one = o.t.vec3, o.value, one_of(o, False)
 
     def sweep(batch: o.Batch, x: wp.array(dtype=vec3), a: wp.array(dtype=vec3), starts: wp.array(dtype=int), rate: real,
               omega: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=value), d_out: wp.array(dtype=vec3),
@@ -96,18 +97,19 @@ def sweep(constraint: str, *, real=wp.float32, module="unique", multipliers: boo
                                launch_bounds=stream.BLOCK)
 
 
-def _one(o, backward: bool):
+def one_of(o, backward: bool):
     """Function: projection of constraint c."""
     o.read_points, o.read_rest = stream.reads(o.points, o.t.mat22 if o.rows == 3 else o.t.scalar, plain=backward)
     return _block(o) if o.rows == 3 else _row(o)
 
 
-def variant(constraint, real, multipliers, damped, uniform) -> SimpleNamespace:
-    """What the makers of kernels need: the row of the table, the types, the flags, a name, and the function `terms`."""
+def variant(constraint, real, multipliers, damped, uniform, stored: bool = False) -> SimpleNamespace:
+    """What the makers of kernels need: the row of the table, the types, the flags, a name, and the function `terms`. stored:
+    dlam is left in lam_out by constraints without a multiplier too."""
     row, t = TABLE[constraint], types(real)
     flags = {"lam": multipliers and not row.unilateral, "damped": damped and not row.unilateral, "uniform": uniform}
     name = "_".join([constraint, *(word for word, on in flags.items() if on), t.name])
-    o = SimpleNamespace(**vars(row), **flags, t=t, name=name, Batch=batch_of(constraint, real))
+    o = SimpleNamespace(**vars(row), **flags, stored=stored, t=t, name=name, Batch=batch_of(constraint, real))
     o.value, o.entry = (t.vec3, t.vec4) if row.rows == 3 else (real, real)        # of lam and C, of alpha
     o.place = first_entry if uniform else own_entry
     o.ids = wp.types.vector(row.points, int)
@@ -219,7 +221,7 @@ def _row(o):
                 d_out[p[0]] = N[0] + (W[0] * dlam) * G0
             for k in range(n):
                 d_out[p[k + 1]] = N[k + 1] + (W[k + 1] * dlam) * G[k]
-            if wp.static(o.lam):
+            if wp.static(o.lam or o.stored):
                 lam_out[c] = before + dlam
 
     return project
@@ -256,8 +258,7 @@ def _terms_block(o):
 def _block(o):
     """Projection of constraints with three rows on three points: the three multipliers are solved for together."""
     real, vec3, terms, place = o.t.scalar, o.t.vec3, o.terms, o.place
-    read_points, read_rest = o.read_points, o.read_rest
-    tiny = 4.0 * (2.0**-23 if real is wp.float32 else 2.0**-52)     # roundings left where elimination ends in 0
+    read_points, read_rest, tiny = o.read_points, o.read_rest, TINY[real]
 
     @wp.func
     def project(c: int, batch: o.Batch, x: wp.array(dtype=vec3), a: wp.array(dtype=vec3), rate: real, omega: real,

@@ -12,7 +12,7 @@ from wsim.bulk import Bulk
 from wsim.curve import Motion
 from wsim.fabric import Fabric
 from wsim.recording import Recording
-from wsim.scene import Cloth, Pin, Scene, SceneError, Soft, Springs
+from wsim.scene import Cloth, Collider, Pin, Plane, Scene, SceneError, Soft, Springs
 from wsim.simulation import Simulation
 
 STEPS = {"damping": 0.03, "poisson": 0.002, "bend": 0.03, "stretch": 0.006, "weft": 0.006, "shear": 0.006}      # relative
@@ -51,12 +51,12 @@ class Run:
         assert abs(expected) > 0.0
         assert found == pytest.approx(expected, rel=within)
 
-    def state(self, name: str) -> None:
-        """By the initial positions or velocities, along a random direction."""
+    def state(self, name: str, step: float = 5e-5) -> None:
+        """By the initial positions or velocities (of a step 40 times as long), along a random direction."""
         start = getattr(self.recording, name)(0, self.path)
         way = np.random.default_rng(6).normal(size=start.shape)
         self.check((getattr(self.gradient, name)(self.path) * way).sum(), lambda s: (self.path, name, start + s * way),
-                   5e-5 if name == "positions" else 2e-3)
+                   step if name == "positions" else 40.0 * step)
 
     def material(self, name: str, value: float) -> None:
         self.check(self.gradient.material(name, self.path), lambda s: (self.path, name, value + s),
@@ -309,7 +309,8 @@ def test_single_precision_loses_four_digits_at_most():
 
 
 @pytest.mark.parametrize("change, text", [
-    ({"solver": "xpbd"}, "/: gradients were asked for, and solver xpbd has none yet; set wsim:solver = explicit or implicit"),
+    ({"colliders": [Collider("/floor", Plane())]}, "/floor: gradients were asked for, and contacts has none yet; leave the "
+     "collider out"),
     ({"pins": [Pin("/pin", "/chain", np.array([0]), stiffness=10.0)]}, "/pin: .*a soft pin has none yet")])
 def test_what_has_no_gradients_is_named(change, text):
     with pytest.raises(SceneError, match=text):

@@ -16,8 +16,9 @@ from wsim.mend import LONG
 from wsim.scene import Problem, SceneError
 from wsim.sensitivity import Gradient, Parameters
 from wsim.simulation import Simulation
+from wsim.slots import Slots
 from wsim.stage import NOT_FINITE, RESIDUAL
-from wsim.tape import Root, Slots, Tape, give
+from wsim.tape import Root, Tape, give
 
 FULL = 1 << 30         # bytes up to which everything is kept
 POOR = 1e-4            # residual of an implicit solve from which a warning is due
@@ -164,8 +165,12 @@ class Recording:
             bad = int(np.argmax(~np.isfinite(self.states.numpy()).all(axis=(1, 2))))
             raise SceneError(Problem("frame", f"a position is no number in frame {self.start + bad}; give it more substeps, or "
                                      "fewer frames"))
-        if self.plan.method("explicit") and int(self.plan.status.numpy()[RESIDUAL]):
-            self.warn(LONG)
+        if int(self.plan.status.numpy()[RESIDUAL]):
+            if self.plan.method("explicit"):
+                self.warn(LONG)
+            else:
+                self.warn(f"/: gradients: {self.plan.integrator} leaves too large a residual; a simulation would go on with "
+                          "backward Euler. Take more iterations or smaller substeps")
 
     def misses(self) -> list[wp.array]:
         """What the worst forward and the worst adjoint solve of implicit steps have left."""

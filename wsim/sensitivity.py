@@ -5,6 +5,8 @@ elements are taken here and not by atomics in float32 (a parameter that 2e7 thre
 of the air stand once a point for the same reason.
 """
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -18,21 +20,27 @@ class Parameters:
 
     def __init__(self, plan):
         self.plan, self.model = plan, plan.model
-        explicit, implicit = plan.method("explicit"), plan.method("implicit")
-        self.pull = explicit.pull if explicit else implicit.adjoint.pull
+        explicit, implicit, xpbd = (plan.method(name) for name in ("explicit", "implicit", "xpbd"))
+        self.pull: Any = explicit.pull if explicit else implicit.adjoint.pull if implicit else None
+        self.batches = xpbd.batches if xpbd else []                                # of XPBD
+        self.springs = self.pull.springs if self.pull else []                      # rows, of the other solvers
+        self.flat = [e for e in self.pull.elements if hasattr(e, "kind")] if self.pull else []       # hinges and triangles
+        self.tables = self.pull.tables if self.pull else []                        # tets
         self.points = plan.method("points").constants
         self.pins = plan.method("pins")
 
     def arrays(self) -> list[wp.array]:
         """Everything that is differentiated by, of one kind each."""
-        pull, c = self.pull, self.points
-        found = [c.w, c.gravity, c.decay]
-        if pull.springs:
-            found += [pull.net.k, pull.net.rest] + [pull.net.damping] * pull.damped
-        for e in pull.elements:
-            data = e.table.data if hasattr(e, "table") else e.data
-            found += [getattr(data, name) for name in ("stiffness", "tau", "mu", "lam") if hasattr(data, name)]
+        c = self.points
+        found = [c.w, c.gravity, c.decay, *self.net().values(), *(b.data.rest for b in self.batches if b.kind == "distance")]
+        for data in (source.data for source in (*self.flat, *self.tables, *self.batches)):
+            found += [getattr(data, name) for name in ("stiffness", "tau", "mu", "lam", "alpha") if getattr(data, name, None)]
         return found + self.targets()
+
+    def net(self) -> dict[str, wp.array]:
+        """Tables of the entries of springs."""
+        return {name: getattr(self.pull.net, name) for name in ("k", "rest", "damping")
+                if name != "damping" or self.pull.damped} if self.springs else {}
 
     def targets(self) -> list[wp.array]:
         return list(self.pins.target.values()) if self.pins else []
@@ -48,7 +56,7 @@ class Parameters:
             array.grad.zero_()
         return found
 
-    def springs(self, array: wp.array) -> np.ndarray:
+    def ends(self, array: wp.array) -> np.ndarray:
         """Sums over the two ends of each spring, from a gradient of the entries."""
         entry = self.pull.entry
         grad = array.grad.numpy().astype(np.float64)[:len(entry)]
@@ -67,9 +75,7 @@ class Gradient:
         self.parameters, self.model, self.plan = parameters, parameters.model, parameters.plan
         self.states, self._targets = states, targets
         self.grads = {array.ptr: array.grad.numpy().astype(np.float64) for array in parameters.arrays()}
-        pull = parameters.pull
-        self.entries = {name: parameters.springs(getattr(pull.net, name)) for name in ("k", "rest", *["damping"] * pull.damped)
-                        } if pull.springs else {}
+        self.entries = {name: parameters.ends(array) for name, array in parameters.net().items()}
 
     def of(self, array: wp.array) -> np.ndarray:
         return self.grads[array.ptr]
@@ -133,13 +139,16 @@ class Gradient:
         body = self.model.body(path, world)
         if not isinstance(body.source, Springs):
             raise SceneError(Problem(body.path, "is no spring net: it has no rest lengths of its own"))
-        return np.concatenate([self.entries["rest"][part] for r, part in self.parts() if r.body is body])
+        found = [self.entries["rest"][part] for r, part in _parts(self.parameters.springs) if r.body is body]
+        for batch in self.parameters.batches:
+            found += [self.by_rows(batch, batch.data.rest)[part] for r, part in _parts(batch.rows) if r.body is body]
+        return np.concatenate(found)
 
     def material(self, name: str, path: str | None = None, world: int = 0, elements: bool = False):
         """By stretch, weft, shear [N/m], bend [N m] of a cloth, stiffness of springs [N/m], young [Pa], poisson of a soft body,
         or damping [s]. elements: of each element by itself, in the order of the solver; else the sum."""
         body = self.model.body(path, world)
-        found = [self.rows(name, body), self.flat(name, body), self.solid(name, body)]
+        found = [f(name, body) for f in (self.rows, self.flat, self.projected, self.solid)]
         parts = [each for some in found for each in some]
         if not parts:
             raise SceneError(Problem(body.path, f"has no {name!r} with a derivative; there are {', '.join(self.names(body))}"))
@@ -148,23 +157,17 @@ class Gradient:
 
     def names(self, body) -> list[str]:
         """What `material` knows of a body."""
-        pull = self.parameters.pull
-        rows = [r for rows in (pull.springs, *(getattr(e, "rows", []) for e in pull.elements)) for r in rows if r.body is body]
-        values = [p.values for t in pull.tables for p in t.parts if p.body is body]
+        p = self.parameters
+        rows = [r for r in (*p.springs, *(r for source in (*p.flat, *p.batches) for r in source.rows)) if r.body is body]
+        values = [part.values for t in p.tables for part in t.parts if part.body is body]
         damped = any(r.tau > 0.0 for r in rows) or any(v["damping"].any() for v in values)
         return sorted({name for d in (*(r.stiffness for r in rows), *values) for name in d} - {"damping"}
                       | set(["damping"] * damped))
 
-    def parts(self) -> list[tuple[Rows, slice]]:
-        """Springs of each body, and where they stand in `entries`."""
-        rows = self.parameters.pull.springs
-        ends = np.cumsum([0, *(len(r.ids) for r in rows)])
-        return [(r, slice(*ends[k:k + 2])) for k, r in enumerate(rows)]
-
     def rows(self, name: str, body) -> list[np.ndarray]:
         """Of springs."""
         found = []
-        for r, part in self.parts():
+        for r, part in _parts(self.parameters.springs):
             if r.body is not body:
                 continue
             k = np.broadcast_to(1.0 / r.alpha, len(r.ids))
@@ -178,25 +181,36 @@ class Gradient:
     def flat(self, name: str, body) -> list[np.ndarray]:
         """Of hinges and triangles."""
         found = []
-        for e in self.parameters.pull.elements:
-            if not hasattr(e, "kind"):
-                continue
-            first = 0
-            for r in e.rows:
-                part = slice(first, first + len(r.ids))
-                first = part.stop
-                if r.body is not body:
-                    continue
-                if name == "damping" and r.tau > 0.0:
+        for e in self.parameters.flat:
+            for r, part in _parts(e.rows):
+                if r.body is body and name == "damping" and r.tau > 0.0:
                     found.append(self.of(e.data.tau)[part])
-                elif name in r.stiffness:
-                    found.append(_by_stiffness(r, name, e.kind, self.of(e.data.stiffness)[part], e.stiffness()[part]))
+                elif r.body is body and name in r.stiffness:
+                    found.append(_by_stiffness(r, name, e.kind, self.of(e.data.stiffness)[part] * e.stiffness()[part]))
         return found
+
+    def projected(self, name: str, body) -> list[np.ndarray]:
+        """Of constraints of XPBD, whose compliances are inverse stiffnesses."""
+        found = []
+        for batch in self.parameters.batches:
+            for r, part in _parts(batch.rows):
+                if r.body is body and name == "damping" and r.tau > 0.0:
+                    found.append(self.by_rows(batch, batch.data.tau)[part])
+                elif r.body is body and name in r.stiffness:
+                    by = self.by_rows(batch, batch.data.alpha) * batch.values()[0]
+                    found.append(_by_stiffness(r, name, batch.kind, -by[part]))
+        return found
+
+    def by_rows(self, batch, array: wp.array) -> np.ndarray:
+        """A gradient of a batch's table in the order of its rows."""
+        by = np.empty(self.of(array).shape)
+        by[batch.order] = self.of(array)
+        return by
 
     def solid(self, name: str, body) -> list[np.ndarray]:
         """Of tets, by Hooke's constants of each."""
         found = []
-        for table in self.parameters.pull.tables:
+        for table in self.parameters.tables:
             first = 0
             for p in getattr(table, "parts", ()):
                 part = slice(first, first + len(p.rows))
@@ -215,10 +229,16 @@ class Gradient:
         return found
 
 
-def _by_stiffness(r: Rows, name: str, kind: str, by: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
-    """Of each element by one of its stiffnesses. The table of a membrane is (uu, uv, shear, vv); uu is in proportion to
-    stretch, vv to weft, uv to the root of both; a weft of 0 stands for stretch."""
-    parts, value = by * stiffness, r.stiffness[name]
+def _parts(rows: list[Rows]) -> list[tuple[Rows, slice]]:
+    """Where each stands in a table of all."""
+    ends = np.cumsum([0, *(len(r.ids) for r in rows)])
+    return [(r, slice(*ends[k:k + 2])) for k, r in enumerate(rows)]
+
+
+def _by_stiffness(r: Rows, name: str, kind: str, parts: np.ndarray) -> np.ndarray:
+    """Of each element by one of its stiffnesses, from those by the logarithms of its table. That of a membrane is (uu, uv,
+    shear, vv); uu is in proportion to stretch, vv to weft, uv to the root of both; a weft of 0 stands for stretch."""
+    value = r.stiffness[name]
     assert r.body is not None
     if kind != "membrane":
         return parts / value

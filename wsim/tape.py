@@ -20,10 +20,10 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels import adjoint
+from wsim.slots import Slots
 
 WHOLE = ("begin", "leap", "commit", "corners", "fem_forces", "predict", "finish")
 KEPT = (wp.int32, wp.quatf, wp.quatd, wp.vec2i, wp.vec4i, wp.uint64)      # flags, lists, starts of iterations
-CHUNK = 1 << 16        # scalars of the first piece of memory that slots are cut from; each is twice the one before
 
 
 @dataclass
@@ -33,62 +33,14 @@ class Root:
     base: wp.array
     carried: wp.array
     latest: wp.array | None = None
+    work: wp.array | None = None       # where what was done in place is undone
     fresh: bool = False                # nobody has read `latest` yet
     written: bool = False
-
-
-class Slots:
-    """Arrays with gradients, handed out in order; `rewind` hands out the same again."""
-
-    def __init__(self, device, real):
-        self.device, self.real = device, real
-        self.chunks: list[tuple[wp.array, wp.array]] = []
-        self.at, self.most = (0, 0), (0, 0)
-
-    def rewind(self) -> None:
-        self.at = (0, 0)
-
-    def take(self, like: wp.array) -> wp.array:
-        """An array of that type and shape, with its gradient."""
-        size = like.size * (wp.types.type_size_in_bytes(like.dtype) // wp.types.type_size_in_bytes(self.real))
-        chunk, first = self.at
-        while chunk < len(self.chunks) and first + size > self.chunks[chunk][0].size:
-            chunk, first = chunk + 1, 0
-        if chunk == len(self.chunks):
-            values, grads = (wp.zeros(max(size, CHUNK << chunk), dtype=self.real, device=self.device) for _ in range(2))
-            self.chunks.append((values, grads))
-        self.at = chunk, first + size
-        self.most = max(self.most, self.at)
-        value, grad = (_cut(array, first, like) for array in self.chunks[chunk])
-        value.grad = grad
-        return value
-
-    def clear(self, first: tuple[int, int], end: tuple[int, int]) -> None:
-        """Gradients become zero between two values of `at` (capturable)."""
-        for number in range(first[0], end[0] + 1):
-            grad = self.chunks[number][1]
-            part = grad[first[1] * (number == first[0]):end[1] if number == end[0] else grad.size]
-            if part.size:
-                part.zero_()
-
-    def drop(self) -> None:
-        """Forgets everything."""
-        self.chunks, self.at, self.most = [], (0, 0), (0, 0)
-
-    @property
-    def bytes(self) -> int:
-        size = wp.types.type_size_in_bytes(self.real)
-        return 2 * size * (self.most[1] + sum(value.size for value, _ in self.chunks[:self.most[0]]))
 
 
 def give(grad: wp.array, into: wp.array) -> None:
     """Adds a gradient to another and clears it."""
     wp.launch(adjoint.give(grad.dtype), grad.size, [grad], [into], device=grad.device)
-
-
-def _cut(array: wp.array, first: int, like: wp.array) -> wp.array:
-    return wp.array(ptr=array.ptr + first * wp.types.type_size_in_bytes(array.dtype), dtype=like.dtype, shape=like.shape,
-                    device=array.device, requires_grad=False)
 
 
 def _view(version: wp.array, root: wp.array, view: wp.array) -> wp.array:
@@ -115,6 +67,7 @@ class Tape:
     adjoints: list[Callable[[], None]] = field(default_factory=list)        # their adjoints, in the same order
     entries: list[tuple[Root, wp.array]] = field(default_factory=list)
     ends: list[tuple[Root, wp.array]] = field(default_factory=list)
+    within_of: dict[int, int] = field(default_factory=dict)                 # launches in place of a version, by its address
     first: tuple[int, int] = (0, 0)
     end: tuple[int, int] = (0, 0)
 
@@ -147,6 +100,32 @@ class Tape:
         there, back = self.read(source[first:first + count]), self.write(into[into_first:into_first + count], True)
         self.do(lambda: wp.copy(back, without(there)))           # with gradients a copy would take those along
         self.hand(back.grad, there.grad)
+
+    def within(self, array: wp.array, forward: Callable, backward: Callable) -> None:
+        """Launches that change a version in place and can be undone: forward(version); backward(work, grad) finds in `work`
+        what they left, and leaves there what they found."""
+        root = self.root_of(array, True)
+        assert root is not None
+        self.write(root.base, False)
+        version, before = root.latest, self.within_of
+        assert version is not None and version.ptr is not None
+        number = before[version.ptr] = before.get(version.ptr, 0) + 1
+        if root.work is None:
+            root.work = wp.empty_like(root.base, requires_grad=False)
+        work = root.work
+        self.do(lambda: forward(version))
+
+        def undo() -> None:
+            if before[version.ptr] == number:            # the last of them is the first to be undone
+                wp.copy(work, without(version))
+            backward(work, version.grad)
+        self.adjoints.append(undo)
+
+    def zero(self, array: wp.array) -> None:
+        """As `array.zero_()`."""
+        version = self.write(array, True)
+        self.do(lambda: version.zero_())
+        self.adjoints.append(lambda: version.grad.zero_())
 
     def solve(self, solver, clock) -> None:
         """The implicit solve of a substep (`wsim.adjoint`), with its own adjoint; what it launches is not recorded."""

@@ -40,12 +40,13 @@ class Batch:
         self.order = order_of(colors.astype(np.int64) * (model.points + 1) + lowest(ids))
         self.starts = np.concatenate([[0], np.cumsum(np.bincount(colors))])
         self.size = len(ids)
-        self.multipliers = clock.iterations > 1 or clock.watched
+        self.multipliers = clock.iterations > 1 or clock.watched or model.gradients
         self.stale = False
         self.damped = any(r.tau > 0.0 for r in rows)
         alpha, tau = self.values()
         paths = {r.body.path for r in rows if r.body is not None}
-        self.uniform = len(paths) == model.worlds == 1 and bool(np.all(alpha == alpha[0]) and np.all(tau == tau[0]))
+        self.uniform = len(paths) == model.worlds == 1 and bool(np.all(alpha == alpha[0]) and np.all(tau == tau[0])) \
+            and not model.gradients
         self.fused = not model.device.is_cuda or int(np.diff(self.starts).max()) <= FUSE
         make, module = (kernels.sweep, model.sweep_module) if self.fused else (kernels.projection, model.module)
         table, self.kernel = make(kind, real=model.real, module=module, multipliers=self.multipliers,
@@ -61,6 +62,14 @@ class Batch:
         self.data.tau = self.send(tau, t.scalar) if self.damped else None
         self.lam = wp.zeros(self.size if self.multipliers else 0, dtype=t.vec3 if alpha.ndim == 2 else t.scalar,
                             device=model.device)
+        self.adjoint = None
+        if model.gradients:
+            from wsim.xpbd_adjoint import SweepAdjoint
+            self.adjoint = SweepAdjoint(self, model)
+
+    def omega(self, clock: Clock) -> float:
+        """Over-relaxation of this iteration."""
+        return 1.0 if self.kind in HARD else clock.omega
 
     def values(self) -> tuple[np.ndarray, np.ndarray]:
         """Compliance and relaxation time of each constraint in the order of the rows."""
@@ -133,16 +142,22 @@ class Xpbd(Method):
         them leaves), and whether the integrator may go on."""
         if not clock.watched or (clock.k < clock.substeps - 1 and not clock.beyond):
             return
-        self.largest.zero_()
-        self.measure(self.look_kernels, self.state.d, self.largest)
-        self.model.launch(self.judge, len(self.watched), [self.largest, MET_MIDPOINT if clock.beyond else MET],
-                          [self.status[RESIDUAL:]])
+        model, s, tape = self.model, self.state, self.model.tape
+        x, d = (tape.read(s.x), tape.read(s.d)) if tape else (s.x, s.d)
+        lam = [b.adjoint.last if tape and b.adjoint else b.lam for b in self.watched]
 
-    def measure(self, kernels_: list, d: wp.array, largest: wp.array) -> None:
+        def judge() -> None:
+            model.tape = None                            # looks, and changes nothing
+            self.largest.zero_()
+            self.measure(self.look_kernels, x, d, lam, self.largest)
+            model.launch(self.judge, len(lam), [self.largest, MET_MIDPOINT if clock.beyond else MET], [self.status[RESIDUAL:]])
+            model.tape = tape
+        tape.do(judge) if tape else judge()
+
+    def measure(self, kernels_: list, x: wp.array, d: wp.array, lam: list[wp.array], largest: wp.array) -> None:
         soft = [b for b in self.batches if b.kind not in HARD]
-        for row, (batch, kernel) in enumerate(zip(soft, kernels_, strict=True)):
-            self.model.launch(kernel, batch.size,
-                              [batch.data, self.state.x, d, batch.lam, 1.0 / self.clock.g, row], [largest])
+        for row, (batch, kernel, own) in enumerate(zip(soft, kernels_, lam, strict=True)):
+            self.model.launch(kernel, batch.size, [batch.data, x, d, own, 1.0 / self.clock.g, row], [largest])
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]; residual: what the last substep's sweeps left, see kernels/residual.py (strain, radians). A
@@ -154,7 +169,7 @@ class Xpbd(Method):
                 largest = self.largest
             else:
                 largest = wp.zeros(len(soft), dtype=self.model.real, device=self.model.device)
-                self.measure(self.residual_kernels(module), self.state.e, largest)
+                self.measure(self.residual_kernels(module), self.state.x, self.state.e, [b.lam for b in soft], largest)
             found["residual"] = float(largest.numpy().max())
         return found
 
@@ -167,12 +182,15 @@ class Xpbd(Method):
         return float(out.numpy()[:, 2].sum())
 
     def zero(self, clock: Clock) -> None:
-        for batch in self.batches:
+        for batch in self.batches if not self.model.tape else ():
             batch.lam.zero_()
 
     def project(self, batch: Batch, clock: Clock) -> None:
         s, a = self.state, self.points.anchor if batch.damped else None
-        omega = 1.0 if batch.kind in HARD else clock.omega
+        if self.model.tape and batch.adjoint:
+            batch.adjoint.record(self.model.tape, s.x, a, s.d, clock)
+            return
+        omega = batch.omega(clock)
         if batch.fused:
             self.model.sweep(batch.kernel,
                              [batch.data, s.x, a, batch.first, 1.0 / clock.g, omega, s.d, batch.lam],

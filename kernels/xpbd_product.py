@@ -1,0 +1,92 @@
+"""What an adjoint of XPBD differentiates (kernels/xpbd_adjoint.py): the multiplier of a projection times what it moves,
+
+    s = dlam (sum_k w_k G_k.Y_k + y)
+
+for constant Y and y. Its derivatives by all that dlam and G are made of are those of a projection in the direction of Y, y.
+"""
+
+import warp as wp
+
+from wsim.kernels.constraint import membrane_response, membrane_slender
+from wsim.kernels.matrix import solve_block
+from wsim.kernels.xpbd import CALM, TINY, plane_stress
+
+
+def product(o):
+    """Function s of a variant `o` of kernels/xpbd.py: (X, V, W, rest, alpha, lam, how, Y). X: places and V: velocities (times
+    h) to the first point; W: inverse masses; how: gamma, omega; Y has a row a point, and below them y (in its first entry where
+    a constraint has one row)."""
+    return _block(o) if o.rows == 3 else _row(o)
+
+
+def need(o, module) -> None:
+    """A kernel that never runs. Warp 1.19 leaves the adjoints of functions empty that no kernel with an adjoint calls; those
+    that a product calls would then be 0 in `wp.grad`, without a word."""
+    n, real, block = o.points, o.t.scalar, o.rows == 3
+    formula, rest = product(o), o.t.mat22 if block else real
+    rows, ends, inverses = wp.types.matrix((n - 1, 3), real), wp.types.matrix((n + 1, 3), real), wp.types.vector(n, real)
+
+    def called(rest: rest, alpha: o.entry, lam: o.value, out: wp.array(dtype=real)):
+        out[0] = formula(rows(), rows(), inverses(), rest, alpha, lam, o.t.vec2(), ends())
+
+    wp.kernel(called, name=f"need_{o.name}", module=module, enable_backward=True)
+
+
+def _row(o):
+    """Of constraints with one row."""
+    real, vec3, m, formula = o.t.scalar, o.t.vec3, o.points - 1, o.formula
+    rows, ends, inverses = wp.types.matrix((m, 3), real), wp.types.matrix((m + 2, 3), real), wp.types.vector(m + 1, real)
+
+    @wp.func
+    def product(X: rows, V: rows, W: inverses, rest: real, alpha: real, lam: real, how: o.t.vec2, Y: ends):
+        C, G = formula(X, rest)
+        over = C
+        if wp.static(o.unilateral):
+            over = wp.max(C, real(0.0))
+        r = -over
+        below = real(0.0)
+        G0 = vec3()
+        s = Y[m + 1, 0]
+        for k in range(m):
+            G0 -= G[k]
+            below += W[k + 1] * wp.dot(G[k], G[k])
+            s += W[k + 1] * wp.dot(G[k], Y[k + 1])
+            if wp.static(o.damped):
+                r -= how[0] * wp.dot(G[k], V[k])
+        below += W[0] * wp.dot(G0, G0)
+        s += W[0] * wp.dot(G0, Y[0])
+        if wp.static(not o.unilateral):
+            r -= alpha * lam
+            below = (real(1.0) + how[0]) * below + alpha
+        out = real(0.0)
+        if below > real(0.0):
+            out = (how[1] * r / below) * s
+        return out
+
+    return product
+
+
+def _block(o):
+    """Of constraints with three rows on three points."""
+    real, vec3, formula, mat22, tiny = o.t.scalar, o.t.vec3, o.formula, o.t.mat22, TINY[o.t.scalar]
+    rows, ends = wp.types.matrix((2, 3), real), wp.types.matrix((4, 3), real)
+
+    @wp.func
+    def product(X: rows, V: rows, W: vec3, rest: mat22, alpha: o.t.vec4, lam: vec3, how: o.t.vec2, Y: ends):
+        C, G1, G2 = formula(X, rest)
+        r = -C - plane_stress(alpha) * lam
+        if wp.static(o.damped):
+            r -= how[0] * (G1 * V[0] + G2 * V[1])
+        S = membrane_response(C, rest, W[0], W[1], W[2])
+        dlam = how[1] * solve_block((real(1.0) + how[0]) * S + plane_stress(alpha), r, real(tiny))
+        calm = real(1.0)
+        if wp.dot(r, r) > real(CALM * CALM):
+            slender = membrane_slender(rest)
+            most = real(2.0) * slender[1]
+            step = wp.length(S * dlam) * (slender[0] - most)
+            if step > most:
+                calm = most / step
+        s = Y[3] + W[1] * (G1 * Y[1]) + W[2] * (G2 * Y[2]) - W[0] * ((G1 + G2) * Y[0])
+        return calm * wp.dot(dlam, s)
+
+    return product

@@ -1,0 +1,122 @@
+"""Gradients of XPBD that ran in place and is undone: against differences, and against fresh buffers with Warp's own adjoint."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import warp as wp
+
+from tests.test_gradients import Run, net, sheet
+from wsim import xpbd_adjoint
+from wsim.kernels.xpbd import projection
+from wsim.recording import Recording
+from wsim.simulation import Simulation
+
+SWEEPS = {"solver": "xpbd", "substeps": 8, "iterations": 4}
+
+
+@pytest.mark.parametrize("integrator, iterations", [("backward_euler", 1), ("backward_euler", 4), ("bdf2", 16),
+                                                    ("implicit_midpoint", 16)])
+def test_a_chain(integrator, iterations):
+    """By every parameter, lengths too: the undone sweeps, with over-relaxation where there are more than two."""
+    run = Run(net(**SWEEPS | {"integrator": integrator, "iterations": iterations}))
+    assert not run.sim.warnings
+    run.material("stiffness", 40.0)
+    run.material("damping", 1e-3)
+    run.state("positions")
+    run.state("velocities")
+    run.world()
+    lengths, way = np.full(11, 0.1), np.random.default_rng(8).normal(size=11)
+    slope = [np.sum(Recording(Simulation(net(**SWEEPS | {"integrator": integrator, "iterations": iterations,
+                                                        "lengths": (lengths + s * way).astype(np.float32)}), device="cpu",
+                                         precision="float64", gradients=True), 3).positions(3) * run.x) for s in (1e-3, -1e-3)]
+    by = Run(net(**SWEEPS | {"integrator": integrator, "iterations": iterations, "lengths": lengths})).recording.backward(
+        {3: run.x}).lengths()
+    assert (by * way).sum() == pytest.approx((slope[0] - slope[1]) / 2e-3, rel=1e-3)
+
+
+@pytest.mark.parametrize("model", ["membrane", "springs"])
+def test_a_sheet_that_stretches_shears_and_bends(model):
+    run = Run(sheet(model, damping=2e-4, integrator="backward_euler", **SWEEPS))
+    for name in ("stretch", "bend", "damping", *["shear", "weft"] * (model == "membrane")):
+        run.material(name, getattr(run.scene.cloths[0].material, name))
+    run.state("positions")
+    run.state("velocities")
+    run.check(run.gradient.density(), lambda s: ("/cloth", "density", 150.0 + s), 0.8)
+    run.world()
+
+
+class Fresh(xpbd_adjoint.SweepAdjoint):
+    """The reference: each colour writes a buffer of its own, and Warp differentiates it."""
+
+    def __init__(self, batch, model):
+        super().__init__(batch, model)
+        self.fresh = projection(batch.kind, real=model.real, module=model.module, multipliers=True, damped=batch.damped,
+                                backward=True)[1]
+
+    def record(self, tape, x, a, d, clock):
+        b = self.batch
+        if clock.i == 0:
+            tape.zero(b.lam)
+        for first, last in zip(b.starts[:-1], b.starts[1:], strict=True):
+            tape.launch(self.fresh, int(last - first), [b.data, x, a, int(first), 1.0 / clock.g, b.omega(clock), d, b.lam],
+                        [d, b.lam], device=self.model.device)
+
+
+@pytest.mark.parametrize("model, limit", [("membrane", np.inf), ("springs", 0.003)])
+def test_undone_sweeps_are_as_good_as_fresh_buffers(model, limit, monkeypatch):
+    """A strain limit is on and off from sweep to sweep: differences would meet the kinks."""
+    scene = sheet(model, damping=2e-4, integrator="backward_euler", **SWEEPS)
+    scene.cloths[0].material = replace(scene.cloths[0].material, strain_limit=limit)
+    ours = Run(scene)
+    monkeypatch.setattr(xpbd_adjoint, "SweepAdjoint", Fresh)
+    other = Run(scene)
+    assert np.array_equal(ours.recording.positions(3), other.recording.positions(3))
+    for name in ("positions", "velocities", "masses"):
+        a, b = (getattr(run.gradient, name)() for run in (ours, other))
+        assert np.abs(a - b).max() < 1e-12 * np.abs(b).max()
+    for name in ("stretch", "bend", "damping"):
+        a, b = (run.gradient.material(name, elements=True) for run in (ours, other))
+        assert np.abs(a - b).max() < 1e-11 * np.abs(b).max()
+    assert ours.recording.bytes < 0.5 * other.recording.bytes
+
+
+def test_points_that_pass_each_other_are_undone_too():
+    """An over-relaxed sweep turns a stretched spring about: the direction is then the other one."""
+    scene = net(**SWEEPS | {"stiffness": 4e6, "lengths": np.full(11, 0.02), "damping": 0.0, "integrator": "backward_euler"})
+    run = Run(scene, frames=1)
+    run.state("positions")
+
+
+def test_a_stiff_sheet_of_240_substeps(monkeypatch):
+    """2e4 N/m; checkpoints give the same gradient. In float32 the motion itself is 2e-7 m off, which is 4e-4 of the gradient:
+    fresh buffers lose as much, and undone sweeps only 3e-6 beside them."""
+    scene = sheet("springs", integrator="backward_euler", solver="xpbd", substeps=80, iterations=1)
+    scene.cloths[0].material = replace(scene.cloths[0].material, stretch=2e4)
+    run = Run(scene)
+    run.material("stretch", 2e4)
+    run.state("positions", 2e-6)
+    again = Run(scene, keep="checkpoints")
+    assert again.recording.bytes < 0.2 * run.recording.bytes
+    assert np.abs(again.gradient.positions() - run.gradient.positions()).max() < 1e-12 * np.abs(run.gradient.positions()).max()
+    exact, single = run.gradient.positions(), []
+    for adjoint in (xpbd_adjoint.SweepAdjoint, Fresh):
+        monkeypatch.setattr(xpbd_adjoint, "SweepAdjoint", adjoint)
+        recording = Recording(Simulation(scene, device="cpu", gradients=True), 3)
+        single.append(recording.backward({3: run.x}, {3: run.v}).positions())
+    assert np.linalg.norm(single[0] - single[1]) < 1e-5 * np.linalg.norm(exact)
+    assert np.linalg.norm(single[0] - exact) < 1e-3 * np.linalg.norm(exact)
+
+
+def test_a_recording_runs_as_a_simulation_and_tells_a_residual_that_is_too_large():
+    scene = sheet("springs", integrator="bdf2", **SWEEPS | {"iterations": 2, "substeps": 1})
+    scene.cloths[0].material = replace(scene.cloths[0].material, stretch=1e6)
+    sim = Simulation(scene, device="cpu", gradients=True)
+    Recording(sim, 2).run()
+    assert any("bdf2 leaves too large a residual" in text for text in sim.warnings)
+
+
+def test_nothing_of_it_is_there_without_gradients():
+    sim = Simulation(net(**SWEEPS, integrator="backward_euler"), device="cpu")
+    assert all(b.adjoint is None for b in sim.plan.method("xpbd").batches)
+    assert not any("stored" in name or "undo" in name for name in wp.get_module(sim.model.module).kernels)

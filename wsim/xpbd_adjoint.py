@@ -1,0 +1,62 @@
+"""Adjoint of the sweeps of `wsim.xpbd`: each leaves its multipliers behind, and is undone. See kernels/xpbd_adjoint.py."""
+
+import warp as wp
+
+from wsim.cloth import HARD
+from wsim.kernels import xpbd_adjoint as kernels
+from wsim.kernels.real import types
+from wsim.model import Model
+from wsim.tape import Tape, adjoint_of
+
+
+class SweepAdjoint:
+    """Of the constraints of one kind."""
+
+    def __init__(self, batch, model: Model):
+        """batch: a `wsim.xpbd.Batch`, whose tables are there."""
+        self.batch, self.model = batch, model
+        self.vec3, self.value = types(model.real).vec3, batch.lam.dtype
+        self.kept = batch.kind in ("membrane", "dihedral")
+        module = model.sweep_module if batch.fused else model.module
+        self.kernels = [make(batch.kind, model.real, module, batch.damped, self.kept, batch.fused)
+                        for make in (kernels.sweep, kernels.sweep_adjoint)]
+        self.zero, self.back = (wp.zeros(batch.size, dtype=self.value, device=model.device) for _ in range(2))
+        self.last = self.zero                   # multipliers of the sweep before, while a tape records
+
+    def record(self, tape: Tape, x: wp.array, a: wp.array | None, d: wp.array, clock) -> None:
+        """A sweep over all colours, in place of d."""
+        batch, rate = self.batch, 1.0 / clock.g
+        omega, final = batch.omega(clock), clock.i == clock.iterations - 1
+        x, a = tape.read(x), None if a is None else tape.read(a)
+        s, g = kernels.seen(self.vec3, self.value)(), kernels.grads(self.vec3, self.value)()
+        s.x, s.a, s.lam, s.lam_out = x, a, self.zero if clock.i == 0 else self.last, tape.slots.plain.take(batch.lam)
+        if self.kept:
+            s.kept = tape.slots.plain.take(wp.empty((self.points, batch.size), dtype=self.vec3, device="cpu"))
+        g.x, g.a, g.lam = x.grad, None if a is None else a.grad, self.back
+        self.last = self.zero if batch.kind in HARD else s.lam_out
+
+        def forward(version: wp.array) -> None:
+            s.d = version
+            self.launch(self.kernels[0], [batch.data, s], rate, omega)
+
+        def backward(work: wp.array, grad: wp.array) -> None:
+            if final:
+                self.back.zero_()
+            s.d, g.d = work, grad
+            self.launch(self.kernels[1], [batch.data, adjoint_of(batch.data), s, g], rate, omega, -1)
+        tape.within(d, forward, backward)
+
+    @property
+    def points(self) -> int:
+        """Points of a constraint."""
+        return self.batch.rows[0].ids.shape[1]
+
+    def launch(self, kernel, tables: list, rate: float, omega: float, way: int = 1) -> None:
+        """Of all colours, in their order or against it."""
+        batch, more = self.batch, [rate, omega]
+        if batch.fused:
+            self.model.sweep(kernel, [*tables, batch.first, 0, *more], [])
+            return
+        sizes = list(enumerate(batch.starts[1:] - batch.starts[:-1]))
+        for number, size in sizes[::way]:
+            self.model.launch(kernel, int(size), [*tables, batch.first, number, *more], [])
