@@ -15,7 +15,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.real import types
+from wsim.kernels.real import differentiable, types
 
 
 @cache
@@ -37,7 +37,7 @@ def press(real, module):
     """Kernel: force on each corner of a triangle [N] and its drag coefficient [kg/s]."""
     t, Air = types(real), air(real)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=differentiable(module))
     def press(triangle: wp.array(dtype=wp.vec3i), object: wp.array(dtype=int), air: Air,
               x: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), g: real,
               force_out: wp.array(dtype=t.vec3), k_out: wp.array(dtype=t.scalar)):
@@ -70,16 +70,22 @@ def blow(real, module):
     """Kernel: each point gathers its triangles' forces into its predicted displacement."""
     t = types(real)
 
-    @wp.kernel(module=module, enable_backward=False)
-    def blow(first: wp.array(dtype=int), item: wp.array(dtype=int), force: wp.array(dtype=t.vec3),
-             k: wp.array(dtype=t.scalar), w: wp.array(dtype=t.scalar), d: wp.array(dtype=t.vec3), g: real,
-             d_out: wp.array(dtype=t.vec3)):
-        i = wp.tid()
-        f = t.vec3()
+    @wp.func
+    def gather(first: wp.array(dtype=int), item: wp.array(dtype=int), force: wp.array(dtype=t.vec3),
+               k: wp.array(dtype=t.scalar), i: int):
+        f = t.vec3()                      # by themselves: Warp's adjoint of a loop does not stand a product with its sums
         drag = real(0.0)
         for j in range(first[i], first[i + 1]):
             f += force[item[j]]
             drag += k[item[j]]
+        return f, drag
+
+    @wp.kernel(module=module, enable_backward=differentiable(module))
+    def blow(first: wp.array(dtype=int), item: wp.array(dtype=int), force: wp.array(dtype=t.vec3),
+             k: wp.array(dtype=t.scalar), w: wp.array(dtype=t.scalar), d: wp.array(dtype=t.vec3), g: real,
+             d_out: wp.array(dtype=t.vec3)):
+        i = wp.tid()
+        f, drag = gather(first, item, force, k, i)
         d_out[i] = d[i] + (g * g * w[i] / (real(1.0) + real(2.0) * g * w[i] * drag)) * f
 
     return blow

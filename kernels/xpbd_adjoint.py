@@ -175,7 +175,7 @@ def _back(o, kept: bool):
             by.alpha[c] = by.alpha[c] + (rate * rate) * galpha
         if wp.static(o.damped):
             by.tau[c] = by.tau[c] + rate * ghow[0]
-        for k in range(n):
+        for k in range(wp.static(int(o.anchored)), n):
             by.w[p[k]] = by.w[p[k]] + gW[k]
         spread(p, g, gX, gV, Y)
 
@@ -200,8 +200,12 @@ def _spread(o):
             if wp.static(o.damped):
                 g.a[j] = g.a[j] - gV[k]
         i = p[0]
-        g.x[i] = g.x[i] + first
-        g.d[i] = Y[0] + first + moved
+        if wp.static(o.anchored):                        # a pinned point of many tethers
+            wp.atomic_add(g.x, i, first)
+            wp.atomic_add(g.d, i, first + moved)
+        else:
+            g.x[i] = g.x[i] + first
+            g.d[i] = Y[0] + first + moved
         if wp.static(o.damped):
             g.a[i] = g.a[i] - moved
 

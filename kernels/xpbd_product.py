@@ -53,8 +53,9 @@ def _row(o):
             s += W[k + 1] * wp.dot(G[k], Y[k + 1])
             if wp.static(o.damped):
                 r -= how[0] * wp.dot(G[k], V[k])
-        below += W[0] * wp.dot(G0, G0)
-        s += W[0] * wp.dot(G0, Y[0])
+        if wp.static(not o.anchored):
+            below += W[0] * wp.dot(G0, G0)
+            s += W[0] * wp.dot(G0, Y[0])
         if wp.static(not o.unilateral):
             r -= alpha * lam
             below = (real(1.0) + how[0]) * below + alpha

@@ -8,7 +8,7 @@ from tests.test_gradients import bar, sheet
 from tests.test_simulation import chain, drape
 from tests.test_ties import laid
 from tools.bench import reference
-from wsim import shapes
+from wsim import multigrid, shapes, xpbd
 from wsim.bulk import Bulk
 from wsim.curve import Motion
 from wsim.fabric import Fabric
@@ -213,3 +213,31 @@ def test_gradients_agree(make, settings, keep):
         assert np.abs(b - a).max() < 1e-8 * np.abs(a).max()
     name = "stretch" if make is sheet else "young"
     assert gpu.material(name) == pytest.approx(cpu.material(name), rel=1e-8)
+
+
+def test_a_coarse_space_agrees(monkeypatch):
+    """A soft body that is small and forced to have one, of three levels; both solve to a tolerance."""
+    monkeypatch.setattr(multigrid, "PAYS", {"cpu": ((0, 0.0),), "cuda": ((0, 0.0),)})
+    monkeypatch.setattr(multigrid, "CELLS", 1.5)
+    points, tets = shapes.block((1.0, 0.4, 0.4), (12, 4, 4))
+    scene = Scene(fps=60.0, solver="implicit", substeps=2, iterations=3, integrator="backward_euler")
+    body = scene.soft("/bar", points, tets, material=Bulk(1e6, 0.3, 1e3))
+    scene.pin("/wall", body, points=np.flatnonzero(points[:, 0] < points[:, 0].min() + 1e-6))
+    cpu, gpu = ends(scene, 5, "cpu", "cuda:0", precision="float64")
+    assert reference.rms(cpu - gpu) < 1e-7
+
+
+def test_gradients_of_xpbd_agree_however_colours_are_launched(monkeypatch):
+    """One block that takes all colours, a launch a colour, one CPU thread."""
+    scene = sheet("membrane", damping=2e-4, solver="xpbd", integrator="backward_euler", substeps=8, iterations=4)
+    found = []
+    for device, fuse in (("cpu", 512), ("cuda:0", 512), ("cuda:0", 0)):
+        monkeypatch.setattr(xpbd, "FUSE", fuse)
+        recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 3)
+        found.append(recording.backward({3: recording.positions(0)}))
+    for other in found[1:]:
+        for name in ("positions", "velocities", "masses"):
+            a, b = getattr(found[0], name)(), getattr(other, name)()
+            assert np.linalg.norm(a - b) < 1e-9 * np.linalg.norm(a)
+        for name in ("stretch", "shear", "bend", "damping"):
+            assert other.material(name) == pytest.approx(found[0].material(name), rel=1e-8)

@@ -269,7 +269,7 @@ def test_names_that_have_no_derivative_are_named():
     gradient = Run(sheet("springs"), frames=1).gradient
     for call, text in [(lambda: gradient.material("weft"), "/cloth: has no 'weft' with a derivative; there are bend, stretch"),
                        (lambda: gradient.material("damping"), "/cloth: has no 'damping'"),
-                       (lambda: gradient.targets("/nail"), "/nail: is no hard pin; there are /pin"),
+                       (lambda: gradient.targets("/nail"), "/nail: is no pin; there are /pin"),
                        (gradient.lengths, "/cloth: is no spring net")]:
         with pytest.raises(SceneError, match=text):
             call()
@@ -311,7 +311,8 @@ def test_single_precision_loses_four_digits_at_most():
 @pytest.mark.parametrize("change, text", [
     ({"colliders": [Collider("/floor", Plane())]}, "/floor: gradients were asked for, and contacts has none yet; leave the "
      "collider out"),
-    ({"pins": [Pin("/pin", "/chain", np.array([0]), stiffness=10.0)]}, "/pin: .*a soft pin has none yet")])
+    ({"solver": "implicit", "pins": [Pin("/pin", "/chain", np.array([0]), stiffness=10.0)]},
+     "/pin: .*a soft pin under Newton's method has none yet")])
 def test_what_has_no_gradients_is_named(change, text):
     with pytest.raises(SceneError, match=text):
         Simulation(net(**change), device="cpu", gradients=True)

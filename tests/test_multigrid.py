@@ -6,6 +6,7 @@ import pytest
 from tests.test_newton import Probe
 from wsim import multigrid, shapes
 from wsim.bulk import Bulk
+from wsim.fabric import Fabric
 from wsim.scene import Scene
 from wsim.simulation import Simulation
 
@@ -185,3 +186,17 @@ def test_the_plan_says_what_was_chosen_and_why(monkeypatch):
     monkeypatch.setitem(multigrid.PAYS, "cpu", ((1000, 0.0),))
     words, coarse = chosen()
     assert "block Jacobi, under 1000 points" in words and coarse is None
+
+
+def test_bodies_without_a_coarse_space_share_the_scene():
+    """A sheet beside the bar: neither knows of the other."""
+    alone, beside = bar(), bar()
+    beside.cloth("/sheet", *shapes.sheet(1.0, 1.0, 5, 5, at=(3.0, 0.0, 0.0)), material=Fabric(stretch=500.0, bend=1e-3))
+    found = [Simulation(scene, device="cpu", precision="float64") for scene in (alone, beside)]
+    for sim in found:
+        sim.run(2)
+    assert len(found[1].plan.method("implicit").system.coarse.levels) > 1
+    assert np.array_equal(found[0].positions("/bar"), found[1].positions("/bar"))
+    fall = -0.5 * 9.81 * (1 / 60)**2 * 3.0                     # backward Euler: h^2 g (1 + 2), nothing holds the sheet
+    drop = found[1].positions("/sheet") - beside.cloths[0].points
+    assert drop[:, 1] == pytest.approx(2.0 * fall, rel=1e-6)

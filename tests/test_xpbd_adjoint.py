@@ -10,6 +10,7 @@ from tests.test_gradients import Run, net, sheet
 from wsim import xpbd_adjoint
 from wsim.kernels.xpbd import projection
 from wsim.recording import Recording
+from wsim.scene import Pin
 from wsim.simulation import Simulation
 
 SWEEPS = {"solver": "xpbd", "substeps": 8, "iterations": 4}
@@ -46,6 +47,51 @@ def test_a_sheet_that_stretches_shears_and_bends(model):
     run.world()
 
 
+@pytest.mark.parametrize("more", [SWEEPS | {"integrator": "backward_euler"}, {"integrator": "rk4"}, {"integrator": "leapfrog"},
+                                  {"solver": "implicit", "integrator": "bdf2", "substeps": 2}])
+def test_wind(more):
+    """By its velocity, and by drag and lift of the cloth (which are not live: two scenes)."""
+    def scene(drag=1.0, lift=0.6):
+        made = sheet("springs", damping=2e-4, **more)
+        made.cloths[0].drag, made.cloths[0].lift, made.wind = drag, lift, (1.0, 3.0, 4.0)
+        return made
+    run, way = Run(scene()), np.array([0.3, -0.5, 0.8])
+    run.check(run.gradient.wind() @ way, lambda s: ("/", "wind", (1.0, 3.0, 4.0) + s * way), 0.02)
+    run.material("stretch", 40.0)
+    run.state("positions", 1e-6)
+    by = run.gradient.air_coefficient
+    losses = []
+    for s in (1e-4, -1e-4):
+        recording = Recording(Simulation(scene(1.0 + s, 0.6 - 2.0 * s), device="cpu", precision="float64", gradients=True), 3)
+        losses.append((recording.positions(3) * run.x).sum() + (recording.velocities(3) * run.v).sum())
+    assert by("drag") - 2.0 * by("lift") == pytest.approx((losses[0] - losses[1]) / 2e-4, rel=1e-6)
+
+
+@pytest.mark.parametrize("more", [SWEEPS | {"integrator": "backward_euler"}, {"integrator": "leapfrog"}])
+def test_soft_pins(more):
+    """They pull at two corners; by their stiffness, their damping, and where they are."""
+    def scene(stiffness=50.0, damping=0.01):
+        made = sheet("springs", **more)
+        made.pins = [Pin("/soft", "/cloth", np.array([20, 24]), stiffness=stiffness, damping=damping)]
+        return made
+    run, way = Run(scene()), np.array([0.3, -0.5, 0.8])
+    run.state("positions", 1e-6)
+    run.material("stretch", 40.0)
+
+    def moved(s):
+        matrix = np.eye(4)
+        matrix[:3, 3] = s * way
+        return "/soft", "motion", matrix
+    run.check(run.gradient.targets("/soft").sum(axis=0) @ way, moved, 2e-5)
+    for name, value in (("stiffness", 50.0), ("damping", 0.01)):
+        losses = []
+        for s in (1e-4, -1e-4):
+            sim = Simulation(scene(**{name: value * (1.0 + s)}), device="cpu", precision="float64", gradients=True)
+            recording = Recording(sim, 3)
+            losses.append((recording.positions(3) * run.x).sum() + (recording.velocities(3) * run.v).sum())
+        assert run.gradient.pin("/soft", name) == pytest.approx((losses[0] - losses[1]) / (2e-4 * value), rel=1e-5)
+
+
 class Fresh(xpbd_adjoint.SweepAdjoint):
     """The reference: each colour writes a buffer of its own, and Warp differentiates it."""
 
@@ -63,10 +109,12 @@ class Fresh(xpbd_adjoint.SweepAdjoint):
                         [d, b.lam], device=self.model.device)
 
 
-@pytest.mark.parametrize("model, limit", [("membrane", np.inf), ("springs", 0.003)])
-def test_undone_sweeps_are_as_good_as_fresh_buffers(model, limit, monkeypatch):
-    """A strain limit is on and off from sweep to sweep: differences would meet the kinks."""
+@pytest.mark.parametrize("model, limit, tethers", [("membrane", np.inf, False), ("springs", 0.003, False),
+                                                   ("springs", np.inf, True)])
+def test_undone_sweeps_are_as_good_as_fresh_buffers(model, limit, tethers, monkeypatch):
+    """Strain limits and tethers are on and off from sweep to sweep: differences would meet the kinks."""
     scene = sheet(model, damping=2e-4, integrator="backward_euler", **SWEEPS)
+    scene.cloths[0].tethers = tethers
     scene.cloths[0].material = replace(scene.cloths[0].material, strain_limit=limit)
     ours = Run(scene)
     monkeypatch.setattr(xpbd_adjoint, "SweepAdjoint", Fresh)

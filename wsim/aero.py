@@ -32,10 +32,11 @@ class Aero(Method):
         self.first, self.item = model.upload(starts.astype(np.int32), int), model.upload(items.astype(np.int32), int)
         self.air = kernels.air(real)()
         rho = model.scene.air_density / 6.0
-        self.air.wind = model.upload(np.tile(np.asarray(model.scene.wind, model.dtype), (len(model.bodies), 1)), t.vec3)
-        coefficient = [(getattr(b.source, "drag", 0.0), getattr(b.source, "lift", 0.0)) for b in model.bodies]
-        self.air.drag = model.upload(np.array([rho * d for d, _ in coefficient]), t.scalar)
-        self.air.lift = model.upload(np.array([rho * c for _, c in coefficient]), t.scalar)
+        each = [b.count if model.gradients else 1 for b in model.bodies]           # rows, as `wsim.points` has them
+        self.air.wind = model.upload(np.tile(np.asarray(model.scene.wind, model.dtype), (sum(each), 1)), t.vec3)
+        for name in ("drag", "lift"):
+            values = np.repeat([rho * getattr(b.source, name, 0.0) for b in model.bodies], each)
+            setattr(self.air, name, model.upload(values, t.scalar))
         self.force = wp.zeros(len(triangles), dtype=t.vec3, device=model.device)
         self.k = wp.zeros(len(triangles), dtype=t.scalar, device=model.device)
         self.press, self.blow = kernels.press(real, module), kernels.blow(real, module)

@@ -99,7 +99,6 @@ class Model:
 
     @property
     def dtype(self):
-        """NumPy type of the precision."""
         return np.float32 if self.real.__name__ == "float32" else np.float64
 
     def body(self, path: str | None, world: int = 0) -> Body:
@@ -112,8 +111,9 @@ class Model:
         return found[0]
 
     def rows(self, path: str, world: int | None = None) -> list[int]:
-        """Rows in the tables per object of the body of that path ("/": of all), in one world or in all (None)."""
-        return [b.number for b in self.bodies if path in ("/", b.path) and world in (None, b.world)]
+        """Rows in the tables per object (with gradients: point) of a body ("/": of all), in one world or in all (None)."""
+        found = [b for b in self.bodies if path in ("/", b.path) and world in (None, b.world)]
+        return [i for b in found for i in range(b.first, b.last)] if self.gradients else [b.number for b in found]
 
     def stack(self, name: str) -> np.ndarray:
         """One field of all bodies in solver order."""
@@ -131,10 +131,10 @@ class Model:
         how = {"device": self.device, **({"block_dim": self.block} if self.device.is_cuda else {})}
         (self.tape or wp).launch(kernel, dim, inputs, outputs, **how, **({"backward": backward} if self.tape else {}))
 
-    def copy(self, into, source, into_first: int = 0, first: int = 0, count: int = 0) -> None:
+    def copy(self, into, source, *parts: int) -> None:
         """As `wp.copy`, of arrays of vectors."""
         import warp as wp
-        (self.tape or wp).copy(into, source, into_first, first, count)
+        (self.tape or wp).copy(into, source, *parts)
 
     @property
     def sweep_module(self) -> str:

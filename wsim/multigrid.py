@@ -83,6 +83,8 @@ def joined(group: np.ndarray, first: np.ndarray, column: np.ndarray) -> np.ndarr
 def edge_of(places: np.ndarray, system: np.ndarray, first: np.ndarray, column: np.ndarray, systems: int) -> np.ndarray:
     """Length of an edge [m] of each system, (systems,); 1 where there are none."""
     owner = np.repeat(np.arange(len(places)), np.diff(first))
+    inside = system[owner] >= 0
+    owner, column = owner[inside], column[inside]
     length = np.linalg.norm(places[owner] - places[column], axis=1)
     count = np.bincount(system[owner], minlength=systems)
     mean = np.bincount(system[owner], length, systems) / np.maximum(count, 1)

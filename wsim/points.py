@@ -93,8 +93,6 @@ class Points(Method):
             return self.weigh([b for b in self.model.bodies if b.path == path and world in (None, b.world)], float(value))
         if name not in ("gravity", "air_drag") or not rows:
             return False
-        if self.model.gradients:                         # a row a point
-            rows = [i for row in rows for i in range(self.model.bodies[row].first, self.model.bodies[row].last)]
         array = self.constants.gravity if name == "gravity" else self.constants.decay
         values = array.numpy()
         values[rows] = value
@@ -201,7 +199,7 @@ class Pins(Method):
     def hold(self, clock: Clock) -> None:
         s = self.state
         if clock.i == 0:
-            self.lam.zero_()
+            self.model.tape.zero(self.lam) if self.model.tape else self.lam.zero_()
         self.model.launch(self.hold_kernel, self.lam.size,
                           [self.soft, self.target["soft"], s.x, self.points.anchor, s.d, self.lam, clock.k, clock.g],
                           [s.d, self.lam])

@@ -27,7 +27,8 @@ class Parameters:
         self.flat = [e for e in self.pull.elements if hasattr(e, "kind")] if self.pull else []       # hinges and triangles
         self.tables = self.pull.tables if self.pull else []                        # tets
         self.points = plan.method("points").constants
-        self.pins = plan.method("pins")
+        self.pins, aero = plan.method("pins"), plan.method("aero")
+        self.air = aero.air if aero else None
 
     def arrays(self) -> list[wp.array]:
         """Everything that is differentiated by, of one kind each."""
@@ -35,6 +36,10 @@ class Parameters:
         found = [c.w, c.gravity, c.decay, *self.net().values(), *(b.data.rest for b in self.batches if b.kind == "distance")]
         for data in (source.data for source in (*self.flat, *self.tables, *self.batches)):
             found += [getattr(data, name) for name in ("stiffness", "tau", "mu", "lam", "alpha") if getattr(data, name, None)]
+        if self.air:
+            found += [self.air.wind, self.air.drag, self.air.lift]
+        if self.pins and self.pins.groups["soft"]:
+            found += [self.pins.soft.alpha, self.pins.soft.damping]
         return found + self.targets()
 
     def net(self) -> dict[str, wp.array]:
@@ -115,12 +120,37 @@ class Gradient:
         """[s]."""
         return float(self.of(self.parameters.points.decay)[self.places(world)].sum())
 
+    def wind(self, world: int = 0) -> np.ndarray:
+        """[s/m], (3,); zero where no cloth has drag or lift."""
+        air = self.parameters.air
+        return self.of(air.wind)[self.places(world)].sum(axis=0) if air else np.zeros(3)
+
+    def air_coefficient(self, name: str, path: str | None = None, world: int = 0) -> float:
+        """By "drag" or "lift" of a cloth."""
+        body, air = self.model.body(path, world), self.parameters.air
+        if name not in ("drag", "lift") or not (air and (body.source.drag or body.source.lift)):
+            raise SceneError(Problem(body.path, f"has no coefficient {name!r} with a derivative; drag and lift have one where "
+                                     "one of both is not 0"))
+        return float(self.of(getattr(air, name))[body.first:body.last].sum()) * self.model.scene.air_density / 6.0
+
+    def pin(self, path: str, name: str) -> float:
+        """By the stiffness [N/m] or damping [N s/m] of a soft pin."""
+        pins, first = self.parameters.pins, 0
+        for p in pins.groups["soft"] if pins else ():
+            part = slice(first, first + len(p.places))
+            first = part.stop
+            if p.pin.path == path and name == "stiffness":
+                return float(-(self.of(pins.soft.alpha)[part]).sum() / (p.part * p.pin.stiffness**2))
+            if p.pin.path == path and name == "damping":
+                return float(self.of(pins.soft.damping)[part].sum()) * p.part
+        raise SceneError(Problem(path, f"is no soft pin with a derivative by {name!r}; soft pins have stiffness and damping"))
+
     def places(self, world: int) -> np.ndarray:
         return np.concatenate([np.arange(b.first, b.last) for b in self.model.bodies if b.world == world])
 
     def targets(self, path: str) -> np.ndarray:
-        """By where a hard pin puts its points [1/m]: (frames, substeps, points, 3) of a moving one, (points, 3) of one that
-        stands still."""
+        """By where a pin puts its points, or pulls them to [1/m]: (frames, substeps, points, 3) of a moving one, (points, 3)
+        of one that stands still."""
         pins = self.parameters.pins
         for number, kind in enumerate(pins.target if pins else ()):
             at = 0
@@ -130,7 +160,7 @@ class Gradient:
                     return each if pins.moves else each.sum(axis=(0, 1))
                 at += len(p.places)
         every = ", ".join(p.path for p in self.model.scene.pins)
-        raise SceneError(Problem(path, f"is no hard pin; there are {every or 'none'}"))
+        raise SceneError(Problem(path, f"is no pin; there are {every or 'none'}"))
 
     # materials
 
