@@ -50,7 +50,7 @@ WORDS = """
         return naps;
     }};
     auto part = [&](int r, int* leg) {{ for (int l = 0; l < 4; ++l) leg[l] = team.part.data[4 * r + l]; }};
-    int rank = 0, walkers = 1, t = 0, stalls = 0, leg[4] = {{0, n, n, n}};
+    int rank = 0, walkers = 1, t = 0, stalls = 0, leg[4] = {{0, blocks, blocks, blocks}};
     unsigned frame = 0;
     if (team.call < 0) {{
         until([&] {{
@@ -86,7 +86,10 @@ BEFORE = """
                     const int least = l == 0 ? 2 * t + 2 : 2 * t - 1;
                     stalls += until([&] {{ return (signed)look({DONE} + other) >= least; }}, {NEVER}) > 0;
                     const int* far = team.part.data + 4 * (l == 0 ? rank : other);
-                    for (int i = far[0]; i < far[1]; ++i) __builtin_prefetch(near + 4 * i, 1);
+                    for (int i = 8 * group[far[0]]; i < 8 * group[far[1]]; i += 4) {{
+                        __builtin_prefetch(D + i, 1);
+                        __builtin_prefetch(F + i, 1);
+                    }}
                 }}
             }}
 """
@@ -123,7 +126,7 @@ def teams():
     @wp.struct
     class Team:
         desk: wp.array(dtype=int)            # words, see above; zeros, but for the door, which is shut
-        part: wp.array(dtype=int)            # of each thread: its first point, the ends of its head, its middle and its tail
+        part: wp.array(dtype=int)            # of each thread: its first block, the ends of its head, its middle and its tail
         count: int                           # threads
         call: int                            # number of the arguments, of helpers negative: those of the leader; 0: walk alone
         nap: wp.uint64                       # address of usleep

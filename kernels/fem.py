@@ -23,8 +23,8 @@ import warp as wp
 from wsim.kernels import material as materials
 from wsim.kernels.descent import Trial
 from wsim.kernels.material import hooke
-from wsim.kernels.real import differentiable, types
-from wsim.kernels.rotation import identity, rotation, rotation_adjoint
+from wsim.kernels.real import types
+from wsim.kernels.rotation import identity, rotation
 from wsim.kernels.stretch import forth, held, strain, symmetric
 from wsim.kernels.tangent import elements_of
 
@@ -135,10 +135,6 @@ def turn_of(material: str, real):
     def turn(H: t.mat33, q: t.quat):
         return rotation(H, q)
 
-    @wp.func_grad(turn)
-    def turn_adjoint(H: t.mat33, q: t.quat, out: t.quat):
-        wp.adjoint[H] += rotation_adjoint(H, rotation(H, q), out)
-
     return turn if turns else still
 
 
@@ -164,7 +160,7 @@ def forces(material: str, damped: bool, *, real, module):
         spread(tets.force + 4 * c, -tets.volume[c] * P, tets.gradient[c], f_out)
 
     name = f"fem_forces_{material}{'_damped' * damped}_{t.name}"
-    return wp.kernel(forces, name=name, module=module, enable_backward=differentiable(module))
+    return wp.kernel(forces, name=name, module=module, enable_backward=False)
 
 
 @cache

@@ -274,23 +274,3 @@ def rotation(H: Any, warm: Any):
         if wp.ddot(F, F) > zero:
             q = rotation_anew(F, first)
     return q
-
-
-@wp.func
-def rotation_adjoint(H: Any, q: Any, out: Any):
-    """Gradient with respect to H of what has the gradient `out` with respect to q, the rotation of F = 1 + H.
-
-    dq = q (w/2, 0), (tr S - S) w = axl(R^T dF - dF^T R), so the gradient is R [y]x with (tr S - S) y = vec(q* out)/2.
-    Finite while s2 + s3 > 0 (that of a singular value decomposition is wrong at rest, where stretches are equal).
-    """
-    one = type(H[0, 0])(1.0)
-    D = turned(q)
-    X = H - D
-    X = X + wp.transpose(D) * X                                # R^T F - 1
-    half = type(one)(0.5)
-    E = half * (X + wp.transpose(X))
-    G = (wp.trace(E) + one + one) * identity(H) - E            # tr S - S
-    p = wp.quat_inverse(q) * out
-    y = half * (wp.inverse(G) * wp.vector(p[0], p[1], p[2]))
-    Y = wp.skew(y)
-    return Y + D * Y

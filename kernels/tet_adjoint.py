@@ -1,63 +1,213 @@
-"""Adjoint of the forces of linear tets without damping (kernels/fem.py), by hand and gathered.
+"""Adjoint of the forces of tets and of pressure (kernels/fem.py, quadratic.py, pressure.py), by hand and gathered.
 
-With p_k the gradients by the forces of the corners and Y = sum_k (p_k - p_0) g_k^T, K is symmetric, and so the gradients by the
-corners' positions are the forces of the stress dP(F; Y): an exact product with the stiffness. P is linear in mu and lam.
+With p_k the gradients by the forces of the nodes, Y = sum_k (p_k - p_0) n_k^T at each point of a tet: sum p_k.f_k = -V P : Y.
+The stiffness is symmetric, and so the gradients by the nodes' positions are the forces of the stress dP(F; Y). Of the damping
+tau F h(e), e = sym(F^T dF), h(e) = 2 mu e + lam tr e, they are those of
+
+    by positions   tau (Y h(e) + dF h(s)),  s = sym(F^T Y)          by velocities   tau F h(s)
+
+P is linear in mu, lam and tau. Of a pressure, f = p/6 (b - a) x (c - a) at each corner, with g the sum of the three gradients:
+
+    by b   p/6 (c - a) x g,      by c   p/6 g x (b - a),      by a   minus both
 """
 
 from functools import cache
+from typing import Any
 
 import warp as wp
 
+from wsim.kernels import fem, pressure, ten_nodes
 from wsim.kernels import material as materials
-from wsim.kernels.fem import displaced, elements, spread, turn_of
+from wsim.kernels.fem import rate_stress, turn_of
+from wsim.kernels.material import hooke
+from wsim.kernels.quadratic import spread as spread_ten
 from wsim.kernels.real import types
+from wsim.kernels.rotation import identity
 from wsim.kernels.spring import net
+from wsim.kernels.stretch import held, symmetric
+from wsim.kernels.ten_nodes import NODES, POINTS
+
+
+@wp.func
+def damped_product(F: Any, dF: Any, Y: Any, mu: Any, lam: Any):
+    """By F and by dF of Y : F h(sym(F^T dF))."""
+    S = hooke(symmetric(wp.transpose(F) * Y), mu, lam)
+    return Y * hooke(symmetric(wp.transpose(F) * dF), mu, lam) + dF * S, F * S
 
 
 @cache
-def tet_adjoint(material: str, real, module, parameters: bool):
-    """Kernel over tets: at the places of the corners' forces, gradients by the corners' positions take the places of those by
-    the forces; parameters: adds those by mu and lam. Arguments: tets, x, d, q, corners, by."""
-    t, Tets, row = types(real), elements(real), materials.TABLE[material]
-    (gradient, _), turn = displaced(real, real), turn_of(material, real)
+def products(material: str, real, damped: bool):
+    """Functions of one point of a tet, of (H, q, dF, Y, mu, lam, tau): the stresses that stand for positions and for
+    velocities; Y : P by mu, lam and tau."""
+    row = materials.TABLE[material]
     derivative = materials.corotational_product if material == "corotational" else row.derivative
-    stress, vec3 = row.stress, wp.array(dtype=t.vec3)
+    stress, M, quat, vec3 = row.stress, types(real).mat33, types(real).quat, types(real).vec3
 
-    def back(tets: Tets, x: vec3, d: vec3, q: wp.array(dtype=t.quat), corners: vec3, by: Tets):
+    @wp.func
+    def by_motion(H: M, q: quat, dF: M, Y: M, mu: real, lam: real, tau: real):
+        P = derivative(H, q, Y, mu, lam)
+        R = M()
+        if wp.static(damped):
+            A, B = damped_product(identity(H) + held(H), dF, Y, mu, lam)
+            P = P + tau * A
+            R = tau * B
+        return P, R
+
+    @wp.func
+    def by_moduli(H: M, q: quat, dF: M, Y: M, mu: real, lam: real, tau: real):
+        one = real(1.0)
+        zero = real(0.0)
+        m = wp.ddot(stress(H, q, one, zero), Y)
+        n = wp.ddot(stress(H, q, zero, one), Y)
+        r = zero
+        if wp.static(damped):
+            F = identity(H) + held(H)
+            m = m + tau * wp.ddot(rate_stress(F, dF, one, zero), Y)
+            n = n + tau * wp.ddot(rate_stress(F, dF, zero, one), Y)
+            r = wp.ddot(rate_stress(F, dF, mu, lam), Y)
+        return vec3(m, n, r)
+
+    return by_motion, by_moduli
+
+
+@wp.func
+def add(by: Any, c: int, s: Any):
+    """Adds gradients by mu, lam and tau of tet c."""
+    by.mu[c] = by.mu[c] + s[0]
+    by.lam[c] = by.lam[c] + s[1]
+    by.tau[c] = by.tau[c] + s[2]
+
+
+@cache
+def linear(material: str, damped: bool, real, module, parameters: bool):
+    """Kernel over tets of four nodes: at the places of the nodes' forces, gradients by their positions take the places of those
+    by the forces, and those by their velocities come to `rates`, from 0 on; parameters: adds those by mu, lam, tau.
+    Arguments: tets, x, d, v, q, corners, rates, by."""
+    t, Tets = types(real), fem.elements(real)
+    (gradient, change), turn = fem.displaced(real, real), turn_of(material, real)
+    by_motion, by_moduli = products(material, real, damped)
+    vec3 = wp.array(dtype=t.vec3)
+
+    def back(tets: Tets, x: vec3, d: vec3, v: vec3, q: wp.array(dtype=t.quat), corners: vec3, rates: vec3, by: Tets):
         c = wp.tid()
         H = gradient(tets, c, x, d)
         now = turn(H, q[c])
+        dF = t.mat33()
+        tau = real(0.0)
+        if wp.static(damped):
+            dF = change(tets, c, v)
+            tau = tets.tau[c]
         G = tets.gradient[c]
-        V = tets.volume[c]
+        V = -tets.volume[c]
         at = tets.force + 4 * c
         p0 = corners[at]
         Y = wp.outer(corners[at + 1] - p0, G[0]) + wp.outer(corners[at + 2] - p0, G[1]) + wp.outer(corners[at + 3] - p0, G[2])
-        spread(at, -V * derivative(H, now, Y, tets.mu[c], tets.lam[c]), G, corners)
+        P, R = by_motion(H, now, dF, Y, tets.mu[c], tets.lam[c], tau)
+        fem.spread(at, V * P, G, corners)
+        if wp.static(damped):
+            fem.spread(4 * c, V * R, G, rates)
         if wp.static(parameters):
-            by.mu[c] = by.mu[c] - V * wp.ddot(stress(H, now, real(1.0), real(0.0)), Y)
-            by.lam[c] = by.lam[c] - V * wp.ddot(stress(H, now, real(0.0), real(1.0)), Y)
+            add(by, c, V * by_moduli(H, now, dF, Y, tets.mu[c], tets.lam[c], tau))
 
-    name = f"tet_adjoint_{material}{'_parameters' * parameters}_{t.name}"
-    return wp.kernel(back, name=name, module=module, enable_backward=False)
+    return _kernel(back, "tet", material, damped, real, module, parameters)
+
+
+@cache
+def quadratic(material: str, damped: bool, real, module, parameters: bool):
+    """As `linear`, of ten nodes."""
+    t, Tets, turn = types(real), ten_nodes.elements(real), turn_of(material, real)
+    (slopes, moved, change), turns = ten_nodes.displaced(real, real), materials.TABLE[material].needs_rotation
+    by_motion, by_moduli = products(material, real, damped)
+    vec3, ten = wp.array(dtype=t.vec3), wp.types.matrix((NODES, 3), real)
+
+    def back(tets: Tets, x: vec3, d: vec3, v: vec3, q: wp.array(dtype=t.quat), corners: vec3, rates: vec3, by: Tets):
+        c = wp.tid()
+        u = moved(tets, c, x, d)
+        nodes = tets.point.shape[1]
+        at = tets.force + nodes * c
+        y = ten()
+        w = ten()
+        f = ten()
+        r = ten()
+        moduli = t.vec3()
+        tau = real(0.0)
+        for k in range(1, nodes):
+            y[k] = corners[at + k] - corners[at]
+        if wp.static(damped):
+            w = change(tets, c, v)
+            tau = tets.tau[c]
+        points = int(POINTS)
+        for a in range(points):
+            N = slopes(tets, c, a)
+            H = ten_nodes.gradient(u, N, nodes)
+            Y = ten_nodes.gradient(y, N, nodes)
+            dF = ten_nodes.gradient(w, N, nodes)
+            now = t.quat(real(0.0), real(0.0), real(0.0), real(1.0))
+            if wp.static(turns):
+                now = turn(H, q[4 * c + a])
+            P, R = by_motion(H, now, dF, Y, tets.mu[c], tets.lam[c], tau)
+            for k in range(nodes):
+                f[k] += P * N[k]
+                r[k] += R * N[k]
+            if wp.static(parameters):
+                moduli += by_moduli(H, now, dF, Y, tets.mu[c], tets.lam[c], tau)
+        V = real(-0.25) * tets.volume[c]
+        spread_ten(at, nodes, V, f, corners)
+        if wp.static(damped):
+            spread_ten(nodes * c, nodes, V, r, rates)
+        if wp.static(parameters):
+            add(by, c, V * moduli)
+
+    return _kernel(back, "ten", material, damped, real, module, parameters)
+
+
+@cache
+def pressed(real, module, parameters: bool):
+    """As `linear`, of triangles under pressure. Arguments: triangles, x, d, corners, by."""
+    t, Triangles = types(real), pressure.elements(real)
+    vec3 = wp.array(dtype=t.vec3)
+
+    def back(tri: Triangles, x: vec3, d: vec3, corners: vec3, by: Triangles):
+        c = wp.tid()
+        p = tri.point[c]
+        u = (x[p[1]] - x[p[0]]) + (d[p[1]] - d[p[0]])
+        v = (x[p[2]] - x[p[0]]) + (d[p[2]] - d[p[0]])
+        at = tri.force + 3 * c
+        g = (corners[at] + corners[at + 1] + corners[at + 2]) / real(6.0)
+        b = tri.pressure[c] * wp.cross(v, g)
+        e = tri.pressure[c] * wp.cross(g, u)
+        corners[at] = -(b + e)
+        corners[at + 1] = b
+        corners[at + 2] = e
+        if wp.static(parameters):
+            by.pressure[c] = by.pressure[c] + wp.dot(g, wp.cross(u, v))
+
+    return _kernel(back, "pressed", "", False, real, module, parameters)
+
+
+def _kernel(function, kind: str, material: str, damped: bool, real, module, parameters: bool):
+    """Two kernels of one name would be one."""
+    name = "_".join(["adjoint", kind, material, *["damped"] * damped, *["parameters"] * parameters, types(real).name])
+    return wp.kernel(function, name=name, module=module, enable_backward=False)
 
 
 @cache
 def take(real, module):
-    """Kernel over points: adds what stands at their corners, from place `first` to `last`, to the gradients by d and, where
-    there is one, by x."""
+    """Kernel over points: adds what stands at their corners, those from `first` to `last`, to the gradients `by` and, where
+    there is one, `also`; the place of a corner in `corners` is less by `shift`."""
     t, Net = types(real), net(real)
     vec3 = wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def take(net: Net, corners: vec3, first: int, last: int, by_d: vec3, by_x: vec3):
+    def take(net: Net, corners: vec3, first: int, last: int, shift: int, by: vec3, also: vec3):
         i = wp.tid()
         sum = t.vec3()
         for c in range(net.first[i], net.first[i + 1]):
             at = net.item[c]
             if at >= first and at < last:
-                sum += corners[at]
-        by_d[i] = by_d[i] + sum
-        if by_x:
-            by_x[i] = by_x[i] + sum
+                sum += corners[at - shift]
+        by[i] = by[i] + sum
+        if also:
+            also[i] = also[i] + sum
 
     return take

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.test_march import DOUBLE, FPS, FRAMES, SUBSTEPS, leapfrog
-from wsim import abreast, gather
+from wsim import abreast, gather, march
 from wsim.kernels.abreast import DONE, FORMED
 from wsim.scene import Motion, Scene
 from wsim.simulation import Simulation
@@ -61,6 +61,7 @@ def threads(monkeypatch):
     """Function that makes simulations with so many threads, also of nets that are not worth them."""
     def make(scene: Scene, count: int, **settings) -> Simulation:
         monkeypatch.setattr(abreast, "LEAST", 50)
+        monkeypatch.setattr(march, "LOT", 50)
         monkeypatch.setattr(gather, "cores", lambda: count)
         sim = Simulation(replace(scene), **(DOUBLE | settings))
         assert sim.plan.method("explicit").pull.abreast.count == count
@@ -140,7 +141,7 @@ def test_parts_reach_no_further_than_the_next(reach, count):
     rng = np.random.default_rng(reach)
     n = 800
     ids = band(n, reach, rng)
-    found = abreast.parts(ids, n, 8)
+    found = abreast.parts(ids, np.bincount(ids.min(1), minlength=n) + 4.0, 8)
     first, head, tail, last = found.T
     assert len(found) == count
     assert first[0] == 0 and last[-1] == n and (first[1:] == last[:-1]).all()
@@ -154,7 +155,7 @@ def test_parts_reach_no_further_than_the_next(reach, count):
 
 def test_a_hub_is_not_cut():
     ids = np.stack([np.zeros(5000, np.int64), np.arange(1, 5001)], axis=1)
-    assert len(abreast.parts(ids, 5001, 4)) == 1
+    assert len(abreast.parts(ids, np.bincount(ids.min(1), minlength=5001) + 4.0, 4)) == 1
 
 
 def test_a_desk_has_a_word_for_every_thread(threads):

@@ -208,13 +208,25 @@ def bar(model: str, **kwargs) -> Scene:
 @pytest.mark.parametrize("model, damping", [("corotational", 1e-3), ("corotational", 0.0), ("neo_hookean", 1e-3),
                                             ("neo_hookean", 0.0), ("st_venant_kirchhoff", 0.0), ("linear", 0.0)])
 def test_a_soft_bar(model, damping):
-    """Damped forces have Warp's adjoint, others one by hand."""
     run = Run(bar(model, damping=damping))
     run.material("young", 2e4)
     run.material("poisson", 0.35)
     if damping:
         run.material("damping", 1e-3)
     run.state("positions")
+    run.state("velocities")
+
+
+@pytest.mark.parametrize("model, more", [("corotational", {"substeps": 160}), ("st_venant_kirchhoff", {"substeps": 160}),
+                                         ("neo_hookean", {"solver": "implicit", "integrator": "bdf2", "substeps": 2})])
+def test_a_bar_of_quadratic_tets_under_pressure(model, more):
+    """Points of the author's carry the middles between them."""
+    scene = bar(model, damping=1e-4, **more)
+    scene.softs[0].quadratic, scene.softs[0].pressure = True, 400.0
+    run = Run(scene, frames=1)
+    for name, value in (("young", 2e4), ("poisson", 0.35), ("damping", 1e-4), ("pressure", 400.0)):
+        run.material(name, value)
+    run.state("positions", 1e-5)
     run.state("velocities")
 
 

@@ -8,7 +8,8 @@ import warp as wp
 
 from wsim import shapes
 from wsim.fabric import Fabric
-from wsim.kernels.lots import LOT
+from wsim.kernels.lots import EIGHT, LANES
+from wsim.march import LOT, RUN, Packets
 from wsim.plan import build
 from wsim.scene import Scene, Sphere
 from wsim.simulation import Simulation
@@ -100,6 +101,61 @@ def test_a_free_tangle_keeps_its_momentum(precision, rounding):
     sim.run(FRAMES)
     size = np.abs(m * sim.velocities()).sum()
     assert np.abs((m * sim.velocities()).sum(0) - (m * net["velocities"]).sum(0)).max() < 4.0 * rounding * size
+
+
+def sheet(side: int, rng) -> np.ndarray:
+    """Edges of a grid and their diagonals, (m, 2), one in twenty missing, one in twenty there twice, either end first."""
+    at = np.arange(side * side).reshape(side, side)
+    pairs = [(at[1:], at[:-1]), (at[:, 1:], at[:, :-1]), (at[1:, 1:], at[:-1, :-1]), (at[2:], at[:-2])]
+    ids = np.concatenate([np.stack([a.ravel(), b.ravel()], axis=1) for a, b in pairs])
+    ids = np.concatenate([ids[rng.random(len(ids)) < 0.95], ids[rng.random(len(ids)) < 0.05]])
+    return np.where(rng.random(len(ids))[:, None] < 0.5, ids, ids[:, ::-1])
+
+
+@pytest.mark.parametrize("damping", [0.0, 2e-3])
+def test_a_sheet_in_runs_moves_as_numpy_says(damping):
+    rng, side = np.random.default_rng(3), 21
+    points = np.stack([*np.divmod(np.arange(side**2.0), side), np.zeros(side**2)], axis=1)
+    net = {"points": points, "edges": sheet(side, rng), "velocities": rng.normal(size=(side**2, 3))}
+    size = np.linalg.norm(np.diff(points[net["edges"]], axis=1)[:, 0], axis=1)
+    net |= {"stiffness": rng.uniform(50.0, 100.0, len(size)), "lengths": size * rng.uniform(0.8, 1.2, len(size)),
+            "masses": rng.uniform(1.0, 2.0, side**2)}
+    net = {name: a if name == "edges" else a.astype(np.float32).astype(np.float64) for name, a in net.items()}
+    scene = Scene(fps=FPS, substeps=SUBSTEPS, integrator="leapfrog")
+    scene.net("/net", damping=damping, **net)
+    sim = Simulation(scene, **DOUBLE)
+    assert sim.plan.method("explicit").pull.table.runs.numpy().sum() > side
+    sim.run(FRAMES)
+    np.testing.assert_allclose(sim.positions(), leapfrog(net | {"damping": damping}, FRAMES)[0], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_a_frame_remembers_nothing_of_the_one_before(beside):
+    """One that has run into no number is repeated: what it left in the room is nobody's."""
+    scene, _ = tangle(9, damping=2e-3)
+    if beside:
+        scene.cloth("/cloth", *shapes.sheet(0.5, 0.5, 3, 3), material=Fabric(stretch=5.0, shear=2.0, bend=1e-4))
+    sims = [Simulation(replace(scene), **DOUBLE) for _ in range(2)]
+    sims[1].plan.method("explicit").pull.space.fill_(np.nan)
+    for sim in sims:
+        sim.run(1)
+    assert np.array_equal(sims[0].positions("/net"), sims[1].positions("/net"))
+
+
+def test_packets_hold_every_spring_once():
+    """Two worlds of a sheet whose points stand in another order than in the arrays; lanes past those of a run are no spring."""
+    rng, n = np.random.default_rng(4), 21**2
+    ids, order = sheet(21, rng), np.r_[n - 1:-1:-1]
+    both = np.concatenate([ids, ids + n])
+    found = Packets(both, np.append(order, order + n), worlds=2)
+    spring = np.empty((len(found.entry) // EIGHT, EIGHT), int)
+    spring[:, LANES] = found.entry.reshape(-1, EIGHT)
+    held, ends = spring.ravel() >= 0, np.append(found.order, -1)[np.minimum(found.ends, len(found.order))]
+    assert np.array_equal(np.sort(spring.ravel()[held]), np.arange(len(both)))
+    assert np.array_equal(np.sort(ends[held]), np.sort(both[spring.ravel()[held]]))
+    assert held.reshape(-1, EIGHT).any(axis=1).all() and 0 < found.runs.sum() * RUN <= held.sum()
+    assert np.array_equal(found.runs[:len(found.runs) // 2], found.runs[len(found.runs) // 2:])
+    assert found.start[-1] == len(found.entry) and found.group[-1] * EIGHT == len(found.order)
 
 
 def test_coincident_points_pull_at_nothing():

@@ -26,7 +26,7 @@ LAYERS = (
      "locality", "kempe", "camera", "look", "png", "gif", "progress", "report"),
     ("kernels",),
     ("stage", "state", "order", "ties", "masses", "middles", "model", "linear", "multigrid", "cluster", "abreast", "slots",
-     "tape"),
+     "march", "tape"),
     ("contact",),
     ("cloth", "soft"),
     ("frequency", "choice", "covered"),

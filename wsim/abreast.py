@@ -16,12 +16,12 @@ import warp as wp
 
 from wsim.kernels import abreast as kernels
 from wsim.locality import levels
+from wsim.march import MOVE, Packets
 
-# Frames of 55 substeps, 2 threads against 1, least times of 60: 800 springs 1.15, 1400 springs 1.01, 2200 springs 0.72,
-# 3200 springs 0.65, 5800 springs 0.61 (least of 200); Xeon at about 2.5 GHz
+# Frames of 55 substeps, 2 threads against 1, least times of 300: 1400 springs 1.12, 2200 springs 0.83, 3200 springs 0.80,
+# 4400 springs 0.75, 5800 springs 0.69, 13,000 springs 0.59; EPYC at about 3.6 GHz
 LEAST = 1000           # springs of a thread
 ENOUGH = 4             # threads for which the points stay in the order of the arrays: grids lose a quarter of the speed without
-MOVE = 4.0             # cost of moving a point, in springs
 SLACK = 0.75           # most of a part that a tail and the head behind it may take: with 1 every wait is on time at best
 STALLED = 1.0 / 16.0   # long waits a substep from which a frame does not gain by its threads
 LONGEST = 64           # frames until they are tried again, at most
@@ -37,13 +37,13 @@ def wanted(springs: int) -> int:
     return max(1, min(kernels.MOST, springs // LEAST))
 
 
-def parts(ids: np.ndarray, n: int, most: int) -> np.ndarray:
-    """First point of each part, ends of its head, its middle and its tail, (parts, 4): so many parts of equal cost up to
-    `most` as can work at a time. ids: springs (m, 2) among n points."""
-    low, high = ids.min(1), ids.max(1)
-    cost, reach = np.concatenate([[0.0], np.cumsum(np.bincount(low, minlength=n) + MOVE)]), np.arange(n)
+def parts(ids: np.ndarray, cost: np.ndarray, most: int) -> np.ndarray:
+    """First of each part, ends of its head, its middle and its tail, (parts, 4): so many parts of equal cost up to `most` as
+    can work at a time. ids: pairs (m, 2) of what hangs together, of n in a row, blocks or points; cost: of each, (n,)."""
+    n, low, high = len(cost), ids.min(1), ids.max(1)
+    cost, reach = np.append(0.0, np.cumsum(cost)), np.arange(n)
     np.maximum.at(reach, low, high)
-    reach = np.maximum.accumulate(reach)                     # furthest point to which a spring leads from here or before
+    reach = np.maximum.accumulate(reach)                     # the furthest that hangs on one from here or before
     for count in range(most, 1, -1):
         cut = np.searchsorted(cost, cost[-1] * np.arange(1, count) / count)
         head, tail = reach[cut - 1] + 1, np.searchsorted(reach, cut)
@@ -57,11 +57,13 @@ def order(points: np.ndarray, ids: np.ndarray) -> np.ndarray:
     """Order in which a march takes the points of a body, (n,): as they stand, or by levels of the mesh where only so there are
     parts of which none reaches further than the next. points: at rest [m] (n, 3); ids: springs (m, 2)."""
     n, most = len(points), min(wanted(len(ids)), ENOUGH)
-    count = len(parts(ids, n, most))
-    if count < most:
+
+    def count(ids: np.ndarray) -> int:
+        return len(parts(ids, np.bincount(ids.min(1), minlength=n) + MOVE, most))
+    if count(ids) < most:
         found, place = levels(points, ids), np.empty(n, np.int64)
         place[found] = np.arange(n)
-        if len(parts(place[ids], n, most)) > count:
+        if count(place[ids]) > count(ids):
             return found
     return np.arange(n)
 
@@ -79,9 +81,9 @@ def orders(rows: list, bodies: list) -> np.ndarray:
 class Abreast:
     """The threads of one march, and what they say to each other."""
 
-    def __init__(self, model, ids: np.ndarray, most: int):
-        """ids: springs (m, 2) among the points as the march takes them; most: threads at most."""
-        part, self.nap = parts(ids, model.points, min(most, wanted(len(ids)))), _nap()
+    def __init__(self, model, packets: Packets, most: int):
+        """most: threads at most."""
+        part, self.nap = parts(packets.reaches(), packets.cost, min(most, wanted(packets.springs))), _nap()
         self.model, self.count = model, len(part) if self.nap else 1
         self.call = 0                            # of the last leader: number of its arguments
         self.key: tuple[float, ...] = ()         # and what they were made of

@@ -1,12 +1,12 @@
 """What has gradients: one table. Anything else raises before a step is taken, and never gives a zero.
 
     covered      explicit integrators, all of them, XPBD, and implicit integrators by Newton's method; springs, membranes,
-                 bending, and their damping; soft bodies of linear tets, all four materials, and their damping; hard pins;
-                 gravity, drag of the air, wind (drag and lift); ties; strain limits, tethers and soft pins, but for Newton's
-                 method
-    by           initial positions and velocities, masses, every stiffness and damping above (of each element), rest lengths,
-                 where pins are, stiffness and damping of soft ones, gravity, drag of the air, wind, drag and lift of a cloth
-    not yet      contacts, pressure, plasticity, quadratic tets
+                 bending, and their damping; soft bodies of four and ten nodes a tet, all four materials, their damping and
+                 pressure; hard pins; gravity, drag of the air, wind (drag and lift); ties; strain limits, tethers and soft
+                 pins, but for Newton's method
+    by           initial positions and velocities, masses, every stiffness, damping and pressure above (of each element), rest
+                 lengths, where pins are, stiffness and damping of soft ones, gravity, drag of the air, wind, drag and lift
+    not yet      contacts, plasticity
 """
 
 from math import inf, isfinite
@@ -23,8 +23,6 @@ def uncovered(scene: Scene, choice: Choice) -> list[Problem]:
         found += [(c.path, "tethers under Newton's method", other)] * bool(c.tethers)
         found += [(c.path, "a strain limit under Newton's method", other)] * isfinite(c.material.strain_limit)
     for s in scene.softs:
-        found += [(s.path, "pressure", "leave it out")] * bool(s.pressure)
-        found += [(s.path, "quadratic tets", "leave wsim:quadratic off")] * s.quadratic
         found += [(s.path, "a yield strain", "leave it out")] * any(m.yield_strain < inf for m in s.materials)
     if choice.solver == "implicit":
         found += [(p.path, "a soft pin under Newton's method", other) for p in scene.pins if isfinite(p.stiffness)]

@@ -57,7 +57,7 @@ class Explicit(Method):
             self.stages = [Stage(self.integrator.name, "predict", self.frame_by_cluster, 1, size * count, "frame", what)]
             return
         if self.marches:
-            self.march = march.march(real, module, self.damped, pull.even)
+            self.march = march.march(real, module, self.damped)
             if not self.steps:
                 self.move(self.state.e, self.state.v, self.state.r, None)
                 what += f", {pull.abreast.count} threads" * (pull.abreast.count > 1)

@@ -40,22 +40,31 @@ class ForceAdjoint:
         self.launch(x, pair, force, step.source)
 
 
-class TetAdjoint:
-    """Of the forces of a table of linear tets without damping."""
+class CornerAdjoint:
+    """Of the forces of a table of tets, or of pressure."""
 
     def __init__(self, model: Model, table, net):
-        """table: a `wsim.fem.Tetrahedra`; net: which corners each point has."""
-        from wsim.kernels import tet_adjoint
-        self.model, self.table, self.net = model, table, net
-        self.kernels = [tet_adjoint.tet_adjoint(table.material, model.real, model.module, parameters)
-                        for parameters in (False, True)]
-        self.take = tet_adjoint.take(model.real, model.module)
+        """table: of `wsim.fem`; net: which corners each point has."""
+        from wsim.kernels import tet_adjoint as maths
+        self.model, self.table, self.net, self.nodes = model, table, net, table.ids.shape[1]
+        make = {3: maths.pressed, 4: maths.linear, 10: maths.quadratic}[self.nodes]
+        kind = () if self.nodes == 3 else (table.material, table.damped)
+        self.kernels = [make(*kind, model.real, model.module, parameters) for parameters in (False, True)]
+        self.take = maths.take(model.real, model.module)
+        size = table.ids.size if table.damped else 0
+        self.rates = wp.zeros(size, dtype=types(model.real).vec3, device=model.device)
 
     def backward(self, read: list, wrote: list) -> None:
         """Adjoint of the launch of the forces, of the arrays that it has read and written; parameters only where x has a
         gradient."""
-        (tets, x, d, _, q), corners = read, wrote[0].grad
+        (data, x, d, *others), corners = read, wrote[0].grad
         first = self.table.data.force
-        self.model.launch(self.kernels[x.grad is not None], self.table.size, [tets, x, d, q, corners, adjoint_of(tets)], [])
-        self.model.launch(self.take, self.model.points, [self.net, corners, first, first + 4 * self.table.size, d.grad, x.grad],
-                          [])
+        inputs = [data, x, d, *others, corners, *[self.rates] * bool(others), adjoint_of(data)]
+        self.model.launch(self.kernels[x.grad is not None], self.table.size, inputs, [])
+        self.gather(corners, first, 0, d.grad, x.grad)
+        if self.table.damped:
+            self.gather(self.rates, first, first, others[0].grad, None)
+
+    def gather(self, corners: wp.array, first: int, shift: int, by: wp.array, also: wp.array | None) -> None:
+        last = first + self.table.ids.size
+        self.model.launch(self.take, self.model.points, [self.net, corners, first, last, shift, by, also], [])

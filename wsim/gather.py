@@ -16,11 +16,11 @@ from wsim.kernels import corner, lots, march
 from wsim.kernels import spring as kernels
 from wsim.kernels.cluster import Shares
 from wsim.kernels.real import types
+from wsim.march import Packets
 from wsim.model import Model
 from wsim.topology import incident
 
 FEW = 20_000           # points up to which padding to the largest number of springs is free: launches are all that counts
-EVEN = 0.5             # share of points with as many springs as the one before, from which a CPU takes them point by point
 PADDED = 1.5           # entries over springs' ends that padding may cost above
 
 
@@ -61,40 +61,39 @@ class Pull:
         """Entries: which spring stands where."""
         model, n = self.model, self.model.points
         if self.added:
-            self.table = lots.list_of(model.real)()
-            stands = orders(self.springs, model.bodies)
-            ids = np.argsort(stands)[ids]
-            order, low = np.lexsort((ids.max(1), ids.min(1))), np.bincount(ids.min(1), minlength=n)
-            self.entry = np.append(order, np.full(lots.EIGHT, -1))
-            start, other = np.concatenate([[0], np.cumsum(low)]), lots.STRIDE * ids.max(1)[order]
-            self.table.order = model.upload(stands.astype(np.int32), int)
-            self.abreast = Abreast(model, ids, cores() if self.whole else 1)
-            self.even = bool(np.mean(low[1:] == low[:-1]) >= EVEN)
-            if not self.even:
-                self.table.lower = model.upload((lots.STRIDE * ids.min(1)[order]).astype(np.int32), int)
-            self.table.lot = lots.lot(int(low.max()))
-            self.space = lots.room(model.real, n, self.table.lot, self.abreast.count, model.device)
-        else:
-            start, spring = incident(ids, n)
-            point = np.repeat(np.arange(n), np.diff(start))
-            self.entry, other = spring, ids[spring].sum(1) - point
-            most = int(np.diff(start).max())
-            self.lanes = 1 if model.gradients else _lanes(n, most)
-            if self.alone:
-                size = 16 if model.device.arch == LARGE and model.device.sm_count >= MANY else 8
-                self.cluster = cluster_of(n, most, size, np.dtype(model.dtype).itemsize)
-                self.lanes = self.cluster.lanes if self.cluster else self.lanes
-            width = -(-most // self.lanes) * self.lanes
-            if n <= FEW or n * width <= PADDED * len(spring):
-                self.width = width
-                into = point * width + np.arange(len(point)) - start[point]
-                self.entry, filled = np.full(n * width, -1), np.repeat(np.arange(n), width)
-                self.entry[into], filled[into] = spring, other
-                other = filled
-            if self.cluster:
-                self.cluster = self.share(self.cluster, np.repeat(np.arange(n), width), other)
+            self.packets(ids, orders(self.springs, model.bodies))
+            return
+        start, spring = incident(ids, n)
+        point = np.repeat(np.arange(n), np.diff(start))
+        self.entry, other = spring, ids[spring].sum(1) - point
+        most = int(np.diff(start).max())
+        self.lanes = 1 if model.gradients else _lanes(n, most)
+        if self.alone:
+            size = 16 if model.device.arch == LARGE and model.device.sm_count >= MANY else 8
+            self.cluster = cluster_of(n, most, size, np.dtype(model.dtype).itemsize)
+            self.lanes = self.cluster.lanes if self.cluster else self.lanes
+        width = -(-most // self.lanes) * self.lanes
+        if n <= FEW or n * width <= PADDED * len(spring):
+            self.width = width
+            into = point * width + np.arange(len(point)) - start[point]
+            self.entry, filled = np.full(n * width, -1), np.repeat(np.arange(n), width)
+            self.entry[into], filled[into] = spring, other
+            other = filled
+        if self.cluster:
+            self.cluster = self.share(self.cluster, np.repeat(np.arange(n), width), other)
         self.table.start = model.upload(start.astype(np.int32), int)
         self.table.other = model.upload(other.astype(np.int32), int)
+
+    def packets(self, ids: np.ndarray, order: np.ndarray) -> None:
+        """The same on a CPU. order: of the points."""
+        model, found = self.model, Packets(ids, order, self.model.worlds)
+        self.entry, self.table = found.entry, lots.list_of(model.real)()
+        for name in ("order", "group", "runs", "start"):
+            setattr(self.table, name, model.upload(getattr(found, name).astype(np.int32), int))
+        self.table.ends = model.upload(found.words(), wp.uint64)
+        self.abreast = Abreast(model, found, cores() if self.whole else 1)
+        self.table.row = lots.row(len(found.order))
+        self.space = lots.room(model.real, self.table.row, len(found.entry), model.device)
 
     def share(self, cluster: Cluster, point: np.ndarray, other: np.ndarray) -> Cluster | None:
         """Which block keeps what; no cluster where points hang together too widely for that."""
@@ -131,14 +130,14 @@ class Pull:
                 self.lanes = _lanes(model.points, int(np.diff(starts).max()))
         for e in self.elements:
             e.first, first = first, first + e.ids.size
-            if model.gradients and isinstance(e, Solid) and not e.table.damped:
-                from wsim.force_adjoint import TetAdjoint
-                e.table.backward = TetAdjoint(model, e.table, self.net).backward
+            if model.gradients and isinstance(e, Solid):
+                from wsim.force_adjoint import CornerAdjoint
+                e.table.backward = CornerAdjoint(model, e.table, self.net).backward
 
     def need_springs(self) -> None:
         """Makes the kernel of springs that `launch` needs on a CPU, and what gradients of a leap need."""
         if self.added:
-            self.pull = march.pull(self.model.real, self.model.module, self.damped, self.even)
+            self.pull = march.pull(self.model.real, self.model.module, self.damped)
         if self.model.gradients:
             from wsim.force_adjoint import ForceAdjoint
             self.backward = ForceAdjoint(self.model, self, masses=True).leap

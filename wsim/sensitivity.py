@@ -35,7 +35,8 @@ class Parameters:
         c = self.points
         found = [c.w, c.gravity, c.decay, *self.net().values(), *(b.data.rest for b in self.batches if b.kind == "distance")]
         for data in (source.data for source in (*self.flat, *self.tables, *self.batches)):
-            found += [getattr(data, name) for name in ("stiffness", "tau", "mu", "lam", "alpha") if getattr(data, name, None)]
+            found += [getattr(data, name) for name in ("stiffness", "tau", "mu", "lam", "alpha", "pressure")
+                      if getattr(data, name, None)]
         if self.air:
             found += [self.air.wind, self.air.drag, self.air.lift]
         if self.pins and self.pins.groups["soft"]:
@@ -96,7 +97,11 @@ class Gradient:
         return self.by_point(self.plan.state.v, path, world)
 
     def by_point(self, array: wp.array, path: str | None, world: int) -> np.ndarray:
-        return self.states[array.ptr].astype(np.float64)[self.model.body(path, world).index]
+        body, every = self.model.body(path, world), self.states[array.ptr].astype(np.float64)
+        found = every[body.index]
+        for end in body.ends.T:                          # middles of quadratic tets start between two points
+            np.add.at(found, end, 0.5 * every[body.middles])
+        return found
 
     def masses(self, path: str | None = None, world: int = 0) -> np.ndarray:
         """By the masses of the points [1/kg], (n,); 0 of pinned ones."""
@@ -175,8 +180,8 @@ class Gradient:
         return np.concatenate(found)
 
     def material(self, name: str, path: str | None = None, world: int = 0, elements: bool = False):
-        """By stretch, weft, shear [N/m], bend [N m] of a cloth, stiffness of springs [N/m], young [Pa], poisson of a soft body,
-        or damping [s]. elements: of each element by itself, in the order of the solver; else the sum."""
+        """By stretch, weft, shear [N/m], bend [N m] of a cloth, stiffness of springs [N/m], young [Pa], poisson, pressure [Pa]
+        of a soft body, or damping [s]. elements: of each element by itself, in the order of the solver; else the sum."""
         body = self.model.body(path, world)
         found = [f(name, body) for f in (self.rows, self.flat, self.projected, self.solid)]
         parts = [each for some in found for each in some]
@@ -238,11 +243,16 @@ class Gradient:
         return by
 
     def solid(self, name: str, body) -> list[np.ndarray]:
-        """Of tets, by Hooke's constants of each."""
+        """Of tets, by Hooke's constants of each, and of the triangles of a pressure."""
         found = []
         for table in self.parameters.tables:
             first = 0
-            for p in getattr(table, "parts", ()):
+            for b, weights in zip(getattr(table, "bodies", ()), getattr(table, "weights", ()), strict=True):
+                part = slice(first, first + len(weights))
+                first = part.stop
+                if b is body and name == "pressure":
+                    found.append(self.of(table.data.pressure)[part] * weights)
+            for p in table.parts:
                 part = slice(first, first + len(p.rows))
                 first = part.stop
                 if p.body is not body or name not in p.values:

@@ -22,7 +22,8 @@ import warp as wp
 from wsim.kernels import adjoint
 from wsim.slots import Slots
 
-WHOLE = ("begin", "leap", "commit", "corners", "fem_forces", "predict", "finish")
+WHOLE = ("begin", "leap", "commit", "corners", "fem_forces", "quadratic_forces", "pressure_forces", "predict",
+         "finish")
 KEPT = (wp.int32, wp.quatf, wp.quatd, wp.vec2i, wp.vec4i, wp.uint64)      # flags, lists, starts of iterations
 
 
