@@ -58,9 +58,9 @@ class Run:
         self.check((getattr(self.gradient, name)(self.path) * way).sum(), lambda s: (self.path, name, start + s * way),
                    step if name == "positions" else 40.0 * step)
 
-    def material(self, name: str, value: float) -> None:
+    def material(self, name: str, value: float, step: float = 1.0) -> None:
         self.check(self.gradient.material(name, self.path), lambda s: (self.path, name, value + s),
-                   STEPS.get(name, 0.02) * value)
+                   step * STEPS.get(name, 0.02) * value)
 
     def world(self) -> None:
         """By gravity and drag of the air."""
@@ -224,8 +224,8 @@ def test_a_bar_of_quadratic_tets_under_pressure(model, more):
     scene = bar(model, damping=1e-4, **more)
     scene.softs[0].quadratic, scene.softs[0].pressure = True, 400.0
     run = Run(scene, frames=1)
-    for name, value in (("young", 2e4), ("poisson", 0.35), ("damping", 1e-4), ("pressure", 400.0)):
-        run.material(name, value)
+    for name, value, step in (("young", 2e4, 1.0), ("poisson", 0.35, 1.0), ("damping", 1e-4, 6.0), ("pressure", 400.0, 1.0)):
+        run.material(name, value, step)
     run.state("positions", 1e-5)
     run.state("velocities")
 
