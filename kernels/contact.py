@@ -81,11 +81,36 @@ def slots(real):
 
 
 @cache
+def meeting(real):
+    """Function: d and P after one contact, and how hard it presses (lam'); gu: g times u."""
+    vec3, vec2 = types(real).vec3, types(real).vec2
+
+    @wp.func
+    def meet(n: vec3, b: real, a: vec3, gu: vec3, P: vec3, d: vec3, mu: vec2):
+        lam = wp.dot(P, n)
+        T = P - lam * n
+        pressed = wp.max(lam - (b + wp.dot(n, d)), real(0.0))
+        moved = d + (pressed - lam) * n
+        stop = vec3()
+        if pressed > real(0.0):
+            slide = (moved - a) - gu
+            onward = T - (slide - wp.dot(slide, n) * n)
+            size = wp.length(onward)
+            share = real(1.0)
+            if size > mu[0] * pressed:
+                share = wp.min(mu[1] * pressed, size) / size
+            stop = share * onward
+        return moved + (stop - T), pressed * n + stop, pressed
+
+    return meet
+
+
+@cache
 def project(real, module):
     """Kernel over points: one iteration of all contacts of a point, in order."""
     t = types(real)
     Rows, Points = tables(real)
-    Slots = slots(real)
+    Slots, meet = slots(real), meeting(real)
 
     def project(c: Rows, points: Points, s: Slots, d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3),
                 push: wp.array(dtype=t.vec3), g: real,
@@ -100,22 +125,11 @@ def project(real, module):
         for slot in range(count):
             j = slot * s.points + i
             n = s.n[j]
-            P = push[j]
-            lam = wp.dot(P, n)
-            T = P - lam * n
-            pressed = wp.max(lam - (s.b[j] + wp.dot(n, d1)), real(0.0))
-            d1 += (pressed - lam) * n
-            stop = t.vec3()
+            mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
+            d1, P, pressed = meet(n, s.b[j], anchor, g * s.u[j], push[j], d1, mu)
             if pressed > real(0.0):
                 touched = TOUCHED
-                mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
-                slide = (d1 - anchor) - g * s.u[j]
-                stop = T - (slide - wp.dot(slide, n) * n)
-                size = wp.length(stop)
-                if size > mu[0] * pressed:
-                    stop = (wp.min(mu[1] * pressed, size) / size) * stop
-            d1 += stop - T
-            push_out[j] = pressed * n + stop
+            push_out[j] = P
         d_out[i] = d1
         s.mark[i] = (s.mark[i] & SUNK) | touched
 

@@ -21,7 +21,7 @@ import warp as wp
 from wsim.kernels import stream
 from wsim.kernels.constraint import inverse
 from wsim.kernels.xpbd import WEIGHTS, one_of, variant
-from wsim.kernels.xpbd_product import need, product
+from wsim.kernels.xpbd_product import length, need, product
 
 
 @wp.func
@@ -108,8 +108,7 @@ def sweep_adjoint(constraint: str, real, module, damped: bool, kept: bool, fused
     becomes that before it), gradients, starts, first, rate, omega."""
     o = variant(constraint, real, True, damped, False, stored=True)
     Seen, Grads = seen(o.t.vec3, o.value), grads(o.t.vec3, o.value)
-    one = _back(o, kept)
-    need(o, module)
+    one = _back(o) if kept else _back_length(o)
 
     def backward(batch: o.Batch, by: o.Batch, s: Seen, g: Grads, starts: wp.array(dtype=int), first: int, rate: real,
                  omega: real):
@@ -123,6 +122,8 @@ def sweep_adjoint(constraint: str, real, module, damped: bool, kept: bool, fused
         else:
             one(starts[first] + i, batch, by, s, g, rate, omega)
 
+    if kept:
+        need(o, module)
     return _kernel(backward, f"undo_{o.name}{'_kept' * kept}", module, fused)
 
 
@@ -131,12 +132,11 @@ def _kernel(function, name: str, module, fused: bool):
     return wp.kernel(function, name=f"{name}{'_fused' * fused}", module=module, enable_backward=False, **how)
 
 
-def _back(o, kept: bool):
-    """Function: the adjoint of the projection of constraint c."""
-    real, n, weights, last = o.t.scalar, o.points, WEIGHTS.get(o.points, weights_of_3), itself if o.rows == 3 else first_of
-    formula, undo, spread = product(o), _undo(o), _spread(o)
-    Seen, Grads = seen(o.t.vec3, o.value), grads(o.t.vec3, o.value)
-    m = n - 1                     # a constant: loops to it are unrolled, which adjoints of loops need
+def _back(o):
+    """Function: the adjoint of the projection of constraint c, whose points left their d behind."""
+    real, vec3, n, last = o.t.scalar, o.t.vec3, o.points, itself if o.rows == 3 else first_of
+    formula, weights, Seen, Grads = product(o), WEIGHTS.get(n, weights_of_3), seen(vec3, o.value), grads(vec3, o.value)
+    damped, m = o.damped, n - 1   # a constant: loops to it are unrolled, which adjoints of loops need
     rows, ends, more = (wp.types.matrix((k, 3), real) for k in (m, n, n + 1))
 
     @wp.func
@@ -146,15 +146,9 @@ def _back(o, kept: bool):
         Y = more()                # the last row is the gradient by lam
         X = rows()
         V = rows()
-        W = weights(batch.w, p)
         for k in range(n):
             Y[k] = g.d[p[k]]
-            N[k] = s.d[p[k]]
-            if wp.static(kept):
-                N[k] = s.kept[k, c]
-        if wp.static(not kept):
-            N = undo(batch, s, c, N, W, rate, omega)
-        for k in range(n):
+            N[k] = s.kept[k, c]
             s.d[p[k]] = N[k]
         for k in range(m):
             X[k] = (s.x[p[k + 1]] - s.x[p[0]]) + (N[k + 1] - N[0])
@@ -166,50 +160,80 @@ def _back(o, kept: bool):
         y = g.lam[c]
         Y[n] = last(y)
         gX, gV, gW, grest, galpha, glam, ghow, _gY = wp.grad(formula)(
-            X, V, W, batch.rest[c], (rate * rate) * batch.alpha[c], s.lam[c], o.t.vec2(gamma, omega), Y)
+            X, V, weights(batch.w, p), batch.rest[c], (rate * rate) * batch.alpha[c], s.lam[c], o.t.vec2(gamma, omega), Y)
         by.rest[c] = by.rest[c] + grest
-        if wp.static(o.unilateral):
-            g.lam[c] = glam
-        else:
-            g.lam[c] = y + glam
-            by.alpha[c] = by.alpha[c] + (rate * rate) * galpha
+        g.lam[c] = y + glam
+        by.alpha[c] = by.alpha[c] + (rate * rate) * galpha
         if wp.static(o.damped):
             by.tau[c] = by.tau[c] + rate * ghow[0]
-        for k in range(wp.static(int(o.anchored)), n):
+        first = vec3()
+        moved = vec3()
+        for k in range(n):
             by.w[p[k]] = by.w[p[k]] + gW[k]
-        spread(p, g, gX, gV, Y)
+        for k in range(m):
+            first -= gX[k]
+            moved -= gV[k]
+            spread(g, p[k + 1], gX[k], gV[k], Y[k + 1], damped, False)
+        spread(g, p[0], first, moved, Y[0], damped, False)
 
     return back
 
 
-def _spread(o):
-    """Function: adds to gradients by places, anchors and displacements what those by differences to the first point say."""
-    vec3, m, Grads = o.t.vec3, o.points - 1, grads(o.t.vec3, o.value)
-    rows, ends = wp.types.matrix((m, 3), o.t.scalar), wp.types.matrix((m + 2, 3), o.t.scalar)
+@wp.func
+def spread(g: Any, i: int, gX: Any, gV: Any, Y: Any, damped: bool, many: bool):
+    """Adds to the gradients by place, displacement and anchor of a point; many: other threads do as well."""
+    if many:
+        wp.atomic_add(g.x, i, gX)
+        wp.atomic_add(g.d, i, gX + gV)
+    else:
+        g.x[i] = g.x[i] + gX
+        g.d[i] = Y + gX + gV
+    if damped:
+        g.a[i] = g.a[i] - gV
+
+
+def _back_length(o):
+    """Function: the adjoint of the projection of a length."""
+    real, vec3, formula, undo = o.t.scalar, o.t.vec3, length(o), _undo(o)
+    Seen, Grads, damped, anchored = seen(vec3, o.value), grads(vec3, o.value), o.damped, o.anchored
 
     @wp.func
-    def spread(p: o.ids, g: Grads, gX: rows, gV: rows, Y: ends):
-        first = vec3()
-        moved = vec3()
-        for k in range(m):
-            j = p[k + 1]
-            first -= gX[k]
-            moved -= gV[k]
-            g.x[j] = g.x[j] + gX[k]
-            g.d[j] = Y[k + 1] + gX[k] + gV[k]
-            if wp.static(o.damped):
-                g.a[j] = g.a[j] - gV[k]
+    def back(c: int, batch: o.Batch, by: o.Batch, s: Seen, g: Grads, rate: real, omega: real):
+        p = batch.point[c]
         i = p[0]
-        if wp.static(o.anchored):                        # a pinned point of many tethers
-            wp.atomic_add(g.x, i, first)
-            wp.atomic_add(g.d, i, first + moved)
-        else:
-            g.x[i] = g.x[i] + first
-            g.d[i] = Y[0] + first + moved
+        j = p[1]
+        W = o.t.vec2(batch.w[i], batch.w[j])
+        N = undo(batch, s, c, wp.matrix_from_rows(s.d[i], s.d[j]), W, rate, omega)
+        s.d[i] = N[0]
+        s.d[j] = N[1]
+        gamma = real(0.0)
+        V = vec3()
         if wp.static(o.damped):
-            g.a[i] = g.a[i] - moved
+            gamma = rate * batch.tau[c]
+            V = (N[1] - N[0]) - (s.a[j] - s.a[i])
+        alpha = real(0.0)
+        lam = real(0.0)
+        if wp.static(not o.unilateral):
+            alpha = rate * rate * batch.alpha[c]
+            lam = s.lam[c]
+        Y = wp.matrix_from_rows(g.d[i], g.d[j])
+        y = g.lam[c]
+        gX, gV, gW, grest, galpha, glam, ggamma = formula(
+            (s.x[j] - s.x[i]) + (N[1] - N[0]), V, W, batch.rest[c], alpha, lam, vec3(gamma, omega, y), Y)
+        by.rest[c] = by.rest[c] + grest
+        g.lam[c] = y - y
+        if wp.static(not o.unilateral):
+            g.lam[c] = y + glam
+            by.alpha[c] = by.alpha[c] + rate * rate * galpha
+        if wp.static(o.damped):
+            by.tau[c] = by.tau[c] + rate * ggamma
+        if wp.static(not o.anchored):
+            by.w[i] = by.w[i] + gW[0]
+        by.w[j] = by.w[j] + gW[1]
+        spread(g, j, gX, gV, Y[1], damped, False)
+        spread(g, i, -gX, -gV, Y[0], damped, anchored)
 
-    return spread
+    return back
 
 
 def _undo(o):

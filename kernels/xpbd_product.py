@@ -2,12 +2,18 @@
 
     s = dlam (sum_k w_k G_k.Y_k + y)
 
-for constant Y and y. Its derivatives by all that dlam and G are made of are those of a projection in the direction of Y, y.
+for constant Y and y. Its derivatives by all that dlam and G are made of are those of a projection in the direction of Y, y. Of
+lengths they are written out: with n = X / L, E = W_1 Y_1 - W_0 Y_0, K = W_0 + W_1, B = (1 + gamma) K + alpha,
+dlam = -omega (C + alpha lam + gamma n.V) / B,  s = dlam (n.E + y),  f = omega (n.E + y) / B:
+
+    by X      -f (n + gamma (V - (n.V) n) / L) + dlam (E - (n.E) n) / L        by V      -f gamma n
+    by rest   f        by alpha  -f lam - s / B        by lam  -f alpha        by gamma  -f n.V - s K / B
+    by W_k    +-dlam n.Y_k - (1 + gamma) s / B
 """
 
 import warp as wp
 
-from wsim.kernels.constraint import membrane_response, membrane_slender
+from wsim.kernels.constraint import inverse, membrane_response, membrane_slender
 from wsim.kernels.matrix import solve_block
 from wsim.kernels.xpbd import CALM, TINY, plane_stress
 
@@ -91,3 +97,41 @@ def _block(o):
         return calm * wp.dot(dlam, s)
 
     return product
+
+
+def length(o):
+    """Function: derivatives of s of a length by X, V, W, rest, alpha, lam and gamma; how: gamma, omega, y."""
+    real, vec3, vec2, two = o.t.scalar, o.t.vec3, o.t.vec2, wp.types.matrix((2, 3), o.t.scalar)
+
+    @wp.func
+    def length(X: vec3, V: vec3, W: vec2, rest: real, alpha: real, lam: real, how: vec3, Y: two):
+        L = wp.length(X)
+        over = inverse(L)
+        n = over * X
+        E = W[1] * Y[1] - W[0] * Y[0]
+        gamma = how[0]
+        C = L - rest
+        slide = real(0.0)
+        if wp.static(o.damped):
+            slide = wp.dot(n, V)
+        if wp.static(o.unilateral):
+            C = wp.max(C, real(0.0))
+        B = (real(1.0) + gamma) * (W[0] + W[1]) + alpha
+        b = inverse(B)
+        along = wp.dot(n, E) + how[2]
+        dlam = -(how[1] * b) * (C + alpha * lam + gamma * slide)
+        f = how[1] * b * along
+        s = dlam * along
+        if wp.static(o.unilateral):
+            if C == real(0.0):
+                f = real(0.0)
+        gX = (dlam * over) * (E - wp.dot(n, E) * n) - f * n
+        gV = vec3()
+        if wp.static(o.damped):
+            gX -= (f * gamma * over) * (V - slide * n)
+            gV = -(f * gamma) * n
+        own = (real(1.0) + gamma) * s * b
+        gW = vec2(-dlam * wp.dot(n, Y[0]) - own, dlam * wp.dot(n, Y[1]) - own)
+        return gX, gV, gW, f, -f * lam - s * b, -f * alpha, -f * slide - s * (W[0] + W[1]) * b
+
+    return length

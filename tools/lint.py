@@ -35,13 +35,15 @@ LAYERS = (
     ("points", "explicit", "implicit", "aero", "xpbd", "rigid", "fluid", "pose"),
     ("plan",),
     ("measure", "mend", "stress", "simulation", "sensitivity", "recording"),
+    ("inputs", "arrays", "products", "layer", "layer_jax"),
     ("usd", "partial", "sublayer", "overs", "restart", "recorder", "fitting", "drawn", "visible", "view", "picture"),
     ("cli", "bench", "commands", "run", "__main__", "__init__"),
 )
 METHODS = {"points", "explicit", "implicit", "aero", "xpbd", "rigid", "fluid", "pose"}    # these never import each other
 READS_USD = {"usd", "partial", "sublayer", "overs", "restart", "recorder", "drawn", "visible"}
 WITHOUT_WARP = {*LAYERS[0], *READS_USD, "cli", "__init__", "__main__"}
-ONLY = {"rerun": {"view"}, "pxr": {*READS_USD, "view", "picture"}, "matplotlib": {"bench"}}   # who may import these packages
+ONLY = {"rerun": {"view"}, "pxr": {*READS_USD, "view", "picture"}, "matplotlib": {"bench"}, "torch": {"layer"},
+        "jax": {"layer_jax"}}   # who may import these packages
 
 FILE_LINES, TEST_LINES, FUNCTION_LINES, ARGUMENTS = 300, 400, 45, 8
 WORDS = re.compile(r"(?<![\w.:/$}<])/(?:tmp|root|home|opt|mnt|srv)/[\w.-]+|(?<!\w)share[d]/"

@@ -42,7 +42,8 @@ class Rows:
             stretch, shear, weft = (self.stiffness[name] for name in ("stretch", "shear", "weft"))
             weft = np.where(weft > 0.0, weft, stretch)
             shear = np.maximum(shear, LEAST * stretch)
-            one = np.concatenate([1.0 / stretch, -self.poisson / np.sqrt(stretch * weft), 1.0 / shear, 1.0 / weft])
+            one = np.stack(np.broadcast_arrays(1.0 / stretch, -self.poisson / np.sqrt(stretch * weft), 1.0 / shear, 1.0 / weft),
+                           axis=-1)
             return self.shape[:, None] * one
         return self.shape / next(iter(self.stiffness.values()), 1.0)
 

@@ -3,21 +3,27 @@
     covered      explicit integrators, all of them, XPBD, and implicit integrators by Newton's method; springs, membranes,
                  bending, and their damping; soft bodies of four and ten nodes a tet, all four materials, their damping and
                  pressure; hard pins; gravity, drag of the air, wind (drag and lift); ties; strain limits, tethers and soft
-                 pins, but for Newton's method
+                 pins, but for Newton's method; contacts with convex shapes and friction, but for Newton's method and BDF2
     by           initial positions and velocities, masses, every stiffness, damping and pressure above (of each element), rest
-                 lengths, where pins are, stiffness and damping of soft ones, gravity, drag of the air, wind, drag and lift
-    not yet      contacts, plasticity
+                 lengths, where pins are, stiffness and damping of soft ones, gravity, drag of the air, wind, drag and lift,
+                 friction of a body
+    not yet      contacts with meshes, plasticity; by colliders' motions and rest shapes
 """
 
 from math import inf, isfinite
 
 from wsim.choice import Choice
-from wsim.scene import Problem, Scene
+from wsim.scene import Problem, Scene, Surface
 
 
 def uncovered(scene: Scene, choice: Choice) -> list[Problem]:
     """What of a scene has no gradients, each with its path and the mend."""
-    found = [(c.path, "contacts", "leave the collider out") for c in scene.colliders]
+    found = [(c.path, "a collider that is a mesh", "give it a simple shape") for c in scene.colliders
+             if isinstance(c.shape, Surface)]
+    if scene.colliders and choice.solver == "implicit":
+        found.append((scene.colliders[0].path, "contacts under Newton's method", "set wsim:solver = explicit or xpbd"))
+    if scene.colliders and choice.integrator.name == "bdf2":
+        found.append((scene.colliders[0].path, "contacts under BDF2", "set wsim:integrator = backward_euler"))
     other = "leave it out, or set wsim:solver = explicit or xpbd"
     for c in scene.cloths if choice.solver == "implicit" else ():
         found += [(c.path, "tethers under Newton's method", other)] * bool(c.tethers)

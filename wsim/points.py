@@ -108,7 +108,7 @@ class Points(Method):
             before = self.densities.get(b.number) or density_of(b.source)
             assert before is not None
             b.masses, self.densities[b.number] = b.masses * (density / before), density
-            w[b.first:b.last] *= before / density
+            w[b.first:b.last] = np.where(w[b.first:b.last] > 0.0, 1.0 / b.masses, 0.0)
         self.constants.w.assign(w)
         return True
 

@@ -219,7 +219,8 @@ class Recording:
 
     def backward(self, positions: dict | None = None, velocities: dict | None = None) -> Gradient:
         """Gradient of a loss whose derivatives by positions [1/m] and velocities [s/m] after some frames are given:
-        {frame: (n, 3) in the author's order, or {path: (n, 3)}}. Raises SceneError for frames and shapes that are none.
+        {frame: (n, 3) in the author's order, or {path: (n, 3)}, or {(path, world): (n, 3)}}. Raises SceneError for frames and
+        shapes that are none.
         """
         if not self.ran:
             self.run()
@@ -286,8 +287,9 @@ class Recording:
             if not 0 <= frame <= self.frames:
                 raise SceneError(Problem(what, f"found frame {frame}; allowed are 0 to {self.frames}"))
             found[frame] = np.zeros((model.points, 3), model.dtype)
-            for path, each in (values if isinstance(values, dict) else {None: values}).items():
-                index, each = model.body(path).index, np.asarray(each, np.float64)
+            for key, each in (values if isinstance(values, dict) else {None: values}).items():
+                path, world = key if isinstance(key, tuple) else (key, 0)
+                index, each = model.body(path, world).index, np.asarray(each, np.float64)
                 if each.shape != (len(index), 3) or not np.isfinite(each).all():
                     raise SceneError(Problem(path or what, f"derivatives must be finite with shape ({len(index)}, 3); found "
                                              f"{each.shape}"))

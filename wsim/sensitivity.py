@@ -28,7 +28,8 @@ class Parameters:
         self.tables = self.pull.tables if self.pull else []                        # tets
         self.points = plan.method("points").constants
         self.pins, aero = plan.method("pins"), plan.method("aero")
-        self.air = aero.air if aero else None
+        self.air, contact = aero.air if aero else None, plan.method("contact")
+        self.contact = contact.contacts.adjoint if contact else None
 
     def arrays(self) -> list[wp.array]:
         """Everything that is differentiated by, of one kind each."""
@@ -54,6 +55,8 @@ class Parameters:
     def zero(self) -> None:
         for array in self.arrays():
             array.grad.zero_()
+        if self.contact:
+            self.contact.friction.zero_()
 
     def take_targets(self) -> list[np.ndarray]:
         """Gradients of the pins' targets of a frame, which are zeros then."""
@@ -81,6 +84,7 @@ class Gradient:
         self.parameters, self.model, self.plan = parameters, parameters.model, parameters.plan
         self.states, self._targets = states, targets
         self.grads = {array.ptr: array.grad.numpy().astype(np.float64) for array in parameters.arrays()}
+        self._friction = parameters.contact.friction.numpy().astype(np.float64) if parameters.contact else None
         self.entries = {name: parameters.ends(array) for name, array in parameters.net().items()}
 
     def of(self, array: wp.array) -> np.ndarray:
@@ -138,6 +142,11 @@ class Gradient:
                                      "one of both is not 0"))
         return float(self.of(getattr(air, name))[body.first:body.last].sum()) * self.model.scene.air_density / 6.0
 
+    def friction(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """By the static and the dynamic friction of a body, (2,)."""
+        body = self.model.body(path, world)
+        return np.zeros(2) if self._friction is None else self._friction[body.first:body.last].sum(axis=0)
+
     def pin(self, path: str, name: str) -> float:
         """By the stiffness [N/m] or damping [N s/m] of a soft pin."""
         pins, first = self.parameters.pins, 0
@@ -153,14 +162,14 @@ class Gradient:
     def places(self, world: int) -> np.ndarray:
         return np.concatenate([np.arange(b.first, b.last) for b in self.model.bodies if b.world == world])
 
-    def targets(self, path: str) -> np.ndarray:
+    def targets(self, path: str, world: int = 0) -> np.ndarray:
         """By where a pin puts its points, or pulls them to [1/m]: (frames, substeps, points, 3) of a moving one, (points, 3)
         of one that stands still."""
         pins = self.parameters.pins
         for number, kind in enumerate(pins.target if pins else ()):
             at = 0
             for p in pins.groups[kind]:
-                if p.pin.path == path:
+                if p.pin.path == path and p.body.world == world:
                     each = np.stack([frame[number][:, at:at + len(p.places)] for frame in self._targets])
                     return each if pins.moves else each.sum(axis=(0, 1))
                 at += len(p.places)

@@ -2,7 +2,8 @@
 
     python tools/bench/gradients.py [--device cuda:0|cpu] [--points 32,100] [--tets 2560] [--substeps 1024] [--json FILE]
 
-sheet    points a side, springs of 1 kN/m, leapfrog; bar  tets, corotational, leapfrog or BDF2 by Newton's method (64 substeps)
+sheet    points a side, springs of 1 kN/m, leapfrog, XPBD (as many substeps of an iteration), or XPBD over a ball (as many of
+         an iteration, contacts with friction); bar  tets, corotational, leapfrog or BDF2 by Newton's method (64 substeps)
 keep     all: memory for every substep; checkpoints: for a segment at a time, which then runs twice
 ms       of the forward pass (recorded, replayed from graphs), and back/forward of the least of three passes each
 bytes    of versions, gradients and checkpoints, and over those of keeping all
@@ -29,6 +30,7 @@ from tools.bench.speed import hardware  # noqa: E402
 from wsim import Scene, Simulation, shapes  # noqa: E402
 from wsim.bulk import Bulk  # noqa: E402
 from wsim.recording import Recording  # noqa: E402
+from wsim.scene import Sphere  # noqa: E402
 
 FRAMES = 16
 STEPS = (2e-5, 2e-6, 2e-7)           # of |way| = 1 [m]
@@ -38,6 +40,15 @@ WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
 def sheet(n: int, substeps: int) -> Scene:
     scene = reference.spring_cloth(n, stretch=1e3, diagonal=1e3)
     return replace(scene, solver="explicit", integrator="leapfrog", substeps=substeps)
+
+
+def swept(n: int, substeps: int, ball: bool) -> Scene:
+    """By XPBD; over a ball the sheet begins at rest, touches it, and is held by its edge."""
+    scene = replace(sheet(n, substeps), solver="xpbd", integrator="backward_euler", iterations=1)
+    if ball:
+        middle = scene.springs[0].points.mean(axis=0)
+        scene.collider("/ball", Sphere(0.2), at=middle - 0.2 * np.array(scene.gravity) / -np.linalg.norm(scene.gravity) * 1.05)
+    return scene
 
 
 def bar(tets: int, substeps: int, implicit: bool) -> Scene:
@@ -122,6 +133,8 @@ def main() -> None:
     rows, each = [], max(1, args.substeps // FRAMES)
     for n in map(int, filter(None, args.points.split(","))):
         rows += row(f"sheet {n}", sheet(n, max(each, round(2.6 * n))), args.device)
+        rows += row(f"sheet {n}, XPBD", swept(n, each, False), args.device)
+        rows += row(f"sheet {n}, XPBD, ball", swept(n, each, True), args.device)
     for tets in map(int, filter(None, args.tets.split(","))):
         rows += row(f"bar {tets}", bar(tets, each, False), args.device)
         rows += row(f"bar {tets}, implicit", bar(tets, 4, True), args.device)

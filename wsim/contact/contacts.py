@@ -16,6 +16,7 @@ when a frame is repeated. Colliders are carriers that push and are not pushed; `
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -54,6 +55,7 @@ class Contacts:
         not 0 where a point leaves an overlap: its step is no motion, and a multistep integrator forgets it."""
         self.device, self.real, self.types = wp.get_device(device), real, types(real)
         self.launch: Callable = partial(wp.launch, device=self.device)    # (kernel, dim, inputs, outputs)
+        self.adjoint: Any = None                         # `wsim.contact.adjoint.ContactAdjoint`
         self.dtype = np.float32 if real is wp.float32 else np.float64
         surfaces = {id(c.shape): c for group in bodies.colliders for c in group if isinstance(c.shape, Surface)}
         self.meshes = {key: Mesh.build(c) for key, c in surfaces.items()}
@@ -185,13 +187,20 @@ class Contacts:
         for mesh in self.meshes.values():
             if mesh.moves:
                 mesh.launch(self.launch, self.pose_kernel, k)
+        backward = {"backward": self.adjoint.searched(k, x, d, a)} if self.recorded else {}
         self.launch(self.search_kernel, self.count, [self.table, self.points, x, d, a, k],
-                    [self.slots, d, a, self.push, self.struck, self.wanted])
+                    [self.slots, d, a, self.push, self.struck, self.wanted], **backward)
 
     def project(self, g: float, d: wp.array, a: wp.array) -> None:
         """Launches one iteration; g [s] is the integrator's effective step, v = (d - a) / g."""
+        backward = {"backward": self.adjoint.projected()} if self.recorded else {}
         self.launch(self.project_kernel, self.count, [self.table, self.points, self.slots, d, a, self.push, g],
-                    [d, self.push])
+                    [d, self.push], **backward)
+
+    @property
+    def recorded(self) -> bool:
+        """Whether a tape records what is launched."""
+        return self.adjoint is not None and self.adjoint.model.tape is not None
 
     def settle(self, g: float, e: wp.array, d: wp.array, a: wp.array, v: wp.array) -> None:
         """After the last iteration of a multistep integrator: a and v of points in contact forget what was before."""

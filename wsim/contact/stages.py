@@ -24,12 +24,19 @@ class Contact(Method):
         super().__init__("contact")
         self.model, self.state, self.anchor = model, state, points.anchor
         colliders = model.scene.colliders
-        bodies = Bodies([colliders] * len(model.bodies), np.stack([b.origin for b in model.bodies]),
-                        points.constants.object, points.constants.w, model.stack("reach"),
+        own = points.constants.object
+        if model.gradients:                              # there each point has a row of its own
+            own = np.repeat(np.arange(len(model.bodies)), [b.count for b in model.bodies]).astype(np.int32)
+        bodies = Bodies([colliders] * len(model.bodies), np.stack([b.origin for b in model.bodies]), own,
+                        points.constants.w, model.stack("reach"),
                         np.repeat([b.friction for b in model.bodies], [b.count for b in model.bodies], axis=0))
         self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
                                  substeps=clock.substeps, dt=clock.dt, wanted=status, struck=struck)
         self.contacts.launch = model.launch
+        if model.gradients:
+            from wsim.contact.adjoint import ContactAdjoint
+            self.contacts.grow(self.contacts.rows.most)              # lists do not grow while they are recorded
+            self.contacts.adjoint = ContactAdjoint(self.contacts, model)
         self.fields = {"mark": self.contacts.mark}
         n, size, moving = model.points, np.dtype(model.dtype).itemsize, 2 * sum(
             m.moves for m in self.contacts.meshes.values())

@@ -1,0 +1,100 @@
+"""Gradients through contacts with friction: exact for the scheme that ran, away from kinks. Differences take steps of 1e-8 m,
+so short that no list and no branch changes; they are right to about 1e-7 then."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.test_gradients import Run, sheet
+from wsim.curve import Motion
+from wsim.recording import Recording
+from wsim.scene import Box, Capsule, Cone, Cylinder, Plane, SceneError, Sphere, Surface
+from wsim.simulation import Simulation
+
+SHAPES = {"plane": Plane(), "sphere": Sphere(0.12), "box": Box((0.05, 0.06, 0.05)), "capsule": Capsule(0.06, 0.05),
+          "cylinder": Cylinder(0.08, 0.05), "cone": Cone(0.1, 0.06)}
+TOP = {"plane": 0.0, "sphere": 0.12, "box": 0.05, "capsule": 0.11, "cylinder": 0.05, "cone": 0.06}
+SOLVERS = {"xpbd": {"solver": "xpbd", "integrator": "backward_euler", "substeps": 6, "iterations": 3},
+           "leapfrog": {"integrator": "leapfrog", "substeps": 50}}
+
+
+def dropped(shape="plane", friction=(0.5, 0.4), spin=0.0, gap=0.006, **more):
+    """A free sheet that falls on a collider and slides; its corner is lowest. spin [rad/s] of the collider."""
+    scene = sheet("springs", damping=2e-4, **more)
+    scene.pins, scene.gravity, cloth = [], (1.0, 0.5, -9.8), scene.cloths[0]
+    cloth.material = replace(cloth.material, static_friction=friction[0], dynamic_friction=friction[1])
+    times = np.arange(5) / 60
+    places = np.stack([np.eye(4)] * 5)
+    places[:, 2, 3] = -TOP[shape] - gap + 0.1 * times
+    places[:, 0, 0] = places[:, 1, 1] = np.cos(spin * times)
+    places[:, 1, 0], places[:, 0, 1] = np.sin(spin * times), -np.sin(spin * times)
+    scene.collider("/floor", SHAPES[shape], motion=Motion(times, places), static_friction=friction[0],
+                   dynamic_friction=friction[1])
+    return scene
+
+
+class Slid(Run):
+    """With the steps that contacts allow."""
+
+    def by(self, name, step, within=3e-7):
+        start = getattr(self.recording, name)(0, self.path)
+        way = np.random.default_rng(6).normal(size=start.shape)
+        found = (getattr(self.gradient, name)(self.path) * way).sum()
+        self.check(found, lambda s: (self.path, name, start + s * way), step, within)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_sheet_that_falls_on_a_turning_collider_and_slides(shape, solver):
+    run = Slid(dropped(shape, spin=3.0, **SOLVERS[solver]), frames=4)
+    plain = Simulation(run.scene, device="cpu", precision="float64")
+    plain.run(4)
+    assert plain.indicators()["contacts"] >= 1
+    assert np.abs(plain.positions() - run.recording.positions(4)).max() < 1e-11
+    within = 5e-5 if (shape, solver) == ("box", "leapfrog") else 3e-7     # at its edges sweeps end after so many steps, or one
+    run.by("positions", 1e-8, within)                                     # more: a ragged function, right to 1e-4 of the way
+    run.by("velocities", 1e-6, within)
+    g, way = np.asarray(run.scene.gravity), np.array([0.3, -0.5, 0.8])
+    run.check(run.gradient.gravity() @ way, lambda s: ("/", "gravity", g + s * way), 1e-5, 3e-7)
+
+
+def test_a_sheet_that_starts_in_an_overlap():
+    """It is carried out, without velocity, by what is left at most of the overlap."""
+    run = Slid(dropped(gap=-0.0031, **SOLVERS["xpbd"]), frames=2)
+    run.by("positions", 1e-8)
+    run.by("velocities", 1e-6)
+
+
+def test_by_friction():
+    """Of a sheet that slides on everything: friction is not live, so two runs."""
+    first = dropped(friction=(0.5, 0.1), **SOLVERS["xpbd"])
+    first.cloths[0].velocities = np.tile([2.0, 0.5, -1.0], (25, 1))
+    run, losses = Run(first, frames=4), []
+    for s in (1e-6, -1e-6):
+        scene = dropped(friction=(0.5, 0.1), **SOLVERS["xpbd"])
+        scene.cloths[0].velocities = first.cloths[0].velocities
+        scene.cloths[0].material = replace(scene.cloths[0].material, dynamic_friction=0.1 + s)
+        recording = Recording(Simulation(scene, device="cpu", precision="float64", gradients=True), 4)
+        losses.append((recording.positions(4) * run.x).sum() + (recording.velocities(4) * run.v).sum())
+    assert run.gradient.friction()[1] == pytest.approx((losses[0] - losses[1]) / 2e-6, rel=1e-6)
+
+
+def test_checkpoints_find_the_same_contacts_again():
+    kept, again = (Run(dropped(spin=3.0, **SOLVERS["leapfrog"]), frames=4, keep=keep) for keep in ("all", "checkpoints"))
+    assert again.recording.bytes < 0.5 * kept.recording.bytes
+    for name in ("positions", "velocities", "masses"):
+        a, b = (getattr(run.gradient, name)() for run in (kept, again))
+        assert np.abs(a - b).max() < 1e-12 * np.abs(a).max()
+
+
+@pytest.mark.parametrize("change, text", [
+    ({"solver": "implicit", "integrator": "backward_euler", "substeps": 2}, "/floor: .*contacts under Newton's method"),
+    ({"solver": "xpbd", "integrator": "bdf2", "substeps": 4}, "/floor: .*contacts under BDF2"), ({}, "/floor: .*is a mesh")])
+def test_contacts_that_have_no_gradients_are_named(change, text):
+    scene = dropped(**change)
+    if not change:
+        corners = np.array([[-1, -1, 0], [1, -1, 0], [0, 1, 0.0]])
+        scene.colliders[0].shape = Surface(corners, np.array([3]), np.array([0, 1, 2]))
+    with pytest.raises(SceneError, match=text):
+        Simulation(scene, device="cpu", gradients=True)

@@ -1,0 +1,300 @@
+"""What a recording begins with and reads, by name: values that can be read, written and differentiated by.
+
+    /World/Cloth:positions, :velocities      (n, 3) [m], [m/s] where the recording begins, in world space, author's order
+    /World/Cloth:stretch, :density, ...      () one value of a live parameter, or (elements,) one for each element
+    /World/Pin:targets                       where a pin puts its points [m]: (frames, substeps, n, 3), or (n, 3) if it is still
+    gravity, wind                            (3,) [m/s^2], [m/s] of the whole scene
+    air_drag                                 () [1/s]
+
+Elements are springs and tets in the author's order, hinges in the solver's. With several worlds a value may have one axis more,
+the worlds, in front; without it all worlds share the value. Points that are one particle (a weld, a tie) have one place: that
+of the last of them.
+"""
+
+from abc import ABC, abstractmethod
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from wsim.masses import density_of
+from wsim.mend import STIFFENS
+from wsim.middles import places, spread
+from wsim.model import edge_lengths
+from wsim.scene import Problem, SceneError
+
+SCENE = {"gravity": (3,), "wind": (3,), "air_drag": ()}
+PART = 0.05            # of a value, that a derivative by differences may move it
+
+
+class Input(ABC):
+    """One named value of a recording. `scale`: by how much it may change, at most, for a difference to be a derivative."""
+
+    def __init__(self, recording, name: str):
+        self.recording, self.sim, self.model, self.name = recording, recording.sim, recording.sim.model, name
+        self.path, _, self.what = name.rpartition(":")
+
+    def shapes(self) -> list[tuple[int, ...]]:
+        """Shapes that a value of one world may have."""
+        return [self.read().shape]
+
+    def each(self, value) -> np.ndarray:
+        """A given value for every world, (worlds, ...). Raises SceneError for other shapes and what is no finite number."""
+        value, worlds, shapes = np.asarray(value, np.float64), self.sim.worlds, self.shapes()
+        allowed = shapes + [(worlds, *s) for s in shapes] * (worlds > 1)
+        if value.shape not in allowed:
+            raise SceneError(Problem(self.name, f"found shape {value.shape}; allowed are {', '.join(map(str, allowed))}"))
+        if not np.isfinite(value).all():
+            raise SceneError(Problem(self.name, "found a value that is no finite number"))
+        return np.broadcast_to(value, (worlds, *value.shape)) if value.shape in shapes else value
+
+    def write(self, value) -> None:
+        for world, each in enumerate(self.each(value)):
+            self.put(each, world)
+
+    def put(self, value: np.ndarray, world: int) -> None:
+        """Sets a live parameter; the number of substeps stays as it is."""
+        path = self.path or "/"
+        if not any([m.set(path, self.what, value if value.shape else float(value), world) for m in self.sim.plan.methods]):
+            raise SceneError(Problem(self.name, "is no live parameter here, and takes no values"))
+        key = path, self.what, world
+        self.sim.changes = [c for c in self.sim.changes if (c[0], c[1], c[3]) != key] + [(path, self.what, value, world)]
+
+    @abstractmethod
+    def read(self, world: int = 0) -> np.ndarray:
+        """As it is now."""
+
+    @abstractmethod
+    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
+        """Of one world, of a value of that shape, from a `wsim.sensitivity.Gradient`."""
+
+    def scale(self) -> float:
+        return PART * float(np.abs(self.read()).max())
+
+
+class Start(Input):
+    """positions or velocities of a body where the recording begins. What an earlier step has left of a run that was already
+    under way (BDF2, leapfrog among contacts) stays as it is."""
+
+    def field(self, name: str) -> slice:
+        """Where a field stands in `Recording.initial`."""
+        kept = [f.name for f in self.sim.state.fields if f.persistent]
+        return slice(kept.index(name) * self.model.points, (kept.index(name) + 1) * self.model.points)
+
+    def read(self, world: int = 0) -> np.ndarray:
+        every, body = self.recording.initial.numpy().astype(np.float64), self.model.body(self.path, world)
+        if self.what == "velocities":
+            return every[self.field("v")][body.index]
+        return (every[self.field("x")] + every[self.field("e")])[body.index] + body.origin
+
+    def write(self, value) -> None:
+        every = self.recording.initial.numpy().copy()
+        for world, each in enumerate(self.each(value)):
+            body = self.model.body(self.path, world)
+            where = places(body)
+            if self.what == "velocities":
+                every[self.field("v")][where] = spread(each, body.ends)
+            else:
+                exact = spread(each - body.origin, body.ends)
+                every[self.field("x")][where] = exact
+                every[self.field("e")][where] = exact - every[self.field("x")][where]
+        self.recording.initial.assign(every)
+
+    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
+        return getattr(gradient, self.what)(self.path, world)
+
+    def scale(self) -> float:
+        """A part of a mean edge; velocities: that change a place by as much in the time of the recording."""
+        body = self.model.body(self.path)
+        edge = PART * float(edge_lengths(body).mean()) if len(body.edges) else PART * 0.1
+        return edge if self.what == "positions" else edge * self.sim.scene.fps / self.recording.frames
+
+
+class Whole(Input):
+    """gravity, wind or air_drag, of the whole scene."""
+
+    def read(self, world: int = 0) -> np.ndarray:
+        p = self.recording.parameters
+        if self.what == "wind" and not p.air:
+            raise SceneError(Problem(self.name, "no cloth has drag or lift, so that wind does nothing; leave it out"))
+        array = {"gravity": p.points.gravity, "air_drag": p.points.decay}.get(self.what) or p.air.wind
+        rows = array.numpy().astype(np.float64)[self.model.rows("/", world)]
+        if (rows != rows[0]).any():
+            raise SceneError(Problem(self.name, "is not the same for all bodies, and has no one value"))
+        return rows[0]
+
+    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
+        return np.asarray(getattr(gradient, self.what)(world))
+
+    def scale(self) -> float:
+        return PART * max(1.0, float(np.abs(self.read()).max()))
+
+
+class Density(Input):
+    """Density of a body whose masses follow it."""
+
+    def read(self, world: int = 0) -> np.ndarray:
+        body = self.model.body(self.path, world)
+        density = self.sim.plan.method("points").densities.get(body.number) or density_of(body.source)
+        if density is None:
+            raise SceneError(Problem(self.name, "its masses follow no single density"))
+        return np.array(density)
+
+    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
+        return np.array(gradient.density(self.path, world))
+
+
+class Material(Input):
+    """A live parameter of a material, one for the body or one for each element."""
+
+    def constraints(self, body) -> list:
+        p = self.recording.parameters
+        return [r for r in (*p.springs, *(r for source in (*p.flat, *p.batches) for r in source.rows)) if r.body is body]
+
+    def values(self, body) -> list[np.ndarray]:
+        """By the tables that have it, one for each element."""
+        rows = self.constraints(body)
+        found = [np.broadcast_to(r.stiffness[self.what], len(r.ids)) for r in rows if self.what in r.stiffness]
+        if self.what == "damping":
+            found += [np.full(len(r.ids), r.tau) for r in rows if r.tau > 0.0]
+        for table in self.recording.parameters.tables:
+            found += [np.array([v]) for b, v in zip(getattr(table, "bodies", ()), getattr(table, "values", ()), strict=True)
+                      if b is body and self.what == "pressure"]
+        return found + [part.values[self.what] for part in self.tets(body)]
+
+    def tets(self, body) -> list:
+        return [part for table in self.recording.parameters.tables for part in table.parts
+                if part.body is body and self.what in part.values]
+
+    def read(self, world: int = 0) -> np.ndarray:
+        """One value where all elements have the same, else that of each element."""
+        body = self.model.body(self.path, world)
+        found = self.values(body)
+        if not found:
+            names = ", ".join(["positions", "velocities", *self.names(body)])
+            raise SceneError(Problem(self.path, f"has no {self.what!r} to be differentiated by; there are {names}"))
+        every = self.sorted(np.concatenate(found).astype(np.float64), body)
+        return np.array(every[0]) if (every == every[0]).all() else every
+
+    def sorted(self, values: np.ndarray, body) -> np.ndarray:
+        """Of tets, which stand by their materials: in the author's order."""
+        parts = self.tets(body)
+        if parts:
+            values[np.concatenate([part.rows for part in parts])] = values.copy()
+        return values
+
+    def names(self, body) -> list[str]:
+        """What of a body can be written."""
+        tables, rows = self.recording.parameters.tables, self.constraints(body)
+        tets = [part for table in tables for part in table.parts if part.body is body]
+        damped = any(r.tau > 0.0 for r in rows) or any(part.values["damping"].any() for part in tets)
+        pressed = any(b is body for table in tables for b in getattr(table, "bodies", ()))
+        return sorted({name for d in (*(r.stiffness for r in rows), *(part.values for part in tets)) for name in d}
+                      - {"damping"} | set(["damping"] * damped + ["pressure"] * pressed)
+                      | set(["density"] * (density_of(body.source) is not None)))
+
+    def shapes(self) -> list[tuple[int, ...]]:
+        body = self.model.body(self.path)
+        count = sum(len(each) for each in self.values(body))
+        single = count == 1 or (self.what == "damping" and not self.tets(body))
+        return [()] if single else [(), (count,)]
+
+    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
+        found = np.asarray(gradient.material(self.what, self.path, world, elements=bool(shape)))
+        return self.sorted(found, self.model.body(self.path, world)) if shape else found
+
+    def scale(self) -> float:
+        """Of Poisson's ratio a part of what is left to 1/2."""
+        value = self.read()
+        return PART * float((0.5 - value).min()) if self.what == "poisson" else PART * float(np.abs(value).min())
+
+
+class Given:
+    """Where a pin's points belong, by a table (frames, substeps, points, 3) or (points, 3) [m]: in the place of a `Motion`."""
+
+    def __init__(self, table: np.ndarray, start: int, fps: float):
+        self.table, self.start, self.fps, self.moves = table, start, fps, table.ndim == 4
+
+    def points(self, local: np.ndarray, time: float) -> np.ndarray:
+        if not self.moves:
+            return self.table
+        rows = self.table.reshape(-1, *self.table.shape[2:])
+        k = ceil((time * self.fps - self.start) * self.table.shape[1] - 1e-6) - 1
+        return rows[min(max(k, 0), len(rows) - 1)]
+
+
+class Targets(Input):
+    """Where a pin puts its points, or pulls them to. Where no pin of the scene moves, it stands still."""
+
+    def __init__(self, recording, name: str):
+        super().__init__(recording, name)
+        self.pins = recording.parameters.pins
+
+    def pin(self, world: int):
+        """(the pin of that world, the part of a substep at which it is where it belongs)."""
+        for kind, group in self.pins.groups.items():
+            for p in group:
+                if p.pin.path == self.path and p.body.world == world:
+                    return p, self.sim.plan.clock.part if kind == "soft" else 1.0
+        raise AssertionError(self.path)
+
+    def read(self, world: int = 0) -> np.ndarray:
+        (p, part), r, clock = self.pin(world), self.recording, self.sim.plan.clock
+        if not self.pins.moves:
+            return p.targets(r.start / self.sim.scene.fps) + p.body.origin
+        return np.stack([[p.targets((r.start + f) / self.sim.scene.fps + (k + part) * clock.h) + p.body.origin
+                          for k in range(clock.substeps)] for f in range(r.frames)])
+
+    def put(self, value: np.ndarray, world: int) -> None:
+        self.pin(world)[0].motion = Given(value, self.recording.start, self.sim.scene.fps)
+        self.pins.changed, self.sim.graph = True, None
+
+    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
+        if world:
+            raise SceneError(Problem(self.name, f"targets of pins have derivatives in world 0 only; found {world}"))
+        return gradient.targets(self.path)
+
+    def scale(self) -> float:
+        return Start(self.recording, f"{self.pin(0)[0].pin.body}:positions").scale()
+
+
+def inputs(recording, names) -> dict[str, Input]:
+    """By name. Raises SceneError with every name that is none, or nothing can be differentiated by."""
+    found: dict[str, Input] = {}
+    problems: list[Problem] = []
+    for name in names:
+        try:
+            found[name] = _input(recording, name)
+            found[name].read()
+        except SceneError as error:
+            problems += error.problems
+        if list(names).count(name) > 1:
+            problems.append(Problem(name, "is named twice; name it once"))
+    if problems or not found:
+        raise SceneError(list(dict.fromkeys(problems)) or Problem("inputs", "none is named"))
+    return found
+
+
+def _input(recording, name: str) -> Input:
+    path, _, what = name.rpartition(":")
+    paths = [b.path for b in recording.sim.scene.bodies()]
+    if path in ("", "/"):
+        if what not in SCENE:
+            raise SceneError(Problem(name, f"is no value of the whole scene; there are {', '.join(SCENE)}, and of a body such "
+                                     f"as {paths[0]}:positions"))
+        return Whole(recording, name)
+    if what == "targets" and path in [p.path for p in recording.sim.scene.pins]:
+        return Targets(recording, name)
+    if path not in paths:
+        pins = [f"{p.path}:targets" for p in recording.sim.scene.pins]
+        raise SceneError(Problem(name, f"there is no body {path}; there are {', '.join(paths + pins)}"))
+    kinds: dict[str, Any] = {"positions": Start, "velocities": Start, "density": Density}
+    return kinds.get(what, Material)(recording, name)
+
+
+def stable(recording, names) -> None:
+    """Raises SceneError where the values that were written want shorter explicit steps than were recorded."""
+    explicit, found = recording.plan.method("explicit"), recording.plan.clock.substeps
+    if explicit and any(name.rpartition(":")[2] in STIFFENS for name in names) and (least := explicit.least()) > found:
+        raise SceneError(Problem("substeps", f"found {found}; these values want {least}. Give the scene more substeps before "
+                                 "it is recorded, or keep stiffness and damping below"))
