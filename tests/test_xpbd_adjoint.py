@@ -7,7 +7,7 @@ import pytest
 import warp as wp
 
 from tests.test_gradients import Run, net, sheet
-from wsim import xpbd_adjoint
+from wsim import xpbd, xpbd_adjoint
 from wsim.kernels.xpbd import projection
 from wsim.recording import Recording
 from wsim.scene import Pin
@@ -127,6 +127,16 @@ def test_undone_sweeps_are_as_good_as_fresh_buffers(model, limit, tethers, monke
         a, b = (run.gradient.material(name, elements=True) for run in (ours, other))
         assert np.abs(a - b).max() < 1e-11 * np.abs(b).max()
     assert ours.recording.bytes < 0.5 * other.recording.bytes
+
+
+def test_a_launch_for_each_colour_gives_the_same_as_one_for_all(monkeypatch):
+    scene, found = sheet("membrane", damping=2e-4, integrator="backward_euler", **SWEEPS), []
+    for fuse in (xpbd.FUSE, 0):
+        monkeypatch.setattr(xpbd, "FUSE", fuse)
+        run = Run(scene)
+        found.append([run.recording.positions(3), run.gradient.positions(), run.gradient.material("stretch", elements=True)])
+    for a, b in zip(*found, strict=True):
+        assert np.array_equal(a, b)
 
 
 def test_points_that_pass_each_other_are_undone_too():

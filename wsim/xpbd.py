@@ -47,7 +47,7 @@ class Batch:
         paths = {r.body.path for r in rows if r.body is not None}
         self.uniform = len(paths) == model.worlds == 1 and bool(np.all(alpha == alpha[0]) and np.all(tau == tau[0])) \
             and not model.gradients
-        self.fused = not model.device.is_cuda or int(np.diff(self.starts).max()) <= FUSE
+        self.fused = FUSE > 0 and (not model.device.is_cuda or int(np.diff(self.starts).max()) <= FUSE)
         make, module = (kernels.sweep, model.sweep_module) if self.fused else (kernels.projection, model.module)
         table, self.kernel = make(kind, real=model.real, module=module, multipliers=self.multipliers,
                                   damped=self.damped, uniform=self.uniform)

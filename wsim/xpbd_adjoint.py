@@ -57,6 +57,7 @@ class SweepAdjoint:
         if batch.fused:
             self.model.sweep(kernel, [*tables, batch.first, 0, *more], [])
             return
-        sizes = list(enumerate(batch.starts[1:] - batch.starts[:-1]))
-        for number, size in sizes[::way]:
-            self.model.launch(kernel, int(size), [*tables, batch.first, number, *more], [])
+        device, sizes = self.model.device, list(enumerate(batch.starts[1:] - batch.starts[:-1]))
+        for number, size in sizes[::way]:                # not by the model, whose tape would take each colour for itself
+            wp.launch(kernel, int(size), [*tables, batch.first, number, *more], device=device,
+                      **({"block_dim": self.model.block} if device.is_cuda else {}))
