@@ -35,7 +35,7 @@ LAYERS = (
     ("points", "explicit", "implicit", "aero", "xpbd", "rigid", "fluid", "pose"),
     ("plan",),
     ("measure", "mend", "stress", "simulation", "sensitivity", "recording"),
-    ("inputs", "arrays", "products", "layer", "layer_jax"),
+    ("inputs", "arrays", "products", "trust", "layer", "layer_jax"),
     ("usd", "partial", "sublayer", "overs", "restart", "recorder", "fitting", "drawn", "visible", "view", "picture"),
     ("cli", "bench", "commands", "run", "__main__", "__init__"),
 )

@@ -250,9 +250,7 @@ class Targets(Input):
         self.pins.changed, self.sim.graph = True, None
 
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        if world:
-            raise SceneError(Problem(self.name, f"targets of pins have derivatives in world 0 only; found {world}"))
-        return gradient.targets(self.path)
+        return gradient.targets(self.path, world)
 
     def scale(self) -> float:
         return Start(self.recording, f"{self.pin(0)[0].pin.body}:positions").scale()
