@@ -72,8 +72,8 @@ def products(kinds: tuple[str, ...], real):
     vec3 = t.vec3
 
     @wp.func
-    def pushed(n: vec3, b: real, w: vec3, P: vec3, d: vec3, mu: t.vec2, D: vec3, Q: vec3):
-        moved, push, pressed = meet(n, b, w, vec3(), P, d, mu)
+    def pushed(n: vec3, gap: t.vec2, w: vec3, P: vec3, d: vec3, mu: t.vec2, D: vec3, Q: vec3):
+        moved, push, pressed = meet(n, gap[0], w, vec3(), P, d, mu, gap[1])
         return wp.dot(D, moved) + wp.dot(Q, push)
 
     @wp.func
@@ -91,7 +91,8 @@ def need(kinds: tuple[str, ...], real, module) -> None:
     vec3 = t.vec3
 
     def called(kind: int, b: real, out: wp.array(dtype=real)):
-        out[0] = pushed(vec3(), b, vec3(), vec3(), vec3(), t.vec2(), vec3(), vec3()) + bent(kind, vec3(), vec3(), vec3())
+        o = vec3()
+        out[0] = pushed(o, t.vec2(b, b), o, o, o, t.vec2(), o, o) + bent(kind, o, o, o)
 
     wp.kernel(called, name=f"need_contact_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=True)
 
@@ -121,12 +122,12 @@ def project_adjoint(kinds: tuple[str, ...], real, module):
             d = at.d[i]
             for slot in range(last):
                 j = slot * s.points + i
-                d, P, _pressed = meet(s.n[j], s.b[j], a, g * s.u[j], at.push[j], d, friction(c, points, s, i, j))
+                d, P, _pressed = meet(s.n[j], s.b[j], a, g * s.u[j], at.push[j], d, friction(c, points, s, i, j), c.width)
             j = last * s.points + i
             gn, gb, gw, gP, gd, gmu, _D, _Q = wp.grad(pushed)(
-                s.n[j], s.b[j], a + g * s.u[j], at.push[j], d, friction(c, points, s, i, j), D, o.push_out[j])
+                s.n[j], t.vec2(s.b[j], c.width), a + g * s.u[j], at.push[j], d, friction(c, points, s, i, j), D, o.push_out[j])
             o.n[j] = o.n[j] + gn
-            o.b[j] = o.b[j] + gb
+            o.b[j] = o.b[j] + gb[0]
             o.u[j] = o.u[j] + g * gw
             o.push[j] = o.push[j] + gP
             o.push_out[j] = t.vec3()

@@ -308,6 +308,31 @@ def test_a_recording_does_not_run_when_the_simulation_has_become_another():
         recording.run()
 
 
+def test_a_gradient_that_grows_is_said_with_its_rate():
+    """Two springs in a line, pressed: they buckle, and what is off the line grows as e^(r t), r^2 = -k (1 - L / l) 2 / m."""
+    points = np.array([[0.0, 0, 0], [0.5, 1e-9, 0], [1.0, 0, 0]])
+    chain = Springs("/chain", points, np.array([[0, 1], [1, 2]]), masses=0.1, stiffness=np.array([40.0]),
+                    lengths=np.full(2, 0.75, np.float32))
+    scene = Scene(springs=[chain], pins=[Pin("/pin", "/chain", np.array([0, 2]))], fps=60, frames=40, gravity=(0, 0, 0),
+                  solver="explicit", integrator="leapfrog", substeps=20)
+    sim = Simulation(scene, device="cpu", gradients=True)
+    seed = np.zeros((3, 3))
+    seed[1, 1] = 1.0
+    Recording(sim, 30).backward({30: seed})
+    rate = (40.0 * 0.5 * 2.0 / 0.1) ** 0.5                    # 20 / s
+    said = next(text for text in sim.warnings if "changes grow" in text)
+    assert float(said.split(" by ")[1].split()[0]) == pytest.approx(rate, rel=0.1)
+    sim = Simulation(scene, device="cpu", gradients=True)
+    Recording(sim, 3).backward({3: seed})
+    assert not [text for text in sim.warnings if "changes grow" in text]
+
+
+def test_a_gradient_that_is_no_number_is_named_by_its_frame():
+    recording = Recording(Simulation(net(integrator="leapfrog"), device="cpu", gradients=True), 3)
+    with pytest.raises(SceneError, match="backward: the gradient by the positions is no number at frame [01]"):
+        recording.backward({3: np.full((12, 3), 3e38), 2: np.full((12, 3), 3e38)})
+
+
 def test_single_precision_loses_four_digits_at_most():
     scene, found = bar("corotational"), []
     for precision in ("float32", "float64"):
@@ -321,8 +346,8 @@ def test_single_precision_loses_four_digits_at_most():
 
 
 @pytest.mark.parametrize("change, text", [
-    ({"colliders": [Collider("/floor", Plane())]}, "/floor: gradients were asked for, and contacts has none yet; leave the "
-     "collider out"),
+    ({"colliders": [Collider("/floor", Plane())], "solver": "implicit"}, "/floor: gradients were asked for, and contacts under "
+     "Newton's method has none yet; set wsim:solver = explicit or xpbd"),
     ({"solver": "implicit", "pins": [Pin("/pin", "/chain", np.array([0]), stiffness=10.0)]},
      "/pin: .*a soft pin under Newton's method has none yet")])
 def test_what_has_no_gradients_is_named(change, text):

@@ -51,6 +51,7 @@ def _settings(scene: Scene) -> Iterator[Problem]:
     yield from number("/", "iterations", scene.iterations, 1, mend="give --iterations, 4 say")
     yield from number("/", "air_density", scene.air_density, 0.0)
     yield from number("/", "air_drag", scene.air_drag, 0.0)
+    yield from number("/", "contact_width", scene.contact_width, 0.0)
     yield from number("/", "error", scene.error, 0.0, True, mend="give 0.01 for 1 % of the scene's size")
     yield from _method(scene)
     if scene.up not in ("Y", "Z"):

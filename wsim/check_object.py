@@ -166,6 +166,8 @@ def collider(thing: Collider) -> list[Problem]:
     found: list[Problem] = []
     for name in ("static_friction", "dynamic_friction", "thickness"):
         found += number(path, name, getattr(thing, name), 0.0)
+    if not 0.0 <= thing.restitution <= 1.0:
+        found.append(error(path, f"restitution is {thing.restitution:g}", "0 to 1", "author another restitution"))
     if isinstance(shape, Surface):
         found += placed(path, shape.points, thing.motion)
         found += surface(shape, path)

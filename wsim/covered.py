@@ -3,11 +3,12 @@
     covered      explicit integrators, all of them, XPBD, and implicit integrators by Newton's method; springs, membranes,
                  bending, and their damping; soft bodies of four and ten nodes a tet, all four materials, their damping and
                  pressure; hard pins; gravity, drag of the air, wind (drag and lift); ties; strain limits, tethers and soft
-                 pins, but for Newton's method; contacts with convex shapes and friction, but for Newton's method and BDF2
+                 pins, but for Newton's method; contacts with convex shapes, friction and restitution, but for Newton's
+                 method and BDF2
     by           initial positions and velocities, masses, every stiffness, damping and pressure above (of each element), rest
                  lengths, where pins are, stiffness and damping of soft ones, gravity, drag of the air, wind, drag and lift,
                  friction of a body
-    not yet      contacts with meshes, plasticity; by colliders' motions and rest shapes
+    not yet      contacts with meshes, plasticity; by colliders' motions, their friction and restitution, rest shapes
 """
 
 from math import inf, isfinite

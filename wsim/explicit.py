@@ -38,6 +38,7 @@ class Explicit(Method):
         self.rows, self.pins, self.steps = in_worlds(model, rows), pins, steps
         self.target = None            # of the pins, as the net has it
         self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
+        self.impacts = lambda: None   # takes impacts out of `change` before leapfrog's last half kick (`wsim.contact.bounce`)
         self.pull = Pull(model, points.constants, self.rows, None if pins is None else pins.columns(),
                          alone=not (steps or self.integrator.stages))
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
@@ -255,6 +256,7 @@ class Explicit(Method):
         if clock.k == clock.substeps - 1 and len(self.integrator.steps) == 2:
             self.model.copy(s.b, s.v)
             self.read_out(clock, self.at)
+            self.impacts()
             self.model.launch(self.settle, self.model.points, [s.b, self.change, s.v, 0.5], [s.v])
 
     # around a frame

@@ -20,7 +20,7 @@ from wsim.choice import Choice, choose
 from wsim.cloth import HARD, Rows, rows_of
 from wsim.kernels.real import ADJOINT, types
 from wsim.model import Model, edge_lengths, hard_places
-from wsim.scene import Cloth, Scene, SceneError
+from wsim.scene import Cloth, Problem, Scene, SceneError
 from wsim.stage import PHASES, Clock, Method, Stage
 from wsim.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, State
 
@@ -188,7 +188,8 @@ def _module(scene: Scene, real, reasons: dict[str, str], choice: Choice) -> str:
              sorted({(s.damping > 0, len(s.stiffness) > 1) for s in scene.springs}),
              sorted({(m.model, m.damping > 0, m.yield_strain < inf, s.pressure != 0.0, s.quadratic)
                      for s in scene.softs for m in s.materials}),
-             sorted({bool(np.isfinite(p.stiffness)) for p in scene.pins})]
+             sorted({bool(np.isfinite(p.stiffness)) for p in scene.pins}),
+             *("bounce" for c in scene.colliders[:1] if any(k.restitution > 0.0 for k in scene.colliders))]
     return "wsim_" + hashlib.sha256(json.dumps(kinds, default=str).encode()).hexdigest()[:12]
 
 
@@ -203,6 +204,9 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
         from wsim.covered import uncovered
         if problems := uncovered(scene, choice):
             raise SceneError(problems)
+    if scene.contact_width > 0.0 and scene.colliders and choice.solver == "implicit":
+        raise SceneError(Problem("/", f"contact_width is {scene.contact_width:g} m, and Newton's method has hard contacts; set "
+                                 "it to 0, or wsim:solver = explicit or xpbd"))
     reasons = why(scene, choice, rows)
     model.module = _module(scene, real, reasons, choice) + ADJOINT * gradients
     state = State.allocate(_fields(scene, choice, reasons), model.points, types(real).vec3, device)
@@ -248,7 +252,10 @@ def _add(plan: Plan, scene: Scene, reasons: dict[str, str], rows: dict[str, list
                                  rows if plan.choice.solver == "xpbd" else _kept(rows, soft=False)))
     if reasons["contact"]:
         from wsim.contact import Contact
-        plan.methods.append(Contact(model, state, points, status, struck, plan.clock))
+        contact = Contact(model, state, points, status, struck, plan.clock)
+        plan.methods.append(contact)
+        if contact.bounce and reasons["explicit"]:
+            contact.bounce.join(explicit)
     if implicit := plan.method("implicit"):
         implicit.join(plan.method("contact"), pins)                # type: ignore[attr-defined]
     plan.skipped += [{"stage": "membrane", "why": "no cloth has triangle strain"}] * (

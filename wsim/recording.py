@@ -12,9 +12,12 @@ from math import ceil, sqrt
 import numpy as np
 import warp as wp
 
+from wsim.growth import Growth
 from wsim.mend import LONG
+from wsim.parameters import Parameters
 from wsim.scene import Problem, SceneError
-from wsim.sensitivity import Gradient, Parameters
+from wsim.seeds import dense
+from wsim.sensitivity import Gradient
 from wsim.simulation import Simulation
 from wsim.slots import Slots
 from wsim.stage import NOT_FINITE, RESIDUAL
@@ -61,7 +64,7 @@ class Recording:
         self.prepare()
         self.states, self.speeds = (wp.zeros((frames + 1, sim.model.points), dtype=self.state.x.dtype, device=sim.device)
                                     for _ in range(2))
-        self.ran = False
+        self.ran, self.growth = False, Growth(frames, sim.device)
         self.residuals: dict[str, float] = {}         # of implicit solves, after `backward`
         self.recorded = self.shape
         self.rewind()
@@ -224,11 +227,11 @@ class Recording:
         """
         if not self.ran:
             self.run()
-        seeds = [(self.state.x, self.dense(positions, "positions")), (self.state.v, self.dense(velocities, "velocities"))]
+        seeds = [(self.state.x, dense(self, positions, "positions")), (self.state.v, dense(self, velocities, "velocities"))]
         for root in self.roots:
             root.carried.zero_()
         self.parameters.zero()
-        for array in self.misses()[1:]:
+        for array in (*self.misses()[1:], self.growth.sums):
             array.zero_()
         targets: list = []
         for frame in reversed(range(self.frames)):
@@ -242,6 +245,7 @@ class Recording:
                     self.forward(frame, part)
                 self.reverse(frame, part)
             targets.append(self.parameters.take_targets())
+            self.note(frame)
         self.seed(seeds, 0)
         self.look()
         return Gradient(self.parameters, {r.base.ptr: r.carried.numpy() for r in self.roots}, targets[::-1])
@@ -253,6 +257,13 @@ class Recording:
             if not value < POOR:
                 self.warn(f"/: gradients: the worst {name} solve has left {value:.1e} of its right side; they are no better "
                           "than that. Take smaller substeps")
+        if said := self.growth.check(self.start, self.sim.scene.fps, self.sim.precision):
+            self.warn(said)
+
+    def note(self, frame: int) -> None:
+        """The norm of the gradient by the positions before a frame."""
+        root = next(r for r in self.roots if r.base.ptr == self.state.x.ptr)
+        self.growth.note(root.carried, frame)
 
     def again(self, last: int) -> None:
         """The segment that ends with frame `last`, from its checkpoint."""
@@ -274,24 +285,8 @@ class Recording:
 
     def seed(self, seeds: list, frame: int) -> None:
         """Adds the loss's own derivatives after so many frames."""
-        for base, dense in seeds:
-            if frame in dense:
+        for base, given in seeds:
+            if frame in given:
                 root = next((r for r in self.roots if r.base.ptr == base.ptr), None)
                 assert root is not None
-                give(wp.array(dense[frame], dtype=base.dtype, device=self.sim.device), root.carried)
-
-    def dense(self, given: dict | None, what: str) -> dict[int, np.ndarray]:
-        """Derivatives over all points in solver order, by frame."""
-        model, found = self.sim.model, {}
-        for frame, values in (given or {}).items():
-            if not 0 <= frame <= self.frames:
-                raise SceneError(Problem(what, f"found frame {frame}; allowed are 0 to {self.frames}"))
-            found[frame] = np.zeros((model.points, 3), model.dtype)
-            for key, each in (values if isinstance(values, dict) else {None: values}).items():
-                path, world = key if isinstance(key, tuple) else (key, 0)
-                index, each = model.body(path, world).index, np.asarray(each, np.float64)
-                if each.shape != (len(index), 3) or not np.isfinite(each).all():
-                    raise SceneError(Problem(path or what, f"derivatives must be finite with shape ({len(index)}, 3); found "
-                                             f"{each.shape}"))
-                np.add.at(found[frame], index, each)
-        return found
+                give(wp.array(given[frame], dtype=base.dtype, device=self.sim.device), root.carried)

@@ -5,71 +5,13 @@ elements are taken here and not by atomics in float32 (a parameter that 2e7 thre
 of the air stand once a point for the same reason.
 """
 
-from typing import Any
-
 import numpy as np
 import warp as wp
 
 from wsim.cloth import LEAST, Rows
 from wsim.masses import density_of
+from wsim.parameters import Parameters
 from wsim.scene import Problem, SceneError, Springs
-
-
-class Parameters:
-    """The arrays of a plan that have gradients, by what they mean."""
-
-    def __init__(self, plan):
-        self.plan, self.model = plan, plan.model
-        explicit, implicit, xpbd = (plan.method(name) for name in ("explicit", "implicit", "xpbd"))
-        self.pull: Any = explicit.pull if explicit else implicit.adjoint.pull if implicit else None
-        self.batches = xpbd.batches if xpbd else []                                # of XPBD
-        self.springs = self.pull.springs if self.pull else []                      # rows, of the other solvers
-        self.flat = [e for e in self.pull.elements if hasattr(e, "kind")] if self.pull else []       # hinges and triangles
-        self.tables = self.pull.tables if self.pull else []                        # tets
-        self.points = plan.method("points").constants
-        self.pins, aero = plan.method("pins"), plan.method("aero")
-        self.air, contact = aero.air if aero else None, plan.method("contact")
-        self.contact = contact.contacts.adjoint if contact else None
-
-    def arrays(self) -> list[wp.array]:
-        """Everything that is differentiated by, of one kind each."""
-        c = self.points
-        found = [c.w, c.gravity, c.decay, *self.net().values(), *(b.data.rest for b in self.batches if b.kind == "distance")]
-        for data in (source.data for source in (*self.flat, *self.tables, *self.batches)):
-            found += [getattr(data, name) for name in ("stiffness", "tau", "mu", "lam", "alpha", "pressure")
-                      if getattr(data, name, None)]
-        if self.air:
-            found += [self.air.wind, self.air.drag, self.air.lift]
-        if self.pins and self.pins.groups["soft"]:
-            found += [self.pins.soft.alpha, self.pins.soft.damping]
-        return found + self.targets()
-
-    def net(self) -> dict[str, wp.array]:
-        """Tables of the entries of springs."""
-        return {name: getattr(self.pull.net, name) for name in ("k", "rest", "damping")
-                if name != "damping" or self.pull.damped} if self.springs else {}
-
-    def targets(self) -> list[wp.array]:
-        return list(self.pins.target.values()) if self.pins else []
-
-    def zero(self) -> None:
-        for array in self.arrays():
-            array.grad.zero_()
-        if self.contact:
-            self.contact.friction.zero_()
-
-    def take_targets(self) -> list[np.ndarray]:
-        """Gradients of the pins' targets of a frame, which are zeros then."""
-        found = [array.grad.numpy().astype(np.float64) for array in self.targets()]
-        for array in self.targets():
-            array.grad.zero_()
-        return found
-
-    def ends(self, array: wp.array) -> np.ndarray:
-        """Sums over the two ends of each spring, from a gradient of the entries."""
-        entry = self.pull.entry
-        grad = array.grad.numpy().astype(np.float64)[:len(entry)]
-        return np.bincount(entry[entry >= 0], grad[entry >= 0], self.pull.count)
 
 
 class Gradient:

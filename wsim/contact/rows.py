@@ -60,11 +60,13 @@ def sizes(collider: Collider, mesh: Mesh | None) -> tuple[str, tuple[float, floa
 
 
 def check(collider: Collider) -> None:
-    """Raises SceneError where friction, thickness or motion of a collider make no sense."""
+    """Raises SceneError where friction, thickness, restitution or motion of a collider make no sense."""
     for name in ("static_friction", "dynamic_friction", "thickness"):
         value = getattr(collider, name)
         if not (np.isfinite(value) and value >= 0.0):
             raise SceneError(Problem(collider.path, f"{name} is {value}; allowed is a finite number >= 0"))
+    if not 0.0 <= collider.restitution <= 1.0:
+        raise SceneError(Problem(collider.path, f"restitution is {collider.restitution}; allowed is a number from 0 to 1"))
     R = collider.motion.values[:, :3, :3]
     off = np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).max(initial=0.0)
     if not np.isfinite(collider.motion.values).all() or off > RIGID or (np.linalg.det(R) < 0).any():

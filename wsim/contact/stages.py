@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -33,6 +33,7 @@ class Contact(Method):
         self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
                                  substeps=clock.substeps, dt=clock.dt, wanted=status, struck=struck)
         self.contacts.launch = model.launch
+        self.contacts.table.width = model.scene.contact_width
         if model.gradients:
             from wsim.contact.adjoint import ContactAdjoint
             self.contacts.grow(self.contacts.rows.most)              # lists do not grow while they are recorded
@@ -45,6 +46,11 @@ class Contact(Method):
                        Stage("contacts", "solve", self.project, 1, n * 4, "iteration", "points that touch")]
         if struck is not None:
             self.stages.append(Stage("settle", "solve", self.settle, 1, n * 4, what="points that touch: no history"))
+        self.bounce: Any = None
+        if any(c.restitution > 0.0 for c in colliders):
+            from wsim.contact.bounce import Bounce
+            self.bounce = Bounce(model, state, points, self.contacts)
+            self.stages += self.bounce.stages
 
     def search(self, clock: Clock) -> None:
         self.contacts.search(clock.k, self.state.x, self.state.d, self.anchor)

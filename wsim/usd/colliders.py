@@ -15,7 +15,7 @@ from wsim.curve import Curve, Motion
 from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
 from wsim.usd import names
 from wsim.usd.attributes import array, author, author_times, read, read_times
-from wsim.usd.material import author_friction, bind, load_friction
+from wsim.usd.material import author_friction, bind, load_friction, load_restitution
 from wsim.usd.motion import Placement, author_motion, placement, split
 from wsim.usd.stage import Reading, Units
 
@@ -57,7 +57,7 @@ def load_collider(reading: Reading, prim: Usd.Prim) -> Collider | None:
         return None
     static, dynamic = load_friction(reading, prim)
     thickness = read(prim, "Collider", "thickness", reading.units) or 0.0
-    return Collider(path, shape, Motion(place.times, place.frame), static, dynamic, thickness)
+    return Collider(path, shape, Motion(place.times, place.frame), static, dynamic, thickness, load_restitution(reading, prim))
 
 
 def _axis(prim: Usd.Prim) -> str:
@@ -236,7 +236,7 @@ def _mesh(reading: Reading, prim: Usd.Prim, place: Placement, S: np.ndarray) -> 
 
 
 def author_collider(stage: Usd.Stage, collider: Collider, material: str, units: Units, frames: int) -> None:
-    """Defines the prim of a collider, its motion and its friction."""
+    """Defines the prim of a collider, its motion, friction and restitution."""
     geometry = _author_shape(stage, collider, units)
     prim = geometry.GetPrim()
     author_motion(prim, collider.motion, units, frames)
@@ -250,8 +250,12 @@ def author_collider(stage: Usd.Stage, collider: Collider, material: str, units: 
         prim.AddAppliedSchema(names.WSIM_COLLIDER)
         author(prim, "Collider", "thickness", collider.thickness, units)
     existing = stage.GetPrimAtPath(material)
-    friction = (collider.static_friction, collider.dynamic_friction)
-    bind(prim, existing if existing else author_friction(stage, material, friction, units))
+    bind(prim, existing if existing else author_friction(stage, material, surface(collider), units))
+
+
+def surface(collider: Collider) -> tuple[float, ...]:
+    """What its material says: friction (static, dynamic) and, where it throws back, restitution."""
+    return collider.static_friction, collider.dynamic_friction, *[collider.restitution] * bool(collider.restitution)
 
 
 def _author_shape(stage: Usd.Stage, collider: Collider, units: Units) -> UsdGeom.Gprim:

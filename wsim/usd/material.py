@@ -54,6 +54,16 @@ def load_friction(reading: Reading, prim: Usd.Prim, note: bool = False) -> tuple
     return static, dynamic
 
 
+def load_restitution(reading: Reading, prim: Usd.Prim) -> float:
+    """Of a collider: 0, the fallback of UsdPhysics, where no physics material authors one."""
+    material = bound(reading, prim)
+    value = None if material is None else read(material, "Friction", "restitution", reading.units)
+    if material is not None and value is not None and not 0.0 <= value <= 1.0:
+        reading.fail(material.GetPath(), f"{row('Friction', 'restitution').attribute} is {value:g}; allowed is 0 to 1")
+        return 0.0
+    return value or 0.0
+
+
 def load_fabric(reading: Reading, prim: Usd.Prim, body_density: float | None, thickness: float | None) -> Fabric:
     """The fabric of a cloth. body_density [kg/m^3] overrules the material's; thickness [m] is that of the mesh.
 
@@ -162,11 +172,11 @@ def author_fabric(stage: Usd.Stage, path: str, fabric: Fabric, units: Units) -> 
     return prim
 
 
-def author_friction(stage: Usd.Stage, path: str, friction: tuple[float, float], units: Units) -> Usd.Prim:
-    """Defines a Material that says nothing but friction (static, dynamic)."""
+def author_friction(stage: Usd.Stage, path: str, friction: tuple[float, ...], units: Units) -> Usd.Prim:
+    """Defines a Material that says nothing but friction (static, dynamic) and, where there is a third number, restitution."""
     prim = define(stage, path)
     prim.AddAppliedSchema(names.MATERIAL)
-    for field, value in zip(FRICTION, friction, strict=True):
+    for field, value in zip((*FRICTION, "restitution"), friction, strict=False):
         author(prim, "Friction", field, value, units)
     return prim
 

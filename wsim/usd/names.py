@@ -72,6 +72,7 @@ TABLE = (
     Row("Scene", "wind", WSIM_SCENE, "wsim:wind", "vector3d", "m/s"),
     Row("Scene", "air_density", WSIM_SCENE, "wsim:airDensity", "double", "kg/m^3"),
     Row("Scene", "air_drag", WSIM_SCENE, "wsim:airDrag", "double", "1/s"),
+    Row("Scene", "contact_width", WSIM_SCENE, "wsim:contactWidth", "double", "m"),
 
     Row("Fabric", "stretch", SURFACE_MATERIAL, "physics:surfaceStretchStiffness", "float", "N/m"),
     Row("Fabric", "shear", SURFACE_MATERIAL, "physics:surfaceShearStiffness", "float", "N/m"),
@@ -99,6 +100,7 @@ TABLE = (
 
     Row("Friction", "static_friction", MATERIAL, "physics:staticFriction", "float"),
     Row("Friction", "dynamic_friction", MATERIAL, "physics:dynamicFriction", "float"),
+    Row("Friction", "restitution", MATERIAL, "physics:restitution", "float"),
     Row("Friction", "density", MATERIAL, "physics:density", "float", "kg/m^3"),
 
     Row("Body", "mass", BODY, "physics:mass", "float", "kg"),

@@ -13,7 +13,7 @@ from wsim.scene import Cloth, Collider, Pin, Problem, Scene, SceneError, Skin, S
 from wsim.usd import names
 from wsim.usd.attachments import FRAME, author_pin
 from wsim.usd.cloth import author_cloth_prim
-from wsim.usd.colliders import author_collider
+from wsim.usd.colliders import author_collider, surface
 from wsim.usd.settings import author_settings
 from wsim.usd.springs import author_springs
 from wsim.usd.stage import SUFFIXES, Units, reason
@@ -81,13 +81,15 @@ class _Materials:
 
     def __init__(self, scope: str):
         self.scope = scope
-        self.paths: dict[Fabric | Bulk | tuple[float, float], str] = {}
+        self.paths: dict[Fabric | Bulk | tuple[float, ...], str] = {}
 
     def of(self, thing: Cloth | Springs | Collider) -> str:
-        return self.of_value(thing.material if isinstance(thing, Cloth) else (thing.static_friction, thing.dynamic_friction),
-                             Sdf.Path(thing.path).name)
+        if isinstance(thing, Cloth):
+            return self.of_value(thing.material, Sdf.Path(thing.path).name)
+        friction = (thing.static_friction, thing.dynamic_friction) if isinstance(thing, Springs) else surface(thing)
+        return self.of_value(friction, Sdf.Path(thing.path).name)
 
-    def of_value(self, what: Fabric | Bulk | tuple[float, float], name: str) -> str:
+    def of_value(self, what: Fabric | Bulk | tuple[float, ...], name: str) -> str:
         if what not in self.paths:
             self.paths[what] = _free(f"{self.scope}/{name}", set(self.paths.values()))
         return self.paths[what]

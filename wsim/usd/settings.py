@@ -14,7 +14,7 @@ from wsim.usd.attributes import EXACT, author, decimal, read
 from wsim.usd.names import GRAVITY, PHYSICS_SCENE, STEPS_HINT, WSIM_SCENE, row
 from wsim.usd.stage import Reading, Units
 
-FIELDS = ("substeps", "iterations", "solver", "integrator", "error", "wind", "air_density", "air_drag")
+FIELDS = ("substeps", "iterations", "solver", "integrator", "error", "wind", "air_density", "air_drag", "contact_width")
 
 
 def frames_of(reading: Reading) -> int:
