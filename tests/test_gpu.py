@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.test_bounce import ball
 from tests.test_contact_adjoint import SOLVERS, dropped
 from tests.test_gradients import bar, sheet
 from tests.test_simulation import chain, drape
@@ -268,3 +269,17 @@ def test_gradients_of_quadratic_tets_under_pressure_agree():
         found.append(recording.backward({2: recording.positions(0)}))
     for name in ("young", "poisson", "damping", "pressure"):
         assert found[1].material(name) == pytest.approx(found[0].material(name), rel=1e-8)
+
+
+def test_a_ball_bounces_and_has_the_gradients_of_its_motion():
+    """Three bounces, against the closed form on the CPU's own test, and a sheet thrown at a ball against the CPU."""
+    sims = [Simulation(ball(v=(0.3, 0.25, 0.0)), device=device, precision="float64") for device in ("cpu", "cuda:0")]
+    for sim in sims:
+        sim.run(118)
+    assert np.abs(sims[0].positions() - sims[1].positions()).max() < 1e-12
+    found = []
+    for device in ("cpu", "cuda:0"):
+        recording = Recording(Simulation(ball(v=(0.3, 0.25, 0.0)), device=device, precision="float64", gradients=True), 118)
+        found.append(recording.backward({118: np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0]])}))
+    assert found[1].positions() == pytest.approx(found[0].positions(), rel=1e-9, abs=1e-12)
+    assert found[1].gravity() == pytest.approx(found[0].gravity(), rel=1e-9, abs=1e-12)
