@@ -106,14 +106,14 @@ class Tetrahedra:
         return np.array([each[:, 0].max(), each[:, 1].sum(), each[:, 2].sum()])
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
-        """young [Pa], poisson, damping [s] of a soft body; damping and yield_strain cannot begin where there were
-        none."""
+        """young [Pa], poisson, damping [s] of a soft body, one for all or one for each tet in the author's order; damping and
+        yield_strain cannot begin where there were none."""
         hit = False
         if name == "yield_strain" and self.plastic:
             return self.plastic.set(path, float(value), world)
         for p in self.parts:
             if p.body.path == path and world in (None, p.body.world) and name in p.values:
-                p.values[name] = np.full(len(p.rows), float(value))
+                p.values[name] = np.broadcast_to(np.asarray(value, np.float64), len(p.body.tets))[p.rows]
                 hit = True
         if hit:
             for array, values in zip((self.data.mu, self.data.lam, self.data.tau), self.moduli(), strict=True):

@@ -3,6 +3,7 @@
 import os
 import sys
 
+from wsim.fitting.field_result import FieldFit
 from wsim.fitting.fit import Fit, Settings, fit
 from wsim.fitting.observe import Track, read
 from wsim.progress import line
@@ -30,11 +31,9 @@ def run(scene: Scene, args) -> bool:
     return result.converged
 
 
-def write(scene: Scene, result: Fit, args) -> None:
+def write(scene: Scene, result: Fit | FieldFit, args) -> None:
     if args.output:
-        from wsim.usd.fitted import save_fitted
-        unknown = [p.name for p in result.parameters if result.errors[p.name] == float("inf")]
-        save_fitted(scene, result.scene, args.output, result.as_dict() | {"residuals": []})
+        unknown = _save(scene, result, args.output)
         if unknown:
             print(f"warning: {args.output}: {', '.join(unknown)} could not be identified; what is written there is one of many "
                   "answers", file=sys.stderr)
@@ -44,6 +43,21 @@ def write(scene: Scene, result: Fit, args) -> None:
         print(result.text())
         if args.output:
             print(f"{args.output}: a layer over {os.path.basename(str(scene.source))} with these values")
+
+
+def _save(scene: Scene, result: Fit | FieldFit, path: str) -> list[str]:
+    """Writes the layer; names of parameters that are open."""
+    from wsim.usd.fitted import save_fitted
+    if isinstance(result, Fit):
+        save_fitted(scene, result.scene, path, result.as_dict() | {"residuals": []})
+        return [p.name for p in result.parameters if result.errors[p.name] == float("inf")]
+    from wsim.usd.fields import save_fields
+    found = result.as_dict()
+    short = [{k: v for k, v in f.items() if k not in ("values", "sensitivity")} for f in found["fields"]]
+    save_fitted(scene, result.scene, path, found | {"fields": short, "history": []})
+    save_fields(path, [(f.path, f.kind.name, result.values[f.name]) for f in result.parameters],
+                {b.path: b for b in (*result.scene.bodies(), *result.scene.pins)})
+    return []
 
 
 def _pairs(option: str, texts: list[str]) -> dict[str, float]:

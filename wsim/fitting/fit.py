@@ -18,6 +18,8 @@ import numpy as np
 
 from wsim.fitting import parameter as table
 from wsim.fitting.estimate import Estimate, estimate
+from wsim.fitting.field import is_field
+from wsim.fitting.field_fit import fit_fields
 from wsim.fitting.misfit import Misfit, experiments_of
 from wsim.fitting.parameter import Parameter
 from wsim.fitting.search import LOUD, Prior, Search
@@ -96,8 +98,9 @@ class Fit:
 
 def fit(scene: Scene, observations, parameters: str | Iterable[str], *, also=(), start: dict[str, float] | None = None,
         priors: dict[str, tuple[float, float]] | None = None, each: Callable[[dict], None] | None = None,
-        settings: Settings | None = None) -> Fit:
-    """Fits parameters (`wsim.fitting.parameter`) of a scene to observations (`wsim.fitting.observe`).
+        settings: Settings | None = None):
+    """Fits parameters (`wsim.fitting.parameter`), or fields such as young[] (`wsim.fitting.field`), of a scene to observations
+    (`wsim.fitting.observe`). Returns a `Fit`, of fields a `FieldFit` (`wsim.fitting.field_result`).
 
     observations   Track and Scan objects, or a USD file with sampled points under the same prim paths
     also           further experiments [(scene, observations)] that share the parameters
@@ -108,6 +111,9 @@ def fit(scene: Scene, observations, parameters: str | Iterable[str], *, also=(),
     """
     began, settings = perf_counter(), settings or Settings()
     experiments = experiments_of(scene, observations, also)
+    names = [n.strip() for n in (parameters.split(",") if isinstance(parameters, str) else parameters)]
+    if any(is_field(name) for name in names):
+        return fit_fields(experiments, names, start=start, priors=priors, each=each, settings=settings)
     found, scenes = table.parameters(parameters, [s for s, _ in experiments], start)
     prior = _priors(found, priors or {})
     theta = np.array([_start(p, scenes) for p in found])

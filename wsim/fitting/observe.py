@@ -43,11 +43,23 @@ class Track:
 
     def residuals(self, k: int, x: np.ndarray) -> np.ndarray:
         """sqrt(weight) times what each of x (worlds, points, 3) [m] misses at frame number k, (worlds, m) [m]."""
+        own, seen, root = self.counted(k)
+        return ((x[:, own] - seen) * root).reshape(len(x), -1)
+
+    def back(self, k: int, x: np.ndarray, r: np.ndarray) -> np.ndarray:
+        """Derivative of r . residuals by x (points, 3), of one world."""
+        own, _, root = self.counted(k)
+        found = np.zeros(x.shape)
+        np.add.at(found, own, r.reshape(-1, 3) * root)
+        return found
+
+    def counted(self, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Points that count, where they were seen, roots of their weights (m, 1)."""
         seen = self.positions[k]
         weight = np.ones(len(seen)) if self.weights is None else self.weights[k] if self.weights.ndim == 2 else self.weights
         good = np.isfinite(seen).all(axis=1) & (weight > 0.0)
         own = np.flatnonzero(good) if self.points is None else self.points[good]
-        return ((x[:, own] - seen[good]) * np.sqrt(weight[good])[:, None]).reshape(len(x), -1)
+        return own, seen[good], np.sqrt(weight[good])[:, None]
 
 
 @dataclass
@@ -85,6 +97,19 @@ class Scan:
         corner, part, normal = on_surface(self.points, x[0], self.triangles)
         place = np.einsum("wmki,mk->wmi", x[:, corner], part)
         return np.einsum("wmi,mi->wm", place - self.points, normal) * root
+
+    def back(self, k: int, x: np.ndarray, r: np.ndarray) -> np.ndarray:
+        """As of `Track`; exact where the nearest place lies inside a triangle: moving it and its normal then changes nothing
+        to first order."""
+        root = np.ones(len(self.points)) if self.weights is None else np.sqrt(self.weights)
+        found = np.zeros(x.shape)
+        if not len(self.triangles):
+            near = _nearest(self.points, x, 1)[:, 0]
+            np.add.at(found, near, r.reshape(-1, 3) * root[:, None])
+            return found
+        corner, part, normal = on_surface(self.points, x, self.triangles)
+        np.add.at(found, corner, (part * (root * r)[:, None])[..., None] * normal[:, None, :])
+        return found
 
 
 def _nearest(points: np.ndarray, places: np.ndarray, count: int) -> np.ndarray:

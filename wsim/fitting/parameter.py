@@ -11,7 +11,7 @@ A step of the fit, its priors and its error bars live in the mapped space (theta
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from math import exp, isfinite, log
+from math import isfinite
 
 import numpy as np
 
@@ -30,27 +30,27 @@ class Map:
     low: float = 0.0             # of "bounded"
     high: float = 1.0            # of "bounded"; of "plain" the value of theta = 1
 
-    def forward(self, value: float) -> float:
-        """Raises ValueError, with what is allowed, outside the range."""
+    def forward(self, value):
+        """Of a number or an array. Raises ValueError, with what is allowed, outside the range."""
         if self.kind == "plain":
             return value / self.high
         if self.kind == "log":
-            if not value > 0.0:
+            if not np.all(value > 0.0):
                 raise ValueError("allowed is a number > 0")
-            return log(value)
-        if not self.low < value < self.high:
+            return np.log(value)
+        if not np.all((self.low < value) & (value < self.high)):
             raise ValueError(f"allowed is between {self.low:g} and {self.high:g}")
-        return log((value - self.low) / (self.high - value))
+        return np.log((value - self.low) / (self.high - value))
 
-    def inverse(self, theta: float) -> float:
+    def inverse(self, theta):
         if self.kind == "plain":
             return theta * self.high
-        theta = min(max(theta, -300.0), 300.0)
-        return exp(theta) if self.kind == "log" else self.low + (self.high - self.low) / (1.0 + exp(-theta))
+        theta = np.clip(theta, -300.0, 300.0)
+        return np.exp(theta) if self.kind == "log" else self.low + (self.high - self.low) / (1.0 + np.exp(-theta))
 
-    def slope(self, theta: float) -> float:
+    def slope(self, theta):
         if self.kind == "plain":
-            return self.high
+            return np.full_like(theta, self.high) if isinstance(theta, np.ndarray) else self.high
         if self.kind == "log":
             return self.inverse(theta)
         value = self.inverse(theta)
