@@ -16,6 +16,7 @@ from wsim.usd import names
 from wsim.usd.attributes import author, read
 from wsim.usd.bulk import author_bulk, author_parts, load_bulk, load_parts
 from wsim.usd.cloth import load_points
+from wsim.usd.fields import load_fields
 from wsim.usd.masses import at_least_the_lightest, body_density, body_mass, element_type, shared
 from wsim.usd.material import bind
 from wsim.usd.motion import author_motion, placement
@@ -53,7 +54,7 @@ def load_soft(reading: Reading, mesh: Usd.Prim, body: Usd.Prim) -> Soft | None:
             setattr(soft, field, value)
     soft.tets = _wound(reading, mesh, soft)
     soft.skins = load_skins(reading, mesh, body, soft)
-    return soft
+    return load_fields(reading, mesh, soft)
 
 
 def _rest(reading: Reading, mesh: Usd.Prim, soft: Soft, default: np.ndarray | None) -> np.ndarray | None:

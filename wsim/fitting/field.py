@@ -1,0 +1,219 @@
+"""What can be fitted with a value for each element: a table, how a simulation takes the values, and its gradient by them.
+
+    young[], poisson[]            of each tet of a soft body
+    stiffness[]                   of each spring of a net
+    bend[]                        of each hinge of a cloth, stretch[] of each edge of one of the model "springs"
+    velocities[]                  of each point of any body at the start, in the world
+    /pin:motion[]                 shift of a pin in each frame after the first, on top of its own motion
+
+/World/Bar:young[] is that of one body. In the brackets stands what is believed of neighbours (`wsim.fitting.regular`):
+young[smooth], young[tv], young[free], or with what they usually differ by: young[tv=0.5]. Values are in the author's order;
+hinges in that of `wsim.topology.hinges`.
+"""
+
+import re
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wsim.cloth import rows_of
+from wsim.fitting.parameter import LOG, Map
+from wsim.fitting.regular import Belief, faces, neighbours
+from wsim.scene import Cloth, Motion, Pin, Problem, Scene, SceneError, Soft, Springs
+from wsim.sensitivity import Gradient
+from wsim.simulation import Simulation
+from wsim.tetra.parted import parted
+
+BELIEFS = ("smooth", "tv", "free")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A row of the table. near: what neighbours differ by, in units of theta."""
+
+    name: str
+    owners: tuple[type, ...]
+    noun: str
+    unit: str
+    map: Map
+    near: float = 0.3
+
+
+TABLE = (
+    Kind("young", (Soft,), "tets", "Pa", LOG), Kind("poisson", (Soft,), "tets", "1", Map("bounded", 0.0, 0.5)),
+    Kind("stiffness", (Springs,), "springs", "N/m", LOG),
+    Kind("bend", (Cloth,), "hinges", "N m", LOG), Kind("stretch", (Cloth,), "edges", "N/m", LOG),
+    Kind("velocities", (Cloth, Springs, Soft), "points", "m/s", Map("plain", high=1.0)),
+    Kind("motion", (Pin,), "frames", "m", Map("plain", high=1.0), 0.05),
+)
+FIELDS = tuple(f"{kind.name}[]" for kind in TABLE)
+_NAME = re.compile(r"(?:(?P<path>.*):)?(?P<what>\w+)\[(?P<belief>\w*)(?:=(?P<near>[^\]]*))?\]")
+
+
+@dataclass(frozen=True)
+class Field:
+    """One field to be fitted. belief, near: as asked."""
+
+    name: str                    # without what stands in the brackets
+    kind: Kind
+    path: str
+    belief: str = "smooth"
+    near: float = 0.3
+
+    @property
+    def map(self) -> Map:
+        return self.kind.map
+
+    def thing(self, scene: Scene):
+        return next(b for b in (*scene.bodies(), *scene.pins) if b.path == self.path)
+
+    # values
+
+    def values(self, sim: Simulation, last: int) -> np.ndarray:
+        """What the scene has, (n, c); last: frame of the last observation."""
+        thing, what = self.thing(sim.given), self.kind.name
+        if what == "motion":
+            return np.zeros((last, 3))
+        if what == "velocities":
+            return sim.velocities(self.path)
+        if isinstance(thing, Soft):
+            which = np.zeros(len(thing.tets), np.int64) if thing.which is None else thing.which
+            return np.array([getattr(m, what) for m in thing.materials], np.float64)[which][:, None]
+        ids, stiffness = self.rows(sim)
+        return np.broadcast_to(stiffness, len(ids)).astype(np.float64)[:, None]
+
+    def rows(self, sim: Simulation) -> tuple[np.ndarray, np.ndarray]:
+        """Places of the points of each spring, edge or hinge, and their stiffness."""
+        found = [r for r in rows_of(sim.model.body(self.path)) if self.kind.name in r.stiffness]
+        if len(found) != 1 or found[0].kind == "membrane":
+            more = '; of a membrane it is one value yet: take the model "springs"' if found else ""
+            raise SceneError(Problem(self.path, f"has no {self.kind.noun} with a {self.kind.name} of their own{more}"))
+        return found[0].ids, found[0].stiffness[self.kind.name]
+
+    def belief_at(self, sim: Simulation, theta: np.ndarray) -> Belief:
+        """What is believed before anything was seen, about theta (n, c)."""
+        return Belief(self.pairs(sim, len(theta)), self.belief, self.near, theta.copy())
+
+    def pairs(self, sim: Simulation, count: int) -> np.ndarray:
+        """Neighbours, (k, 2)."""
+        if self.kind.name == "motion":
+            return np.stack([np.arange(count - 1), np.arange(1, count)], axis=1)
+        body = sim.model.body(self.path)
+        if self.kind.name == "velocities":
+            author = np.zeros(sim.model.points, np.int64)
+            author[body.index] = np.arange(len(body.index))
+            return author[body.edges]
+        if isinstance(body.source, Soft):
+            return faces(body.source.tets)
+        return neighbours(self.rows(sim)[0], sim.model.points)
+
+    # a simulation
+
+    def give(self, sim: Simulation, values: np.ndarray) -> None:
+        """Sets them; velocities where it stands."""
+        if self.kind.name == "motion":
+            sim.set(self.path, "motion", self.moved(sim.given, values))
+        else:
+            sim.set(self.path, self.kind.name, values if self.kind.name == "velocities" else values[:, 0])
+        sim.changes.clear()
+
+    def moved(self, scene: Scene, shift: np.ndarray) -> Motion:
+        """A pin's motion with a shift [m] in each frame after the first."""
+        times = np.arange(len(shift) + 1) / scene.fps
+        values = np.stack([self.thing(scene).motion.at(t) for t in times])
+        values[1:, :3, 3] += shift
+        return Motion(times, values)
+
+    def slope(self, sim: Simulation, gradient: Gradient, shape: tuple) -> np.ndarray:
+        """Derivative by the values, (n, c)."""
+        found = np.zeros(shape)
+        if self.kind.name == "velocities":
+            return gradient.velocities(self.path)
+        if self.kind.name == "motion":
+            by = gradient.targets(self.path).sum(axis=2)              # (frames, substeps, 3)
+            part = sim.plan.clock.part if np.isfinite(self.thing(sim.given).stiffness) else 1.0
+            at = np.arange(by.shape[0])[:, None] + (np.arange(by.shape[1]) + part) / by.shape[1]
+            before = np.minimum(at.astype(int), by.shape[0] - 1)
+            each = np.zeros((by.shape[0] + 1, 3))
+            np.add.at(each, before, by * (before + 1 - at)[..., None])
+            np.add.at(each, before + 1, by * (at - before)[..., None])
+            found[:by.shape[0]] = each[1:]
+            return found
+        elements = np.asarray(gradient.material(self.kind.name, self.path, elements=True))
+        if isinstance(self.thing(sim.given), Soft):
+            body = sim.model.body(self.path)
+            order = np.concatenate([p.rows for t in gradient.parameters.tables for p in getattr(t, "parts", ())
+                                    if p.body is body])
+            found[order, 0] = elements
+        else:
+            found[:, 0] = elements
+        return found
+
+    # a scene
+
+    def written(self, scene: Scene, values: np.ndarray) -> Scene:
+        """The scene with these values; the given one stays as it is. A stretch or bend of each edge or hinge, for which a
+        scene has no place, is left as their middle."""
+        thing = self.thing(scene)
+        if isinstance(thing, Pin):
+            new: object = replace(thing, motion=self.moved(scene, values))
+        elif self.kind.name == "velocities":
+            new = replace(thing, velocities=values @ thing.motion.at(0.0)[:3, :3])
+        elif isinstance(thing, Soft):
+            new = parted(thing, self.kind.name, values[:, 0])
+        elif isinstance(thing, Springs):
+            new = replace(thing)
+            new.stiffness = values[:, 0].copy()                        # stays in float64
+        else:
+            new = replace(thing, material=replace(thing.material, **{self.kind.name: float(np.median(values))}))
+        changed: dict = {group: [new if b is thing else b for b in getattr(scene, group)]
+                         for group in ("cloths", "springs", "softs", "pins")}
+        return replace(scene, **changed)
+
+
+# from names
+
+def is_field(name: str) -> bool:
+    return "[" in name
+
+
+def fields(names: list[str], scenes: list[Scene]) -> list[Field]:
+    """The fields of these names. Raises SceneError with everything that is wrong."""
+    problems: list[Problem] = []
+    found = []
+    for name in names:
+        try:
+            found.append(_field(name, scenes))
+        except SceneError as error:
+            problems += error.problems
+    twice = {f.name for f in found if sum((f.path, f.kind) == (g.path, g.kind) for g in found) > 1}
+    problems += [Problem(name, "is named twice; name it once") for name in sorted(twice)]
+    if problems:
+        raise SceneError(problems)
+    return found
+
+
+def _field(name: str, scenes: list[Scene]) -> Field:
+    match = _NAME.fullmatch(name)
+    kind = next((k for k in TABLE if match and k.name == match["what"]), None)
+    if not match or not kind:
+        plain = "" if is_field(name) else "; numbers and fields are fitted apart"
+        raise SceneError(Problem(name, f"is no field; allowed are {', '.join(FIELDS)}, of one body as /World/Body:{FIELDS[0]}"
+                                 f"{plain}"))
+    belief, near = match["belief"] or "smooth", match["near"]
+    try:
+        size = kind.near if near is None else float(near)
+    except ValueError:
+        size = 0.0
+    if belief not in BELIEFS or not (np.isfinite(size) and size > 0.0):
+        raise SceneError(Problem(name, f"found [{belief}{'' if near is None else f'={near}'}]; allowed are "
+                                 f"{', '.join(BELIEFS)}, of the first two with a number > 0 that neighbours differ by, as "
+                                 "tv=0.5"))
+    have = list(dict.fromkeys(b.path for s in scenes for b in (*s.bodies(), *s.pins) if isinstance(b, kind.owners)))
+    path = match["path"] or (have[0] if len(have) == 1 else "")
+    if path not in have:
+        what = "name one of them" if len(have) > 1 and not path else f"nothing there has {kind.name}[]"
+        raise SceneError(Problem(path or name, f"{what}; those that have it: {', '.join(have) or 'none'}"))
+    if kind.name == "velocities" and any(b.path == path and getattr(b, "weld", 0.0) for s in scenes for b in s.bodies()):
+        raise SceneError(Problem(path, "points that are welded move as one: velocities[] of each are not to be had"))
+    return Field(f"{match['path']}:{kind.name}[]" if match["path"] else f"{kind.name}[]", kind, path, belief, size)

@@ -1,0 +1,80 @@
+"""What a fit of fields has found, and in words."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wsim.fitting.estimate import OPEN
+from wsim.fitting.field import Field
+from wsim.scene import Scene
+
+
+@dataclass
+class FieldFit:
+    """Values of each field by its name, (n,), of vectors (n, 3), in the author's order.
+
+    sensitivity   what a unit of theta of each value moves of all that was observed, over the noise: the value is known to about
+                  1 / sensitivity, were all others given. Below 1 the data do not see it: there it is as was believed
+    """
+
+    parameters: list[Field]
+    values: dict[str, np.ndarray]
+    sensitivity: dict[str, np.ndarray]
+    scene: Scene                           # the first scene, with what was found
+    scenes: list[Scene]
+    converged: bool
+    sigma: float                           # [m] noise: estimated, or as given
+    misfit: float                          # rms of the residuals at the end over sigma
+    slope: float                           # norm of the gradient at the end, by theta
+    steps: int
+    simulations: float                     # gradients of the whole horizon (a run forward and one backward each)
+    launches: int                          # of any horizon
+    frames: int                            # last frame that was used
+    seconds: float
+    history: list[tuple] = field(default_factory=list)       # step, horizon [s], rms [m or sigma], F, |gradient|, gradients
+    notes: list[str] = field(default_factory=list)
+
+    def unseen(self, name: str) -> np.ndarray:
+        """Elements of which the data say nothing, (n,) bool."""
+        return _size(self.sensitivity[name]) < 1.0 / OPEN
+
+    def as_dict(self) -> dict:
+        """For JSON."""
+        return {"fields": [{"name": f.name, "path": f.path, "of": f.kind.noun, "unit": f.kind.unit, "belief": f.belief,
+                            "neighbours": f.near, "values": self.values[f.name].tolist(),
+                            "sensitivity": self.sensitivity[f.name].tolist(), "unseen": int(self.unseen(f.name).sum())}
+                           for f in self.parameters],
+                "converged": self.converged, "sigma": self.sigma, "misfit_over_sigma": self.misfit, "gradient": self.slope,
+                "frames": self.frames, "steps": self.steps, "simulations": self.simulations, "launches": self.launches,
+                "seconds": self.seconds, "history": self.history, "notes": self.notes}
+
+    def text(self) -> str:
+        """Quantiles of each field, what is unseen, progress, cost."""
+        rows: list[tuple[str, ...]] = [("field", "of", "lowest", "median", "highest", "unit", "unseen")]
+        for f in self.parameters:
+            v, unseen = self.values[f.name], int(self.unseen(f.name).sum())
+            middle = [f"{q:.4g}" for q in np.quantile(_size(v), (0.0, 0.5, 1.0))]
+            rows.append((f.name, f"{len(v)} {f.kind.noun} of {f.path}", *middle, f.kind.unit, str(unseen)))
+        wide = [max(len(r[k]) for r in rows) for k in range(7)]
+        lines = ["  ".join(cell.ljust(w) for cell, w in zip(r, wide, strict=True)).rstrip() for r in rows]
+        for f in self.parameters:
+            count = int(self.unseen(f.name).sum())
+            if count:
+                lines.append(f"{count} of {len(self.values[f.name])} {f.kind.noun} change nothing that was observed by more "
+                             f"than the noise: their {f.kind.name} is what was believed, not what was seen")
+        lines += ["step  frames [s]  rms         F           |gradient|  gradients"]
+        lines += [f"{s:4d}  {t:10.3g}  {r:<10.4g}  {v:<10.4g}  {g:<10.3g}  {w:.4g}" for s, t, r, v, g, w in self.shown()]
+        lines.append(f"noise {self.sigma:.3g} m, residuals over it {self.misfit:.3g}")
+        end = "converged" if self.converged else "NOT converged"
+        lines.append(f"{end} after {self.steps} steps, {self.simulations:.3g} gradients ({self.launches} runs), "
+                     f"{self.seconds:.3g} s, frames to {self.frames}")
+        return "\n".join([*lines, *(f"warning: {n}" for n in self.notes)])
+
+    def shown(self) -> list[tuple]:
+        """A dozen steps of the history, with the first and the last."""
+        n = len(self.history)
+        return [self.history[k] for k in sorted(set(np.linspace(0, n - 1, min(n, 12)).astype(int).tolist()))] if n else []
+
+
+def _size(values: np.ndarray) -> np.ndarray:
+    return values if values.ndim == 1 else np.linalg.norm(values, axis=1)

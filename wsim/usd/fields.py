@@ -1,0 +1,80 @@
+"""Fields that a fit has found, in its layer, and back.
+
+    young, poisson of each tet        primvars:wsim:young (double[], uniform) on the TetMesh, read by `load_fields`
+    stretch, bend of each edge, hinge primvars:wsim:bend (double[], constant) on the Mesh: kept, and not read
+    velocities                        the attribute of the points
+    motion of a pin                   samples on the Xform that it hangs on
+    stiffness of each spring          wsim:stiffness, by `wsim.usd.fitted`
+"""
+
+from typing import Any
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom, Vt
+
+from wsim.bulk import Bulk
+from wsim.scene import Cloth, Pin, Soft, Springs
+from wsim.tetra.parted import parted, values_of
+from wsim.usd import names
+from wsim.usd.attachments import FRAME
+from wsim.usd.attributes import author
+from wsim.usd.motion import author_motion
+from wsim.usd.stage import Reading, Units
+
+SOLID = {"young": "Pa", "poisson": "1"}
+FLAT = {"stretch": "N/m", "bend": "N m"}
+
+
+def save_fields(path, fields: list[tuple[str, str, np.ndarray]], bodies: dict[str, Any]) -> None:
+    """Adds fields (prim path, name, values (n,) or (n, 3)) to a layer of `save_fitted`. bodies: bodies and pins of the fitted
+    scene by path."""
+    stage = Usd.Stage.Open(str(path))
+    units = Units.of(stage)
+    for where, name, values in fields:
+        prim, thing = stage.GetPrimAtPath(where), bodies[where]
+        if name in SOLID or name in FLAT:
+            kind = UsdGeom.Tokens.uniform if name in SOLID else UsdGeom.Tokens.constant
+            primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(f"wsim:{name}", Sdf.ValueTypeNames.DoubleArray, kind)
+            primvar.Set(Vt.DoubleArray.FromNumpy(values / units.factor((SOLID | FLAT)[name])))
+        elif name == "velocities":
+            owner = next(kind.__name__ for kind in (Cloth, Springs, Soft) if isinstance(thing, kind))
+            author(prim, owner, name, _at_vertices(prim, thing.velocities), units)
+        elif name == "motion":
+            _move(stage, prim, thing, units)
+    stage.GetRootLayer().Save()
+
+
+def _at_vertices(prim: Usd.Prim, values: np.ndarray) -> np.ndarray:
+    """Of the vertices of curves, where a net has several for a particle."""
+    from wsim.overs import particles_of
+    own = particles_of(prim)
+    return values if own is None else values[own]
+
+
+def _move(stage: Usd.Stage, prim: Usd.Prim, pin: Pin, units: Units) -> None:
+    """What a pin hangs on moves; where that is nothing, an Xform below the pin."""
+    target = pin.target or f"{pin.path}/{FRAME}"
+    author_motion(stage.GetPrimAtPath(target) or UsdGeom.Xform.Define(stage, target).GetPrim(), pin.motion, units, 0)
+    if not pin.target:
+        prim.CreateRelationship(names.SRC1, False).SetTargets([Sdf.Path(target)])
+
+
+def load_fields(reading: Reading, mesh: Usd.Prim, soft: Soft) -> Soft:
+    """The soft body with what primvars say of each tet. What is of another size, or out of range, is reported and left out."""
+    for name, unit in SOLID.items():
+        primvar = UsdGeom.PrimvarsAPI(mesh).GetPrimvar(f"wsim:{name}")
+        if not (primvar and primvar.HasAuthoredValue()):
+            continue
+        values = np.array(primvar.Get(), np.float64) * reading.units.factor(unit)
+        if values.shape != (len(soft.tets),):
+            reading.warn(mesh.GetPath(), f"{primvar.GetName()} has {values.size} values; allowed is {len(soft.tets)}, one for "
+                         "each tet: it is left out")
+            continue
+        try:
+            for value in (values.min(), values.max()):
+                Bulk(**values_of(name, value))
+        except ValueError as error:
+            reading.warn(mesh.GetPath(), f"{primvar.GetName()}: {error}; it is left out")
+            continue
+        soft = parted(soft, name, values)
+    return soft
