@@ -216,7 +216,8 @@ def _fit(commands) -> None:
     fit = commands.add_parser("fit", help="find parameters of a scene from an observed motion, and how sure they are")
     fit.add_argument("scene")
     fit.add_argument("--to", action="append", required=True, metavar="OBSERVED", help="USD file with sampled points")
-    fit.add_argument("--parameters", required=True, metavar="A,B", help="stretch,bend, say, or /World/Cloth:stretch; young[]: of each tet")
+    fit.add_argument("--parameters", required=True, metavar="A,B",
+                     help="stretch,bend, say, or /World/Cloth:stretch; young[]: of each tet")
     fit.add_argument("-o", "--output", metavar="FITTED", help="layer over the scene with what was found")
     fit.add_argument("--frames", type=whole, metavar="N", help="frames that are used (default: the scene's)")
     fit.add_argument("--noise", type=positive, metavar="METRES", help="standard deviation (default: estimated)")
