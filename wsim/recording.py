@@ -64,7 +64,7 @@ class Recording:
         self.prepare()
         self.states, self.speeds = (wp.zeros((frames + 1, sim.model.points), dtype=self.state.x.dtype, device=sim.device)
                                     for _ in range(2))
-        self.ran, self.growth = False, Growth(frames, sim.device)
+        self.ran, self.growth = False, Growth(frames, sim.device, sim.model.real)
         self.residuals: dict[str, float] = {}         # of implicit solves, after `backward`
         self.recorded = self.shape
         self.rewind()
@@ -236,6 +236,7 @@ class Recording:
         targets: list = []
         for frame in reversed(range(self.frames)):
             self.seed(seeds, frame + 1)
+            self.note(frame, False)
             if self.checkpoints and (frame + 1 == self.frames or (frame + 1) % self.group == 0) and len(self.cuts) == 2:
                 self.again(frame)
             self.pose(frame)
@@ -245,7 +246,7 @@ class Recording:
                     self.forward(frame, part)
                 self.reverse(frame, part)
             targets.append(self.parameters.take_targets())
-            self.note(frame)
+            self.note(frame, True)
         self.seed(seeds, 0)
         self.look()
         return Gradient(self.parameters, {r.base.ptr: r.carried.numpy() for r in self.roots}, targets[::-1])
@@ -260,10 +261,10 @@ class Recording:
         if said := self.growth.check(self.start, self.sim.scene.fps, self.sim.precision):
             self.warn(said)
 
-    def note(self, frame: int) -> None:
-        """The norm of the gradient by the positions before a frame."""
+    def note(self, frame: int, after: bool) -> None:
+        """The norm of the gradient by the positions at the end of a frame, or (after its adjoint) at its begin."""
         root = next(r for r in self.roots if r.base.ptr == self.state.x.ptr)
-        self.growth.note(root.carried, frame)
+        self.growth.note(root.carried, frame, after)
 
     def again(self, last: int) -> None:
         """The segment that ends with frame `last`, from its checkpoint."""
