@@ -51,12 +51,13 @@ def _save(scene: Scene, result: Fit | FieldFit, path: str) -> list[str]:
     if isinstance(result, Fit):
         save_fitted(scene, result.scene, path, result.as_dict() | {"residuals": []})
         return [p.name for p in result.parameters if result.errors[p.name] == float("inf")]
-    from wsim.usd.fields import save_fields
+    from wsim.usd.fields import author_fields
     found = result.as_dict()
     short = [{k: v for k, v in f.items() if k not in ("values", "sensitivity")} for f in found["fields"]]
-    save_fitted(scene, result.scene, path, found | {"fields": short, "history": []})
-    save_fields(path, [(f.path, f.kind.name, result.values[f.name]) for f in result.parameters],
-                {b.path: b for b in (*result.scene.bodies(), *result.scene.pins)})
+    fields = [(f.path, f.kind.name, result.values[f.name]) for f in result.parameters]
+    bodies = {b.path: b for b in (*result.scene.bodies(), *result.scene.pins)}
+    save_fitted(scene, result.scene, path, found | {"fields": short, "history": []},
+                lambda stage: author_fields(stage, fields, bodies))
     return []
 
 

@@ -25,10 +25,9 @@ SOLID = {"young": "Pa", "poisson": "1"}
 FLAT = {"stretch": "N/m", "bend": "N m"}
 
 
-def save_fields(path, fields: list[tuple[str, str, np.ndarray]], bodies: dict[str, Any]) -> None:
-    """Adds fields (prim path, name, values (n,) or (n, 3)) to a layer of `save_fitted`. bodies: bodies and pins of the fitted
-    scene by path."""
-    stage = Usd.Stage.Open(str(path))
+def author_fields(stage: Usd.Stage, fields: list[tuple[str, str, np.ndarray]], bodies: dict[str, Any]) -> None:
+    """Adds fields (prim path, name, values (n,) or (n, 3)) to the layer that `save_fitted` writes. bodies: bodies and pins of
+    the fitted scene by path."""
     units = Units.of(stage)
     for where, name, values in fields:
         prim, thing = stage.GetPrimAtPath(where), bodies[where]
@@ -41,7 +40,6 @@ def save_fields(path, fields: list[tuple[str, str, np.ndarray]], bodies: dict[st
             author(prim, owner, name, _at_vertices(prim, thing.velocities), units)
         elif name == "motion":
             _move(stage, prim, thing, units)
-    stage.GetRootLayer().Save()
 
 
 def _at_vertices(prim: Usd.Prim, values: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ A material that only the fitted bodies bind is written over where it is; of one 
 """
 
 import os
+from collections.abc import Callable
 from dataclasses import fields
 
 import numpy as np
@@ -38,10 +39,12 @@ def check_target(scene: Scene, path: str) -> None:
         raise SceneError(Problem(str(path), str(error).removeprefix(f"{path} "))) from None
 
 
-def save_fitted(before: Scene, after: Scene, path, said: dict | None = None) -> None:
+def save_fitted(before: Scene, after: Scene, path, said: dict | None = None,
+                more: Callable[[Usd.Stage], None] | None = None) -> None:
     """Writes what differs between two states of a loaded scene as a layer over its file, under a temporary name, renamed.
 
-    said    kept as custom data of the layer, as JSON. Raises SceneError where the file cannot be written.
+    said    kept as custom data of the layer, as JSON
+    more    writes more into it, before it is renamed. Raises SceneError where the file cannot be written.
     """
     check_target(before, path)
     with new_stage(path) as stage:
@@ -55,6 +58,8 @@ def save_fitted(before: Scene, after: Scene, path, said: dict | None = None) -> 
         units = Units.of(stage)
         _scene(stage, before, after, units)
         _bodies(stage, before, after, units)
+        if more:
+            more(stage)
         if said:
             stage.GetRootLayer().customLayerData = {SAID: as_json(said)}
 
