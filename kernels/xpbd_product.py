@@ -39,17 +39,14 @@ def need(o, module) -> None:
 
 
 def _row(o):
-    """Of constraints with one row."""
+    """Of constraints with one row and a compliance."""
     real, vec3, m, formula = o.t.scalar, o.t.vec3, o.points - 1, o.formula
     rows, ends, inverses = wp.types.matrix((m, 3), real), wp.types.matrix((m + 2, 3), real), wp.types.vector(m + 1, real)
 
     @wp.func
     def product(X: rows, V: rows, W: inverses, rest: real, alpha: real, lam: real, how: o.t.vec2, Y: ends):
         C, G = formula(X, rest)
-        over = C
-        if wp.static(o.unilateral):
-            over = wp.max(C, real(0.0))
-        r = -over
+        r = -C - alpha * lam
         below = real(0.0)
         G0 = vec3()
         s = Y[m + 1, 0]
@@ -59,12 +56,9 @@ def _row(o):
             s += W[k + 1] * wp.dot(G[k], Y[k + 1])
             if wp.static(o.damped):
                 r -= how[0] * wp.dot(G[k], V[k])
-        if wp.static(not o.anchored):
-            below += W[0] * wp.dot(G0, G0)
-            s += W[0] * wp.dot(G0, Y[0])
-        if wp.static(not o.unilateral):
-            r -= alpha * lam
-            below = (real(1.0) + how[0]) * below + alpha
+        below += W[0] * wp.dot(G0, G0)
+        s += W[0] * wp.dot(G0, Y[0])
+        below = (real(1.0) + how[0]) * below + alpha
         out = real(0.0)
         if below > real(0.0):
             out = (how[1] * r / below) * s

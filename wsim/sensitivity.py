@@ -89,15 +89,17 @@ class Gradient:
         body = self.model.body(path, world)
         return np.zeros(2) if self._friction is None else self._friction[body.first:body.last].sum(axis=0)
 
-    def pin(self, path: str, name: str) -> float:
+    def pin(self, path: str, name: str, world: int = 0) -> float:
         """By the stiffness [N/m] or damping [N s/m] of a soft pin."""
         pins, first = self.parameters.pins, 0
         for p in pins.groups["soft"] if pins else ():
             part = slice(first, first + len(p.places))
             first = part.stop
-            if p.pin.path == path and name == "stiffness":
+            if p.pin.path != path or p.body.world != world:
+                continue
+            if name == "stiffness":
                 return float(-(self.of(pins.soft.alpha)[part]).sum() / (p.part * p.pin.stiffness**2))
-            if p.pin.path == path and name == "damping":
+            if name == "damping":
                 return float(self.of(pins.soft.damping)[part].sum()) * p.part
         raise SceneError(Problem(path, f"is no soft pin with a derivative by {name!r}; soft pins have stiffness and damping"))
 
@@ -147,8 +149,9 @@ class Gradient:
         rows = [r for r in (*p.springs, *(r for source in (*p.flat, *p.batches) for r in source.rows)) if r.body is body]
         values = [part.values for t in p.tables for part in t.parts if part.body is body]
         damped = any(r.tau > 0.0 for r in rows) or any(v["damping"].any() for v in values)
+        pressed = any(b is body for t in p.tables for b in getattr(t, "bodies", ()))
         return sorted({name for d in (*(r.stiffness for r in rows), *values) for name in d} - {"damping"}
-                      | set(["damping"] * damped))
+                      | set(["damping"] * damped + ["pressure"] * pressed))
 
     def rows(self, name: str, body) -> list[np.ndarray]:
         """Of springs."""

@@ -45,7 +45,6 @@ class Belief:
         np.add.at(slope, j, -jump / self.s)
         return value, slope
 
-
     def curvature(self, t: np.ndarray) -> np.ndarray:
         """Weight of each pair in the Hessian at t, (k,); of total variation the lagged one (Vogel, Oman 1996)."""
         if self.kind == "free":
