@@ -8,6 +8,7 @@
 Backward Euler (order 1):  a = e,        g = h,      d = a + g (v + g f)
 BDF2 (order 2):            a = e + s/3,  g = 2h/3,   d = a + g (v + (v - u)/3 + g f)
 midpoint (order 2):        a = e,        g = h/2,    as backward Euler; the substep ends with x + 2 d - e, 2 (d - a)/g - v
+sdirk3 (order 3):          kernels/sdirk3.py, twice backward Euler of another step
 
 BDF2 is x' = x + s/3 + (2/3) h v', v' = v + (v - u)/3 + (2/3) h f, written in differences so that nothing cancels
 (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, III.1). f is gravity [m/s^2]; a decay rate k [1/s] of the

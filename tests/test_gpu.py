@@ -203,7 +203,8 @@ def test_what_soft_bodies_may_have_agrees(what, solver):
 @pytest.mark.parametrize("make, settings", [
     (sheet, {"model": "membrane"}), (sheet, {"model": "springs", "solver": "implicit", "integrator": "bdf2", "substeps": 4}),
     (bar, {"model": "corotational"}),
-    (bar, {"model": "neo_hookean", "solver": "implicit", "integrator": "implicit_midpoint", "substeps": 4})])
+    (bar, {"model": "neo_hookean", "solver": "implicit", "integrator": "implicit_midpoint", "substeps": 4}),
+    (bar, {"model": "corotational", "solver": "implicit", "integrator": "sdirk3", "substeps": 2})])
 def test_gradients_agree(make, settings, keep):
     found = []
     for device in ("cpu", "cuda:0"):

@@ -133,10 +133,10 @@ def test_every_gradient_of_a_chain_is_that_of_a_complex_step():
 
 
 @pytest.mark.parametrize("moving", [False, True])
-@pytest.mark.parametrize("solver", ["explicit", "implicit"])
-def test_where_a_pin_puts_its_points(solver, moving):
+@pytest.mark.parametrize("solver, integrator", [("explicit", "leapfrog"), ("implicit", "bdf2"), ("implicit", "sdirk3")])
+def test_where_a_pin_puts_its_points(solver, integrator, moving):
     """Along one motion of the pin: a shift that stands still, and one that grows from frame to frame."""
-    more = {"substeps": 2, "integrator": "bdf2"} if solver == "implicit" else {"integrator": "leapfrog"}
+    more = {"integrator": integrator} | ({"substeps": 2} if solver == "implicit" else {})
     times, way = np.arange(5) / 60, np.array([0.02, -0.01, 0.03])
     path = Motion(times, np.stack([np.eye(4)] * 5))
     path.values[:, :3, 3] = np.linspace(0.0, 1.0, 5)[:, None] ** 2 * (0.01, 0.02, 0.0) * moving
@@ -152,10 +152,10 @@ def test_where_a_pin_puts_its_points(solver, moving):
     by = run.gradient.targets("/pin")
     if not moving:
         return run.check(by[0] @ way, pushed, 5e-4)
-    substeps = scene.substeps
-    assert by.shape == (3, substeps, 1, 3)
-    grows = (np.arange(3 * substeps) + 1.0) / substeps / 4.0
-    run.check((by.reshape(-1, 3) * grows[:, None]).sum(axis=0) @ way, pushed, 2e-3)
+    at = run.sim.plan.clock.moments(True) * 60.0         # in frames; of sdirk3 two stages and the end of each substep
+    assert by.shape == (3, len(at), 1, 3) and len(at) == scene.substeps * (1 + 2 * (integrator == "sdirk3"))
+    grows = (np.arange(3)[:, None] + at) / 4.0
+    run.check((by[:, :, 0] * grows[:, :, None]).sum(axis=(0, 1)) @ way, pushed, 2e-3)
 
 
 def sheet(model: str, **kwargs) -> Scene:
@@ -182,7 +182,7 @@ def test_a_sheet_that_stretches_shears_and_bends(model):
 
 
 @pytest.mark.parametrize("integrator, model", [("backward_euler", "membrane"), ("bdf2", "springs"),
-                                               ("implicit_midpoint", "membrane")])
+                                               ("implicit_midpoint", "membrane"), ("sdirk3", "springs")])
 def test_a_sheet_by_implicit_steps(integrator, model):
     """Of 1/120 s, solved to a residual: exact for the scheme that ran, though Newton's Jacobian drops and clamps."""
     run = Run(sheet(model, solver="implicit", integrator=integrator, substeps=2, damping=2e-4))
@@ -242,7 +242,8 @@ def test_a_bar_with_a_cloth_laid_on_it():
     run.material("young", scene.softs[0].material.young)
 
 
-@pytest.mark.parametrize("integrator, model", [("bdf2", "neo_hookean"), ("implicit_midpoint", "corotational")])
+@pytest.mark.parametrize("integrator, model", [("bdf2", "neo_hookean"), ("implicit_midpoint", "corotational"),
+                                               ("sdirk3", "neo_hookean")])
 def test_a_soft_bar_by_implicit_steps(integrator, model):
     run = Run(bar(model, solver="implicit", integrator=integrator, substeps=2, damping=1e-3 * (model == "neo_hookean")))
     run.material("young", 2e4)

@@ -14,7 +14,7 @@ from wsim.scene import Plane, Scene, Sphere
 from wsim.simulation import Simulation
 
 DOUBLE = {"device": "cpu", "precision": "float64"}
-INTEGRATORS = ("backward_euler", "bdf2", "implicit_midpoint")
+INTEGRATORS = ("backward_euler", "bdf2", "implicit_midpoint", "sdirk3")
 
 
 def make(**more) -> Scene:
@@ -80,12 +80,30 @@ def midpoint(net, times, h):
     return np.array(found)
 
 
+def sdirk3(net, times, h):
+    """Converged, by the tableau: X_i = x + h sum a_ij V_j, V_i = v + h sum a_ij A_j, x' = x + h sum b_i V_i."""
+    g = 0.5 + 3.0**0.5 / 6.0
+    solve, x, v, found = converged._newton(net), net.points, np.zeros_like(net.points), []
+    for steps in reference.steps_between(times, h):
+        for _ in range(steps):
+            V, A = [], []
+            for before in (0.0, 1.0 - 2.0 * g):
+                base, speed = (y + h * before * k[0] if k else y for y, k in ((x, V), (v, A)))
+                d = solve(base, g * h * (speed + g * h * net.free * np.asarray(net.gravity)), g * h)
+                V.append(d / (g * h))
+                A.append((V[-1] - speed) / (g * h))
+            x, v = x + 0.5 * h * (V[0] + V[1]), v + 0.5 * h * (A[0] + A[1])
+        found.append(x)
+    return np.array(found)
+
+
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_solved_steps_follow_an_independent_solver(integrator):
     pytest.importorskip("scipy")
     scene = replace(reference.spring_cloth(8), solver="implicit", integrator=integrator, substeps=4, iterations=10)
     net, times, h = reference.net(scene), [0.25, 0.5], 1.0 / 240.0
-    wanted = midpoint(net, times, h) if integrator == "implicit_midpoint" else converged.converged(net, times, h, integrator)
+    own = {"implicit_midpoint": midpoint, "sdirk3": sdirk3}
+    wanted = own[integrator](net, times, h) if integrator in own else converged.converged(net, times, h, integrator)
     sim = Simulation(scene, **DOUBLE)
     for frames in wanted:
         sim.run(15)
@@ -93,16 +111,36 @@ def test_solved_steps_follow_an_independent_solver(integrator):
     assert sim.indicators()["residual"] < 1e-6 and not sim.warnings        # a gain under 1e-15 of Phi is not seen
 
 
-@pytest.mark.parametrize("integrator, order", [*zip(INTEGRATORS, (1, 2, 2), strict=True)])
+@pytest.mark.parametrize("integrator, order", [*zip(INTEGRATORS, (1, 2, 2, 3), strict=True)])
 def test_the_observed_order_is_the_declared_one(integrator, order):
     scene = replace(reference.spring_cloth(6), solver="implicit", integrator=integrator, iterations=4)
-    (where,), _ = reference.exact(reference.net(scene), [0.25], tolerance=1e-8)
+    (where,), _ = reference.exact(reference.net(scene), [0.25], tolerance=1e-8 if order < 3 else 1e-10)
     errors = []
-    for substeps in (8, 16, 32):
+    for substeps in (8, 16, 32) if order < 3 else (4, 8, 16):
         sim = Simulation(replace(scene, substeps=substeps), **DOUBLE)
         sim.run(15)
         errors.append(reference.rms(sim.positions() - where))
-    assert -np.polyfit(np.log([8, 16, 32]), np.log(errors), 1)[0] == pytest.approx(order, abs=0.2)
+    assert -np.polyfit(np.log([1, 2, 4]), np.log(errors), 1)[0] == pytest.approx(order, abs=0.2)
+
+
+def test_a_pin_that_swings_leaves_sdirk3_its_order():
+    """Two springs hang on a pin that moves in a circle: stages have it where it is then. Against RK4."""
+    times = np.arange(0.0, 0.31, 1.0 / 9600.0)
+    circle = np.stack([0.2 * np.sin(9.0 * times), 0.2 * np.cos(9.0 * times), 0.0 * times], axis=1)
+    poses = np.tile(np.eye(4), (len(times), 1, 1))
+    poses[:, :3, 3] = circle
+
+    def ends(substeps: int, **more) -> np.ndarray:
+        scene = make(**{"substeps": substeps, "iterations": 6, "integrator": "sdirk3"} | more)
+        net = scene.net("/net", [[0, 0.2, 0], [0.3, 0.2, 0], [0.6, 0.2, 0]], [[0, 1], [1, 2]], [40.0], [0.1] * 3)
+        scene.pin("/pin", net, [0], motion=Motion(times, poses), places=[[0.0, 0.0, 0.0]])
+        sim = Simulation(scene, **DOUBLE)
+        sim.run(15)
+        assert np.abs(sim.positions()[0] - poses[2400, :3, 3]).max() < 1e-12 and sim.plan.integrator == scene.integrator
+        return sim.positions()
+    wanted = ends(200, solver="explicit", integrator="rk4", iterations=1)
+    errors = [np.abs(ends(n) - wanted).max() for n in (2, 4, 8)]
+    assert -np.polyfit(np.log([2, 4, 8]), np.log(errors), 1)[0] == pytest.approx(3.0, abs=0.4)
 
 
 def test_a_free_cloth_keeps_its_momenta(monkeypatch):

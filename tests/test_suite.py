@@ -28,7 +28,7 @@ def only(a, b):
 # closed forms
 
 @pytest.mark.parametrize("integrator, order", [(n, TABLE[n].order) for n in (
-    "backward_euler", "bdf2", "implicit_midpoint", "symplectic_euler", "leapfrog", "rk4")])
+    "backward_euler", "bdf2", "implicit_midpoint", "sdirk3", "symplectic_euler", "leapfrog", "rk4")])
 def test_the_discrete_closed_forms_have_the_orders_of_their_integrators(integrator, order):
     """x = cos(10 t), at 0.5 s."""
     errors = [discrete(integrator, 1.0, 0.0, 0.5 / n, n, w=10.0) - np.cos(5.0) for n in (200, 400)]

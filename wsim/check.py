@@ -75,8 +75,8 @@ def _method(scene: Scene) -> Iterator[Problem]:
     if scene.softs and scene.solver == "xpbd":
         yield error("/", f"solver xpbd has no tetrahedra, of which {scene.softs[0].path} is made", ", ".join(SOFT_SOLVERS),
                     "choose one of them")
-    if scene.integrator == "implicit_midpoint" and scene.colliders:
-        yield error("/", "integrator implicit_midpoint rebounds from colliders", "backward_euler, bdf2 or an explicit one",
+    if scene.integrator in ("implicit_midpoint", "sdirk3") and scene.colliders:
+        yield error("/", f"integrator {scene.integrator} rebounds from colliders", "backward_euler, bdf2 or an explicit one",
                     "choose one of them")
     if "auto" in (scene.solver, scene.integrator):
         return

@@ -76,7 +76,7 @@ class Choice:
 
     solver: str
     integrator: Integrator
-    substeps: int
+    substeps: int                            # systems of an implicit integrator a frame: sdirk3 takes two a step
     iterations: int
     why: str
 
@@ -105,16 +105,18 @@ def choose(model: Model, rows: dict[str, list[Rows]]) -> Choice:
 
 
 def _named(scene: Scene, solver: str, method: Integrator, why: str) -> Choice:
-    return Choice(solver, method, scene.substeps, scene.iterations, why)
+    return Choice(solver, method, scene.substeps * method.solves, scene.iterations, why)
 
 
 def _soft(model: Model, rows: dict[str, list[Rows]], method: Integrator | None) -> Choice:
     """Soft bodies: leapfrog where its steps cost less, nothing is hit and nothing else is named; else Newton's method, of which
-    a step of a frame is stable, and which solves to a residual."""
+    a step of a frame is stable, and which solves to a residual: sdirk3 of half as many steps, or backward Euler of contacts."""
     scene, leapfrog = model.scene, TABLE["leapfrog"]
-    chosen = method or TABLE["backward_euler" if scene.colliders else "bdf2"]
     iterations = scene.iterations if scene.solver == "implicit" else min(scene.iterations, SOLVED)
-    newton = Choice("implicit", chosen, scene.substeps, iterations, "the scene names it")
+    solved = iterations >= SOLVED and not _hard(rows)
+    chosen = method or TABLE["backward_euler" if scene.colliders else "sdirk3" if solved else "bdf2"]
+    steps = scene.substeps if method else ceil(scene.substeps / chosen.solves)       # as many systems are solved
+    newton = Choice("implicit", chosen, steps * chosen.solves, iterations, "the scene names it")
     if scene.solver == "implicit" or method:
         return newton
     reason = _unfit(model, rows, "Newton's method")
@@ -122,14 +124,14 @@ def _soft(model: Model, rows: dict[str, list[Rows]], method: Integrator | None) 
         return replace(newton, why=reason)
     from wsim.frequency import bound
     cost = SOLID["cuda" if model.device.is_cuda else "cpu"]
-    pulled, solved = (sum(len(b.tets) * (1.0 if b.tets.shape[1] == 4 else ten) for b in model.bodies) for ten in TEN)
+    pulled, weighed = (sum(len(b.tets) * (1.0 if b.tets.shape[1] == 4 else ten) for b in model.bodies) for ten in TEN)
     omega, c = bound(model, rows)
     stiffens = any(m.model not in ("corotational", "linear") for s in scene.softs for m in s.materials)
     n = ceil(needed(scene, leapfrog, omega, c) * (STIFFENED if stiffens else 1.0))
     explicit = n * (cost.step + cost.tet * pulled)
-    implicit = scene.substeps * iterations * (cost.newton + cost.solved * solved)
+    implicit = newton.substeps * iterations * (cost.newton + cost.solved * weighed)
     said = (f"{n} substeps of leapfrog keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; Newton steps "
-            f"would take {1e3 * implicit:.3g} ms for {scene.substeps} x {iterations}")
+            f"would take {1e3 * implicit:.3g} ms for {steps} of {chosen.name}")
     if explicit <= implicit:
         return Choice("explicit", leapfrog, max(n, scene.substeps), 1, said)
     return replace(newton, why=said)
@@ -215,13 +217,17 @@ def _unfit(model: Model, rows: dict[str, list[Rows]], other: str) -> str:
     """Why a scene should not be stepped explicitly unless it asks to be, or ""."""
     if model.scene.colliders:
         return f"colliders: {other} solves contacts and forces together"
-    if any(r.kind in HARD for found in rows.values() for r in found):
+    if _hard(rows):
         return f"tethers or strain limits: {other} solves them and forces together"
     for body in model.bodies:
         rest, ends = edge_lengths(body), body.places[body.edges - body.first]
         if np.any(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > STRETCHED * np.maximum(rest, 1e-12)):
             return f"{body.path} starts with an edge stretched beyond {STRETCHED:g} times its length"
     return ""
+
+
+def _hard(rows: dict[str, list[Rows]]) -> bool:
+    return any(r.kind in HARD for found in rows.values() for r in found)
 
 
 def slack(model: Model, h: float) -> float:

@@ -210,17 +210,18 @@ class Material(Input):
 
 
 class Given:
-    """Where a pin's points belong, by a table (frames, substeps, points, 3) or (points, 3) [m]: in the place of a `Motion`."""
+    """Where a pin's points belong, by a table (frames, rows, points, 3) or (points, 3) [m]: in the place of a `Motion`.
+    at: parts of a frame of its rows."""
 
-    def __init__(self, table: np.ndarray, start: int, fps: float):
-        self.table, self.start, self.fps, self.moves = table, start, fps, table.ndim == 4
+    def __init__(self, table: np.ndarray, start: int, fps: float, at: np.ndarray):
+        self.table, self.start, self.fps, self.at, self.moves = table, start, fps, at, table.ndim == 4
 
     def points(self, local: np.ndarray, time: float) -> np.ndarray:
         if not self.moves:
             return self.table
-        rows = self.table.reshape(-1, *self.table.shape[2:])
-        k = ceil((time * self.fps - self.start) * self.table.shape[1] - 1e-6) - 1
-        return rows[min(max(k, 0), len(rows) - 1)]
+        t = time * self.fps - self.start
+        frame = min(max(ceil(t - 1e-6) - 1, 0), len(self.table) - 1)
+        return self.table[frame, np.argmin(np.abs(self.at - (t - frame)))]
 
 
 class Targets(Input):
@@ -231,22 +232,23 @@ class Targets(Input):
         self.pins = recording.parameters.pins
 
     def pin(self, world: int):
-        """(the pin of that world, the part of a substep at which it is where it belongs)."""
+        """(the pin of that world, whether it is a hard one)."""
         for kind, group in self.pins.groups.items():
             for p in group:
                 if p.pin.path == self.path and p.body.world == world:
-                    return p, self.sim.plan.clock.part if kind == "soft" else 1.0
+                    return p, kind == "hard"
         raise AssertionError(self.path)
 
     def read(self, world: int = 0) -> np.ndarray:
-        (p, part), r, clock = self.pin(world), self.recording, self.sim.plan.clock
+        (p, hard), r, clock = self.pin(world), self.recording, self.sim.plan.clock
         if not self.pins.moves:
             return p.targets(r.start / self.sim.scene.fps) + p.body.origin
-        return np.stack([[p.targets((r.start + f) / self.sim.scene.fps + (k + part) * clock.h) + p.body.origin
-                          for k in range(clock.substeps)] for f in range(r.frames)])
+        return np.stack([[p.targets((r.start + f) / self.sim.scene.fps + moment) + p.body.origin
+                          for moment in clock.moments(hard)] for f in range(r.frames)])
 
     def put(self, value: np.ndarray, world: int) -> None:
-        self.pin(world)[0].motion = Given(value, self.recording.start, self.sim.scene.fps)
+        (p, hard), clock = self.pin(world), self.sim.plan.clock
+        p.motion = Given(value, self.recording.start, self.sim.scene.fps, clock.moments(hard) / clock.dt)
         self.pins.changed, self.sim.graph = True, None
 
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:

@@ -175,7 +175,7 @@ def report(sim, with_profile: bool = True) -> dict:
     a_second = 1e3 * plan.clock.substeps / ms if ms else 0.0
     return {
         "device": str(sim.device), "device_name": sim.device.name, "precision": sim.precision, "worlds": sim.worlds,
-        "frames": sim.frame, "substeps": plan.clock.substeps, "iterations": plan.clock.iterations,
+        "frames": sim.frame, "substeps": plan.clock.steps, "iterations": plan.clock.iterations,
         "solver": plan.choice.solver, "integrator": plan.integrator, "why": plan.choice.why,
         "points": plan.model.points, "constraints": constraints, "ms_per_frame": ms,
         "points_per_second": plan.model.points * a_second,

@@ -47,8 +47,9 @@ def mend(sim: Simulation, status: np.ndarray) -> bool:
 def _give_way(sim: Simulation) -> None:
     """Backward Euler, which damps what is left unsolved, from this frame on."""
     clock = sim.plan.clock
-    name, most = ("BDF2", "MET") if clock.multistep else ("the implicit midpoint", "MET_MIDPOINT")
-    clock.multistep = clock.beyond = False
+    name, most = (("the implicit midpoint", "MET_MIDPOINT") if clock.beyond else
+                  ("sdirk3", "MET_SDIRK3") if clock.staged else ("BDF2", "MET"))
+    clock.scheme = False, False, False
     sim.warnings.append(f"frame {sim.frame + 1}: the solver missed the residual that {name} needs "
                         f"(wsim.{sim.plan.choice.solver}.{most}); backward Euler from here on; more iterations or substeps "
                         f"keep {name}")

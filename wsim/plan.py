@@ -22,7 +22,7 @@ from wsim.kernels.real import ADJOINT, types
 from wsim.model import Model, edge_lengths, hard_places
 from wsim.scene import Cloth, Problem, Scene, SceneError
 from wsim.stage import PHASES, Clock, Method, Stage
-from wsim.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, State
+from wsim.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, STAGED, State
 
 
 def why(scene: Scene, choice: Choice, rows: dict[str, list[Rows]]) -> dict[str, str]:
@@ -141,9 +141,9 @@ class Plan:
 
     @property
     def integrator(self) -> str:
-        """Name of the integrator now: BDF2 or the midpoint may have given way."""
+        """Name of the integrator now: one that needs its residual may have given way."""
         named = self.choice.integrator
-        given_way = (named.name == "bdf2" or named.beyond) and not self.clock.watched
+        given_way = (named.name == "bdf2" or named.beyond or named.solves > 1) and not self.clock.watched
         return "backward_euler" if given_way else named.name
 
     def describe(self) -> str:
@@ -153,7 +153,8 @@ class Plan:
         bodies = f"{len(m.bodies)} {'bodies' if len(m.bodies) > 1 else 'body'}"
         lines = [f"{m.points} points in {bodies}, {m.worlds} world{'s' * (m.worlds > 1)}, "
                  f"{m.real.__name__} on {m.device}",
-                 f"{c.substeps} substeps of {c.h * 1e3:.4g} ms, {c.iterations} iteration{'s' * (c.iterations > 1)}, solver "
+                 f"{c.steps} substeps of {c.dt / c.steps * 1e3:.4g} ms{' in two stages' * c.staged}, "
+                 f"{c.iterations} iteration{'s' * (c.iterations > 1)}, solver "
                  f"{self.choice.solver}, integrator {self.integrator}{' while its residual is met' * c.watched}: "
                  f"{self.choice.why}",
                  f"{'phase':<9}{'stage':<14}{'rate':<10}{'launches':>9}{'MB':>9}  on"]
@@ -170,7 +171,8 @@ def _fields(scene: Scene, choice: Choice, reasons: dict[str, str]):
     multistep, explicit = choice.integrator.name == "bdf2", choice.integrator.explicit
     steps = explicit and _among_others(scene, reasons)
     return (POINTS + (ANCHOR if multistep or scene.colliders or steps else ()) + (HISTORY if multistep else ())
-            + (CARRY if explicit else ()) + (HALF if steps and len(choice.integrator.steps) > 1 else ()))
+            + (STAGED if choice.integrator.solves > 1 else ()) + (CARRY if explicit else ())
+            + (HALF if steps and len(choice.integrator.steps) > 1 else ()))
 
 
 def _among_others(scene: Scene, reasons: dict[str, str]) -> bool:
@@ -211,7 +213,7 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
     model.module = _module(scene, real, reasons, choice) + ADJOINT * gradients
     state = State.allocate(_fields(scene, choice, reasons), model.points, types(real).vec3, device)
     clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator.name == "bdf2",
-                  choice.integrator.beyond)
+                  choice.integrator.beyond, choice.integrator.solves > 1)
     status = wp.zeros(4, dtype=int, device=device)
     plan = Plan(model, state, clock, [], status, choice)
     plan.skipped = [{"stage": name, "why": text} for name, text in WITHOUT.items()

@@ -37,6 +37,9 @@ class Points(Method):
         self.kernels |= {"predict": kernels.predict_euler(real, module), "finish": kernels.finish_euler(real, module)}
         if integrator.beyond:
             self.kernels |= {"finish_beyond": kernels.finish_beyond(real, module)}
+        if integrator.solves > 1:
+            from wsim.kernels import sdirk3
+            self.kernels |= {"stage": sdirk3.finish_stage(real, module), "step": sdirk3.finish_step(real, module)}
         if bdf2:
             self.kernels |= {"predict_bdf2": kernels.predict_bdf2(real, module),
                              "finish_bdf2": kernels.finish_bdf2(real, module)}
@@ -78,6 +81,10 @@ class Points(Method):
             self.model.launch(self.kernels["finish_bdf2"], n,
                               [self.anchor, s.d, s.x, s.e, s.v, self.struck, clock.h, clock.g],
                               [s.x, s.e, s.v, s.s, s.u])
+        elif clock.staged and clock.k % 2 == 0:
+            self.model.launch(self.kernels["stage"], n, [s.e, s.d, s.x, s.v, clock.g], [s.x, s.e, s.v, s.s, s.u])
+        elif clock.staged:
+            self.model.launch(self.kernels["step"], n, [s.e, s.d, s.x, s.v, s.s, s.u, clock.g], [s.x, s.e, s.v, s.s, s.u])
         elif clock.beyond:
             self.model.launch(self.kernels["finish_beyond"], n, [s.e, s.d, s.x, s.v, clock.g], [s.x, s.e, s.v])
         else:
@@ -164,6 +171,10 @@ class Pins(Method):
             self.move = kernels.move_pins(real, module)
             n = self.place["hard"].size
             self.stages.append(Stage("pins", "predict", self.pose, 1, n * 40, what=f"{n} points"))
+            if points.integrator.solves > 1:
+                from wsim.kernels.sdirk3 import place_pins
+                self.place_kernel = place_pins(real, module)
+                self.stages.append(Stage("pins placed", "finish", self.put, 1, n * 60, what=f"{n} points"))
         if self.groups["soft"]:
             self.add_soft(t, real, module)
 
@@ -193,8 +204,17 @@ class Pins(Method):
 
     def pose(self, clock: Clock) -> None:
         s = self.state
+        row, part = (clock.k + clock.k // 2, 1.0) if clock.staged else (clock.k, clock.part)
         self.model.launch(self.move, self.place["hard"].size,
-                          [self.place["hard"], self.target["hard"], s.x, s.e, clock.k, clock.part], [s.d])
+                          [self.place["hard"], self.target["hard"], s.x, s.e, row, part], [s.d])
+
+    def put(self, clock: Clock) -> None:
+        """Behind the last stage of a step."""
+        s = self.state
+        if clock.staged and clock.k % 2:
+            pinned, row = self.place["hard"], clock.k + clock.k // 2 + 1
+            self.model.launch(self.place_kernel, pinned.size, [pinned, self.target["hard"], s.x, s.e, s.s, row, 2.0 * clock.h],
+                              [s.x, s.e, s.v])
 
     def hold(self, clock: Clock) -> None:
         s = self.state
@@ -205,18 +225,17 @@ class Pins(Method):
                           [s.d, self.lam])
 
     def before_frame(self, time: float, clock: Clock) -> None:
-        moves, rows = self.moves, clock.substeps
+        moves = self.moves
+        at = {kind: clock.moments(kind == "hard") for kind in self.target}      # a soft pin pulls at the solved positions
         if self.explicit and not moves and not self.groups["soft"]:
-            rows = 1
-        if not (moves or self.changed or any(t.shape[0] != rows for t in self.target.values())):
+            at = {kind: moments[:1] for kind, moments in at.items()}
+        if not (moves or self.changed or any(t.shape[0] != len(at[kind]) for kind, t in self.target.items())):
             return
         self.changed = False
         for kind, group in self.groups.items():
             if group:
-                part = clock.part if kind == "soft" else 1.0       # a soft pin pulls at the solved positions
-                values = np.stack([np.concatenate([p.targets(time + (k + part) * clock.h) for p in group])
-                                   for k in range(rows)])
-                if self.target[kind].shape[0] != rows:
+                values = np.stack([np.concatenate([p.targets(time + moment) for p in group]) for moment in at[kind]])
+                if self.target[kind].shape[0] != len(values):
                     self.target[kind] = self.model.upload(values, types(self.model.real).vec3)
                 else:
                     self.target[kind].assign(values.astype(self.model.dtype))

@@ -196,11 +196,11 @@ class Rollout:
 def copied(recording: Recording, worlds: int) -> Recording:
     """A recording of so many worlds of the same scene by the same scheme, in float64."""
     sim, clock, choice = recording.sim, recording.plan.clock, recording.plan.choice
-    scene = replace(sim.scene, solver=choice.solver, integrator=choice.integrator.name, substeps=clock.substeps,
+    scene = replace(sim.scene, solver=choice.solver, integrator=choice.integrator.name, substeps=clock.steps,
                     iterations=choice.iterations)
     copy = Simulation(scene, device=sim.device, precision="float64", worlds=worlds, gradients=True)
     other = copy.plan.clock
-    copy.frame, other.multistep, other.beyond, other.starting = recording.start, clock.multistep, clock.beyond, recording.begins
+    copy.frame, other.scheme, other.starting = recording.start, clock.scheme, recording.begins
     _parameters(sim, copy)
     return Recording(copy, recording.frames)
 

@@ -87,6 +87,7 @@ class Recording:
             parts = sqrt(S * each / (self.frames * point))
             if parts >= 1.0:
                 step = ceil(S / round(parts))
+                step += step % 2 * self.plan.clock.staged        # a step is not cut
                 self.group, self.cuts = 1, [*range(0, S, step), S]
             else:
                 self.group = min(self.frames, round(1.0 / parts))

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from wsim.integrator import GAMMA
+
 PHASES = ("pose", "predict", "collide", "solve", "finish", "deform")
 OVER = 1.3     # spring cloth of 64 x 64 points, BDF2, 16 x 16: error at 0.25 s 2.2e-4 at 1, 1.2e-4 at 1.3, 8e-5 at 1.5; with
                # 32 x 16 1.7e-5, 1.2e-5, 2.2e-5. With every sweep at 1.7, 16 x 16 errs by 6.9e-4
@@ -19,13 +21,15 @@ OVERFLOW, RESIDUAL, NOT_FINITE = 0, 1, 2          # places in the status word: c
 
 @dataclass
 class Clock:
-    """Where a frame is while its stages are launched. h, g in [s]."""
+    """Where a frame is while its stages are launched. h, g in [s]. What is solved for once is a substep: a step of sdirk3
+    takes two."""
 
     dt: float                     # frame step
     substeps: int
     iterations: int
     multistep: bool               # BDF2; False: backward Euler
     beyond: bool = False          # implicit midpoint: solves for the middle of a substep, goes on to its end
+    staged: bool = False          # sdirk3: even substeps are the first stage of a step, odd ones the second
     k: int = 0                    # substep of the frame
     i: int = 0                    # iteration of the substep
     starting: bool = True         # no history yet: the first substep of a run is backward Euler
@@ -35,9 +39,23 @@ class Clock:
         return self.dt / self.substeps
 
     @property
+    def steps(self) -> int:
+        """Of a frame."""
+        return self.substeps // 2 if self.staged else self.substeps
+
+    @property
+    def scheme(self) -> tuple[bool, bool, bool]:
+        """What an integrator that gives way changes."""
+        return self.multistep, self.beyond, self.staged
+
+    @scheme.setter
+    def scheme(self, value: tuple[bool, bool, bool]) -> None:
+        self.multistep, self.beyond, self.staged = value
+
+    @property
     def watched(self) -> bool:
         """Whether the integrator may go on only while its residual is met."""
-        return self.multistep or self.beyond
+        return any(self.scheme)
 
     @property
     def bdf2(self) -> bool:
@@ -52,12 +70,25 @@ class Clock:
     @property
     def g(self) -> float:
         """Effective step: v = (d - a) / g and compliance enters as alpha / g^2."""
+        if self.staged:
+            return 2.0 * GAMMA * self.h
         return self.h * self.part if self.beyond else self.h * (2.0 / 3.0) if self.bdf2 else self.h
 
     @property
     def part(self) -> float:
-        """At which part of the substep the solved positions are."""
+        """At which part of the substep the solved positions are, a stage's before or behind it."""
+        if self.staged:
+            return 1.0 - 2.0 * GAMMA if self.k % 2 else 2.0 * GAMMA
         return 0.5 if self.beyond else 1.0
+
+    def moments(self, ends: bool) -> np.ndarray:
+        """Times [s] in a frame for which targets of pins are kept, a row each: where positions are solved for or, if ends, at
+        the ends of substeps. Of sdirk3: both stages of a step and, if ends, its end."""
+        k = np.arange(self.substeps)
+        if not self.staged:
+            return (k + (1.0 if ends else self.part)) * self.h
+        stages = np.array([GAMMA, 1.0 - GAMMA] + [1.0] * ends)
+        return ((np.arange(self.steps)[:, None] + stages) * (2.0 * self.h)).ravel()
 
 
 @dataclass

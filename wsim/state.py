@@ -29,6 +29,10 @@ HISTORY = (
     Field("s", "m", True, "step before this one (BDF2)"),
     Field("u", "m/s", True, "velocity before this one (BDF2)"),
 )
+STAGED = (
+    Field("s", "m", False, "step of a step's first stage, then of all of it (sdirk3)"),
+    Field("u", "m/s", False, "change of velocity of a step's first stage, then of all of it (sdirk3)"),
+)
 CARRY = (Field("r", "m/s", True, "rounding remainder of v (explicit)"),)
 HALF = (Field("b", "m/s", True, "velocity half a substep before v (leapfrog among others)"),)
 

@@ -28,6 +28,7 @@ import numpy as np
 from tools.bench import reference
 from wsim import shapes
 from wsim.fabric import Fabric
+from wsim.integrator import GAMMA
 from wsim.scene import Plane, Scene, Sphere
 from wsim.simulation import Simulation
 
@@ -64,6 +65,9 @@ def discrete(integrator: str, x: float, v: float, h: float, steps: int, *, w=0.0
             y = np.linalg.solve(I - h / 1.5 * A, (4.0 * y - before) / 3.0 + h / 1.5 * b)
         elif integrator == "implicit_midpoint":
             y = np.linalg.solve(I - 0.5 * h * A, y + 0.5 * h * (A @ y) + h * b)
+        elif integrator == "sdirk3":
+            one = np.linalg.solve(I - GAMMA * h * A, A @ y + b)
+            y = y + 0.5 * h * (one + np.linalg.solve(I - GAMMA * h * A, A @ (y + (1.0 - 2.0 * GAMMA) * h * one) + b))
         elif integrator == "symplectic_euler":
             y = y + [0.0, h * (A @ y + b)[1]]
             y = y + [h * y[1], 0.0]
@@ -84,7 +88,7 @@ def discrete(integrator: str, x: float, v: float, h: float, steps: int, *, w=0.0
 
 def beside(sim: Simulation, found: float, wanted: float, size: float, start: tuple[float, float], **equation) -> Judged:
     """Distance of a coordinate from its closed form, and from the integrator's own, over `size`."""
-    n = sim.plan.clock.substeps
+    n = sim.plan.clock.steps
     out = {"error": abs(found - wanted) / size}
     try:
         own = discrete(sim.plan.integrator, *start, 1.0 / FPS / n, n * sim.frame, **equation)

@@ -67,6 +67,7 @@ METHODS = (
     Method("implicit", "backward_euler", (1, 3)),
     Method("implicit", "bdf2", (1, 3)),
     Method("implicit", "implicit_midpoint", (1, 3)),
+    Method("implicit", "sdirk3", (2,)),
 )
 
 

@@ -1,7 +1,7 @@
 """What a bench varies: solver, integrator, substeps, iterations and precision of one run, and which of them a scene bears.
 
 Of scenes with soft bodies XPBD is no solver (`check` says so). Where nothing but tets, springs and pins act the implicit
-midpoint is tried as well, which takes no energy from a body that swings.
+midpoint is tried as well, which takes no energy from a body that swings, and sdirk3.
 """
 
 from collections.abc import Iterator
@@ -68,9 +68,9 @@ def series(scene: Scene, quick: bool = False) -> Iterator[Setting]:
         for integrator in ("backward_euler", "bdf2"):
             if integrator == "backward_euler" or sweeps > 1:   # BDF2 needs its residual
                 yield Setting("xpbd", integrator, n, sweeps)
-    midpoint = ("implicit_midpoint",) if scene.softs and smooth(scene) else ()
+    more = ("implicit_midpoint", "sdirk3") if scene.softs and smooth(scene) else ()
     for steps in NEWTON[:1] if quick else NEWTON:
-        for integrator in ("backward_euler", "bdf2", *midpoint):
+        for integrator in ("backward_euler", "bdf2", *more):
             yield Setting("implicit", integrator, n, steps)
 
 

@@ -102,7 +102,7 @@ def _notes(sim: Simulation, choice: Choice) -> list[str]:
     clock, notes = sim.plan.clock, []
     if sim.plan.choice.solver != choice.solver:
         return [f"gave way to {sim.plan.choice.solver}"]
-    if choice.integrator.name == "bdf2" and not clock.multistep:
+    if sim.plan.integrator != choice.integrator.name:
         notes.append("gave way to backward Euler")
     if clock.substeps != choice.substeps:
         notes.append(f"took {clock.substeps} substeps where a point stopped being a number")

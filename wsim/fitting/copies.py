@@ -43,9 +43,8 @@ class Copies:
     def keep(self) -> None:
         """Remembers the start."""
         sim = self.sim
-        self.plan, self.substeps = sim.plan, sim.plan.clock.substeps
         clock = sim.plan.clock
-        self.scheme = clock.multistep, clock.beyond
+        self.plan, self.substeps, self.steps, self.scheme = sim.plan, clock.substeps, clock.steps, clock.scheme
         self.arrays = [a for m in sim.plan.methods for a in m.fields.values()] + [k.array for k in sim.state.elements.values()]
         if sim.state.every is not None:
             self.arrays.append(sim.state.every)
@@ -54,8 +53,8 @@ class Copies:
     def rewind(self) -> None:
         """Back to the start; built anew where a frame has changed the scheme."""
         sim, clock = self.sim, self.sim.plan.clock
-        if sim.plan is not self.plan or (clock.multistep, clock.beyond) != self.scheme:
-            sim.given = replace(sim.given, substeps=self.substeps)
+        if sim.plan is not self.plan or clock.scheme != self.scheme:
+            sim.given = replace(sim.given, substeps=self.steps)
             sim.reset()
             self.keep()
             return

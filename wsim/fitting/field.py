@@ -131,8 +131,8 @@ class Field:
             return gradient.velocities(self.path)
         if self.kind.name == "motion":
             by = gradient.targets(self.path).sum(axis=2)              # (frames, substeps, 3)
-            part = sim.plan.clock.part if np.isfinite(self.thing(sim.given).stiffness) else 1.0
-            at = np.arange(by.shape[0])[:, None] + (np.arange(by.shape[1]) + part) / by.shape[1]
+            clock = sim.plan.clock
+            at = np.arange(by.shape[0])[:, None] + clock.moments(not np.isfinite(self.thing(sim.given).stiffness)) / clock.dt
             before = np.minimum(at.astype(int), by.shape[0] - 1)
             each = np.zeros((by.shape[0] + 1, 3))
             np.add.at(each, before, by * (before + 1 - at)[..., None])
