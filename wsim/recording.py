@@ -7,7 +7,7 @@ substeps, or several frames.
 """
 
 from dataclasses import dataclass
-from math import ceil, sqrt
+from math import ceil
 
 import numpy as np
 import warp as wp
@@ -17,13 +17,13 @@ from wsim.mend import LONG
 from wsim.parameters import Parameters
 from wsim.scene import Problem, SceneError
 from wsim.seeds import dense
+from wsim.segments import Segments, in_words, measured
 from wsim.sensitivity import Gradient
 from wsim.simulation import Simulation
 from wsim.slots import Slots
 from wsim.stage import NOT_FINITE, RESIDUAL
 from wsim.tape import Root, Tape, give
 
-FULL = 1 << 30         # bytes up to which everything is kept
 POOR = 1e-4            # residual of an implicit solve from which a warning is due
 
 
@@ -60,10 +60,12 @@ class Recording:
         assert self.state.every is not None
         self.every, self.initial = self.state.every, wp.clone(self.state.every)
         self.stretches: dict[tuple, Stretch] = {}
-        self.choose(keep)
-        self.prepare()
-        self.states, self.speeds = (wp.zeros((frames + 1, sim.model.points), dtype=self.state.x.dtype, device=sim.device)
-                                    for _ in range(2))
+        self.cost: Segments | None = None
+        with in_words(self.known, str(sim.device)):
+            self.choose(keep)
+            self.prepare()
+            self.states, self.speeds = (wp.zeros((frames + 1, sim.model.points), dtype=self.state.x.dtype, device=sim.device)
+                                        for _ in range(2))
         self.ran, self.growth = False, Growth(frames, sim.device, sim.model.real)
         self.residuals: dict[str, float] = {}         # of implicit solves, after `backward`
         self.recorded = self.shape
@@ -72,26 +74,18 @@ class Recording:
     # what is recorded and kept
 
     def choose(self, keep: str) -> None:
-        """Records a frame to see what it changes and what it costs, and chooses how many are kept at a time."""
-        S = self.plan.clock.substeps
-        self.plan.before_frame(self.sim.time)
-        self.record(0, S)                        # what is read before it is written is known from now on
-        self.slots.drop()
-        probe = self.record(0, S)
-        each = self.slots.bytes / S
-        point = sum(r.base.capacity for r, _ in probe.entries)
-        self.full = int(each * S * self.frames)
-        self.checkpoints = keep == "checkpoints" or (keep == "auto" and self.full > FULL)
-        self.group, self.cuts = self.frames, [0, S]
-        if self.checkpoints:
-            parts = sqrt(S * each / (self.frames * point))
-            if parts >= 1.0:
-                step = ceil(S / round(parts))
-                step += step % 2 * self.plan.clock.staged        # a step is not cut
-                self.group, self.cuts = 1, [*range(0, S, step), S]
-            else:
-                self.group = min(self.frames, round(1.0 / parts))
-        self.slots.drop()
+        """Measures a frame, and chooses how many are kept at a time."""
+        S, F = self.plan.clock.substeps, self.frames
+        self.cost, scalars = measured(self)
+        length = self.cost.choose(keep)
+        self.checkpoints = length > 0
+        self.group, self.cuts = max(length // S, 1) if length else F, [0, S]
+        if 0 < length < S:
+            length += length % 2 * self.plan.clock.staged        # a step is not cut
+            self.cuts = [*range(0, S, length), S]
+        count = length if len(self.cuts) > 2 else S * min(F, self.group + self.jumps)
+        share = 1.0 + self.cost.over / (count * self.cost.each)
+        self.slots.reserve(tuple(ceil(n * count * share) for n in scalars))
 
     def prepare(self) -> None:
         """Records every stretch once; allocates what checkpoints need."""
@@ -137,6 +131,11 @@ class Recording:
 
     def pose(self, frame: int) -> None:
         self.plan.before_frame((self.start + frame) / self.sim.scene.fps)
+
+    def known(self) -> tuple[Segments, int, int] | None:
+        """The cost, bytes that are needed and those that were got, where the first are known."""
+        cost = self.cost
+        return None if cost is None else (cost, cost.bytes(cost.best) if self.checkpoints else cost.full, self.slots.bytes)
 
     @property
     def bytes(self) -> int:

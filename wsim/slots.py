@@ -1,5 +1,7 @@
 """Memory of what a recording keeps: arrays cut from a few pieces, in the order in which they are wanted."""
 
+from math import prod
+
 import warp as wp
 
 CHUNK = 1 << 16        # scalars of the first piece of memory that slots are cut from; each is twice the one before
@@ -20,18 +22,17 @@ class Slots:
         if self.copies > 1:
             self.plain.rewind()
 
-    def take(self, like: wp.array) -> wp.array:
+    def take(self, dtype, shape: tuple[int, ...]) -> wp.array:
         """An array of that type and shape, with its gradient if these have some."""
-        size = like.size * (wp.types.type_size_in_bytes(like.dtype) // wp.types.type_size_in_bytes(self.real))
+        size = prod(shape) * (wp.types.type_size_in_bytes(dtype) // wp.types.type_size_in_bytes(self.real))
         chunk, first = self.at
         while chunk < len(self.chunks) and first + size > self.chunks[chunk][0].size:
             chunk, first = chunk + 1, 0
         if chunk == len(self.chunks):
-            self.chunks.append([wp.zeros(max(size, CHUNK << chunk), dtype=self.real, device=self.device)
-                                for _ in range(self.copies)])
+            self.add(max(size, CHUNK << chunk))
         self.at = chunk, first + size
         self.most = max(self.most, self.at)
-        value, *grad = (_cut(array, first, like) for array in self.chunks[chunk])
+        value, *grad = (_cut(array, first, dtype, shape) for array in self.chunks[chunk])
         if grad:
             value.grad = grad[0]
         return value
@@ -50,13 +51,28 @@ class Slots:
         if self.copies > 1:
             self.plain.drop()
 
+    def reserve(self, scalars: tuple[int, ...]) -> None:
+        """One piece of so many scalars (`used`), where nothing was handed out yet."""
+        if scalars[0]:
+            self.add(scalars[0])
+        if self.copies > 1:
+            self.plain.reserve(scalars[1:])
+
+    def add(self, size: int) -> None:
+        self.chunks.append([wp.zeros(size, dtype=self.real, device=self.device) for _ in range(self.copies)])
+
+    @property
+    def used(self) -> tuple[int, ...]:
+        """Scalars that were handed out at most, and those of `plain`."""
+        own = self.most[1] + sum(chunk[0].size for chunk in self.chunks[:self.most[0]])
+        return (own, *(self.plain.used if self.copies > 1 else ()))
+
     @property
     def bytes(self) -> int:
-        size = wp.types.type_size_in_bytes(self.real)
-        own = self.copies * size * (self.most[1] + sum(chunk[0].size for chunk in self.chunks[:self.most[0]]))
-        return own + (self.plain.bytes if self.copies > 1 else 0)
+        own, *plain = self.used
+        return wp.types.type_size_in_bytes(self.real) * (self.copies * own + sum(plain))
 
 
-def _cut(array: wp.array, first: int, like: wp.array) -> wp.array:
-    return wp.array(ptr=array.ptr + first * wp.types.type_size_in_bytes(array.dtype), dtype=like.dtype, shape=like.shape,
+def _cut(array: wp.array, first: int, dtype, shape: tuple[int, ...]) -> wp.array:
+    return wp.array(ptr=array.ptr + first * wp.types.type_size_in_bytes(array.dtype), dtype=dtype, shape=shape,
                     device=array.device, requires_grad=False)

@@ -168,7 +168,7 @@ class Tape:
         if root is None:
             return a
         if root.latest is None:
-            root.latest = self.slots.take(root.base)
+            root.latest = self.slots.take(root.base.dtype, root.base.shape)
             self.do(partial(wp.copy, root.latest, root.base))
             self.entries.append((root, root.latest))
         root.fresh = False
@@ -182,7 +182,7 @@ class Tape:
         if not root.fresh:
             if not whole:
                 self.read(root.base)
-            before, root.latest = root.latest, self.slots.take(root.base)
+            before, root.latest = root.latest, self.slots.take(root.base.dtype, root.base.shape)
             if not whole:
                 assert before is not None
                 self.follow(before, root.latest)

@@ -29,9 +29,10 @@ class SweepAdjoint:
         omega, final = batch.omega(clock), clock.i == clock.iterations - 1
         x, a = tape.read(x), None if a is None else tape.read(a)
         s, g = kernels.seen(self.vec3, self.value)(), kernels.grads(self.vec3, self.value)()
-        s.x, s.a, s.lam, s.lam_out = x, a, self.zero if clock.i == 0 else self.last, tape.slots.plain.take(batch.lam)
+        s.x, s.a, s.lam = x, a, self.zero if clock.i == 0 else self.last
+        s.lam_out = tape.slots.plain.take(batch.lam.dtype, batch.lam.shape)
         if self.kept:
-            s.kept = tape.slots.plain.take(wp.empty((self.points, batch.size), dtype=self.vec3, device="cpu"))
+            s.kept = tape.slots.plain.take(self.vec3, (self.points, batch.size))
         g.x, g.a, g.lam = x.grad, None if a is None else a.grad, self.back
         self.last = self.zero if batch.kind in HARD else s.lam_out
 
