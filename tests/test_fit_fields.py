@@ -36,10 +36,10 @@ def net(**more) -> Scene:
     return scene
 
 
-def sheet(model="springs", **more) -> Scene:
+def sheet(model="springs", weft=0.0, **more) -> Scene:
     scene = Scene(**{"fps": 60.0, "frames": 6, "solver": "explicit", "substeps": 40} | more)
     cloth = scene.cloth("/sheet", *shapes.sheet(1.0, 1.0, 3, 3, horizontal=True), model=model,
-                        material=Fabric(stretch=50.0, shear=30.0, bend=1e-2, density=200.0))
+                        material=Fabric(stretch=50.0, shear=30.0, bend=1e-2, density=200.0, weft=weft))
     scene.pin("/pin", cloth, [0, 3])
     return scene
 
@@ -68,7 +68,9 @@ def halves(scene: Scene) -> np.ndarray:
     (bar((3, 1, 1), **QUICK), "young[]"), (bar((3, 1, 1), **QUICK), "velocities[]"),
     (net(), "stiffness[]"), (net(solver="xpbd", iterations=3), "stiffness[]"), (net(), "velocities[]"),
     (net(), "motion[]"), (net(solver="xpbd", iterations=3), "motion[]"),
-    (sheet(), "stretch[]"), (sheet(), "bend[]"), (sheet("membrane"), "bend[]"), (sheet("membrane"), "velocities[]")])
+    (sheet(), "stretch[]"), (sheet(), "bend[]"), (sheet("membrane"), "bend[]"), (sheet("membrane"), "velocities[]"),
+    (sheet("membrane"), "stretch[]"), (sheet("membrane"), "shear[]"), (sheet("membrane", weft=80.0), "stretch[]"),
+    (sheet("membrane", weft=80.0), "weft[]"), (sheet("membrane", solver="xpbd", iterations=3), "stretch[]")])
 def test_the_gradient_of_the_misfit_is_that_of_differences(scene, name):
     """Along a random direction, about random values; differences of order 4 of the misfit itself."""
     last = scene.frames
@@ -325,6 +327,12 @@ def test_other_fields_are_written_where_the_loader_finds_them(make, names, tmp_p
 def test_fields_that_cannot_be_are_named_with_what_is_allowed(bent, name, words):
     with pytest.raises(SceneError, match=words.replace("[", r"\[")):
         wsim.fit(bent[0], noisy(bent, 1e-3, None), name, settings=CPU)
+
+
+@pytest.mark.parametrize("scene, name", [(sheet(), "weft[]"), (sheet("membrane"), "weft[]")])
+def test_a_stiffness_that_no_element_has_is_refused(scene, name):
+    with pytest.raises(SceneError, match="/sheet: has no triangles|/sheet: has no .* of their own > 0"):
+        wsim.fit(scene, seen(scene, [6]), name, settings=CPU)
 
 
 @pytest.mark.parametrize("more, words", [

@@ -92,8 +92,8 @@ class Segments:
             mend = f"record {frames} frames at most, or take fewer substeps or float32"
         else:
             mend = "not even one frame fits: take fewer points, fewer substeps or float32"
-        return Problem("memory", f"recording {self.frames} frames of {self.substeps} substeps keeps {need} bytes ({size(need)}) "
-                       f"and {size(self.room)} are free on {self.where}; {mend}")
+        return Problem("memory", f"recording {self.frames} frames of {self.substeps} substeps keeps {need} bytes "
+                       f"({size(need)}), and {size(self.room)} are free on {self.where}; {mend}")
 
 
 def measured(recording) -> tuple[Segments, tuple[float, ...]]:

@@ -2,7 +2,9 @@
 
     young[], poisson[]            of each tet of a soft body
     stiffness[]                   of each spring of a net
-    bend[]                        of each hinge of a cloth, stretch[] of each edge of one of the model "springs"
+    bend[]                        of each hinge of a cloth
+    stretch[], shear[], weft[]    of each triangle of a membrane; of the model "springs" stretch[] of each edge, shear[] of each
+                                  diagonal. A weft of 0 follows stretch; one that is not stays while stretch[] changes
     velocities[]                  of each point of any body at the start, in the world
     /pin:motion[]                 shift of a pin in each frame after the first, on top of its own motion
 
@@ -43,6 +45,7 @@ TABLE = (
     Kind("young", (Soft,), "tets", "Pa", LOG), Kind("poisson", (Soft,), "tets", "1", Map("bounded", 0.0, 0.5)),
     Kind("stiffness", (Springs,), "springs", "N/m", LOG),
     Kind("bend", (Cloth,), "hinges", "N m", LOG), Kind("stretch", (Cloth,), "edges", "N/m", LOG),
+    Kind("shear", (Cloth,), "diagonals", "N/m", LOG), Kind("weft", (Cloth,), "triangles", "N/m", LOG),
     Kind("velocities", (Cloth, Springs, Soft), "points", "m/s", Map("plain", high=1.0)),
     Kind("motion", (Pin,), "frames", "m", Map("plain", high=1.0), 0.05),
 )
@@ -85,9 +88,9 @@ class Field:
     def rows(self, sim: Simulation) -> tuple[np.ndarray, np.ndarray]:
         """Places of the points of each spring, edge or hinge, and their stiffness."""
         found = [r for r in rows_of(sim.model.body(self.path)) if self.kind.name in r.stiffness]
-        if len(found) != 1 or found[0].kind == "membrane":
-            more = '; of a membrane it is one value yet: take the model "springs"' if found else ""
-            raise SceneError(Problem(self.path, f"has no {self.kind.noun} with a {self.kind.name} of their own{more}"))
+        if len(found) != 1 or not np.all(found[0].stiffness[self.kind.name] > 0.0):
+            raise SceneError(Problem(self.path, f"has no {self.kind.noun} with a {self.kind.name} of their own > 0; give it "
+                                     "one, or leave it out"))
         return found[0].ids, found[0].stiffness[self.kind.name]
 
     def belief_at(self, sim: Simulation, theta: np.ndarray) -> Belief:
@@ -216,4 +219,6 @@ def _field(name: str, scenes: list[Scene]) -> Field:
         raise SceneError(Problem(path or name, f"{what}; those that have it: {', '.join(have) or 'none'}"))
     if kind.name == "velocities" and any(b.path == path and getattr(b, "weld", 0.0) for s in scenes for b in s.bodies()):
         raise SceneError(Problem(path, "points that are welded move as one: velocities[] of each are not to be had"))
+    if any(isinstance(b, Cloth) and b.path == path and b.model == "membrane" for s in scenes for b in s.bodies()):
+        kind = replace(kind, noun="triangles" if kind.name in ("stretch", "shear", "weft") else kind.noun)
     return Field(f"{match['path']}:{kind.name}[]" if match["path"] else f"{kind.name}[]", kind, path, belief, size)

@@ -9,15 +9,14 @@ it fits, down to the noise where it is given. It never grows within a horizon. (
 halves takes more than twice the steps.)
 """
 
-import json
 import os
 from collections.abc import Callable
 from math import inf, sqrt
-from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
+from wsim.fitting import state
 from wsim.fitting.by_adjoint import Adjoint
 from wsim.fitting.field import Field, fields
 from wsim.fitting.field_result import FieldFit
@@ -38,9 +37,9 @@ FLOOR = 1e-9                  # [m] least noise
 class FieldSearch:
     """theta, and how it got there. `run` until it is found, or `limit` gradients are spent."""
 
-    def __init__(self, misfit: Adjoint, theta: np.ndarray, limit: float, state: str | None = None,
+    def __init__(self, misfit: Adjoint, theta: np.ndarray, limit: float, file: str | None = None,
                  each: Callable[["FieldSearch"], None] = lambda search: None):
-        self.misfit, self.limit, self.state, self.each = misfit, limit, state, each
+        self.misfit, self.limit, self.file, self.each = misfit, limit, file, each
         times = np.array(misfit.moments())
         self.horizons = sorted({float(times[times <= p * times[-1] + 1e-9].max(initial=0.0)) for p in PARTS} - {0.0})
         self.stage, self.steps, self.sigma, self.least = 0, 0, inf, 1.0 if misfit.known else FLOOR
@@ -118,8 +117,8 @@ class FieldSearch:
             self.sigma, self.still = now, 0
             self.weigh()
         self.log()
-        if self.state:
-            self.save(self.state)
+        if self.file:
+            self.save(self.file)
         self.each(self)
 
     def log(self) -> None:
@@ -150,36 +149,24 @@ class FieldSearch:
 
     # stopping and going on
 
+    @property
+    def names(self) -> list[str]:
+        return [f"{f.name} of {s[0]} x {s[1]}" for f, s in zip(self.misfit.fields, self.misfit.shapes, strict=True)]
+
     def save(self, path) -> None:
-        """Writes a JSON file under a temporary name and renames it."""
-        m, d = self.misfit, self.descent
-        found = {"fields": [[f.name, list(s)] for f, s in zip(m.fields, m.shapes, strict=True)], "theta": d.at.x.tolist(),
-                 "pairs": [[s.tolist(), y.tolist()] for s, y in d.pairs], "stage": self.stage, "steps": self.steps,
-                 "converged": self.converged, "gradients": m.walked, "rows": self.rows}
-        temporary = Path(f"{os.fspath(path)}.{os.getpid()}~")
-        try:
-            temporary.write_text(json.dumps(found), encoding="utf-8")
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        d = self.descent
+        state.write(path, self.names, {
+            "theta": d.at.x.tolist(), "pairs": [[s.tolist(), y.tolist()] for s, y in d.pairs], "stage": self.stage,
+            "steps": self.steps, "converged": self.converged, "gradients": self.misfit.walked, "rows": self.rows})
 
     def resume(self, path) -> None:
         """Goes on from a file of `save`. Raises SceneError where it is of another fit."""
-        m, d = self.misfit, self.descent
-        try:
-            found = json.loads(Path(path).read_text(encoding="utf-8"))
-            mine, theirs = ([(f.name, *s) for f, s in zip(m.fields, m.shapes, strict=True)],
-                            [(n, *s) for n, s in found["fields"]])
-            if mine != theirs:
-                raise SceneError(Problem(str(path), f"is the state of a fit of {theirs}; this one is of {mine}: give another "
-                                         "file, or remove it"))
+        d = self.descent
+        with state.reading(path, self.names) as found:
             d.at = Place(np.array(found["theta"]), np.zeros(2), np.zeros((2, len(self.theta))))
             d.pairs = [(np.array(s), np.array(y)) for s, y in found["pairs"]]
-            self.stage, self.steps, m.walked = int(found["stage"]), int(found["steps"]), float(found["gradients"])
+            self.stage, self.steps, self.misfit.walked = int(found["stage"]), int(found["steps"]), float(found["gradients"])
             self.rows = [tuple(r) for r in found["rows"]]
-        except (KeyError, TypeError, ValueError) as error:
-            raise SceneError(Problem(str(path), f"is no state of a fit of fields ({error}); give another file, or remove it")
-                             ) from None
 
 
 def fit_fields(experiments: list[tuple[Scene, list]], names: list[str], *, start=None, priors=None, each=None,

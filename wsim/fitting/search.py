@@ -12,14 +12,12 @@ the misfit over the same frames is larger is taken back, with a quarter of the r
 linear model leaves.
 """
 
-import json
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
+from wsim.fitting import state
 from wsim.fitting.copies import Broken
 from wsim.fitting.estimate import LOST
 from wsim.fitting.misfit import Misfit, Part
@@ -253,37 +251,27 @@ class Search:
 
     # stopping and going on
 
+    @property
+    def names(self) -> list[str]:
+        return [p.name for p in self.misfit.parameters]
+
     def save(self, path) -> None:
-        """Writes a JSON file under a temporary name and renames it."""
         b = self.best
         best = b and {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in vars(b).items()}
-        found = {"parameters": [p.name for p in self.misfit.parameters], "theta": self.theta.tolist(), "radius": self.radius,
-                 "steps": self.steps, "simulations": self.misfit.walked, "launches": self.misfit.launches,
-                 "converged": self.converged, "end": self.end, "notes": self.notes, "best": best}
-        temporary = Path(f"{os.fspath(path)}.{os.getpid()}~")
-        try:
-            temporary.write_text(json.dumps(found), encoding="utf-8")
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        state.write(path, self.names, {
+            "theta": self.theta.tolist(), "radius": self.radius, "steps": self.steps, "simulations": self.misfit.walked,
+            "launches": self.misfit.launches, "converged": self.converged, "end": self.end, "notes": self.notes, "best": best})
 
     def resume(self, path) -> None:
         """Goes on from a file of `save`. Raises SceneError where it is of another fit."""
-        try:
-            found = json.loads(Path(path).read_text(encoding="utf-8"))
-            names, b = found["parameters"], found["best"]
-            mine = [p.name for p in self.misfit.parameters]
-            if names != mine:
-                raise SceneError(Problem(str(path), f"is the state of a fit of {', '.join(names)}; this one is of "
-                                         f"{', '.join(mine)}: give another file, or remove it"))
+        with state.reading(path, self.names) as found:
+            b = found["best"]
             self.theta, self.radius, self.steps = np.array(found["theta"]), float(found["radius"]), int(found["steps"])
             self.misfit.walked, self.misfit.launches = float(found["simulations"]), int(found["launches"])
             self.converged, self.end, self.notes = bool(found["converged"]), float(found["end"]), list(found["notes"])
             if b:
                 bend = None if b["bend"] is None else np.array(b["bend"])
                 self.best = Sums(**b | {"theta": np.array(b["theta"]), "R": np.array(b["R"]), "bend": bend})
-        except (KeyError, TypeError, ValueError) as error:
-            raise SceneError(Problem(str(path), f"is no state of a fit ({error}); give another file, or remove it")) from None
 
 
 def rate(sums: Sums) -> str:
