@@ -272,6 +272,21 @@ def test_gradients_of_quadratic_tets_under_pressure_agree():
         assert found[1].material(name) == pytest.approx(found[0].material(name), rel=1e-8)
 
 
+@pytest.mark.parametrize("settings", [{"solver": "explicit", "integrator": "leapfrog", "substeps": 40},
+                                      {"solver": "xpbd", "substeps": 8, "iterations": 4}])
+def test_reactions_agree(settings):
+    """Springs with several threads a point, and a membrane with hinges and wind."""
+    for scene in (reference.spring_cloth(16), hanging()):
+        found = []
+        for name, value in settings.items():
+            setattr(scene, name, value if scene.springs or name != "substeps" else 10 * value)
+        for device in ("cpu", "cuda:0"):
+            sim = Simulation(scene, device=device, precision="float64", worlds=2)
+            sim.run(2)
+            found.append(sim.reactions(scene.pins[0].path, 1))
+        assert found[1] == pytest.approx(found[0], rel=1e-9, abs=1e-9)
+
+
 def test_a_ball_bounces_and_has_the_gradients_of_its_motion():
     """Three bounces, against the closed form on the CPU's own test, and a sheet thrown at a ball against the CPU."""
     sims = [Simulation(ball(v=(0.3, 0.25, 0.0)), device=device, precision="float64") for device in ("cpu", "cuda:0")]

@@ -66,6 +66,7 @@ class Simulation:
         self.frame = 0
         self.graph = None
         self.balance: measure.Balance | None = None
+        self.pulled = None                     # `wsim.reaction.Reactions`, once asked for
         # a live motion changes a collider: the given scene stays as it is, for reset
         self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])
         self.changes: list[tuple] = []         # live parameters that were set, for another plan of the same scene
@@ -268,6 +269,12 @@ class Simulation:
         called. Raises SceneError where the body is none."""
         from wsim import stress
         return stress.stress(self.plan, path, world)
+
+    def reactions(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """Forces of a pin (None: the only one) on its points now [N], world, (n, 3) in the order in which it names them; their
+        sum is what it holds. See `wsim.reaction`; compiles kernels when first called. Raises SceneError where there is none."""
+        from wsim.reaction import reactions
+        return reactions(self, path, world)
 
     def report(self, profile: bool = True) -> dict:
         """What ran and how well: device, precision, frames, times, errors, stages, what was skipped, warnings."""

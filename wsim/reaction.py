@@ -1,0 +1,167 @@
+"""Forces of pins on what they hold [N], in the world, at the end of a frame.
+
+    hard    R = m (a + k v - g) - f(x, v)          soft    R = s (X - x) - c v
+
+f     elastic, damping and wind forces on the point; k v drag of the air, s and c stiffness and damping of a soft pin
+a     (X(t + dt) - 2 X(t) + X(t - dt)) / dt^2 of where the pin puts the point, dt a frame: of a motion that is given frame
+      by frame its acceleration, to second order; past its ends a motion stands still
+
+What a hanging weight pulls is m g; summed over all pins R is what momentum does not have from gravity and air: to rounding
+for leapfrog between frames of one substep (by the trapezoid), for backward Euler as far as its residual. f is the law of the
+material at the state that is there: an unconverged solver (XPBD of few sweeps) has moved points by other forces. Contacts do
+not move what is pinned hard and take no part. Where two pins hold one point, each says all of it.
+"""
+
+import copy
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+import warp as wp
+
+from wsim.cloth import HARD
+from wsim.gather import Pull
+from wsim.kernels import adjoint
+from wsim.kernels.real import types
+from wsim.middles import held
+from wsim.plan import Plan
+from wsim.scene import Problem, SceneError
+
+
+@dataclass
+class Held:
+    """A pin of one world. places of its points, then of middles between two of them (`ends`); share: of what a place feels each
+    of its points has (a weld makes one of several)."""
+
+    pin: Any
+    places: np.ndarray
+    ends: np.ndarray
+    share: np.ndarray
+
+    @staticmethod
+    def of(pin) -> "Held":
+        places, ends = held(pin.body, pin.pin.points)
+        own = places[:len(pin.pin.points)]
+        _, which, count = np.unique(own, return_inverse=True, return_counts=True)
+        return Held(pin, places, ends, 1.0 / count[which])
+
+    @property
+    def hard(self) -> bool:
+        return not np.isfinite(self.pin.pin.stiffness)
+
+    def gathered(self, f: np.ndarray) -> np.ndarray:
+        """Of the author's points (n, 3), from what the places feel: middles give half to each end."""
+        n = len(self.share)
+        found = f[:n] * self.share[:, None]
+        for end in self.ends.T:
+            np.add.at(found, end, 0.5 * f[n:])
+        return found
+
+    def spread(self, r: np.ndarray) -> np.ndarray:
+        """The transposed."""
+        middle = 0.5 * r[self.ends].sum(axis=1) if len(self.ends) else np.zeros((0, 3))
+        return np.concatenate([r * self.share[:, None], middle])
+
+    def acceleration(self, time: float, dt: float) -> np.ndarray:
+        """a of the places [m/s^2]."""
+        after, now, before = (self.pin.targets(time + s * dt) for s in (1.0, 0.0, -1.0))
+        return ((after - now) - (now - before)) / dt**2
+
+
+class Reactions:
+    """Of a plan; kernels of a module of their own, compiled when first asked for. Raises SceneError where tethers or strain
+    limits act: these have no law of force."""
+
+    def __init__(self, plan: Plan):
+        self.plan, model = plan, plan.model
+        self.rows = rows_of(plan)
+        for c in model.scene.cloths:
+            if c.tethers or np.isfinite(c.material.strain_limit):
+                raise SceneError(Problem(c.path, "has tethers or a strain limit, which pull at pins without a law of force; "
+                                         "reactions are not to be had: leave them out"))
+        pins: Any = plan.method("pins")
+        self.held = [Held.of(p) for group in pins.groups.values() for p in group]
+        own = self.model = copy.copy(model)
+        own.module, own.modules, own.gradients, own.tape = f"{model.module}_reactions", {}, False, None
+        points: Any = plan.method("points")
+        self.constants = points.constants
+        self.pull = Pull(own, self.constants, self.rows, None)
+        self.pull.need_springs()
+        for table, live in zip(self.pull.tables, plan.solids, strict=True):
+            table.plastic = None
+            for name in live.data._cls.vars:                  # stiffness and rest shapes as they are
+                if isinstance(getattr(live.data, name), wp.array):
+                    setattr(table.data, name, getattr(live.data, name))
+        flags = tuple((dict(self.pull.flags()) | {"lanes": 1}).items())
+        self.kernel = adjoint.force(own.real, own.module, flags)
+        vec3, n = types(own.real).vec3, own.points
+        self.pair, self.f = (wp.zeros(k * n, dtype=vec3, device=own.device) for k in (4, 1))
+        own.load()
+
+    def look(self, time: float) -> None:
+        """Forces of the state as it stands."""
+        s, n = self.plan.state, self.model.points
+        self.pull.refresh()
+        for table in self.plan.solids:
+            if table.plastic:
+                table.plastic.shape()
+        wp.copy(self.pair, s.e, 0, 0, n)
+        wp.copy(self.pair, s.v, 2 * n, 0, n)
+        self.pull.launch(0, s.x, self.pair)
+        self.model.launch(self.kernel, n, [self.pull.net, self.pull.force, s.x, self.pair], [self.f])
+        force = self.f.numpy().astype(np.float64) + self.wind()
+        c, v = self.constants, s.v.numpy().astype(np.float64)
+        own = c.object.numpy()
+        self.v, self.x = v, s.x.numpy().astype(np.float64) + s.e.numpy()
+        self.drive = c.decay.numpy()[own, None] * v - c.gravity.numpy()[own]
+        self.force, self.masses, self.time = force, self.model.stack("masses"), time
+
+    def wind(self) -> np.ndarray:
+        """Of the air on triangles [N], (points, 3)."""
+        air: Any = self.plan.method("aero")
+        found = np.zeros((self.model.points, 3))
+        if air is None:
+            return found
+        s = self.plan.state
+        inputs = [air.triangle, self.constants.object, air.air, s.x, wp.zeros_like(s.v), s.v, 1.0]
+        self.model.launch(air.press, air.k.size, inputs, [air.force, air.k])
+        each = air.force.numpy().astype(np.float64)
+        for corner in air.triangle.numpy().T:
+            np.add.at(found, corner, each)
+        return found
+
+    def of(self, path: str, world: int = 0) -> np.ndarray:
+        """Of a pin, (points, 3), in the order in which it names them; after `look`."""
+        h = self.find(path, world)
+        if not h.hard:
+            k, c = h.pin.part * h.pin.pin.stiffness, h.pin.part * h.pin.pin.damping
+            return h.gathered(k * (h.pin.targets(self.time) - self.x[h.places]) - c * self.v[h.places])
+        a = h.acceleration(self.time, self.plan.clock.dt) + self.drive[h.places]
+        return h.gathered(self.masses[h.places, None] * a - self.force[h.places])
+
+    def find(self, path: str, world: int) -> Held:
+        for h in self.held:
+            if h.pin.pin.path == path and h.pin.body.world == world:
+                return h
+        raise SceneError(Problem(path, f"is no pin; there are {', '.join(p.path for p in self.model.scene.pins) or 'none'}"))
+
+
+def rows_of(plan: Plan) -> list:
+    """Soft constraints as a plan's solver has them now, of all worlds."""
+    explicit, implicit, xpbd = (cast(Any, plan.method(name)) for name in ("explicit", "implicit", "xpbd"))
+    batches = [r for b in xpbd.batches for r in b.rows] if xpbd else []
+    return [r for r in (explicit.rows if explicit else implicit.every if implicit else batches) if r.kind not in HARD]
+
+
+def reactions(sim, path: str | None = None, world: int = 0) -> np.ndarray:
+    """What `Simulation.reactions` returns."""
+    pins = [p.path for p in sim.model.scene.pins]
+    if path is None and len(pins) == 1:
+        path = pins[0]
+    if path not in pins or not 0 <= world < sim.worlds:
+        raise SceneError(Problem(path or "reactions", f"in world {world} is no pin; there are {', '.join(pins) or 'none'} in "
+                                 f"worlds 0 to {sim.worlds - 1}"))
+    if sim.pulled is None or sim.pulled.plan is not sim.plan:
+        sim.pulled = Reactions(sim.plan)
+    sim.pulled.look(sim.time)
+    return sim.pulled.of(path, world)
