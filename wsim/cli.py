@@ -145,6 +145,7 @@ def _run(commands) -> None:
     run.add_argument("--flatten", action="store_true", help="one file that holds the scene too")
     run.add_argument("--stress", action="store_true",
                      help="write von Mises stress and strain of soft bodies as primvars vonMises and strain")
+    run.add_argument("--reactions", action="store_true", help="write the forces of pins as wsim:reaction")
     run.add_argument("--png", type=image, metavar="FILE", help="picture of the last frame")
     run.add_argument("--view", action="store_true", help="live view (needs the extra `view`)")
     run.add_argument("--json", action="store_true", help="print the closing report as JSON")
@@ -221,6 +222,7 @@ def _fit(commands) -> None:
     fit.add_argument("-o", "--output", metavar="FITTED", help="layer over the scene with what was found")
     fit.add_argument("--frames", type=whole, metavar="N", help="frames that are used (default: the scene's)")
     fit.add_argument("--noise", type=positive, metavar="METRES", help="standard deviation (default: estimated)")
+    fit.add_argument("--force-noise", type=positive, metavar="NEWTON", help="of wsim:reaction (default: wsim:reactionNoise)")
     fit.add_argument("--start", action="append", default=[], metavar="NAME=VALUE", help="default: the scene's value")
     fit.add_argument("--prior", action="append", default=[], metavar="NAME=MEAN:SIGMA", help="sigma 0.1 of a modulus: 10 %%")
     fit.add_argument("--accuracy", type=fraction, metavar="E", help="1%%, say: stop where two error bars are that small")

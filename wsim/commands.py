@@ -100,6 +100,7 @@ def _within(scene: "Scene", args, progress) -> "Scene":
 def _prepared(scene: "Scene", args) -> Iterator["Run"]:
     """The run that is asked for, with a viewer where one is."""
     from wsim.run import prepare
+    from wsim.scene import Problem
 
     viewers: list = []
 
@@ -113,6 +114,9 @@ def _prepared(scene: "Scene", args) -> Iterator["Run"]:
     try:
         job = prepare(scene, args.output, simulate, samples=args.samples, preroll=args.preroll, flatten=args.flatten,
                       restart=args.restart, stress=args.stress)
+        job.reactions = args.reactions
+        if args.reactions and not scene.pins:
+            job.recorder.notes.append(Problem("--reactions", "there is no pin whose force could be written", fatal=False))
         job.watchers += [viewer.log for viewer in viewers]
         yield job
     finally:

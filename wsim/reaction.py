@@ -140,10 +140,7 @@ class Reactions:
         return h.gathered(self.masses[h.places, None] * a - self.force[h.places])
 
     def find(self, path: str, world: int) -> Held:
-        for h in self.held:
-            if h.pin.pin.path == path and h.pin.body.world == world:
-                return h
-        raise SceneError(Problem(path, f"is no pin; there are {', '.join(p.path for p in self.model.scene.pins) or 'none'}"))
+        return next(h for h in self.held if h.pin.pin.path == path and h.pin.body.world == world)
 
 
 def rows_of(plan: Plan) -> list:
@@ -151,6 +148,20 @@ def rows_of(plan: Plan) -> list:
     explicit, implicit, xpbd = (cast(Any, plan.method(name)) for name in ("explicit", "implicit", "xpbd"))
     batches = [r for b in xpbd.batches for r in b.rows] if xpbd else []
     return [r for r in (explicit.rows if explicit else implicit.every if implicit else batches) if r.kind not in HARD]
+
+
+def looked(sim) -> Reactions:
+    """Of a simulation as it stands."""
+    if sim.pulled is None or sim.pulled.plan is not sim.plan:
+        sim.pulled = Reactions(sim.plan)
+    sim.pulled.look(sim.time)
+    return sim.pulled
+
+
+def every(sim, path: str) -> np.ndarray:
+    """Of a pin in all worlds, (worlds, points, 3)."""
+    found = looked(sim)
+    return np.stack([found.of(path, world) for world in range(sim.worlds)])
 
 
 def reactions(sim, path: str | None = None, world: int = 0) -> np.ndarray:
@@ -161,7 +172,4 @@ def reactions(sim, path: str | None = None, world: int = 0) -> np.ndarray:
     if path not in pins or not 0 <= world < sim.worlds:
         raise SceneError(Problem(path or "reactions", f"in world {world} is no pin; there are {', '.join(pins) or 'none'} in "
                                  f"worlds 0 to {sim.worlds - 1}"))
-    if sim.pulled is None or sim.pulled.plan is not sim.plan:
-        sim.pulled = Reactions(sim.plan)
-    sim.pulled.look(sim.time)
-    return sim.pulled.of(path, world)
+    return looked(sim).of(str(path), world)

@@ -24,6 +24,7 @@ from wsim.restart import Restart, check_fields, copy_samples, is_frame, store
 from wsim.scene import Problem, Scene, SceneError
 from wsim.skin import held
 from wsim.sublayer import choose, flattened, put_over, refuse_layers_of, write_source
+from wsim.usd.reactions import sample
 from wsim.usd.stage import open_stage
 
 Arrays = Mapping[str, np.ndarray]
@@ -124,12 +125,14 @@ class Recorder:
         return self.scene.start + frame * self.rate / self.scene.fps
 
     def append(self, time_code: float, positions: Arrays, velocities: Arrays | None = None,
-               poses: Arrays | None = None, primvars: Mapping[str, Arrays] | None = None) -> None:
+               poses: Arrays | None = None, primvars: Mapping[str, Arrays] | None = None,
+               reactions: Arrays | None = None) -> None:
         """Writes one sample of every body and of its skins; saves after whole frames, as often as 5 % of the wall time allows.
 
         positions    {body path: (n, 3)} world [m], author's order      velocities   the same [m/s]
         poses        {collider path: (4, 4)} world [m]; written where they are not what the source says
         primvars     {body path: {name: (n,)}} [SI], author's order: see `wsim.overs.PRIMVARS`
+        reactions    {pin path: (k, 3)} [N], world: see `wsim.usd.reactions`
         time_code    later than all before; any fraction (subframes), before the scene's start too (pre-roll). The first
                      one may repeat the last of the result that the run continues.
         Raises ValueError for arrays that do not fit, SceneError for a frame without inverse: nothing of the sample is
@@ -144,6 +147,7 @@ class Recorder:
             samples += over.sample(code, self._of(path, positions), self._of(path, velocities) if velocities else None)
         for path, values in (primvars or {}).items():
             samples += self.overs[path].color(values)
+        samples += [sample(self.stage.GetPrimAtPath(path), values) for path, values in (reactions or {}).items()]
         time = (code - self.scene.start) / self.rate
         for path, pose in (poses or {}).items():
             if path in self.colliders:

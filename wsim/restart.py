@@ -26,6 +26,7 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 from wsim.overs import PRIMVARS, Frame, body_prim, particles_of
 from wsim.partial import put_index_back
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
+from wsim.usd.reactions import REACTION
 from wsim.usd.stage import open_stage
 
 CODE, FIELDS = "wsim:restart:timeCode", "wsim:restart:fields:"
@@ -215,6 +216,7 @@ def copy_samples(restart: Restart, stage: Usd.Stage, scene: Scene) -> list[float
     layer = Sdf.Layer.OpenAsAnonymous(restart.path)
     wanted: list[tuple[str, tuple[str, ...]]] = [(b.path, SAMPLED) for b in scene.bodies()]
     wanted += [(skin.path, SAMPLED) for soft in scene.softs for skin in soft.skins]
+    wanted += [(p.path, (REACTION,)) for p in scene.pins]
     if layer.subLayerPaths:
         wanted += [(c.path, ("xformOp:transform",)) for c in scene.colliders]
     codes: set[float] = set()
@@ -229,7 +231,7 @@ def copy_samples(restart: Restart, stage: Usd.Stage, scene: Scene) -> list[float
                     attribute.SetMetadata("interpolation", spec.GetInfo("interpolation"))
                 for c in times:
                     attribute.Set(layer.QueryTimeSample(spec.path, c), c)
-                if name in STRESS:                          # else the last one would stay, where this run writes none
+                if name in (*STRESS, REACTION):             # else the last one would stay, where this run writes none
                     attribute.Set(Sdf.ValueBlock(), restart.frame_time_code + stage.GetTimeCodesPerSecond() / scene.fps)
                 codes.update(times if name == "points" else ())
     return sorted(codes)

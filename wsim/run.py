@@ -90,6 +90,7 @@ class Run:
     preroll: int = 0
     first: int = 0                                # frames that an earlier run has done and written
     stress: bool = False                          # written with the points of soft bodies, see `wsim.stress`
+    reactions: bool = False                       # of every pin, written with it, see `wsim.reaction`
     shown: Callable[[int], None] = lambda done: None
     watchers: list[Callable] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=lambda: {"simulate": 0.0, "write": 0.0})
@@ -136,8 +137,9 @@ class Run:
         code = self.recorder.time_code(self.first + k / self.samples)
         with whole(), self._timed("write"):
             stress = {s.path: sim.stress(s.path).at_points() for s in self.scene.softs if self.stress}
+            forces = {p.path: sim.reactions(p.path) for p in self.scene.pins if self.reactions}
             self.recorder.append(code, {p: sim.positions(p) for p in paths}, {p: sim.velocities(p) for p in paths},
-                                 sim.poses(), stress)
+                                 sim.poses(), stress, forces)
         self.written = self.first + k // self.samples
         for watch in self.watchers:
             watch(sim)

@@ -4,8 +4,9 @@ import os
 import sys
 
 from wsim.fitting.field_result import FieldFit
+from wsim.fitting.files import read
 from wsim.fitting.fit import Fit, Settings, fit
-from wsim.fitting.observe import Track, read
+from wsim.fitting.observe import Track
 from wsim.progress import line
 from wsim.report import as_json
 from wsim.scene import Problem, Scene, SceneError
@@ -16,7 +17,7 @@ def run(scene: Scene, args) -> bool:
     if args.output:
         from wsim.usd.fitted import check_target
         check_target(scene, args.output)
-    seen: list[Track] = [t for path in args.to for t in read(path, scene, args.noise)]
+    seen: list[Track] = [t for path in args.to for t in read(path, scene, args.noise, force=args.force_noise)]
     settings = Settings(device=args.device, accuracy=args.accuracy or 0.0, limit=args.limit, state=args.restart)
     with line(0) as progress:
         progress.say("compiling")

@@ -12,6 +12,7 @@ import warp as wp
 
 from wsim import mend
 from wsim.fitting.parameter import Parameter
+from wsim.reaction import every
 from wsim.scene import Problem, Scene, SceneError
 from wsim.simulation import Simulation
 
@@ -94,6 +95,10 @@ class Copies:
                 raise Broken(sim.frame + 1, error.problems[0].text) from None
             if sim.plan is not self.plan or sim.plan.clock.substeps != self.substeps:
                 raise Broken(sim.frame, sim.warnings[-1] if sim.warnings else "the scheme has changed")
+
+    def look(self, seen) -> np.ndarray:
+        """What an observation is about, in every copy, (worlds, n, 3): positions [m], or forces of a pin [N]."""
+        return self.positions(seen.path) if seen.unit == "m" else every(self.sim, seen.path)
 
     def positions(self, path: str) -> np.ndarray:
         """World positions [m] of a body in every copy, (worlds, n, 3)."""

@@ -59,7 +59,7 @@ class Fit:
     scene: Scene                           # the first scene, with what was found
     scenes: list[Scene]
     converged: bool
-    sigma: float                           # [m] noise: estimated, or as given
+    sigma: float                           # noise [unit]: estimated, or as given
     misfit: float                          # rms of the residuals at the end over sigma: 1 where the model is right
     steps: int
     simulations: float                     # of the whole horizon: every copy counts, a part as a part
@@ -69,6 +69,7 @@ class Fit:
     seconds: float
     residuals: list[tuple[float, int, float]] = field(default_factory=list)     # time [s], frame, rms [m or sigma]
     notes: list[str] = field(default_factory=list)
+    unit: str = "m"                        # of sigma; where positions and forces have one each, "sigma" and 1
 
     @property
     def values(self) -> dict[str, float]:
@@ -86,7 +87,8 @@ class Fit:
                                 "identifiable": bool(np.isfinite(s))}
                                for p, v, s, a, b in zip(self.parameters, e.values, e.errors, e.low, e.high, strict=True)],
                 "correlation": e.correlation.tolist(), "singular_values": e.singular.tolist(), "not_identifiable": e.words,
-                "converged": self.converged, "sigma": self.sigma, "misfit_over_sigma": self.misfit, "frames": self.frames,
+                "converged": self.converged, "sigma": self.sigma, "sigma_unit": self.unit,
+                "misfit_over_sigma": self.misfit, "frames": self.frames,
                 "simulations": self.simulations, "launches": self.launches, "worlds": self.worlds, "steps": self.steps,
                 "seconds": self.seconds, "residuals": self.residuals, "notes": self.notes}
 
@@ -174,10 +176,10 @@ def _result(search: Search, found: list[Parameter], scenes: list[Scene], seconds
         notes.append(f"what is left is {left:.3g} times the noise that was given: the model, or the noise, is not right, and "
                      "error bars are too small")
     if noise > 3.0 * LOUD * best.quiet and not search.known:
-        notes.append(f"what is left grows from {sqrt(best.quiet):.2g} m to {sqrt(noise):.2g} m with time: the model misses "
-                     "something, or this is a wrong valley; try other start values, and do not trust the error bars")
+        notes.append(f"what is left grows from {sqrt(best.quiet):.2g} to {sqrt(noise):.2g} {misfit.unit} with time: the model "
+                     "misses something, or this is a wrong valley; try other start values, and do not trust the error bars")
     for p, value in zip(found, e.values, strict=True):
         scenes = [p.written(s, float(value)) for s in scenes]
     sigma = misfit.sigma if search.known else sqrt(noise)
     return Fit(found, e, scenes[0], scenes, search.converged, sigma, left, search.steps, misfit.walked, misfit.launches,
-               1 + len(found) * (1 + misfit.central), best.frame, seconds, best.rows, notes)
+               1 + len(found) * (1 + misfit.central), best.frame, seconds, best.rows, notes, misfit.unit)

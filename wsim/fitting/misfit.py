@@ -15,6 +15,7 @@ import numpy as np
 
 from wsim.fitting import observe
 from wsim.fitting.copies import Broken, Copies
+from wsim.fitting.files import read
 from wsim.fitting.parameter import Parameter
 from wsim.scene import Scene, SceneError
 
@@ -54,8 +55,16 @@ class Misfit:
         self.lasts = [max(int(o.frames.max()) for o in seen) for _, seen in experiments]
 
     @property
+    def unit(self) -> str:
+        """Of noise: "m" or "N"; "sigma" where both were observed, each with its own."""
+        found = {o.unit for _, seen in self.experiments for o in seen}
+        return found.pop() if len(found) == 1 else "sigma"
+
+    @property
     def sigma(self) -> float:
-        """Noise as given [m], of several the root of the mean square; 1 where none is given."""
+        """Noise as given [unit], of several the root of the mean square; 1 where none is given, or units differ."""
+        if self.unit == "sigma":
+            return 1.0
         return float(np.sqrt(np.mean([(o.sigma or 1.0)**2 for _, seen in self.experiments for o in seen])))
 
     def of(self, worlds: int) -> list[Copies]:
@@ -103,7 +112,7 @@ class Misfit:
                 copies[k].to(frame)
                 self.walked += len(each) * (frame - at[k]) / self.lasts[k] / len(copies)
                 at[k] = frame
-                residual = seen.residuals(row, copies[k].positions(seen.path)) / (seen.sigma or 1.0)
+                residual = seen.residuals(row, copies[k].look(seen)) / (seen.sigma or 1.0)
                 if not np.isfinite(residual).all():
                     raise Broken(frame, f"the misfit of {seen.path} is no number")
                 rows.append(residual)
@@ -135,14 +144,13 @@ def experiments_of(scene: Scene, observations, also) -> list[tuple[Scene, list]]
     found, problems = [], []
     for one, seen in [(scene, observations), *also]:
         try:
-            seen = observe.read(seen, one) if isinstance(seen, str) or hasattr(seen, "__fspath__") else list(seen)
+            seen = read(seen, one) if isinstance(seen, str) or hasattr(seen, "__fspath__") else list(seen)
         except SceneError as error:
             problems += error.problems
             continue
         problems += observe.wrong(seen, one)
         found.append((one, seen))
-    if len({o.sigma is None for _, seen in found for o in seen}) > 1:
-        problems += observe.mixed()
+    problems += observe.mixed([o for _, seen in found for o in seen])
     if problems:
         raise SceneError(problems)
     return found

@@ -1,18 +1,18 @@
 """What was seen of a motion: points at frames, or scans that do not say which point is which.
 
     Track    positions of points of a body, or of some of them, at frames; NaN: not seen
+    Pull     forces of a pin (`wsim.fitting.pulls`)
     Scan     points on the surface of a body at one frame. Each counts by its distance to the nearest place of the simulated
              surface, along the normal there (Chen, Medioni 1992); of a spring net by the way to the nearest particle
 
 Frame f is f / fps [s] after the scene's start; frame 0 is given and says nothing. Positions are in the world [m].
 """
 
-import os
 from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.scene import Problem, Scene, SceneError
+from wsim.scene import Problem, Scene
 
 NEAR = 24              # triangles by their centres, among which the nearest place is looked for
 CHUNK = 4_000_000      # distances at a time
@@ -22,6 +22,7 @@ CHUNK = 4_000_000      # distances at a time
 class Track:
     """positions (k, n, 3) [m] of n points of the body `path` at k frames."""
 
+    unit = "m"
     path: str
     frames: np.ndarray
     positions: np.ndarray
@@ -66,6 +67,7 @@ class Track:
 class Scan:
     """points (m, 3) [m] somewhere on the surface of the body `path` at a frame."""
 
+    unit = "m"
     path: str
     frame: int
     points: np.ndarray
@@ -157,85 +159,47 @@ def closest(p: np.ndarray, e: np.ndarray, f: np.ndarray) -> np.ndarray:
     return np.where(inside[..., None], np.stack([u, v], -1), on_edge)
 
 
-# from files, and what is wrong
-
-def read(path, scene: Scene, sigma: float | None = None, frames=None, bodies: list[str] | None = None) -> list[Track]:
-    """Tracks of the bodies of a scene in a stage with sampled points (a result of `wsim run`, say).
-
-    frames    which; None: every whole frame of the scene after the first that is there
-    bodies    paths; None: every body of the scene that has samples
-    Raises SceneError for other point counts, missing frames, or where there is no body.
-    """
-    from wsim.restart import Result
-    result, problems, tracks = Result(os.fspath(path)), [], []
-    sampled = result.paths()
-    wanted = [b for b in scene.bodies() if (b.path in sampled if bodies is None else b.path in bodies)]
-    if not wanted:
-        raise SceneError(Problem(result.path, f"has no samples of {', '.join(b.path for b in scene.bodies())}; it has samples "
-                                 f"of {', '.join(sampled) or 'nothing'}: observe a body of the scene, under its path"))
-    for body in wanted:
-        codes = {(code - scene.start) * scene.fps / result.fps: code for code in result.time_codes(body.path)}
-        whole = {round(f): code for f, code in codes.items() if abs(f - round(f)) < 1e-6}
-        asked = sorted(f for f in whole if 1 <= f <= scene.frames) if frames is None else [int(f) for f in frames]
-        missing = [f for f in asked if f not in whole]
-        if missing or not asked:
-            there = f"{min(whole)} to {max(whole)}" if whole else "none"
-            what = missing[0] if missing else "from 1 on"
-            problems.append(Problem(body.path, f"has no frame {what} in {result.path}; there are {there} (of "
-                                    f"{scene.fps:g} a second, from time code {scene.start:g})"))
-            continue
-        positions = [_author(result, body, whole[f]) for f in asked]
-        if any(len(p) != len(body.points) for p in positions):
-            wrong = next(len(p) for p in positions if len(p) != len(body.points))
-            problems.append(Problem(body.path, f"has {wrong} points in {result.path}; allowed is {len(body.points)}, as in the "
-                                    "scene: observe this mesh, or give Track(points=...) the points that were seen"))
-            continue
-        tracks.append(Track(body.path, np.array(asked), np.stack(positions), sigma=sigma, source=result.path))
-    if problems:
-        raise SceneError(problems)
-    return tracks
-
-
-def _author(result, body, code: float) -> np.ndarray:
-    """Positions [m] in the author's order: a net has a vertex of a curve for each end of a spring."""
-    from wsim.overs import particles_of
-    seen = result.positions(body.path, code)
-    own = particles_of(result.stage.GetPrimAtPath(body.path))
-    if own is None or len(own) != len(seen):
-        return seen
-    places = np.full((max(int(own.max()) + 1, len(body.points)), 3), np.nan)
-    places[own] = seen
-    return places
-
+# what is wrong
 
 def wrong(observations: list, scene: Scene) -> list[Problem]:
     """Everything that is wrong with observations of a scene."""
-    bodies, problems = {b.path: b for b in scene.bodies()}, []
+    problems = []
     if not observations:
         problems.append(Problem("observations", "there are none; give Track or Scan objects, or a USD file"))
     for o in observations:
-        if o.path not in bodies:
-            problems.append(Problem(o.path, f"is observed and is no body of the scene; bodies are {', '.join(bodies)}"))
+        noun, things = ("body", scene.bodies()) if o.unit == "m" else ("pin", scene.pins)
+        thing = next((t for t in things if t.path == o.path), None)
+        if thing is None:
+            problems.append(Problem(o.path, f"is observed and is no {noun} of the scene; there are "
+                                    f"{', '.join(t.path for t in things) or 'none'}"))
             continue
-        look = _track if isinstance(o, Track) else _scan
-        problems += [Problem(o.path, text) for text in look(o, len(bodies[o.path].points))]
+        look, count = _track if isinstance(o, Track) else _scan, 1 if getattr(o, "total", False) else len(thing.points)
+        problems += [Problem(o.path, text) for text in look(o, count)]
         if o.sigma is not None and not (np.isfinite(o.sigma) and o.sigma > 0.0):
-            problems.append(Problem(o.path, f"sigma is {o.sigma}; allowed is a finite length > 0 [m], or None"))
+            problems.append(Problem(o.path, f"sigma is {o.sigma}; allowed is a finite number > 0 [{o.unit}], or None"))
         if len(o.frames) and (o.frames.min() < 1 or o.frames.max() > scene.frames):
             problems.append(Problem(o.path, f"is observed at frames {o.frames.min()} to {o.frames.max()}; allowed is 1 to "
                                     f"{scene.frames}, the scene's last (frame 0 is given)"))
     return problems
 
 
-def mixed() -> list[Problem]:
-    return [Problem("observations", "some have sigma and some have none; give it to all, or to none (estimated)")]
+def mixed(observations: list) -> list[Problem]:
+    """Whether noise is known of some and not of others, or unknown of positions beside forces."""
+    known = {o.sigma is not None for o in observations}
+    if len(known) > 1:
+        return [Problem("observations", "some have sigma and some have none; give it to all, or to none (estimated)")]
+    if known == {False} and len({o.unit for o in observations}) > 1:
+        return [Problem("observations", "positions [m] and forces [N] need a sigma each: without, nobody knows how to weigh "
+                        "them")]
+    return []
 
 
 def _track(o: Track, count: int) -> list[str]:
     k, n = len(o.frames), count if o.points is None else len(o.points)
     texts = []
     if o.positions.shape != (k, n, 3):
-        texts.append(f"{o.source} has positions of shape {o.positions.shape}; allowed is {(k, n, 3)} (frames, points, 3)")
+        noun = "positions" if o.unit == "m" else "forces"
+        texts.append(f"{o.source} has {noun} of shape {o.positions.shape}; allowed is {(k, n, 3)} (frames, points, 3)")
     elif not np.isfinite(o.positions).all(axis=2).any():
         texts.append("none of its points was seen: every position is NaN or infinite")
     if o.points is not None and len(o.points) and (o.points.min() < 0 or o.points.max() >= count):

@@ -1,7 +1,7 @@
 """Fields that a fit has found, in its layer, and back.
 
     young, poisson of each tet        primvars:wsim:young (double[], uniform) on the TetMesh, read by `load_fields`
-    stretch, bend of each edge, hinge primvars:wsim:bend (double[], constant) on the Mesh: kept, and not read
+    stretch, bend .. of each element  primvars:wsim:bend (double[], constant) on the Mesh: kept, and not read
     velocities                        the attribute of the points
     motion of a pin                   samples on the Xform that it hangs on
     stiffness of each spring          wsim:stiffness, by `wsim.usd.fitted`
@@ -22,7 +22,7 @@ from wsim.usd.motion import author_motion
 from wsim.usd.stage import Reading, Units
 
 SOLID = {"young": "Pa", "poisson": "1"}
-FLAT = {"stretch": "N/m", "bend": "N m"}
+FLAT = {"stretch": "N/m", "shear": "N/m", "weft": "N/m", "bend": "N m"}
 
 
 def author_fields(stage: Usd.Stage, fields: list[tuple[str, str, np.ndarray]], bodies: dict[str, Any]) -> None:

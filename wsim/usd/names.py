@@ -33,6 +33,7 @@ BINDING = "MaterialBindingAPI"
 # Schemas of wsim, registered from schema/.
 WSIM_SCENE, WSIM_CLOTH, WSIM_MATERIAL = "WsimSceneAPI", "WsimClothAPI", "WsimMaterialAPI"
 WSIM_SPRINGS, WSIM_COLLIDER, WSIM_SOFT = "WsimSpringsAPI", "WsimColliderAPI", "WsimSoftAPI"
+WSIM_ATTACHMENT = "WsimAttachmentAPI"
 
 # Fallbacks of the proposal, in SI units; the schemas are not registered, so USD cannot supply them.
 YOUNGS_MODULUS = 1.0e6      # [Pa]
@@ -166,6 +167,9 @@ TABLE = (
     Row("Tie", "others", ATTACHMENT, "physics:indices1", "int[]"),
     Row("Pin", "stiffness", ATTACHMENT, "physics:stiffness", "float", "N/m"),
     Row("Pin", "damping", ATTACHMENT, "physics:damping", "float", "N s/m"),
+    Row("Pin", "reaction", WSIM_ATTACHMENT, "wsim:reaction", "vector3f[]", "N"),
+    Row("Pin", "reaction_noise", WSIM_ATTACHMENT, "wsim:reactionNoise", "float", "N"),
+    Row("Pin", "reaction_weights", WSIM_ATTACHMENT, "wsim:reactionWeights", "float[]"),
 )
 SRC0, SRC1 = "physics:src0", "physics:src1"                     # relationships of an attachment
 STEPS_HINT = "newton:timeStepsPerSecond"                        # read where wsim:substeps is not authored

@@ -1,0 +1,41 @@
+"""Reactions of pins on a stage, `wsim:reaction` of the attachment: written by a run, read as observations.
+
+    vector3f[] wsim:reaction          time samples: the force that the attachment puts on each point of physics:indices0, in the
+                                      world [mass length/s^2]; a single value is their sum; NaN: not seen
+    float      wsim:reactionNoise     standard deviation of each component [mass length/s^2], of observations
+    float[]    wsim:reactionWeights   of each point: part of 1 / noise^2; 0: not counted
+"""
+
+import numpy as np
+from pxr import Usd
+
+from wsim.usd import names
+from wsim.usd.attributes import array, attribute_of, read
+from wsim.usd.stage import Units
+
+REACTION = names.row("Pin", "reaction").attribute
+
+
+def sample(prim: Usd.Prim, forces: np.ndarray) -> tuple:
+    """(attribute, value) of forces [N] (n, 3), not yet set."""
+    entry = names.row("Pin", "reaction")
+    prim.AddAppliedSchema(entry.schema)
+    return attribute_of(prim, entry), array(forces, entry.type, Units.of(prim.GetStage()).factor(entry.unit))
+
+
+def codes(prim: Usd.Prim) -> list[float]:
+    """Time codes of the samples; none where there is no such prim."""
+    attribute = prim.GetAttribute(REACTION) if prim else None
+    return list(attribute.GetTimeSamples()) if attribute else []
+
+
+def forces(prim: Usd.Prim, code: float) -> np.ndarray:
+    """[N], (n, 3) float64; (0, 3) where nothing is said."""
+    value = read(prim, "Pin", "reaction", Units.of(prim.GetStage()), time=code)
+    return np.zeros((0, 3)) if value is None else value.astype(np.float64)
+
+
+def noise(prim: Usd.Prim) -> tuple[float | None, np.ndarray | None]:
+    """Standard deviation [N] and weights, None where they are not authored."""
+    units = Units.of(prim.GetStage())
+    return read(prim, "Pin", "reaction_noise", units), read(prim, "Pin", "reaction_weights")
