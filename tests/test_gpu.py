@@ -7,6 +7,8 @@ import warp as wp
 from tests.test_bounce import ball
 from tests.test_contact_adjoint import SOLVERS, dropped
 from tests.test_gradients import bar, sheet
+from tests.test_muscles import SOLVERS as PULLED
+from tests.test_muscles import crawler, muscled
 from tests.test_simulation import chain, drape
 from tests.test_ties import laid
 from tools.bench import reference
@@ -299,3 +301,16 @@ def test_a_ball_bounces_and_has_the_gradients_of_its_motion():
         found.append(recording.backward({118: np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0]])}))
     assert found[1].positions() == pytest.approx(found[0].positions(), rel=1e-9, abs=1e-12)
     assert found[1].gravity() == pytest.approx(found[0].gravity(), rel=1e-9, abs=1e-12)
+
+
+def test_muscles_and_their_gradients_agree():
+    """By every solver, and of a soft body that they move over the ground."""
+    for scene in (*(muscled(**settings) for settings in PULLED.values()), crawler()):
+        path, found = scene.bodies()[0].path, []
+        for device in ("cpu", "cuda:0"):
+            recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 3)
+            found.append(recording.backward({3: {path: recording.positions(0, path)}}))
+        a, b = (g.actuation(scene.springs[0].path) for g in found)
+        assert np.abs(b - a).max() < 1e-7 * np.abs(a).max()
+        sims = ends(scene, 3, "cpu", "cuda:0", precision="float64")
+        assert reference.rms(next(sims) - next(sims)) < 1e-9

@@ -83,7 +83,18 @@ def _net(rng, path: str) -> Springs:
                    rng.uniform(0.1, 1.0, rng.choice([1, 5])),
                    lengths=rng.uniform(0.5, 1.0, 5) if rng.integers(2) else None,
                    damping=rng.uniform(), radius=rng.choice([0.0, 0.01]), motion=_motion(rng, rigid=False),
-                   velocities=rng.normal(size=(5, 3)) if rng.integers(2) else None, static_friction=rng.uniform())
+                   velocities=rng.normal(size=(5, 3)) if rng.integers(2) else None, static_friction=rng.uniform(),
+                   **_muscles(rng))
+
+
+def _muscles(rng) -> dict:
+    """None, one group of all springs that does not change, or two of some that do, at keys that are no frames."""
+    if not rng.integers(3):
+        return {}
+    if not rng.integers(2):
+        return {"actuation": Curve(rng.choice([[0.0], [0.2]]), rng.uniform(0.5, 1.5, (1, 1)))}
+    return {"actuation": Curve(np.cumsum(rng.uniform(0.01, 0.3, 4)), rng.uniform(0.5, 1.5, (4, 2))),
+            "muscles": np.array([0, -1, 1, 1, -1])}
 
 
 def _shapes(rng) -> list:

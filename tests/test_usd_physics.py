@@ -124,6 +124,24 @@ def test_springs_share_points_by_a_map_and_pins_name_vertices(read):
     assert scene.pins[0].points.tolist() == [2, 1]
 
 
+MUSCLES = ('def BasisCurves "net" (prepend apiSchemas = ["PhysicsDeformableBodyAPI", "WsimSpringsAPI"]) {\n'
+           'uniform token type = "linear"\nint[] curveVertexCounts = [3]\n'
+           "point3f[] points = [(0, 0, 0), (1, 0, 0), (2, 0, 0)]\n"
+           "float[] wsim:stiffness = [5]\nfloat[] wsim:masses = [1]\nuniform int[] wsim:muscles = [-1, 0]\n"
+           "double[] wsim:actuation.timeSamples = {%s}\n}\n")
+
+
+def test_muscles_follow_samples_over_time(read):
+    scene = read(MUSCLES % "2: [1.0], 12: [0.5]", header="timeCodesPerSecond = 20\nstartTimeCode = 2\nendTimeCode = 12")
+    springs = scene.springs[0]
+    assert springs.muscles.tolist() == [-1, 0] and springs.actuation.times.tolist() == [0.0, 0.5]
+    assert springs.actuation.at(0.25).tolist() == [0.75]
+
+
+def test_samples_of_muscles_of_different_sizes_are_refused(read):
+    assert "has 1 and 2 values at different times" in errors(read, MUSCLES % "1: [1.0], 2: [0.5, 1.0]")
+
+
 # Attachments ---------------------------------------------------------------------------------------------------------
 
 def attachment(extra: str = "int[] physics:indices0 = [0, 3]", kinds=("point", "xform"), target: str = "/hook") -> str:

@@ -30,17 +30,17 @@ LAYERS = (
     ("contact",),
     ("cloth", "soft"),
     ("frequency", "choice", "covered"),
-    ("elastic", "elements", "fem", "plastic", "pressure", "force_adjoint", "gather"),
+    ("elastic", "elements", "fem", "plastic", "pressure", "force_adjoint", "gather", "watch"),
     ("adjoint", "xpbd_adjoint"),
-    ("points", "explicit", "implicit", "aero", "xpbd", "rigid", "fluid", "pose"),
+    ("points", "explicit", "implicit", "aero", "xpbd", "muscles", "rigid", "fluid", "pose"),
     ("plan",),
     ("measure", "mend", "stress", "reaction", "simulation", "parameters", "sensitivity", "growth",
      "seeds", "segments", "recording"),
-    ("inputs", "arrays", "products", "trust", "layer", "layer_jax"),
+    ("input", "controls", "inputs", "arrays", "products", "trust", "layer", "layer_jax"),
     ("usd", "partial", "sublayer", "overs", "restart", "recorder", "fitting", "drawn", "visible", "view", "picture"),
     ("cli", "bench", "commands", "run", "__main__", "__init__"),
 )
-METHODS = {"points", "explicit", "implicit", "aero", "xpbd", "rigid", "fluid", "pose"}    # these never import each other
+METHODS = {"points", "explicit", "implicit", "aero", "xpbd", "muscles", "rigid", "fluid", "pose"}   # never import each other
 READS_USD = {"usd", "partial", "sublayer", "overs", "restart", "recorder", "drawn", "visible"}
 WITHOUT_WARP = {*LAYERS[0], *READS_USD, "cli", "__init__", "__main__"}
 ONLY = {"rerun": {"view"}, "pxr": {*READS_USD, "view", "picture"}, "matplotlib": {"bench"}, "torch": {"layer"},

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from wsim.bulk import Bulk
-from wsim.curve import Motion
+from wsim.curve import Curve, Motion
 from wsim.fabric import Fabric
 
 CLOTH_MODELS = ("membrane", "springs")
@@ -65,7 +65,8 @@ class Cloth(Compared):
 
 @dataclass(eq=False)
 class Springs(Compared):
-    """A net of linear springs between own points."""
+    """A net of linear springs between own points. With `actuation` some are muscles: their rest length is multiplied by the
+    factor of their group, which changes over time."""
 
     path: str
     points: np.ndarray                       # [m] own frame, (n, 3) float32
@@ -79,8 +80,14 @@ class Springs(Compared):
     velocities: np.ndarray | None = None     # [m/s], (n, 3)
     static_friction: float = 0.5
     dynamic_friction: float = 0.5
+    actuation: Curve | None = None           # factors of rest lengths, values (keys, groups), > 0; linear between keys
+    muscles: np.ndarray | None = None        # group of each spring, (m,), -1: passive; None: all are of group 0
 
     def __post_init__(self):
+        self.muscles = array(self.muscles, np.int32, -1)
+        if self.actuation is not None:
+            values = np.asarray(self.actuation.values, np.float64)
+            self.actuation = Curve(self.actuation.times, values.reshape(len(values), -1))
         self.points, self.edges = array(self.points, np.float32, -1, 3), array(self.edges, np.int32, -1, 2)
         self.stiffness, self.masses = array(self.stiffness, np.float32, -1), array(self.masses, np.float32, -1)
         self.lengths, self.velocities = array(self.lengths, np.float32, -1), array(self.velocities, np.float32, -1, 3)

@@ -145,6 +145,7 @@ def springs(net: Springs) -> list[Problem]:
     found += array(path, "rest lengths", net.lengths, (m,), 0.0, True)
     for name in ("damping", "radius", "static_friction", "dynamic_friction"):
         found += number(path, name, getattr(net, name), 0.0)
+    found += muscles(net)
     if m == 0:
         found.append(error(path, "a net without springs", "at least one", "author curves of two or more points"))
     bad = ((net.edges < 0) | (net.edges >= n)).any(axis=1)
@@ -159,6 +160,29 @@ def springs(net: Springs) -> list[Problem]:
         found.append(error(path, f"{zero.sum()} springs are of length 0, first spring {k} on points "
                            f"{net.edges[k].tolist()}", "> 0", "make the two points one, or give rest lengths"))
     return found
+
+
+def muscles(net: Springs) -> Iterator[Problem]:
+    """Factors over time, and which spring is of which group."""
+    path, m, curve = net.path, len(net.edges), net.actuation
+    if curve is None:
+        if net.muscles is not None:
+            yield error(path, "muscles without an actuation", "both, or none", "author wsim:actuation, or leave muscles out")
+        return
+    yield from array(path, "factors of actuation", curve.values.ravel(), (curve.values.size,), 0.0, True)
+    if not np.isfinite(curve.times).all():
+        yield error(path, "times of actuation that are no numbers", "finite ones", "author its keys again")
+    groups, of = curve.values.shape[1], np.zeros(m, np.int32) if net.muscles is None else net.muscles
+    if len(of) != m:
+        yield error(path, f"{len(of)} muscles", f"{m}, the group of each spring", "author -1 for a spring that is none")
+    bad = (of < -1) | (of >= groups)
+    if bad.any():
+        k = int(np.argmax(bad))
+        yield error(path, f"spring {k} is of muscle group {of[k]}", f"-1 (passive) to {groups - 1}: actuation has {groups} "
+                    "groups", "name one of them, or give the actuation more values a key")
+    elif missing := sorted(set(range(groups)) - set(of.tolist())):
+        yield warning(path, f"no spring is of muscle group {missing[0]}", f"springs in each of {groups} groups",
+                      "leave the group out of wsim:actuation")
 
 
 def collider(thing: Collider) -> list[Problem]:

@@ -6,8 +6,8 @@
                  pins, but for Newton's method; contacts with convex shapes, friction and restitution, but for Newton's
                  method and BDF2
     by           initial positions and velocities, masses, every stiffness, damping and pressure above (of each element), rest
-                 lengths, where pins are, stiffness and damping of soft ones, gravity, drag of the air, wind, drag and lift,
-                 friction of a body
+                 lengths, factors of rest lengths over time (muscles), where pins are, stiffness and damping of soft ones,
+                 gravity, drag of the air, wind, drag and lift, friction of a body
     not yet      contacts with meshes, plasticity; by colliders' motions, their friction and restitution, rest shapes
 """
 

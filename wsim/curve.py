@@ -46,6 +46,17 @@ class Curve:
             return self.values[a]
         return self.values[a] + s * (self.values[b] - self.values[a])
 
+    def weights(self, times: np.ndarray) -> np.ndarray:
+        """Part of each key in the values at some times, (times, keys): the values are weights @ keys' values."""
+        t = np.clip(np.asarray(times, np.float64), self.times[0], self.times[-1])
+        found = np.zeros((len(t), len(self.times)))
+        if not self.moves:
+            return found + 1.0
+        a = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2)
+        s, each = (t - self.times[a]) / (self.times[a + 1] - self.times[a]), np.arange(len(t))
+        found[each, a], found[each, a + 1] = 1.0 - s, s
+        return found
+
     def __eq__(self, other) -> bool:
         return (type(self) is type(other) and np.array_equal(self.times, other.times)
                 and np.array_equal(self.values, other.values))

@@ -18,13 +18,12 @@ from wsim.gather import Pull
 from wsim.integrator import Integrator
 from wsim.kernels import cluster, march
 from wsim.kernels import explicit as kernels
-from wsim.kernels import spring as kernels_spring
 from wsim.kernels.abreast import teams
-from wsim.kernels.march import MOST
 from wsim.kernels.real import types
-from wsim.model import Model, edge_lengths
+from wsim.model import Model
 from wsim.stage import RESIDUAL, Clock, Method, Stage
 from wsim.state import State
+from wsim.watch import Watch
 
 
 class Explicit(Method):
@@ -38,12 +37,15 @@ class Explicit(Method):
         self.rows, self.pins, self.steps = in_worlds(model, rows), pins, steps
         self.target = None            # of the pins, as the net has it
         self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
+        self.muscles = None           # the method that puts their rest lengths
         self.impacts = lambda: None   # takes impacts out of `change` before leapfrog's last half kick (`wsim.contact.bounce`)
         self.pull = Pull(model, points.constants, self.rows, None if pins is None else pins.columns(),
                          alone=not (steps or self.integrator.stages))
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
+        self.acts = any(r.body and getattr(r.body.source, "actuation", None) for r in self.rows)
         self.make(clock.substeps)
-        self.watch()
+        self.watch = None if self.marches and not self.steps else Watch(model, state, self.status)
+        self.stages += self.watch.stages if self.watch else []
 
     # stages
 
@@ -51,7 +53,7 @@ class Explicit(Method):
         """Kernels and stages."""
         model, real, module, pull = self.model, self.model.real, self.model.module, self.pull
         what, size = f"{pull.count} springs, {sum(len(e.ids) for e in pull.elements)} elements", pull.bytes
-        plain = not (pull.elements or self.integrator.stages or self.field)
+        plain = not (pull.elements or self.integrator.stages or self.field or self.acts)
         self.marches = pull.added and plain
         if pull.cluster and plain:
             self.run = cluster.frame(real, model.module_of(pull.cluster.threads), pull.cluster)
@@ -73,7 +75,7 @@ class Explicit(Method):
             pull.need_springs()
             make = kernels.stage if self.integrator.stages else kernels.leap
             self.kernel = make(real, module, pull.flags(), self.field)
-        launches = self.integrator.forces * (1 + pull.launches)
+        launches = self.integrator.forces * (1 + pull.launches + self.acts)
         if self.steps:
             self.correct, self.settle = kernels.correct(real, module), kernels.settle(real, module)
             self.change = wp.zeros(model.points, dtype=types(real).vec3, device=model.device)
@@ -99,23 +101,6 @@ class Explicit(Method):
         m = self.moving = march.moving(self.model.real)()
         m.x, m.d, m.q, m.v, m.carry, m.slip, m.frame = self.state.x, d, q, self.state.v, carry, slip, int(slip is None)
         m.status = self.status[RESIDUAL:]
-
-    def watch(self) -> None:
-        """An edge that has more than doubled, or is no number, may be one that an unstable step has thrown: `Simulation`
-        repeats the frame with another solver where the scene leaves it the choice, and warns where not. Whole frames of a
-        march look at their springs themselves."""
-        edges = [(b, edge_lengths(b)) for b in self.model.bodies if len(b.edges)]
-        if not edges or (self.marches and not self.steps):
-            return
-        ids = self.model.shared(np.concatenate([b.edges[rest > 0.0] for b, rest in edges]).astype(np.int32))
-        self.edges = self.model.upload(ids, wp.vec2i)
-        self.most = self.model.upload(MOST * np.concatenate([rest[rest > 0.0] for _, rest in edges]), self.model.real)
-        self.stretched = kernels_spring.stretched(self.model.real, self.model.module)
-        self.stages.append(Stage("watch", "deform", self.look, 1, len(ids) * 24, "frame", f"{len(ids)} edges"))
-
-    def look(self, clock: Clock) -> None:
-        if len(self.most):
-            self.model.launch(self.stretched, len(self.most), [self.edges, self.most, self.state.x], [self.status[RESIDUAL:]])
 
     def start(self, clock: Clock) -> None:
         s = self.state
@@ -147,6 +132,7 @@ class Explicit(Method):
     def kick(self, clock: Clock, kick: float, drift: float, source: int) -> int:
         """From copy `source`; returns the copy that it ends in."""
         s, step = self.state, self.step(clock, kick, drift, source)
+        self.contract(clock, float(drift == 0.0))
         if self.marches:
             step.count = 1
             self.model.launch(self.march, 1, [self.net, self.pull.table, step, teams()()], [self.moving, self.pull.space])
@@ -156,6 +142,11 @@ class Explicit(Method):
                           [self.net, self.pull.force, s.x, self.pair, s.v, self.carry, step],
                           [self.pair, s.v, self.carry], self.pull.backward)
         return 1 - source
+
+    def contract(self, clock: Clock, part: float) -> None:
+        """Muscles have the lengths of that part of the substep."""
+        if self.muscles:
+            self.muscles.act(2 * clock.k + round(2.0 * part))
 
     def advance(self, clock: Clock, source: int) -> int:
         """One substep from copy `source`; returns the copy that it ends in. Leapfrog's velocity stays at the half step."""
@@ -167,7 +158,8 @@ class Explicit(Method):
 
     def stage_by_stage(self, clock: Clock, source: int) -> int:
         s, coefficients = self.state, self.integrator.stages
-        for number, (_, b) in enumerate(coefficients):
+        for number, (c, b) in enumerate(coefficients):
+            self.contract(clock, c)
             self.pull.launch(source, s.x, self.pair)
             part = kernels.parts(self.model.real)()
             part.last = int(number == len(coefficients) - 1)
@@ -271,7 +263,8 @@ class Explicit(Method):
         """elastic_energy [J]."""
         from wsim.elastic import energy
         solid = self.solids[0].indicators(self.solids, self.state) if self.solids else {}
-        return {"elastic_energy": energy(self.model, self.rows, self.state) + solid.get("solid_energy", 0.0), **solid}
+        now = self.muscles.present(self.rows) if self.muscles else self.rows
+        return {"elastic_energy": energy(self.model, now, self.state) + solid.get("solid_energy", 0.0), **solid}
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """stretch, shear, bend of a cloth, stiffness of a spring net, damping [s] of either where there is some."""

@@ -111,8 +111,9 @@ def stiffest(body: Body, parts: list | None, w: np.ndarray) -> tuple[float, floa
     return top, decay
 
 
-def _inverse(body: Body, pinned: np.ndarray) -> np.ndarray:
-    w = 1.0 / body.masses
+def _inverse(model: Model, body: Body, pinned: np.ndarray) -> np.ndarray:
+    """Inverse masses of a body's points; one that another body shares has the mass of both."""
+    w = 1.0 / (body.masses if model.alias is None else model.stack("masses")[model.alias[body.first:body.last]])
     w[pinned[(pinned >= body.first) & (pinned < body.last)] - body.first] = 0.0
     return w
 
@@ -127,7 +128,7 @@ def bound(model: Model, rows: dict[str, list[Rows]], parts: list | None = None) 
     """Highest frequency omega [rad/s] and highest decay rate c [1/s] of the points of world 0, from above. parts: `solids`."""
     pinned, tops, decays = np.setdiff1d(hard_places(model), model.gone), [0.0], [0.0]
     for body in (b for b in model.bodies if b.world == 0):
-        w = _inverse(body, pinned)
+        w = _inverse(model, body, pinned)
         sums, damped = np.zeros(body.count), np.zeros(body.count)
         for s in stiffness(rows[body.path], body):
             g = np.linalg.norm(s.J[:, 0], axis=2) if s.J.shape[1] == 1 else np.linalg.norm(s.J.swapaxes(1, 2), 2, (2, 3))
@@ -146,7 +147,7 @@ def estimate(model: Model, rows: dict[str, list[Rows]], iterations: int = ITERAT
     """Highest frequency [rad/s] of the points of world 0 at rest, from below."""
     pinned, top = hard_places(model), 0.0
     for body in (b for b in model.bodies if b.world == 0):
-        parts, root = [*stiffness(rows[body.path], body), *solids(body, None)], np.sqrt(_inverse(body, pinned))[:, None]
+        parts, root = [*stiffness(rows[body.path], body), *solids(body, None)], np.sqrt(_inverse(model, body, pinned))[:, None]
         y, value = np.random.default_rng(7).normal(size=(body.count, 3)) * root, 0.0
         for _ in range(iterations):
             size = np.linalg.norm(y)

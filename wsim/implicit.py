@@ -43,7 +43,7 @@ class Implicit(Method):
         self.tables = {kind: Table(kind, [r for r in every if r.kind == kind], model)
                        for kind in KINDS if any(r.kind == kind for r in every)}
         self.contact = self.pins = self.free = self.adjoint = None
-        self.solids: list = []
+        self.solids, self.present = [], list        # present: rows with rest lengths as they are now (`wsim.muscles`)
         if model.scene.softs:
             from wsim.fem import tables_of
             self.solids = tables_of(model)
@@ -275,7 +275,7 @@ class Implicit(Method):
         bodies; pcg_iterations of the last substep, largest of all bodies."""
         from wsim.elastic import energy
         solid = self.solids[0].indicators(self.solids, self.state) if self.solids else {}
-        stored = energy(self.model, self.every, self.state) + solid.get("solid_energy", 0.0)
+        stored = energy(self.model, self.present(self.every), self.state) + solid.get("solid_energy", 0.0)
         return {"elastic_energy": stored, **solid, "residual": float(self.residual.numpy().max()),
                 "pcg_iterations": float(self.system.count.numpy().max())}
 

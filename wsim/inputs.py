@@ -2,6 +2,7 @@
 
     /World/Cloth:positions, :velocities      (n, 3) [m], [m/s] where the recording begins, in world space, author's order
     /World/Cloth:stretch, :density, ...      () one value of a live parameter, or (elements,) one for each element
+    /World/Net:actuation                     factors of a net's muscles, (keys, groups) of its curve
     /World/Pin:targets                       where a pin puts its points [m]: (frames, substeps, n, 3), or (n, 3) if it is still
     gravity, wind                            (3,) [m/s^2], [m/s] of the whole scene
     air_drag                                 () [1/s]
@@ -11,103 +12,17 @@ the worlds, in front; without it all worlds share the value. Points that are one
 of the last of them.
 """
 
-from abc import ABC, abstractmethod
-from math import ceil
 from typing import Any
 
 import numpy as np
 
+from wsim.controls import Actuation, Targets
+from wsim.input import PART, Input, Start
 from wsim.masses import density_of
 from wsim.mend import STIFFENS
-from wsim.middles import places, spread
-from wsim.model import edge_lengths
 from wsim.scene import Problem, SceneError
 
 SCENE = {"gravity": (3,), "wind": (3,), "air_drag": ()}
-PART = 0.05            # of a value, that a derivative by differences may move it
-
-
-class Input(ABC):
-    """One named value of a recording. `scale`: by how much it may change, at most, for a difference to be a derivative."""
-
-    def __init__(self, recording, name: str):
-        self.recording, self.sim, self.model, self.name = recording, recording.sim, recording.sim.model, name
-        self.path, _, self.what = name.rpartition(":")
-
-    def shapes(self) -> list[tuple[int, ...]]:
-        """Shapes that a value of one world may have."""
-        return [self.read().shape]
-
-    def each(self, value) -> np.ndarray:
-        """A given value for every world, (worlds, ...). Raises SceneError for other shapes and what is no finite number."""
-        value, worlds, shapes = np.asarray(value, np.float64), self.sim.worlds, self.shapes()
-        allowed = shapes + [(worlds, *s) for s in shapes] * (worlds > 1)
-        if value.shape not in allowed:
-            raise SceneError(Problem(self.name, f"found shape {value.shape}; allowed are {', '.join(map(str, allowed))}"))
-        if not np.isfinite(value).all():
-            raise SceneError(Problem(self.name, "found a value that is no finite number"))
-        return np.broadcast_to(value, (worlds, *value.shape)) if value.shape in shapes else value
-
-    def write(self, value) -> None:
-        for world, each in enumerate(self.each(value)):
-            self.put(each, world)
-
-    def put(self, value: np.ndarray, world: int) -> None:
-        """Sets a live parameter; the number of substeps stays as it is."""
-        path = self.path or "/"
-        if not any([m.set(path, self.what, value if value.shape else float(value), world) for m in self.sim.plan.methods]):
-            raise SceneError(Problem(self.name, "is no live parameter here, and takes no values"))
-        key = path, self.what, world
-        self.sim.changes = [c for c in self.sim.changes if (c[0], c[1], c[3]) != key] + [(path, self.what, value, world)]
-
-    @abstractmethod
-    def read(self, world: int = 0) -> np.ndarray:
-        """As it is now."""
-
-    @abstractmethod
-    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        """Of one world, of a value of that shape, from a `wsim.sensitivity.Gradient`."""
-
-    def scale(self) -> float:
-        return PART * float(np.abs(self.read()).max())
-
-
-class Start(Input):
-    """positions or velocities of a body where the recording begins. What an earlier step has left of a run that was already
-    under way (BDF2, leapfrog among contacts) stays as it is."""
-
-    def field(self, name: str) -> slice:
-        """Where a field stands in `Recording.initial`."""
-        kept = [f.name for f in self.sim.state.fields if f.persistent]
-        return slice(kept.index(name) * self.model.points, (kept.index(name) + 1) * self.model.points)
-
-    def read(self, world: int = 0) -> np.ndarray:
-        every, body = self.recording.initial.numpy().astype(np.float64), self.model.body(self.path, world)
-        if self.what == "velocities":
-            return every[self.field("v")][body.index]
-        return (every[self.field("x")] + every[self.field("e")])[body.index] + body.origin
-
-    def write(self, value) -> None:
-        every = self.recording.initial.numpy().copy()
-        for world, each in enumerate(self.each(value)):
-            body = self.model.body(self.path, world)
-            where = places(body)
-            if self.what == "velocities":
-                every[self.field("v")][where] = spread(each, body.ends)
-            else:
-                exact = spread(each - body.origin, body.ends)
-                every[self.field("x")][where] = exact
-                every[self.field("e")][where] = exact - every[self.field("x")][where]
-        self.recording.initial.assign(every)
-
-    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        return getattr(gradient, self.what)(self.path, world)
-
-    def scale(self) -> float:
-        """A part of a mean edge; velocities: that change a place by as much in the time of the recording."""
-        body = self.model.body(self.path)
-        edge = PART * float(edge_lengths(body).mean()) if len(body.edges) else PART * 0.1
-        return edge if self.what == "positions" else edge * self.sim.scene.fps / self.recording.frames
 
 
 class Whole(Input):
@@ -209,55 +124,6 @@ class Material(Input):
         return PART * float((0.5 - value).min()) if self.what == "poisson" else PART * float(np.abs(value).min())
 
 
-class Given:
-    """Where a pin's points belong, by a table (frames, rows, points, 3) or (points, 3) [m]: in the place of a `Motion`.
-    at: parts of a frame of its rows."""
-
-    def __init__(self, table: np.ndarray, start: int, fps: float, at: np.ndarray):
-        self.table, self.start, self.fps, self.at, self.moves = table, start, fps, at, table.ndim == 4
-
-    def points(self, local: np.ndarray, time: float) -> np.ndarray:
-        if not self.moves:
-            return self.table
-        t = time * self.fps - self.start
-        frame = min(max(ceil(t - 1e-6) - 1, 0), len(self.table) - 1)
-        return self.table[frame, np.argmin(np.abs(self.at - (t - frame)))]
-
-
-class Targets(Input):
-    """Where a pin puts its points, or pulls them to. Where no pin of the scene moves, it stands still."""
-
-    def __init__(self, recording, name: str):
-        super().__init__(recording, name)
-        self.pins = recording.parameters.pins
-
-    def pin(self, world: int):
-        """(the pin of that world, whether it is a hard one)."""
-        for kind, group in self.pins.groups.items():
-            for p in group:
-                if p.pin.path == self.path and p.body.world == world:
-                    return p, kind == "hard"
-        raise AssertionError(self.path)
-
-    def read(self, world: int = 0) -> np.ndarray:
-        (p, hard), r, clock = self.pin(world), self.recording, self.sim.plan.clock
-        if not self.pins.moves:
-            return p.targets(r.start / self.sim.scene.fps) + p.body.origin
-        return np.stack([[p.targets((r.start + f) / self.sim.scene.fps + moment) + p.body.origin
-                          for moment in clock.moments(hard)] for f in range(r.frames)])
-
-    def put(self, value: np.ndarray, world: int) -> None:
-        (p, hard), clock = self.pin(world), self.sim.plan.clock
-        p.motion = Given(value, self.recording.start, self.sim.scene.fps, clock.moments(hard) / clock.dt)
-        self.pins.changed, self.sim.graph = True, None
-
-    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        return gradient.targets(self.path, world)
-
-    def scale(self) -> float:
-        return Start(self.recording, f"{self.pin(0)[0].pin.body}:positions").scale()
-
-
 def inputs(recording, names) -> dict[str, Input]:
     """By name. Raises SceneError with every name that is none, or nothing can be differentiated by."""
     found: dict[str, Input] = {}
@@ -288,7 +154,7 @@ def _input(recording, name: str) -> Input:
     if path not in paths:
         pins = [f"{p.path}:targets" for p in recording.sim.scene.pins]
         raise SceneError(Problem(name, f"there is no body {path}; there are {', '.join(paths + pins)}"))
-    kinds: dict[str, Any] = {"positions": Start, "velocities": Start, "density": Density}
+    kinds: dict[str, Any] = {"positions": Start, "velocities": Start, "density": Density, "actuation": Actuation}
     return kinds.get(what, Material)(recording, name)
 
 

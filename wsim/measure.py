@@ -117,7 +117,7 @@ def closed(sim) -> bool:
     scene = sim.scene
     lossy = [bool(scene.colliders), scene.air_drag]
     lossy += [c.material.damping or c.drag or c.lift or c.tethers or isfinite(c.material.strain_limit) for c in scene.cloths]
-    lossy += [s.damping for s in scene.springs] + [s.pressure for s in scene.softs]
+    lossy += [s.damping or s.actuation for s in scene.springs] + [s.pressure for s in scene.softs]
     lossy += [m.damping or isfinite(m.yield_strain) for s in scene.softs for m in s.materials]
     return not any(lossy) and all(_stays(sim, pin) for pin in scene.pins)
 

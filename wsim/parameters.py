@@ -18,6 +18,7 @@ class Parameters:
         self.flat = [e for e in self.pull.elements if hasattr(e, "kind")] if self.pull else []       # hinges and triangles
         self.tables = self.pull.tables if self.pull else []                        # tets
         self.points = plan.method("points").constants
+        self.muscles = plan.method("muscles")
         self.pins, aero = plan.method("pins"), plan.method("aero")
         self.air, contact = aero.air if aero else None, plan.method("contact")
         self.contact = contact.contacts.adjoint if contact else None
@@ -25,7 +26,8 @@ class Parameters:
     def arrays(self) -> list[wp.array]:
         """Everything that is differentiated by, of one kind each."""
         c = self.points
-        found = [c.w, c.gravity, c.decay, *self.net().values(), *(b.data.rest for b in self.batches if b.kind == "distance")]
+        found = [c.w, c.gravity, c.decay, *self.net().values(),
+                 *(b.lengths or b.data.rest for b in self.batches if b.kind == "distance")]
         for data in (source.data for source in (*self.flat, *self.tables, *self.batches)):
             found += [getattr(data, name) for name in ("stiffness", "tau", "mu", "lam", "alpha", "pressure")
                       if getattr(data, name, None)]
@@ -37,11 +39,13 @@ class Parameters:
 
     def net(self) -> dict[str, wp.array]:
         """Tables of the entries of springs."""
-        return {name: getattr(self.pull.net, name) for name in ("k", "rest", "damping")
-                if name != "damping" or self.pull.damped} if self.springs else {}
+        found = {name: getattr(self.pull.net, name) for name in ("k", "rest", "damping")
+                 if name != "damping" or self.pull.damped} if self.springs else {}
+        return found | ({"rest": self.pull.lengths} if self.springs and self.pull.lengths else {})
 
     def targets(self) -> list[wp.array]:
-        return list(self.pins.target.values()) if self.pins else []
+        """Of pins, and factors of muscles, of a frame."""
+        return [*(self.pins.target.values() if self.pins else ()), *([self.muscles.factor] if self.muscles else ())]
 
     def zero(self) -> None:
         for array in self.arrays():
@@ -50,11 +54,13 @@ class Parameters:
             self.contact.friction.zero_()
 
     def take_targets(self) -> list[np.ndarray]:
-        """Gradients of the pins' targets of a frame, which are zeros then."""
+        """Gradients of the pins' targets of a frame, and by the keys of muscles from those of its factors, which are zeros
+        then."""
+        keys = [self.muscles.by_keys()] if self.muscles else []
         found = [array.grad.numpy().astype(np.float64) for array in self.targets()]
         for array in self.targets():
             array.grad.zero_()
-        return found
+        return found[:-1] + keys if keys else found
 
     def ends(self, array: wp.array) -> np.ndarray:
         """Sums over the two ends of each spring, from a gradient of the entries."""

@@ -33,6 +33,7 @@ def why(scene: Scene, choice: Choice, rows: dict[str, list[Rows]]) -> dict[str, 
     return {
         "points": "there are points that move",
         "pins": f"{len(scene.pins)} pins" if scene.pins else "",
+        "muscles": "springs have an actuation" if any(s.actuation for s in scene.springs) else "",
         "aero": "a cloth has drag or lift" if wind else "",
         "explicit": choice.why if choice.solver == "explicit" else "",
         "implicit": choice.why if choice.solver == "implicit" else "",
@@ -44,7 +45,8 @@ def why(scene: Scene, choice: Choice, rows: dict[str, list[Rows]]) -> dict[str, 
 
 WITHOUT = {"explicit": "another solver is chosen", "implicit": "another solver is chosen",
            "xpbd": "another solver is chosen, and nothing is hard",
-           "pins": "nothing is pinned", "aero": "no cloth has drag or lift", "contact": "there is no collider",
+           "pins": "nothing is pinned", "muscles": "no spring has an actuation",
+           "aero": "no cloth has drag or lift", "contact": "there is no collider",
            "history": "backward Euler needs no earlier step", "fem": "there is no soft body",
            "rigid": "there is no rigid body", "fluid": "there is no fluid", "gradients": "not asked for"}
 
@@ -191,7 +193,8 @@ def _module(scene: Scene, real, reasons: dict[str, str], choice: Choice) -> str:
              sorted({(m.model, m.damping > 0, m.yield_strain < inf, s.pressure != 0.0, s.quadratic)
                      for s in scene.softs for m in s.materials}),
              sorted({bool(np.isfinite(p.stiffness)) for p in scene.pins}),
-             *("bounce" for c in scene.colliders[:1] if any(k.restitution > 0.0 for k in scene.colliders))]
+             *("bounce" for c in scene.colliders[:1] if any(k.restitution > 0.0 for k in scene.colliders)),
+             *("muscles" for s in scene.springs[:1] if any(n.actuation for n in scene.springs))]
     return "wsim_" + hashlib.sha256(json.dumps(kinds, default=str).encode()).hexdigest()[:12]
 
 
@@ -258,6 +261,11 @@ def _add(plan: Plan, scene: Scene, reasons: dict[str, str], rows: dict[str, list
         plan.methods.append(contact)
         if contact.bounce and reasons["explicit"]:
             contact.bounce.join(explicit)
+    if reasons["muscles"]:
+        from wsim.muscles import Muscles
+        muscles = Muscles(model, plan.clock)
+        plan.methods.append(muscles)
+        muscles.drive(plan.method(plan.choice.solver))
     if implicit := plan.method("implicit"):
         implicit.join(plan.method("contact"), pins)                # type: ignore[attr-defined]
     plan.skipped += [{"stage": "membrane", "why": "no cloth has triangle strain"}] * (

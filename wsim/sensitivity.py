@@ -120,6 +120,13 @@ class Gradient:
         every = ", ".join(p.path for p in self.model.scene.pins)
         raise SceneError(Problem(path, f"is no pin; there are {every or 'none'}"))
 
+    def actuation(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """By the factors of a net's muscles, (keys, groups) of its curve."""
+        if not self.parameters.muscles:
+            raise SceneError(Problem(path or "actuation", "no net has muscles; give one an actuation"))
+        number = self.parameters.muscles.find(self.model.body(path, world).path, world)
+        return np.sum([frame[-1][number] for frame in self._targets], axis=0)
+
     # materials
 
     def lengths(self, path: str | None = None, world: int = 0) -> np.ndarray:
@@ -129,7 +136,8 @@ class Gradient:
             raise SceneError(Problem(body.path, "is no spring net: it has no rest lengths of its own"))
         found = [self.entries["rest"][part] for r, part in _parts(self.parameters.springs) if r.body is body]
         for batch in self.parameters.batches:
-            found += [self.by_rows(batch, batch.data.rest)[part] for r, part in _parts(batch.rows) if r.body is body]
+            rest = batch.lengths or batch.data.rest
+            found += [self.by_rows(batch, rest)[part] for r, part in _parts(batch.rows) if r.body is body]
         return np.concatenate(found)
 
     def material(self, name: str, path: str | None = None, world: int = 0, elements: bool = False):

@@ -69,6 +69,7 @@ class Tape:
     entries: list[tuple[Root, wp.array]] = field(default_factory=list)
     ends: list[tuple[Root, wp.array]] = field(default_factory=list)
     within_of: dict[int, int] = field(default_factory=dict)                 # launches in place of a version, by its address
+    puts: dict[str, Callable[[], None]] = field(default_factory=dict)       # what wrote constants last, by its owner
     first: tuple[int, int] = (0, 0)
     end: tuple[int, int] = (0, 0)
 
@@ -121,6 +122,19 @@ class Tape:
                 wp.copy(work, without(version))
             backward(work, version.grad)
         self.adjoints.append(undo)
+
+    def put(self, owner: str, put: Callable[[], None], take: Callable[[], None]) -> None:
+        """Launches that write arrays in structs, all of them anew: constants until the next time. take: their adjoint. Going
+        back, adjoints of what has read them find the values that it read."""
+        before = self.puts.get(owner)
+        self.puts[owner] = put
+        self.do(put)
+
+        def back() -> None:
+            take()
+            if before:
+                before()
+        self.adjoints.append(back)
 
     def zero(self, array: wp.array) -> None:
         """As `array.zero_()`."""
@@ -216,6 +230,8 @@ class Tape:
         for root, version in self.ends:
             wp.copy(version.grad, root.carried)
             root.carried.zero_()
+        for put in self.puts.values():
+            put()
         for step in reversed(self.adjoints):
             step()
         for root, version in self.entries:

@@ -63,6 +63,7 @@ class Batch:
         self.data.tau = self.send(tau, t.scalar) if self.damped else None
         self.lam = wp.zeros(self.size if self.multipliers else 0, dtype=t.vec3 if alpha.ndim == 2 else t.scalar,
                             device=model.device)
+        self.lengths: wp.array | None = None          # rest lengths before muscles shorten them
         self.adjoint = None
         if model.gradients:
             from wsim.xpbd_adjoint import SweepAdjoint

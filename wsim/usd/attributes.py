@@ -14,7 +14,8 @@ from wsim.usd.stage import Units
 
 SI = Units()
 EXACT, TIMES = "wsim:exact", "wsim:times"
-_ARRAYS = {"float[]": (Vt.FloatArray, np.float32, ()), "int[]": (Vt.IntArray, np.int32, ()),
+_ARRAYS = {"float[]": (Vt.FloatArray, np.float32, ()), "double[]": (Vt.DoubleArray, np.float64, ()),
+           "int[]": (Vt.IntArray, np.int32, ()),
            "int3[]": (Vt.Vec3iArray, np.int32, (3,)), "int4[]": (Vt.Vec4iArray, np.int32, (4,)),
            "point3f[]": (Vt.Vec3fArray, np.float32, (3,)), "vector3f[]": (Vt.Vec3fArray, np.float32, (3,))}
 

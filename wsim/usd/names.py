@@ -155,6 +155,8 @@ TABLE = (
     Row("Springs", "lengths", WSIM_SPRINGS, "wsim:lengths", "float[]", "m"),
     Row("Springs", "damping", WSIM_SPRINGS, "wsim:damping", "double", "s"),
     Row("Springs", "radius", WSIM_SPRINGS, "wsim:radius", "double", "m"),
+    Row("Springs", "muscles", WSIM_SPRINGS, "wsim:muscles", "int[]", uniform=True),
+    Row("Springs", "actuation", WSIM_SPRINGS, "wsim:actuation", "double[]"),
 
     Row("Collider", "thickness", WSIM_COLLIDER, "wsim:thickness", "double", "m"),
 

@@ -11,9 +11,10 @@ import math
 import numpy as np
 from pxr import Usd, UsdGeom
 
+from wsim.curve import Curve
 from wsim.scene import Springs
 from wsim.usd import names
-from wsim.usd.attributes import author, read
+from wsim.usd.attributes import array, attribute_of, author, author_times, authored, read, read_times
 from wsim.usd.cloth import load_points
 from wsim.usd.material import author_friction, bind, load_curve_stretch, load_friction
 from wsim.usd.motion import author_motion, placement
@@ -76,9 +77,45 @@ def _net(reading: Reading, prim: Usd.Prim, vertices, particles, segments) -> Spr
         velocities = None
     static, dynamic = load_friction(reading, prim)
     given = {field: value for field, value in values.items() if value is not None}
+    given |= load_muscles(reading, prim)
     return Springs(str(prim.GetPath()), vertices[first], edges, **given, motion=placement(reading, prim).motion,
                    velocities=None if velocities is None else velocities[first],
                    static_friction=static, dynamic_friction=dynamic)
+
+
+def load_muscles(reading: Reading, prim: Usd.Prim) -> dict:
+    """Muscles and actuation of a net, by field; without what cannot be read, which is reported."""
+    found, units = {}, reading.units
+    if (muscles := read(prim, "Springs", "muscles", units)) is not None:
+        found["muscles"] = muscles
+    if not authored(prim, "Springs", "actuation"):
+        return found
+    attribute = prim.GetAttribute(names.row("Springs", "actuation").attribute)
+    codes, noted = attribute.GetTimeSamples(), read_times(attribute, units)
+    values = [read(prim, "Springs", "actuation", units, code) for code in codes or [None]]
+    sizes = sorted({0 if v is None else len(v) for v in values})
+    if len(sizes) > 1 or not sizes[0]:
+        reading.fail(attribute.GetPath(), f"has {' and '.join(map(str, sizes))} values at different times; give it one value a "
+                     "muscle group at each")
+        return found
+    times = units.time(np.array(codes)) if codes else np.zeros(1)
+    return found | {"actuation": Curve(times if noted is None or len(noted) != len(values) else noted, np.array(values))}
+
+
+def author_muscles(prim: Usd.Prim, springs: Springs, units: Units) -> None:
+    """Samples of the actuation and the groups, where there are some."""
+    if springs.muscles is not None:
+        author(prim, "Springs", "muscles", springs.muscles, units)
+    if (curve := springs.actuation) is None:
+        return
+    attribute = attribute_of(prim, names.row("Springs", "actuation"))
+    if len(curve.times) == 1:
+        attribute.Set(array(curve.values[0], "double[]"))
+    else:
+        for time, values in zip(curve.times.tolist(), curve.values, strict=True):
+            attribute.Set(array(values, "double[]"), Usd.TimeCode(units.code(time)))
+    if len(curve.times) > 1 or curve.times[0] != 0.0:
+        author_times(attribute, curve.times)
 
 
 def _rods(reading: Reading, prim: Usd.Prim, body: Usd.Prim, points: np.ndarray, edges: np.ndarray) -> Springs | None:
@@ -162,6 +199,7 @@ def author_springs(stage: Usd.Stage, springs: Springs, material: str, units: Uni
     for field in ("stiffness", "masses", "lengths", "damping", "radius"):
         if getattr(springs, field) is not None:
             author(prim, "Springs", field, getattr(springs, field), units)
+    author_muscles(prim, springs, units)
     if springs.radius > 0:
         curves.CreateWidthsAttr([2.0 * springs.radius / units.metres])
         curves.SetWidthsInterpolation(UsdGeom.Tokens.constant)
