@@ -6,15 +6,19 @@ import numpy as np
 import pytest
 import warp as wp
 
+import wsim
 from tests.test_gradients import Run, net
 from wsim import shapes
 from wsim.bulk import Bulk
 from wsim.check import check
 from wsim.curve import Curve
+from wsim.fitting import Settings, Track
+from wsim.fitting.command import _save
 from wsim.products import Rollout
 from wsim.recording import Recording
 from wsim.scene import Motion, Plane, Scene, SceneError
 from wsim.simulation import Simulation
+from wsim.usd import save
 
 TIMES = np.array([0.0, 0.013, 0.04, 0.06])
 FACTORS = np.array([[1.0, 1.0], [0.8, 1.1], [1.2, 0.9], [0.9, 1.05]])
@@ -189,3 +193,21 @@ def test_factors_are_an_input_of_a_rollout():
     assert np.array_equal(f.values()["/chain:actuation"], FACTORS)
     along, back = f.jvp({"/chain:actuation": way}), f.vjp(np.ones_like(y))["/chain:actuation"]
     assert (back * way).sum() == pytest.approx(np.sum(along.value), rel=1e-8)
+
+
+def test_factors_are_found_again_from_a_motion(tmp_path):
+    """A field of a fit: factors of two groups at each of their keys that is seen."""
+    scene = muscled(frames=4)
+    truth, start = scene.springs[0].actuation, Curve(TIMES, np.ones_like(FACTORS))
+    sim, seen = Simulation(scene, device="cpu", precision="float64"), []
+    sim.run(4, lambda s: seen.append(s.positions()))
+    scene.springs[0].actuation = start
+    save(scene, tmp_path / "scene.usda")
+    found = wsim.fit(wsim.load(tmp_path / "scene.usda"), [Track("/chain", np.arange(1, 5), np.array(seen), sigma=1e-6)],
+                     "actuation[free]", settings=Settings(device="cpu", limit=40.0))
+    assert found.values["actuation[]"] == pytest.approx(truth.values, abs=2e-3)
+    _save(wsim.load(tmp_path / "scene.usda"), found, str(tmp_path / "fitted.usda"))
+    written = wsim.load(tmp_path / "fitted.usda").springs[0].actuation
+    assert written.values == pytest.approx(found.values["actuation[]"]) and np.array_equal(written.times, TIMES)
+    with pytest.raises(SceneError, match="nothing there has actuation"):
+        wsim.fit(net(), [Track("/chain", np.arange(1, 5), np.array(seen))], "actuation[]")

@@ -6,6 +6,7 @@
     stretch[], shear[], weft[]    of each triangle of a membrane; of the model "springs" stretch[] of each edge, shear[] of each
                                   diagonal. A weft of 0 follows stretch; one that is not stays while stretch[] changes
     velocities[]                  of each point of any body at the start, in the world
+    actuation[]                   of each key and group of the muscles of a net
     /pin:motion[]                 shift of a pin in each frame after the first, on top of its own motion
 
 /World/Bar:young[] is that of one body. In the brackets stands what is believed of neighbours (`wsim.fitting.regular`):
@@ -19,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wsim.cloth import rows_of
+from wsim.curve import Curve
 from wsim.fitting.parameter import LOG, Map
 from wsim.fitting.regular import Belief, faces, neighbours
 from wsim.scene import Cloth, Motion, Pin, Problem, Scene, SceneError, Soft, Springs
@@ -47,6 +49,7 @@ TABLE = (
     Kind("bend", (Cloth,), "hinges", "N m", LOG), Kind("stretch", (Cloth,), "edges", "N/m", LOG),
     Kind("shear", (Cloth,), "diagonals", "N/m", LOG), Kind("weft", (Cloth,), "triangles", "N/m", LOG),
     Kind("velocities", (Cloth, Springs, Soft), "points", "m/s", Map("plain", high=1.0)),
+    Kind("actuation", (Springs,), "keys", "1", LOG, 0.05),
     Kind("motion", (Pin,), "frames", "m", Map("plain", high=1.0), 0.05),
 )
 FIELDS = tuple(f"{kind.name}[]" for kind in TABLE)
@@ -79,6 +82,8 @@ class Field:
             return np.zeros((last, 3))
         if what == "velocities":
             return sim.velocities(self.path)
+        if what == "actuation":
+            return thing.actuation.values
         if isinstance(thing, Soft):
             which = np.zeros(len(thing.tets), np.int64) if thing.which is None else thing.which
             return np.array([getattr(m, what) for m in thing.materials], np.float64)[which][:, None]
@@ -99,7 +104,7 @@ class Field:
 
     def pairs(self, sim: Simulation, count: int) -> np.ndarray:
         """Neighbours, (k, 2)."""
-        if self.kind.name == "motion":
+        if self.kind.name in ("motion", "actuation"):
             return np.stack([np.arange(count - 1), np.arange(1, count)], axis=1)
         body = sim.model.body(self.path)
         if self.kind.name == "velocities":
@@ -117,7 +122,7 @@ class Field:
         if self.kind.name == "motion":
             sim.set(self.path, "motion", self.moved(sim.given, values))
         else:
-            sim.set(self.path, self.kind.name, values if self.kind.name == "velocities" else values[:, 0])
+            sim.set(self.path, self.kind.name, values if self.kind.name in ("velocities", "actuation") else values[:, 0])
         sim.changes.clear()
 
     def moved(self, scene: Scene, shift: np.ndarray) -> Motion:
@@ -130,8 +135,8 @@ class Field:
     def slope(self, sim: Simulation, gradient: Gradient, shape: tuple) -> np.ndarray:
         """Derivative by the values, (n, c)."""
         found = np.zeros(shape)
-        if self.kind.name == "velocities":
-            return gradient.velocities(self.path)
+        if self.kind.name in ("velocities", "actuation"):
+            return getattr(gradient, self.kind.name)(self.path)
         if self.kind.name == "motion":
             by = gradient.targets(self.path).sum(axis=2)              # (frames, substeps, 3)
             clock = sim.plan.clock
@@ -164,6 +169,8 @@ class Field:
             new = replace(thing, velocities=values @ thing.motion.at(0.0)[:3, :3])
         elif isinstance(thing, Soft):
             new = parted(thing, self.kind.name, values[:, 0])
+        elif self.kind.name == "actuation":
+            new = replace(thing, actuation=Curve(thing.actuation.times, values))
         elif isinstance(thing, Springs):
             new = replace(thing)
             new.stiffness = values[:, 0].copy()                        # stays in float64
@@ -212,7 +219,8 @@ def _field(name: str, scenes: list[Scene]) -> Field:
         raise SceneError(Problem(name, f"found [{belief}{'' if near is None else f'={near}'}]; allowed are "
                                  f"{', '.join(BELIEFS)}, of the first two with a number > 0 that neighbours differ by, as "
                                  "tv=0.5"))
-    have = list(dict.fromkeys(b.path for s in scenes for b in (*s.bodies(), *s.pins) if isinstance(b, kind.owners)))
+    have = list(dict.fromkeys(b.path for s in scenes for b in (*s.bodies(), *s.pins) if isinstance(b, kind.owners)
+                              and (kind.name != "actuation" or b.actuation)))
     path = match["path"] or (have[0] if len(have) == 1 else "")
     if path not in have:
         what = "name one of them" if len(have) > 1 and not path else f"nothing there has {kind.name}[]"

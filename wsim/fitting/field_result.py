@@ -53,7 +53,7 @@ class FieldFit:
         rows: list[tuple[str, ...]] = [("field", "of", "lowest", "median", "highest", "unit", "unseen")]
         for f in self.parameters:
             v, unseen = self.values[f.name], int(self.unseen(f.name).sum())
-            middle = [f"{q:.4g}" for q in np.quantile(_size(v), (0.0, 0.5, 1.0))]
+            middle = [f"{q:.4g}" for q in np.quantile(v if f.kind.unit == "1" else _size(v), (0.0, 0.5, 1.0))]
             rows.append((f.name, f"{len(v)} {f.kind.noun} of {f.path}", *middle, f.kind.unit, str(unseen)))
         wide = [max(len(r[k]) for r in rows) for k in range(7)]
         lines = ["  ".join(cell.ljust(w) for cell, w in zip(r, wide, strict=True)).rstrip() for r in rows]

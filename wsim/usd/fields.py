@@ -3,6 +3,7 @@
     young, poisson of each tet        primvars:wsim:young (double[], uniform) on the TetMesh, read by `load_fields`
     stretch, bend .. of each element  primvars:wsim:bend (double[], constant) on the Mesh: kept, and not read
     velocities                        the attribute of the points
+    actuation of a net                samples of wsim:actuation
     motion of a pin                   samples on the Xform that it hangs on
     stiffness of each spring          wsim:stiffness, by `wsim.usd.fitted`
 """
@@ -19,6 +20,7 @@ from wsim.usd import names
 from wsim.usd.attachments import FRAME
 from wsim.usd.attributes import author
 from wsim.usd.motion import author_motion
+from wsim.usd.springs import author_muscles
 from wsim.usd.stage import Reading, Units
 
 SOLID = {"young": "Pa", "poisson": "1"}
@@ -38,6 +40,8 @@ def author_fields(stage: Usd.Stage, fields: list[tuple[str, str, np.ndarray]], b
         elif name == "velocities":
             owner = next(kind.__name__ for kind in (Cloth, Springs, Soft) if isinstance(thing, kind))
             author(prim, owner, name, _at_vertices(prim, thing.velocities), units)
+        elif name == "actuation":
+            author_muscles(prim, thing, units)
         elif name == "motion":
             _move(stage, prim, thing, units)
 
