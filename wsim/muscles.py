@@ -123,7 +123,8 @@ class Muscles(Method):
 
         def act(clock: Clock) -> None:
             self.act(clock.k if clock.staged else 2 * clock.k + round(2.0 * clock.part))
-        self.stages.append(Stage("muscles", "pose", act, len(self.sites), springs * (4 + 2 * size), what=f"{self.groups} groups"))
+        self.stages.append(Stage("muscles", "pose", act, len(self.sites), springs * (4 + 2 * size),
+                                 what=f"{self.groups} groups"))
 
     def act(self, row: int) -> None:
         """Rest lengths of a row: a half of a substep, or a stage."""
