@@ -17,7 +17,7 @@ from wsim.bulk import Bulk
 from wsim.curve import Motion
 from wsim.fabric import Fabric
 from wsim.recording import Recording
-from wsim.scene import Plane, Scene, Sphere
+from wsim.scene import Pin, Plane, Scene, Sphere
 from wsim.simulation import Simulation
 
 wp.init()
@@ -287,6 +287,17 @@ def test_reactions_agree(settings):
             sim.run(2)
             found.append(sim.reactions(scene.pins[0].path, 1))
         assert found[1] == pytest.approx(found[0], rel=1e-9, abs=1e-9)
+
+
+def test_gradients_by_soft_pins_under_newtons_method_agree():
+    scene, found = sheet("springs", damping=2e-4, solver="implicit", integrator="bdf2", substeps=2), []
+    scene.pins = [Pin("/soft", "/cloth", np.array([20, 24]), stiffness=50.0, damping=0.01)]
+    for device in ("cpu", "cuda:0"):
+        recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 2)
+        found.append(recording.backward({2: recording.positions(0)}))
+    for name in ("stiffness", "damping"):
+        assert found[1].pin("/soft", name) == pytest.approx(found[0].pin("/soft", name), rel=1e-8)
+    assert found[1].targets("/soft") == pytest.approx(found[0].targets("/soft"), rel=1e-8, abs=1e-10)
 
 
 def test_a_ball_bounces_and_has_the_gradients_of_its_motion():

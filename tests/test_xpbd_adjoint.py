@@ -67,7 +67,9 @@ def test_wind(more):
     assert by("drag") - 2.0 * by("lift") == pytest.approx((losses[0] - losses[1]) / 2e-4, rel=1e-6)
 
 
-@pytest.mark.parametrize("more", [SWEEPS | {"integrator": "backward_euler"}, {"integrator": "leapfrog"}])
+@pytest.mark.parametrize("more", [SWEEPS | {"integrator": "backward_euler"}, {"integrator": "leapfrog"},
+                                  *({"solver": "implicit", "integrator": name, "substeps": 2}
+                                    for name in ("backward_euler", "bdf2", "implicit_midpoint"))])
 def test_soft_pins(more):
     """They pull at two corners; by their stiffness, their damping, and where they are."""
     def scene(stiffness=50.0, damping=0.01):

@@ -30,7 +30,7 @@ LAYERS = (
     ("contact",),
     ("cloth", "soft"),
     ("frequency", "choice", "covered"),
-    ("elastic", "elements", "fem", "plastic", "pressure", "force_adjoint", "gather", "watch"),
+    ("elastic", "elements", "fem", "plastic", "pressure", "force_adjoint", "gather", "watch", "touching_adjoint"),
     ("adjoint", "xpbd_adjoint"),
     ("points", "explicit", "implicit", "aero", "xpbd", "muscles", "rigid", "fluid", "pose"),
     ("plan",),

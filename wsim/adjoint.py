@@ -16,6 +16,7 @@ from wsim.gather import Pull
 from wsim.kernels import adjoint
 from wsim.kernels.real import types
 from wsim.tape import adjoint_of, without
+from wsim.touching_adjoint import PinsAdjoint
 
 CLOSE = {"float32": 1e-5, "float64": 1e-13}     # forces left over those of inertia, |own (d - a)|
 EXACT = {"float32": 1e-6, "float64": 1e-12}     # of the adjoint solve, over its right side
@@ -50,14 +51,20 @@ class ImplicitAdjoint:
         self.count, self.on = (wp.zeros(1, dtype=int, device=model.device) for _ in range(2))
         self.missed, self.left = (wp.zeros(1, dtype=wp.float64, device=model.device) for _ in range(2))
         self.name = "float32" if real is wp.float32 else "float64"
+        self.pins: PinsAdjoint | None = None
         self.launches: list[tuple] = []                  # of forces of corners
         self.launched = False
 
+    def join(self) -> None:
+        """Takes what the method has taken into its system."""
+        if self.method.pins:
+            self.pins = PinsAdjoint(self.model, self.method.pins, self.method.soft)
+
     # forces, and their adjoints
 
-    def evaluate(self, rate: float) -> None:
-        """f at d, with velocities (d - a) rate."""
-        self.run("pairs", [self.d, self.a, rate], [self.pair])
+    def evaluate(self, clock) -> None:
+        """f at d, with velocities (d - a) / g."""
+        self.run("pairs", [self.d, self.a, 1.0 / clock.g], [self.pair])
         if not self.launched:
             self.model.tape, before = self, self.model.tape          # collects what is launched
             try:
@@ -68,6 +75,8 @@ class ImplicitAdjoint:
         for kernel, dim, inputs, outputs, _, _, how in self.launches:
             wp.launch(kernel, dim, inputs, outputs, **how)
         self.model.launch(self.force, self.model.points, [self.pull.net, self.pull.force, self.x, self.pair], [self.f])
+        if self.pins:
+            self.pins.add(self.x, self.pair, clock.k, self.f)
 
     def launch(self, kernel, dim: int, inputs: list, outputs: list, backward=None, **how) -> None:
         """What `Model.launch` calls while this collects."""
@@ -83,7 +92,7 @@ class ImplicitAdjoint:
             return found
         return without(a) if a is self.x else a
 
-    def transposed(self, p: wp.array, whole: bool) -> None:
+    def transposed(self, p: wp.array, whole: bool, clock) -> None:
         """(df/d..)^T p into the gradients of pair and, if whole, of x and all parameters, to which it adds."""
         wp.copy(self.back_force.p, p)
         self.pair.grad.zero_()
@@ -97,6 +106,8 @@ class ImplicitAdjoint:
                 continue
             wp.launch(kernel, dim, there, outputs, adj_inputs=[adjoint_of(a) for a in there],
                       adj_outputs=[adjoint_of(a) for a in outputs], adjoint=True, **how)
+        if self.pins:
+            self.pins.transposed(self.x, self.pair, p, clock.k, whole)
 
     def run(self, name: str, inputs: list, outputs: list, dim: int = 0) -> None:
         self.model.launch(self.kernels[name], dim or self.model.points, inputs, outputs)
@@ -120,7 +131,7 @@ class ImplicitAdjoint:
 
         def look() -> None:
             wp.copy(self.d, s.d)
-            self.evaluate(rate)
+            self.evaluate(clock)
             self.run("residual", [w, self.f, self.d, self.b, self.a, rate], [self.r, self.scale])
             self.run("going", [self.dot(self.r, self.r, 0), self.dot(self.scale, self.scale, 1), CLOSE[self.name], MOST,
                                self.count], [self.on], 1)
@@ -145,10 +156,10 @@ class ImplicitAdjoint:
         for into, source in ((self.d, d), (self.a, a), (self.b, b), (self.x, x), (s.d, d), (s.x, x), (m.points.anchor, a),
                              (self.y, d.grad)):
             wp.copy(into, without(source))               # a copy takes gradients along where both have them
-        self.model.launch(m.begin, self.model.points, [m.rows, b, m.c, rate], [m.A, m.b, m.v.y])
+        m.prepare(b, clock)
         m.A.aside.zero_()
         m.linearise(rate)
-        self.evaluate(rate)
+        self.evaluate(clock)
         self.run("free", [w, self.y], [self.r])
         system.solve(self.r, INNER, CAP, (s.x, s.d))
         self.sum.zero_()
@@ -164,7 +175,7 @@ class ImplicitAdjoint:
             self.run("going", [rr, first, EXACT[self.name], MOST, self.count], [self.on], 1)
 
         def step() -> None:
-            self.transposed(self.p, False)
+            self.transposed(self.p, False, clock)
             self.run("product", [w, self.p, self.pair.grad, rate], [self.q])
             self.dot(self.p, self.q, 1)
             self.run("add", [self.sum, self.p, rz, pq, 1.0], [self.sum])
@@ -181,7 +192,7 @@ class ImplicitAdjoint:
         look()
         wp.capture_while(self.on, step)
         self.run("worst", [rr, first], [self.left], 1)
-        self.transposed(self.sum, True)
+        self.transposed(self.sum, True, clock)
         self.run("spread", [w, self.sum, self.y, self.pair.grad, rate, b.grad, a.grad], [])
         self.run("weigh", [w, self.sum, self.d, self.b, rate, w.grad], [])
         self.model.launch(adjoint.give(self.x.dtype), self.model.points, [self.x.grad, x.grad], [])

@@ -2,8 +2,8 @@
 
     covered      explicit integrators, all of them, XPBD, and implicit integrators by Newton's method; springs, membranes,
                  bending, and their damping; soft bodies of four and ten nodes a tet, all four materials, their damping and
-                 pressure; hard pins; gravity, drag of the air, wind (drag and lift); ties; strain limits, tethers and soft
-                 pins, but for Newton's method; contacts with convex shapes, friction and restitution, but for Newton's
+                 pressure; hard and soft pins; gravity, drag of the air, wind (drag and lift); ties; strain limits and
+                 tethers, but for Newton's method; contacts with convex shapes, friction and restitution, but for Newton's
                  method and BDF2
     by           initial positions and velocities, masses, every stiffness, damping and pressure above (of each element), rest
                  lengths, factors of rest lengths over time (muscles), where pins are, stiffness and damping of soft ones,
@@ -31,6 +31,4 @@ def uncovered(scene: Scene, choice: Choice) -> list[Problem]:
         found += [(c.path, "a strain limit under Newton's method", other)] * isfinite(c.material.strain_limit)
     for s in scene.softs:
         found += [(s.path, "a yield strain", "leave it out")] * any(m.yield_strain < inf for m in s.materials)
-    if choice.solver == "implicit":
-        found += [(p.path, "a soft pin under Newton's method", other) for p in scene.pins if isfinite(p.stiffness)]
     return [Problem(path, f"gradients were asked for, and {what} has none yet; {mend}") for path, what, mend in found]

@@ -79,10 +79,7 @@ class Implicit(Method):
     def work(self) -> None:
         """Vectors over points, and numbers of each body."""
         model, t = self.model, types(self.model.real)
-        bodies, cuda = self.system.systems, model.device.is_cuda
-
-        def over(count, dtype):
-            return wp.zeros(count, dtype=dtype, device=model.device)
+        bodies, cuda, over = self.system.systems, model.device.is_cuda, self.system.zeros
         self.b, self.c, self.saved, self.f = (over(model.points, t.vec3) for _ in range(4))
         self.fields, self.time = {"c": self.c}, -1.0
         self.element = tangent.elements_of(model.real)()
@@ -128,8 +125,7 @@ class Implicit(Method):
         """Takes contacts (the method, or None) and soft pins into the system."""
         real, module, model = self.model.real, self.model.module, self.model
         self.contact, self.pins = contact, pins if pins and pins.groups["soft"] else None
-        w = self.rows.w.numpy()
-        starts = self.system.starts
+        w, starts = self.rows.w.numpy(), self.system.starts
         free = [int(not contact and w[i:j].all()) for i, j in zip(starts[:-1], starts[1:], strict=True)]
         if any(free):
             from wsim.kernels import momentum
@@ -144,9 +140,10 @@ class Implicit(Method):
         if self.pins:
             self.pinned = touching.pinned(real, module)
             first, item = topology.incident(self.pins.place["soft"].numpy()[:, None], model.points)
-            first = np.unique(first)                       # points without pins have no row
-            self.soft = [model.upload(values.astype(np.int32), int) for values in (first, item)]
+            self.soft = [model.upload(values.astype(np.int32), int) for values in (np.unique(first), item)]   # none without
             pins.stages = [s for s in pins.stages if s.name != "soft pins"]
+        if self.adjoint:
+            self.adjoint.join()
 
     def iterate(self, clock: Clock) -> None:
         """A Newton step; of recorded gradients all, to a residual."""
@@ -176,28 +173,32 @@ class Implicit(Method):
 
     def flow(self, clock: Clock) -> None:
         """Tets beyond their yield, where the substep has ended."""
-        for table in self.solids:
-            if table.plastic:
-                table.plastic.flow(self.state.x, self.state.e)
+        for table in (s for s in self.solids if s.plastic):
+            table.plastic.flow(self.state.x, self.state.e)
 
     def start(self, clock: Clock) -> None:
         """d becomes the best of three: the prediction, that and the last step's forces, where the substep began."""
-        s, n, rate, launch = self.state, self.model.points, 1.0 / clock.g, self.model.launch
+        s, rate = self.state, 1.0 / clock.g
         self.system.count.zero_()
         self.system.drop.zero_()
         self.A.aside.fill_(newton.ASIDE)
-        launch(self.begin, n, [self.rows, s.d, self.c, rate], [self.A, self.b, self.v.y])
-        if self.pins:
-            launch(self.pinned, self.soft[0].size - 1, [self.pins.soft, *self.soft, self.pins.target["soft"], s.x,
-                                                        self.points.anchor, clock.k, rate], [self.A, self.b])
+        self.prepare(s.d, clock)
         if self.contact:
             wp.copy(self.q, self.b)
         self.search(rate, 0)
-        launch(self.stay, n, [self.rows, s.e, s.d], [self.v.y])
+        self.model.launch(self.stay, self.model.points, [self.rows, s.e, s.d], [self.v.y])
         self.keep_momentum()
         self.search(rate, 0)
         if self.contact:
             self.contact.project(clock)
+
+    def prepare(self, d: wp.array, clock: Clock) -> None:
+        """own and b of the prediction d, with soft pins."""
+        rate, launch, pins = 1.0 / clock.g, self.model.launch, self.pins
+        launch(self.begin, self.model.points, [self.rows, d, self.c, rate], [self.A, self.b, self.v.y])
+        if pins:
+            launch(self.pinned, self.soft[0].size - 1, [pins.soft, *self.soft, pins.target["soft"], self.state.x,
+                                                        self.points.anchor, clock.k, rate], [self.A, self.b])
 
     def keep_momentum(self) -> None:
         """y gets what it lacks of the translation of free bodies."""
@@ -219,12 +220,11 @@ class Implicit(Method):
     def linearise(self, rate: float) -> None:
         """Forces and Jacobian at d."""
         s, a, launch = self.state, self.points.anchor, self.model.launch
-        offset = 4 * len(self.ids("dihedral", 4))
         if self.hinges:
             hinges = self.tables["dihedral"]
             launch(self.hinges, hinges.size, [hinges.data, s.x, s.d, a, rate], [self.element])
         if self.triangles:
-            triangles = self.tables["membrane"]
+            triangles, offset = self.tables["membrane"], 4 * len(self.ids("dihedral", 4))
             launch(self.triangles, triangles.size, [triangles.data, s.x, s.d, a, rate, offset], [self.element])
         for table in self.solids:
             launch(self.stressed[table.name][0], table.size, [table.data, s.x, s.d, a, table.q, rate], [table.q, self.element])
@@ -255,14 +255,14 @@ class Implicit(Method):
     @property
     def launches(self) -> int:
         """Of a Newton step; conjugate gradients by several blocks take two more an iteration."""
-        return (8 + 3 * (self.free is not None) + 2 * len(self.tables) + 3 * len(self.solids) + (self.hinges is not None)
-                + (self.triangles is not None))
+        return (8 + 3 * (self.free is not None) + 2 * len(self.tables) + 3 * len(self.solids) + bool(self.hinges)
+                + bool(self.triangles))
 
     @property
     def bytes(self) -> int:
         """Moved by one assembly and one iteration of conjugate gradients, when every gather hits the cache once."""
-        A, real = self.A, np.dtype(self.model.dtype).itemsize
-        entries = 2 * (A.link.capacity if self.springs else 0) + 2 * (A.block.capacity if self.elements else 0)
+        real = np.dtype(self.model.dtype).itemsize
+        entries = 2 * (self.A.link.capacity if self.springs else 0) + 2 * (self.A.block.capacity if self.elements else 0)
         return entries + self.model.points * (8 * self.springs + 8 * self.elements + 50 * real)
 
     def before_frame(self, time: float, clock: Clock) -> None:

@@ -220,7 +220,7 @@ def _field(name: str, scenes: list[Scene]) -> Field:
                                  f"{', '.join(BELIEFS)}, of the first two with a number > 0 that neighbours differ by, as "
                                  "tv=0.5"))
     have = list(dict.fromkeys(b.path for s in scenes for b in (*s.bodies(), *s.pins) if isinstance(b, kind.owners)
-                              and (kind.name != "actuation" or b.actuation)))
+                              and (kind.name != "actuation" or getattr(b, "actuation", None) is not None)))
     path = match["path"] or (have[0] if len(have) == 1 else "")
     if path not in have:
         what = "name one of them" if len(have) > 1 and not path else f"nothing there has {kind.name}[]"
