@@ -50,7 +50,8 @@ def bounces(real):
 
     @wp.struct
     class Bounces:
-        restitution: wp.array(dtype=real)        # of each row of the table of colliders
+        restitution: wp.array2d(dtype=real)      # of each row of the table of colliders, (rows, 1); with gradients of each row
+                                                 # of an object for each point, (rows of an object, points)
         h: real                                  # substep [s]
         g: real                                  # the velocity is (d - a) / g, or changes with it (explicit: h)
         source: int                              # copy of the pair (explicit)
@@ -77,6 +78,10 @@ def _formula(real):
     Bounces, Slots, vec3 = bounces(real), slots(real), t.vec3
 
     @wp.func
+    def restitution(c: Bounces, row: int, i: int):
+        return c.restitution[row % c.restitution.shape[0], i % c.restitution.shape[1]]
+
+    @wp.func
     def struck(c: Bounces, s: Slots, push: wp.array(dtype=vec3), i: int, V0: vec3):
         """Slot of the contact that pushes and throws back which the point approaches fastest, or -1."""
         found = int(-1)
@@ -84,7 +89,7 @@ def _formula(real):
         if (s.mark[i] & SUNK) == 0:
             for slot in range(s.count[i]):
                 j = slot * s.points + i
-                if wp.dot(push[j], s.n[j]) > real(0.0) and c.restitution[s.row[j]] > real(0.0):
+                if wp.dot(push[j], s.n[j]) > real(0.0) and restitution(c, s.row[j], i) > real(0.0):
                     speed = wp.dot(s.n[j], s.u[j] - V0)
                     if speed > most:
                         most = speed
@@ -92,11 +97,11 @@ def _formula(real):
         return found
 
     @wp.func
-    def thrown(c: Bounces, s: Slots, j: int, start: vec3, V0: vec3, A: vec3, V: vec3):
+    def thrown(c: Bounces, s: Slots, i: int, j: int, start: vec3, V0: vec3, A: vec3, V: vec3):
         """(p, q): what the displacement and the velocity V, after the projection, change by along n; 0 where it is slow."""
         n = s.n[j]
         u = s.u[j]
-        e = c.restitution[s.row[j]]
+        e = restitution(c, s.row[j], i)
         w = wp.dot(n, V0 - u)
         B = wp.dot(n, A)
         gap = wp.max(s.b[j] + wp.dot(n, start + c.h * u), real(0.0))
@@ -136,7 +141,7 @@ def bounce_free(real, module):
             n = s.n[j]
             P = push[j]
             V = V1 + ((d0 - a0) - D) / c.h
-            p, q = thrown(c, s, j, a0, V0, A, V)
+            p, q = thrown(c, s, i, j, a0, V0, A, V)
             if p > real(0.0):
                 d_out[i] = d0 + p * n
                 a_out[i] = a0 + (p - c.h * q) * n
@@ -169,7 +174,7 @@ def bounce_held(real, module):
             P = push[j]
             o = constants.object[i]
             A = constants.gravity[o] - constants.decay[o] * V0
-            p, q = thrown(c, s, j, start[i], V0, A, (d0 - a0) / c.g)
+            p, q = thrown(c, s, i, j, start[i], V0, A, (d0 - a0) / c.g)
             if p > real(0.0):
                 d_out[i] = d0 + p * n
                 a_out[i] = a0 + (p - c.g * q) * n

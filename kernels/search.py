@@ -21,6 +21,7 @@ import warp as wp
 
 from wsim.kernels import collide
 from wsim.kernels.contact import SUNK, TOUCHED, slots, tables
+from wsim.kernels.mesh import SHEET
 from wsim.kernels.real import types
 
 SUNK_FROM = 0.01       # part of the skin: overlaps under it are rounding and no reason to look deeper
@@ -147,12 +148,29 @@ def gauge(kinds: tuple[str, ...], real, module):
                     size = c.size[row]
                     C, n, p, s0, slip = touch(kind, size, c.mesh[row], 0, q, q, r, size[0])
                     kept = wp.max(kept, -C)
-                    if kind != collide.SHEET:
+                    if kind != SHEET:
                         solid = wp.max(solid, -C - r)
         inside_out[lane] = t.vec2(kept, solid)
         count_out[lane] = count
 
     return wp.kernel(gauge, name=name, module=module, enable_backward=False)
+
+
+@wp.func_native("""
+    typedef void (*Refit)(wp::uint64);
+    ((Refit)function)(mesh);
+""")
+def call(function: wp.uint64, mesh: wp.uint64): ...
+
+
+@cache
+def refit(module):
+    """Kernel of one thread, on a CPU: `function` is the address of Warp's refit of a mesh, which a CPU's graph leaves out."""
+
+    def refit(function: wp.uint64, mesh: wp.uint64):
+        call(function, mesh)
+
+    return wp.kernel(refit, name="refit_mesh", module=module, enable_backward=False)
 
 
 @cache

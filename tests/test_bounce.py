@@ -238,7 +238,7 @@ def test_the_kernel_alone_differentiates(free):
     for name, values in ints.items():
         setattr(s, name, wp.array(values.astype(np.int32), dtype=int, device="cpu"))
     s.points, s.capacity, s.n, s.b, s.u = n, 2, a["n"], b, a["u"]
-    c.restitution, c.h, c.g, c.source, c.bend = wp.array([0.5, 0.9], dtype=real, device="cpu"), 0.3, 0.3, 0, 2.0
+    c.restitution, c.h, c.g, c.source, c.bend = wp.array([[0.5], [0.9]], dtype=real, device="cpu"), 0.3, 0.3, 0, 2.0
     k.object, k.gravity = wp.array(np.arange(n), dtype=int, device="cpu"), a["gravity"]
     k.w = wp.ones(n, dtype=real, device="cpu")
     k.decay = wp.array(rng.uniform(0, 0.1, n), dtype=real, device="cpu", requires_grad=True)

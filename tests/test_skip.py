@@ -61,7 +61,7 @@ RUN = {"wsim.simulation", "wsim.plan", "wsim.stage", "wsim.state", "wsim.model",
 XPBD = {"wsim.xpbd", "wsim.kernels.xpbd", "wsim.kernels.constraint", "wsim.kernels.matrix", "wsim.kernels.stream"}
 AERO = {"wsim.aero", "wsim.kernels.aero"}
 CONTACT = {"wsim.contact", "wsim.contact.contacts", "wsim.contact.rows", "wsim.contact.stages", "wsim.contact.surfaces",
-           "wsim.kernels.contact", "wsim.kernels.search", "wsim.kernels.collide", "wsim.kernels.distance"}
+           "wsim.kernels.contact", "wsim.kernels.search", "wsim.kernels.collide", "wsim.kernels.distance", "wsim.kernels.mesh"}
 MODULES = {
     "hanging_cloth": SCENE | RUN | XPBD,
     "flag": SCENE | RUN | XPBD | AERO,

@@ -3,24 +3,24 @@
     covered      explicit integrators, all of them, XPBD, and implicit integrators by Newton's method; springs, membranes,
                  bending, and their damping; soft bodies of four and ten nodes a tet, all four materials, their damping and
                  pressure; hard and soft pins; gravity, drag of the air, wind (drag and lift); ties; strain limits and
-                 tethers, but for Newton's method; contacts with convex shapes, friction and restitution, but for Newton's
-                 method and BDF2
+                 tethers, but for Newton's method; contacts with convex shapes and meshes (that deform too), friction and
+                 restitution, but for Newton's method and BDF2
     by           initial positions and velocities, masses, every stiffness, damping and pressure above (of each element), rest
                  lengths, factors of rest lengths over time (muscles), where pins are, stiffness and damping of soft ones,
-                 gravity, drag of the air, wind, drag and lift, friction of a body
-    not yet      contacts with meshes, plasticity; by colliders' motions, their friction and restitution, rest shapes
+                 gravity, drag of the air, wind, drag and lift, friction of a body; friction, restitution, thickness and motion
+                 of a collider
+    not yet      plasticity; by rest shapes, and by the shape of a mesh that deforms
 """
 
 from math import inf, isfinite
 
 from wsim.choice import Choice
-from wsim.scene import Problem, Scene, Surface
+from wsim.scene import Problem, Scene
 
 
 def uncovered(scene: Scene, choice: Choice) -> list[Problem]:
     """What of a scene has no gradients, each with its path and the mend."""
-    found = [(c.path, "a collider that is a mesh", "give it a simple shape") for c in scene.colliders
-             if isinstance(c.shape, Surface)]
+    found = []
     if scene.colliders and choice.solver == "implicit":
         found.append((scene.colliders[0].path, "contacts under Newton's method", "set wsim:solver = explicit or xpbd"))
     if scene.colliders and choice.integrator.name == "bdf2":

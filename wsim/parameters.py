@@ -21,7 +21,7 @@ class Parameters:
         self.muscles = plan.method("muscles")
         self.pins, aero = plan.method("pins"), plan.method("aero")
         self.air, contact = aero.air if aero else None, plan.method("contact")
-        self.contact = contact.contacts.adjoint if contact else None
+        self.contact, self.bounce = (contact.contacts.adjoint, contact.bounce) if contact else (None, None)
 
     def arrays(self) -> list[wp.array]:
         """Everything that is differentiated by, of one kind each."""
@@ -35,6 +35,8 @@ class Parameters:
             found += [self.air.wind, self.air.drag, self.air.lift]
         if self.pins and self.pins.groups["soft"]:
             found += [self.pins.soft.alpha, self.pins.soft.damping]
+        if self.bounce:
+            found.append(self.bounce.restitution)
         return found + self.targets()
 
     def net(self) -> dict[str, wp.array]:
@@ -51,7 +53,7 @@ class Parameters:
         for array in self.arrays():
             array.grad.zero_()
         if self.contact:
-            self.contact.friction.zero_()
+            self.contact.zero()
 
     def take_targets(self) -> list[np.ndarray]:
         """Gradients of the pins' targets of a frame, and by the keys of muscles from those of its factors, which are zeros
@@ -61,6 +63,10 @@ class Parameters:
         for array in self.targets():
             array.grad.zero_()
         return found[:-1] + keys if keys else found
+
+    def take_motions(self) -> np.ndarray | None:
+        """Of colliders, as `wsim.contact.adjoint.ContactAdjoint.take_motion`."""
+        return self.contact.take_motion() if self.contact else None
 
     def ends(self, array: wp.array) -> np.ndarray:
         """Sums over the two ends of each spring, from a gradient of the entries."""

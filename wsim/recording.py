@@ -234,6 +234,7 @@ class Recording:
         for array in (*self.misses()[1:], self.growth.sums):
             array.zero_()
         targets: list = []
+        motions: list = []
         for frame in reversed(range(self.frames)):
             self.seed(seeds, frame + 1)
             self.note(frame, False)
@@ -246,10 +247,11 @@ class Recording:
                     self.forward(frame, part)
                 self.reverse(frame, part)
             targets.append(self.parameters.take_targets())
+            motions.append(self.parameters.take_motions())
             self.note(frame, True)
         self.seed(seeds, 0)
         self.look()
-        return Gradient(self.parameters, {r.base.ptr: r.carried.numpy() for r in self.roots}, targets[::-1])
+        return Gradient(self.parameters, {r.base.ptr: r.carried.numpy() for r in self.roots}, targets[::-1], motions[::-1])
 
     def look(self) -> None:
         """What implicit solves have left, in `residuals`: gradients are as right as those are small."""

@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from wsim.cloth import LEAST, Rows
+from wsim.contact.gradient import ContactGradient
 from wsim.masses import density_of
 from wsim.parameters import Parameters
 from wsim.scene import Problem, SceneError, Springs
@@ -22,11 +23,11 @@ class Gradient:
     no derivative.
     """
 
-    def __init__(self, parameters: Parameters, states: dict[int, np.ndarray], targets: list):
+    def __init__(self, parameters: Parameters, states: dict[int, np.ndarray], targets: list, motions: list):
         self.parameters, self.model, self.plan = parameters, parameters.model, parameters.plan
         self.states, self._targets = states, targets
         self.grads = {array.ptr: array.grad.numpy().astype(np.float64) for array in parameters.arrays()}
-        self._friction = parameters.contact.friction.numpy().astype(np.float64) if parameters.contact else None
+        self.contacts = ContactGradient(parameters.plan.method("contact"), motions) if parameters.contact else None
         self.entries = {name: parameters.ends(array) for name, array in parameters.net().items()}
 
     def of(self, array: wp.array) -> np.ndarray:
@@ -85,9 +86,26 @@ class Gradient:
         return float(self.of(getattr(air, name))[body.first:body.last].sum()) * self.model.scene.air_density / 6.0
 
     def friction(self, path: str | None = None, world: int = 0) -> np.ndarray:
-        """By the static and the dynamic friction of a body, (2,)."""
-        body = self.model.body(path, world)
-        return np.zeros(2) if self._friction is None else self._friction[body.first:body.last].sum(axis=0)
+        """By the static and the dynamic friction of a body or a collider, (2,)."""
+        return self.touched(path).friction(path, world)
+
+    def restitution(self, path: str, world: int = 0) -> float:
+        """By the restitution of a collider."""
+        return self.touched(path).restitution(path, world)
+
+    def thickness(self, path: str, world: int = 0) -> float:
+        """By the thickness of a collider [1/m]."""
+        return self.touched(path).thickness(path, world)
+
+    def motion(self, path: str, world: int = 0) -> np.ndarray:
+        """By what may be added to a collider's motion, (frames + 1, 2, 3): at each frame a shift [1/m] and a small turn about
+        its origin [1/rad], both in the world and linear in time between frames."""
+        return self.touched(path).motion(path, world)
+
+    def touched(self, path: str | None) -> ContactGradient:
+        if self.contacts is None:
+            raise SceneError(Problem(path or "/", "there is no collider, so that nothing touches"))
+        return self.contacts
 
     def pin(self, path: str, name: str, world: int = 0) -> float:
         """By the stiffness [N/m] or damping [N s/m] of a soft pin."""

@@ -179,8 +179,9 @@ class Simulation:
         "/" names the whole scene. gravity, air_drag, wind; stretch, weft, shear, bend, damping of a cloth; stiffness of
         springs; young, poisson, damping, pressure of a soft body (the last two where there is some from the start); density of
         a cloth or soft body whose masses follow it;
-        actuation of springs that have muscles (a Curve, or values of its present keys); motion of a pin, or of a collider
-        (which all worlds share); positions and velocities (in world space, author's order) of a body.
+        actuation of springs that have muscles (a Curve, or values of its present keys); static_friction, dynamic_friction of a
+        body or a collider; thickness and restitution of a collider (the latter where one throws back from the start); motion of
+        a pin, or of a collider (which all worlds share); positions and velocities (in world space, author's order) of a body.
         Raises SceneError if nothing of that path has such a parameter.
         """
         if name in ("positions", "velocities"):
@@ -193,7 +194,8 @@ class Simulation:
             where = "" if world is None else f" in world {world} of {self.worlds}"
             raise SceneError(Problem(path, f"has no live parameter {name!r}{where}; there are gravity, air_drag, wind, "
                                      "stretch, weft, shear, bend, damping, density, stiffness, young, poisson, pressure, "
-                                     "actuation, motion, positions, velocities"))
+                                     "actuation, static_friction, dynamic_friction, thickness, restitution, motion, "
+                                     "positions, velocities"))
         self.changes.append((path, name, value, world))
         mend.keep_stable(self, name)
 

@@ -149,11 +149,11 @@ class Xpbd(Method):
         lam = [b.adjoint.last if tape and b.adjoint else b.lam for b in self.watched]
 
         def judge() -> None:
-            model.tape = None                            # looks, and changes nothing
+            before, model.tape = model.tape, None        # looks, and changes nothing
             self.largest.zero_()
             self.measure(self.look_kernels, x, d, lam, self.largest)
             model.launch(self.judge, len(lam), [self.largest, MET_MIDPOINT if clock.beyond else MET], [self.status[RESIDUAL:]])
-            model.tape = tape
+            model.tape = before
         tape.do(judge) if tape else judge()
 
     def measure(self, kernels_: list, x: wp.array, d: wp.array, lam: list[wp.array], largest: wp.array) -> None:

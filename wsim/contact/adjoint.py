@@ -1,13 +1,18 @@
-"""Adjoints of a recorded search for contacts and of their projections. See kernels/contact_adjoint.py."""
+"""Adjoints of a recorded search for contacts and of their projections. See kernels/contact_adjoint.py, search_adjoint.py."""
 
 from dataclasses import dataclass
 
+import numpy as np
 import warp as wp
 
 from wsim.kernels import contact_adjoint as kernels
 from wsim.kernels.real import types
+from wsim.kernels.search_adjoint import search_adjoint, sums
 from wsim.model import Model
 from wsim.tape import Tape
+
+LANES = 256            # threads that sum what an object gives a collider, at most
+EACH = 64              # points that one of them takes at least
 
 
 @dataclass
@@ -20,23 +25,39 @@ class Found:
 
 
 class ContactAdjoint:
-    """Of convex colliders. Lists are not kept: the search runs once more, of the same arrays, before the first adjoint that
-    wants them."""
+    """Of colliders. Lists are not kept: the search runs once more, of the same arrays, before the first adjoint that wants
+    them. The side of a closed mesh that a point is on is always told by the winding number, whatever was before, so that the
+    same is found."""
 
     def __init__(self, contacts, model: Model):
         """contacts: `wsim.contact.contacts.Contacts`."""
         self.contacts, self.model, self.real = contacts, model, model.real
-        self.kernels = [make(contacts.kinds, model.real, model.module)
-                        for make in (kernels.search_adjoint, kernels.project_adjoint)]
+        self.search_kernel = search_adjoint(contacts.kinds, model.real, model.module)
+        self.project_kernel, self.sum_kernel = (make(model.real, model.module) for make in (kernels.project_adjoint, sums))
         t, n = types(model.real), model.points
         size = contacts.push.size
 
         def zeros(count, dtype):
             return wp.zeros(count, dtype=dtype, device=model.device)
         self.n, self.b, self.u, self.push = zeros(size, t.vec3), zeros(size, t.scalar), zeros(size, t.vec3), zeros(size, t.vec3)
-        self.d, self.a, self.friction = zeros(n, t.vec3), zeros(n, t.vec3), zeros(n, t.vec2)
+        self.d, self.a = zeros(n, t.vec3), zeros(n, t.vec3)
+        self.friction, self.gap, self.motion = zeros(size, t.vec2), zeros(size, t.scalar), zeros(size, kernels.ways(model.real))
+        starts = [*(b.first for b in model.bodies), n]
+        lanes = int(np.clip(np.diff(starts).max() // EACH, 1, LANES))
+        self.starts = wp.array(starts, dtype=int, device=model.device)
+        self.sums = wp.zeros((len(model.bodies), contacts.rows.most, lanes), dtype=self.motion.dtype, device=model.device)
         self.wanted = zeros(1, int)
         self.found: Found | None = None
+
+    def shaped(self, k: int) -> None:
+        """The shapes of meshes that the next search works on."""
+        model = self.model
+
+        def shape() -> None:
+            before, model.tape = model.tape, None            # Warp's meshes have one place
+            self.contacts.shape(k)
+            model.tape = before
+        model.tape.do(shape)
 
     def searched(self, k: int, x: wp.array, d: wp.array, a: wp.array):
         """What a tape takes as the adjoint of the search that is launched next."""
@@ -52,7 +73,7 @@ class ContactAdjoint:
             o.x, o.d, o.d_out, o.a_out = x.grad, d.grad, d_out.grad, a_out.grad
             at = kernels.read(self.real)()
             at.x, at.d = x, d
-            self.model.launch(self.kernels[0], self.contacts.count, [self.contacts.table, points, slots, at, o, k], [])
+            self.model.launch(self.search_kernel, self.contacts.count, [self.contacts.table, points, slots, at, o, k], [])
         return backward
 
     def projected(self):
@@ -70,18 +91,38 @@ class ContactAdjoint:
             o.d_out, o.push_out, o.d, o.a, o.push = d_out.grad, push_out.grad, d.grad, a.grad, push.grad
             at = kernels.read(self.real)()
             at.d, at.a, at.push = d, a, push
-            self.model.launch(self.kernels[1], self.contacts.count, [table, points, slots, at, o, g], [])
+            self.model.launch(self.project_kernel, self.contacts.count, [table, points, slots, at, o, g], [])
         return backward
 
     def gradients(self):
         o = kernels.grads(self.real)()
-        o.n, o.b, o.u, o.friction = self.n, self.b, self.u, self.friction
+        o.n, o.b, o.u = self.n, self.b, self.u
+        o.friction, o.gap, o.motion = self.friction, self.gap, self.motion
         return o
 
     def again(self, found: Found) -> None:
         """The contacts of that search, with gradients that are zero."""
         c = self.contacts
+        c.shape(found.k)
         self.model.launch(c.search_kernel, c.count, [c.table, c.points, *found.read, found.k],
                           [c.slots, self.d, self.a, self.push, None, self.wanted])
         for array in (self.n, self.b, self.u):
             array.zero_()
+
+    # by colliders
+
+    def zero(self) -> None:
+        for array in (self.friction, self.gap, self.motion):
+            array.zero_()
+
+    def take_motion(self) -> np.ndarray:
+        """By the motions of an object's colliders in a frame, (objects, rows, 4, 3), which are zeros then: shift and turn where
+        it begins, and where it ends."""
+        wp.launch(self.sum_kernel, self.sums.shape, [self.starts, self.contacts.count, self.motion], [self.sums],
+                  device=self.model.device)
+        return self.sums.numpy().astype(np.float64).sum(axis=2)
+
+    def by_rows(self, array: wp.array) -> np.ndarray:
+        """A gradient of the points by the rows of their objects, (rows, points, ...) in float64."""
+        found = array.numpy().astype(np.float64)
+        return found.reshape(-1, self.contacts.count, *found.shape[1:])[:self.contacts.rows.most]

@@ -21,8 +21,9 @@ class Bounce:
         self.model, self.state, self.points, self.contacts = model, state, points, contacts
         real, module, n = model.real, model.module, model.points
         rows, m, multistep = contacts.rows, points.integrator, contacts.struck is not None
-        values = np.array([c.restitution for c in rows.colliders])[rows.collider]
-        self.restitution = wp.array(values, dtype=real, device=model.device)
+        values = np.array([c.restitution for c in rows.colliders])
+        values = np.tile(values[:, None], (1, n)) if model.gradients else values[rows.collider, None]
+        self.restitution = wp.array(values, dtype=real, device=model.device, requires_grad=model.gradients)
         self.explicit: Any = None                        # the method, where an explicit integrator predicts
         self.before, self.thrown = state.v, None         # velocity before this substep; who was thrown in it
         self.free = m.explicit and len(m.steps) != 1     # symplectic Euler goes as backward Euler does, in a straight line
@@ -36,6 +37,21 @@ class Bounce:
         if multistep:
             self.thrown, self.renew_kernel = wp.zeros_like(contacts.struck), kernels.renew(real, module)
             self.stages.append(Stage("renew", "finish", self.renew, 1, n * 4, what="points that were thrown: history"))
+
+    def set(self, rows: list[int], objects: list[int], value: float) -> None:
+        """Gives rows of colliders among these objects another restitution."""
+        values = self.restitution.numpy()
+        if self.model.gradients:
+            for o in objects:
+                values[np.array(rows) % len(values), self.model.bodies[o].first:self.model.bodies[o].last] = value
+        else:
+            values[rows] = value
+        self.restitution.assign(values)
+
+    def of(self, row: int, point: int) -> float:
+        """Restitution of a row for a point."""
+        values = self.restitution.numpy()
+        return float(values[row % values.shape[0], point % values.shape[1]])
 
     def join(self, explicit) -> None:
         """Takes an explicit integrator (the method): what it predicts, and its last half kick."""

@@ -31,6 +31,7 @@ from wsim.scene import Collider, Motion, Surface
 
 SKIN = 2e-3            # [m] least margin of the search: what constraints may move a point that predicts no motion
 RECOVERY = 0.5         # [m/s] at which points leave an overlap: 10 cm in 0.2 s; faster tears at the cloth around them
+FRICTION = ("static_friction", "dynamic_friction")
 LANES = 4096           # threads of the indicators
 
 
@@ -61,6 +62,7 @@ class Contacts:
         self.meshes = {key: Mesh.build(c) for key, c in surfaces.items()}
         self.rows = Rows.build(bodies.colliders, bodies.origins, self.meshes)
         self.kinds = tuple(k for k in KINDS if k in self.rows.kind)
+        self.gap, self.friction = self.rows.live()
         self.wanted = wp.zeros(1, dtype=int, device=self.device) if wanted is None else wanted
         self.struck = struck
         self.substeps, self.dt = 0, dt
@@ -79,7 +81,9 @@ class Contacts:
         self.settle_kernel = kernels.settle(self.real, module) if multistep else None
         report = module if module == "unique" else f"{module}_report"        # compiled when first asked for
         self.gauge_kernel = search.gauge(self.kinds, self.real, report)
-        self.pose_kernel = search.pose_mesh(module) if any(m.moves for m in self.meshes.values()) else None
+        moving = any(m.moves for m in self.meshes.values())
+        self.pose_kernel = search.pose_mesh(module) if moving else None
+        self.refit_kernel = search.refit(module) if moving and self.device.is_cpu else None
 
     def _array(self, values, dtype) -> wp.array:
         if isinstance(values, wp.array):
@@ -118,16 +122,12 @@ class Contacts:
     def _constants(self) -> None:
         t, c, rows = self.types, self.table, self.rows
         of = rows.collider
-        gap = np.array([k.thickness if m is None else max(k.thickness, m.least_gap)
-                        for k, m in zip(rows.colliders, rows.meshes, strict=True)])
         mesh = np.array([0 if m is None else m.id for m in rows.meshes], np.uint64)
-        friction = np.array([(k.static_friction, k.dynamic_friction) for k in rows.colliders]).reshape(-1, 2)
         kind = np.array([KINDS.index(k) for k in rows.kind], np.int32)
         c.first = self._array(rows.first, int)
         c.kind, c.mesh = self._array(kind[of], int), self._array(mesh[of], wp.uint64)
-        self.gap = gap[of]
-        c.size, c.gap = self._array(rows.size[of], t.vec3), self._array(gap[of], t.scalar)
-        c.friction = self._array(friction[of], t.vec2)
+        c.size, c.gap = self._array(rows.size[of], t.vec3), self._array(self.gap, t.scalar)
+        c.friction = self._array(self.friction, t.vec2)
 
     def _slots(self, capacity: int) -> None:
         t, n = self.types, self.count
@@ -182,11 +182,31 @@ class Contacts:
         self.changed = self.changed or bool(found)
         return bool(found)
 
-    def search(self, k: int, x: wp.array, d: wp.array, a: wp.array) -> None:
-        """Launches the search of substep k; writes d and a where points leave an overlap."""
+    def set(self, path: str, name: str, value: float, objects: list[int]) -> list[int]:
+        """Gives the collider of that path a friction or thickness among these objects, and returns its rows."""
+        rows = self.rows.of(path, objects)
+        if not rows:
+            return rows
+        for number in {int(self.rows.collider[r]) for r in rows}:
+            check(replace(self.rows.colliders[number], **{name: value}))         # type: ignore[arg-type]
+        for r in rows if name == "thickness" else ():
+            mesh = self.rows.meshes[self.rows.collider[r]]
+            self.gap[r], self.changed = max(value, mesh.least_gap if mesh else 0.0), True
+        if name in FRICTION:
+            self.friction[rows, FRICTION.index(name)] = value
+        self.table.gap.assign(self.gap.astype(self.dtype))
+        self.table.friction.assign(self.friction.astype(self.dtype))
+        return rows
+
+    def shape(self, k: int) -> None:
+        """Launches the shapes of meshes at the end of substep k."""
         for mesh in self.meshes.values():
             if mesh.moves:
-                mesh.launch(self.launch, self.pose_kernel, k)
+                mesh.launch(self.launch, self.pose_kernel, self.refit_kernel, k)
+
+    def search(self, k: int, x: wp.array, d: wp.array, a: wp.array) -> None:
+        """Launches the search of substep k; writes d and a where points leave an overlap."""
+        self.adjoint.shaped(k) if self.recorded else self.shape(k)
         backward = {"backward": self.adjoint.searched(k, x, d, a)} if self.recorded else {}
         self.launch(self.search_kernel, self.count, [self.table, self.points, x, d, a, k],
                     [self.slots, d, a, self.push, self.struck, self.wanted], **backward)

@@ -105,6 +105,18 @@ class Rows:
                     [s[0] for s in shapes], np.array([s[1] for s in shapes]).reshape(-1, 3),
                     np.array([s[2] for s in shapes], np.float64))
 
+    def live(self) -> tuple[np.ndarray, np.ndarray]:
+        """Distance kept [m], (rows,), and friction, (rows, 2), which may change while a scene runs."""
+        gap = [c.thickness if m is None else max(c.thickness, m.least_gap)
+               for c, m in zip(self.colliders, self.meshes, strict=True)]
+        friction = np.array([(c.static_friction, c.dynamic_friction) for c in self.colliders]).reshape(-1, 2)
+        return np.array(gap, np.float64)[self.collider], friction[self.collider]
+
+    def of(self, path: str, objects: list[int]) -> list[int]:
+        """Rows of the collider of that path among these objects."""
+        return [r for o in objects for r in range(self.first[o], self.first[o + 1])
+                if self.colliders[self.collider[r]].path == path]
+
     @property
     def moves(self) -> bool:
         """Whether any collider goes somewhere or deforms."""

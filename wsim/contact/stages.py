@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from wsim.contact.contacts import Bodies, Contacts
-from wsim.scene import Motion
+from wsim.contact.contacts import FRICTION, Bodies, Contacts
+from wsim.scene import Motion, Problem, SceneError
 from wsim.stage import OVERFLOW, Clock, Method, Stage
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class Contact(Method):
             self.contacts.settle(clock.g, s.e, s.d, self.anchor, s.v)
 
     def before_frame(self, time: float, clock: Clock) -> None:
-        self.contacts.prepare(time, substeps=clock.substeps, deep=True if clock.starting else None)
+        self.contacts.prepare(time, substeps=clock.substeps, deep=True if clock.starting or self.model.gradients else None)
 
     def grow(self, status: np.ndarray) -> str:
         if not self.contacts.grow(int(status[OVERFLOW])):
@@ -75,7 +75,25 @@ class Contact(Method):
         return self.contacts.indicators(self.state.x) if self.contacts.time is not None else {}
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
-        """motion of a collider: a Motion or a (4, 4) matrix. Worlds share their colliders: world must be None."""
-        if name != "motion" or world is not None:
+        """static_friction, dynamic_friction of a body or a collider; thickness [m] and restitution of a collider, the latter
+        where one throws back from the start; motion of a collider, a Motion or a (4, 4) matrix, which worlds share."""
+        if name == "motion":
+            return world is None and self.contacts.move(path, value if isinstance(value, Motion) else Motion.still(value))
+        if name not in (*FRICTION, "thickness", "restitution") or (name == "restitution" and not self.bounce):
             return False
-        return self.contacts.move(path, value if isinstance(value, Motion) else Motion.still(value))
+        objects = [k for k, b in enumerate(self.model.bodies) if world in (None, b.world)]
+        rows = self.contacts.set(path, name, value, objects)
+        if rows and name == "restitution":
+            self.bounce.set(rows, objects, value)
+        return bool(rows) or (name in FRICTION and self.rub(path, name, value, world))
+
+    def rub(self, path: str, name: str, value: float, world: int | None) -> bool:
+        """Friction of a body."""
+        bodies = [b for b in self.model.bodies if b.path == path and world in (None, b.world)]
+        if bodies and not (np.isfinite(value) and value >= 0.0):
+            raise SceneError(Problem(path, f"{name} is {value}; allowed is a finite number >= 0"))
+        values = self.contacts.points.friction.numpy()
+        for b in bodies:
+            values[b.first:b.last, FRICTION.index(name)] = value
+        self.contacts.points.friction.assign(values)
+        return bool(bodies)

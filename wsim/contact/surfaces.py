@@ -5,6 +5,7 @@ other, and its triangles enclose a volume: its inside is solid. Any other mesh i
 sides.
 """
 
+import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -109,8 +110,11 @@ class Mesh:
         self.device["track"].assign(shapes)
         return np.linalg.norm(np.diff(shapes, axis=0), axis=-1).max(axis=1).astype(np.float64)
 
-    def launch(self, launch: Callable, kernel, k: int) -> None:
-        """The shape at the end of substep k, its motion and its tree; capturable."""
+    def launch(self, launch: Callable, kernel, refit, k: int) -> None:
+        """The shape at the end of substep k, its motion and its tree; capturable. refit: None, or the kernel of a CPU."""
         mesh, track = self.device["mesh"], self.device["track"]
         launch(kernel, track.shape[1], [track, k], [mesh.points, mesh.velocities])
-        mesh.refit()
+        if refit is None:
+            mesh.refit()
+        else:
+            launch(refit, 1, [ctypes.cast(mesh.runtime.core.wp_mesh_refit_host, ctypes.c_void_p).value, mesh.id], [])
