@@ -36,7 +36,7 @@ LAYERS = (
     ("plan",),
     ("measure", "mend", "stress", "reaction", "simulation", "parameters", "sensitivity", "growth",
      "seeds", "segments", "recording"),
-    ("input", "controls", "inputs", "arrays", "products", "trust", "layer", "layer_jax"),
+    ("input", "controls", "contact_inputs", "inputs", "arrays", "products", "trust", "layer", "layer_jax"),
     ("usd", "partial", "sublayer", "overs", "restart", "recorder", "fitting", "drawn", "visible", "view", "picture"),
     ("cli", "bench", "commands", "run", "__main__", "__init__"),
 )

@@ -6,6 +6,7 @@
     /World/Pin:targets                       where a pin puts its points [m]: (frames, substeps, n, 3), or (n, 3) if it is still
     gravity, wind                            (3,) [m/s^2], [m/s] of the whole scene
     air_drag                                 () [1/s]
+    friction, restitution, colliders' shifts: `wsim.contact_inputs`
 
 Elements are springs and tets in the author's order, hinges in the solver's. With several worlds a value may have one axis more,
 the worlds, in front; without it all worlds share the value. Points that are one particle (a weld, a tie) have one place: that
@@ -16,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from wsim.contact_inputs import contact_input
 from wsim.controls import Actuation, Targets
 from wsim.input import PART, Input, Start
 from wsim.masses import density_of
@@ -151,9 +153,11 @@ def _input(recording, name: str) -> Input:
         return Whole(recording, name)
     if what == "targets" and path in [p.path for p in recording.sim.scene.pins]:
         return Targets(recording, name)
+    if path in (others := [c.path for c in recording.sim.scene.colliders]) or what.endswith("_friction"):
+        return contact_input(recording, name)
     if path not in paths:
         pins = [f"{p.path}:targets" for p in recording.sim.scene.pins]
-        raise SceneError(Problem(name, f"there is no body {path}; there are {', '.join(paths + pins)}"))
+        raise SceneError(Problem(name, f"there is no body {path}; there are {', '.join(paths + pins + others)}"))
     kinds: dict[str, Any] = {"positions": Start, "velocities": Start, "density": Density, "actuation": Actuation}
     return kinds.get(what, Material)(recording, name)
 

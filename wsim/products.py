@@ -226,6 +226,9 @@ def _parameters(sim: Simulation, copy: Simulation) -> None:
             for p in group:
                 p.motion = own[p.pin.path].motion
         others.changed = True
+    contact: Any = sim.plan.method("contact")
+    for collider in contact.contacts.rows.colliders if contact else ():
+        copy.plan.method("contact").set(collider.path, "motion", collider.motion)       # type: ignore[union-attr]
 
 
 def extrapolated(plus: np.ndarray, minus: np.ndarray, h: float) -> tuple[np.ndarray, float]:

@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from wsim.fitting.copies import settled
-from wsim.fitting.field import Field
+from wsim.fitting.field import Field, things
 from wsim.recording import Recording
 from wsim.scene import Scene, SceneError
 from wsim.sensitivity import Gradient
@@ -170,4 +170,4 @@ class Adjoint:
 
 
 def _has(scene: Scene, field: Field) -> bool:
-    return any(b.path == field.path for b in (*scene.bodies(), *scene.pins))
+    return any(b.path == field.path for b in things(scene))

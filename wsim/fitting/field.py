@@ -7,7 +7,7 @@
                                   diagonal. A weft of 0 follows stretch; one that is not stays while stretch[] changes
     velocities[]                  of each point of any body at the start, in the world
     actuation[]                   of each key and group of the muscles of a net
-    /pin:motion[]                 shift of a pin in each frame after the first, on top of its own motion
+    /pin:motion[]                 shift of a pin or a collider in each frame after the first, on top of its own motion
 
 /World/Bar:young[] is that of one body. In the brackets stands what is believed of neighbours (`wsim.fitting.regular`):
 young[smooth], young[tv], young[free], or with what they usually differ by: young[tv=0.5]. Values are in the author's order;
@@ -23,7 +23,7 @@ from wsim.cloth import rows_of
 from wsim.curve import Curve
 from wsim.fitting.parameter import LOG, Map
 from wsim.fitting.regular import Belief, faces, neighbours
-from wsim.scene import Cloth, Motion, Pin, Problem, Scene, SceneError, Soft, Springs
+from wsim.scene import Cloth, Collider, Motion, Pin, Problem, Scene, SceneError, Soft, Springs
 from wsim.sensitivity import Gradient
 from wsim.simulation import Simulation
 from wsim.tetra.parted import parted
@@ -50,10 +50,15 @@ TABLE = (
     Kind("shear", (Cloth,), "diagonals", "N/m", LOG), Kind("weft", (Cloth,), "triangles", "N/m", LOG),
     Kind("velocities", (Cloth, Springs, Soft), "points", "m/s", Map("plain", high=1.0)),
     Kind("actuation", (Springs,), "keys", "1", LOG, 0.05),
-    Kind("motion", (Pin,), "frames", "m", Map("plain", high=1.0), 0.05),
+    Kind("motion", (Pin, Collider), "frames", "m", Map("plain", high=1.0), 0.05),
 )
 FIELDS = tuple(f"{kind.name}[]" for kind in TABLE)
 _NAME = re.compile(r"(?:(?P<path>.*):)?(?P<what>\w+)\[(?P<belief>\w*)(?:=(?P<near>[^\]]*))?\]")
+
+
+def things(scene: Scene) -> list[Cloth | Springs | Soft | Pin | Collider]:
+    """All that may have fields."""
+    return [*scene.bodies(), *scene.pins, *scene.colliders]
 
 
 @dataclass(frozen=True)
@@ -71,7 +76,7 @@ class Field:
         return self.kind.map
 
     def thing(self, scene: Scene):
-        return next(b for b in (*scene.bodies(), *scene.pins) if b.path == self.path)
+        return next(b for b in things(scene) if b.path == self.path)
 
     # values
 
@@ -126,7 +131,7 @@ class Field:
         sim.changes.clear()
 
     def moved(self, scene: Scene, shift: np.ndarray) -> Motion:
-        """A pin's motion with a shift [m] in each frame after the first."""
+        """A motion with a shift [m] in each frame after the first."""
         times = np.arange(len(shift) + 1) / scene.fps
         values = np.stack([self.thing(scene).motion.at(t) for t in times])
         values[1:, :3, 3] += shift
@@ -137,6 +142,10 @@ class Field:
         found = np.zeros(shape)
         if self.kind.name in ("velocities", "actuation"):
             return getattr(gradient, self.kind.name)(self.path)
+        if self.kind.name == "motion" and isinstance(self.thing(sim.given), Collider):
+            by = gradient.motion(self.path)[1:, 0]
+            found[:len(by)] = by
+            return found
         if self.kind.name == "motion":
             by = gradient.targets(self.path).sum(axis=2)              # (frames, substeps, 3)
             clock = sim.plan.clock
@@ -163,7 +172,7 @@ class Field:
         """The scene with these values; the given one stays as it is. A stretch or bend of each edge or hinge, for which a
         scene has no place, is left as their middle."""
         thing = self.thing(scene)
-        if isinstance(thing, Pin):
+        if isinstance(thing, (Pin, Collider)):
             new: object = replace(thing, motion=self.moved(scene, values))
         elif self.kind.name == "velocities":
             new = replace(thing, velocities=values @ thing.motion.at(0.0)[:3, :3])
@@ -177,7 +186,7 @@ class Field:
         else:
             new = replace(thing, material=replace(thing.material, **{self.kind.name: float(np.median(values))}))
         changed: dict = {group: [new if b is thing else b for b in getattr(scene, group)]
-                         for group in ("cloths", "springs", "softs", "pins")}
+                         for group in ("cloths", "springs", "softs", "pins", "colliders")}
         return replace(scene, **changed)
 
 
@@ -219,7 +228,7 @@ def _field(name: str, scenes: list[Scene]) -> Field:
         raise SceneError(Problem(name, f"found [{belief}{'' if near is None else f'={near}'}]; allowed are "
                                  f"{', '.join(BELIEFS)}, of the first two with a number > 0 that neighbours differ by, as "
                                  "tv=0.5"))
-    have = list(dict.fromkeys(b.path for s in scenes for b in (*s.bodies(), *s.pins) if isinstance(b, kind.owners)
+    have = list(dict.fromkeys(b.path for s in scenes for b in things(s) if isinstance(b, kind.owners)
                               and (kind.name != "actuation" or getattr(b, "actuation", None) is not None)))
     path = match["path"] or (have[0] if len(have) == 1 else "")
     if path not in have:

@@ -18,7 +18,7 @@ import numpy as np
 
 from wsim.fitting import state
 from wsim.fitting.by_adjoint import Adjoint
-from wsim.fitting.field import Field, fields
+from wsim.fitting.field import Field, fields, things
 from wsim.fitting.field_result import FieldFit
 from wsim.fitting.lbfgs import Descent, Place
 from wsim.fitting.metric import Metric
@@ -243,7 +243,7 @@ def _result(search: FieldSearch, found: list[Field], scenes: list[Scene], second
         notes.append(f"{m.seen.count} numbers were observed for {len(search.theta)} values: give the noise, or what is left "
                      "says little about it")
     for f in found:
-        scenes = [f.written(s, values[f.name]) if any(b.path == f.path for b in (*s.bodies(), *s.pins)) else s for s in scenes]
+        scenes = [f.written(s, values[f.name]) if any(b.path == f.path for b in things(s)) else s for s in scenes]
     rms, slope = (search.rows[-1][2], search.rows[-1][4]) if search.rows else (inf, inf)
     seen = {f.name: _flat(k / search.sigma) for f, k in zip(found, known, strict=True)}
     return FieldFit(found, {name: _flat(v) for name, v in values.items()}, seen, scenes[0], scenes,

@@ -16,7 +16,7 @@ from math import isfinite
 import numpy as np
 
 from wsim.masses import density_of
-from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
+from wsim.scene import Cloth, Collider, Problem, Scene, SceneError, Soft, Springs
 
 AXES = ("x", "y", "z")
 LARGE = 10.0           # [m/s^2, m/s, Pa] one unit of theta of a parameter that may have either sign
@@ -62,7 +62,7 @@ LOG, PLAIN = Map("log"), Map("plain", high=LARGE)
 
 @dataclass(frozen=True)
 class Row:
-    """A parameter of a kind of body, or of the scene."""
+    """A parameter of a kind of body, of colliders, or of the scene."""
 
     name: str
     owner: type
@@ -80,12 +80,21 @@ TABLE = (
     Row("young", Soft, "Pa", within="material"), Row("poisson", Soft, "1", Map("bounded", 0.0, 0.5), "material"),
     Row("density", Soft, "kg/m^3", within="material"), Row("damping", Soft, "s", within="material"),
     Row("pressure", Soft, "Pa", Map("plain", high=1e3)),
+    Row("static_friction", Cloth, "1", within="material"), Row("static_friction", Soft, "1", within="material"),
+    Row("dynamic_friction", Cloth, "1", within="material"), Row("dynamic_friction", Soft, "1", within="material"),
+    Row("static_friction", Collider, "1"), Row("dynamic_friction", Collider, "1"),
+    Row("restitution", Collider, "1", Map("bounded", 0.0, 1.0)),
     Row("gravity", Scene, "m/s^2", PLAIN), Row("wind", Scene, "m/s", PLAIN), Row("air_drag", Scene, "1/s"),
 )
 STRETCHES = {"stretch": ("warp", "weft"), "stretch_warp": ("warp",), "stretch_weft": ("weft",)}
 NAMES = tuple(dict.fromkeys(row.name for row in TABLE))
-FROZEN = ("poisson", "thickness", "strain_limit", "yield_strain", "static_friction", "dynamic_friction", "drag", "lift", "weld",
+FROZEN = ("poisson", "thickness", "strain_limit", "yield_strain", "drag", "lift", "weld",
           "masses", "mass", "lengths", "rest_points", "air_density")        # of a scene, and fixed while it runs
+
+
+def things(scene: Scene) -> list[Cloth | Springs | Soft | Collider]:
+    """All that may have parameters."""
+    return [*scene.bodies(), *scene.colliders]
 
 
 @dataclass(frozen=True)
@@ -106,7 +115,7 @@ class Parameter:
             if row.owner is Scene:
                 found.append((row, scene))
             else:
-                found += [(row, b) for b in scene.bodies() if type(b) is row.owner and self.path in ("", b.path)]
+                found += [(row, b) for b in things(scene) if type(b) is row.owner and self.path in ("", b.path)]
         return found
 
     def value(self, scene: Scene) -> float | None:
@@ -124,7 +133,7 @@ class Parameter:
             else:
                 new = _put(row, thing, value)
                 changed = {group: [new if b is thing else b for b in getattr(scene, group)]
-                           for group in ("cloths", "springs", "softs")}
+                           for group in ("cloths", "springs", "softs", "colliders")}
             scene = replace(scene, **changed)
         return scene
 
@@ -221,10 +230,10 @@ def _named(name: str, scenes: list[Scene], fail: Callable[[Problem], None]) -> l
         return []
     made = [Parameter(f"{what}_{AXES[k]}" if k is not None else name, what, path, row.unit, row.map, k) for k in axes]
     if not any(p.rows(scene) for p in made for scene in scenes):
-        have = [b.path for s in scenes for b in s.bodies() for r in TABLE if r.name == what and type(b) is r.owner]
+        have = [b.path for s in scenes for b in things(s) for r in TABLE if r.name == what and type(b) is r.owner]
         kinds = ", ".join(sorted({r.owner.__name__.lower() for r in TABLE if r.name == what}))
         more = "; nu of a cloth is fixed while it runs" if what == "poisson" else ""
-        fail(Problem(path or name, f"nothing here has {what}: it belongs to {kinds}{more}; bodies that have it: "
+        fail(Problem(path or name, f"nothing here has {what}: it belongs to {kinds}{more}; those that have it: "
                      f"{', '.join(dict.fromkeys(have)) or 'none'}"))
         return []
     return made
@@ -246,7 +255,8 @@ def _wrong(p: Parameter, scenes: list[Scene]) -> list[Problem]:
                                     "out"))
         for row, thing in p.rows(scene):
             path, value = getattr(thing, "path", "/"), _get(row, thing, p.axis)
-            if not isfinite(value) or (p.map.kind == "log" and value <= 0.0) or (p.what == "pressure" and value == 0.0):
+            nothing = (p.map.kind == "log" and value <= 0.0) or (p.what in ("pressure", "restitution") and value == 0.0)
+            if not isfinite(value) or nothing:
                 problems.append(Problem(path, f"{p.what} is {value:g} at the start, so that nothing of it runs; give a start "
                                         f"value other than 0 ({p.name})"))
             elif p.what in ("stretch_warp", "stretch_weft") and thing.model != "membrane":     # type: ignore[attr-defined]

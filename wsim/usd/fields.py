@@ -4,7 +4,7 @@
     stretch, bend .. of each element  primvars:wsim:bend (double[], constant) on the Mesh: kept, and not read
     velocities                        the attribute of the points
     actuation of a net                samples of wsim:actuation
-    motion of a pin                   samples on the Xform that it hangs on
+    motion of a pin                   samples on the Xform that it hangs on; of a collider, on its own prim
     stiffness of each spring          wsim:stiffness, by `wsim.usd.fitted`
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from wsim.bulk import Bulk
-from wsim.scene import Cloth, Pin, Soft, Springs
+from wsim.scene import Cloth, Collider, Motion, Pin, Soft, Springs
 from wsim.tetra.parted import parted, values_of
 from wsim.usd import names
 from wsim.usd.attachments import FRAME
@@ -42,6 +42,8 @@ def author_fields(stage: Usd.Stage, fields: list[tuple[str, str, np.ndarray]], b
             author(prim, owner, name, _at_vertices(prim, thing.velocities), units)
         elif name == "actuation":
             author_muscles(prim, thing, units)
+        elif isinstance(thing, Collider):
+            _lead(prim, thing, units)
         elif name == "motion":
             _move(stage, prim, thing, units)
 
@@ -59,6 +61,14 @@ def _move(stage: Usd.Stage, prim: Usd.Prim, pin: Pin, units: Units) -> None:
     author_motion(stage.GetPrimAtPath(target) or UsdGeom.Xform.Define(stage, target).GetPrim(), pin.motion, units, 0)
     if not pin.target:
         prim.CreateRelationship(names.SRC1, False).SetTargets([Sdf.Path(target)])
+
+
+def _lead(prim: Usd.Prim, collider: Collider, units: Units) -> None:
+    """A collider's motion, with what of its transform is no motion of the shape (scale, axis): at the start both are known."""
+    W = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode(units.start)), np.float64).T
+    W[:3, 3] *= units.metres
+    own = np.linalg.solve(collider.motion.at(0.0), W)
+    author_motion(prim, Motion(collider.motion.times, collider.motion.values @ own), units, 0)
 
 
 def load_fields(reading: Reading, mesh: Usd.Prim, soft: Soft) -> Soft:

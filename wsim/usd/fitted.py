@@ -7,6 +7,7 @@ A material that only the fitted bodies bind is written over where it is; of one 
 import os
 from collections.abc import Callable
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 from pxr import Sdf, Usd
@@ -19,7 +20,8 @@ from wsim.sublayer import choose, put_over, refuse_layers_of
 from wsim.usd import names
 from wsim.usd.attributes import author, authored
 from wsim.usd.bulk import author_bulk
-from wsim.usd.material import author_fabric, bind, bound, plane_stress
+from wsim.usd.colliders import surface
+from wsim.usd.material import FRICTION, author_fabric, author_friction, bind, bound, plane_stress
 from wsim.usd.save import new_stage
 from wsim.usd.settings import author_gravity
 from wsim.usd.stage import Reading, Units, open_stage
@@ -79,7 +81,8 @@ def _scene(stage: Usd.Stage, before: Scene, after: Scene, units: Units) -> None:
 
 
 def _bodies(stage: Usd.Stage, before: Scene, after: Scene, units: Units) -> None:
-    reading, changed = Reading(stage, units), []
+    reading = Reading(stage, units)
+    changed: list[tuple[Usd.Prim, Any, Any]] = []
     users: dict[str, list] = {}                                  # bodies of each material
     for old, new in zip(before.bodies(), after.bodies(), strict=True):
         prim = stage.GetPrimAtPath(old.path)
@@ -91,22 +94,32 @@ def _bodies(stage: Usd.Stage, before: Scene, after: Scene, units: Units) -> None
                 author(_reached(prim), {Springs: "Springs", Soft: "Soft"}[type(new)], name, getattr(new, name), units)
         if isinstance(old, (Cloth, Soft)) and isinstance(new, (Cloth, Soft)) and old.material != new.material:
             changed.append((prim, old.material, new.material))
+    for own, given in zip(before.colliders, after.colliders, strict=True):
+        prim = stage.GetPrimAtPath(own.path)
+        material = bound(reading, prim)
+        users.setdefault(str(material.GetPath()) if material else "", []).append(surface(given))
+        if surface(own) != surface(given):
+            changed.append((prim, surface(own), surface(given)))
     for prim, was, is_ in changed:
         material = bound(reading, prim)
         if material and len(set(users[str(material.GetPath())])) == 1 and not material.IsInstanceProxy():
             _over(material, was, is_, units)
         else:
             path = _free(stage, prim.GetName())
-            bind(_reached(prim), author_fabric(stage, path, is_, units) if isinstance(is_, Fabric) else
-                 author_bulk(stage, path, is_, units))
-        if was.density != is_.density:
+            makers: dict[type, Callable] = {Fabric: author_fabric, Bulk: author_bulk, tuple: author_friction}
+            bind(_reached(prim), makers[type(is_)](stage, path, is_, units))
+        if isinstance(is_, (Fabric, Bulk)) and was.density != is_.density:
             for owner in (prim, prim.GetParent()):
                 if authored(owner, "Body", "density"):
                     author(_reached(owner), "Body", "density", is_.density, units)
 
 
-def _over(material: Usd.Prim, was: Fabric | Bulk, is_: Fabric | Bulk, units: Units) -> None:
-    """Opinions on a material for the fields that differ."""
+def _over(material: Usd.Prim, was, is_, units: Units) -> None:
+    """Opinions on a material for the fields that differ; of a collider's: friction and restitution."""
+    if isinstance(is_, tuple):
+        for field, value in zip((*FRICTION, "restitution"), is_, strict=False):
+            author(material, "Friction", field, value, units)
+        return
     owner = type(is_).__name__
     for name in (f.name for f in fields(is_) if getattr(was, f.name) != getattr(is_, f.name)):
         through = plane_stress(is_.poisson) if (owner, name) == ("Fabric", "stretch") else None
