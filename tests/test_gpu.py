@@ -300,6 +300,16 @@ def test_gradients_by_soft_pins_under_newtons_method_agree():
     assert found[1].targets("/soft") == pytest.approx(found[0].targets("/soft"), rel=1e-8, abs=1e-10)
 
 
+def test_gradients_by_reactions_agree():
+    found = []
+    for device in ("cpu", "cuda:0"):
+        scene = sheet("membrane", damping=2e-4)
+        recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 2)
+        g = recording.backward({2: recording.positions(0)}, reactions={1: {"/pin": np.ones((2, 3))}, 2: {"/pin": np.eye(3)[:2]}})
+        found.append([g.material(name) for name in ("stretch", "bend", "damping")] + [g.density(), *g.gravity()])
+    assert found[1] == pytest.approx(found[0], rel=1e-8)
+
+
 def test_a_ball_bounces_and_has_the_gradients_of_its_motion():
     """Three bounces, against the closed form on the CPU's own test, and a sheet thrown at a ball against the CPU."""
     sims = [Simulation(ball(v=(0.3, 0.25, 0.0)), device=device, precision="float64") for device in ("cpu", "cuda:0")]

@@ -11,11 +11,11 @@ another way than on positions; stiffness-proportional damping keeps it nearly so
 
 import warp as wp
 
-from wsim.force_adjoint import ForceAdjoint
+from wsim.force_adjoint import Forces
 from wsim.gather import Pull
 from wsim.kernels import adjoint
 from wsim.kernels.real import types
-from wsim.tape import adjoint_of, without
+from wsim.tape import without
 from wsim.touching_adjoint import PinsAdjoint
 
 CLOSE = {"float32": 1e-5, "float64": 1e-13}     # forces left over those of inertia, |own (d - a)|
@@ -24,26 +24,20 @@ MOST = 60              # full Newton steps, and iterations of the adjoint solve,
 INNER, CAP = 1e-2, 300
 
 
-class ImplicitAdjoint:
+class ImplicitAdjoint(Forces):
     """The implicit solve of a substep, forward to its residual and backward."""
 
     def __init__(self, method, rows: list):
         """method: `wsim.implicit.Implicit`; rows: its springs, hinges and triangles, of all worlds."""
-        self.method, self.model = method, method.model
-        model, real = self.model, self.model.real
-        self.pull = Pull(model, method.points.constants, rows, None)
-        module, n, t = model.module, model.points, types(real)
+        self.method, model = method, method.model
+        super().__init__(model, Pull(model, method.points.constants, rows, None), model.module)
+        module, n, real, t = model.module, model.points, model.real, types(model.real)
         self.kernels = {f.__name__: f(real, module) for f in (adjoint.pairs, adjoint.residual, adjoint.product, adjoint.free,
                                                               adjoint.spread, adjoint.dot, adjoint.add, adjoint.going,
                                                               adjoint.worst, adjoint.weigh)}
-        self.force = adjoint.force(real, module, self.pull.flags())
-        self.back_force = ForceAdjoint(model, self.pull, masses=False)
 
-        def over(count, grad=False):
-            return wp.zeros(count, dtype=t.vec3, device=model.device, requires_grad=grad)
-        self.x, self.pair, self.f = over(n, True), over(4 * n, True), over(n)
-        if self.pull.force is not None:
-            self.pull.force.requires_grad = True
+        def over(count):
+            return wp.zeros(count, dtype=t.vec3, device=model.device)
         self.d, self.a, self.b, self.y, self.sum = (over(n) for _ in range(5))
         self.p, self.q, self.r, self.z, self.old, self.scale = (over(n) for _ in range(6))
         lanes = 1024 if model.device.is_cuda else 1
@@ -52,60 +46,22 @@ class ImplicitAdjoint:
         self.missed, self.left = (wp.zeros(1, dtype=wp.float64, device=model.device) for _ in range(2))
         self.name = "float32" if real is wp.float32 else "float64"
         self.pins: PinsAdjoint | None = None
-        self.launches: list[tuple] = []                  # of forces of corners
-        self.launched = False
 
     def join(self) -> None:
         """Takes what the method has taken into its system."""
         if self.method.pins:
             self.pins = PinsAdjoint(self.model, self.method.pins, self.method.soft)
 
-    # forces, and their adjoints
-
-    def evaluate(self, clock) -> None:
-        """f at d, with velocities (d - a) / g."""
+    def forces(self, clock) -> None:
+        """f at d, with velocities (d - a) / g, and of soft pins."""
         self.run("pairs", [self.d, self.a, 1.0 / clock.g], [self.pair])
-        if not self.launched:
-            self.model.tape, before = self, self.model.tape          # collects what is launched
-            try:
-                self.pull.launch(0, self.x, self.pair)
-            finally:
-                self.model.tape = before
-            self.launched = True
-        for kernel, dim, inputs, outputs, _, _, how in self.launches:
-            wp.launch(kernel, dim, inputs, outputs, **how)
-        self.model.launch(self.force, self.model.points, [self.pull.net, self.pull.force, self.x, self.pair], [self.f])
+        self.evaluate()
         if self.pins:
             self.pins.add(self.x, self.pair, clock.k, self.f)
 
-    def launch(self, kernel, dim: int, inputs: list, outputs: list, backward=None, **how) -> None:
-        """What `Model.launch` calls while this collects."""
-        self.launches.append((kernel, dim, inputs, outputs, [self.bare(a) for a in inputs], backward, how))
-
-    def bare(self, a):
-        """An argument without its gradient, but for pair and the forces on the way: an adjoint finds it by the array itself."""
-        if hasattr(a, "_cls"):
-            found = a._cls()
-            for name in a._cls.vars:
-                value = getattr(a, name)
-                setattr(found, name, without(value) if isinstance(value, wp.array) else value)
-            return found
-        return without(a) if a is self.x else a
-
-    def transposed(self, p: wp.array, whole: bool, clock) -> None:
-        """(df/d..)^T p into the gradients of pair and, if whole, of x and all parameters, to which it adds."""
-        wp.copy(self.back_force.p, p)
-        self.pair.grad.zero_()
-        if self.pull.force is not None:
-            self.pull.force.grad.zero_()
-        self.back_force.launch(self.x, self.pair, self.pull.force, 0, whole)
-        for kernel, dim, inputs, outputs, bare, backward, how in reversed(self.launches):
-            there = inputs if whole else bare
-            if backward:
-                backward(there, outputs)
-                continue
-            wp.launch(kernel, dim, there, outputs, adj_inputs=[adjoint_of(a) for a in there],
-                      adj_outputs=[adjoint_of(a) for a in outputs], adjoint=True, **how)
+    def turned(self, p: wp.array, whole: bool, clock) -> None:
+        """As `transposed`, of soft pins too."""
+        self.transposed(p, whole)
         if self.pins:
             self.pins.transposed(self.x, self.pair, p, clock.k, whole)
 
@@ -131,7 +87,7 @@ class ImplicitAdjoint:
 
         def look() -> None:
             wp.copy(self.d, s.d)
-            self.evaluate(clock)
+            self.forces(clock)
             self.run("residual", [w, self.f, self.d, self.b, self.a, rate], [self.r, self.scale])
             self.run("going", [self.dot(self.r, self.r, 0), self.dot(self.scale, self.scale, 1), CLOSE[self.name], MOST,
                                self.count], [self.on], 1)
@@ -159,7 +115,7 @@ class ImplicitAdjoint:
         m.prepare(b, clock)
         m.A.aside.zero_()
         m.linearise(rate)
-        self.evaluate(clock)
+        self.forces(clock)
         self.run("free", [w, self.y], [self.r])
         system.solve(self.r, INNER, CAP, (s.x, s.d))
         self.sum.zero_()
@@ -175,7 +131,7 @@ class ImplicitAdjoint:
             self.run("going", [rr, first, EXACT[self.name], MOST, self.count], [self.on], 1)
 
         def step() -> None:
-            self.transposed(self.p, False, clock)
+            self.turned(self.p, False, clock)
             self.run("product", [w, self.p, self.pair.grad, rate], [self.q])
             self.dot(self.p, self.q, 1)
             self.run("add", [self.sum, self.p, rz, pq, 1.0], [self.sum])
@@ -192,7 +148,7 @@ class ImplicitAdjoint:
         look()
         wp.capture_while(self.on, step)
         self.run("worst", [rr, first], [self.left], 1)
-        self.transposed(self.sum, True, clock)
+        self.turned(self.sum, True, clock)
         self.run("spread", [w, self.sum, self.y, self.pair.grad, rate, b.grad, a.grad], [])
         self.run("weigh", [w, self.sum, self.d, self.b, rate, w.grad], [])
         self.model.launch(adjoint.give(self.x.dtype), self.model.points, [self.x.grad, x.grad], [])

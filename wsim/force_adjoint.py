@@ -2,22 +2,23 @@
 
 import warp as wp
 
+from wsim.kernels import adjoint
 from wsim.kernels import force_adjoint as kernels
 from wsim.kernels.real import types
 from wsim.model import Model
-from wsim.tape import adjoint_of
+from wsim.tape import adjoint_of, without
 
 
 class ForceAdjoint:
     """Of the forces of a `Pull`: `p` is the gradient by the forces on points."""
 
-    def __init__(self, model: Model, pull, masses: bool):
+    def __init__(self, model: Model, pull, masses: bool, module: str = ""):
         """pull: a `wsim.gather.Pull`; masses: p is that by accelerations times inverse masses, which have gradients too."""
-        self.model, self.pull = model, pull
+        self.model, self.pull, module = model, pull, module or model.module
         self.p = wp.zeros(model.points, dtype=types(model.real).vec3, device=model.device)
-        self.kernels = [kernels.force_adjoint(model.real, model.module, pull.flags(), parameters, masses)
+        self.kernels = [kernels.force_adjoint(model.real, module, pull.flags(), parameters, masses)
                         for parameters in (False, True)]
-        self.leap_adjoint = kernels.leap_adjoint(model.real, model.module) if masses else None
+        self.leap_adjoint = kernels.leap_adjoint(model.real, module) if masses else None
 
     def into(self, x: wp.array, pair: wp.array, force: wp.array | None):
         """Where gradients go."""
@@ -38,6 +39,64 @@ class ForceAdjoint:
         self.model.launch(self.leap_adjoint, self.model.points,
                           [net, pair, step, out, v.grad, adjoint_of(net), self.into(x, pair, force)], [])
         self.launch(x, pair, force, step.source)
+
+
+class Forces:
+    """Forces f of a `Pull` with gradients at x and at `pair`, displacements and velocities; products with their derivatives."""
+
+    def __init__(self, model: Model, pull, module: str):
+        self.model, self.pull, vec3 = model, pull, types(model.real).vec3
+
+        def over(count, grad=True):
+            return wp.zeros(count, dtype=vec3, device=model.device, requires_grad=grad)
+        n = model.points
+        self.x, self.pair, self.f = over(n), over(4 * n), over(n, False)
+        self.corner = None if pull.force is None else over(pull.force.size)
+        self.force = adjoint.force(model.real, module, pull.flags())
+        self.back_force = ForceAdjoint(model, pull, False, module)
+        self.launches: list[tuple] = []                  # of forces of corners
+
+    def evaluate(self) -> None:
+        """f."""
+        if not self.launches:
+            self.model.tape, before = self, self.model.tape          # collects what is launched
+            try:
+                for e in self.pull.elements:
+                    e.launch(self.x, self.pair, 0, self.corner)
+            finally:
+                self.model.tape = before
+        for kernel, dim, inputs, outputs, _, _, how in self.launches:
+            wp.launch(kernel, dim, inputs, outputs, **how)
+        self.model.launch(self.force, self.model.points, [self.pull.net, self.corner, self.x, self.pair], [self.f])
+
+    def launch(self, kernel, dim: int, inputs: list, outputs: list, backward=None, **how) -> None:
+        """What `Model.launch` calls while this collects."""
+        self.launches.append((kernel, dim, inputs, outputs, [self.bare(a) for a in inputs], backward, how))
+
+    def bare(self, a):
+        """An argument without its gradient, but for pair and the forces on the way: an adjoint finds it by the array itself."""
+        if hasattr(a, "_cls"):
+            found = a._cls()
+            for name in a._cls.vars:
+                value = getattr(a, name)
+                setattr(found, name, without(value) if isinstance(value, wp.array) else value)
+            return found
+        return without(a) if a is self.x else a
+
+    def transposed(self, p: wp.array, whole: bool) -> None:
+        """(df/d..)^T p into the gradients of pair and, if whole, of x and all parameters, to which it adds."""
+        wp.copy(self.back_force.p, p)
+        self.pair.grad.zero_()
+        if self.corner is not None:
+            self.corner.grad.zero_()
+        self.back_force.launch(self.x, self.pair, self.corner, 0, whole)
+        for kernel, dim, inputs, outputs, bare, backward, how in reversed(self.launches):
+            there = inputs if whole else bare
+            if backward:
+                backward(there, outputs)
+                continue
+            wp.launch(kernel, dim, there, outputs, adj_inputs=[adjoint_of(a) for a in there],
+                      adj_outputs=[adjoint_of(a) for a in outputs], adjoint=True, **how)
 
 
 class CornerAdjoint:

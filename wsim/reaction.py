@@ -24,6 +24,7 @@ from wsim.gather import Pull
 from wsim.kernels import adjoint
 from wsim.kernels.real import types
 from wsim.middles import held
+from wsim.model import Model
 from wsim.plan import Plan
 from wsim.scene import Problem, SceneError
 
@@ -73,19 +74,21 @@ class Reactions:
     limits act: these have no law of force."""
 
     def __init__(self, plan: Plan):
-        self.plan, model = plan, plan.model
-        self.rows = rows_of(plan)
-        for c in model.scene.cloths:
+        self.plan, self.model = plan, plan.model
+        for c in self.model.scene.cloths:
             if c.tethers or np.isfinite(c.material.strain_limit):
                 raise SceneError(Problem(c.path, "has tethers or a strain limit, which pull at pins without a law of force; "
                                          "reactions are not to be had: leave them out"))
-        pins: Any = plan.method("pins")
-        self.held = [Held.of(p) for group in pins.groups.values() for p in group]
-        own = self.model = copy.copy(model)
-        own.module, own.modules, own.gradients, own.tape = f"{model.module}_reactions", {}, False, None
         points: Any = plan.method("points")
-        self.constants = points.constants
-        self.pull = Pull(own, self.constants, self.rows, None)
+        pins: Any = plan.method("pins")
+        self.constants, self.held = points.constants, [Held.of(p) for group in pins.groups.values() for p in group]
+        self.make()
+
+    def make(self) -> None:
+        """Forces of their own: the plan's may be summed on the way, or differ in what is hard."""
+        plan, own = self.plan, copy.copy(self.plan.model)
+        own.module, own.modules, own.gradients, own.tape = f"{own.module}_reactions", {}, False, None
+        self.pull = Pull(own, self.constants, rows_of(plan), None)
         self.pull.need_springs()
         for table, live in zip(self.pull.tables, plan.solids, strict=True):
             table.plastic = None
@@ -98,40 +101,45 @@ class Reactions:
         self.pair, self.f = (wp.zeros(k * n, dtype=vec3, device=own.device) for k in (4, 1))
         own.load()
 
-    def look(self, time: float) -> None:
-        """Forces of the state as it stands."""
-        s, n = self.plan.state, self.model.points
+    def elastic(self, x: wp.array, e: wp.array | None, v: wp.array) -> np.ndarray:
+        """Of springs and elements [N], (points, 3), at x + e with velocities v."""
+        n = self.model.points
         self.pull.refresh()
         for table in self.plan.solids:
             if table.plastic:
                 table.plastic.shape()
-        wp.copy(self.pair, s.e, 0, 0, n)
-        wp.copy(self.pair, s.v, 2 * n, 0, n)
-        self.pull.launch(0, s.x, self.pair)
-        self.model.launch(self.kernel, n, [self.pull.net, self.pull.force, s.x, self.pair], [self.f])
-        force = self.f.numpy().astype(np.float64) + self.wind()
-        c, v = self.constants, s.v.numpy().astype(np.float64)
-        own = c.object.numpy()
-        self.v, self.x = v, s.x.numpy().astype(np.float64) + s.e.numpy()
-        self.drive = c.decay.numpy()[own, None] * v - c.gravity.numpy()[own]
-        self.force, self.masses, self.time = force, self.model.stack("masses"), time
+        if e is not None:
+            wp.copy(self.pair, e, 0, 0, n)
+        wp.copy(self.pair, v, 2 * n, 0, n)
+        self.pull.launch(0, x, self.pair)
+        self.model.launch(self.kernel, n, [self.pull.net, self.pull.force, x, self.pair], [self.f])
+        return self.f.numpy().astype(np.float64)
 
-    def wind(self) -> np.ndarray:
+    def wind(self, x: wp.array, v: wp.array) -> np.ndarray:
         """Of the air on triangles [N], (points, 3)."""
         air: Any = self.plan.method("aero")
         found = np.zeros((self.model.points, 3))
         if air is None:
             return found
-        s = self.plan.state
-        inputs = [air.triangle, self.constants.object, air.air, s.x, wp.zeros_like(s.v), s.v, 1.0]
+        inputs = [air.triangle, self.constants.object, air.air, x, wp.zeros_like(v), v, 1.0]
         self.model.launch(air.press, air.k.size, inputs, [air.force, air.k])
         each = air.force.numpy().astype(np.float64)
         for corner in air.triangle.numpy().T:
             np.add.at(found, corner, each)
         return found
 
-    def of(self, path: str, world: int = 0) -> np.ndarray:
-        """Of a pin, (points, 3), in the order in which it names them; after `look`."""
+    def see(self, x: wp.array, e: wp.array | None, v: wp.array, time: float) -> None:
+        """Forces at x + e with velocities v, at `time` [s]; `of` then says what each pin bears."""
+        self.force, self.time = self.elastic(x, e, v) + self.wind(x, v), time
+        c, own = self.constants, self.constants.object.numpy()
+        self.v, self.x = v.numpy().astype(np.float64), x.numpy().astype(np.float64)
+        if e is not None:
+            self.x = self.x + e.numpy()
+        self.drive = (c.decay.numpy()[own, None] * self.v - c.gravity.numpy()[own]).astype(np.float64)
+        self.masses = self.model.stack("masses")
+
+    def of(self, path: str | None, world: int = 0) -> np.ndarray:
+        """Of a pin, (points, 3), in the order in which it names them; after `see`."""
         h = self.find(path, world)
         if not h.hard:
             k, c = h.pin.part * h.pin.pin.stiffness, h.pin.part * h.pin.pin.damping
@@ -139,8 +147,17 @@ class Reactions:
         a = h.acceleration(self.time, self.plan.clock.dt) + self.drive[h.places]
         return h.gathered(self.masses[h.places, None] * a - self.force[h.places])
 
-    def find(self, path: str, world: int) -> Held:
-        return next(h for h in self.held if h.pin.pin.path == path and h.pin.body.world == world)
+    def find(self, path: str | None, world: int) -> Held:
+        """A pin; None: the only one."""
+        found = [h for h in self.held if path in (None, h.pin.pin.path) and h.pin.body.world == world]
+        if len(found) == 1:
+            return found[0]
+        raise SceneError(no_pin(self.model, path, world))
+
+
+def no_pin(model: Model, path: str | None, world: int) -> Problem:
+    return Problem(path or "reactions", f"in world {world} is no pin; there are "
+                   f"{', '.join(p.path for p in model.scene.pins) or 'none'} in worlds 0 to {model.worlds - 1}")
 
 
 def rows_of(plan: Plan) -> list:
@@ -154,7 +171,8 @@ def looked(sim) -> Reactions:
     """Of a simulation as it stands."""
     if sim.pulled is None or sim.pulled.plan is not sim.plan:
         sim.pulled = Reactions(sim.plan)
-    sim.pulled.look(sim.time)
+    s = sim.state
+    sim.pulled.see(s.x, s.e, s.v, sim.time)
     return sim.pulled
 
 
@@ -166,10 +184,6 @@ def every(sim, path: str) -> np.ndarray:
 
 def reactions(sim, path: str | None = None, world: int = 0) -> np.ndarray:
     """What `Simulation.reactions` returns."""
-    pins = [p.path for p in sim.model.scene.pins]
-    if path is None and len(pins) == 1:
-        path = pins[0]
-    if path not in pins or not 0 <= world < sim.worlds:
-        raise SceneError(Problem(path or "reactions", f"in world {world} is no pin; there are {', '.join(pins) or 'none'} in "
-                                 f"worlds 0 to {sim.worlds - 1}"))
-    return looked(sim).of(str(path), world)
+    if not sim.model.scene.pins:
+        raise SceneError(no_pin(sim.model, path, world))
+    return looked(sim).of(path, world)

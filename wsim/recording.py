@@ -7,6 +7,7 @@ substeps, or several frames.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import ceil
 
 import numpy as np
@@ -15,14 +16,15 @@ import warp as wp
 from wsim.growth import Growth
 from wsim.mend import LONG
 from wsim.parameters import Parameters
+from wsim.reaction_adjoint import ReactionAdjoint
 from wsim.scene import Problem, SceneError
-from wsim.seeds import dense
+from wsim.seeds import Seeds
 from wsim.segments import Segments, in_words, measured
 from wsim.sensitivity import Gradient
 from wsim.simulation import Simulation
 from wsim.slots import Slots
 from wsim.stage import NOT_FINITE, RESIDUAL
-from wsim.tape import Root, Tape, give
+from wsim.tape import Root, Tape
 
 POOR = 1e-4            # residual of an implicit solve from which a warning is due
 
@@ -218,16 +220,27 @@ class Recording:
             self.run()
         return array[frame].numpy().astype(np.float64)
 
+    def reactions(self, frame: int, path: str | None = None, world: int = 0) -> np.ndarray:
+        """Forces of a pin [N] after so many frames, (n, 3): `wsim.reaction`."""
+        self.state_of(self.states, frame)
+        self.pulls.at(frame)
+        return self.pulls.of(path, world)
+
+    @cached_property
+    def pulls(self) -> ReactionAdjoint:
+        return ReactionAdjoint(self)
+
     # backward
 
-    def backward(self, positions: dict | None = None, velocities: dict | None = None) -> Gradient:
+    def backward(self, positions: dict | None = None, velocities: dict | None = None,
+                 reactions: dict | None = None) -> Gradient:
         """Gradient of a loss whose derivatives by positions [1/m] and velocities [s/m] after some frames are given:
-        {frame: (n, 3) in the author's order, or {path: (n, 3)}, or {(path, world): (n, 3)}}. Raises SceneError for frames and
-        shapes that are none.
+        {frame: (n, 3) in the author's order, or {path: (n, 3)}, or {(path, world): (n, 3)}}; so by reactions of pins [1/N], by
+        path. Raises SceneError for frames and shapes that are none.
         """
         if not self.ran:
             self.run()
-        seeds = [(self.state.x, dense(self, positions, "positions")), (self.state.v, dense(self, velocities, "velocities"))]
+        seeds = Seeds(self, positions, velocities, reactions)
         for root in self.roots:
             root.carried.zero_()
         self.parameters.zero()
@@ -236,7 +249,7 @@ class Recording:
         targets: list = []
         motions: list = []
         for frame in reversed(range(self.frames)):
-            self.seed(seeds, frame + 1)
+            seeds.add(frame + 1)
             self.note(frame, False)
             if self.checkpoints and (frame + 1 == self.frames or (frame + 1) % self.group == 0) and len(self.cuts) == 2:
                 self.again(frame)
@@ -249,9 +262,10 @@ class Recording:
             targets.append(self.parameters.take_targets())
             motions.append(self.parameters.take_motions())
             self.note(frame, True)
-        self.seed(seeds, 0)
+        seeds.add(0)
         self.look()
-        return Gradient(self.parameters, {r.base.ptr: r.carried.numpy() for r in self.roots}, targets[::-1], motions[::-1])
+        return Gradient(self.parameters, {r.base.ptr: r.carried.numpy() for r in self.roots}, targets[::-1], motions[::-1],
+                        seeds.inertia)
 
     def look(self) -> None:
         """What implicit solves have left, in `residuals`: gradients are as right as those are small."""
@@ -285,11 +299,3 @@ class Recording:
         if stretch.backward is None:
             stretch.backward = self.graph(stretch.tape.backward)
         wp.capture_launch(stretch.backward)
-
-    def seed(self, seeds: list, frame: int) -> None:
-        """Adds the loss's own derivatives after so many frames."""
-        for base, given in seeds:
-            if frame in given:
-                root = next((r for r in self.roots if r.base.ptr == base.ptr), None)
-                assert root is not None
-                give(wp.array(given[frame], dtype=base.dtype, device=self.sim.device), root.carried)

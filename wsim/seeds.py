@@ -1,8 +1,35 @@
-"""Derivatives of a loss by a motion, as they are given, over all points. NumPy only."""
+"""Derivatives of a loss by a motion and by what pins bear, as they are given."""
 
 import numpy as np
+import warp as wp
 
+from wsim.reaction_adjoint import Inertia
 from wsim.scene import Problem, SceneError
+from wsim.tape import give
+
+
+class Seeds:
+    """What a loss adds to the gradients of the states of a recording, frame by frame on the way back."""
+
+    def __init__(self, recording, positions: dict | None, velocities: dict | None, reactions: dict | None):
+        self.recording, state = recording, recording.state
+        self.arrays = [(state.x, dense(recording, positions, "positions")),
+                       (state.v, dense(recording, velocities, "velocities"))]
+        self.pulls = recording.pulls.begin(reactions) if reactions else None
+
+    def add(self, frame: int) -> None:
+        """The loss's own derivatives after so many frames."""
+        if self.pulls:
+            self.pulls.back(frame)
+        for base, given in self.arrays:
+            if frame in given:
+                root = next((r for r in self.recording.roots if r.base.ptr == base.ptr), None)
+                assert root is not None
+                give(wp.array(given[frame], dtype=base.dtype, device=base.device), root.carried)
+
+    @property
+    def inertia(self) -> Inertia | None:
+        return self.pulls.inertia if self.pulls else None
 
 
 def dense(recording, given: dict | None, what: str) -> dict[int, np.ndarray]:

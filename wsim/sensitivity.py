@@ -12,6 +12,7 @@ from wsim.cloth import LEAST, Rows
 from wsim.contact.gradient import ContactGradient
 from wsim.masses import density_of
 from wsim.parameters import Parameters
+from wsim.reaction_adjoint import Inertia
 from wsim.scene import Problem, SceneError, Springs
 
 
@@ -23,9 +24,11 @@ class Gradient:
     no derivative.
     """
 
-    def __init__(self, parameters: Parameters, states: dict[int, np.ndarray], targets: list, motions: list):
+    def __init__(self, parameters: Parameters, states: dict[int, np.ndarray], targets: list, motions: list,
+                 inertia: Inertia | None = None):
+        """inertia: of what pins bear, where a loss asks for that."""
         self.parameters, self.model, self.plan = parameters, parameters.model, parameters.plan
-        self.states, self._targets = states, targets
+        self.states, self._targets, self.inertia = states, targets, inertia
         self.grads = {array.ptr: array.grad.numpy().astype(np.float64) for array in parameters.arrays()}
         self.contacts = ContactGradient(parameters.plan.method("contact"), motions) if parameters.contact else None
         self.entries = {name: parameters.ends(array) for name, array in parameters.net().items()}
@@ -51,9 +54,12 @@ class Gradient:
         return found
 
     def masses(self, path: str | None = None, world: int = 0) -> np.ndarray:
-        """By the masses of the points [1/kg], (n,); 0 of pinned ones."""
+        """By the masses of the points [1/kg], (n,); of pinned ones by what their pins bear, else 0."""
+        return self.by_mass()[self.model.body(path, world).index]
+
+    def by_mass(self) -> np.ndarray:
         w = self.parameters.points.w
-        return (-self.of(w) * w.numpy().astype(np.float64)**2)[self.model.body(path, world).index]
+        return -self.of(w) * w.numpy().astype(np.float64)**2 + (self.inertia.mass if self.inertia else 0.0)
 
     def density(self, path: str | None = None, world: int = 0) -> float:
         """By the density that all masses of a body follow [m^3/kg]."""
@@ -61,16 +67,17 @@ class Gradient:
         density = self.plan.method("points").densities.get(b.number) or density_of(b.source)
         if density is None:
             raise SceneError(Problem(b.path, "its masses follow no single density; take masses()"))
-        w = self.parameters.points.w
-        return float(-(self.of(w) * w.numpy().astype(np.float64))[b.first:b.last].sum()) / density
+        return float((self.by_mass()[b.first:b.last] * b.masses).sum()) / density
 
     def gravity(self, world: int = 0) -> np.ndarray:
         """[s^2/m], (3,)."""
-        return self.of(self.parameters.points.gravity)[self.places(world)].sum(axis=0)
+        found = self.of(self.parameters.points.gravity) + (self.inertia.gravity if self.inertia else 0.0)
+        return found[self.places(world)].sum(axis=0)
 
     def air_drag(self, world: int = 0) -> float:
         """[s]."""
-        return float(self.of(self.parameters.points.decay)[self.places(world)].sum())
+        found = self.of(self.parameters.points.decay) + (self.inertia.decay if self.inertia else 0.0)
+        return float(found[self.places(world)].sum())
 
     def wind(self, world: int = 0) -> np.ndarray:
         """[s/m], (3,); zero where no cloth has drag or lift."""
@@ -128,6 +135,9 @@ class Gradient:
         """By where a pin puts its points, or pulls them to [1/m]: (frames, substeps, points, 3) of a moving one, (points, 3)
         of one that stands still."""
         pins = self.parameters.pins
+        if self.inertia and (path, world) in self.inertia.paths:
+            raise SceneError(Problem(path, "moves, and what it bears is in the loss: by where it goes that has no derivative "
+                                     "yet; hold it still, or leave its reaction out"))
         for number, kind in enumerate(pins.target if pins else ()):
             at = 0
             for p in pins.groups[kind]:

@@ -61,18 +61,20 @@ class Experiment:
                 for k, row in self.rows(frames)]
 
     def at(self, k: int, row: int) -> np.ndarray:
-        assert self.recording
-        return self.recording.positions(int(self.seen[k].frames[row]), self.seen[k].path)
+        """What an observation is about: positions [m], or forces of a pin [N]."""
+        o, recording = self.seen[k], self.recording
+        assert recording
+        return (recording.positions if o.unit == "m" else recording.reactions)(int(o.frames[row]), o.path)
 
     def back(self, frames: int, r: list[np.ndarray]) -> Gradient:
         """Gradient of the sum of products of residuals and r."""
         assert self.recording
-        by: dict[int, dict[str, np.ndarray]] = {}
+        by: dict[str, dict[int, dict[str, np.ndarray]]] = {"m": {}, "N": {}}
         for (k, row), each in zip(self.rows(frames), r, strict=True):
             o = self.seen[k]
-            bodies = by.setdefault(int(o.frames[row]), {})
+            bodies = by[o.unit].setdefault(int(o.frames[row]), {})
             bodies[o.path] = bodies.get(o.path, 0.0) + o.back(row, self.at(k, row), each) / (o.sigma or 1.0)
-        return self.recording.backward(by)
+        return self.recording.backward(by["m"], reactions=by["N"])
 
 
 @dataclass

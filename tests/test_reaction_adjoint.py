@@ -1,0 +1,102 @@
+"""Gradients of losses by what pins bear, against differences of order 8 of runs without gradients, and what is refused."""
+
+import numpy as np
+import pytest
+
+from tests.test_gradients import WEIGHTS, bar, net, sheet
+from tests.test_gradients import Run as Positions
+from wsim.curve import Motion
+from wsim.recording import Recording
+from wsim.scene import Scene, SceneError
+from wsim.simulation import Simulation
+
+
+class Run(Positions):
+    """As that of positions, with a linear loss of reactions at two frames beside it."""
+
+    def __init__(self, scene: Scene, frames: int = 3, **how):
+        super().__init__(scene, frames, **how)
+        self.pin = scene.pins[0]
+        self.r = np.random.default_rng(7).normal(size=(2, len(self.pin.points), 3))
+        self.at = (frames - 1, frames)
+        self.gradient = self.recording.backward({frames: {self.path: self.x}}, {frames: {self.path: self.v}},
+                                                {f: {self.pin.path: r} for f, r in zip(self.at, self.r, strict=True)})
+
+    def slope(self, values, step: float) -> float:
+        parts = [sign * k * step for k in range(1, 5) for sign in (1, -1)]
+        solved = self.scene.solver == "implicit"
+        sim = Simulation(self.scene, device="cpu", precision="float64", worlds=len(parts), gradients=solved)
+        for world, s in enumerate(parts):
+            sim.set(*values(s), world)
+        recording, losses = Recording(sim, self.frames) if solved else None, np.zeros(len(parts))
+        if recording:
+            recording.run()
+        for frame, r in zip(self.at, self.r, strict=True):
+            if not recording:
+                sim.run(frame - sim.frame)
+            force = (lambda w, f=frame: recording.reactions(f, self.pin.path, w)) if recording else \
+                (lambda w: sim.reactions(self.pin.path, w))
+            losses += [(force(w) * r).sum() for w in range(len(parts))]
+        losses += [(sim.positions(self.path, w) * self.x).sum() + (sim.velocities(self.path, w) * self.v).sum()
+                   for w in range(len(parts))]
+        return float(np.reshape(losses, (4, 2)) @ (1, -1) @ WEIGHTS / step)
+
+
+@pytest.mark.parametrize("how", [{}, {"keep": "checkpoints"}])
+def test_a_chain_by_leapfrog(how):
+    run = Run(net(integrator="leapfrog"), **how)
+    run.material("stiffness", 40.0)
+    run.material("damping", 1e-3)
+    run.state("positions")
+    run.state("velocities")
+    run.world()
+
+
+def test_a_sheet_of_membranes_and_hinges():
+    run = Run(sheet("membrane", damping=2e-4))
+    for name, value in (("stretch", 40.0), ("bend", 2e-4), ("damping", 2e-4)):
+        run.material(name, value)
+    run.check(run.gradient.density(run.path), lambda s: (run.path, "density", run.scene.cloths[0].material.density + s), 2.0)
+    run.world()
+
+
+@pytest.mark.parametrize("solver", [{"solver": "implicit", "integrator": "backward_euler", "substeps": 2}, {}])
+def test_a_soft_bar(solver):
+    run = Run(bar("neo_hookean", **solver))
+    run.material("young", 2e4)
+    run.material("poisson", 0.35)
+    run.state("velocities")
+
+
+def test_a_recording_knows_the_reactions_of_a_simulation():
+    scene = net(integrator="leapfrog")
+    sim = Simulation(scene, device="cpu", precision="float64")
+    recording = Recording(Simulation(scene, device="cpu", precision="float64", gradients=True), 2)
+    assert recording.reactions(0) == pytest.approx(sim.reactions(), abs=1e-12)
+    sim.run(2)
+    assert recording.reactions(2, "/pin") == pytest.approx(sim.reactions(), abs=1e-10)
+
+
+def soft(scene):
+    scene.pins[0].stiffness = 1e3
+    return scene
+
+
+def moving(scene):
+    values = np.tile(np.eye(4), (2, 1, 1))
+    values[1, 0, 3] = 0.1
+    scene.pins[0].motion = Motion([0.0, 1.0], values)
+    return scene
+
+
+@pytest.mark.parametrize("scene, use, words", [
+    (soft(net(integrator="leapfrog")), lambda r: r.reactions(1), "/pin: is a soft pin"),
+    (net(solver="xpbd", iterations=3), lambda r: r.reactions(1), "/: the solver is xpbd"),
+    (net(integrator="leapfrog"), lambda r: r.backward(reactions={1: {"/nail": np.zeros((1, 3))}}), "/nail: in world 0 is no"),
+    (net(integrator="leapfrog"), lambda r: r.backward(reactions={9: {"/pin": np.zeros((1, 3))}}), "allowed are 0 to 1"),
+    (net(integrator="leapfrog"), lambda r: r.backward(reactions={1: {"/pin": np.zeros((2, 3))}}), r"with shape \(1, 3\)"),
+    (moving(net(integrator="leapfrog")), lambda r: r.backward(reactions={1: {"/pin": np.ones((1, 3))}}).targets("/pin"),
+     "/pin: moves, and what it bears")])
+def test_what_is_not_covered_is_said(scene, use, words):
+    with pytest.raises(SceneError, match=words):
+        use(Recording(Simulation(scene, device="cpu", precision="float64", gradients=True), 1))
