@@ -246,8 +246,7 @@ class Recording:
         self.parameters.zero()
         for array in (*self.misses()[1:], self.growth.sums):
             array.zero_()
-        targets: list = []
-        motions: list = []
+        targets, motions = [], []
         for frame in reversed(range(self.frames)):
             seeds.add(frame + 1)
             self.note(frame, False)
