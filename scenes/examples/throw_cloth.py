@@ -21,7 +21,7 @@ def scene_of(cells: int, frames: int = 12) -> Scene:
     return scene
 
 
-def run(cells: int = 8, limit: float = 60.0) -> dict:
+def run(cells: int = 8, limit: float = 160.0) -> dict:
     scene = scene_of(cells)
     upright = shapes.sheet(0.5, 0.5, cells, cells)[0] + AWAY
     target = Track("/cloth", np.array([scene.frames]), upright[None], sigma=5e-3)              # 5 mm are near enough
