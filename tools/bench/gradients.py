@@ -1,9 +1,14 @@
 """Gradients of whole runs: time of the backward pass over that of the forward pass, memory, and how right they are.
 
-    python tools/bench/gradients.py [--device cuda:0|cpu] [--points 32,100] [--tets 2560] [--substeps 1024] [--json FILE]
+    python tools/bench/gradients.py [--device cuda:0|cpu] [--points 32,100] [--tets 2560] [--substeps 1024] [--side 32]
+                                    [--million] [--json FILE]
 
 sheet    points a side, springs of 1 kN/m, leapfrog, XPBD (as many substeps of an iteration), or XPBD over a ball (as many of
-         an iteration, contacts with friction); bar  tets, corotational, leapfrog or BDF2 by Newton's method (64 substeps)
+         an iteration, contacts with friction); bar  tets, corotational, leapfrog or BDF2 by Newton's method (64 substeps);
+         bars with damping, under pressure, and of an eighth as many tets of ten nodes
+side     points a side of: a membrane with hinges in the wind; a sheet held by soft pins; a sheet of springs that bounces on
+         a ball; one that falls on a mesh (leapfrog, what is stable)
+million  XPBD of a sheet of 1000 x 1000 points, a sweep a substep: time of both passes only
 keep     all: memory for every substep; checkpoints: for a segment at a time, which then runs twice
 ms       of the forward pass (recorded, replayed from graphs), and back/forward of the least of three passes each
 bytes    of versions, gradients and checkpoints, and over those of keeping all
@@ -29,8 +34,9 @@ from tools.bench import reference  # noqa: E402
 from tools.bench.speed import hardware  # noqa: E402
 from wsim import Scene, Simulation, shapes  # noqa: E402
 from wsim.bulk import Bulk  # noqa: E402
+from wsim.fabric import Fabric  # noqa: E402
 from wsim.recording import Recording  # noqa: E402
-from wsim.scene import Sphere  # noqa: E402
+from wsim.scene import Sphere, Surface  # noqa: E402
 
 FRAMES = 16
 STEPS = (2e-5, 2e-6, 2e-7)           # of |way| = 1 [m]
@@ -59,6 +65,43 @@ def bar(tets: int, substeps: int, implicit: bool) -> Scene:
     body = scene.soft("/bar", points, solid, material=Bulk(young=2e5, poisson=0.3, density=1e3))
     scene.pin("/wall", body, points=np.flatnonzero(points[:, 0] < points[:, 0].min() + 1e-6))
     return scene
+
+
+def stable(scene: Scene) -> Scene:
+    """By as many steps of leapfrog as it takes."""
+    choice = Simulation(replace(scene, solver="explicit", integrator="auto", substeps=1)).plan.choice
+    return replace(scene, solver="explicit", integrator="leapfrog", substeps=max(choice.substeps, 8))
+
+
+def bars(tets: int) -> dict[str, Scene]:
+    """What else tets have."""
+    found = {name: bar(count, 1, False) for name, count in (("damped", tets), ("pressure", tets), ("ten nodes", tets // 8))}
+    damped, pressed, ten = (scene.softs[0] for scene in found.values())
+    damped.material = replace(damped.material, damping=1e-4)
+    pressed.pressure, ten.quadratic = 200.0, True
+    return {name: stable(scene) for name, scene in found.items()}
+
+
+def sides(n: int) -> dict[str, Scene]:
+    """What else sheets meet."""
+    blown = Scene(fps=60.0, wind=(3.0, 0.5, 1.0))
+    points, counts, indices = shapes.sheet(1.0, 1.0, n - 1, n - 1)
+    cloth = blown.cloth("/cloth", points, counts, indices, material=Fabric(stretch=1e3, bend=1e-4), model="membrane", drag=0.8,
+                        lift=0.4)
+    blown.pin("/pin", cloth, range(n))
+    held, thrown, fallen = (sheet(n, 1) for _ in range(3))
+    held.pins[0].stiffness, held.pins[0].damping = 500.0, 0.1
+    for scene, solid, more in ((thrown, Sphere(0.2), {"restitution": 0.6}), (fallen, surface(), {})):
+        middle = scene.springs[0].points.mean(axis=0)
+        scene.collider("/below", solid, at=middle - (0.0, 0.25, 0.0), **more)
+    return {name: stable(s) for name, s in (("wind", blown), ("soft pins", held), ("bounce", thrown), ("mesh", fallen))}
+
+
+def surface() -> Surface:
+    """A box of 12 triangles, 0.4 m."""
+    corners = 0.2 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    return Surface(corners, [4] * 6, np.concatenate(faces))
 
 
 class Loss:
@@ -112,11 +155,33 @@ def row(name: str, scene: Scene, device: str | None) -> list[dict]:
         forward, back = loss.seconds(loss.recording.run), loss.seconds(loss.backward)
         rows.append({"scene": name, "points": len(found), "substeps": FRAMES * scene.substeps, "keep": keep,
                      "forward_ms": 1e3 * forward, "back_over_forward": back / forward, "megabytes": loss.recording.bytes / 1e6,
-                     "share": loss.recording.bytes / loss.recording.full,
+                     "share": loss.recording.bytes / loss.recording.cost.full,
                      "apart": float(np.linalg.norm(gradient - found) / np.linalg.norm(found)),
                      "slope": abs(float((found * way).sum()) / expected - 1.0), **loss.recording.residuals})
         print("  ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in rows[-1].items()), flush=True)
     return rows
+
+
+def million(device: str | None) -> dict:
+    """Forward and backward over a frame of 64 substeps, each in microseconds a substep."""
+    scene = replace(swept(1000, 64, False), frames=1)
+    sim = Simulation(scene, device=device, gradients=True)
+    recording = Recording(sim, 1)
+    recording.run()
+    seeds = {1: recording.positions(1)}
+    times = []
+    for what in (recording.run, lambda: recording.backward(seeds)):
+        each = []
+        for _ in range(3):
+            wp.synchronize_device(sim.device)
+            began = time.perf_counter()
+            what()
+            wp.synchronize_device(sim.device)
+            each.append(time.perf_counter() - began)
+        times.append(1e6 * min(each) / 64)
+    found = {"scene": "sheet 1000, XPBD", "forward_us": times[0], "back_us": times[1], "megabytes": recording.bytes / 1e6}
+    print("  ".join(f"{k} {v:.5g}" if isinstance(v, float) else f"{k} {v}" for k, v in found.items()), flush=True)
+    return found
 
 
 def main() -> None:
@@ -125,6 +190,8 @@ def main() -> None:
     parser.add_argument("--points", default="32,100", help="a side of the sheets")
     parser.add_argument("--tets", default="2560")
     parser.add_argument("--substeps", type=int, default=1024, help=f"of {FRAMES} frames, explicit")
+    parser.add_argument("--side", type=int, default=32, help="0: none of those")
+    parser.add_argument("--million", action="store_true")
     parser.add_argument("--json", default=None)
     args = parser.parse_args()
     wp.config.log_level = wp.LOG_WARNING
@@ -138,6 +205,12 @@ def main() -> None:
     for tets in map(int, filter(None, args.tets.split(","))):
         rows += row(f"bar {tets}", bar(tets, each, False), args.device)
         rows += row(f"bar {tets}, implicit", bar(tets, 4, True), args.device)
+        for name, scene in bars(tets).items():
+            rows += row(f"bar {tets}, {name}", scene, args.device)
+    for name, scene in sides(args.side).items() if args.side else ():
+        rows += row(f"sheet {args.side}, {name}", scene, args.device)
+    if args.million:
+        rows.append(million(args.device))
     if args.json:
         Path(args.json).write_text(json.dumps(head | {"rows": rows}, indent=1))
 
