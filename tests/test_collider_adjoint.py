@@ -10,13 +10,22 @@ from functools import cache
 import numpy as np
 import pytest
 
+import wsim
 from tests.test_bounce import ball, cube
 from tests.test_contact_adjoint import SHAPES, SOLVERS, TOP, Slid, dropped
 from tests.test_gradients import WEIGHTS, Run
+from wsim import shapes
 from wsim.curve import Curve, Motion, rotation
+from wsim.fitting import Settings, Track
+from wsim.fitting.by_adjoint import Adjoint
+from wsim.fitting.field import fields
+from wsim.fitting.parameter import parameters
+from wsim.products import Rollout
 from wsim.recording import Recording
-from wsim.scene import Plane, Scene, SceneError, Sphere, Surface
+from wsim.scene import Box, Plane, Scene, SceneError, Sphere, Surface
 from wsim.simulation import Simulation
+from wsim.usd.fields import author_fields
+from wsim.usd.fitted import save_fitted
 
 G, FRAMES = 9.81, 4
 
@@ -224,3 +233,88 @@ def test_what_has_no_derivative_is_named():
     without.contacts = None
     with pytest.raises(SceneError, match="there is no collider"):
         without.friction("/cloth")
+
+
+# as inputs, and in fits
+
+def test_shift_friction_and_thickness_as_inputs_of_a_recording():
+    """Products of both kinds agree; hvp moves the collider itself, and puts it back."""
+    recording = Recording(Simulation(slid("solid", "xpbd"), device="cpu", precision="float64", gradients=True), FRAMES)
+    names = ["/floor:dynamic_friction", "/cloth:dynamic_friction", "/floor:thickness", "/floor:shift"]
+    rollout, rng = Rollout(recording, names, [FRAMES]), np.random.default_rng(4)
+    rollout.run()
+    seeds = rng.normal(size=rollout.shape)
+    found = rollout.vjp(seeds)
+    run = recorded("solid", "xpbd")
+    way = 1e-9 * rng.normal(size=(FRAMES + 1, 3))
+    losses = [(rollout.run({"/floor:shift": s * way}) * seeds).sum() for s in (1.0, -1.0)]
+    rollout.write({"/floor:shift": 0.0 * way})
+    assert (found["/floor:shift"] * way).sum() == pytest.approx(0.5 * (losses[0] - losses[1]), rel=1e-5)
+    product = rollout.jvp({name: 1.0 for name in names[:2]} | {names[2]: 0.0}, step=1e-7)
+    assert (product.value * seeds).sum() == pytest.approx(found[names[0]] + found[names[1]], rel=1e-6)
+    assert rollout.values()["/floor:thickness"] == 1e-3 and rollout.values()["/floor:dynamic_friction"] == 0.4
+    assert recording.positions(FRAMES) is not None and run.recording.frames == FRAMES
+    with pytest.raises(SceneError, match="/floor:shift: found shape .3,.; allowed is .5, 3.: worlds share"):
+        rollout.write({"/floor:shift": np.zeros(3)})
+    with pytest.raises(SceneError, match="/floor:restitution: no collider throws back"):
+        Rollout(recording, ["/floor:restitution"])
+    with pytest.raises(SceneError, match="a collider has static_friction"):
+        Rollout(recording, ["/floor:radius"])
+
+
+def test_friction_and_restitution_are_found_again():
+    scene = ball(e=0.7, height=0.05, v=(1.5, 0.0, 0.0), solver="xpbd", integrator="backward_euler")
+    scene.colliders[0].dynamic_friction = scene.colliders[0].static_friction = 0.3
+    sim, found = Simulation(scene, device="cpu", precision="float64"), []
+    sim.run(20, lambda s: found.append(s.positions()))
+    first = replace(scene, colliders=[replace(scene.colliders[0], dynamic_friction=0.2, restitution=0.6)])
+    result = wsim.fit(first, [Track("/ball", np.arange(1, 21), np.array(found))], "dynamic_friction,restitution",
+                      settings=Settings(device="cpu"))
+    assert result.values["dynamic_friction"] == pytest.approx(0.3, rel=1e-6)
+    assert result.values["restitution"] == pytest.approx(0.7, rel=1e-6)
+    assert result.scene.colliders[0].restitution == result.values["restitution"] and first.colliders[0].restitution == 0.6
+    with pytest.raises(SceneError, match="/floor: restitution is 0 at the start"):
+        parameters("restitution", [ball(e=0.0)])
+
+
+def test_the_motion_of_a_collider_is_found_from_what_it_throws():
+    scene, times, keys = slid("plane", "xpbd", spin=0.0), np.arange(FRAMES + 1) / 60, np.random.default_rng(3)
+    truth = Motion(times, np.stack([scene.colliders[0].motion.at(t) for t in times]))
+    truth.values[1:, 2, 3] += 2e-3 * keys.normal(size=FRAMES)
+    sim, found = Simulation(scene, device="cpu", precision="float64"), []
+    sim.set("/floor", "motion", truth)
+    sim.run(FRAMES, lambda s: found.append(s.positions()))
+    tracks = [Track("/cloth", np.arange(1, FRAMES + 1), np.array(found))]
+    misfit = Adjoint([(scene, tracks)], fields(["/floor:motion[]"], [scene]), "cpu")
+    misfit.believe(misfit.start)
+    theta = misfit.theta([truth.values[1:, :3, 3] - np.stack([scene.colliders[0].motion.at(t)[:3, 3] for t in times[1:]])])
+    value, slope = misfit.look(theta)
+    assert value[0] < 1e-25 and np.abs(slope[0]).max() < 1e-12
+    way = np.random.default_rng(5).normal(size=theta.shape)
+    at = theta + 1e-4 * way
+    ends = [misfit.look(at + s * way, slope=False)[0][0] for s in (1e-8, -1e-8)]
+    assert misfit.look(at)[1][0] @ way == pytest.approx((ends[0] - ends[1]) / 2e-8, rel=1e-5)
+
+
+def test_a_layer_holds_what_was_found_of_colliders(tmp_path):
+    """A material that others bind stays as it is; a box keeps its size, which its transform holds."""
+    scene, times = Scene(fps=60.0, frames=3), np.arange(4) / 60
+    scene.cloth("/cloth", *shapes.sheet(0.5, 0.5, 2, 2))
+    turned = np.eye(4)
+    turned[:3, :3], turned[:3, 3] = rotation(np.array([0.0, 0.6, 0.8]), 0.4), (0.1, 0.2, -0.3)
+    scene.collider("/World/box", Box((0.1, 0.2, 0.3)), motion=Motion.still(turned))
+    for name in "ab":
+        scene.collider(f"/World/{name}", Sphere(0.3), restitution=0.5)
+    wsim.save(scene, tmp_path / "scene.usda")
+    before = wsim.load(str(tmp_path / "scene.usda"))
+    box, ball_, other = before.colliders
+    values = np.stack([turned] * 4)
+    values[1:, :3, 3] += np.random.default_rng(1).normal(size=(3, 3))
+    after = replace(before, colliders=[replace(box, motion=Motion(times, values)),
+                                       replace(ball_, restitution=0.7, dynamic_friction=0.25), other])
+    save_fitted(before, after, tmp_path / "fitted.usda", None,
+                lambda stage: author_fields(stage, [(box.path, "motion", values)], {c.path: c for c in after.colliders}))
+    found = wsim.load(str(tmp_path / "fitted.usda")).colliders
+    assert [(c.restitution, c.dynamic_friction) for c in found] == [(0.0, 0.5), (0.7, 0.25), (0.5, 0.5)]
+    assert found[0].shape.half == pytest.approx((0.1, 0.2, 0.3), abs=1e-15)
+    assert max(np.abs(found[0].motion.at(t) - M).max() for t, M in zip(times, values, strict=True)) < 1e-15

@@ -5,6 +5,7 @@ import pytest
 import warp as wp
 
 from tests.test_bounce import ball
+from tests.test_collider_adjoint import slid
 from tests.test_contact_adjoint import SOLVERS, dropped
 from tests.test_gradients import bar, sheet
 from tests.test_muscles import SOLVERS as PULLED
@@ -263,6 +264,22 @@ def test_gradients_through_contacts_and_wind_agree():
         assert found[1].wind() == pytest.approx(found[0].wind(), rel=1e-8)
 
 
+@pytest.mark.parametrize("shape", ["solid", "sheet", "deforming"])
+def test_gradients_through_meshes_and_by_colliders_agree(shape):
+    """A sheet thrown at a mesh that turns, rises and may deform: its motion by graphs, and its gradients."""
+    for solver in SOLVERS:
+        scene, found = slid(shape, solver), []
+        cpu, gpu = ends(scene, 4, "cpu", "cuda:0", precision="float64")
+        assert np.abs(cpu - gpu).max() < 1e-11
+        for device in ("cpu", "cuda:0"):
+            recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 4)
+            found.append(recording.backward({4: recording.positions(0)}))
+        for of in (lambda g: g.positions(), lambda g: g.motion("/floor"), lambda g: g.friction("/floor"),
+                   lambda g: g.friction("/cloth"), lambda g: g.thickness("/floor")):
+            a, b = (np.asarray(of(g)) for g in found)
+            assert np.linalg.norm(a - b) < 1e-8 * np.linalg.norm(a)
+
+
 def test_gradients_of_quadratic_tets_under_pressure_agree():
     scene = bar("neo_hookean", damping=1e-4, solver="implicit", integrator="bdf2", substeps=2)
     scene.softs[0].quadratic, scene.softs[0].pressure = True, 400.0
@@ -323,6 +340,7 @@ def test_a_ball_bounces_and_has_the_gradients_of_its_motion():
         found.append(recording.backward({118: np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0]])}))
     assert found[1].positions() == pytest.approx(found[0].positions(), rel=1e-9, abs=1e-12)
     assert found[1].gravity() == pytest.approx(found[0].gravity(), rel=1e-9, abs=1e-12)
+    assert found[1].restitution("/floor") == pytest.approx(found[0].restitution("/floor"), rel=1e-9)
 
 
 def test_muscles_and_their_gradients_agree():

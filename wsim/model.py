@@ -125,7 +125,7 @@ class Model:
         18.8 with 128, 20.2 with 256), a million points do not care. One size for a plan: each is compiled apart."""
         return 64 if self.points < 100_000 else 128
 
-    def launch(self, kernel, dim: int, inputs: list, outputs: list, backward=None) -> None:
+    def launch(self, kernel, dim: int | tuple[int, ...], inputs: list, outputs: list, backward=None) -> None:
         """Launches a kernel of this model's module; backward: what a tape takes for its adjoint, see `Tape.by_hand`."""
         import warp as wp
         how = {"device": self.device, **({"block_dim": self.block} if self.device.is_cuda else {})}

@@ -118,8 +118,7 @@ class ContactAdjoint:
     def take_motion(self) -> np.ndarray:
         """By the motions of an object's colliders in a frame, (objects, rows, 4, 3), which are zeros then: shift and turn where
         it begins, and where it ends."""
-        wp.launch(self.sum_kernel, self.sums.shape, [self.starts, self.contacts.count, self.motion], [self.sums],
-                  device=self.model.device)
+        self.model.launch(self.sum_kernel, self.sums.shape, [self.starts, self.contacts.count, self.motion], [self.sums])
         return self.sums.numpy().astype(np.float64).sum(axis=2)
 
     def by_rows(self, array: wp.array) -> np.ndarray:
