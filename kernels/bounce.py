@@ -161,13 +161,13 @@ def bounce_held(real, module):
     Constants = constants(real)
 
     def bounce_held(c: Bounces, constants: Constants, s: Slots, push: vectors, d: vectors, a: vectors, start: vectors,
-                    v: vectors, d_out: vectors, a_out: vectors, push_out: vectors, thrown_out: wp.array(dtype=int)):
+                    v: vectors, d_out: vectors, a_out: vectors, push_out: vectors, thrown_out: wp.array(dtype=real)):
         i = wp.tid()
         d0 = d[i]
         a0 = a[i]
         V0 = v[i]
         slot = struck(c, s, push, i, V0)
-        thrown_now = int(0)
+        thrown_now = real(0.0)
         if slot >= 0:
             j = slot * s.points + i
             n = s.n[j]
@@ -179,7 +179,7 @@ def bounce_held(real, module):
                 d_out[i] = d0 + p * n
                 a_out[i] = a0 + (p - c.g * q) * n
                 push_out[j] = P + (c.g * q) * n
-                thrown_now = 1
+                thrown_now = real(1.0)
         if thrown_out:
             thrown_out[i] = thrown_now
 
@@ -208,9 +208,9 @@ def renew(real, module):
     t = types(real)
     Constants, vectors = constants(real), wp.array(dtype=t.vec3)
 
-    def renew(constants: Constants, thrown: wp.array(dtype=int), v: vectors, h: real, s_out: vectors, u_out: vectors):
+    def renew(constants: Constants, thrown: wp.array(dtype=real), v: vectors, h: real, s_out: vectors, u_out: vectors):
         i = wp.tid()
-        if thrown[i] != 0:
+        if thrown[i] != real(0.0):
             o = constants.object[i]
             change = h * (constants.gravity[o] - constants.decay[o] * v[i])
             s_out[i] = h * (v[i] - real(0.5) * change)

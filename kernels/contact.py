@@ -27,7 +27,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.real import types
+from wsim.kernels.real import differentiable, types
 
 TOUCHED, SUNK = 1, 2                   # bits of a point's mark: in contact in this substep, started it in an overlap
 
@@ -151,28 +151,37 @@ def settle(real, module):
     normal of a contact that pushes, velocity is the step over h, n.(d - e) / h, by a new anchor, and the velocity
     before this one is the same; motion across the normal keeps its order. Two and more normals: all components."""
     t = types(real)
-    Slots, vectors = slots(real), wp.array(dtype=t.vec3)
+    (Rows, _), Slots, vectors = tables(real), slots(real), wp.array(dtype=t.vec3)
 
-    def settle(s: Slots, push: vectors, e: vectors, d: vectors, a: vectors, v: vectors, g: real, h: real,
-               a_out: vectors, v_out: vectors):
-        i = wp.tid()
-        if (s.mark[i] & TOUCHED) == 0:
-            return
-        n = t.vec3()
-        pushing = int(0)
+    @wp.func
+    def pushing(c: Rows, s: Slots, push: vectors, i: int):
+        """(slot of the last contact that pushes, how many do)."""
+        last = int(0)
+        count = int(0)
         for slot in range(s.count[i]):
             j = slot * s.points + i
-            if wp.dot(push[j], s.n[j]) > real(0.0):
-                n = s.n[j]
-                pushing += 1
+            if wp.dot(push[j], s.n[j]) > c.width:
+                last = j
+                count += 1
+        return last, count
+
+    def settle(c: Rows, s: Slots, push: vectors, e: vectors, d: vectors, a: vectors, v: vectors, g: real,
+               a_out: vectors, v_out: vectors):
+        i = wp.tid()
+        j, count = pushing(c, s, push, i)
+        if count == 0:
+            return
+        n = s.n[j]
+        a0 = a[i]
+        v0 = v[i]
         d1 = d[i]
-        w = (d1 - e[i]) / h
-        da = d1 - a[i] - g * w
-        dv = w - v[i]
-        if pushing < 2:
+        w = (d1 - e[i]) / c.h
+        da = d1 - a0 - g * w
+        dv = w - v0
+        if count < 2:
             da = wp.dot(n, da) * n
             dv = wp.dot(n, dv) * n
-        a_out[i] = a[i] + da
-        v_out[i] = v[i] + dv
+        a_out[i] = a0 + da
+        v_out[i] = v0 + dv
 
-    return wp.kernel(settle, name=f"settle_{types(real).name}", module=module, enable_backward=False)
+    return wp.kernel(settle, name=f"settle_{types(real).name}", module=module, enable_backward=differentiable(module))

@@ -130,7 +130,7 @@ def finish_bdf2(real, module):
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
     def finish_bdf2(a: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
-                    e: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), struck: wp.array(dtype=int), h: real, g: real,
+                    e: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), struck: wp.array(dtype=real), h: real, g: real,
                     x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3),
                     s_out: wp.array(dtype=t.vec3), u_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
@@ -142,7 +142,7 @@ def finish_bdf2(real, module):
         x1 = x0 + step
         s1 = step - e0
         if struck:
-            if struck[i] != 0:
+            if struck[i] != real(0.0):
                 s1 = h * v1
                 v0 = v1
         x_out[i] = x1

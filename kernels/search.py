@@ -75,7 +75,7 @@ def search(kinds: tuple[str, ...], real, module):
     vectors, ints = wp.array(dtype=t.vec3), wp.array(dtype=int)
 
     def search(c: Rows, points: Points, x: vectors, d: vectors, a: vectors, k: int, s: Slots,
-               d_out: vectors, a_out: vectors, push_out: vectors, struck_out: ints, wanted_out: ints):
+               d_out: vectors, a_out: vectors, push_out: vectors, struck_out: wp.array(dtype=real), wanted_out: ints):
         i = wp.tid()
         count, mark, carried = int(0), int(0), t.vec3()
         deep = c.deep[0] | (s.mark[i] & SUNK)
@@ -116,7 +116,7 @@ def search(kinds: tuple[str, ...], real, module):
             d_out[i] = d[i] + carried
             a_out[i] = a[i] + carried
         if struck_out:
-            struck_out[i] = mark & SUNK
+            struck_out[i] = real(mark & SUNK)
 
     return wp.kernel(search, name=name, module=module, enable_backward=False)
 

@@ -34,7 +34,7 @@ class Driver:
         self.s, self.u = np.zeros_like(self.x), np.zeros_like(self.x)       # step and velocity before this one
         bodies = Bodies([list(colliders)], np.array([origin], float), np.zeros(n, np.int32), self.w, np.full(n, reach),
                         np.tile(mu, (n, 1)))
-        self.struck = wp.zeros(n, dtype=int, device="cpu")
+        self.struck = wp.zeros(n, dtype=real, device="cpu")
         self.contacts = Contacts(bodies, device="cpu", real=real, substeps=substeps, dt=self.dt,
                                  struck=self.struck if bdf2 else None)
 

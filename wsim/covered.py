@@ -4,7 +4,7 @@
                  bending, and their damping; soft bodies of four and ten nodes a tet, all four materials, their damping and
                  pressure; hard and soft pins; gravity, drag of the air, wind (drag and lift); ties; strain limits and
                  tethers, but for Newton's method; contacts with convex shapes and meshes (that deform too), friction and
-                 restitution, but for Newton's method and BDF2
+                 restitution, but for Newton's method
     by           initial positions and velocities, masses, every stiffness, damping and pressure above (of each element), rest
                  lengths, factors of rest lengths over time (muscles), where pins are, stiffness and damping of soft ones,
                  gravity, drag of the air, wind, drag and lift, friction of a body; friction, restitution, thickness and motion
@@ -23,8 +23,6 @@ def uncovered(scene: Scene, choice: Choice) -> list[Problem]:
     found = []
     if scene.colliders and choice.solver == "implicit":
         found.append((scene.colliders[0].path, "contacts under Newton's method", "set wsim:solver = explicit or xpbd"))
-    if scene.colliders and choice.integrator.name == "bdf2":
-        found.append((scene.colliders[0].path, "contacts under BDF2", "set wsim:integrator = backward_euler"))
     other = "leave it out, or set wsim:solver = explicit or xpbd"
     for c in scene.cloths if choice.solver == "implicit" else ():
         found += [(c.path, "tethers under Newton's method", other)] * bool(c.tethers)

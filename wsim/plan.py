@@ -234,7 +234,7 @@ def _add(plan: Plan, scene: Scene, reasons: dict[str, str], rows: dict[str, list
     model, state, status = plan.model, plan.state, plan.status
     struck = None
     if reasons["contact"] and plan.clock.multistep:
-        struck = wp.zeros(model.points, dtype=int, device=model.device)
+        struck = wp.zeros(model.points, dtype=model.real, device=model.device)
     points = Points(model, state, status, struck, plan.choice.integrator)
     plan.methods.append(points)
     pins = Pins(model, state, points, plan.choice.integrator.explicit) if reasons["pins"] else None

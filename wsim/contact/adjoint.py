@@ -6,10 +6,11 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels import contact_adjoint as kernels
+from wsim.kernels.contact import slots
 from wsim.kernels.real import types
 from wsim.kernels.search_adjoint import search_adjoint, sums
 from wsim.model import Model
-from wsim.tape import Tape
+from wsim.tape import Tape, adjoint_of, without
 
 LANES = 256            # threads that sum what an object gives a collider, at most
 EACH = 64              # points that one of them takes at least
@@ -93,6 +94,34 @@ class ContactAdjoint:
             at.d, at.a, at.push = d, a, push
             self.model.launch(self.project_kernel, self.contacts.count, [table, points, slots, at, o, g], [])
         return backward
+
+    def reading(self, kernel):
+        """What a tape takes as the adjoint of a launch that reads contacts: Warp's, with the gradients of contacts where those
+        of the search want them. The last to read the contacts is the first to find them again."""
+        found, model = self.found, self.model
+        assert found is not None
+        found.projected += 1
+        number = found.projected
+        how = {"device": model.device, **({"block_dim": model.block} if model.device.is_cuda else {})}
+
+        def back(read: list, wrote: list) -> None:
+            if number == found.projected:
+                self.again(found)
+            read = [self.slots(value) if value is self.contacts.slots else value for value in read]
+            wp.launch(kernel, self.contacts.count, read, wrote, adj_inputs=[adjoint_of(value) for value in read],
+                      adj_outputs=[adjoint_of(value) for value in wrote], adjoint=True, **how)
+        return back
+
+    def slots(self, given):
+        """Contacts whose arrays have the gradients that the search's adjoint reads: Warp finds those of structs there only."""
+        found = slots(self.model.real)()
+        for name in found._cls.vars:
+            setattr(found, name, getattr(given, name))
+        for name in ("n", "b", "u"):
+            array = without(getattr(given, name))
+            array.grad = getattr(self, name)
+            setattr(found, name, array)
+        return found
 
     def gradients(self):
         o = kernels.grads(self.real)()

@@ -6,11 +6,9 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels import bounce as kernels
-from wsim.kernels import contact
 from wsim.model import Model
 from wsim.stage import Clock, Stage
 from wsim.state import State
-from wsim.tape import adjoint_of, without
 
 
 class Bounce:
@@ -80,35 +78,8 @@ class Bounce:
             start = a if self.thrown is None else s.e
             inputs = [table, self.points.constants, c.slots, c.push, d, a, start, self.before]
             outputs = [d, a, c.push, self.thrown]
-        self.model.launch(self.kernel, c.count, inputs, outputs, self.backward() if c.recorded else None)
+        self.model.launch(self.kernel, c.count, inputs, outputs, c.adjoint.reading(self.kernel) if c.recorded else None)
 
     def passed(self) -> None:
         """Before leapfrog's last half kick."""
         self.model.launch(self.spare, self.model.points, [self.explicit.change, self.normal], [self.explicit.change])
-
-    def backward(self):
-        """What a tape takes as the adjoint of the launch to come: Warp's, with the gradients of contacts where those of the
-        search want them. The last to read the contacts is the first to find them again (`wsim.contact.adjoint`)."""
-        adjoint, found, model = self.contacts.adjoint, self.contacts.adjoint.found, self.model
-        found.projected += 1
-        number = found.projected
-        how = {"device": model.device, **({"block_dim": model.block} if model.device.is_cuda else {})}
-
-        def back(read: list, wrote: list) -> None:
-            if number == found.projected:
-                adjoint.again(found)
-            read = [self.slots(value) if value is self.contacts.slots else value for value in read]
-            wp.launch(self.kernel, self.contacts.count, read, wrote, adj_inputs=[adjoint_of(value) for value in read],
-                      adj_outputs=[adjoint_of(value) for value in wrote], adjoint=True, **how)
-        return back
-
-    def slots(self, given):
-        """Contacts whose arrays have the gradients that the search's adjoint reads: Warp finds those of structs there only."""
-        found, adjoint = contact.slots(self.model.real)(), self.contacts.adjoint
-        for name in found._cls.vars:
-            setattr(found, name, getattr(given, name))
-        for name in ("n", "b", "u"):
-            array = without(getattr(given, name))
-            array.grad = getattr(adjoint, name)
-            setattr(found, name, array)
-        return found

@@ -52,7 +52,7 @@ class Contacts:
 
     def __init__(self, bodies: Bodies, *, device, real, module="unique", substeps: int, dt: float,
                  wanted: wp.array | None = None, struck: wp.array | None = None):
-        """wanted: status word (first entry of an int array) to use instead of an own one; struck: (points,) int, becomes
+        """wanted: status word (first entry of an int array) to use instead of an own one; struck: (points,) real, becomes
         not 0 where a point leaves an overlap: its step is no motion, and a multistep integrator forgets it."""
         self.device, self.real, self.types = wp.get_device(device), real, types(real)
         self.launch: Callable = partial(wp.launch, device=self.device)    # (kernel, dim, inputs, outputs)
@@ -224,8 +224,8 @@ class Contacts:
 
     def settle(self, g: float, e: wp.array, d: wp.array, a: wp.array, v: wp.array) -> None:
         """After the last iteration of a multistep integrator: a and v of points in contact forget what was before."""
-        self.launch(self.settle_kernel, self.count, [self.slots, self.push, e, d, a, v, g, self.dt / self.substeps],
-                    [a, v])
+        backward = {"backward": self.adjoint.reading(self.settle_kernel)} if self.recorded else {}
+        self.launch(self.settle_kernel, self.count, [self.table, self.slots, self.push, e, d, a, v, g], [a, v], **backward)
 
     def grow(self, wanted: int | None = None) -> bool:
         """Makes room for as many contacts of a point as were wanted; False where nothing was lacking."""
