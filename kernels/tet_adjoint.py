@@ -6,7 +6,12 @@ tau F h(e), e = sym(F^T dF), h(e) = 2 mu e + lam tr e, they are those of
 
     by positions   tau (Y h(e) + dF h(s)),  s = sym(F^T Y)          by velocities   tau F h(s)
 
-P is linear in mu, lam and tau. Of a pressure, f = p/6 (b - a) x (c - a) at each corner, with g the sum of the three gradients:
+P is linear in mu, lam and tau. With Q and R those stresses, of positions and of velocities, the gradients by the edges at rest
+r_k, which F, Y, dF and V are made of (dV = V sum_k g_k.dr_k, dg_j = -sum_k (g_j.dr_k) g_k), are
+
+    V (F^T Q + Y^T P + dF^T R - P : Y) g_k
+
+Of a pressure, f = p/6 (b - a) x (c - a) at each corner, with g the sum of the three gradients:
 
     by b   p/6 (c - a) x g,      by c   p/6 g x (b - a),      by a   minus both
 """
@@ -37,21 +42,21 @@ def damped_product(F: Any, dF: Any, Y: Any, mu: Any, lam: Any):
 
 @cache
 def products(material: str, real, damped: bool):
-    """Functions of one point of a tet, of (H, q, dF, Y, mu, lam, tau): the stresses that stand for positions and for
-    velocities; Y : P by mu, lam and tau."""
+    """Functions of one point of a tet, of (H, q, dF, Y, mu, lam, tau): the stresses Q and R that stand for positions and for
+    velocities; Y : P by mu, lam and tau; and, of Q and R too, what gives the gradients by the edges at rest."""
     row = materials.TABLE[material]
     derivative = materials.corotational_product if material == "corotational" else row.derivative
     stress, M, quat, vec3 = row.stress, types(real).mat33, types(real).quat, types(real).vec3
 
     @wp.func
     def by_motion(H: M, q: quat, dF: M, Y: M, mu: real, lam: real, tau: real):
-        P = derivative(H, q, Y, mu, lam)
+        Q = derivative(H, q, Y, mu, lam)
         R = M()
         if wp.static(damped):
             A, B = damped_product(identity(H) + held(H), dF, Y, mu, lam)
-            P = P + tau * A
+            Q = Q + tau * A
             R = tau * B
-        return P, R
+        return Q, R
 
     @wp.func
     def by_moduli(H: M, q: quat, dF: M, Y: M, mu: real, lam: real, tau: real):
@@ -67,25 +72,36 @@ def products(material: str, real, damped: bool):
             r = wp.ddot(rate_stress(F, dF, mu, lam), Y)
         return vec3(m, n, r)
 
-    return by_motion, by_moduli
+    @wp.func
+    def by_rest(H: M, q: quat, dF: M, Y: M, k: vec3, Q: M, R: M):
+        F = identity(H) + held(H)
+        P = stress(H, q, k[0], k[1])
+        K = wp.transpose(F) * Q
+        if wp.static(damped):
+            P = P + k[2] * rate_stress(F, dF, k[0], k[1])
+            K = K + wp.transpose(dF) * R
+        return K + wp.transpose(Y) * P - wp.ddot(P, Y) * identity(H)
+
+    return by_motion, by_moduli, by_rest
 
 
 @wp.func
-def add(by: Any, c: int, s: Any):
-    """Adds gradients by mu, lam and tau of tet c."""
+def add(by: Any, c: int, s: Any, V: Any, K: Any, G: Any):
+    """Adds gradients by mu, lam and tau of tet c, and by its edges at rest, V K g_k."""
     by.mu[c] = by.mu[c] + s[0]
     by.lam[c] = by.lam[c] + s[1]
     by.tau[c] = by.tau[c] + s[2]
+    by.edge[c] = by.edge[c] + V * (G * wp.transpose(K))
 
 
 @cache
 def linear(material: str, damped: bool, real, module, parameters: bool):
     """Kernel over tets of four nodes: at the places of the nodes' forces, gradients by their positions take the places of those
-    by the forces, and those by their velocities come to `rates`, from 0 on; parameters: adds those by mu, lam, tau.
+    by the forces, and those by their velocities come to `rates`, from 0 on; parameters: adds by mu, lam, tau, edges.
     Arguments: tets, x, d, v, q, corners, rates, by."""
     t, Tets = types(real), fem.elements(real)
     (gradient, change), turn = fem.displaced(real, real), turn_of(material, real)
-    by_motion, by_moduli = products(material, real, damped)
+    by_motion, by_moduli, by_rest = products(material, real, damped)
     vec3 = wp.array(dtype=t.vec3)
 
     def back(tets: Tets, x: vec3, d: vec3, v: vec3, q: wp.array(dtype=t.quat), corners: vec3, rates: vec3, by: Tets):
@@ -102,12 +118,15 @@ def linear(material: str, damped: bool, real, module, parameters: bool):
         at = tets.force + 4 * c
         p0 = corners[at]
         Y = wp.outer(corners[at + 1] - p0, G[0]) + wp.outer(corners[at + 2] - p0, G[1]) + wp.outer(corners[at + 3] - p0, G[2])
-        P, R = by_motion(H, now, dF, Y, tets.mu[c], tets.lam[c], tau)
-        fem.spread(at, V * P, G, corners)
+        mu = tets.mu[c]
+        lam = tets.lam[c]
+        Q, R = by_motion(H, now, dF, Y, mu, lam, tau)
+        fem.spread(at, V * Q, G, corners)
         if wp.static(damped):
             fem.spread(4 * c, V * R, G, rates)
         if wp.static(parameters):
-            add(by, c, V * by_moduli(H, now, dF, Y, tets.mu[c], tets.lam[c], tau))
+            K = by_rest(H, now, dF, Y, t.vec3(mu, lam, tau), Q, R)
+            add(by, c, V * by_moduli(H, now, dF, Y, mu, lam, tau), -V, K, G)
 
     return _kernel(back, "tet", material, damped, real, module, parameters)
 
@@ -117,7 +136,7 @@ def quadratic(material: str, damped: bool, real, module, parameters: bool):
     """As `linear`, of ten nodes."""
     t, Tets, turn = types(real), ten_nodes.elements(real), turn_of(material, real)
     (slopes, moved, change), turns = ten_nodes.displaced(real, real), materials.TABLE[material].needs_rotation
-    by_motion, by_moduli = products(material, real, damped)
+    by_motion, by_moduli, by_rest = products(material, real, damped)
     vec3, ten = wp.array(dtype=t.vec3), wp.types.matrix((NODES, 3), real)
 
     def back(tets: Tets, x: vec3, d: vec3, v: vec3, q: wp.array(dtype=t.quat), corners: vec3, rates: vec3, by: Tets):
@@ -130,6 +149,9 @@ def quadratic(material: str, damped: bool, real, module, parameters: bool):
         f = ten()
         r = ten()
         moduli = t.vec3()
+        K = t.mat33()
+        mu = tets.mu[c]
+        lam = tets.lam[c]
         tau = real(0.0)
         for k in range(1, nodes):
             y[k] = corners[at + k] - corners[at]
@@ -145,18 +167,19 @@ def quadratic(material: str, damped: bool, real, module, parameters: bool):
             now = t.quat(real(0.0), real(0.0), real(0.0), real(1.0))
             if wp.static(turns):
                 now = turn(H, q[4 * c + a])
-            P, R = by_motion(H, now, dF, Y, tets.mu[c], tets.lam[c], tau)
+            Q, R = by_motion(H, now, dF, Y, mu, lam, tau)
             for k in range(nodes):
-                f[k] += P * N[k]
+                f[k] += Q * N[k]
                 r[k] += R * N[k]
             if wp.static(parameters):
-                moduli += by_moduli(H, now, dF, Y, tets.mu[c], tets.lam[c], tau)
+                moduli += by_moduli(H, now, dF, Y, mu, lam, tau)
+                K += by_rest(H, now, dF, Y, t.vec3(mu, lam, tau), Q, R)
         V = real(-0.25) * tets.volume[c]
         spread_ten(at, nodes, V, f, corners)
         if wp.static(damped):
             spread_ten(nodes * c, nodes, V, r, rates)
         if wp.static(parameters):
-            add(by, c, V * moduli)
+            add(by, c, V * moduli, -V, K, tets.gradient[c])
 
     return _kernel(back, "ten", material, damped, real, module, parameters)
 

@@ -138,6 +138,20 @@ def test_worlds_live_parameters_and_arrays_on_the_device():
     assert sim.positions("/chain", world=1)[-1, 1] + 0.4 == pytest.approx(soft / 2, rel=1e-2)
 
 
+def test_a_live_rest_shape_does_what_it_does_on_the_cpu():
+    """By a cluster of blocks, by sweeps whose compliance was one, by Newton's method."""
+    for make, settings in ((sheet, {"model": "springs"}), (sheet, {"model": "membrane", "solver": "xpbd", "substeps": 4}),
+                           (bar, {"model": "corotational", "solver": "implicit", "substeps": 2})):
+        found = []
+        for device in ("cpu", "cuda:0"):
+            sim = Simulation(make(**{"integrator": "auto"} | settings), device=device, precision="float64")
+            sim.run(1)
+            sim.set(sim.scene.bodies()[0].path, "rest_shape", sim.scene.bodies()[0].points * (1.1, 0.95, 1.0))
+            sim.run(2)
+            found.append(sim.positions())
+        assert np.abs(found[0] - found[1]).max() < 1e-7
+
+
 def test_a_plane_stops_a_cloth():
     scene = Scene(solver="xpbd", fps=60.0, substeps=8, iterations=2)
     scene.cloth("/cloth", *shapes.sheet(0.5, 0.5, 8, 8, horizontal=True))
@@ -217,6 +231,7 @@ def test_gradients_agree(make, settings, keep):
     for name in ("positions", "velocities", "masses", "gravity"):
         a, b = getattr(cpu, name)(), getattr(gpu, name)()
         assert np.abs(b - a).max() < 1e-8 * np.abs(a).max()
+    assert np.abs(gpu.rest_shape() - cpu.rest_shape()).max() < 1e-8 * np.abs(cpu.rest_shape()).max()
     name = "stretch" if make is sheet else "young"
     assert gpu.material(name) == pytest.approx(cpu.material(name), rel=1e-8)
 
@@ -242,7 +257,7 @@ def test_gradients_of_xpbd_agree_however_colours_are_launched(monkeypatch):
         recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 3)
         found.append(recording.backward({3: recording.positions(0)}))
     for other in found[1:]:
-        for name in ("positions", "velocities", "masses"):
+        for name in ("positions", "velocities", "masses", "rest_shape"):
             a, b = getattr(found[0], name)(), getattr(other, name)()
             assert np.linalg.norm(a - b) < 1e-9 * np.linalg.norm(a)
         for name in ("stretch", "shear", "bend", "damping"):
@@ -289,6 +304,7 @@ def test_gradients_of_quadratic_tets_under_pressure_agree():
         found.append(recording.backward({2: recording.positions(0)}))
     for name in ("young", "poisson", "damping", "pressure"):
         assert found[1].material(name) == pytest.approx(found[0].material(name), rel=1e-8)
+    assert np.abs(found[1].rest_shape() - found[0].rest_shape()).max() < 1e-8 * np.abs(found[0].rest_shape()).max()
 
 
 @pytest.mark.parametrize("settings", [{"solver": "explicit", "integrator": "leapfrog", "substeps": 40},

@@ -172,9 +172,14 @@ def sheet(model: str, **kwargs) -> Scene:
 
 @pytest.mark.parametrize("model", ["membrane", "springs"])
 def test_a_sheet_that_stretches_shears_and_bends(model):
-    run = Run(sheet(model, damping=2e-4))
-    for name in ("stretch", "bend", "damping", *["shear", "weft"] * (model == "membrane")):
-        run.material(name, getattr(run.scene.cloths[0].material, name))
+    everything_of_a_sheet(Run(sheet(model, damping=2e-4)))
+
+
+def everything_of_a_sheet(run: Run) -> None:
+    """By its material, its start, its density and the world."""
+    cloth = run.scene.cloths[0]
+    for name in ("stretch", "bend", "damping", *["shear", "weft"] * (cloth.model == "membrane")):
+        run.material(name, getattr(cloth.material, name))
     run.state("positions")
     run.state("velocities")
     run.check(run.gradient.density(), lambda s: ("/cloth", "density", 150.0 + s), 0.8)

@@ -13,11 +13,12 @@ from math import isfinite
 import numpy as np
 
 from wsim import topology
-from wsim.model import Body, Model
+from wsim.model import Body, Model, hard_places
 from wsim.order import color
 from wsim.scene import Cloth, Soft, Springs
 
 HARD = ("tether", "limit")           # kinds without compliance and multiplier
+AT_REST = ("rest_shape", "lengths")  # live values of bodies, see `wsim.reshape`
 LEAST = 1e-6                         # shear over stretch that a membrane has at least: without shear it still has a direction
 
 
@@ -132,49 +133,76 @@ def flat(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     shape where the triangle is not perpendicular to it, else y.
     """
     e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    normal = np.cross(e1, e2)
-    double = np.linalg.norm(normal, axis=1)
-    unit = normal / np.where(double > 0, double, 1.0)[:, None]
-    u = np.array([1.0, 0.0, 0.0]) - unit * unit[:, :1]
-    bad = np.linalg.norm(u, axis=1) < 0.1
-    u[bad] = np.array([0.0, 1.0, 0.0]) - unit[bad] * unit[bad, 1:2]
-    u /= np.linalg.norm(u, axis=1)[:, None]
-    v = np.cross(unit, u)
+    double = np.linalg.norm(np.cross(e1, e2), axis=1)
+    _, u, v, _ = frame(corners)
     Dm = np.stack([np.stack([(u * e1).sum(1), (u * e2).sum(1)], 1), np.stack([(v * e1).sum(1), (v * e2).sum(1)], 1)], 1)
     return Dm, 0.5 * double
 
 
-def _edges(body: Body, cloth: Cloth, hinges: np.ndarray) -> list[Rows]:
+@dataclass
+class Net:
+    """Springs of a cloth that share a stiffness. Each stands for `times` the area of some triangles."""
+
+    parameter: str
+    ids: np.ndarray               # (m, 2)
+    triangles: np.ndarray         # (a, 3)
+    owner: np.ndarray             # spring of each triangle, (a,)
+    times: float
+
+    def areas(self, body: Body) -> np.ndarray:
+        """(m,) [m^2]."""
+        each = topology.areas(body.rest, self.triangles - body.first)
+        return self.times * np.bincount(self.owner, each, len(self.ids))
+
+    def good(self, body: Body) -> np.ndarray:
+        """Those of some length and area, (m,)."""
+        return (_lengths(body, self.ids) > 0.0) & (self.areas(body) > 0.0)
+
+
+def nets(body: Body, hinges: np.ndarray) -> list[Net]:
     """Springs along authored edges (stretch) and across authored quads, both diagonals (shear)."""
-    fabric = cloth.material
-    edges, area = body.edges, _edge_areas(body)
+    t, n, edges = body.triangles.astype(np.int64), body.last + 1, body.edges
     inner = hinges[_same_polygon(body, hinges)]
-    key = edges.min(1).astype(np.int64) * (body.last + 1) + edges.max(1)
-    across = np.isin(key, inner[:, :2].min(1).astype(np.int64) * (body.last + 1) + inner[:, :2].max(1))
-    rows = [_spring(body, "stretch", edges[~across], area[~across], fabric.stretch, fabric.damping)]
-    if len(inner) and fabric.shear > 0.0:
-        diagonals = np.concatenate([inner[:, :2], inner[:, 2:]]).astype(np.int32)
-        areas = topology.areas(body.rest, inner[:, [0, 1, 2]] - body.first) \
-            + topology.areas(body.rest, inner[:, [1, 0, 3]] - body.first)
-        rows.append(_spring(body, "shear", diagonals, np.tile(2.0 * areas, 2), fabric.shear, fabric.damping))
-    return rows
-
-
-def _spring(body: Body, parameter: str, ids: np.ndarray, area: np.ndarray, stiffness: float, tau: float) -> Rows:
-    length = _lengths(body, ids)
-    good = (length > 0.0) & (area > 0.0)
-    return Rows("distance", ids[good], length[good], length[good]**2 / area[good], {parameter: np.array([stiffness])}, tau)
-
-
-def _edge_areas(body: Body) -> np.ndarray:
-    """Area of the triangles at each edge of `body.edges`."""
-    t, n = body.triangles.astype(np.int64), body.last + 1
+    own = edges.min(1).astype(np.int64) * n + edges.max(1)
+    across = np.isin(own, inner[:, :2].min(1).astype(np.int64) * n + inner[:, :2].max(1))
     ends = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
-    keys = ends.min(1) * n + ends.max(1)
-    own = body.edges.min(1).astype(np.int64) * n + body.edges.max(1)
     order = np.argsort(own)
-    row = order[np.searchsorted(own[order], keys)]
-    return np.bincount(row, np.tile(topology.areas(body.rest, body.triangles - body.first), 3), len(own))
+    row = order[np.searchsorted(own[order], ends.min(1) * n + ends.max(1))]
+    kept = ~across[row]
+    found = [Net("stretch", edges[~across], np.tile(body.triangles, (3, 1))[kept], (np.cumsum(~across) - 1)[row[kept]], 1.0)]
+    if len(inner):
+        diagonals = np.concatenate([inner[:, :2], inner[:, 2:]]).astype(np.int32)
+        halves = np.concatenate([inner[:, [0, 1, 2]], inner[:, [1, 0, 3]]])
+        owner = np.arange(len(inner))
+        owner = np.concatenate([owner, owner, owner + len(inner), owner + len(inner)])
+        found.append(Net("shear", diagonals, np.tile(halves, (2, 1)), owner, 2.0))
+    return found
+
+
+def frame(corners: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Unit normal n, warp u, weft v of triangles (t, 3, 3), each (t, 3), and n.a / |a - n n.a| of the axis a of warp, (t,)."""
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    double = np.linalg.norm(normal, axis=1)
+    n = normal / np.where(double > 0, double, 1.0)[:, None]
+    u, across = np.array([1.0, 0.0, 0.0]) - n * n[:, :1], n[:, 0].copy()
+    bad = np.linalg.norm(u, axis=1) < 0.1
+    u[bad], across[bad] = np.array([0.0, 1.0, 0.0]) - n[bad] * n[bad, 1:2], n[bad, 1]
+    size = np.linalg.norm(u, axis=1)
+    u /= size[:, None]
+    return n, u, np.cross(n, u), across / size
+
+
+def _edges(body: Body, cloth: Cloth, hinges: np.ndarray) -> list[Rows]:
+    fabric, found = cloth.material, []
+    for net in nets(body, hinges):
+        stiffness = getattr(fabric, net.parameter)
+        if net.parameter == "stretch" or stiffness > 0.0:
+            good = net.good(body)
+            ids, area = net.ids[good], net.areas(body)[good]
+            length = _lengths(body, ids)
+            found.append(Rows("distance", ids, length, length**2 / area, {net.parameter: np.array([stiffness])},
+                              fabric.damping))
+    return found
 
 
 def _same_polygon(body: Body, hinges: np.ndarray) -> np.ndarray:
@@ -204,3 +232,28 @@ def _hinges(body: Body, cloth: Cloth, hinges: np.ndarray) -> Rows:
     good = (length > 0.0) & (area > 0.0)
     return Rows("dihedral", hinges[good], rest[good], area[good] / length[good]**2,
                 {"bend": np.array([cloth.material.bend])}, cloth.material.damping)
+
+
+def changed(model: Model, rows: list[Rows], path: str, name: str, value, world: int | None, damped: bool = True) -> list[Rows]:
+    """Gives constraints a live value, and returns those that have it: a stiffness of theirs, damping [s] where some are damped,
+    or what a new rest shape or new lengths of their body make of them."""
+    mine = [r for r in rows if r.body is not None and r.body.path == path and world in (None, r.body.world)]
+    if name in AT_REST:
+        for r in mine:
+            renew(r, hard_places(model))
+        return mine
+    if name == "damping":
+        for r in mine if damped else ():
+            r.tau = float(value)
+        return mine if damped else []
+    mine = [r for r in mine if name in r.stiffness]
+    for r in mine:
+        r.stiffness = r.stiffness | {name: np.atleast_1d(np.asarray(value, np.float64))}
+    return mine
+
+
+def renew(r: Rows, pinned: np.ndarray) -> None:
+    """Rest values and shapes as the body is now."""
+    assert r.body is not None
+    same = next(s for s in rows_of(r.body, pinned) if s.kind == r.kind and np.array_equal(s.ids, r.ids))
+    r.rest, r.shape = same.rest, same.shape

@@ -6,10 +6,10 @@
                  tethers, but for Newton's method; contacts with convex shapes and meshes (that deform too), friction and
                  restitution, but for Newton's method
     by           initial positions and velocities, masses, every stiffness, damping and pressure above (of each element), rest
-                 lengths, factors of rest lengths over time (muscles), where pins are, stiffness and damping of soft ones,
-                 gravity, drag of the air, wind, drag and lift, friction of a body; friction, restitution, thickness and motion
-                 of a collider
-    not yet      plasticity; by rest shapes, and by the shape of a mesh that deforms
+                 shapes (with the masses that follow them) and rest lengths, factors of rest lengths over time (muscles),
+                 where pins are, stiffness and damping of soft ones, gravity, drag of the air, wind, drag and lift, friction
+                 of a body; friction, restitution, thickness and motion of a collider
+    not yet      plasticity; by the shape of a mesh that deforms
 """
 
 from math import inf, isfinite

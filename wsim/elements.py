@@ -21,6 +21,7 @@ class Table:
         self.first = model.upload(np.r_[0, np.cumsum(sizes)].astype(np.int32), int)
         self.most = int(sizes.max())
         t = types(model.real)
+        self.lengths: wp.array | None = None          # rest lengths before muscles shorten them
         self.data = tangent.batch_of(kind, model.real)()
         self.data.point = model.upload(self.ids, wp.types.vector(self.ids.shape[1], int))
         rest = np.concatenate([r.rest for r in rows])
@@ -35,9 +36,10 @@ class Table:
                 np.concatenate([np.full(len(r.ids), r.tau) for r in self.rows]))
 
     def refresh(self) -> None:
-        """Uploads the rows' compliances and relaxation times anew, into the same arrays."""
+        """Uploads the rows' rest values, compliances and relaxation times anew, into the same arrays."""
         if self.stale:
             alpha, tau = self.values()
+            (self.lengths or self.data.rest).assign(np.concatenate([r.rest for r in self.rows]).astype(self.model.dtype))
             self.data.alpha.assign(alpha.astype(self.model.dtype))
             self.data.tau.assign(tau.astype(self.model.dtype))
             self.stale = False

@@ -13,7 +13,7 @@ import warp as wp
 
 from wsim import frequency
 from wsim.choice import needed
-from wsim.cloth import Rows, in_worlds
+from wsim.cloth import Rows, changed, in_worlds
 from wsim.gather import Pull
 from wsim.integrator import Integrator
 from wsim.kernels import cluster, march
@@ -267,17 +267,11 @@ class Explicit(Method):
         return {"elastic_energy": energy(self.model, now, self.state) + solid.get("solid_energy", 0.0), **solid}
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
-        """stretch, shear, bend of a cloth, stiffness of a spring net, damping [s] of either where there is some."""
+        """stretch, shear, bend of a cloth, stiffness of a net, damping [s] of either if there is some; what is at rest."""
         hit = any([table.set(path, name, value, world) for table in self.solids])
-        for r in self.rows:
-            if r.body is None or r.body.path != path or world not in (None, r.body.world):
-                continue
-            if name == "damping" and self.damped:
-                r.tau, hit = float(value), True
-            elif name in r.stiffness:
-                r.stiffness, hit = r.stiffness | {name: np.atleast_1d(np.asarray(value, np.float64))}, True
-        if hit:
+        if hit := bool(changed(self.model, self.rows, path, name, value, world, self.damped)) or hit:
             self.pull.refresh()
+            self.watch.follow(*([self.muscles.longest] if self.muscles else []))
         return hit
 
     def least(self) -> int:

@@ -35,15 +35,12 @@ class Tetrahedra:
         sizes = np.bincount(systems, [len(p.rows) for p in self.parts], len(model.starts) - 1)
         self.first = model.upload(np.r_[0, np.cumsum(sizes)].astype(np.int32), int)
         self.most = int(sizes.max())
-        rest = np.zeros((model.points, 3))
-        for b in model.bodies:
-            rest[b.first:b.last] = b.rest
-        ids, self.ids = self.ids[:, :4], model.shared(self.ids)      # at rest every body is as it was cut
+        self.ids = model.shared(self.ids)
         self.data = self.maths.elements(model.real)()
         self.data.point = model.upload(self.ids, wp.vec4i if nodes == 4 else int)
-        self.data.edge = model.upload(rest[ids[:, 1:]] - rest[ids[:, :1]], t.mat33)
-        self.data.gradient = model.upload(meshes.gradients(rest, ids)[:, 1:], t.mat33)
-        self.data.volume = model.upload(meshes.volumes(rest, ids), t.scalar)
+        edge, gradient, volume = self.shapes()
+        self.data.edge, self.data.gradient = model.upload(edge, t.mat33), model.upload(gradient, t.mat33)
+        self.data.volume = model.upload(volume, t.scalar)
         mu, lam, tau = self.moduli()
         self.data.mu, self.data.lam, self.data.tau = (model.upload(a, t.scalar) for a in (mu, lam, tau))
         self.damped = bool(tau.any())
@@ -55,6 +52,24 @@ class Tetrahedra:
             from wsim import plastic
             self.plastic = plastic.Plastic(self)
             self.kept = {f"plastic_{self.name}": self.plastic.kept}
+
+    def shapes(self) -> tuple[np.ndarray, ...]:
+        """Edges [m], gradients [1/m] and volumes [m^3] at rest, where every body is as it was cut."""
+        ids = [p.body.tets[p.rows, :4] - p.body.first for p in self.parts]
+        edges = [p.body.rest[i[:, 1:]] - p.body.rest[i[:, :1]] for p, i in zip(self.parts, ids, strict=True)]
+        return (np.concatenate(edges),
+                np.concatenate([meshes.gradients(p.body.rest, i)[:, 1:] for p, i in zip(self.parts, ids, strict=True)]),
+                np.concatenate([meshes.volumes(p.body.rest, i) for p, i in zip(self.parts, ids, strict=True)]))
+
+    def reshape(self) -> None:
+        """Uploads them anew."""
+        edge, gradient, volume = (values.astype(self.model.dtype) for values in self.shapes())
+        start = self.plastic.data if self.plastic else self.data
+        start.edge.assign(edge)
+        start.gradient.assign(gradient)
+        self.data.volume.assign(volume)
+        if self.plastic:
+            self.plastic.shape()
 
     def moduli(self) -> tuple[np.ndarray, ...]:
         return tuple(np.concatenate(columns) for columns in zip(*(p.lame() for p in self.parts), strict=True))
@@ -107,8 +122,11 @@ class Tetrahedra:
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """young [Pa], poisson, damping [s] of a soft body, one for all or one for each tet in the author's order; damping and
-        yield_strain cannot begin where there were none."""
+        yield_strain cannot begin where there were none. A rest shape is that of the bodies already."""
         hit = False
+        if name == "rest_shape" and any(p.body.path == path for p in self.parts):
+            self.reshape()
+            return True
         if name == "yield_strain" and self.plastic:
             return self.plastic.set(path, float(value), world)
         for p in self.parts:

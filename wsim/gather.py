@@ -108,7 +108,7 @@ class Pull:
         return found[0]
 
     def values(self, again: bool = False) -> None:
-        """Uploads rest lengths, stiffness and damping of the entries; again: the last two into the same arrays."""
+        """Uploads rest lengths, stiffness and damping of the entries; again: into the same arrays."""
         each = [np.broadcast_to(1.0 / r.alpha, len(r.ids)) for r in self.springs]
         tables = {"rest": np.concatenate([r.rest for r in self.springs]), "k": np.concatenate(each)}
         if self.damped:
@@ -116,7 +116,7 @@ class Pull:
         for name, values in tables.items():
             spread = np.append(values, 0.0)[self.entry].astype(self.model.dtype)        # padding pulls at nothing
             if again:
-                getattr(self.table, name).assign(spread)
+                (self.lengths if name == "rest" and self.lengths else getattr(self.table, name)).assign(spread)
             else:
                 setattr(self.table, name, self.model.upload(spread, self.model.real))
 
@@ -157,7 +157,7 @@ class Pull:
             e.launch(x, pair, source, self.force)
 
     def refresh(self) -> None:
-        """Uploads stiffness and damping anew."""
+        """Uploads rest values, stiffness and damping anew."""
         if self.springs:
             self.values(again=True)
         for e in self.elements:
@@ -219,6 +219,7 @@ class Elements:
         return np.concatenate([np.full(len(r.ids), r.tau) for r in self.rows])
 
     def refresh(self) -> None:
+        self.data.rest.assign(np.concatenate([r.rest for r in self.rows]).astype(self.model.dtype))
         self.data.stiffness.assign(self.stiffness().astype(self.model.dtype))
         self.data.tau.assign(self.tau().astype(self.model.dtype))
 

@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 
 from wsim import linear, topology
-from wsim.cloth import Rows, in_worlds
+from wsim.cloth import Rows, changed, in_worlds
 from wsim.elements import Table
 from wsim.kernels import descent, newton, tangent, touching
 from wsim.kernels.real import types
@@ -280,19 +280,12 @@ class Implicit(Method):
                 "pcg_iterations": float(self.system.count.numpy().max())}
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
-        """stretch, shear, bend of a cloth, stiffness of a spring net, young [Pa] and poisson of a soft body, damping [s]."""
+        """stretch, shear, bend of a cloth, stiffness of a spring net, young [Pa] and poisson of a soft body, damping [s]; what
+        a rest shape and rest lengths change."""
         own = self.adjoint.pull.tables if self.adjoint else ()
         hit = any([t.set(path, name, value, world) for t in (*self.solids, *own)])
         for table in self.tables.values():
-            for r in table.rows:
-                if r.body is None or r.body.path != path or world not in (None, r.body.world):
-                    continue
-                if name == "damping":
-                    r.tau = float(value)
-                elif name in r.stiffness:
-                    r.stiffness = r.stiffness | {name: np.atleast_1d(np.asarray(value, np.float64))}
-                else:
-                    continue
+            if changed(self.model, table.rows, path, name, value, world):
                 table.stale = hit = True
             table.refresh()
         if self.adjoint:

@@ -108,7 +108,7 @@ class Muscles(Method):
             self.watch.follow(self.longest)
             return
         springs, solver.present = solver.tables["distance"], self.present
-        self.join(springs.rows, springs.data.rest, np.arange(springs.size))
+        springs.lengths = self.join(springs.rows, springs.data.rest, np.arange(springs.size))
         self.stage(springs.size)
 
     def columns(self, rows: list[Rows]) -> np.ndarray:

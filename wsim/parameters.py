@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+NAMES = ("stiffness", "tau", "mu", "lam", "alpha", "pressure", "rest", "edge")        # in tables of elements
+
 
 class Parameters:
     """The arrays of a plan that have gradients, by what they mean."""
@@ -26,11 +28,9 @@ class Parameters:
     def arrays(self) -> list[wp.array]:
         """Everything that is differentiated by, of one kind each."""
         c = self.points
-        found = [c.w, c.gravity, c.decay, *self.net().values(),
-                 *(b.lengths or b.data.rest for b in self.batches if b.kind == "distance")]
+        found = [c.w, c.gravity, c.decay, *self.net().values(), *(b.lengths for b in self.batches if b.lengths)]
         for data in (source.data for source in (*self.flat, *self.tables, *self.batches)):
-            found += [getattr(data, name) for name in ("stiffness", "tau", "mu", "lam", "alpha", "pressure")
-                      if getattr(data, name, None)]
+            found += [getattr(data, name) for name in NAMES if getattr(data, name, None)]
         if self.air:
             found += [self.air.wind, self.air.drag, self.air.lift]
         if self.pins and self.pins.groups["soft"]:

@@ -5,6 +5,7 @@ from math import isfinite
 import numpy as np
 import warp as wp
 
+from wsim.cloth import AT_REST
 from wsim.integrator import Integrator
 from wsim.kernels import points as kernels
 from wsim.kernels.real import types
@@ -94,10 +95,17 @@ class Points(Method):
         self.model.launch(self.kernels["guard"], self.model.points, [self.state.x, self.state.v], [self.status[NOT_FINITE:]])
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
-        """gravity [m/s^2] and air_drag [1/s], of one body or, with path "/", of all; density [kg/m^3] of a body."""
+        """gravity [m/s^2] and air_drag [1/s], of one body or, with path "/", of all; density [kg/m^3], rest_shape, lengths
+        [m] of a body."""
         rows = self.model.rows(path, world)
+        bodies = [b for b in self.model.bodies if b.path == path and world in (None, b.world)]
         if name == "density":
-            return self.weigh([b for b in self.model.bodies if b.path == path and world in (None, b.world)], float(value))
+            return self.weigh(bodies, float(value))
+        if name in AT_REST:
+            from wsim.reshape import reshape
+            reshape(self.model, name, value, bodies, self.densities)
+            self.send(bodies)
+            return bool(bodies)
         if name not in ("gravity", "air_drag") or not rows:
             return False
         array = self.constants.gravity if name == "gravity" else self.constants.decay
@@ -110,14 +118,19 @@ class Points(Method):
         """Masses follow the density; False where a body has none (`wsim.masses.density_of`), or shares points with another."""
         if not bodies or self.model.alias is not None or any(density_of(b.source) is None for b in bodies):
             return False
-        w = self.constants.w.numpy()
         for b in bodies:
             before = self.densities.get(b.number) or density_of(b.source)
             assert before is not None
             b.masses, self.densities[b.number] = b.masses * (density / before), density
+        self.send(bodies)
+        return True
+
+    def send(self, bodies: list[Body]) -> None:
+        """Uploads their masses."""
+        w = self.constants.w.numpy()
+        for b in bodies if self.model.alias is None else ():
             w[b.first:b.last] = np.where(w[b.first:b.last] > 0.0, 1.0 / b.masses, 0.0)
         self.constants.w.assign(w)
-        return True
 
 
 class _Pinned:

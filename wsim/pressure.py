@@ -37,8 +37,7 @@ class Pressure:
         sizes = np.bincount(systems, [len(w) for w in self.weights], len(model.starts) - 1)
         self.first = model.upload(np.r_[0, np.cumsum(sizes)].astype(np.int32), int)
         self.most = int(sizes.max())
-        rest = np.concatenate([b.rest for b in model.bodies])
-        self.rest, self.ids = [volume(rest[ids], w) for ids, w in each], model.shared(self.ids)
+        self.rest, self.ids = self.volumes(each), model.shared(self.ids)
         starts = np.cumsum([0, *(len(w) for w in self.weights)])[:-1]
         origin = np.repeat(self.ids[starts, 0], [len(w) for w in self.weights])
         self.data = pressure.elements(real)()
@@ -46,6 +45,10 @@ class Pressure:
         self.data.pressure = model.upload(self.spread(), real)
         self.q = None                 # no rotations
         self.backward: Callable | None = None    # adjoint of the forces
+
+    def volumes(self, each: list) -> list[float]:
+        """At rest, of the faces of each body [m^3]."""
+        return [volume(b.rest[ids - b.first], w) for b, (ids, w) in zip(self.bodies, each, strict=True)]
 
     def spread(self) -> np.ndarray:
         """Pressure times weight of each triangle [Pa]."""
@@ -78,6 +81,8 @@ class Pressure:
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """pressure [Pa] of a body that has some from the start."""
         hit = [k for k, b in enumerate(self.bodies) if b.path == path and world in (None, b.world)]
+        if name == "rest_shape" and hit:
+            self.rest = self.volumes([faces(b) for b in self.bodies])
         if name != "pressure" or not hit:
             return False
         for k in hit:

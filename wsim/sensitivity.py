@@ -5,6 +5,9 @@ elements are taken here and not by atomics in float32 (a parameter that 2e7 thre
 of the air stand once a point for the same reason.
 """
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -13,6 +16,7 @@ from wsim.contact.gradient import ContactGradient
 from wsim.masses import density_of
 from wsim.parameters import Parameters
 from wsim.reaction_adjoint import Inertia
+from wsim.reshape_adjoint import RestShape, by_masses
 from wsim.scene import Problem, SceneError, Springs
 
 
@@ -189,6 +193,42 @@ class Gradient:
         return sorted({name for d in (*(r.stiffness for r in rows), *values) for name in d} - {"damping"}
                       | set(["damping"] * damped + ["pressure"] * pressed))
 
+    def rest_shape(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """By where its points are at rest [1/m], (n, 3), by all that follows from it: lengths, angles, areas, volumes, and
+        masses where those follow a density. In world space; of a weld its first point says where it is at rest."""
+        body, w = self.model.body(path, world), self.parameters.points.w
+        shape = RestShape(body)
+        for each in self.at_rest(body):
+            shape.rows(*each)
+        for table in self.parameters.tables:
+            for p, part in _parts(table.parts):
+                if p.body is body:
+                    shape.tets(p.rows, self.of(table.data.edge)[part])
+        by = -(self.of(w) * w.numpy().astype(np.float64)**2)[np.concatenate([body.index, body.middles])]
+        return shape.points() + by_masses(body, by, self.plan.method("points").densities.get(body.number))
+
+    def at_rest(self, body) -> Iterator[tuple[Rows, np.ndarray, np.ndarray]]:
+        """Constraints of a body, and gradients by their rest values and shapes."""
+        for r, part in _parts(self.parameters.springs):
+            if r.body is body:
+                yield r, self.entries["rest"][part], -self.by_k(r, part) / (r.alpha * r.shape)
+        for e in self.parameters.flat:
+            by = self.of(e.data.stiffness) * e.stiffness()
+            for r, part in _parts(e.rows):
+                if r.body is body:
+                    yield r, self.of(e.data.rest)[part], -by[part].reshape(len(r.ids), -1).sum(axis=1) / r.shape
+        for batch in self.parameters.batches:
+            by, rest = (self.by_rows(batch, a) for a in (batch.data.alpha, batch.lengths or batch.data.rest))
+            by = by * batch.values()[0]
+            for r, part in _parts(batch.rows):
+                if r.body is body:
+                    shape = np.where(r.shape > 0.0, r.shape, 1.0)
+                    yield r, rest[part], by[part].reshape(len(r.ids), -1).sum(axis=1) / shape
+
+    def by_k(self, r: Rows, part: slice) -> np.ndarray:
+        """By the stiffness of springs, with their damping."""
+        return self.entries["k"][part] + (r.tau * self.entries["damping"][part] if "damping" in self.entries else 0.0)
+
     def rows(self, name: str, body) -> list[np.ndarray]:
         """Of springs."""
         found = []
@@ -196,9 +236,8 @@ class Gradient:
             if r.body is not body:
                 continue
             k = np.broadcast_to(1.0 / r.alpha, len(r.ids))
-            by_k = self.entries["k"][part] + (r.tau * self.entries["damping"][part] if "damping" in self.entries else 0.0)
             if name in r.stiffness:
-                found.append(by_k * k / r.stiffness[name])
+                found.append(self.by_k(r, part) * k / r.stiffness[name])
             elif name == "damping" and r.tau > 0.0:
                 found.append(self.entries["damping"][part] * k)
         return found
@@ -259,9 +298,9 @@ class Gradient:
         return found
 
 
-def _parts(rows: list[Rows]) -> list[tuple[Rows, slice]]:
-    """Where each stands in a table of all."""
-    ends = np.cumsum([0, *(len(r.ids) for r in rows)])
+def _parts(rows: list) -> list[tuple[Any, slice]]:
+    """Where each, of constraints or tets, stands in a table of all."""
+    ends = np.cumsum([0, *(len(r.ids if isinstance(r, Rows) else r.rows) for r in rows)])
     return [(r, slice(*ends[k:k + 2])) for k, r in enumerate(rows)]
 
 

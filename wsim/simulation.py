@@ -178,7 +178,7 @@ class Simulation:
 
         "/" names the whole scene. gravity, air_drag, wind; stretch, weft, shear, bend, damping of a cloth; stiffness of
         springs; young, poisson, damping, pressure of a soft body (the last two where there is some from the start); density of
-        a cloth or soft body whose masses follow it;
+        a cloth or soft body whose masses follow it; rest_shape [m] of a body, lengths [m] of springs (`wsim.reshape`);
         actuation of springs that have muscles (a Curve, or values of its present keys); static_friction, dynamic_friction of a
         body or a collider; thickness and restitution of a collider (the latter where one throws back from the start); motion of
         a pin, or of a collider (which all worlds share); positions and velocities (in world space, author's order) of a body.
@@ -195,7 +195,12 @@ class Simulation:
             raise SceneError(Problem(path, f"has no live parameter {name!r}{where}; there are gravity, air_drag, wind, "
                                      "stretch, weft, shear, bend, damping, density, stiffness, young, poisson, pressure, "
                                      "actuation, static_friction, dynamic_friction, thickness, restitution, motion, "
-                                     "positions, velocities"))
+                                     "rest_shape, lengths, positions, velocities"))
+        if any(m.remade for m in self.plan.methods):
+            self.graph = None
+            self.seconds.pop("compile", None)
+            for m in self.plan.methods:
+                m.remade = False
         self.changes.append((path, name, value, world))
         mend.keep_stable(self, name)
 

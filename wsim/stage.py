@@ -111,6 +111,7 @@ class Method:
     name: str
     stages: list[Stage] = field(default_factory=list)
     fields: dict[str, Any] = field(default_factory=dict)       # arrays over the points that outlive a frame: for a restart
+    remade: bool = False                                       # kernels that are not compiled yet, since a value was set
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Uploads what is known on the host about the frame that starts at `time` [s]."""

@@ -17,10 +17,10 @@ class Watch:
 
     def __init__(self, model: Model, state: State, status: wp.array):
         self.model, self.state, self.status, self.stages = model, state, status, []
-        self.bodies = [b for b in model.bodies if len(b.edges)]
+        self.bodies = [(b, edge_lengths(b) > 0.0) for b in model.bodies if len(b.edges)]
         if not self.bodies:
             return
-        ids = np.concatenate([b.edges[edge_lengths(b) > 0.0] for b in self.bodies])
+        ids = np.concatenate([b.edges[long] for b, long in self.bodies])
         self.edges = model.upload(model.shared(ids.astype(np.int32)), wp.vec2i)
         self.most = model.upload(self.longest(), model.real)
         self.stretched = kernels.stretched(model.real, model.module)
@@ -28,10 +28,9 @@ class Watch:
 
     def longest(self, factor=lambda body: 1.0) -> np.ndarray:
         """MOST times the rest length of every edge; factor: of a body, one or for each edge, where muscles lengthen some."""
-        rest = [(edge_lengths(b), factor(b)) for b in self.bodies]
-        return MOST * np.concatenate([(L * more)[L > 0.0] for L, more in rest])
+        return MOST * np.concatenate([(edge_lengths(b) * factor(b))[long] for b, long in self.bodies])
 
-    def follow(self, factor) -> None:
+    def follow(self, factor=lambda body: 1.0) -> None:
         if self.stages:
             self.most.assign(self.longest(factor).astype(self.model.dtype))
 

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 import warp as wp
 
-from wsim.cloth import HARD, Rows, colored, in_worlds
+from wsim.cloth import HARD, Rows, changed, colored, in_worlds
 from wsim.kernels import xpbd as kernels
 from wsim.kernels.real import types
 from wsim.model import Model
@@ -49,14 +49,13 @@ class Batch:
         self.uniform = len(paths) == model.worlds == 1 and bool(np.all(alpha == alpha[0]) and np.all(tau == tau[0])) \
             and not model.gradients
         self.fused = FUSE > 0 and (not model.device.is_cuda or int(np.diff(self.starts).max()) <= FUSE)
-        make, module = (kernels.sweep, model.sweep_module) if self.fused else (kernels.projection, model.module)
-        table, self.kernel = make(kind, real=model.real, module=module, multipliers=self.multipliers,
-                                  damped=self.damped, uniform=self.uniform)
+        self.remade = False
+        table, self.kernel = self.make()
         self.first = model.upload(self.starts.astype(np.int32), int)
         t = types(model.real)
         self.data = table()
         self.data.point = model.upload(ids[self.order], wp.types.vector(ids.shape[1], int))
-        rest = np.concatenate([r.rest for r in rows])[self.order]
+        rest = self.rest()
         self.data.rest = model.upload(rest, t.mat22 if rest.ndim == 3 else t.scalar)
         self.entry = t.vec4 if alpha.ndim == 2 else t.scalar
         self.data.alpha = self.send(alpha, self.entry)
@@ -68,6 +67,17 @@ class Batch:
         if model.gradients:
             from wsim.xpbd_adjoint import SweepAdjoint
             self.adjoint = SweepAdjoint(self, model)
+
+    def make(self) -> tuple:
+        """Struct of the table, and the kernel."""
+        model = self.model
+        make, module = (kernels.sweep, model.sweep_module) if self.fused else (kernels.projection, model.module)
+        return make(self.kind, real=model.real, module=module, multipliers=self.multipliers, damped=self.damped,
+                    uniform=self.uniform)
+
+    def rest(self) -> np.ndarray:
+        """Rest values in the order of the table."""
+        return np.concatenate([r.rest for r in self.rows])[self.order]
 
     def omega(self, clock: Clock) -> float:
         """Over-relaxation of this iteration."""
@@ -82,11 +92,18 @@ class Batch:
         return self.model.upload(values[:1] if self.uniform else values[self.order], dtype)
 
     def refresh(self) -> None:
-        """Uploads the rows' compliances and relaxation times anew, into the same arrays."""
+        """Uploads the rows' rest values, compliances and relaxation times anew, into the same arrays. Where all compliances
+        were one and are no more, arrays and kernel are others."""
         if not self.stale:
             return
-        self.stale = False
+        self.stale = self.remade = False
+        (self.lengths or self.data.rest).assign(self.rest().astype(self.model.dtype))
         alpha, tau = self.values()
+        if self.uniform and not (np.all(alpha == alpha[0]) and np.all(tau == tau[0])):
+            self.uniform, self.remade = False, True
+            _, self.kernel = self.make()
+            self.data.alpha, self.data.tau = self.send(alpha, self.entry), self.send(tau, self.model.real)
+            return
         self.data.alpha.assign(self.send(alpha, self.entry))
         if self.damped:
             self.data.tau.assign(self.send(tau, self.model.real))
@@ -107,6 +124,7 @@ class Xpbd(Method):
         """rows: constraints of each body of world 0, by path."""
         super().__init__("xpbd")
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
+        self.watched: list[Batch] = []
         every = in_worlds(model, {path: colored(found) for path, found in rows.items()})
         self.batches = [Batch(kind, [r for r in every if r.kind == kind], model, clock)
                         for kind in ORDER if any(r.kind == kind for r in every)]
@@ -204,21 +222,17 @@ class Xpbd(Method):
                               [s.d, batch.lam])
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
-        """stretch, shear, bend of a cloth, stiffness of a spring net, damping [s] of either."""
-        hit = False
+        """stretch, shear, bend of a cloth, stiffness of a spring net, damping [s] of either; what a rest shape and rest lengths
+        change."""
         for batch in self.batches:
-            for r in batch.rows:
-                if r.body is None or r.body.path != path or world not in (None, r.body.world):
-                    continue
-                if name == "damping" and batch.damped:
-                    r.tau = float(value)
-                elif name in r.stiffness:
-                    r.stiffness = r.stiffness | {name: np.atleast_1d(np.asarray(value, np.float64))}
-                else:
-                    continue
-                batch.stale = hit = True
+            batch.stale = bool(changed(self.model, batch.rows, path, name, value, world, batch.damped))
+        hit = any(batch.stale for batch in self.batches)
         for batch in self.batches:
             batch.refresh()
+        if any(batch.remade for batch in self.batches):
+            self.remade = True
+            if self.watched:
+                self.look_kernels = self.residual_kernels(self.model.module)
         return hit
 
     @property
