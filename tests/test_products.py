@@ -14,11 +14,12 @@ from wsim.simulation import Simulation
 CHAIN = ["/chain:positions", "/chain:velocities", "/chain:stiffness", "/chain:damping", "gravity", "air_drag", "/pin:targets"]
 SCENES = {
     "chain": (lambda: net(integrator="leapfrog"), CHAIN),
-    "xpbd": (lambda: net(solver="xpbd", substeps=10, iterations=3), CHAIN[:3] + CHAIN[4:6]),
-    "membrane": (lambda: sheet("membrane", damping=2e-4), ["/cloth:stretch", "/cloth:bend", "/cloth:density"]),
+    "xpbd": (lambda: net(solver="xpbd", substeps=10, iterations=3), CHAIN[:3] + CHAIN[4:6] + ["/chain:lengths"]),
+    "membrane": (lambda: sheet("membrane", damping=2e-4),
+                 ["/cloth:stretch", "/cloth:bend", "/cloth:density", "/cloth:rest_shape"]),
     "implicit": (lambda: sheet("springs", solver="implicit", substeps=2, integrator="bdf2"),
                  ["/cloth:bend", "/cloth:positions"]),
-    "solid": (lambda: bar("neo_hookean", damping=1e-3), ["/bar:young", "/bar:poisson", "/bar:velocities"]),
+    "solid": (lambda: bar("neo_hookean", damping=1e-3), ["/bar:young", "/bar:poisson", "/bar:velocities", "/bar:rest_shape"]),
 }
 
 

@@ -1,6 +1,7 @@
 """What a recording begins with and reads, by name: values that can be read, written and differentiated by.
 
     /World/Cloth:positions, :velocities      (n, 3) [m], [m/s] where the recording begins, in world space, author's order
+    /World/Cloth:rest_shape                  (n, 3) [m] where points are at rest; of a net :lengths, (edges,) [m]
     /World/Cloth:stretch, :density, ...      () one value of a live parameter, or (elements,) one for each element
     /World/Net:actuation                     factors of a net's muscles, (keys, groups) of its curve
     /World/Pin:targets                       where a pin puts its points [m]: (frames, substeps, n, 3), or (n, 3) if it is still
@@ -22,6 +23,7 @@ from wsim.controls import Actuation, Targets
 from wsim.input import PART, Input, Start
 from wsim.masses import density_of
 from wsim.mend import STIFFENS
+from wsim.rest_inputs import Rest
 from wsim.scene import Problem, SceneError
 
 SCENE = {"gravity": (3,), "wind": (3,), "air_drag": ()}
@@ -88,7 +90,7 @@ class Material(Input):
         body = self.model.body(self.path, world)
         found = self.values(body)
         if not found:
-            names = ", ".join(["positions", "velocities", *self.names(body)])
+            names = ", ".join(["positions", "velocities", "rest_shape", *self.names(body)])
             raise SceneError(Problem(self.path, f"has no {self.what!r} to be differentiated by; there are {names}"))
         every = self.sorted(np.concatenate(found).astype(np.float64), body)
         return np.array(every[0]) if (every == every[0]).all() else every
@@ -158,7 +160,8 @@ def _input(recording, name: str) -> Input:
     if path not in paths:
         pins = [f"{p.path}:targets" for p in recording.sim.scene.pins]
         raise SceneError(Problem(name, f"there is no body {path}; there are {', '.join(paths + pins + others)}"))
-    kinds: dict[str, Any] = {"positions": Start, "velocities": Start, "density": Density, "actuation": Actuation}
+    kinds: dict[str, Any] = {"positions": Start, "velocities": Start, "density": Density, "actuation": Actuation,
+                             "rest_shape": Rest, "lengths": Rest}
     return kinds.get(what, Material)(recording, name)
 
 

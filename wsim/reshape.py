@@ -21,7 +21,9 @@ from wsim.tetra.tets import volumes
 
 
 def rest_shape(body: Body) -> np.ndarray:
-    """(n, 3) [m] about its mean; points that are one particle have one place."""
+    """(n, 3) [m] about its mean; points that are one particle have one place. Raises SceneError where there is none."""
+    if isinstance(body.source, Springs) and body.source.lengths is not None:
+        raise SceneError(Problem(body.path, "its springs have rest lengths of their own, and no rest shape; take lengths"))
     return body.rest[body.own - body.first]
 
 
@@ -49,9 +51,7 @@ def reshape(model: Model, name: str, values, bodies: list[Body], densities: dict
 def shaped(body: Body, points: np.ndarray) -> Body:
     if points.shape != (len(body.own), 3) or not np.isfinite(points).all():
         raise SceneError(Problem(body.path, f"rest_shape must be finite with shape ({len(body.own)}, 3); found {points.shape}"))
-    if isinstance(body.source, Springs) and body.source.lengths is not None:
-        raise SceneError(Problem(body.path, "its springs have rest lengths of their own, which rest_shape does not change; set "
-                                 "lengths"))
+    rest_shape(body)
     points, rest = points - points.mean(axis=0), body.rest.copy()
     rest[body.middles - body.first] = spread(points, body.ends)[len(points):]
     rest[body.own[::-1] - body.first] = points[::-1]                  # of a weld the first

@@ -18,7 +18,7 @@ from wsim.masses import soft_masses, soft_weights
 from wsim.middles import HRZ
 from wsim.model import Body
 from wsim.reshape import rest_shape, triangles_of
-from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
+from wsim.scene import Cloth, Soft, Springs
 from wsim.tetra.tets import quadratic
 from wsim.topology import geodesic, hinges
 
@@ -28,9 +28,7 @@ class RestShape:
     none."""
 
     def __init__(self, body: Body):
-        if isinstance(body.source, Springs) and body.source.lengths is not None:
-            raise SceneError(Problem(body.path, "its springs have rest lengths of their own, and no rest shape; take "
-                                     "lengths()"))
+        rest_shape(body)
         self.body, self.by = body, np.zeros((body.count, 3))
 
     # what shapes are made of

@@ -5,22 +5,18 @@ elements are taken here and not by atomics in float32 (a parameter that 2e7 thre
 of the air stand once a point for the same reason.
 """
 
-from collections.abc import Iterator
-from typing import Any
-
 import numpy as np
 import warp as wp
 
-from wsim.cloth import LEAST, Rows
 from wsim.contact.gradient import ContactGradient
+from wsim.element_gradient import ElementGradient
 from wsim.masses import density_of
 from wsim.parameters import Parameters
 from wsim.reaction_adjoint import Inertia
-from wsim.reshape_adjoint import RestShape, by_masses
-from wsim.scene import Problem, SceneError, Springs
+from wsim.scene import Problem, SceneError
 
 
-class Gradient:
+class Gradient(ElementGradient):
     """Derivatives of a loss, in SI units, by what a scene says.
 
     Bodies by path, None: the only one; worlds as ever. Arrays over points are float64, (n, 3) or (n,), in the author's order;
@@ -36,9 +32,6 @@ class Gradient:
         self.grads = {array.ptr: array.grad.numpy().astype(np.float64) for array in parameters.arrays()}
         self.contacts = ContactGradient(parameters.plan.method("contact"), motions) if parameters.contact else None
         self.entries = {name: parameters.ends(array) for name, array in parameters.net().items()}
-
-    def of(self, array: wp.array) -> np.ndarray:
-        return self.grads[array.ptr]
 
     # points
 
@@ -62,8 +55,7 @@ class Gradient:
         return self.by_mass()[self.model.body(path, world).index]
 
     def by_mass(self) -> np.ndarray:
-        w = self.parameters.points.w
-        return -self.of(w) * w.numpy().astype(np.float64)**2 + (self.inertia.mass if self.inertia else 0.0)
+        return super().by_mass() + (self.inertia.mass if self.inertia else 0.0)
 
     def density(self, path: str | None = None, world: int = 0) -> float:
         """By the density that all masses of a body follow [m^3/kg]."""
@@ -158,166 +150,3 @@ class Gradient:
             raise SceneError(Problem(path or "actuation", "no net has muscles; give one an actuation"))
         number = self.parameters.muscles.find(self.model.body(path, world).path, world)
         return np.sum([frame[-1][number] for frame in self._targets], axis=0)
-
-    # materials
-
-    def lengths(self, path: str | None = None, world: int = 0) -> np.ndarray:
-        """By the rest lengths of a spring net [1/m], (edges,), in the author's order."""
-        body = self.model.body(path, world)
-        if not isinstance(body.source, Springs):
-            raise SceneError(Problem(body.path, "is no spring net: it has no rest lengths of its own"))
-        found = [self.entries["rest"][part] for r, part in _parts(self.parameters.springs) if r.body is body]
-        for batch in self.parameters.batches:
-            rest = batch.lengths or batch.data.rest
-            found += [self.by_rows(batch, rest)[part] for r, part in _parts(batch.rows) if r.body is body]
-        return np.concatenate(found)
-
-    def material(self, name: str, path: str | None = None, world: int = 0, elements: bool = False):
-        """By stretch, weft, shear [N/m], bend [N m] of a cloth, stiffness of springs [N/m], young [Pa], poisson, pressure [Pa]
-        of a soft body, or damping [s]. elements: of each element by itself, in the order of the solver; else the sum."""
-        body = self.model.body(path, world)
-        found = [f(name, body) for f in (self.rows, self.flat, self.projected, self.solid)]
-        parts = [each for some in found for each in some]
-        if not parts:
-            raise SceneError(Problem(body.path, f"has no {name!r} with a derivative; there are {', '.join(self.names(body))}"))
-        every = np.concatenate(parts)
-        return every if elements else float(every.sum())
-
-    def names(self, body) -> list[str]:
-        """What `material` knows of a body."""
-        p = self.parameters
-        rows = [r for r in (*p.springs, *(r for source in (*p.flat, *p.batches) for r in source.rows)) if r.body is body]
-        values = [part.values for t in p.tables for part in t.parts if part.body is body]
-        damped = any(r.tau > 0.0 for r in rows) or any(v["damping"].any() for v in values)
-        pressed = any(b is body for t in p.tables for b in getattr(t, "bodies", ()))
-        return sorted({name for d in (*(r.stiffness for r in rows), *values) for name in d} - {"damping"}
-                      | set(["damping"] * damped + ["pressure"] * pressed))
-
-    def rest_shape(self, path: str | None = None, world: int = 0) -> np.ndarray:
-        """By where its points are at rest [1/m], (n, 3), by all that follows from it: lengths, angles, areas, volumes, and
-        masses where those follow a density. In world space; of a weld its first point says where it is at rest."""
-        body, w = self.model.body(path, world), self.parameters.points.w
-        shape = RestShape(body)
-        for each in self.at_rest(body):
-            shape.rows(*each)
-        for table in self.parameters.tables:
-            for p, part in _parts(table.parts):
-                if p.body is body:
-                    shape.tets(p.rows, self.of(table.data.edge)[part])
-        by = -(self.of(w) * w.numpy().astype(np.float64)**2)[np.concatenate([body.index, body.middles])]
-        return shape.points() + by_masses(body, by, self.plan.method("points").densities.get(body.number))
-
-    def at_rest(self, body) -> Iterator[tuple[Rows, np.ndarray, np.ndarray]]:
-        """Constraints of a body, and gradients by their rest values and shapes."""
-        for r, part in _parts(self.parameters.springs):
-            if r.body is body:
-                yield r, self.entries["rest"][part], -self.by_k(r, part) / (r.alpha * r.shape)
-        for e in self.parameters.flat:
-            by = self.of(e.data.stiffness) * e.stiffness()
-            for r, part in _parts(e.rows):
-                if r.body is body:
-                    yield r, self.of(e.data.rest)[part], -by[part].reshape(len(r.ids), -1).sum(axis=1) / r.shape
-        for batch in self.parameters.batches:
-            by, rest = (self.by_rows(batch, a) for a in (batch.data.alpha, batch.lengths or batch.data.rest))
-            by = by * batch.values()[0]
-            for r, part in _parts(batch.rows):
-                if r.body is body:
-                    shape = np.where(r.shape > 0.0, r.shape, 1.0)
-                    yield r, rest[part], by[part].reshape(len(r.ids), -1).sum(axis=1) / shape
-
-    def by_k(self, r: Rows, part: slice) -> np.ndarray:
-        """By the stiffness of springs, with their damping."""
-        return self.entries["k"][part] + (r.tau * self.entries["damping"][part] if "damping" in self.entries else 0.0)
-
-    def rows(self, name: str, body) -> list[np.ndarray]:
-        """Of springs."""
-        found = []
-        for r, part in _parts(self.parameters.springs):
-            if r.body is not body:
-                continue
-            k = np.broadcast_to(1.0 / r.alpha, len(r.ids))
-            if name in r.stiffness:
-                found.append(self.by_k(r, part) * k / r.stiffness[name])
-            elif name == "damping" and r.tau > 0.0:
-                found.append(self.entries["damping"][part] * k)
-        return found
-
-    def flat(self, name: str, body) -> list[np.ndarray]:
-        """Of hinges and triangles."""
-        found = []
-        for e in self.parameters.flat:
-            for r, part in _parts(e.rows):
-                if r.body is body and name == "damping" and r.tau > 0.0:
-                    found.append(self.of(e.data.tau)[part])
-                elif r.body is body and name in r.stiffness:
-                    found.append(_by_stiffness(r, name, e.kind, self.of(e.data.stiffness)[part] * e.stiffness()[part]))
-        return found
-
-    def projected(self, name: str, body) -> list[np.ndarray]:
-        """Of constraints of XPBD, whose compliances are inverse stiffnesses."""
-        found = []
-        for batch in self.parameters.batches:
-            for r, part in _parts(batch.rows):
-                if r.body is body and name == "damping" and r.tau > 0.0:
-                    found.append(self.by_rows(batch, batch.data.tau)[part])
-                elif r.body is body and name in r.stiffness:
-                    by = self.by_rows(batch, batch.data.alpha) * batch.values()[0]
-                    found.append(_by_stiffness(r, name, batch.kind, -by[part]))
-        return found
-
-    def by_rows(self, batch, array: wp.array) -> np.ndarray:
-        """A gradient of a batch's table in the order of its rows."""
-        by = np.empty(self.of(array).shape)
-        by[batch.order] = self.of(array)
-        return by
-
-    def solid(self, name: str, body) -> list[np.ndarray]:
-        """Of tets, by Hooke's constants of each, and of the triangles of a pressure."""
-        found = []
-        for table in self.parameters.tables:
-            first = 0
-            for b, weights in zip(getattr(table, "bodies", ()), getattr(table, "weights", ()), strict=True):
-                part = slice(first, first + len(weights))
-                first = part.stop
-                if b is body and name == "pressure":
-                    found.append(self.of(table.data.pressure)[part] * weights)
-            for p in table.parts:
-                part = slice(first, first + len(p.rows))
-                first = part.stop
-                if p.body is not body or name not in p.values:
-                    continue
-                by_mu, by_lam, by_tau = (self.of(a)[part] for a in (table.data.mu, table.data.lam, table.data.tau))
-                young, nu = p.values["young"], p.values["poisson"]
-                mu, lam, _ = p.lame()
-                if name == "young":
-                    found.append((by_mu * mu + by_lam * lam) / young)
-                elif name == "poisson":
-                    found.append((2.0 * by_lam * (1.0 + 2.0 * nu**2) / (1.0 - 2.0 * nu)**2 - by_mu) * mu / (1.0 + nu))
-                elif table.damped:
-                    found.append(by_tau)
-        return found
-
-
-def _parts(rows: list) -> list[tuple[Any, slice]]:
-    """Where each, of constraints or tets, stands in a table of all."""
-    ends = np.cumsum([0, *(len(r.ids if isinstance(r, Rows) else r.rows) for r in rows)])
-    return [(r, slice(*ends[k:k + 2])) for k, r in enumerate(rows)]
-
-
-def _by_stiffness(r: Rows, name: str, kind: str, parts: np.ndarray) -> np.ndarray:
-    """Of each element by one of its stiffnesses, from those by the logarithms of its table. That of a membrane is (uu, uv,
-    shear, vv); uu is in proportion to stretch, vv to weft, uv to the root of both; a weft of 0 stands for stretch."""
-    value = r.stiffness[name]
-    assert r.body is not None
-    if kind != "membrane":
-        return parts / value
-    same = r.stiffness["weft"] <= 0.0
-    if name == "weft" and same.any():
-        raise SceneError(Problem(r.body.path, "its weft is 0 and follows stretch: it has no derivative of its own"))
-    clamped = r.stiffness["shear"] < LEAST * r.stiffness["stretch"]
-    if name == "shear" and clamped.any():
-        raise SceneError(Problem(r.body.path, f"its shear is below {LEAST:g} of stretch, and taken as that: no derivative"))
-    powers = np.array({"shear": (0.0, 0.0, 1.0, 0.0), "weft": (0.0, 0.5, 0.0, 1.0), "stretch": (1.0, 0.5, 0.0, 0.0)}[name])
-    if name == "stretch":
-        powers = np.where(same[:, None], (1.0, 1.0, 0.0, 1.0), powers) + (0.0, 0.0, 1.0, 0.0) * clamped[:, None]
-    return (parts * powers).sum(axis=1) / value
