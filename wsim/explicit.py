@@ -271,7 +271,8 @@ class Explicit(Method):
         hit = any([table.set(path, name, value, world) for table in self.solids])
         if hit := bool(changed(self.model, self.rows, path, name, value, world, self.damped)) or hit:
             self.pull.refresh()
-            self.watch.follow(*([self.muscles.longest] if self.muscles else []))
+            if self.watch:
+                self.watch.follow(*([self.muscles.longest] if self.muscles else []))
         return hit
 
     def least(self) -> int:

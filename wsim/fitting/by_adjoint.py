@@ -12,13 +12,15 @@ import numpy as np
 import warp as wp
 
 from wsim.fitting.copies import settled
-from wsim.fitting.field import Field, things
+from wsim.fitting.field import Field
+from wsim.fitting.number import Number, give
 from wsim.recording import Recording
 from wsim.scene import Scene, SceneError
 from wsim.sensitivity import Gradient
 from wsim.simulation import Simulation
 
 PROBES = 16
+EPS = 1e-5             # of theta: a run in float64 has rounding of 1e-14 m or so
 
 
 class Experiment:
@@ -31,16 +33,15 @@ class Experiment:
             o.prepare(self.sim.model)
         self.last = max(int(o.frames.max()) for o in seen)
         self.recording: Recording | None = None
-        self.given: list[tuple[Field, np.ndarray]] = []
+        self.given: list[tuple[Field | Number, np.ndarray]] = []
 
-    def begin(self, given: list[tuple[Field, np.ndarray]], frames: int) -> None:
+    def begin(self, given: list[tuple[Field | Number, np.ndarray]], frames: int) -> None:
         """Values for the next run, of so many frames."""
         sim, old = self.sim, self.recording
         if old:
             old.rewind()
             sim.frame = 0
-        for field, values in given:
-            field.give(sim, values)
+        give(sim, given)
         if old and old.frames == frames:
             wp.copy(old.initial, old.every)            # velocities are a part of it
             old.pose(0)
@@ -88,10 +89,10 @@ class Seen:
 class Adjoint:
     """F of theta, a flat vector of all fields in the mapped space; `horizon` in frames of the first experiment's rate."""
 
-    def __init__(self, experiments: list[tuple[Scene, list]], fields: list[Field], device=None):
+    def __init__(self, experiments: list[tuple[Scene, list]], fields: list[Field | Number], device=None):
         self.experiments = [Experiment(scene, seen, device) for scene, seen in experiments]
         self.fields, first = fields, self.experiments[0]
-        self.owner = {f.name: next(e for e in self.experiments if _has(e.scene, f)) for f in fields}
+        self.owner = {f.name: next(e for e in self.experiments if f.belongs(e.scene)) for f in fields}
         self.start = [f.values(self.owner[f.name].sim, first.last) for f in fields]
         self.shapes = [v.shape for v in self.start]
         self.ends = np.cumsum([0, *(v.size for v in self.start)])
@@ -112,6 +113,12 @@ class Adjoint:
 
     def theta(self, values: list[np.ndarray]) -> np.ndarray:
         return np.concatenate([f.map.forward(v).ravel() for f, v in zip(self.fields, values, strict=True)])
+
+    @property
+    def unit(self) -> str:
+        """Of noise, as of `wsim.fitting.misfit.Misfit`."""
+        found = {o.unit for e in self.experiments for o in e.seen}
+        return found.pop() if len(found) == 1 else "sigma"
 
     def moments(self) -> list[float]:
         """Times [s] at which something was seen."""
@@ -149,15 +156,16 @@ class Adjoint:
         for e in self.experiments:
             frames = self.frames(e)
             if frames:
-                e.begin([(f, values[f.name]) for f in self.fields if _has(e.scene, f)], frames)
+                e.begin([(f, values[f.name]) for f in self.fields if f.belongs(e.scene)], frames)
                 self.walked += frames / e.last / len(self.experiments)
                 self.launches += 1
                 yield e, frames
 
     def chain(self, e: Experiment, gradient: Gradient, theta: np.ndarray) -> np.ndarray:
         """By theta, from a gradient of one experiment."""
-        return np.concatenate([(f.slope(e.sim, gradient, s) * f.map.slope(t)).ravel() if _has(e.scene, f) else np.zeros(t.size)
-                               for f, t, s in zip(self.fields, self.parts(theta), self.shapes, strict=True)])
+        parts = zip(self.fields, self.parts(theta), self.shapes, strict=True)
+        return np.concatenate([(f.slope(e.sim, gradient, s) * f.map.slope(t)).ravel() if f.belongs(e.scene)
+                               else np.zeros(t.size) for f, t, s in parts])
 
     def probes(self, theta: np.ndarray) -> np.ndarray:
         """Y (n, PROBES) with Y Y^T about J^T J: products of J^T with random signs. Raises SceneError where a run breaks."""
@@ -170,6 +178,14 @@ class Adjoint:
         self.backward += PROBES
         return found / np.sqrt(PROBES)
 
-
-def _has(scene: Scene, field: Field) -> bool:
-    return any(b.path == field.path for b in things(scene))
+    def gauss_newton(self, theta: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """J^T J v: a central difference of residuals along v, and back. Raises SceneError where a run breaks."""
+        step = EPS / float(np.abs(v).max())
+        ends = [[np.concatenate(e.residuals(frames)) for e, frames in self.begun(theta + s * step * v)] for s in (1.0, -1.0)]
+        found = np.zeros(len(theta))
+        for (e, frames), ahead, behind in zip(self.begun(theta), *ends, strict=True):
+            sizes = np.cumsum([len(r) for r in e.residuals(frames)])[:-1]
+            along = np.split((ahead - behind) / (2.0 * step), sizes)
+            found += self.chain(e, e.back(frames, along), theta)
+        self.backward += 1
+        return found

@@ -55,11 +55,11 @@ def _save(scene: Scene, result: Fit | FieldFit, path: str) -> list[str]:
     from wsim.usd.fields import author_fields
     found = result.as_dict()
     short = [{k: v for k, v in f.items() if k not in ("values", "sensitivity")} for f in found["fields"]]
-    fields = [(f.path, f.kind.name, result.values[f.name]) for f in result.parameters]
+    fields = [(f.path, f.kind.name, result.values[f.name]) for f in result.fields]
     bodies = {b.path: b for b in (*result.scene.bodies(), *result.scene.pins, *result.scene.colliders)}
     save_fitted(scene, result.scene, path, found | {"fields": short, "history": []},
                 lambda stage: author_fields(stage, fields, bodies))
-    return []
+    return [name for name, error in result.errors.items() if error == float("inf")]
 
 
 def _pairs(option: str, texts: list[str]) -> dict[str, float]:

@@ -75,6 +75,9 @@ class Field:
     def map(self) -> Map:
         return self.kind.map
 
+    def belongs(self, scene: Scene) -> bool:
+        return any(b.path == self.path for b in things(scene))
+
     def thing(self, scene: Scene):
         return next(b for b in things(scene) if b.path == self.path)
 
@@ -216,9 +219,7 @@ def _field(name: str, scenes: list[Scene]) -> Field:
     match = _NAME.fullmatch(name)
     kind = next((k for k in TABLE if match and k.name == match["what"]), None)
     if not match or not kind:
-        plain = "" if is_field(name) else "; numbers and fields are fitted apart"
-        raise SceneError(Problem(name, f"is no field; allowed are {', '.join(FIELDS)}, of one body as /World/Body:{FIELDS[0]}"
-                                 f"{plain}"))
+        raise SceneError(Problem(name, f"is no field; allowed are {', '.join(FIELDS)}, of one body as /World/Body:{FIELDS[0]}"))
     belief, near = match["belief"] or "smooth", match["near"]
     try:
         size = kind.near if near is None else float(near)

@@ -17,11 +17,13 @@ from time import perf_counter
 import numpy as np
 
 from wsim.fitting import state
+from wsim.fitting.bars import deviations
 from wsim.fitting.by_adjoint import Adjoint
-from wsim.fitting.field import Field, fields, things
-from wsim.fitting.field_result import FieldFit
+from wsim.fitting.field import Field
+from wsim.fitting.field_result import Bar, FieldFit
 from wsim.fitting.lbfgs import Descent, Place
 from wsim.fitting.metric import Metric
+from wsim.fitting.number import Number, several
 from wsim.scene import Problem, Scene, SceneError
 
 PARTS = (0.25, 0.5, 1.0)      # of the time
@@ -173,9 +175,9 @@ def fit_fields(experiments: list[tuple[Scene, list]], names: list[str], *, start
                settings) -> FieldFit:
     """What `wsim.fit` does where fields are asked for; the same arguments. start: {name: number or array}; priors: {name:
     (mean, sigma)} of every element."""
-    began, scenes = perf_counter(), [s for s, _ in experiments]
-    found = fields(names, scenes)
-    misfit = Adjoint(experiments, found, settings.device)
+    began = perf_counter()
+    found, scenes = several(names, [s for s, _ in experiments], start or {})
+    misfit = Adjoint([(s, seen) for s, (_, seen) in zip(scenes, experiments, strict=True)], found, settings.device)
     theta = misfit.theta(_start(misfit, start or {}))
     misfit.believe(misfit.values(theta))
     _priors(misfit, priors or {})
@@ -230,11 +232,14 @@ def _told(search: FieldSearch, each: Callable[[dict], None] | None) -> None:
           "values": {f.name: float(np.median(v)) for f, v in zip(m.fields, m.values(search.theta), strict=True)}})
 
 
-def _result(search: FieldSearch, found: list[Field], scenes: list[Scene], seconds: float) -> FieldFit:
+def _result(search: FieldSearch, found: list[Field | Number], scenes: list[Scene], seconds: float) -> FieldFit:
     m = search.misfit
-    noise = (m.experiments[0].seen[0].sigma or 1.0) if m.known else search.sigma
+    noise = search.sigma if not m.known else 1.0 if m.unit == "sigma" else m.experiments[0].seen[0].sigma or 1.0
     search.sigma = 1.0 if m.known else search.sigma
-    known = m.parts(np.linalg.norm(m.probes(search.theta), axis=1))
+    Y = m.probes(search.theta)
+    known = m.parts(np.linalg.norm(Y, axis=1))
+    numbers = [f for f in found if isinstance(f, Number)]              # they come first
+    bars = deviations(m, search.theta, list(range(len(numbers))), search.sigma, Y)
     values = dict(zip([f.name for f in found], m.values(search.theta), strict=True))
     notes = list(search.notes)
     for e in m.experiments:
@@ -243,12 +248,13 @@ def _result(search: FieldSearch, found: list[Field], scenes: list[Scene], second
         notes.append(f"{m.seen.count} numbers were observed for {len(search.theta)} values: give the noise, or what is left "
                      "says little about it")
     for f in found:
-        scenes = [f.written(s, values[f.name]) if any(b.path == f.path for b in things(s)) else s for s in scenes]
+        scenes = [f.written(s, values[f.name]) if f.belongs(s) else s for s in scenes]
     rms, slope = (search.rows[-1][2], search.rows[-1][4]) if search.rows else (inf, inf)
     seen = {f.name: _flat(k / search.sigma) for f, k in zip(found, known, strict=True)}
+    errors = {n.name: Bar.of(n.map, float(n.map.forward(values[n.name][0, 0])), b) for n, b in zip(numbers, bars, strict=True)}
     return FieldFit(found, {name: _flat(v) for name, v in values.items()}, seen, scenes[0], scenes,
                     search.converged, noise, rms / search.sigma, slope, search.steps, m.walked, m.launches,
-                    round(m.time * m.experiments[0].scene.fps), seconds, search.rows, notes)
+                    round(m.time * m.experiments[0].scene.fps), seconds, search.rows, notes, errors, m.unit)
 
 
 def _flat(values: np.ndarray) -> np.ndarray:

@@ -96,22 +96,37 @@ class Scan:
         if not len(self.triangles):
             near = _nearest(self.points, x[0], 1)[:, 0]
             return ((x[:, near] - self.points) * root[:, None]).reshape(len(x), -1)
-        corner, part, normal = on_surface(self.points, x[0], self.triangles)
-        place = np.einsum("wmki,mk->wmi", x[:, corner], part)
-        return np.einsum("wmi,mi->wm", place - self.points, normal) * root
+        corner, part = on_surface(self.points, x[0], self.triangles)
+        return np.stack([((place - self.points) * normal).sum(axis=1) for place, normal, _ in
+                         (_plane(each[corner], part) for each in x)]) * root
 
     def back(self, k: int, x: np.ndarray, r: np.ndarray) -> np.ndarray:
-        """As of `Track`; exact where the nearest place lies inside a triangle: moving it and its normal then changes nothing
-        to first order."""
+        """As of `Track`; exact but where another triangle is about to be nearest. A place that slides along the surface, or
+        along an edge of it, changes nothing; off an edge, what lies beyond it in the plane turns with the normal."""
         root = np.ones(len(self.points)) if self.weights is None else np.sqrt(self.weights)
         found = np.zeros(x.shape)
         if not len(self.triangles):
             near = _nearest(self.points, x, 1)[:, 0]
             np.add.at(found, near, r.reshape(-1, 3) * root[:, None])
             return found
-        corner, part, normal = on_surface(self.points, x, self.triangles)
-        np.add.at(found, corner, (part * (root * r)[:, None])[..., None] * normal[:, None, :])
+        corner, part = on_surface(self.points, x, self.triangles)
+        place, normal, double = _plane(x[corner], part)
+        e, f = x[corner[:, 1]] - x[corner[:, 0]], x[corner[:, 2]] - x[corner[:, 0]]
+        off = place - self.points
+        off = (off - (off * normal).sum(axis=1, keepdims=True) * normal) / np.where(double > 0.0, double, 1.0)[:, None]
+        by = part[..., None] * normal[:, None, :]
+        for k, turned in ((1, np.cross(f, off)), (2, np.cross(off, e))):
+            by[:, k] += turned
+            by[:, 0] -= turned
+        np.add.at(found, corner, (root * r)[:, None, None] * by)
         return found
+
+
+def _plane(corners: np.ndarray, part: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of triangles (m, 3, 3): the place at these parts of the corners, the unit normal, twice the area."""
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(normal, axis=1)
+    return np.einsum("mki,mk->mi", corners, part), normal / np.where(size > 0.0, size, 1.0)[:, None], size
 
 
 def _nearest(points: np.ndarray, places: np.ndarray, count: int) -> np.ndarray:
@@ -126,8 +141,8 @@ def _nearest(points: np.ndarray, places: np.ndarray, count: int) -> np.ndarray:
     return np.concatenate(found) if found else np.zeros((0, count), np.int64)
 
 
-def on_surface(points: np.ndarray, x: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nearest place of a surface to each of points (m, 3): corners (m, 3), their parts (m, 3), unit normal (m, 3)."""
+def on_surface(points: np.ndarray, x: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nearest place of a surface to each of points (m, 3): corners (m, 3) and their parts (m, 3)."""
     near = _nearest(points, x[triangles].mean(axis=1), NEAR)
     a, b, c = (x[triangles[near][..., i]] for i in range(3))
     part = closest(points[:, None] - a, b - a, c - a)
@@ -135,9 +150,7 @@ def on_surface(points: np.ndarray, x: np.ndarray, triangles: np.ndarray) -> tupl
     best = np.argmin(((points[:, None] - place)**2).sum(-1), axis=1)
     row = np.arange(len(points))
     u, v = part[row, best].T
-    normal = np.cross((b - a)[row, best], (c - a)[row, best])
-    size = np.linalg.norm(normal, axis=1, keepdims=True)
-    return triangles[near[row, best]], np.stack([1.0 - u - v, u, v], axis=1), normal / np.where(size > 0.0, size, 1.0)
+    return triangles[near[row, best]], np.stack([1.0 - u - v, u, v], axis=1)
 
 
 def closest(p: np.ndarray, e: np.ndarray, f: np.ndarray) -> np.ndarray:
