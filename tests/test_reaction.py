@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wsim import Bulk, Fabric, Motion, Scene, SceneError, Simulation, shapes
+from wsim import Bulk, Curve, Fabric, Motion, Scene, SceneError, Simulation, shapes
 
 SOLVERS = {"leapfrog": {"solver": "explicit", "integrator": "leapfrog", "substeps": 40},
            "rk4": {"solver": "explicit", "integrator": "rk4", "substeps": 30},
@@ -87,6 +87,19 @@ def test_reactions_are_what_momentum_lacks_by_newton_s_method(make):
     sim.run(1)
     force = sim.model.stack("masses").sum() * G + sum(sim.reactions(p.path).sum(axis=0) for p in sim.scene.pins)
     assert momentum(sim) - before == pytest.approx(0.01 * force, abs=2e-6 * np.abs(force).max())
+
+
+def test_muscles_pull_at_the_pin_from_the_moment_that_they_do():
+    """k (r - f L) n of the spring that is held, f at that time."""
+    scene = chain(**SOLVERS["leapfrog"])
+    scene.springs[0].actuation = Curve(np.array([0.0, 0.05]), np.array([[1.2], [0.7]]))
+    sim = Simulation(scene, device="cpu", precision="float64")
+    for frame, factor in ((0, 1.2), (2, 1.2 - 0.5 * 2.0 / 3.0), (6, 0.7)):
+        sim.run(frame - sim.frame)
+        x = sim.positions()
+        r = np.linalg.norm(x[1] - x[0])
+        pull = -400.0 * (r - factor * 0.3) * (x[1] - x[0]) / r - 0.1 * G
+        assert sim.reactions()[0] == pytest.approx(pull, abs=1e-4)
 
 
 def test_a_soft_pin_pulls_as_its_spring_and_damper_do():

@@ -188,11 +188,11 @@ class Muscles(Method):
         have = ", ".join(dict.fromkeys(m.body.path for m in self.muscles))
         raise SceneError(Problem(path, f"has no muscles in world {world}; there are {have}"))
 
-    def present(self, rows: list[Rows]) -> list[Rows]:
-        """The rows with their rest lengths at the end of the last frame."""
+    def present(self, rows: list[Rows], time: float | None = None) -> list[Rows]:
+        """The rows with their rest lengths at a time [s]; None: at the end of the last frame."""
         factor = np.ones(self.groups + 1)
         for m in self.muscles:
-            factor[m.columns] = m.curve.at(float(self.times[-1]))
+            factor[m.columns] = m.curve.at(float(self.times[-1]) if time is None else time)
         return [r if r.kind != "distance" else replace(r, rest=r.rest * factor[self.columns([r])]) for r in rows]
 
     def longest(self, body: Body) -> np.ndarray | float:

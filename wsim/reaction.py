@@ -105,6 +105,10 @@ class Reactions:
         """Of springs and elements [N], (points, 3), at x + e with velocities v."""
         n = self.model.points
         self.pull.refresh()
+        muscles: Any = self.plan.method("muscles")
+        if muscles and self.pull.springs:
+            rest = np.concatenate([r.rest for r in muscles.present(self.pull.springs, self.time)])
+            self.pull.table.rest.assign(np.append(rest, 0.0)[self.pull.entry].astype(self.model.dtype))
         for table in self.plan.solids:
             if table.plastic:
                 table.plastic.shape()
@@ -130,7 +134,8 @@ class Reactions:
 
     def see(self, x: wp.array, e: wp.array | None, v: wp.array, time: float) -> None:
         """Forces at x + e with velocities v, at `time` [s]; `of` then says what each pin bears."""
-        self.force, self.time = self.elastic(x, e, v) + self.wind(x, v), time
+        self.time = time
+        self.force = self.elastic(x, e, v) + self.wind(x, v)
         c, own = self.constants, self.constants.object.numpy()
         self.v, self.x = v.numpy().astype(np.float64), x.numpy().astype(np.float64)
         if e is not None:

@@ -3,8 +3,8 @@
     R = m (a + k v - g) - f(x, v),  r = dL/dR:    by x and every parameter of f: -(df/d..)^T r    by v: m k r - (df/dv)^T r
                                                   by m: r.(a + k v - g)    by g: -m r    by k: m r.v
 
-Positions and velocities pass what they get on to the frames before. Not covered, and refused: soft pins, wind, XPBD; by where a
-pin goes, where its own reaction is observed while it moves (a).
+Positions and velocities pass what they get on to the frames before. Not covered, and refused: soft pins, wind, muscles, XPBD;
+by where a pin goes, where its own reaction is observed while it moves (a).
 """
 
 from dataclasses import dataclass
@@ -37,6 +37,7 @@ class ReactionAdjoint(Reactions):
         self.recording, plan = recording, recording.plan
         wrong = [(p.path, "is a soft pin", "make it hard") for p in plan.model.scene.pins if isfinite(p.stiffness)]
         wrong += [("/", "wind blows", "leave drag and lift out")] * (plan.method("aero") is not None)
+        wrong += [("/", "muscles act", "leave the actuation out")] * (plan.method("muscles") is not None)
         wrong += [("/", "the solver is xpbd", "set wsim:solver = explicit or implicit")] * (recording.parameters.pull is None)
         if wrong:
             raise SceneError([Problem(path, f"{what}, and reactions have no adjoint there; {mend}, or fit numbers alone, by "
