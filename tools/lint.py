@@ -34,7 +34,7 @@ LAYERS = (
     ("adjoint", "xpbd_adjoint"),
     ("points", "explicit", "implicit", "aero", "xpbd", "muscles", "rigid", "fluid", "pose"),
     ("plan",),
-    ("measure", "mend", "stress", "reaction", "reaction_adjoint", "simulation", "parameters", "sensitivity", "growth",
+    ("measure", "broken", "mend", "stress", "reaction", "reaction_adjoint", "simulation", "parameters", "sensitivity", "growth",
      "reshape_adjoint", "element_gradient", "seeds", "segments", "recording"),
     ("input", "rest_inputs", "controls", "contact_inputs", "inputs", "arrays", "products", "trust", "layer", "layer_jax"),
     ("usd", "partial", "sublayer", "overs", "restart", "recorder", "fitting", "drawn", "visible", "view", "picture"),

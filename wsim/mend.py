@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wsim import plan as plans
-from wsim.middles import places
+from wsim.broken import LONG, author, first
 from wsim.scene import Problem, SceneError
 from wsim.stage import NOT_FINITE, OVERFLOW, RESIDUAL
 
@@ -18,9 +18,6 @@ if TYPE_CHECKING:
 # live parameters that bound explicit steps
 STIFFENS = ("stretch", "shear", "weft", "bend", "damping", "stiffness", "air_drag", "young", "poisson", "density", "rest_shape",
             "lengths")
-
-LONG = ("an edge is more than twice its rest length: if the motion is not meant to be that violent, explicit steps are too "
-        "long for it; give more substeps, or solver auto")
 
 
 def mend(sim: Simulation, status: np.ndarray) -> bool:
@@ -59,17 +56,17 @@ def _give_way(sim: Simulation) -> None:
 def _refine(sim: Simulation, point: int) -> None:
     """Twice the substeps, where a position is no number."""
     clock = sim.plan.clock
-    body = next(b for b in sim.model.bodies if b.first <= point < b.last)
-    where = int(np.flatnonzero(places(body) == point)[0])
-    where = where if where < len(body.index) else int(body.ends[where - len(body.index), 0])
+    path, where = author(sim.model, point)
     if clock.substeps >= 16 * sim.plan.choice.substeps:
         least = getattr(sim.plan.method("explicit"), "least", None)
         hint = f", or name a solver without a limit ({sim.plan.integrator} needs {least()} substeps at rest, more where the " \
                "shape is far from it)" if least else ""
-        raise SceneError(Problem(body.path, f"point {where} stopped being a number in frame {sim.frame + 1}, with "
-                                 f"{clock.substeps} substeps too; look for infinite velocities or parameters{hint}"))
+        said = first(sim.plan, sim.time)
+        raise SceneError(Problem(path, f"point {where} stopped being a number in frame {sim.frame + 1}, with "
+                                 f"{clock.substeps} substeps too{said and '; ' + said}; look for infinite velocities or "
+                                 f"parameters{hint}"))
     clock.substeps *= 2
-    sim.warnings.append(f"frame {sim.frame + 1}: point {where} of {body.path} stopped being a number; repeated with "
+    sim.warnings.append(f"frame {sim.frame + 1}: point {where} of {path} stopped being a number; repeated with "
                         f"{clock.substeps} substeps, which stay")
 
 

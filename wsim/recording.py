@@ -13,8 +13,8 @@ from math import ceil
 import numpy as np
 import warp as wp
 
+from wsim.broken import judge
 from wsim.growth import Growth
-from wsim.mend import LONG
 from wsim.parameters import Parameters
 from wsim.reaction_adjoint import ReactionAdjoint
 from wsim.scene import Problem, SceneError
@@ -23,7 +23,6 @@ from wsim.segments import Segments, in_words, measured
 from wsim.sensitivity import Gradient
 from wsim.simulation import Simulation
 from wsim.slots import Slots
-from wsim.stage import NOT_FINITE, RESIDUAL
 from wsim.tape import Root, Tape
 
 POOR = 1e-4            # residual of an implicit solve from which a warning is due
@@ -166,16 +165,7 @@ class Recording:
                 self.forward(frame, part)
             self.keep(frame + 1)
         self.sim.frame, self.plan.clock.starting, self.ran = self.start + self.frames, False, True
-        if int(self.plan.status.numpy()[NOT_FINITE]):
-            bad = int(np.argmax(~np.isfinite(self.states.numpy()).all(axis=(1, 2))))
-            raise SceneError(Problem("frame", f"a position is no number in frame {self.start + bad}; give it more substeps, or "
-                                     "fewer frames"))
-        if int(self.plan.status.numpy()[RESIDUAL]):
-            if self.plan.method("explicit"):
-                self.warn(LONG)
-            else:
-                self.warn(f"/: gradients: {self.plan.integrator} leaves too large a residual; a simulation would go on with "
-                          "backward Euler. Take more iterations or smaller substeps")
+        judge(self)
 
     def misses(self) -> list[wp.array]:
         """What the worst forward and the worst adjoint solve of implicit steps have left."""
