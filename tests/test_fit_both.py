@@ -7,7 +7,7 @@ import pytest
 
 import wsim
 from tests.test_fit_fields import CPU, QUICK, bar, halves, net, seen, sheet
-from wsim import SceneError, Simulation
+from wsim import SceneError, Simulation, segments
 from wsim.fitting import Pull, Scan, Settings
 from wsim.fitting.by_adjoint import Adjoint
 from wsim.fitting.number import several
@@ -145,7 +145,10 @@ def test_a_prior_of_a_number_counts(hung):
     assert found.errors["density"] == pytest.approx(55.0, rel=0.1) and abs(found.values["density"][0] - 1100.0) < 110.0
 
 
-def test_a_force_without_an_adjoint_is_refused():
+def test_what_cannot_be_recorded_is_not_put_down_to_the_start(monkeypatch):
     scene = net(solver="xpbd", iterations=3)
-    with pytest.raises(SceneError, match="the solver is xpbd, and reactions have no adjoint there"):
+    with pytest.raises(SceneError, match="error: /: the solver is xpbd, and reactions have no adjoint there"):
         wsim.fit(scene, pulled(scene, [6]), "stiffness[]", settings=CPU)
+    monkeypatch.setattr(segments, "free", lambda device: 1e4)
+    with pytest.raises(SceneError, match="error: memory: recording .* frames of 20 substeps keeps"):
+        wsim.fit(net(), seen(net(), [6]), "stiffness[]", settings=CPU)

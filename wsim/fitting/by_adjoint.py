@@ -49,6 +49,7 @@ class Experiment:
             self.recording = old = None
             sim.plan.clock.starting = True
             self.recording = Recording(sim, frames)
+            self.pulls = self.recording.pulls if any(o.unit == "N" for o in self.seen) else None      # or says why not
 
     def rows(self, frames: int) -> list[tuple[int, int]]:
         """(number of the observation, its row) of all that was seen up to a frame."""
@@ -130,21 +131,21 @@ class Adjoint:
         return max(seen, default=0)
 
     def look(self, theta: np.ndarray, slope: bool = True) -> tuple[np.ndarray, np.ndarray]:
-        """(F1, F2) and their gradients (2, n); inf where a run breaks."""
+        """(F1, F2) and their gradients (2, n); inf where a run breaks. Raises SceneError for what cannot be recorded at all."""
         own = [b.look(t) for b, t in zip(self.beliefs, self.parts(theta), strict=True)]
         value, by = np.array([0.0, sum(v for v, _ in own)]), np.zeros((2, len(theta)))
         by[1] = np.concatenate([g.ravel() for _, g in own])
         count = 0
-        try:
-            for e, frames in self.begun(theta):
+        for e, frames in self.begun(theta):
+            try:
                 r = e.residuals(frames)
                 value[0] += 0.5 * sum(float((each**2).sum()) for each in r)
                 count += sum(len(each) for each in r)
                 if slope and np.isfinite(value[0]):
                     by[0] += self.chain(e, e.back(frames, r), theta)
-        except SceneError as error:
-            self.broken = error
-            return np.array([np.inf, value[1]]), by
+            except SceneError as error:
+                self.broken = error
+                return np.array([np.inf, value[1]]), by
         if not np.isfinite(value[0]):
             value[0] = np.inf
         self.seen = Seen(count, float(np.sqrt(2.0 * value[0] / max(count, 1))))
