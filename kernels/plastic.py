@@ -94,13 +94,13 @@ def shape(real, module):
 
 @cache
 def flow(real, module):
-    """Kernel over tets: F_p at x + d and with it the shape at rest, where a tet is beyond its yield. q: of a nearby state."""
+    """Kernel over tets: F_p at x + d and with it the shape at rest of `tets`, where a tet is beyond its yield. q: of a nearby
+    state."""
     t, Tets, Plastic = types(real), elements(real), plastic(real)
     gradient, _ = displaced(real, real)
     vec3, mat33 = wp.array(dtype=t.vec3), wp.array(dtype=t.mat33)
 
-    def flow(p: Plastic, tets: Tets, x: vec3, d: vec3, q: wp.array(dtype=t.quat), Fp: mat33, Fp_out: mat33, edge_out: mat33,
-             gradient_out: mat33):
+    def flow(p: Plastic, tets: Tets, x: vec3, d: vec3, q: wp.array(dtype=t.quat), Fp: mat33, Fp_out: mat33):
         c = wp.tid()
         H = gradient(tets, c, x, d)
         E = strain(H, rotation(H, q[c]))
@@ -118,6 +118,6 @@ def flow(real, module):
         back = wp.inverse(now)
         if wp.ddot(now, now) < real(MOST) * real(MOST) and wp.ddot(back, back) < real(MOST) * real(MOST):
             Fp_out[c] = now
-            put(c, now, p.edge[c], p.gradient[c], edge_out, gradient_out)
+            put(c, now, p.edge[c], p.gradient[c], tets.edge, tets.gradient)
 
     return wp.kernel(flow, name=f"plastic_flow_{t.name}", module=module, enable_backward=False)

@@ -10,6 +10,7 @@ from tests.test_contact_adjoint import SOLVERS, dropped
 from tests.test_gradients import bar, sheet
 from tests.test_muscles import SOLVERS as PULLED
 from tests.test_muscles import crawler, muscled
+from tests.test_plastic_adjoint import LEAPFROG, NEWTON, yielding
 from tests.test_simulation import chain, drape
 from tests.test_ties import laid
 from tools.bench import reference
@@ -342,6 +343,19 @@ def test_gradients_by_reactions_agree():
         g = recording.backward({2: recording.positions(0)}, reactions=borne)
         found.append([g.material(name) for name in ("stretch", "bend", "damping")] + [g.density(), *g.gravity()])
     assert found[1] == pytest.approx(found[0], rel=1e-8)
+
+
+def test_gradients_through_plastic_flow_agree():
+    for more in (LEAPFROG, NEWTON):
+        found = []
+        for device in ("cpu", "cuda:0"):
+            scene = yielding("neo_hookean" if more is NEWTON else "corotational", **more)
+            recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 2)
+            found.append(recording.backward({2: recording.positions(0)}))
+        for name in ("positions", "rest_shape"):
+            a, b = (getattr(g, name)() for g in found)
+            assert np.abs(a - b).max() < 1e-7 * np.abs(a).max()
+        assert found[1].material("yield_strain") == pytest.approx(found[0].material("yield_strain"), rel=1e-7)
 
 
 def test_a_ball_bounces_and_has_the_gradients_of_its_motion():

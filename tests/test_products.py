@@ -151,7 +151,7 @@ def test_copies_have_what_was_set_and_begin_where_the_recording_does():
 
 
 @pytest.mark.parametrize("names, text", [
-    (["/chain:stretch"], "has no 'stretch' to be differentiated by; there are positions, velocities, damping, stiffness"),
+    (["/chain:stretch"], "has no 'stretch' to be differentiated by; there are positions, velocities, rest_shape, damping, "),
     (["/rope:stiffness"], "there is no body /rope; there are /chain, /pin:targets"),
     (["wind"], "no cloth has drag or lift"), (["weight"], "no value of the whole scene; there are gravity, wind, air_drag"),
     (["gravity", "gravity"], "named twice"), ([], "none is named")])

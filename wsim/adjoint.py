@@ -32,6 +32,8 @@ class ImplicitAdjoint(Forces):
         self.method, model = method, method.model
         super().__init__(model, Pull(model, method.points.constants, rows, None), model.module)
         module, n, real, t = model.module, model.points, model.real, types(model.real)
+        both = zip(self.pull.tables, method.solids, strict=True)
+        self.plastic = [self.share(own, live) for own, live in both if live.plastic]
         self.kernels = {f.__name__: f(real, module) for f in (adjoint.pairs, adjoint.residual, adjoint.product, adjoint.free,
                                                               adjoint.spread, adjoint.dot, adjoint.add, adjoint.going,
                                                               adjoint.worst, adjoint.weigh)}
@@ -46,6 +48,13 @@ class ImplicitAdjoint(Forces):
         self.missed, self.left = (wp.zeros(1, dtype=wp.float64, device=model.device) for _ in range(2))
         self.name = "float32" if real is wp.float32 else "float64"
         self.pins: PinsAdjoint | None = None
+
+    @staticmethod
+    def share(own, live):
+        """The flow of a table of `method`, whose shapes at rest the forces here read too."""
+        live.plastic.adjoint.join(own.plastic.adjoint.net, own.plastic.adjoint.first)
+        own.plastic, own.flows, own.data.edge, own.data.gradient = live.plastic, False, live.data.edge, live.data.gradient
+        return live.plastic
 
     def join(self) -> None:
         """Takes what the method has taken into its system."""

@@ -42,8 +42,9 @@ class ElementGradient:
         return np.concatenate(found)
 
     def material(self, name: str, path: str | None = None, world: int = 0, elements: bool = False):
-        """By stretch, weft, shear [N/m], bend [N m] of a cloth, stiffness of springs [N/m], young [Pa], poisson, pressure [Pa]
-        of a soft body, or damping [s]. elements: of each element by itself, in the order of the solver; else the sum."""
+        """By stretch, weft, shear [N/m], bend [N m] of a cloth, stiffness of springs [N/m], young [Pa], poisson, pressure [Pa],
+        yield_strain of a soft body, or damping [s]. elements: of each element by itself, in the order of the solver; else the
+        sum."""
         body = self.model.body(path, world)
         found = [f(name, body) for f in (self.rows, self.flat, self.projected, self.solid)]
         parts = [each for some in found for each in some]
@@ -59,8 +60,9 @@ class ElementGradient:
         values = [part.values for t in p.tables for part in t.parts if part.body is body]
         damped = any(r.tau > 0.0 for r in rows) or any(v["damping"].any() for v in values)
         pressed = any(b is body for t in p.tables for b in getattr(t, "bodies", ()))
+        flows = any(part.body is body for t in p.tables if t.plastic for part in t.parts)
         return sorted({name for d in (*(r.stiffness for r in rows), *values) for name in d} - {"damping"}
-                      | set(["damping"] * damped + ["pressure"] * pressed))
+                      | set(["damping"] * damped + ["pressure"] * pressed + ["yield_strain"] * flows))
 
     def rest_shape(self, path: str | None = None, world: int = 0) -> np.ndarray:
         """By where its points are at rest [1/m], (n, 3), by all that follows from it: lengths, angles, areas, volumes, and
@@ -72,7 +74,7 @@ class ElementGradient:
         for table in self.parameters.tables:
             for p, part in _parts(table.parts):
                 if p.body is body:
-                    shape.tets(p.rows, self.of(table.data.edge)[part])
+                    shape.tets(p.rows, self.of((table.plastic or table).data.edge)[part])
         by = self.by_mass()[np.concatenate([body.index, body.middles])]
         return shape.points() + by_masses(body, by, self.plan.method("points").densities.get(body.number))
 
@@ -153,6 +155,8 @@ class ElementGradient:
             for p in table.parts:
                 part = slice(first, first + len(p.rows))
                 first = part.stop
+                if p.body is body and name == "yield_strain" and table.plastic:
+                    found.append(self.of(table.plastic.data.limit)[part])
                 if p.body is not body or name not in p.values:
                     continue
                 by_mu, by_lam, by_tau = (self.of(a)[part] for a in (table.data.mu, table.data.lam, table.data.tau))

@@ -47,6 +47,7 @@ class Tetrahedra:
         self.q = wp.zeros(points * self.size, dtype=t.quat, device=model.device)
         self.backward: Callable | None = None    # adjoint of the forces
         self.plastic: Plastic | None = None
+        self.flows = True                 # where forces are asked for; with Newton's method where a substep ends
         self.kept: dict = {}              # what outlives a frame, by name
         if any(m.yield_strain < inf for p in self.parts for m in p.soft.materials):
             from wsim import plastic
@@ -84,9 +85,11 @@ class Tetrahedra:
 
     def forces(self, x: wp.array, d: wp.array, v: wp.array, force: wp.array | None) -> None:
         """Launches the forces of corners at displacements d and velocities v, where tets have flowed."""
-        if self.plastic:
+        backward = self.backward
+        if self.plastic and self.flows:
             self.plastic.flow(x, d)
-        self.model.launch(self.pull, self.size, [self.data, x, d, v, self.q], [force, self.q], self.backward)
+            backward = self.plastic.around(backward) if backward and self.model.tape else backward
+        self.model.launch(self.pull, self.size, [self.data, x, d, v, self.q], [force, self.q], backward)
 
     def kernels(self) -> list:
         """Of Newton's method: `linearise` and `energy_change`."""

@@ -4,6 +4,8 @@ import warp as wp
 
 from wsim.kernels import adjoint
 from wsim.kernels import force_adjoint as kernels
+from wsim.kernels import plastic_adjoint as maths
+from wsim.kernels import tet_adjoint as tets
 from wsim.kernels.real import types
 from wsim.model import Model
 from wsim.tape import adjoint_of, without
@@ -104,12 +106,11 @@ class CornerAdjoint:
 
     def __init__(self, model: Model, table, net):
         """table: of `wsim.fem`; net: which corners each point has."""
-        from wsim.kernels import tet_adjoint as maths
         self.model, self.table, self.net, self.nodes = model, table, net, table.ids.shape[1]
-        make = {3: maths.pressed, 4: maths.linear, 10: maths.quadratic}[self.nodes]
+        make = {3: tets.pressed, 4: tets.linear, 10: tets.quadratic}[self.nodes]
         kind = () if self.nodes == 3 else (table.material, table.damped)
         self.kernels = [make(*kind, model.real, model.module, parameters) for parameters in (False, True)]
-        self.take = maths.take(model.real, model.module)
+        self.take = tets.take(model.real, model.module)
         size = table.ids.size if table.damped else 0
         self.rates = wp.zeros(size, dtype=types(model.real).vec3, device=model.device)
 
@@ -127,3 +128,35 @@ class CornerAdjoint:
     def gather(self, corners: wp.array, first: int, shift: int, by: wp.array, also: wp.array | None) -> None:
         last = first + self.table.ids.size
         self.model.launch(self.take, self.model.points, [self.net, corners, first, last, shift, by, also], [])
+
+
+class FlowAdjoint:
+    """Of the flow of plastic tets, and of their shapes at rest."""
+
+    def __init__(self, flow):
+        """flow: a `wsim.plastic.Plastic`. `join` says where points find the corners of its tets."""
+        self.flows, self.model = flow, flow.model
+        real, module = self.model.real, self.model.module
+        self.kernels = maths.flow_adjoint(real, module), maths.shape_adjoint(real, module)
+        self.take = tets.take(real, module)
+        self.corners = wp.zeros(4 * flow.table.size, dtype=types(real).vec3, device=self.model.device)
+
+    def join(self, net, first: int) -> None:
+        self.net, self.first = net, first
+
+    def flow(self, read: list, wrote: list) -> None:
+        """Adjoint of the launch of the flow; what of a version has not flowed is left to the copy that it began as."""
+        (data, table, x, d, q, F), (after,) = read, wrote
+        self.flows.become(F)
+        seen = maths.flows(self.model.real)()
+        seen.x, seen.d, seen.q, seen.F, seen.by_F, seen.by_F_out, seen.corners = x, d, q, F, F.grad, after.grad, self.corners
+        self.model.launch(self.kernels[0], self.flows.table.size, [data, table, seen, adjoint_of(data)], [])
+        last = self.first + self.corners.size
+        self.model.launch(self.take, self.model.points,
+                          [self.net, self.corners, self.first, last, self.first, d.grad, x.grad], [])
+
+    def shape(self, F: wp.array) -> None:
+        """What edges at rest have, to a version of F_p."""
+        data = self.flows.data
+        self.model.launch(self.kernels[1], self.flows.table.size,
+                          [data, F, self.flows.table.data.edge.grad, adjoint_of(data), F.grad], [])

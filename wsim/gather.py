@@ -135,6 +135,8 @@ class Pull:
             if model.gradients and isinstance(e, Solid):
                 from wsim.force_adjoint import CornerAdjoint
                 e.table.backward = CornerAdjoint(model, e.table, self.net).backward
+                if e.table.plastic:
+                    e.table.plastic.adjoint.join(self.net, e.first)
 
     def need_springs(self) -> None:
         """Makes the kernel of springs that `launch` needs on a CPU, and what gradients of a leap need."""

@@ -79,6 +79,8 @@ class Material(Input):
         for table in self.recording.parameters.tables:
             found += [np.array([v]) for b, v in zip(getattr(table, "bodies", ()), getattr(table, "values", ()), strict=True)
                       if b is body and self.what == "pressure"]
+            if self.what == "yield_strain" and table.plastic:
+                found += [np.unique(y) for p, y in zip(table.parts, table.plastic.limits, strict=True) if p.body is body]
         return found + [part.values[self.what] for part in self.tets(body)]
 
     def tets(self, body) -> list:
@@ -108,14 +110,15 @@ class Material(Input):
         tets = [part for table in tables for part in table.parts if part.body is body]
         damped = any(r.tau > 0.0 for r in rows) or any(part.values["damping"].any() for part in tets)
         pressed = any(b is body for table in tables for b in getattr(table, "bodies", ()))
+        flows = any(p.body is body for table in tables if table.plastic for p in table.parts)
         return sorted({name for d in (*(r.stiffness for r in rows), *(part.values for part in tets)) for name in d}
-                      - {"damping"} | set(["damping"] * damped + ["pressure"] * pressed)
+                      - {"damping"} | set(["damping"] * damped + ["pressure"] * pressed + ["yield_strain"] * flows)
                       | set(["density"] * (density_of(body.source) is not None)))
 
     def shapes(self) -> list[tuple[int, ...]]:
         body = self.model.body(self.path)
         count = sum(len(each) for each in self.values(body))
-        single = count == 1 or (self.what == "damping" and not self.tets(body))
+        single = count == 1 or self.what == "yield_strain" or (self.what == "damping" and not self.tets(body))
         return [()] if single else [(), (count,)]
 
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:

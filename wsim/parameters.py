@@ -31,6 +31,8 @@ class Parameters:
         found = [c.w, c.gravity, c.decay, *self.net().values(), *(b.lengths for b in self.batches if b.lengths)]
         for data in (source.data for source in (*self.flat, *self.tables, *self.batches)):
             found += [getattr(data, name) for name in NAMES if getattr(data, name, None)]
+        for flow in (t.plastic for t in self.tables if t.plastic):
+            found += [flow.data.limit, flow.data.edge]
         if self.air:
             found += [self.air.wind, self.air.drag, self.air.lift]
         if self.pins and self.pins.groups["soft"]:

@@ -39,6 +39,8 @@ class ReactionAdjoint(Reactions):
         wrong += [("/", "wind blows", "leave drag and lift out")] * (plan.method("aero") is not None)
         wrong += [("/", "muscles act", "leave the actuation out")] * (plan.method("muscles") is not None)
         wrong += [("/", "the solver is xpbd", "set wsim:solver = explicit or implicit")] * (recording.parameters.pull is None)
+        wrong += [(s.path, "flows beyond its yield", "give it no yield strain") for s in plan.model.scene.softs
+                  if any(isfinite(m.yield_strain) for m in s.materials)]
         if wrong:
             raise SceneError([Problem(path, f"{what}, and reactions have no adjoint there; {mend}, or fit numbers alone, by "
                                       "copies") for path, what, mend in wrong])

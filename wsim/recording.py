@@ -56,10 +56,10 @@ class Recording:
         self.sim, self.frames, self.plan, self.state = sim, frames, sim.plan, sim.state
         self.start, self.begins, self.jumps = sim.frame, self.plan.clock.starting, self.plan.starts
         self.roots: list[Root] = []
-        self.slots = Slots(sim.device, sim.model.real)
-        self.parameters = Parameters(self.plan)
+        self.slots, self.parameters = Slots(sim.device, sim.model.real), Parameters(self.plan)
         assert self.state.every is not None
         self.every, self.initial = self.state.every, wp.clone(self.state.every)
+        self.flowed = [(kept.array, wp.clone(kept.array)) for kept in self.state.elements.values()]
         self.stretches: dict[tuple, Stretch] = {}
         self.cost: Segments | None = None
         with in_words(self.known, str(sim.device)):
@@ -67,9 +67,8 @@ class Recording:
             self.prepare()
             self.states, self.speeds = (wp.zeros((frames + 1, sim.model.points), dtype=self.state.x.dtype, device=sim.device)
                                         for _ in range(2))
-        self.ran, self.growth = False, Growth(frames, sim.device, sim.model.real)
+        self.ran, self.recorded, self.growth = False, self.shape, Growth(frames, sim.device, sim.model.real)
         self.residuals: dict[str, float] = {}         # of implicit solves, after `backward`
-        self.recorded = self.shape
         self.rewind()
 
     # what is recorded and kept
@@ -127,7 +126,8 @@ class Recording:
 
     def rewind(self) -> None:
         """The state that the recording began with."""
-        wp.copy(self.every, self.initial)
+        for array, initial in ((self.every, self.initial), *self.flowed):
+            wp.copy(array, initial)
         self.plan.clock.starting = self.begins
 
     def pose(self, frame: int) -> None:

@@ -146,17 +146,28 @@ class Tape:
         """The implicit solve of a substep (`wsim.adjoint`), with its own adjoint; what it launches is not recorded."""
         s, anchor, model, now = solver.method.state, solver.method.points.anchor, solver.model, replace(clock)
         a, x, b = self.read(anchor), self.read(s.x), self.read(s.d)
+        shapes = [(p, self.read(p.F)) for p in solver.plastic]
         d = self.write(s.d, True)
 
         def forward() -> None:
             before, model.tape = model.tape, None
             for base, version in ((anchor, a), (s.x, x), (s.d, b)):
                 wp.copy(base, version)
+            for p, F in shapes:
+                wp.copy(p.F, without(F))
+                p.become(F)
             solver.solve(now)
             wp.copy(d, s.d)
             model.tape = before
         self.do(forward)
-        self.adjoints.append(lambda: solver.back(now, d, b, x, a))
+
+        def backward() -> None:
+            for p, F in shapes:
+                p.become(F)
+            solver.back(now, d, b, x, a)
+            for p, F in shapes:
+                p.adjoint.shape(F)
+        self.adjoints.append(backward)
 
     def do(self, step: Callable[[], None]) -> None:
         step()
