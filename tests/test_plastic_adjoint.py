@@ -50,8 +50,8 @@ def test_a_bar_that_flows(model, more, step):
 
 @pytest.mark.parametrize("more", [LEAPFROG, {"integrator": "rk4", "substeps": 60}, NEWTON])
 def test_by_the_yield(more):
+    """Of what has one."""
     scene = yielding("neo_hookean" if more is NEWTON else "corotational", **more)
-    scene.softs[0].which[:] = 0                              # a live yield is that of all
     run = Run(scene)
     material(run, "yield_strain", 0.02, 1e-4 if more is NEWTON else 1e-5)
 
@@ -92,9 +92,8 @@ def test_checkpoints_and_a_run_under_way(more):
 
 
 def test_a_yield_among_the_inputs_of_products():
-    """Where all of a body has the same."""
+    """Where all of a body that flows has the same."""
     scene = yielding(**LEAPFROG)
-    scene.softs[0].which[:] = 0
     f = Rollout(Recording(Simulation(scene, device="cpu", precision="float64", gradients=True), 2), ["/bar:yield_strain"])
     s = np.random.default_rng(3).normal(size=f.shape) * [[[[1.0]]], [[[0.01]]]]
     assert f.values()["/bar:yield_strain"] == 0.02

@@ -80,7 +80,8 @@ class Material(Input):
             found += [np.array([v]) for b, v in zip(getattr(table, "bodies", ()), getattr(table, "values", ()), strict=True)
                       if b is body and self.what == "pressure"]
             if self.what == "yield_strain" and table.plastic:
-                found += [np.unique(y) for p, y in zip(table.parts, table.plastic.limits, strict=True) if p.body is body]
+                found += [np.unique(y[np.isfinite(y)]) for p, y in zip(table.parts, table.plastic.limits, strict=True)
+                          if p.body is body]
         return found + [part.values[self.what] for part in self.tets(body)]
 
     def tets(self, body) -> list:

@@ -69,10 +69,10 @@ class Plastic:
         return float(np.linalg.norm(self.F.numpy().astype(np.float64) - np.eye(3), axis=(1, 2)).max())
 
     def set(self, path: str, value: float, world: int | None) -> bool:
-        """Yield strain of a soft body, of all its materials in this table."""
+        """Yield strain of a soft body, of all its materials in this table that have one."""
         hit = [k for k, p in enumerate(self.table.parts) if p.body.path == path and world in (None, p.body.world)]
         for k in hit:
-            self.limits[k] = np.full(len(self.limits[k]), value)
+            self.limits[k] = np.where(np.isfinite(self.limits[k]), value, np.inf)
         if hit:
             self.data.limit.assign(np.concatenate(self.limits).astype(self.table.model.dtype))
         return bool(hit)
