@@ -123,15 +123,15 @@ def outs(real):
 
 
 @cache
-def leap_adjoint(real, module):
+def leap_adjoint(real, module, corners: bool):
     """Kernel over points: gradients by what a leap reads but for the forces, and p, the gradient by these. Remainders have
-    none: what they carry is rounding. Arguments: net, d, step, gradients by what was written, into: by v, pair, x, net."""
+    none: what they carry is rounding. corners: what forces at corners say of masses too. Arguments: net, those forces, d, step,
+    gradients by what was written, into: by v, pair, x, net."""
     t, Net, Step, Grads, Outs = types(real), net(real), steps(real), grads(real), outs(real)
     vec3 = t.vec3
 
-    @wp.kernel(module=module, enable_backward=False)
-    def leap_adjoint(net: Net, d: wp.array(dtype=vec3), step: Step, out: Outs, v_grad: wp.array(dtype=vec3), by: Net,
-                     g: Grads):
+    def back(net: Net, f: wp.array(dtype=vec3), d: wp.array(dtype=vec3), step: Step, out: Outs, v_grad: wp.array(dtype=vec3),
+             by: Net, g: Grads):
         i = wp.tid()
         n = v_grad.shape[0]
         into = 1 - step.source
@@ -146,6 +146,11 @@ def leap_adjoint(real, module):
             v1 = V + Q + step.drift * D
             a = step.kick * v1 + step.ahead * Q
             p = net.w[i] * a
+            if wp.static(corners):
+                force = vec3()
+                for c in range(net.first[i], net.first[i + 1]):
+                    force += f[net.item[c]]
+                by.w[i] = by.w[i] + wp.dot(a, force)
             by.gravity[o] = by.gravity[o] + a
             by.decay[o] = by.decay[o] - wp.dot(a, d[rate])
             g.pair[rate] = g.pair[rate] - net.decay[o] * a
@@ -164,4 +169,4 @@ def leap_adjoint(real, module):
             g.pair[at] = g.pair[at] - v1
         g.p[i] = p
 
-    return leap_adjoint
+    return wp.kernel(back, name="leap_adjoint" + "_corners" * corners, module=module, enable_backward=False)

@@ -95,16 +95,47 @@ def add(by: Any, c: int, s: Any, V: Any, K: Any, G: Any):
 
 
 @cache
-def linear(material: str, damped: bool, real, module, parameters: bool):
-    """Kernel over tets of four nodes: at the places of the nodes' forces, gradients by their positions take the places of those
-    by the forces, and those by their velocities come to `rates`, from 0 on; parameters: adds by mu, lam, tau, edges.
-    Arguments: tets, x, d, v, q, corners, rates, by."""
+def works(real):
+    """Struct of what an adjoint of forces reads and writes: p by the forces on points."""
+    t = types(real)
+
+    @wp.struct
+    class Work:
+        p: wp.array(dtype=t.vec3)            # [1/N], (points,), or none: then corners have them
+        corners: wp.array(dtype=t.vec3)      # by the positions of corners, written, at the places of their forces
+        rates: wp.array(dtype=t.vec3)        # by the velocities of corners, written, from 0 on
+
+    return Work
+
+
+@cache
+def reader(real, direct: bool):
+    """Function of (work, point, place of its corner): the gradient by the force there."""
+    vec3, Work = types(real).vec3, works(real)
+
+    @wp.func
+    def by_force(w: Work, i: int, at: int):
+        p = vec3()
+        if wp.static(direct):
+            p = w.p[i]
+        if wp.static(not direct):
+            p = w.corners[at]
+        return p
+
+    return by_force
+
+
+@cache
+def linear(material: str, damped: bool, real, module, parameters: bool, direct: bool):
+    """Kernel over tets of four nodes: at the places of the nodes' forces the gradients by their positions, and those by their
+    velocities at `rates`; direct: of p, else of what stands at those places; parameters: adds by mu, lam, tau, edges.
+    Arguments: tets, x, d, v, q, work, by."""
     t, Tets = types(real), fem.elements(real)
     (gradient, change), turn = fem.displaced(real, real), turn_of(material, real)
     by_motion, by_moduli, by_rest = products(material, real, damped)
-    vec3 = wp.array(dtype=t.vec3)
+    vec3, Work, by_force = wp.array(dtype=t.vec3), works(real), reader(real, direct)
 
-    def back(tets: Tets, x: vec3, d: vec3, v: vec3, q: wp.array(dtype=t.quat), corners: vec3, rates: vec3, by: Tets):
+    def back(tets: Tets, x: vec3, d: vec3, v: vec3, q: wp.array(dtype=t.quat), w: Work, by: Tets):
         c = wp.tid()
         H = gradient(tets, c, x, d)
         now = turn(H, q[c])
@@ -116,30 +147,32 @@ def linear(material: str, damped: bool, real, module, parameters: bool):
         G = tets.gradient[c]
         V = -tets.volume[c]
         at = tets.force + 4 * c
-        p0 = corners[at]
-        Y = wp.outer(corners[at + 1] - p0, G[0]) + wp.outer(corners[at + 2] - p0, G[1]) + wp.outer(corners[at + 3] - p0, G[2])
+        n = tets.point[c]
+        p0 = by_force(w, n[0], at)
+        Y = (wp.outer(by_force(w, n[1], at + 1) - p0, G[0]) + wp.outer(by_force(w, n[2], at + 2) - p0, G[1])
+             + wp.outer(by_force(w, n[3], at + 3) - p0, G[2]))
         mu = tets.mu[c]
         lam = tets.lam[c]
         Q, R = by_motion(H, now, dF, Y, mu, lam, tau)
-        fem.spread(at, V * Q, G, corners)
+        fem.spread(at, V * Q, G, w.corners)
         if wp.static(damped):
-            fem.spread(4 * c, V * R, G, rates)
+            fem.spread(4 * c, V * R, G, w.rates)
         if wp.static(parameters):
             K = by_rest(H, now, dF, Y, t.vec3(mu, lam, tau), Q, R)
             add(by, c, V * by_moduli(H, now, dF, Y, mu, lam, tau), -V, K, G)
 
-    return _kernel(back, "tet", material, damped, real, module, parameters)
+    return _kernel(back, "tet", material, damped, real, module, parameters, direct)
 
 
 @cache
-def quadratic(material: str, damped: bool, real, module, parameters: bool):
+def quadratic(material: str, damped: bool, real, module, parameters: bool, direct: bool):
     """As `linear`, of ten nodes."""
     t, Tets, turn = types(real), ten_nodes.elements(real), turn_of(material, real)
     (slopes, moved, change), turns = ten_nodes.displaced(real, real), materials.TABLE[material].needs_rotation
     by_motion, by_moduli, by_rest = products(material, real, damped)
-    vec3, ten = wp.array(dtype=t.vec3), wp.types.matrix((NODES, 3), real)
+    vec3, ten, Work, by_force = wp.array(dtype=t.vec3), wp.types.matrix((NODES, 3), real), works(real), reader(real, direct)
 
-    def back(tets: Tets, x: vec3, d: vec3, v: vec3, q: wp.array(dtype=t.quat), corners: vec3, rates: vec3, by: Tets):
+    def back(tets: Tets, x: vec3, d: vec3, v: vec3, q: wp.array(dtype=t.quat), work: Work, by: Tets):
         c = wp.tid()
         u = moved(tets, c, x, d)
         nodes = tets.point.shape[1]
@@ -153,8 +186,9 @@ def quadratic(material: str, damped: bool, real, module, parameters: bool):
         mu = tets.mu[c]
         lam = tets.lam[c]
         tau = real(0.0)
+        y0 = by_force(work, tets.point[c, 0], at)
         for k in range(1, nodes):
-            y[k] = corners[at + k] - corners[at]
+            y[k] = by_force(work, tets.point[c, k], at + k) - y0
         if wp.static(damped):
             w = change(tets, c, v)
             tau = tets.tau[c]
@@ -175,42 +209,43 @@ def quadratic(material: str, damped: bool, real, module, parameters: bool):
                 moduli += by_moduli(H, now, dF, Y, mu, lam, tau)
                 K += by_rest(H, now, dF, Y, t.vec3(mu, lam, tau), Q, R)
         V = real(-0.25) * tets.volume[c]
-        spread_ten(at, nodes, V, f, corners)
+        spread_ten(at, nodes, V, f, work.corners)
         if wp.static(damped):
-            spread_ten(nodes * c, nodes, V, r, rates)
+            spread_ten(nodes * c, nodes, V, r, work.rates)
         if wp.static(parameters):
             add(by, c, V * moduli, -V, K, tets.gradient[c])
 
-    return _kernel(back, "ten", material, damped, real, module, parameters)
+    return _kernel(back, "ten", material, damped, real, module, parameters, direct)
 
 
 @cache
-def pressed(real, module, parameters: bool):
-    """As `linear`, of triangles under pressure. Arguments: triangles, x, d, corners, by."""
+def pressed(real, module, parameters: bool, direct: bool):
+    """As `linear`, of triangles under pressure. Arguments: triangles, x, d, work, by."""
     t, Triangles = types(real), pressure.elements(real)
-    vec3 = wp.array(dtype=t.vec3)
+    vec3, Work, by_force = wp.array(dtype=t.vec3), works(real), reader(real, direct)
 
-    def back(tri: Triangles, x: vec3, d: vec3, corners: vec3, by: Triangles):
+    def back(tri: Triangles, x: vec3, d: vec3, w: Work, by: Triangles):
         c = wp.tid()
         p = tri.point[c]
         u = (x[p[1]] - x[p[0]]) + (d[p[1]] - d[p[0]])
         v = (x[p[2]] - x[p[0]]) + (d[p[2]] - d[p[0]])
         at = tri.force + 3 * c
-        g = (corners[at] + corners[at + 1] + corners[at + 2]) / real(6.0)
+        g = (by_force(w, p[0], at) + by_force(w, p[1], at + 1) + by_force(w, p[2], at + 2)) / real(6.0)
         b = tri.pressure[c] * wp.cross(v, g)
         e = tri.pressure[c] * wp.cross(g, u)
-        corners[at] = -(b + e)
-        corners[at + 1] = b
-        corners[at + 2] = e
+        w.corners[at] = -(b + e)
+        w.corners[at + 1] = b
+        w.corners[at + 2] = e
         if wp.static(parameters):
             by.pressure[c] = by.pressure[c] + wp.dot(g, wp.cross(u, v))
 
-    return _kernel(back, "pressed", "", False, real, module, parameters)
+    return _kernel(back, "pressed", "", False, real, module, parameters, direct)
 
 
-def _kernel(function, kind: str, material: str, damped: bool, real, module, parameters: bool):
+def _kernel(function, kind: str, material: str, damped: bool, real, module, parameters: bool, direct: bool):
     """Two kernels of one name would be one."""
-    name = "_".join(["adjoint", kind, material, *["damped"] * damped, *["parameters"] * parameters, types(real).name])
+    name = "_".join(["adjoint", kind, material, *["damped"] * damped, *["parameters"] * parameters, *["direct"] * direct,
+                     types(real).name])
     return wp.kernel(function, name=name, module=module, enable_backward=False)
 
 

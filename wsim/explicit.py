@@ -40,7 +40,7 @@ class Explicit(Method):
         self.muscles = None           # the method that puts their rest lengths
         self.impacts = lambda: None   # takes impacts out of `change` before leapfrog's last half kick (`wsim.contact.bounce`)
         self.pull = Pull(model, points.constants, self.rows, None if pins is None else pins.columns(),
-                         alone=not (steps or self.integrator.stages))
+                         alone=not (steps or self.integrator.stages), staged=bool(self.integrator.stages))
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
         self.acts = any(r.body and getattr(r.body.source, "actuation", None) for r in self.rows)
         self.make(clock.substeps)

@@ -16,11 +16,11 @@ class ForceAdjoint:
 
     def __init__(self, model: Model, pull, masses: bool, module: str = ""):
         """pull: a `wsim.gather.Pull`; masses: p is that by accelerations times inverse masses, which have gradients too."""
-        self.model, self.pull, module = model, pull, module or model.module
-        self.p = wp.zeros(model.points, dtype=types(model.real).vec3, device=model.device)
-        self.kernels = [kernels.force_adjoint(model.real, module, pull.flags(), parameters, masses)
-                        for parameters in (False, True)]
-        self.leap_adjoint = kernels.leap_adjoint(model.real, module) if masses else None
+        self.model, self.pull, self.p, module = model, pull, pull.p, module or model.module
+        flags = pull.flags() if not pull.direct else tuple((dict(pull.flags()) | {"corners": False}).items())
+        self.kernels = [kernels.force_adjoint(model.real, module, flags, parameters, masses)
+                        for parameters in (False, True)] if pull.springs or not pull.direct else []
+        self.leap_adjoint = kernels.leap_adjoint(model.real, module, pull.direct) if masses else None
 
     def into(self, x: wp.array, pair: wp.array, force: wp.array | None):
         """Where gradients go."""
@@ -29,9 +29,12 @@ class ForceAdjoint:
         return g
 
     def launch(self, x: wp.array, pair: wp.array, force: wp.array | None, source: int, parameters: bool = True) -> None:
-        """From `p` to the gradients of all arrays that the forces are made of; parameters: those of springs and x too."""
-        self.model.launch(self.kernels[parameters], self.model.points,
-                          [self.pull.net, force, x, pair, source, adjoint_of(self.pull.net), self.into(x, pair, force)], [])
+        """From `p` to the gradients of all arrays that the forces are made of; parameters: those of springs and x too. Corners
+        that know p by themselves are left out."""
+        if self.kernels:
+            self.model.launch(self.kernels[parameters], self.model.points,
+                              [self.pull.net, force, x, pair, source, adjoint_of(self.pull.net), self.into(x, pair, force)],
+                              [])
 
     def leap(self, read: list, wrote: list) -> None:
         """Adjoint of the launch of a leap, of the arrays that it has read and written."""
@@ -39,7 +42,7 @@ class ForceAdjoint:
         out = kernels.outs(self.model.real)()
         out.pair, out.v = pair_out.grad, v_out.grad
         self.model.launch(self.leap_adjoint, self.model.points,
-                          [net, pair, step, out, v.grad, adjoint_of(net), self.into(x, pair, force)], [])
+                          [net, force, pair, step, out, v.grad, adjoint_of(net), self.into(x, pair, force)], [])
         self.launch(x, pair, force, step.source)
 
 
@@ -89,7 +92,7 @@ class Forces:
         """(df/d..)^T p into the gradients of pair and, if whole, of x and all parameters, to which it adds."""
         wp.copy(self.back_force.p, p)
         self.pair.grad.zero_()
-        if self.corner is not None:
+        if self.corner is not None and not self.pull.direct:
             self.corner.grad.zero_()
         self.back_force.launch(self.x, self.pair, self.corner, 0, whole)
         for kernel, dim, inputs, outputs, bare, backward, how in reversed(self.launches):
@@ -104,12 +107,12 @@ class Forces:
 class CornerAdjoint:
     """Of the forces of a table of tets, or of pressure."""
 
-    def __init__(self, model: Model, table, net):
-        """table: of `wsim.fem`; net: which corners each point has."""
-        self.model, self.table, self.net, self.nodes = model, table, net, table.ids.shape[1]
+    def __init__(self, model: Model, table, pull):
+        """table: of `wsim.fem`; pull: says which corners each point has, and whether p is all that is to be known."""
+        self.model, self.table, self.pull, self.nodes = model, table, pull, table.ids.shape[1]
         make = {3: tets.pressed, 4: tets.linear, 10: tets.quadratic}[self.nodes]
         kind = () if self.nodes == 3 else (table.material, table.damped)
-        self.kernels = [make(*kind, model.real, model.module, parameters) for parameters in (False, True)]
+        self.kernels = [make(*kind, model.real, model.module, parameters, pull.direct) for parameters in (False, True)]
         self.take = tets.take(model.real, model.module)
         size = table.ids.size if table.damped else 0
         self.rates = wp.zeros(size, dtype=types(model.real).vec3, device=model.device)
@@ -119,7 +122,9 @@ class CornerAdjoint:
         gradient."""
         (data, x, d, *others), corners = read, wrote[0].grad
         first = self.table.data.force
-        inputs = [data, x, d, *others, corners, *[self.rates] * bool(others), adjoint_of(data)]
+        work = tets.works(self.model.real)()
+        work.p, work.corners, work.rates = self.pull.p if self.pull.direct else None, corners, self.rates
+        inputs = [data, x, d, *others, work, adjoint_of(data)]
         self.model.launch(self.kernels[x.grad is not None], self.table.size, inputs, [])
         self.gather(corners, first, 0, d.grad, x.grad)
         if self.table.damped:
@@ -127,7 +132,7 @@ class CornerAdjoint:
 
     def gather(self, corners: wp.array, first: int, shift: int, by: wp.array, also: wp.array | None) -> None:
         last = first + self.table.ids.size
-        self.model.launch(self.take, self.model.points, [self.net, corners, first, last, shift, by, also], [])
+        self.model.launch(self.take, self.model.points, [self.pull.net, corners, first, last, shift, by, also], [])
 
 
 class FlowAdjoint:

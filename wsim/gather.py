@@ -27,8 +27,10 @@ PADDED = 1.5           # entries over springs' ends that padding may cost above
 class Pull:
     """Every force on the points, on the device. `columns`: of the pins' targets, see `Pins.columns`."""
 
-    def __init__(self, model: Model, constants, rows: list[Rows], columns: np.ndarray | None, alone: bool = False):
-        """alone: nothing else acts within a frame, so that a cluster of blocks, or CPU threads abreast, may take all of it."""
+    def __init__(self, model: Model, constants, rows: list[Rows], columns: np.ndarray | None, alone: bool = False,
+                 staged: bool = False):
+        """alone: nothing else acts within a frame, so that a cluster of blocks, or CPU threads abreast, may take all of it.
+        staged: integrators of several stages, whose adjoints are Warp's."""
         self.model = model
         self.cluster: Cluster | None = None
         self.backward: Callable | None = None         # adjoint of a leap
@@ -55,6 +57,9 @@ class Pull:
         kinds = sorted({r.kind for r in rows} - {"distance"})
         flat = [Elements(model, kind, [r for r in rows if r.kind == kind]) for kind in kinds]
         self.elements: list[Elements | Solid] = [*flat, *(Solid(table) for table in self.tables)]
+        # adjoints of tets and pressure ask p, the gradient by forces on points; others find it at their corners
+        self.direct = bool(self.tables) and not (flat or staged)
+        self.p = wp.zeros(model.points, dtype=types(model.real).vec3, device=model.device) if model.gradients else None
         for e in self.elements:
             e.make(self.damped)                  # before the module is compiled
         self.corners()
@@ -134,7 +139,7 @@ class Pull:
             e.first, first = first, first + e.ids.size
             if model.gradients and isinstance(e, Solid):
                 from wsim.force_adjoint import CornerAdjoint
-                e.table.backward = CornerAdjoint(model, e.table, self.net).backward
+                e.table.backward = CornerAdjoint(model, e.table, self).backward
                 if e.table.plastic:
                     e.table.plastic.adjoint.join(self.net, e.first)
 
