@@ -67,6 +67,7 @@ def halves(scene: Scene) -> np.ndarray:
     (bar(frames=4), "young[]"), (bar(frames=4), "poisson[]"),
     (bar((3, 1, 1), **QUICK), "young[]"), (bar((3, 1, 1), **QUICK), "velocities[]"),
     (net(), "stiffness[]"), (net(solver="xpbd", iterations=3), "stiffness[]"), (net(), "velocities[]"),
+    (net(), "lengths[]"), (sheet("membrane"), "rest_shape[]"), (bar((3, 1, 1), **QUICK), "rest_shape[]"),
     (net(), "motion[]"), (net(solver="xpbd", iterations=3), "motion[]"),
     (sheet(), "stretch[]"), (sheet(), "bend[]"), (sheet("membrane"), "bend[]"), (sheet("membrane"), "velocities[]"),
     (sheet("membrane"), "stretch[]"), (sheet("membrane"), "shear[]"), (sheet("membrane", weft=80.0), "stretch[]"),
@@ -285,7 +286,8 @@ def test_the_command_writes_the_field_and_the_loader_reads_it(bent, tmp_path, ca
 
 
 @pytest.mark.parametrize("make, names", [(net, "velocities[],/pin:motion[]"), (net, "stiffness[]"), (sheet, "velocities[]"),
-                                         (sheet, "bend[]")])
+                                         (sheet, "bend[]"), (net, "lengths[]"), (sheet, "rest_shape[]"),
+                                         (lambda: bar((3, 1, 1), **QUICK | {"frames": 6}), "rest_shape[]")])
 def test_other_fields_are_written_where_the_loader_finds_them(make, names, tmp_path):
     """A few steps of a fit of a loaded scene; what is loaded over it is what was found, in the precision of the file."""
     from wsim.fitting import command
@@ -303,6 +305,12 @@ def test_other_fields_are_written_where_the_loader_finds_them(make, names, tmp_p
             assert loaded.pins[0].motion.at(k / 60.0) == pytest.approx(found.scene.pins[0].motion.at(k / 60.0), abs=1e-9)
     if "stiffness" in names:
         assert loaded.springs[0].stiffness == pytest.approx(found.values["stiffness[]"], rel=1e-6)
+    if "lengths" in names:
+        assert loaded.springs[0].lengths == pytest.approx(found.values["lengths[]"], rel=1e-6)
+    if "rest_shape" in names:
+        rest = loaded.bodies()[0].rest_points
+        assert rest - rest.mean(axis=0) == pytest.approx(found.values["rest_shape[]"], abs=1e-6)
+        assert np.abs(rest - loaded.bodies()[0].points).max() > 1e-6
     assert body == loaded.bodies()[0].path and names.split(",")[0] in found.text()
 
 

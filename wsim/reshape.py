@@ -85,3 +85,14 @@ def masses_of(body: Body, rest: np.ndarray) -> np.ndarray | None:
 def triangles_of(cloth: Cloth) -> np.ndarray:
     """Author's points of the triangles that its polygons are cut into, (t, 3)."""
     return topology.triangulate(cloth.points, cloth.counts, cloth.indices)[0]
+
+
+def written(thing: Cloth | Springs | Soft, name: str, values: np.ndarray):
+    """A scene's object with a rest shape (n, 3) or lengths (edges,) or (edges, 1). A shape is moved to where it was."""
+    if isinstance(thing, Springs):
+        new = replace(thing)
+        new.lengths = values.reshape(-1).copy()                       # stays in float64
+        return new
+    before = thing.motion.points(thing.points if thing.rest_points is None else thing.rest_points, 0.0)
+    matrix, places = thing.motion.at(0.0), values - values.mean(axis=0) + before.mean(axis=0)
+    return replace(thing, rest_points=np.linalg.solve(matrix[:3, :3], (places - matrix[:3, 3]).T).T)

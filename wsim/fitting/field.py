@@ -6,6 +6,8 @@
     stretch[], shear[], weft[]    of each triangle of a membrane; of the model "springs" stretch[] of each edge, shear[] of each
                                   diagonal. A weft of 0 follows stretch; one that is not stays while stretch[] changes
     velocities[]                  of each point of any body at the start, in the world
+    rest_shape[]                  of each point of a cloth or soft body, in the world, about its mean; in steps of 1 cm
+    lengths[]                     of each spring of a net
     actuation[]                   of each key and group of the muscles of a net
     /pin:motion[]                 shift of a pin or a collider in each frame after the first, on top of its own motion
 
@@ -19,15 +21,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wsim.cloth import rows_of
+from wsim.cloth import AT_REST, rows_of
 from wsim.curve import Curve
 from wsim.fitting.parameter import LOG, Map
 from wsim.fitting.regular import Belief, faces, neighbours
+from wsim.model import edge_lengths
+from wsim.reshape import rest_shape, written
 from wsim.scene import Cloth, Collider, Motion, Pin, Problem, Scene, SceneError, Soft, Springs
 from wsim.sensitivity import Gradient
 from wsim.simulation import Simulation
 from wsim.tetra.parted import parted
 
+WHOLE = ("velocities", "rest_shape", "actuation")         # of more than one column
 BELIEFS = ("smooth", "tv", "free")
 
 
@@ -49,7 +54,8 @@ TABLE = (
     Kind("bend", (Cloth,), "hinges", "N m", LOG), Kind("stretch", (Cloth,), "edges", "N/m", LOG),
     Kind("shear", (Cloth,), "diagonals", "N/m", LOG), Kind("weft", (Cloth,), "triangles", "N/m", LOG),
     Kind("velocities", (Cloth, Springs, Soft), "points", "m/s", Map("plain", high=1.0)),
-    Kind("actuation", (Springs,), "keys", "1", LOG, 0.05),
+    Kind("rest_shape", (Cloth, Soft), "points", "m", Map("plain", high=0.01), 1.0),
+    Kind("lengths", (Springs,), "springs", "m", LOG, 0.05), Kind("actuation", (Springs,), "keys", "1", LOG, 0.05),
     Kind("motion", (Pin, Collider), "frames", "m", Map("plain", high=1.0), 0.05),
 )
 FIELDS = tuple(f"{kind.name}[]" for kind in TABLE)
@@ -90,6 +96,9 @@ class Field:
             return np.zeros((last, 3))
         if what == "velocities":
             return sim.velocities(self.path)
+        if what in AT_REST:
+            body = sim.model.body(self.path)
+            return rest_shape(body) if what == "rest_shape" else edge_lengths(body)[:, None]
         if what == "actuation":
             return thing.actuation.values
         if isinstance(thing, Soft):
@@ -115,7 +124,9 @@ class Field:
         if self.kind.name in ("motion", "actuation"):
             return np.stack([np.arange(count - 1), np.arange(1, count)], axis=1)
         body = sim.model.body(self.path)
-        if self.kind.name == "velocities":
+        if self.kind.name == "lengths":
+            return neighbours(body.edges, sim.model.points)
+        if self.kind.name in ("velocities", "rest_shape"):
             author = np.zeros(sim.model.points, np.int64)
             author[body.index] = np.arange(len(body.index))
             return author[body.edges]
@@ -130,7 +141,7 @@ class Field:
         if self.kind.name == "motion":
             sim.set(self.path, "motion", self.moved(sim.given, values))
         else:
-            sim.set(self.path, self.kind.name, values if self.kind.name in ("velocities", "actuation") else values[:, 0])
+            sim.set(self.path, self.kind.name, values if self.kind.name in WHOLE else values[:, 0])
         sim.changes.clear()
 
     def moved(self, scene: Scene, shift: np.ndarray) -> Motion:
@@ -143,8 +154,8 @@ class Field:
     def slope(self, sim: Simulation, gradient: Gradient, shape: tuple) -> np.ndarray:
         """Derivative by the values, (n, c)."""
         found = np.zeros(shape)
-        if self.kind.name in ("velocities", "actuation"):
-            return getattr(gradient, self.kind.name)(self.path)
+        if self.kind.name in (*WHOLE, "lengths"):
+            return getattr(gradient, self.kind.name)(self.path).reshape(shape)
         if self.kind.name == "motion" and isinstance(self.thing(sim.given), Collider):
             by = gradient.motion(self.path)[1:, 0]
             found[:len(by)] = by
@@ -177,6 +188,8 @@ class Field:
         thing = self.thing(scene)
         if isinstance(thing, (Pin, Collider)):
             new: object = replace(thing, motion=self.moved(scene, values))
+        elif self.kind.name in AT_REST:
+            new = written(thing, self.kind.name, values)
         elif self.kind.name == "velocities":
             new = replace(thing, velocities=values @ thing.motion.at(0.0)[:3, :3])
         elif isinstance(thing, Soft):
@@ -235,8 +248,11 @@ def _field(name: str, scenes: list[Scene]) -> Field:
     if path not in have:
         what = "name one of them" if len(have) > 1 and not path else f"nothing there has {kind.name}[]"
         raise SceneError(Problem(path or name, f"{what}; those that have it: {', '.join(have) or 'none'}"))
-    if kind.name == "velocities" and any(b.path == path and getattr(b, "weld", 0.0) for s in scenes for b in s.bodies()):
-        raise SceneError(Problem(path, "points that are welded move as one: velocities[] of each are not to be had"))
+    for b in (b for s in scenes for b in s.bodies() if b.path == path and kind.name in ("velocities", "rest_shape")):
+        if getattr(b, "weld", 0.0):
+            raise SceneError(Problem(path, f"points that are welded move as one: {kind.name}[] of each are not to be had"))
+        if kind.name == "rest_shape" and getattr(b, "skins", None):
+            raise SceneError(Problem(path, "its skins are bound to its rest shape; fit that without them"))
     if any(isinstance(b, Cloth) and b.path == path and b.model == "membrane" for s in scenes for b in s.bodies()):
         kind = replace(kind, noun="triangles" if kind.name in ("stretch", "shear", "weft") else kind.noun)
     return Field(f"{match['path']}:{kind.name}[]" if match["path"] else f"{kind.name}[]", kind, path, belief, size)

@@ -2,7 +2,8 @@
 
     young, poisson of each tet        primvars:wsim:young (double[], uniform) on the TetMesh, read by `load_fields`
     stretch, bend .. of each element  primvars:wsim:bend (double[], constant) on the Mesh: kept, and not read
-    velocities                        the attribute of the points
+    velocities, rest_shape            the attributes of the points
+    lengths of each spring            the attribute of the curves
     actuation of a net                samples of wsim:actuation
     motion of a pin                   samples on the Xform that it hangs on; of a collider, on its own prim
     stiffness of each spring          wsim:stiffness, by `wsim.usd.fitted`
@@ -40,6 +41,10 @@ def author_fields(stage: Usd.Stage, fields: list[tuple[str, str, np.ndarray]], b
         elif name == "velocities":
             owner = next(kind.__name__ for kind in (Cloth, Springs, Soft) if isinstance(thing, kind))
             author(prim, owner, name, _at_vertices(prim, thing.velocities), units)
+        elif name == "rest_shape":
+            author(prim, "Cloth" if isinstance(thing, Cloth) else "Soft", "rest_points", thing.rest_points, units)
+        elif name == "lengths":
+            author(prim, "Springs", "lengths", thing.lengths, units)
         elif name == "actuation":
             author_muscles(prim, thing, units)
         elif isinstance(thing, Collider):
