@@ -68,6 +68,34 @@ def test_a_soft_bar(solver):
     run.state("velocities")
 
 
+@pytest.mark.parametrize("solver", [{"integrator": "rk4"},
+                                    {"solver": "implicit", "integrator": "backward_euler", "substeps": 2}])
+def test_a_soft_pin(solver):
+    """Scenes with other stiffness and damping of it: neither is live. (Leapfrog's velocity at the end of a frame has a kink
+    where others act: differences across it are 5e-7 off.)"""
+    def scene(stiffness=200.0, damping=0.5):
+        made = net(**solver)
+        made.pins[0].stiffness, made.pins[0].damping = stiffness, damping
+        return made
+    run = Run(scene())
+    run.material("stiffness", 40.0)
+    run.state("velocities")
+    way = np.array([0.3, -0.5, 0.8])
+
+    def put(s):
+        M = np.eye(4)
+        M[:3, 3] = s * way
+        return "/pin", "motion", M
+    run.check(run.gradient.targets("/pin")[0] @ way, put, 5e-4)
+    for name, value in (("stiffness", 200.0), ("damping", 0.5)):
+        losses = []
+        for s in (1e-4, -1e-4):
+            other = Run(scene(**{name: value * (1.0 + s)}))
+            losses.append(sum((other.recording.reactions(f) * r).sum() for f, r in zip(other.at, other.r, strict=True))
+                          + (other.recording.positions(3) * run.x).sum() + (other.recording.velocities(3) * run.v).sum())
+        assert run.gradient.pin("/pin", name) == pytest.approx((losses[0] - losses[1]) / (2e-4 * value), rel=1e-6)
+
+
 def test_a_recording_knows_the_reactions_of_a_simulation():
     scene = net(integrator="leapfrog")
     sim = Simulation(scene, device="cpu", precision="float64")
@@ -75,11 +103,6 @@ def test_a_recording_knows_the_reactions_of_a_simulation():
     assert recording.reactions(0) == pytest.approx(sim.reactions(), abs=1e-12)
     sim.run(2)
     assert recording.reactions(2, "/pin") == pytest.approx(sim.reactions(), abs=1e-10)
-
-
-def soft(scene):
-    scene.pins[0].stiffness = 1e3
-    return scene
 
 
 def moving(scene):
@@ -90,7 +113,6 @@ def moving(scene):
 
 
 @pytest.mark.parametrize("scene, use, words", [
-    (soft(net(integrator="leapfrog")), lambda r: r.reactions(1), "/pin: is a soft pin"),
     (net(solver="xpbd", iterations=3), lambda r: r.reactions(1), "/: the solver is xpbd"),
     (net(integrator="leapfrog"), lambda r: r.backward(reactions={1: {"/nail": np.zeros((1, 3))}}), "/nail: in world 0 is no"),
     (net(integrator="leapfrog"), lambda r: r.backward(reactions={9: {"/pin": np.zeros((1, 3))}}), "allowed are 0 to 1"),

@@ -78,6 +78,14 @@ def test_an_allocation_that_fails_is_said_in_words(pieces, words, monkeypatch):
         recording("all")
 
 
+def test_what_is_too_large_for_an_array_is_reserved_in_pieces(monkeypatch):
+    monkeypatch.setattr(slots, "PIECE", 12)
+    own = Slots(wp.get_device("cpu"), wp.float64)
+    own.reserve((30, 0))
+    assert [c[0].size for c in own.chunks] == [12, 12, 6]
+    assert len({own.take(wp.vec3d, (2,)).ptr for _ in range(5)}) == 5 and len(own.chunks) == 3
+
+
 def test_slots_hand_out_the_same_again():
     own = Slots(wp.get_device("cpu"), wp.float64)
     own.reserve((30, 5))

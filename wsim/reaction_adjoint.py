@@ -1,20 +1,20 @@
-"""Reactions of a recording, and the gradient of a loss by them: see `wsim.reaction`.
+"""Reactions of a recording, and the gradient of a loss by them: see `wsim.reaction`. With r = dL/dR,
 
-    R = m (a + k v - g) - f(x, v),  r = dL/dR:    by x and every parameter of f: -(df/d..)^T r    by v: m k r - (df/dv)^T r
-                                                  by m: r.(a + k v - g)    by g: -m r    by k: m r.v
+    hard, R = m (a + k v - g) - f(x, v):    by x and every parameter of f: -(df/d..)^T r    by v: m k r - (df/dv)^T r
+                                            by m: r.(a + k v - g)    by g: -m r    by k: m r.v
+    soft, R = s (X - x) - c v:              by x: -s r    by v: -c r    by X: s r    by s: r.(X - x)    by c: -r.v
 
-Positions and velocities pass what they get on to the frames before. Not covered, and refused: soft pins, wind, muscles, XPBD;
-by where a pin goes, where its own reaction is observed while it moves (a).
+Positions and velocities pass what they get on to the frames before. Not covered, and refused: wind, muscles, XPBD; by where a
+pin goes, where its own reaction is observed while it moves (a, X).
 """
 
-from dataclasses import dataclass
-from math import isfinite
+from dataclasses import dataclass, field
 
 import numpy as np
 import warp as wp
 
 from wsim.force_adjoint import Forces
-from wsim.reaction import Reactions
+from wsim.reaction import Held, Reactions
 from wsim.scene import Problem, SceneError
 from wsim.tape import give
 
@@ -22,12 +22,13 @@ from wsim.tape import give
 @dataclass
 class Inertia:
     """Gradients by what is not on the device for pinned points: mass [1/kg], (points,), gravity [s^2/m], (points, 3), decay
-    [s], (points,). paths: (pin, world) that moved."""
+    [s], (points,). moved: (pin, world) that did; soft: of such a pin by stiffness, damping and targets, (places, 3)."""
 
     mass: np.ndarray
     gravity: np.ndarray
     decay: np.ndarray
-    paths: set[tuple[str, int]]
+    moved: set[tuple[str, int]] = field(default_factory=set)
+    soft: dict[tuple[str, int], dict] = field(default_factory=dict)
 
 
 class ReactionAdjoint(Reactions):
@@ -35,12 +36,11 @@ class ReactionAdjoint(Reactions):
 
     def __init__(self, recording):
         self.recording, plan = recording, recording.plan
-        wrong = [(p.path, "is a soft pin", "make it hard") for p in plan.model.scene.pins if isfinite(p.stiffness)]
-        wrong += [("/", "wind blows", "leave drag and lift out")] * (plan.method("aero") is not None)
+        wrong = [("/", "wind blows", "leave drag and lift out")] * (plan.method("aero") is not None)
         wrong += [("/", "muscles act", "leave the actuation out")] * (plan.method("muscles") is not None)
         wrong += [("/", "the solver is xpbd", "set wsim:solver = explicit or implicit")] * (recording.parameters.pull is None)
         wrong += [(s.path, "flows beyond its yield", "give it no yield strain") for s in plan.model.scene.softs
-                  if any(isfinite(m.yield_strain) for m in s.materials)]
+                  if any(np.isfinite(m.yield_strain) for m in s.materials)]
         if wrong:
             raise SceneError([Problem(path, f"{what}, and reactions have no adjoint there; {mend}, or fit numbers alone, by "
                                       "copies") for path, what, mend in wrong])
@@ -69,40 +69,59 @@ class ReactionAdjoint(Reactions):
     def begin(self, given: dict) -> "ReactionAdjoint":
         """given: {frame: {pin: (n, 3)}, or {(pin, world): (n, 3)}} [1/N]. Raises SceneError for those that are none."""
         n = self.model.points
-        self.inertia = Inertia(np.zeros(n), np.zeros((n, 3)), np.zeros(n), set())
-        self.given = {}
+        self.inertia = Inertia(np.zeros(n), np.zeros((n, 3)), np.zeros(n))
+        self.given: dict[int, list[tuple[Held, np.ndarray]]] = {}
         for frame, pins in given.items():
             if not 0 <= frame <= self.recording.frames:
                 raise SceneError(Problem("reactions", f"found frame {frame}; allowed are 0 to {self.recording.frames}"))
-            self.given[frame] = r = np.zeros((n, 3))
+            self.given[frame] = []
             for key, values in pins.items():
                 path, world = key if isinstance(key, tuple) else (key, 0)
                 h, each = self.find(path, world), np.asarray(values, np.float64)
                 if each.shape != (len(h.share), 3) or not np.isfinite(each).all():
                     raise SceneError(Problem(path, f"derivatives must be finite with shape ({len(h.share)}, 3); found "
                                              f"{each.shape}"))
-                np.add.at(r, h.places, h.spread(each))
+                self.given[frame].append((h, h.spread(each)))
                 if h.pin.motion.moves:
-                    self.inertia.paths.add((path, world))
+                    self.inertia.moved.add((path, world))
+                elif not h.hard:
+                    self.inertia.soft[path, world] = {"stiffness": 0.0, "damping": 0.0, "targets": np.zeros((len(h.places), 3))}
         return self
 
     def back(self, frame: int) -> None:
         """What the reactions after so many frames add to the gradients of that state, and of everything else."""
         if frame not in self.given:
             return
-        r, f, n, real = self.given[frame], self.forces, self.model.points, self.model.dtype
+        f, n, device = self.forces, self.model.points, self.model.device
         self.at(frame)
+        p, by_x, by_v = np.zeros((3, n, 3))
+        for h, r in self.given[frame]:
+            if h.hard:
+                np.add.at(p, h.places, -r)
+                np.add.at(by_v, h.places, self.hard(h, r))
+            else:
+                np.add.at(by_x, h.places, -h.pin.part * h.pin.pin.stiffness * r)
+                np.add.at(by_v, h.places, -h.pin.part * h.pin.pin.damping * r)
+                self.soft(h, r)
         f.x.grad.zero_()
-        f.transposed(wp.array(-r.astype(real), dtype=f.f.dtype, device=self.model.device), True)
-        own = self.inertia
-        a = self.drive.copy()
-        for h in self.held:
-            a[h.places] += h.acceleration(self.time, self.plan.clock.dt)
-        own.mass += (r * a).sum(axis=1)
-        own.gravity -= self.masses[:, None] * r
-        own.decay += self.masses * (r * self.v).sum(axis=1)
-        decay = self.constants.decay.numpy()[self.constants.object.numpy()].astype(np.float64)
-        v = (self.masses * decay)[:, None] * r + f.pair.grad.numpy()[2 * n:3 * n]
-        for base, by in ((self.plan.state.x, f.x.grad.numpy()), (self.plan.state.v, v)):
+        f.transposed(wp.array(p.astype(self.model.dtype), dtype=f.f.dtype, device=device), True)
+        by_x, by_v = by_x + f.x.grad.numpy(), by_v + f.pair.grad.numpy()[2 * n:3 * n]
+        for base, by in ((self.plan.state.x, by_x), (self.plan.state.v, by_v)):
             root = next(root for root in self.recording.roots if root.base.ptr == base.ptr)
-            give(wp.array(by.astype(real), dtype=base.dtype, device=self.model.device), root.carried)
+            give(wp.array(by.astype(self.model.dtype), dtype=base.dtype, device=device), root.carried)
+
+    def hard(self, h: Held, r: np.ndarray) -> np.ndarray:
+        """By v of what is not f; by masses, gravity and drag of the air into `inertia`."""
+        own, m, at = self.inertia, self.masses[h.places, None], h.places
+        np.add.at(own.mass, at, (r * (h.acceleration(self.time, self.plan.clock.dt) + self.drive[at])).sum(axis=1))
+        np.add.at(own.gravity, at, -m * r)
+        np.add.at(own.decay, at, (m * r * self.v[at]).sum(axis=1))
+        return m * self.constants.decay.numpy()[self.constants.object.numpy()[at], None] * r
+
+    def soft(self, h: Held, r: np.ndarray) -> None:
+        """By stiffness, damping and targets into `inertia`, of pins that stand still."""
+        own, part = self.inertia.soft.get((h.pin.pin.path, h.pin.body.world)), h.pin.part
+        if own:
+            own["stiffness"] += part * float((r * (h.pin.targets(self.time) - self.x[h.places])).sum())
+            own["damping"] -= part * float((r * self.v[h.places]).sum())
+            own["targets"] += part * h.pin.pin.stiffness * r

@@ -118,11 +118,19 @@ class Gradient(ElementGradient):
             first = part.stop
             if p.pin.path != path or p.body.world != world:
                 continue
+            own = self.borne(path, world, name)
             if name == "stiffness":
-                return float(-(self.of(pins.soft.alpha)[part]).sum() / (p.part * p.pin.stiffness**2))
+                return float(-(self.of(pins.soft.alpha)[part]).sum() / (p.part * p.pin.stiffness**2)) + own
             if name == "damping":
-                return float(self.of(pins.soft.damping)[part].sum()) * p.part
+                return float(self.of(pins.soft.damping)[part].sum()) * p.part + own
         raise SceneError(Problem(path, f"is no soft pin with a derivative by {name!r}; soft pins have stiffness and damping"))
+
+    def borne(self, path: str, world: int, name: str):
+        """What a pin bears adds to the gradients by it. Raises SceneError where that is not known."""
+        if self.inertia and (path, world) in self.inertia.moved:
+            raise SceneError(Problem(path, f"moves, and what it bears is in the loss: by its {name} that has no derivative "
+                                     "yet; hold it still, or leave its reaction out"))
+        return self.inertia.soft.get((path, world), {}).get(name, 0.0) if self.inertia else 0.0
 
     def places(self, world: int) -> np.ndarray:
         return np.concatenate([np.arange(b.first, b.last) for b in self.model.bodies if b.world == world])
@@ -131,15 +139,13 @@ class Gradient(ElementGradient):
         """By where a pin puts its points, or pulls them to [1/m]: (frames, substeps, points, 3) of a moving one, (points, 3)
         of one that stands still."""
         pins = self.parameters.pins
-        if self.inertia and (path, world) in self.inertia.paths:
-            raise SceneError(Problem(path, "moves, and what it bears is in the loss: by where it goes that has no derivative "
-                                     "yet; hold it still, or leave its reaction out"))
+        own = self.borne(path, world, "targets")
         for number, kind in enumerate(pins.target if pins else ()):
             at = 0
             for p in pins.groups[kind]:
                 if p.pin.path == path and p.body.world == world:
                     each = np.stack([frame[number][:, at:at + len(p.places)] for frame in self._targets])
-                    return each if pins.moves else each.sum(axis=(0, 1))
+                    return each if pins.moves else each.sum(axis=(0, 1)) + own
                 at += len(p.places)
         every = ", ".join(p.path for p in self.model.scene.pins)
         raise SceneError(Problem(path, f"is no pin; there are {every or 'none'}"))

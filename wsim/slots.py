@@ -5,6 +5,7 @@ from math import prod
 import warp as wp
 
 CHUNK = 1 << 16        # scalars of the first piece of memory that slots are cut from; each is twice the one before
+PIECE = 1 << 30        # scalars of the largest: an array has less than 2^31 entries
 
 
 class Slots:
@@ -29,7 +30,7 @@ class Slots:
         while chunk < len(self.chunks) and first + size > self.chunks[chunk][0].size:
             chunk, first = chunk + 1, 0
         if chunk == len(self.chunks):
-            self.add(max(size, CHUNK << chunk))
+            self.add(max(size, min(CHUNK << chunk, PIECE)))
         self.at = chunk, first + size
         self.most = max(self.most, self.at)
         value, *grad = (_cut(array, first, dtype, shape) for array in self.chunks[chunk])
@@ -52,9 +53,11 @@ class Slots:
             self.plain.drop()
 
     def reserve(self, scalars: tuple[int, ...]) -> None:
-        """One piece of so many scalars (`used`), where nothing was handed out yet."""
-        if scalars[0]:
-            self.add(scalars[0])
+        """Room for so many scalars (`used`), where nothing was handed out yet: one piece, but for what no array can have."""
+        left = scalars[0]
+        while left > 0:
+            self.add(min(left, PIECE))
+            left -= PIECE
         if self.copies > 1:
             self.plain.reserve(scalars[1:])
 
