@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import wsim
+from tests.test_bounce import ball
 from tests.test_fit_fields import CPU, QUICK, bar, halves, net, seen, sheet
 from wsim import SceneError, Simulation, segments
 from wsim.fitting import Pull, Scan, Settings
@@ -79,6 +80,19 @@ def test_the_gradient_of_the_misfit_is_that_of_differences(make, observe, names)
             value = {j: misfit.look(theta + j * h * eye[k], slope=False)[0][0] for j in (-2, -1, 1, 2)}
             expected = (8.0 * (value[1] - value[-1]) - value[2] + value[-2]) / (12.0 * h)
             assert slope[0][k] == pytest.approx(expected, rel=1e-5, abs=1e-9 * abs(slope[0]).max()), f.name
+
+
+def test_friction_and_restitution_of_a_collider_among_fields():
+    """A ball that slides over a floor and bounces on it; steps within which the order of contacts stays."""
+    scene = ball(e=0.7, height=0.05, v=(1.5, 0.0, 0.0), solver="xpbd", integrator="backward_euler", frames=12)
+    scene.colliders[0].dynamic_friction = scene.colliders[0].static_friction = 0.3
+    misfit, theta = adjoint(scene, seen(scene, [10, 12]), ["dynamic_friction", "restitution", "velocities[]"])
+    theta[:2] += 0.05
+    _, slope = misfit.look(theta)
+    for k in range(2):
+        way = 1e-6 * np.eye(len(theta))[k]
+        ends = [misfit.look(theta + s * way, slope=False)[0][0] for s in (1.0, -1.0)]
+        assert slope[0][k] == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-5) and slope[0][k] != 0.0
 
 
 def test_products_with_the_hessian_of_what_was_seen_are_those_of_the_jacobian():

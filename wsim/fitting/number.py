@@ -14,6 +14,8 @@ from wsim.scene import Problem, Scene, SceneError
 from wsim.sensitivity import Gradient
 from wsim.simulation import Simulation
 
+FRICTION = ("static_friction", "dynamic_friction")
+
 
 class Number:
     """As `Field`, of values (1, 1)."""
@@ -54,7 +56,11 @@ class Number:
     def derivative(self, gradient: Gradient, path: str, name: str, each: bool):
         if path == "/":
             return getattr(gradient, name)()
-        return gradient.density(path) if name == "density" else gradient.material(name, path, elements=each)
+        if name in FRICTION:
+            return gradient.friction(path)[FRICTION.index(name)]
+        if name in ("density", "restitution"):
+            return getattr(gradient, name)(path)
+        return gradient.material(name, path, elements=each)
 
     def written(self, scene: Scene, values: np.ndarray) -> Scene:
         return self.parameter.written(scene, float(values[0, 0]))
