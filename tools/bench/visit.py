@@ -25,6 +25,11 @@ JOBS = {
     "speed": (240, ["tools/bench/speed.py", "--device", DEVICE, "--json", "{json}"]),
     "bench": (120, ["-m", "wsim", "bench", "scenes/hanging_cloth.usda", "--device", DEVICE, "--quick", "--json", "{json}"]),
     "stress": (240, ["-m", "tools.stress", "--device", DEVICE, "--solvers", "auto", "--json", "{json}"]),
+    "stress_soft": (240, ["-m", "tools.stress", "--device", DEVICE, "--only", "soft", "--solvers", "auto,implicit/sdirk3", "--json",
+                          "{json}"]),
+    "gradients": (420, ["tools/bench/gradients.py", "--device", DEVICE, "--million", "--json", "{json}"]),
+    "contact": (120, ["tools/bench/contact.py", "--device", DEVICE, "--json", "{json}"]),
+    "soft": (120, ["tools/bench/soft.py", "--device", DEVICE, "--json", "{json}"]),
 }
 PEERS = {
     "peers_32": (400, ["--sides", "32"]),
