@@ -76,7 +76,7 @@ def recorded(shape, solver) -> Slid:
 
 
 SCENES = [pytest.param(shape, solver, id=f"{shape}-{solver}") for shape in TRIED for solver in SOLVERS
-          if (shape, solver) not in (("sphere", "leapfrog"), ("plane", "xpbd"))]        # a sweep on a ball is ragged
+          if solver == "xpbd" or shape in ("plane", "deforming")]        # sweeps on a ball are ragged, in steps as short
 
 
 @pytest.mark.parametrize("shape, solver", SCENES)

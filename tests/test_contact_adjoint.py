@@ -71,7 +71,7 @@ def test_bdf2_forgets_what_was_before_a_contact(more):
     run = Slid(dropped(**more, solver="xpbd", integrator="bdf2", substeps=8, iterations=12), frames=4)
     plain = Simulation(run.scene, device="cpu", precision="float64")
     plain.run(4)
-    assert plain.plan.integrator == "bdf2" and plain.indicators()["contacts"] >= 4
+    assert plain.plan.integrator == "bdf2" and plain.indicators()["contacts"] >= 2
     assert np.abs(plain.positions() - run.recording.positions(4)).max() < 1e-11
     run.by("positions", 1e-8)
     run.by("velocities", 1e-6)
