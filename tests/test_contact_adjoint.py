@@ -68,11 +68,11 @@ def test_a_sheet_that_starts_in_an_overlap():
 @pytest.mark.parametrize("more", [{"spin": 3.0}, {"gap": -0.0031}])
 def test_bdf2_forgets_what_was_before_a_contact(more):
     """Along the normals of contacts; of points that are carried out of an overlap altogether."""
-    run = Slid(dropped(**more, solver="xpbd", integrator="bdf2", substeps=8, iterations=12), frames=4)
+    run = Slid(dropped(**more, solver="xpbd", integrator="bdf2", substeps=8, iterations=12), frames=3)
     plain = Simulation(run.scene, device="cpu", precision="float64")
-    plain.run(4)
-    assert plain.plan.integrator == "bdf2" and plain.indicators()["contacts"] >= 2
-    assert np.abs(plain.positions() - run.recording.positions(4)).max() < 1e-11
+    plain.run(3)
+    assert plain.plan.integrator == "bdf2" and plain.indicators()["contacts"] >= 1
+    assert np.abs(plain.positions() - run.recording.positions(3)).max() < 1e-11
     run.by("positions", 1e-8)
     run.by("velocities", 1e-6)
 
