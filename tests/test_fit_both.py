@@ -111,7 +111,7 @@ def test_products_with_the_hessian_of_what_was_seen_are_those_of_the_jacobian():
 
 def test_a_stiffness_field_is_found_from_scans_without_correspondence():
     """The bent bar of two halves by its surface: one point on each triangle, to 0.1 mm, no one says which."""
-    scene = bar()
+    scene = bar((4, 2, 2))
     sim = Simulation(scene, device="cpu", precision="float64")
     sim.set("/bar", "young", halves(scene))
     sim.run(8)
@@ -130,7 +130,7 @@ def test_a_stiffness_field_is_found_from_scans_without_correspondence():
 @pytest.fixture(scope="module")
 def hung():
     """The bar of two halves, 1.1 times as dense as the scene says, at rest: where it is, and what the wall bears."""
-    scene = bar()
+    scene = bar((4, 2, 2))
     sets = [("young", halves(scene)), ("density", 1.1e3)]
     return scene, seen(scene, [4, 8], 1e-4, 1e-4, sets=sets), pulled(scene, [4, 8], 0.3, 0.3, sets)
 

@@ -12,9 +12,6 @@ from wsim.plan import Plan
 from wsim.scene import Problem, SceneError
 from wsim.stage import NOT_FINITE, RESIDUAL
 
-LONG = ("an edge is more than twice its rest length: if the motion is not meant to be that violent, explicit steps are too "
-        "long for it; give more substeps, or solver auto")
-
 
 def first(plan: Plan, time: float) -> str:
     """In words, of the frame that begins at `time` [s] with the state's snapshot; "" where it ends well this time."""
@@ -83,8 +80,9 @@ def _bad(arrays: dict[str, wp.array]) -> dict[str, int]:
     return found
 
 
-def judge(recording) -> None:
-    """What a `wsim.recording.Recording` has run into: warns of residuals. Raises SceneError where a position is no number."""
+def judge(recording, long: str) -> None:
+    """What a `wsim.recording.Recording` has run into: warns of residuals (long: of explicit steps). Raises SceneError where a
+    position is no number."""
     plan, status = recording.plan, recording.plan.status.numpy()
     if int(status[NOT_FINITE]):
         bad = max(int(np.argmax(~np.isfinite(recording.states.numpy()).all(axis=(1, 2)))), 1)
@@ -99,7 +97,7 @@ def judge(recording) -> None:
         raise SceneError(Problem("frame", f"a position is no number in frame {recording.start + bad}{said and f' ({said})'}; "
                                  "give it more substeps, or fewer frames"))
     if int(status[RESIDUAL]):
-        recording.warn(LONG if plan.method("explicit") else
+        recording.warn(long if plan.method("explicit") else
                        f"/: gradients: {plan.integrator} leaves too large a residual; a simulation would go on with backward "
                        "Euler. Take more iterations or smaller substeps")
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wsim import plan as plans
-from wsim.broken import LONG, author, first
 from wsim.scene import Problem, SceneError
 from wsim.stage import NOT_FINITE, OVERFLOW, RESIDUAL
 
@@ -18,6 +17,9 @@ if TYPE_CHECKING:
 # live parameters that bound explicit steps
 STIFFENS = ("stretch", "shear", "weft", "bend", "damping", "stiffness", "air_drag", "young", "poisson", "density", "rest_shape",
             "lengths")
+
+LONG = ("an edge is more than twice its rest length: if the motion is not meant to be that violent, explicit steps are too "
+        "long for it; give more substeps, or solver auto")
 
 
 def mend(sim: Simulation, status: np.ndarray) -> bool:
@@ -55,6 +57,7 @@ def _give_way(sim: Simulation) -> None:
 
 def _refine(sim: Simulation, point: int) -> None:
     """Twice the substeps, where a position is no number."""
+    from wsim.broken import author, first
     clock = sim.plan.clock
     path, where = author(sim.model, point)
     if clock.substeps >= 16 * sim.plan.choice.substeps:

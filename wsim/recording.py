@@ -15,6 +15,7 @@ import warp as wp
 
 from wsim.broken import judge
 from wsim.growth import Growth
+from wsim.mend import LONG
 from wsim.parameters import Parameters
 from wsim.reaction_adjoint import ReactionAdjoint
 from wsim.scene import Problem, SceneError
@@ -165,7 +166,7 @@ class Recording:
                 self.forward(frame, part)
             self.keep(frame + 1)
         self.sim.frame, self.plan.clock.starting, self.ran = self.start + self.frames, False, True
-        judge(self)
+        judge(self, LONG)
 
     def misses(self) -> list[wp.array]:
         """What the worst forward and the worst adjoint solve of implicit steps have left."""

@@ -101,10 +101,10 @@ class Fit:
 def fit(scene: Scene, observations, parameters: str | Iterable[str], *, also=(), start: dict[str, float] | None = None,
         priors: dict[str, tuple[float, float]] | None = None, each: Callable[[dict], None] | None = None,
         settings: Settings | None = None):
-    """Fits parameters (`wsim.fitting.parameter`), or fields such as young[] (`wsim.fitting.field`), of a scene to observations
-    (`wsim.fitting.observe`). Returns a `Fit`, of fields a `FieldFit` (`wsim.fitting.field_result`).
+    """Fits parameters (`wsim.fitting.parameter`), fields such as young[] (`wsim.fitting.field`), or both, of a scene to
+    observations (`wsim.fitting.observe`). Returns a `Fit`, where there are fields a `FieldFit` (`wsim.fitting.field_result`).
 
-    observations   Track and Scan objects, or a USD file with sampled points under the same prim paths
+    observations   Track, Scan and Pull objects, or a USD file with sampled points and forces under the same prim paths
     also           further experiments [(scene, observations)] that share the parameters
     start          {name: value}; else the scene's present values
     priors         {name: (mean, sigma)}, the mean in the parameter's unit, sigma in the mapped space
