@@ -4,8 +4,8 @@
                                             by m: r.(a + k v - g)    by g: -m r    by k: m r.v
     soft, R = s (X - x) - c v:              by x: -s r    by v: -c r    by X: s r    by s: r.(X - x)    by c: -r.v
 
-Positions and velocities pass what they get on to the frames before. Not covered, and refused: wind, muscles, XPBD; by where a
-pin goes, where its own reaction is observed while it moves (a, X).
+Positions and velocities pass what they get on to the frames before. Not covered, and refused: wind, muscles, plastic
+flow, XPBD; by where a pin goes, where its own reaction is observed while it moves (a, X).
 """
 
 from dataclasses import dataclass, field
