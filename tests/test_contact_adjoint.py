@@ -8,7 +8,7 @@ import pytest
 
 from tests.test_gradients import Run, sheet
 from wsim.curve import Motion
-from wsim.scene import Box, Capsule, Cone, Cylinder, Plane, SceneError, Sphere
+from wsim.scene import Box, Capsule, Cone, Cylinder, Plane, Sphere
 from wsim.simulation import Simulation
 
 SHAPES = {"plane": Plane(), "sphere": Sphere(0.12), "box": Box((0.05, 0.06, 0.05)), "capsule": Capsule(0.06, 0.05),
@@ -83,14 +83,6 @@ def test_checkpoints_find_the_same_contacts_again():
     for name in ("positions", "velocities", "masses"):
         a, b = (getattr(run.gradient, name)() for run in (kept, again))
         assert np.abs(a - b).max() < 1e-12 * np.abs(a).max()
-
-
-@pytest.mark.parametrize("change, text", [
-    ({"solver": "implicit", "integrator": "backward_euler", "substeps": 2}, "/floor: .*contacts under Newton's method")])
-def test_contacts_that_have_no_gradients_are_named(change, text):
-    scene = dropped(**change)
-    with pytest.raises(SceneError, match=text):
-        Simulation(scene, device="cpu", gradients=True)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

@@ -13,15 +13,17 @@ import warp as wp
 
 from wsim.force_adjoint import Forces
 from wsim.gather import Pull
+from wsim.gcr import Directions
 from wsim.kernels import adjoint
 from wsim.kernels.real import types
 from wsim.tape import without
-from wsim.touching_adjoint import PinsAdjoint
+from wsim.touching_adjoint import ContactsAdjoint, PinsAdjoint
 
 CLOSE = {"float32": 1e-5, "float64": 1e-13}     # forces left over those of inertia, |own (d - a)|
 EXACT = {"float32": 1e-6, "float64": 1e-12}     # of the adjoint solve, over its right side
 MOST = 60              # full Newton steps, and iterations of the adjoint solve, at most
 INNER, CAP = 1e-2, 300
+NEAR, FEW = 1e-2, 20   # of a Newton step among contacts
 
 
 class ImplicitAdjoint(Forces):
@@ -41,13 +43,15 @@ class ImplicitAdjoint(Forces):
         def over(count):
             return wp.zeros(count, dtype=t.vec3, device=model.device)
         self.d, self.a, self.b, self.y, self.sum = (over(n) for _ in range(5))
-        self.p, self.q, self.r, self.z, self.old, self.scale = (over(n) for _ in range(6))
+        self.p, self.q, self.r, self.scale = (over(n) for _ in range(4))
         lanes = 1024 if model.device.is_cuda else 1
-        self.sums = [wp.zeros(lanes, dtype=wp.float64, device=model.device) for _ in range(5)]
-        self.count, self.on = (wp.zeros(1, dtype=int, device=model.device) for _ in range(2))
+        self.sums = [wp.zeros(lanes, dtype=wp.float64, device=model.device) for _ in range(4)]
+        self.directions = Directions(model, lanes)
+        self.count, self.on, self.turns, self.turning = (wp.zeros(1, dtype=int, device=model.device) for _ in range(4))
         self.missed, self.left = (wp.zeros(1, dtype=wp.float64, device=model.device) for _ in range(2))
         self.name = "float32" if real is wp.float32 else "float64"
         self.pins: PinsAdjoint | None = None
+        self.contacts: ContactsAdjoint | None = None
 
     @staticmethod
     def share(own, live):
@@ -60,6 +64,8 @@ class ImplicitAdjoint(Forces):
         """Takes what the method has taken into its system."""
         if self.method.pins:
             self.pins = PinsAdjoint(self.model, self.method.pins, self.method.soft)
+        if self.method.contact:
+            self.contacts = ContactsAdjoint(self.model, self.method.contact)
 
     def forces(self, clock) -> None:
         """f at d, with velocities (d - a) / g, and of soft pins."""
@@ -85,79 +91,138 @@ class ImplicitAdjoint(Forces):
 
     def solve(self, clock) -> None:
         """The state's d, from the prediction to where no force is left."""
-        m, s = self.method, self.method.state
-        rate, w = 1.0 / clock.g, m.rows.w
+        m, s, contacts = self.method, self.method.state, self.contacts
         m.c.zero_()                                      # a substep depends on nothing but its own start
         wp.copy(self.b, s.d)
+        if contacts:
+            contacts.begin()
         for i in range(clock.iterations):
             clock.i = i
             m.newton(clock)
+            if contacts:
+                contacts.project(clock)
         self.count.zero_()
-
-        def look() -> None:
-            wp.copy(self.d, s.d)
-            self.forces(clock)
-            self.run("residual", [w, self.f, self.d, self.b, self.a, rate], [self.r, self.scale])
-            self.run("going", [self.dot(self.r, self.r, 0), self.dot(self.scale, self.scale, 1), CLOSE[self.name], MOST,
-                               self.count], [self.on], 1)
-
-        def step() -> None:
-            m.linearise(rate)
-            m.system.solve(self.r, INNER, CAP, (s.x, s.d))
-            self.run("add", [s.d, m.v.y, self.sums[1], self.sums[1], 1.0], [s.d])
-            look()
         wp.copy(self.a, m.points.anchor)
         wp.copy(self.x, s.x)
-        look()
-        wp.capture_while(self.on, step)
+        if contacts:
+            contacts.turn(s.d, self.a, clock.g, first=True)
+        self.look(clock)
+        wp.capture_while(self.on, lambda: self.step(clock))
         self.run("worst", self.sums[:2], [self.missed], 1)
+
+    def look(self, clock) -> None:
+        """What is left at the state's d, and whether that is too much."""
+        wp.copy(self.d, self.method.state.d)
+        self.forces(clock)
+        miss, rate = self.r, 1.0 / clock.g
+        if self.contacts:
+            miss = self.contacts.left.miss
+            self.bear(rate)
+        else:
+            self.run("residual", [self.method.rows.w, self.f, self.d, self.b, self.a, rate], [self.r, self.scale])
+        self.run("going", [self.dot(miss, miss, 0), self.dot(self.scale, self.scale, 1), CLOSE[self.name], MOST, self.count],
+                 [self.on], 1)
+
+    def step(self, clock) -> None:
+        """A full Newton step, and contacts after it."""
+        m, s = self.method, self.method.state
+        self.system(1.0 / clock.g)
+        if self.contacts:
+            self.krylov(self.tangent, NEAR, FEW, clock)
+            self.run("add", [s.d, self.sum, self.sums[3], self.sums[3], 1.0], [s.d])
+            self.contacts.turn(s.d, self.a, clock.g)
+        else:
+            m.system.solve(self.r, INNER, CAP, (s.x, s.d))
+            self.run("add", [s.d, m.v.y, self.sums[1], self.sums[1], 1.0], [s.d])
+        self.look(clock)
+
+    def system(self, rate: float) -> None:
+        """The positive part of the Jacobian at the state's d, of what is free there."""
+        self.method.linearise(rate, held=False)
+        if self.contacts:
+            self.contacts.screen(self.method.A.P)
+
+    def bear(self, rate: float, found: bool = False):
+        """What contacts leave free at d."""
+        assert self.contacts is not None
+        state = self.contacts.state(self.d, self.a, self.b, self.f, rate)
+        self.contacts.bear(state, self.r, self.scale, found)
+        return state
 
     # backward
 
     def back(self, clock, d: wp.array, b: wp.array, x: wp.array, a: wp.array) -> None:
         """From the gradient of d to those of b, x, a and all parameters; each array with its gradient, which is added to."""
-        m, s = self.method, self.method.state
-        rate, w, system = 1.0 / clock.g, self.method.rows.w, self.method.system
+        m, s, contacts = self.method, self.method.state, self.contacts
+        rate, w = 1.0 / clock.g, self.method.rows.w
         for into, source in ((self.d, d), (self.a, a), (self.b, b), (self.x, x), (s.d, d), (s.x, x), (m.points.anchor, a),
                              (self.y, d.grad)):
             wp.copy(into, without(source))               # a copy takes gradients along where both have them
         m.prepare(b, clock)
         m.A.aside.zero_()
-        m.linearise(rate)
         self.forces(clock)
-        self.run("free", [w, self.y], [self.r])
-        system.solve(self.r, INNER, CAP, (s.x, s.d))
+        if contacts:
+            state = self.bear(rate, found=True)
+            contacts.run("spread_out", [contacts.frame.S, self.y], [self.r])
+        else:
+            self.run("free", [w, self.y], [self.r])
+        self.system(rate)
+        self.krylov(self.product, EXACT[self.name], MOST, clock)
+        self.run("worst", self.sums[2:], [self.left], 1)
+        if contacts:
+            contacts.run("spread_out", [contacts.frame.W, self.sum], [self.p])
+        else:
+            wp.copy(self.p, self.sum)
+        self.turned(self.p, True, clock)
+        self.run("spread", [w, self.p, self.y, self.pair.grad, rate, b.grad, a.grad], [])
+        self.run("weigh", [w, self.p, self.d, self.b, rate, w.grad], [])
+        if contacts:
+            self.run("product", [w, self.p, self.pair.grad, rate], [self.q])
+            contacts.back(state, self.q, self.sum, self.y, a.grad)
+        self.model.launch(adjoint.give(self.x.dtype), self.model.points, [self.x.grad, x.grad], [])
+
+    def krylov(self, product, tolerance: float, most: int, clock) -> None:
+        """sum becomes B^-1 r, q = product(z) = B z; the last sums are those of r then, and as it was."""
+        m, s = self.method, self.method.state
+        rq, qq, rr, first = self.sums
         self.sum.zero_()
-        for into in (self.z, self.p):
-            wp.copy(into, m.v.y)
-        rz, pq, rr, first, change = self.sums
-        self.dot(self.r, self.z, 0)
-        self.dot(self.r, self.r, 2)
-        wp.copy(first, rr)
-        self.count.zero_()
+        self.directions.begin()
+        wp.copy(first, self.dot(self.r, self.r, 2))
+        self.turns.zero_()
 
         def look() -> None:
-            self.run("going", [rr, first, EXACT[self.name], MOST, self.count], [self.on], 1)
+            self.run("going", [rr, first, tolerance, most, self.turns], [self.turning], 1)
 
         def step() -> None:
-            self.turned(self.p, False, clock)
-            self.run("product", [w, self.p, self.pair.grad, rate], [self.q])
-            self.dot(self.p, self.q, 1)
-            self.run("add", [self.sum, self.p, rz, pq, 1.0], [self.sum])
-            wp.copy(self.old, self.r)
-            self.run("add", [self.r, self.q, rz, pq, -1.0], [self.r])
+            m.system.solve(self.r, INNER, CAP, (s.x, s.d))
+            product(m.v.y, clock)
+            self.directions.turn(m.v.y, self.q)
+            self.dot(self.r, self.q, 0)
+            self.dot(self.q, self.q, 1)
+            self.run("add", [self.sum, m.v.y, rq, qq, 1.0], [self.sum])
+            self.run("add", [self.r, self.q, rq, qq, -1.0], [self.r])
+            self.directions.keep(m.v.y, self.q, qq, self.turns)
             self.dot(self.r, self.r, 2)
-            system.solve(self.r, INNER, CAP, (s.x, s.d))
-            wp.copy(self.z, m.v.y)
-            self.run("add", [self.r, self.old, first, first, -1.0], [self.old])
-            self.dot(self.z, self.old, 4)                # flexible: the preconditioner differs from step to step
-            self.run("add", [self.z, self.p, change, rz, 1.0], [self.p])
-            self.dot(self.r, self.z, 0)
             look()
         look()
-        wp.capture_while(self.on, step)
-        self.run("worst", [rr, first], [self.left], 1)
-        self.turned(self.sum, True, clock)
-        self.run("spread", [w, self.sum, self.y, self.pair.grad, rate, b.grad, a.grad], [])
-        self.run("weigh", [w, self.sum, self.d, self.b, rate, w.grad], [])
-        self.model.launch(adjoint.give(self.x.dtype), self.model.points, [self.x.grad, x.grad], [])
+        wp.capture_while(self.turning, step)
+
+    def tangent(self, z: wp.array, clock) -> None:
+        """q = B z of what is left, as if the Jacobian were symmetric: so it is but for damping."""
+        contacts = self.contacts
+        assert contacts is not None
+        self.turned(z, False, clock)
+        self.run("product", [self.method.rows.w, z, self.pair.grad, 1.0 / clock.g], [self.q])
+        contacts.run("given", [contacts.frame, self.q, z], [self.q])
+
+    def product(self, z: wp.array, clock) -> None:
+        """q = B z, of the transposed Jacobian."""
+        w, rate, contacts = self.method.rows.w, 1.0 / clock.g, self.contacts
+        p = z
+        if contacts:
+            p = self.p
+            contacts.run("spread_out", [contacts.frame.W, z], [p])
+        self.turned(p, False, clock)
+        self.run("product", [w, p, self.pair.grad, rate], [self.q])
+        if contacts:
+            contacts.run("taken_back", [contacts.frame, self.q, z], [self.q])

@@ -4,7 +4,7 @@
                  bending, and their damping; soft bodies of four and ten nodes a tet, all four materials, their damping,
                  pressure and plastic flow; hard and soft pins; gravity, drag of the air, wind (drag and lift); ties; strain
                  limits and tethers, but for Newton's method; contacts with convex shapes and meshes (that deform too),
-                 friction and restitution, but for Newton's method
+                 friction and restitution
     by           initial positions and velocities, masses, every stiffness, damping, yield and pressure above (of each
                  element), rest shapes (with the masses that follow them) and rest lengths, factors of rest lengths over time
                  (muscles), where pins are, stiffness and damping of soft ones, gravity, drag of the air, wind, drag and
@@ -23,8 +23,6 @@ from wsim.scene import Problem, Scene
 def uncovered(scene: Scene, choice: Choice) -> list[Problem]:
     """What of a scene has no gradients, each with its path and the mend."""
     found = []
-    if scene.colliders and choice.solver == "implicit":
-        found.append((scene.colliders[0].path, "contacts under Newton's method", "set wsim:solver = explicit or xpbd"))
     other = "leave it out, or set wsim:solver = explicit or xpbd"
     for c in scene.cloths if choice.solver == "implicit" else ():
         found += [(c.path, "tethers under Newton's method", other)] * bool(c.tethers)

@@ -217,8 +217,8 @@ class Implicit(Method):
             most = MET_MIDPOINT if clock.beyond else MET_SDIRK3 if clock.staged else MET
             self.model.launch(self.judge, self.residual.size, [self.residual, most], [self.status[RESIDUAL:]])
 
-    def linearise(self, rate: float) -> None:
-        """Forces and Jacobian at d."""
+    def linearise(self, rate: float, held: bool = True) -> None:
+        """Forces and Jacobian at d; held: with contacts."""
         s, a, launch = self.state, self.points.anchor, self.model.launch
         if self.hinges:
             hinges = self.tables["dihedral"]
@@ -231,7 +231,7 @@ class Implicit(Method):
         springs = self.tables["distance"].data if self.springs else tangent.batch_of("distance", self.model.real)()
         launch(self.assemble, self.model.points, [self.rows, springs, self.element, s.x, s.d, a, self.b, rate],
                [self.f, self.A])
-        if self.contact:
+        if self.contact and held:
             c = self.contact.contacts
             launch(self.hold, self.model.points, [c.table, c.points, c.slots, s.d, self.b, self.f, c.push, self.rows.w],
                    [self.A, self.f, c.push, self.q])

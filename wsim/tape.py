@@ -145,9 +145,13 @@ class Tape:
     def solve(self, solver, clock) -> None:
         """The implicit solve of a substep (`wsim.adjoint`), with its own adjoint; what it launches is not recorded."""
         s, anchor, model, now = solver.method.state, solver.method.points.anchor, solver.model, replace(clock)
-        a, x, b = self.read(anchor), self.read(s.x), self.read(s.d)
+        a, x, b, contacts = self.read(anchor), self.read(s.x), self.read(s.d), solver.contacts
         shapes = [(p, self.read(p.F)) for p in solver.plastic]
         d = self.write(s.d, True)
+        if contacts:
+            pushes, ready = contacts.contacts.push, contacts.contacts.adjoint.reader()
+            self.write(pushes, True)
+            push = self.read(pushes)                                   # it is kept for the adjoint
 
         def forward() -> None:
             before, model.tape = model.tape, None
@@ -158,12 +162,17 @@ class Tape:
                 p.become(F)
             solver.solve(now)
             wp.copy(d, s.d)
+            if contacts:
+                wp.copy(push, pushes)
             model.tape = before
         self.do(forward)
 
         def backward() -> None:
             for p, F in shapes:
                 p.become(F)
+            if contacts:
+                ready()
+                wp.copy(contacts.found, without(push))
             solver.back(now, d, b, x, a)
             for p, F in shapes:
                 p.adjoint.shape(F)

@@ -1,8 +1,11 @@
-"""Soft pins of an implicit substep that is solved to a residual, as forces with adjoints. See kernels/touching_adjoint.py."""
+"""Soft pins and contacts of an implicit substep that is solved to a residual, and their adjoints. See
+kernels/touching_adjoint.py, kernels/holding.py and kernels/holding_adjoint.py."""
 
 import warp as wp
 
+from wsim.kernels import holding, holding_adjoint
 from wsim.kernels import touching_adjoint as kernels
+from wsim.kernels.real import types
 from wsim.model import Model
 
 
@@ -28,3 +31,63 @@ class PinsAdjoint:
     def transposed(self, x: wp.array, pair: wp.array, p: wp.array, k: int, whole: bool) -> None:
         """Adds to the gradients of pair and, if whole, of x and the pins."""
         self.model.launch(self.adjoint, self.soft[0].size - 1, [self.table(), x, pair, p, k, int(whole)], [x.grad, pair.grad])
+
+
+class ContactsAdjoint:
+    """Of the contacts that `wsim.implicit.Implicit.join` takes."""
+
+    def __init__(self, model: Model, contact):
+        """contact: `wsim.contact.Contact`."""
+        self.model, self.contacts, self.project = model, contact.contacts, contact.project
+        contact.solved = True
+        real, t, n = model.real, types(model.real), model.points
+        self.kernels = {f.__name__: f(real, model.module) for f in (
+            holding.turn, holding.bear, holding.screen, holding_adjoint.held_adjoint, holding_adjoint.spread_out,
+            holding_adjoint.taken_back, holding_adjoint.given)}
+        frame = self.frame = holding.structs(real).Frame()
+
+        def zeros(count, dtype):
+            return wp.zeros(count, dtype=dtype, device=model.device)
+        frame.S, frame.W, frame.K = (zeros(n, t.mat33) for _ in range(3))
+        frame.bears = zeros(self.contacts.push.size, int)
+        self.found = zeros(self.contacts.push.size, t.vec3)
+        self.left = holding.structs(real).Left()
+        self.left.miss = zeros(n, t.vec3)
+
+    def begin(self) -> None:
+        """Before a substep."""
+        self.contacts.push.zero_()
+        self.frame.bears.zero_()
+
+    def run(self, name: str, inputs: list, outputs: list) -> None:
+        self.model.launch(self.kernels[name], self.model.points, inputs, outputs)
+
+    @property
+    def tables(self) -> list:
+        c = self.contacts
+        return [c.table, c.points, c.slots]
+
+    def state(self, d: wp.array, a: wp.array, b: wp.array, f: wp.array, rate: float):
+        found = holding.structs(self.model.real).State()
+        found.d, found.a, found.b, found.f, found.rate = d, a, b, f, rate
+        return found
+
+    def bear(self, state, r: wp.array, scale: wp.array, found: bool = False) -> None:
+        """The frame of a state, with what is left there (r, `left.miss`), and what that is small beside. found: of a solution
+        with the pushes `found`, which are written over."""
+        self.left.r, self.left.scale = r, scale
+        push = self.found if found else self.contacts.push
+        self.run("bear", [*self.tables, state, int(found), self.frame, self.left], [push])
+
+    def turn(self, d: wp.array, a: wp.array, g: float, first: bool = False) -> None:
+        """Projects d. first: of what projections have left (kernels/contact.py), whose pushes say what sticks."""
+        self.run("turn", [*self.tables, a, g, int(first)], [d, self.contacts.push, self.frame.bears])
+
+    def screen(self, P: wp.array) -> None:
+        self.run("screen", [self.frame.S], [P])
+
+    def back(self, state, v: wp.array, q: wp.array, y: wp.array, by_a: wp.array) -> None:
+        """Adds gradients by contacts, friction and a."""
+        by, adjoint = holding.structs(self.model.real).Grads(), self.contacts.adjoint
+        by.d, by.n, by.b, by.u, by.friction, by.a = y, adjoint.n, adjoint.b, adjoint.u, adjoint.friction, by_a
+        self.run("held_adjoint", [*self.tables, state, self.frame, v, q, by], [])

@@ -79,14 +79,10 @@ class ContactAdjoint:
 
     def projected(self):
         """What a tape takes as the adjoint of the projection that is launched next."""
-        found = self.found
-        assert found is not None
-        found.projected += 1
-        number = found.projected
+        ready = self.reader()
 
         def backward(read: list, wrote: list) -> None:
-            if number == found.projected:                    # the first of its substep, backwards
-                self.again(found)
+            ready()
             (table, points, slots, d, a, push, g), (d_out, push_out) = read, wrote
             o = self.gradients()
             o.d_out, o.push_out, o.d, o.a, o.push = d_out.grad, push_out.grad, d.grad, a.grad, push.grad
@@ -95,18 +91,23 @@ class ContactAdjoint:
             self.model.launch(self.project_kernel, self.contacts.count, [table, points, slots, at, o, g], [])
         return backward
 
-    def reading(self, kernel):
-        """What a tape takes as the adjoint of a launch that reads contacts: Warp's, with the gradients of contacts where those
-        of the search want them. The last to read the contacts is the first to find them again."""
-        found, model = self.found, self.model
+    def reader(self):
+        """Of a launch to come that reads the contacts found last: what its adjoint calls first. The last to read them is the
+        first to find them again."""
+        found = self.found
         assert found is not None
         found.projected += 1
         number = found.projected
+        return lambda: self.again(found) if number == found.projected else None
+
+    def reading(self, kernel):
+        """What a tape takes as the adjoint of a launch that reads contacts: Warp's, with the gradients of contacts where those
+        of the search want them."""
+        model, ready = self.model, self.reader()
         how = {"device": model.device, **({"block_dim": model.block} if model.device.is_cuda else {})}
 
         def back(read: list, wrote: list) -> None:
-            if number == found.projected:
-                self.again(found)
+            ready()
             read = [self.slots(value) if value is self.contacts.slots else value for value in read]
             wp.launch(kernel, self.contacts.count, read, wrote, adj_inputs=[adjoint_of(value) for value in read],
                       adj_outputs=[adjoint_of(value) for value in wrote], adjoint=True, **how)

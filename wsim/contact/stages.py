@@ -22,6 +22,7 @@ class Contact(Method):
     def __init__(self, model: Model, state: State, points, status: wp.array, struck: wp.array | None, clock: Clock):
         """points: the method that owns inverse masses and objects (`constants`) and the anchor."""
         super().__init__("contact")
+        self.solved = False                              # while gradients are recorded, by an implicit solve
         self.model, self.state, self.anchor = model, state, points.anchor
         colliders = model.scene.colliders
         own = points.constants.object
@@ -56,7 +57,8 @@ class Contact(Method):
         self.contacts.search(clock.k, self.state.x, self.state.d, self.anchor)
 
     def project(self, clock: Clock) -> None:
-        self.contacts.project(clock.g, self.state.d, self.anchor)
+        if not (self.solved and self.contacts.recorded):
+            self.contacts.project(clock.g, self.state.d, self.anchor)
 
     def settle(self, clock: Clock) -> None:
         s = self.state

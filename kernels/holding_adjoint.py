@@ -1,0 +1,164 @@
+"""Adjoint of an implicit substep among contacts: kernels/holding.py, kernels/adjoint.py.
+
+    left = E F,   dE F = K dd,   W = E^T,   q in the range of S,   y  the gradient by d
+
+    S ((dr/dd)^T W q - K^T q) = S y        (r = -F, kernels/adjoint.py; of one contact W = S + mu n t^T)
+
+is solved, and z = y - (dr/dd)^T W q + K^T q is then what holds the point: z = sum nu_j n_j, by b_j -nu_j, by n_j -nu_j d; where
+one sticks z is the gradient by d = w - (b + n.w) n. Those by n, w, mu in E follow contact by contact, by Warp, and that by the
+n in S is -beta_j q, left = sum beta_j n_j.
+"""
+
+# Device code: int(0) makes a variable of what would be a constant.
+# ruff: noqa: UP018
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.constraint import inverse
+from wsim.kernels.contact import slots, tables
+from wsim.kernels.holding import SLIDES, STICKS, formulas, structs
+from wsim.kernels.real import types
+
+
+@cache
+def takes(real):
+    """Function: Q.left' of a contact that slides."""
+    t = types(real)
+    vec3 = t.vec3
+
+    @wp.func
+    def taken(left: vec3, n: vec3, d: vec3, w: vec3, mu: real, Q: vec3):
+        way = d - w
+        s = way - wp.dot(way, n) * n
+        c = n
+        if mu > real(0.0):
+            c = n - (mu / wp.length(s)) * s
+        return wp.dot(Q, left - wp.dot(n, left) * c)
+
+    return taken
+
+
+@cache
+def need(real, module) -> None:
+    """A kernel that never runs: see kernels/xpbd_product.py."""
+    t, taken = types(real), takes(real)
+
+    def called(mu: real, out: wp.array(dtype=real)):
+        o = t.vec3()
+        out[0] = taken(o, o, o, o, mu, o)
+
+    wp.kernel(called, name=f"need_holding_{t.name}", module=module, enable_backward=True)
+
+
+@cache
+def spread_out(real, module):
+    """Kernel over points: W p."""
+    t = types(real)
+    vec3 = wp.array(dtype=t.vec3)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def spread_out(W: wp.array(dtype=t.mat33), p: vec3, q_out: vec3):
+        i = wp.tid()
+        q_out[i] = W[i] * p[i]
+
+    return spread_out
+
+
+@cache
+def taken_back(real, module):
+    """Kernel over points: S (v - K^T p)."""
+    t, at = types(real), structs(real)
+    vec3 = wp.array(dtype=t.vec3)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def taken_back(o: at.Frame, v: vec3, p: vec3, q_out: vec3):
+        i = wp.tid()
+        q_out[i] = o.S[i] * (v[i] - wp.transpose(o.K[i]) * p[i])
+
+    return taken_back
+
+
+@cache
+def given(real, module):
+    """Kernel over points: W^T v - K p."""
+    t, at = types(real), structs(real)
+    vec3 = wp.array(dtype=t.vec3)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def given(o: at.Frame, v: vec3, p: vec3, q_out: vec3):
+        i = wp.tid()
+        q_out[i] = wp.transpose(o.W[i]) * v[i] - o.K[i] * p[i]
+
+    return given
+
+
+@cache
+def held_adjoint(real, module):
+    """Kernel over points: adds gradients by contacts, their friction and a. v: y - (dr/dd)^T W q; q as above."""
+    t, at, taken, one = types(real), structs(real), takes(real), formulas(real)
+    slid, filtered = one.slid, one.filtered
+    (Rows, Points), Slots, vec3 = tables(real), slots(real), wp.array(dtype=t.vec3)
+
+    @wp.func
+    def before(c: Rows, points: Points, s: Slots, o: at.State, bears: wp.array(dtype=int), i: int, last: int):
+        """left before slot `last`, and the rest of its normal that is not along those before it."""
+        left = o.f[i] - (o.rate * o.rate / points.w[i]) * (o.d[i] - o.b[i])
+        S = wp.identity(n=3, dtype=real)
+        for slot in range(last):
+            j = slot * s.points + i
+            if bears[j] != 0:
+                n = s.n[j]
+                way, rate = slid(n, o.d[i], o.a[i] + s.u[j] / o.rate)
+                mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
+                left -= wp.dot(n, left) * (n - (mu[1] * rate) * way)
+                S = filtered(S, n)
+        return left, S
+
+    @wp.kernel(module=module, enable_backward=False)
+    def held_adjoint(c: Rows, points: Points, s: Slots, o: at.State, fixed: at.Frame, v: vec3, q: vec3, by: at.Grads):
+        i = wp.tid()
+        count = s.count[i]
+        if count == 0:
+            return
+        z = (by.d[i] - v[i]) + wp.transpose(fixed.K[i]) * q[i]
+        Q = q[i]
+        end, _S = before(c, points, s, o, fixed.bears, i, count)
+        by_a = t.vec3()
+        for back in range(count):
+            slot = count - 1 - back
+            j = slot * s.points + i
+            n = s.n[j]
+            w = o.a[i] + s.u[j] / o.rate
+            gn = t.vec3()
+            gw = t.vec3()
+            gb = real(0.0)
+            if fixed.bears[j] == wp.static(STICKS):
+                gb = -wp.dot(n, z)
+                gn = gb * w - (s.b[j] + wp.dot(n, w)) * z
+                gw = z + gb * n
+                z = t.vec3()
+            elif fixed.bears[j] == wp.static(SLIDES):
+                left, S = before(c, points, s, o, fixed.bears, i, slot)
+                mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
+                Sn = S * n
+                size = inverse(wp.dot(n, Sn))
+                nu = size * wp.dot(Sn, z)
+                beta = size * wp.dot(Sn, end)
+                z -= nu * n
+                end -= beta * n
+                Qb, gn, _d, gw, gmu, _Q = wp.grad(taken)(left, n, o.d[i], w, mu[1], Q)
+                Q = Qb
+                gb = -nu
+                gn -= nu * o.d[i] + beta * q[i]
+                place = (s.row[j] - c.first[points.object[i]]) * s.points + i
+                by.friction[place] = by.friction[place] + t.vec2(real(0.0), gmu)
+            by.n[j] = by.n[j] + gn
+            by.b[j] = by.b[j] + gb
+            by.u[j] = by.u[j] + gw / o.rate
+            by_a += gw
+        by.a[i] = by.a[i] + by_a
+
+    need(real, module)
+    return held_adjoint
