@@ -10,6 +10,7 @@ from tests.test_contact_adjoint import SOLVERS, dropped
 from tests.test_gradients import bar, sheet
 from tests.test_muscles import SOLVERS as PULLED
 from tests.test_muscles import crawler, muscled
+from tests.test_newton_contacts import NEWTON
 from tests.test_plastic_adjoint import LEAPFROG, NEWTON, yielding
 from tests.test_simulation import chain, drape
 from tests.test_ties import laid
@@ -332,6 +333,17 @@ def test_gradients_by_soft_pins_under_newtons_method_agree():
     for name in ("stiffness", "damping"):
         assert found[1].pin("/soft", name) == pytest.approx(found[0].pin("/soft", name), rel=1e-8)
     assert found[1].targets("/soft") == pytest.approx(found[0].targets("/soft"), rel=1e-8, abs=1e-10)
+
+
+@pytest.mark.parametrize("integrator", ["backward_euler", "bdf2"])
+def test_gradients_through_contacts_under_newtons_method_agree(integrator):
+    scene, found = dropped("sphere", friction=(0.4, 0.4), spin=3.0, **NEWTON | {"integrator": integrator}), []
+    for device in ("cpu", "cuda:0"):
+        recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 4)
+        found.append(recording.backward({4: recording.positions(0)}))
+    for name in ("positions", "velocities", "masses"):
+        a, b = (getattr(g, name)() for g in found)
+        assert np.linalg.norm(a - b) < 1e-8 * np.linalg.norm(a)
 
 
 def test_gradients_by_reactions_agree():

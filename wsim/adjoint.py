@@ -1,9 +1,10 @@
 """Implicit substeps with gradients: solved to a residual, and differentiated by one adjoint solve. See kernels/adjoint.py.
 
-The solve is Newton's method of `wsim.implicit`, with full steps at its end; the adjoint is a conjugate gradient method whose
-products are adjoints of the forces (exact, with damping and all second derivatives) and whose preconditioner is the solver of
-`wsim.linear` for the positive part. With damping the Jacobian is not symmetric where a force depends on velocities in
-another way than on positions; stiffness-proportional damping keeps it nearly so, and what is left is measured:
+The solve is Newton's method of `wsim.implicit`, with full steps at its end; the adjoint is a method of conjugate residuals
+(kernels/gcr.py) whose products are adjoints of the forces (exact, with damping and all second derivatives) and whose
+preconditioner is the solver of `wsim.linear` for the positive part. Among contacts (kernels/holding.py) the steps at the end
+are those of the active set, with Coulomb's law, by the same products and residuals; simulations, which project contacts between
+Newton steps instead, end there too when they take many. What is left is measured:
 
     missed    forces that the worst solve has left, over those of inertia, |own (d - a)|
     left      residual of the worst adjoint solve, over its right side
