@@ -57,16 +57,19 @@ class Parameters:
         if self.contact:
             self.contact.zero()
 
-    def take_targets(self) -> list[np.ndarray]:
-        """Gradients of the pins' targets of a frame, and by the keys of muscles from those of its factors, which are zeros
-        then."""
+    def take_targets(self, first: bool) -> list:
+        """Gradients of the pins' targets of a frame, on the device (to wait for them would cost a tenth of small runs), and by
+        the keys of muscles from those of its factors, which are zeros then. Of pins that stand still the first frame, which
+        comes last, has the sum, and others nothing."""
         keys = [self.muscles.by_keys()] if self.muscles else []
-        found = [array.grad.numpy().astype(np.float64) for array in self.targets()]
+        if self.pins and not (first or keys or self.pins.moves):
+            return []
+        found = [wp.clone(array.grad) for array in self.targets()]
         for array in self.targets():
             array.grad.zero_()
         return found[:-1] + keys if keys else found
 
-    def take_motions(self) -> np.ndarray | None:
+    def take_motions(self) -> wp.array | None:
         """Of colliders, as `wsim.contact.adjoint.ContactAdjoint.take_motion`."""
         return self.contact.take_motion() if self.contact else None
 

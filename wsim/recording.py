@@ -249,7 +249,7 @@ class Recording:
                     self.restore(frame, part)
                     self.forward(frame, part)
                 self.reverse(frame, part)
-            targets.append(self.parameters.take_targets())
+            targets.append(self.parameters.take_targets(frame == 0))
             motions.append(self.parameters.take_motions())
             self.note(frame, True)
         seeds.add(0)

@@ -144,7 +144,8 @@ class Gradient(ElementGradient):
             at = 0
             for p in pins.groups[kind]:
                 if p.pin.path == path and p.body.world == world:
-                    each = np.stack([frame[number][:, at:at + len(p.places)] for frame in self._targets])
+                    each = np.stack([frame[number].numpy()[:, at:at + len(p.places)] for frame in self._targets if frame])
+                    each = each.astype(np.float64)
                     return each if pins.moves else each.sum(axis=(0, 1)) + own
                 at += len(p.places)
         every = ", ".join(p.path for p in self.model.scene.pins)

@@ -145,11 +145,11 @@ class ContactAdjoint:
         for array in (self.friction, self.gap, self.motion):
             array.zero_()
 
-    def take_motion(self) -> np.ndarray:
-        """By the motions of an object's colliders in a frame, (objects, rows, 4, 3), which are zeros then: shift and turn where
-        it begins, and where it ends."""
+    def take_motion(self) -> wp.array:
+        """By the motions of an object's colliders in a frame, (objects, rows, lanes, 4, 3), which are zeros then: shift and turn
+        where it begins, and where it ends."""
         self.model.launch(self.sum_kernel, self.sums.shape, [self.starts, self.contacts.count, self.motion], [self.sums])
-        return self.sums.numpy().astype(np.float64).sum(axis=2)
+        return wp.clone(self.sums)
 
     def by_rows(self, array: wp.array) -> np.ndarray:
         """A gradient of the points by the rows of their objects, (rows, points, ...) in float64."""

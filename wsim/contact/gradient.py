@@ -8,7 +8,7 @@ from wsim.scene import Problem, SceneError
 class ContactGradient:
     """Of a contact method with gradients (`wsim.contact.stages.Contact`); motions: of each frame."""
 
-    def __init__(self, method, motions: list[np.ndarray]):
+    def __init__(self, method, motions: list):
         adjoint, bounce = method.contacts.adjoint, method.bounce
         self.model, self.colliders, self.meshes = method.model, method.contacts.rows.colliders, method.contacts.rows.meshes
         self.by_friction, self.gap = adjoint.by_rows(adjoint.friction), adjoint.by_rows(adjoint.gap)
@@ -16,7 +16,8 @@ class ContactGradient:
         self.throws = bounce.restitution.numpy() > 0.0 if bounce else None
         self.clamped = [m is not None and m.least_gap > 0.0 and g <= m.least_gap
                         for g, m in zip(method.contacts.gap, self.meshes, strict=False)]      # of the first object
-        self.motions = np.stack(motions)                              # (frames, objects, rows, 4, 3)
+        each = [sums.numpy().astype(np.float64).sum(axis=2) for sums in motions]
+        self.motions = np.stack(each)                                 # (frames, objects, rows, 4, 3)
 
     def rows(self, path: str) -> list[int]:
         """Of a collider among those of an object, which has all of them. Raises SceneError where there is none."""
