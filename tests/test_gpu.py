@@ -10,7 +10,7 @@ from tests.test_contact_adjoint import SOLVERS, dropped
 from tests.test_gradients import bar, sheet
 from tests.test_muscles import SOLVERS as PULLED
 from tests.test_muscles import crawler, muscled
-from tests.test_newton_contacts import NEWTON
+from tests.test_newton_contacts import NEWTON as SOLVED
 from tests.test_plastic_adjoint import LEAPFROG, NEWTON, yielding
 from tests.test_simulation import chain, drape
 from tests.test_ties import laid
@@ -337,7 +337,7 @@ def test_gradients_by_soft_pins_under_newtons_method_agree():
 
 @pytest.mark.parametrize("integrator", ["backward_euler", "bdf2"])
 def test_gradients_through_contacts_under_newtons_method_agree(integrator):
-    scene, found = dropped("sphere", friction=(0.4, 0.4), spin=3.0, **NEWTON | {"integrator": integrator}), []
+    scene, found = dropped("sphere", friction=(0.4, 0.4), spin=3.0, **SOLVED | {"integrator": integrator}), []
     for device in ("cpu", "cuda:0"):
         recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 4)
         found.append(recording.backward({4: recording.positions(0)}))

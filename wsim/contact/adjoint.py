@@ -146,8 +146,8 @@ class ContactAdjoint:
             array.zero_()
 
     def take_motion(self) -> wp.array:
-        """By the motions of an object's colliders in a frame, (objects, rows, lanes, 4, 3), which are zeros then: shift and turn
-        where it begins, and where it ends."""
+        """By the motions of an object's colliders in a frame, (objects, rows, lanes, 4, 3), which are zeros then: shift
+        and turn where it begins, and where it ends."""
         self.model.launch(self.sum_kernel, self.sums.shape, [self.starts, self.contacts.count, self.motion], [self.sums])
         return wp.clone(self.sums)
 
