@@ -17,6 +17,9 @@ import warp as wp
 from wsim.kernels.real import types
 from wsim.kernels.spring import gather, net
 
+LESS = 0.8                 # of a squared residual: what falls by a tenth a step goes on
+PATIENCE = 10              # steps without, after which a solve ends where it is
+
 
 @cache
 def give(dtype):
@@ -206,6 +209,32 @@ def going(real, module):
         going_out[0] = wp.where(a > tolerance * tolerance * b and n < most, 1, 0)
 
     return going
+
+
+@cache
+def falling(real, module):
+    """Kernel over one thread: as `going`, while the sum of `now` is below LESS times the least of the last PATIENCE; least, and
+    how often it was not, are kept in `best`. Rounding may keep it above the tolerance."""
+
+    @wp.kernel(module=module, enable_backward=False)
+    def falling(now: wp.array(dtype=wp.float64), least: wp.array(dtype=wp.float64), tolerance: wp.float64, most: int,
+                count: wp.array(dtype=int), best: wp.array(dtype=wp.float64), going_out: wp.array(dtype=int)):
+        a = wp.float64(0.0)
+        b = wp.float64(0.0)
+        for k in range(now.shape[0]):
+            a += now[k]
+            b += least[k]
+        n = count[0]
+        count[0] = n + 1
+        stale = best[1] + wp.float64(1.0)
+        if n == 0 or a < wp.float64(wp.static(LESS)) * best[0]:
+            stale = wp.float64(0.0)
+            best[0] = a
+        best[1] = stale
+        goes = a > tolerance * tolerance * b and n < most and stale < wp.float64(wp.static(PATIENCE))
+        going_out[0] = wp.where(goes, 1, 0)
+
+    return falling
 
 
 @cache

@@ -4,10 +4,12 @@ have one coefficient."""
 
 import numpy as np
 import pytest
+import warp as wp
 
 from tests.test_contact_adjoint import Slid, dropped
 from tests.test_gradients import Run
 from wsim.curve import Motion
+from wsim.kernels.adjoint import falling
 from wsim.recording import Recording
 from wsim.scene import Plane, Scene, Springs
 from wsim.simulation import Simulation
@@ -131,3 +133,17 @@ def test_what_is_thrown_back():
     run.state("positions", 1e-6)
     run.check(run.gradient.friction("/floor")[1], lambda s: ("/floor", "dynamic_friction", 0.25 + s), 1e-5)
     run.check(run.gradient.restitution("/floor"), lambda s: ("/floor", "restitution", 0.5 + s), 1e-3)
+
+
+def test_a_solve_ends_where_rounding_keeps_it():
+    """Ten steps after its squared residual last fell by a fifth; not before, however slowly it falls."""
+    kernel = falling(wp.float64, "unique")
+    for residuals, steps in (([0.9**k for k in range(9)] + [0.4] * 90, 19), ([0.75**k for k in range(80)], 60)):
+        count, going = (wp.zeros(1, dtype=int, device="cpu") for _ in range(2))
+        best, least = wp.zeros(2, dtype=wp.float64, device="cpu"), wp.ones(1, dtype=wp.float64, device="cpu")
+        for residual in residuals:
+            now = wp.array([residual], dtype=wp.float64, device="cpu")
+            wp.launch(kernel, 1, [now, least, 1e-13, 60, count, best], [going], device="cpu")
+            if not going.numpy()[0]:
+                break
+        assert int(count.numpy()[0]) - 1 == steps

@@ -39,7 +39,7 @@ class ImplicitAdjoint(Forces):
         self.plastic = [self.share(own, live) for own, live in both if live.plastic]
         self.kernels = {f.__name__: f(real, module) for f in (adjoint.pairs, adjoint.residual, adjoint.product, adjoint.free,
                                                               adjoint.spread, adjoint.dot, adjoint.add, adjoint.going,
-                                                              adjoint.worst, adjoint.weigh)}
+                                                              adjoint.falling, adjoint.worst, adjoint.weigh)}
 
         def over(count):
             return wp.zeros(count, dtype=t.vec3, device=model.device)
@@ -49,6 +49,7 @@ class ImplicitAdjoint(Forces):
         self.sums = [wp.zeros(lanes, dtype=wp.float64, device=model.device) for _ in range(4)]
         self.directions = Directions(model, lanes)
         self.count, self.on, self.turns, self.turning = (wp.zeros(1, dtype=int, device=model.device) for _ in range(4))
+        self.best = wp.zeros(2, dtype=wp.float64, device=model.device)
         self.missed, self.left = (wp.zeros(1, dtype=wp.float64, device=model.device) for _ in range(2))
         self.name = "float32" if real is wp.float32 else "float64"
         self.pins: PinsAdjoint | None = None
@@ -121,8 +122,8 @@ class ImplicitAdjoint(Forces):
             self.bear(rate)
         else:
             self.run("residual", [self.method.rows.w, self.f, self.d, self.b, self.a, rate], [self.r, self.scale])
-        self.run("going", [self.dot(miss, miss, 0), self.dot(self.scale, self.scale, 1), CLOSE[self.name], MOST, self.count],
-                 [self.on], 1)
+        self.run("falling", [self.dot(miss, miss, 0), self.dot(self.scale, self.scale, 1), CLOSE[self.name], MOST, self.count,
+                             self.best], [self.on], 1)
 
     def step(self, clock) -> None:
         """A full Newton step, and contacts after it."""
