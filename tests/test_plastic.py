@@ -97,6 +97,16 @@ def test_below_its_yield_a_bar_is_elastic_to_the_bit():
     assert plastic.indicators()["plastic_strain"] == 0.0
 
 
+def test_a_bar_that_only_turns_does_not_flow():
+    """Between the stages of sdirk3 it is longer than it ever is."""
+    scene = bar((2, 1, 1), (0.2, 0.1, 0.1), held=False, bulk=Bulk(1e6, 0.3, RHO, yield_strain=Y), integrator="sdirk3",
+                substeps=1, iterations=4, gravity=(0.0, 0.0, 0.0))
+    soft = scene.softs[0]
+    soft.velocities = np.cross([0.0, 0.0, 15.0], soft.points - soft.points.mean(axis=0)).astype(np.float32)
+    found = ran(scene, 10).indicators()
+    assert found["plastic_strain"] == 0.0 < found["solid_strain"]
+
+
 def falling(solver: str, integrator: str) -> Scene:
     """A bar that bends under its weight beyond its yield, of two materials."""
     scene = bar(solver=solver, integrator=integrator, substeps=2 if solver == "implicit" else 30, bulk=Bulk(2e4, 0.3, RHO,

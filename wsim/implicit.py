@@ -172,8 +172,8 @@ class Implicit(Method):
                 self.measure(clock)
 
     def flow(self, clock: Clock) -> None:
-        """Tets beyond their yield, where the substep has ended."""
-        for table in (s for s in self.solids if s.plastic):
+        """Tets beyond their yield, where a step has ended: between the stages of one no body has ever been."""
+        for table in (s for s in self.solids if s.plastic and not (clock.staged and clock.k % 2 == 0)):
             table.plastic.flow(self.state.x, self.state.e)
 
     def start(self, clock: Clock) -> None:
