@@ -9,7 +9,7 @@ import pytest
 import wsim
 from wsim import Bulk, Fabric, Scene, SceneError, Simulation, shapes
 from wsim.fitting import Scan, Settings, Track, fit, read
-from wsim.fitting.copies import Broken, Copies
+from wsim.fitting.copies import Broken, Copies, settled
 from wsim.fitting.observe import closest
 from wsim.fitting.parameter import Map, parameters
 
@@ -88,6 +88,16 @@ def test_copies_begin_again_as_they_began(fall):
         copies.begin(np.array([[200.0, -9.81], [250.0, -9.0]]))
         copies.to(5)
         np.testing.assert_allclose(copies.positions("/sheet")[0], x[4], rtol=0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("integrator, steps", [("bdf2", 4), ("sdirk3", 4), ("auto", 2)])
+def test_a_scene_that_is_settled_stays_so(integrator, steps):
+    """As many steps, of one stage or two."""
+    scene = bar()
+    scene.integrator, scene.substeps = integrator, 4
+    once = settled(scene, "cpu")
+    assert (once.substeps, once.integrator) == (steps, "sdirk3" if integrator == "auto" else integrator)
+    assert settled(once, "cpu").substeps == steps
 
 
 # what is found

@@ -80,6 +80,11 @@ class Choice:
     iterations: int
     why: str
 
+    @property
+    def steps(self) -> int:
+        """Of a frame: what a scene says to be stepped so."""
+        return self.substeps // self.integrator.solves
+
 
 def needed(scene: Scene, method: Integrator, omega: float, c: float) -> int:
     """Substeps a frame that keep an explicit method stable."""

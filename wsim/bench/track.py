@@ -86,7 +86,7 @@ def run(scene: Scene, setting: Setting, look: Look, prepare: Callable[[Simulatio
     found = measure(sim) if measured else {}
     notes = _notes(sim, choice)
     warm = _warm(sim) if timed else sim.milliseconds[2:] or sim.milliseconds[-1:]
-    ran = Setting(choice.solver, choice.integrator.name, choice.substeps, choice.iterations, setting.precision)
+    ran = Setting(choice.solver, choice.integrator.name, choice.steps, choice.iterations, setting.precision)
     return Track(ran, np.stack(kept), start, float(np.median(warm)), 1e-3 * float(np.mean(warm)) * look.frames, notes, found)
 
 

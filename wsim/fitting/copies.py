@@ -28,7 +28,7 @@ class Broken(Exception):
 def settled(scene: Scene, device) -> Scene:
     """The scene with its solver, integrator, substeps and iterations named: what "auto" comes to at its present values."""
     choice = Simulation(scene, device=device, precision="float64").plan.choice
-    return replace(scene, solver=choice.solver, integrator=choice.integrator.name, substeps=choice.substeps,
+    return replace(scene, solver=choice.solver, integrator=choice.integrator.name, substeps=choice.steps,
                    iterations=choice.iterations)
 
 
