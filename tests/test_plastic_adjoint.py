@@ -56,6 +56,17 @@ def test_by_the_yield(more):
     material(run, "yield_strain", 0.02, 1e-4 if more is NEWTON else 1e-5)
 
 
+def test_products_of_what_has_flowed_before():
+    """A recording begins with what its tets have become, and so do its copies."""
+    sim = Simulation(yielding("neo_hookean", **NEWTON), device="cpu", precision="float64", gradients=True)
+    sim.run(2)
+    assert sim.indicators()["plastic_strain"] > 0.01
+    f, way = Rollout(Recording(sim, 1), ["gravity"]), np.array([0.3, -0.5, 0.8])
+    y = f.run()
+    assert np.abs(f.copies().run() - y).max() < 1e-12
+    assert f.vjp(y)["gravity"] @ way == pytest.approx((y * f.jvp({"gravity": way}, step=1e-2).value).sum(), rel=1e-7)
+
+
 def test_large_flow():
     """A bar that begins far from its rest shape: the rounds that find how far it flows are not at their end there."""
     scene = yielding(**LEAPFROG)

@@ -196,8 +196,8 @@ class Rollout:
 def copied(recording: Recording, worlds: int) -> Recording:
     """A recording of so many worlds of the same scene by the same scheme, in float64."""
     sim, clock, choice = recording.sim, recording.plan.clock, recording.plan.choice
-    scene = replace(sim.scene, solver=choice.solver, integrator=choice.integrator.name, substeps=clock.steps,
-                    iterations=choice.iterations)
+    scene = replace(sim.scene, solver=choice.solver, integrator=choice.integrator.name,
+                    substeps=clock.substeps // choice.integrator.solves, iterations=choice.iterations)
     copy = Simulation(scene, device=sim.device, precision="float64", worlds=worlds, gradients=True)
     other = copy.plan.clock
     copy.frame, other.scheme, other.starting = recording.start, clock.scheme, recording.begins
@@ -210,6 +210,12 @@ def resume(recording: Recording, copy: Recording) -> None:
     one, worlds = recording.initial.numpy().astype(np.float64), copy.sim.worlds
     fields = one.reshape(-1, 1, recording.sim.model.points, 3)
     copy.initial.assign(np.tile(fields, (1, worlds, 1, 1)).reshape(-1, 3))
+    elements = (r.sim.state.elements.values() for r in (recording, copy))
+    for own, other, (_, start), (_, into) in zip(*elements, recording.flowed, copy.flowed, strict=True):
+        values, given = into.numpy(), start.numpy()
+        for b in (b for b in copy.sim.model.bodies if b.number in other.places):
+            values[other.places[b.number]] = given[own.places[recording.sim.model.body(b.path).number]]
+        into.assign(values)
     _parameters(recording.sim, copy.sim)
 
 
