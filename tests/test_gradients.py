@@ -314,6 +314,18 @@ def test_a_recording_does_not_run_when_the_simulation_has_become_another():
         recording.run()
 
 
+def test_a_recording_of_a_pin_that_stands_does_not_run_when_it_moves():
+    """Beside a soft pin, whose targets have a row for each substep whether they move or not."""
+    scene = net(integrator="leapfrog")
+    scene.pins.append(Pin("/soft", "/chain", np.array([11]), stiffness=50.0))
+    sim = Simulation(scene, device="cpu", gradients=True)
+    recording = Recording(sim, 2)
+    recording.run()
+    sim.set("/pin", "motion", Motion(np.array([0.0, 0.05]), np.stack([np.eye(4), 2.0 * np.eye(4)])))
+    with pytest.raises(SceneError, match="pins that move where they stood still; make another Recording"):
+        recording.run()
+
+
 def test_a_gradient_that_grows_is_said_with_its_rate():
     """Two springs in a line, pressed: they buckle, and what is off the line grows as e^(r t), r^2 = -k (1 - L / l) 2 / m."""
     points = np.array([[0.0, 0, 0], [0.5, 1e-9, 0], [1.0, 0, 0]])

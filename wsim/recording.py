@@ -106,7 +106,9 @@ class Recording:
     @property
     def shape(self) -> tuple:
         """What of a simulation may not change after it was recorded."""
-        return self.plan.clock.substeps, *(array.ptr for array in self.parameters.targets())
+        clock, explicit = self.plan.clock, self.plan.method("explicit")
+        stride = explicit.stride if explicit else 0                                       # type: ignore[attr-defined]
+        return clock.substeps, clock.scheme, stride, *(array.ptr for array in self.parameters.targets())
 
     def key(self, frame: int, part: int) -> tuple:
         return frame % self.group, part, self.jumps and frame == 0
@@ -151,8 +153,8 @@ class Recording:
         self.rewind()
         self.pose(0)
         if self.sim.plan is not self.plan or self.shape != self.recorded:
-            raise SceneError(Problem("recording", "the simulation now has other substeps, or pins that move where they stood "
-                                     "still; make another Recording"))
+            raise SceneError(Problem("recording", "the simulation now has other substeps or another integrator, or pins that "
+                                     "move where they stood still; make another Recording"))
         self.plan.status.zero_()
         for array in self.misses():
             array.zero_()
