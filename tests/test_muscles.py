@@ -56,6 +56,8 @@ def test_a_mass_on_a_growing_spring_moves_by_the_closed_form(order, settings):
         sim = Simulation(pulled(**settings | {"substeps": substeps}), device="cpu", precision="float64")
         sim.run(4)
         w, t, L = 20.0, 0.2, float(np.float32(0.1))
+        energy = 20.0 * (sim.positions()[1, 0] - L * (1.0 + 2.0 * t))**2
+        assert sim.report()["error"]["elastic_energy"] == pytest.approx(energy, rel=1e-9)
         errors.append(np.hypot(sim.positions()[1, 0] - L * (1.0 + 2.0 * (t - np.sin(w * t) / w)),
                                (sim.velocities()[1, 0] - 2.0 * L * (1.0 - np.cos(w * t))) / w))
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.25) and errors[1] < 2e-3

@@ -170,6 +170,7 @@ def report(sim, with_profile: bool = True) -> dict:
     plan, times = sim.plan, sim.milliseconds
     later = times[1:] or times
     ms = float(np.mean(later)) if later else 0.0
+    error = sim.indicators() | (sim.balance.change(sim) if sim.balance else {})          # of the state before it is profiled
     spent = profile(plan) if with_profile and sim.frame else {}
     constraints, a_substep = rows(plan)
     a_second = 1e3 * plan.clock.substeps / ms if ms else 0.0
@@ -180,7 +181,7 @@ def report(sim, with_profile: bool = True) -> dict:
         "points": plan.model.points, "constraints": constraints, "ms_per_frame": ms,
         "points_per_second": plan.model.points * a_second,
         "constraints_per_second": a_substep * a_second,
-        "seconds": dict(sim.seconds), "error": sim.indicators() | (sim.balance.change(sim) if sim.balance else {}),
+        "seconds": dict(sim.seconds), "error": error,
         "stages": [{k: r[k] for k in ("name", "phase", "launches", "bytes")} | {"ms": spent.get(r["name"])}
                    for r in plan.table()],
         "skipped": plan.skipped, "warnings": sim.warnings,

@@ -74,7 +74,7 @@ class Muscles(Method):
             if isinstance(b.source, Springs) and b.source.actuation is not None:
                 self.muscles.append(_Muscle(b, last))
                 last = self.muscles[-1].columns.stop
-        self.groups, self.sites, self.changed, self.time = last, [], True, 0.0
+        self.groups, self.sites, self.changed, self.time = last, [], True, -clock.dt
         self.watch: Any = None               # of explicit steps: how long edges may become
         self.contract = kernels.contract(model.real, model.module)
         if model.gradients:
@@ -97,7 +97,7 @@ class Muscles(Method):
         """Takes the springs of the method that solves for them."""
         if solver.name == "xpbd":
             batch = next(b for b in solver.batches if b.kind == "distance")
-            batch.lengths = self.join(batch.rows, batch.data.rest, batch.order)
+            batch.lengths, solver.lengthen = self.join(batch.rows, batch.data.rest, batch.order), self.finish
             self.stage(batch.size)
             return
         pull = solver.pull if solver.name == "explicit" else solver.adjoint.pull if solver.adjoint else None
@@ -190,10 +190,20 @@ class Muscles(Method):
 
     def present(self, rows: list[Rows], time: float | None = None) -> list[Rows]:
         """The rows with their rest lengths at a time [s]; None: at the end of the last frame."""
-        factor = np.ones(self.groups + 1)
-        for m in self.muscles:
-            factor[m.columns] = m.curve.at(float(self.times[-1]) if time is None else time)
+        factor = self.factors(time)
         return [r if r.kind != "distance" else replace(r, rest=r.rest * factor[self.columns([r])]) for r in rows]
+
+    def factors(self, time: float | None = None) -> np.ndarray:
+        """Of each column, as `present`."""
+        found = np.ones(self.groups + 1)
+        for m in self.muscles:
+            found[m.columns] = m.curve.at(self.time + self.clock.dt if time is None else time)
+        return found
+
+    def finish(self) -> None:
+        """Puts the lengths at the end of the last frame; its last stage may have had others."""
+        for s in self.sites:
+            s.length.assign(s.rest.numpy() * self.factors()[s.column.numpy()].astype(self.model.dtype))
 
     def longest(self, body: Body) -> np.ndarray | float:
         """Largest factor, but at least 1, that each edge of a body ever has, (m,)."""

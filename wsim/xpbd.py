@@ -125,6 +125,7 @@ class Xpbd(Method):
         super().__init__("xpbd")
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
         self.watched: list[Batch] = []
+        self.lengthen = lambda: None      # puts rest lengths of the end of a frame (`wsim.muscles`)
         every = in_worlds(model, {path: colored(found) for path, found in rows.items()})
         self.batches = [Batch(kind, [r for r in every if r.kind == kind], model, clock)
                         for kind in ORDER if any(r.kind == kind for r in every)]
@@ -183,6 +184,7 @@ class Xpbd(Method):
         """elastic_energy [J]; residual: what the last substep's sweeps left, see kernels/residual.py (strain, radians). A
         single iteration keeps no multipliers and has no residual. Kernels of their own module, compiled when asked for."""
         soft, module = [b for b in self.batches if b.kind not in HARD], self.model.module + "_report"
+        self.lengthen()
         found = {"elastic_energy": sum((self.energy(b, module) for b in soft), 0.0)}
         if any(b.multipliers for b in soft):
             if self.clock.beyond:                        # the end of a substep is not where the multipliers are
