@@ -103,7 +103,7 @@ def works(real):
     class Work:
         p: wp.array(dtype=t.vec3)            # [1/N], (points,), or none: then corners have them
         corners: wp.array(dtype=t.vec3)      # by the positions of corners, written, at the places of their forces
-        rates: wp.array(dtype=t.vec3)        # by the velocities of corners, written, from 0 on
+        rates: wp.array(dtype=t.vec3)        # by the velocities of corners, written, at the same places
 
     return Work
 
@@ -156,7 +156,7 @@ def linear(material: str, damped: bool, real, module, parameters: bool, direct: 
         Q, R = by_motion(H, now, dF, Y, mu, lam, tau)
         fem.spread(at, V * Q, G, w.corners)
         if wp.static(damped):
-            fem.spread(4 * c, V * R, G, w.rates)
+            fem.spread(at, V * R, G, w.rates)
         if wp.static(parameters):
             K = by_rest(H, now, dF, Y, t.vec3(mu, lam, tau), Q, R)
             add(by, c, V * by_moduli(H, now, dF, Y, mu, lam, tau), -V, K, G)
@@ -211,7 +211,7 @@ def quadratic(material: str, damped: bool, real, module, parameters: bool, direc
         V = real(-0.25) * tets.volume[c]
         spread_ten(at, nodes, V, f, work.corners)
         if wp.static(damped):
-            spread_ten(nodes * c, nodes, V, r, work.rates)
+            spread_ten(at, nodes, V, r, work.rates)
         if wp.static(parameters):
             add(by, c, V * moduli, -V, K, tets.gradient[c])
 
@@ -247,6 +247,32 @@ def _kernel(function, kind: str, material: str, damped: bool, real, module, para
     name = "_".join(["adjoint", kind, material, *["damped"] * damped, *["parameters"] * parameters, *["direct"] * direct,
                      types(real).name])
     return wp.kernel(function, name=name, module=module, enable_backward=False)
+
+
+@cache
+def take_all(real, module):
+    """Kernel over points: adds what stands at all of their corners to the gradients `by` and, where there is one, `also`; and
+    that at `rates`, where there are some, to `by_v`."""
+    t, Net = types(real), net(real)
+    vec3 = wp.array(dtype=t.vec3)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def take_all(net: Net, corners: vec3, rates: vec3, by: vec3, also: vec3, by_v: vec3):
+        i = wp.tid()
+        sum = t.vec3()
+        rate = t.vec3()
+        for c in range(net.first[i], net.first[i + 1]):
+            at = net.item[c]
+            sum += corners[at]
+            if rates:
+                rate += rates[at]
+        by[i] = by[i] + sum
+        if also:
+            also[i] = also[i] + sum
+        if rates:
+            by_v[i] = by_v[i] + rate
+
+    return take_all
 
 
 @cache

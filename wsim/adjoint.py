@@ -69,6 +69,12 @@ class ImplicitAdjoint(Forces):
         if self.method.contact:
             self.contacts = ContactsAdjoint(self.model, self.method.contact)
 
+    def forget(self) -> None:
+        """Rotations, here and in the method, are sought anew."""
+        for table in (*self.pull.tables, *self.method.solids):
+            if table.q:
+                table.q.zero_()
+
     def forces(self, clock) -> None:
         """f at d, with velocities (d - a) / g, and of soft pins."""
         self.run("pairs", [self.d, self.a, 1.0 / clock.g], [self.pair])
@@ -95,6 +101,7 @@ class ImplicitAdjoint(Forces):
         """The state's d, from the prediction to where no force is left."""
         m, s, contacts = self.method, self.method.state, self.contacts
         m.c.zero_()                                      # a substep depends on nothing but its own start
+        self.forget()
         wp.copy(self.b, s.d)
         if contacts:
             contacts.begin()
@@ -162,6 +169,7 @@ class ImplicitAdjoint(Forces):
             wp.copy(into, without(source))               # a copy takes gradients along where both have them
         m.prepare(b, clock)
         m.A.aside.zero_()
+        self.forget()
         self.forces(clock)
         if contacts:
             state = self.bear(rate, found=True)

@@ -98,7 +98,10 @@ class Tetrahedra:
 
     def forget(self) -> None:
         """Rotations are sought anew: a frame depends on nothing that a restart, or a frame that is repeated, does not have."""
-        self.q.zero_()
+        if self.model.tape:
+            self.model.tape.do(self.q.zero_)
+        else:
+            self.q.zero_()
         if self.plastic:
             self.plastic.shape()
 

@@ -113,26 +113,28 @@ class CornerAdjoint:
         make = {3: tets.pressed, 4: tets.linear, 10: tets.quadratic}[self.nodes]
         kind = () if self.nodes == 3 else (table.material, table.damped)
         self.kernels = [make(*kind, model.real, model.module, parameters, pull.direct) for parameters in (False, True)]
-        self.take = tets.take(model.real, model.module)
-        size = table.ids.size if table.damped else 0
-        self.rates = wp.zeros(size, dtype=types(model.real).vec3, device=model.device)
+        self.take = (tets.take_all if pull.direct else tets.take)(model.real, model.module)
 
     def backward(self, read: list, wrote: list) -> None:
         """Adjoint of the launch of the forces, of the arrays that it has read and written; parameters only where x has a
         gradient."""
-        (data, x, d, *others), corners = read, wrote[0].grad
-        first = self.table.data.force
+        (data, x, d, *others), corners, pull = read, wrote[0].grad, self.pull
         work = tets.works(self.model.real)()
-        work.p, work.corners, work.rates = self.pull.p if self.pull.direct else None, corners, self.rates
+        work.p, work.corners, work.rates = pull.p if pull.direct else None, corners, pull.rates
         inputs = [data, x, d, *others, work, adjoint_of(data)]
         self.model.launch(self.kernels[x.grad is not None], self.table.size, inputs, [])
-        self.gather(corners, first, 0, d.grad, x.grad)
-        if self.table.damped:
-            self.gather(self.rates, first, first, others[0].grad, None)
+        if not pull.direct:
+            self.gather(corners, d.grad, x.grad)
+            if self.table.damped:
+                self.gather(pull.rates, others[0].grad, None)
+        elif self.table is pull.elements[0].table:                # the last one, backwards: corners of all tables are written
+            v = others[0].grad if pull.rates else None
+            self.model.launch(self.take, self.model.points, [pull.net, corners, pull.rates, d.grad, x.grad, v], [])
 
-    def gather(self, corners: wp.array, first: int, shift: int, by: wp.array, also: wp.array | None) -> None:
+    def gather(self, corners: wp.array, by: wp.array, also: wp.array | None) -> None:
+        first = self.table.data.force
         last = first + self.table.ids.size
-        self.model.launch(self.take, self.model.points, [self.pull.net, corners, first, last, shift, by, also], [])
+        self.model.launch(self.take, self.model.points, [self.pull.net, corners, first, last, 0, by, also], [])
 
 
 class FlowAdjoint:

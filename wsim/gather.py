@@ -60,6 +60,7 @@ class Pull:
         # adjoints of tets and pressure ask p, the gradient by forces on points; others find it at their corners
         self.direct = bool(self.tables) and not (flat or staged)
         self.p = wp.zeros(model.points, dtype=types(model.real).vec3, device=model.device) if model.gradients else None
+        self.rates: wp.array | None = None            # of corners: gradients by their velocities
         for e in self.elements:
             e.make(self.damped)                  # before the module is compiled
         self.corners()
@@ -130,6 +131,8 @@ class Pull:
         model, first = self.model, self.model.points if self.added else 0
         size = first + sum(e.ids.size for e in self.elements)
         self.force = wp.zeros(size, dtype=types(model.real).vec3, device=model.device) if size else None
+        if model.gradients and any(e.table.damped for e in self.elements if isinstance(e, Solid)):
+            self.rates = wp.zeros(size, dtype=types(model.real).vec3, device=model.device)
         if self.elements:
             starts, items = incident(np.concatenate([e.ids.ravel() for e in self.elements])[:, None], model.points)
             self.net.first, self.net.item = model.upload(starts.astype(np.int32), int), model.upload(items + first, int)

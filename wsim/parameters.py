@@ -73,8 +73,8 @@ class Parameters:
         """Of colliders, as `wsim.contact.adjoint.ContactAdjoint.take_motion`."""
         return self.contact.take_motion() if self.contact else None
 
-    def ends(self, array: wp.array) -> np.ndarray:
+    def ends(self, grad: np.ndarray) -> np.ndarray:
         """Sums over the two ends of each spring, from a gradient of the entries."""
         entry = self.pull.entry
-        grad = array.grad.numpy().astype(np.float64)[:len(entry)]
+        grad = grad[:len(entry)]
         return np.bincount(entry[entry >= 0], grad[entry >= 0], self.pull.count)

@@ -21,7 +21,7 @@ from wsim.reaction_adjoint import ReactionAdjoint
 from wsim.scene import Problem, SceneError
 from wsim.seeds import Seeds
 from wsim.segments import Segments, in_words, measured
-from wsim.sensitivity import Gradient
+from wsim.sensitivity import Fetched, Gradient
 from wsim.simulation import Simulation
 from wsim.slots import Slots
 from wsim.tape import Root, Tape
@@ -119,6 +119,8 @@ class Recording:
         model.tape = tape
         try:
             tape.begin()
+            for table in self.plan.solids:               # run once more, it begins as it did
+                table.forget()
             self.plan.stretch(first, last)
             tape.finish()
         except ValueError as error:
@@ -256,8 +258,8 @@ class Recording:
             self.note(frame, True)
         seeds.add(0)
         self.look()
-        return Gradient(self.parameters, {r.base.ptr: r.carried.numpy() for r in self.roots}, targets[::-1], motions[::-1],
-                        seeds.inertia)
+        states = Fetched({r.base.ptr: wp.clone(r.carried) for r in self.roots})
+        return Gradient(self.parameters, states, targets[::-1], motions[::-1], seeds.inertia)
 
     def look(self) -> None:
         """What implicit solves have left, in `residuals`: gradients are as right as those are small."""

@@ -5,6 +5,8 @@ elements are taken here and not by atomics in float32 (a parameter that 2e7 thre
 of the air stand once a point for the same reason.
 """
 
+from functools import cached_property
+
 import numpy as np
 import warp as wp
 
@@ -14,6 +16,18 @@ from wsim.masses import density_of
 from wsim.parameters import Parameters
 from wsim.reaction_adjoint import Inertia
 from wsim.scene import Problem, SceneError
+
+
+class Fetched(dict):
+    """Device arrays by their key, which come to the host in float64 when they are asked for: a million springs have many."""
+
+    def __init__(self, arrays: dict[int, wp.array]):
+        super().__init__()
+        self.arrays = arrays
+
+    def __missing__(self, key: int) -> np.ndarray:
+        self[key] = found = self.arrays[key].numpy().astype(np.float64)
+        return found
 
 
 class Gradient(ElementGradient):
@@ -29,9 +43,12 @@ class Gradient(ElementGradient):
         """inertia: of what pins bear, where a loss asks for that."""
         self.parameters, self.model, self.plan = parameters, parameters.model, parameters.plan
         self.states, self._targets, self.inertia = states, targets, inertia
-        self.grads = {array.ptr: array.grad.numpy().astype(np.float64) for array in parameters.arrays()}
+        self.grads = Fetched({array.ptr: wp.clone(array.grad) for array in parameters.arrays()})
         self.contacts = ContactGradient(parameters.plan.method("contact"), motions) if parameters.contact else None
-        self.entries = {name: parameters.ends(array) for name, array in parameters.net().items()}
+
+    @cached_property
+    def entries(self) -> dict[str, np.ndarray]:                       # type: ignore[override]
+        return {name: self.parameters.ends(self.of(array)) for name, array in self.parameters.net().items()}
 
     # points
 
