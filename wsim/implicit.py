@@ -209,7 +209,7 @@ class Implicit(Method):
             launch(self.translate, self.model.points, [self.system.of, self.shift, y], [y])
 
     def measure(self, clock: Clock) -> None:
-        """What the frame's last Newton step left, and whether BDF2 or the midpoint may go on."""
+        """What the frame's last Newton step left, and whether an integrator that needs it may go on."""
         self.linearise(1.0 / clock.g)
         self.system.launch(self.left, [self.points.constants, self.A, self.system.first, self.f, self.state.d, self.b],
                            [self.residual])

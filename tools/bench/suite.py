@@ -115,7 +115,7 @@ def run(problem: Problem, setting: dict, device, precision="float32", cache: str
     if unlike:
         return row | {"failed": unlike, "finite": False}
     times = sim.milliseconds[WARM:] or sim.milliseconds
-    return judged(row | {"ms": float(np.median(times)), "ran": sim.plan.clock.substeps, "warnings": warned(sim)}, found)
+    return judged(row | {"ms": float(np.median(times)), "ran": sim.plan.clock.steps, "warnings": warned(sim)}, found)
 
 
 def idle(sim: Simulation, start: np.ndarray, setting: dict) -> str:

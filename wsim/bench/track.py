@@ -105,7 +105,7 @@ def _notes(sim: Simulation, choice: Choice) -> list[str]:
     if sim.plan.integrator != choice.integrator.name:
         notes.append("gave way to backward Euler")
     if clock.substeps != choice.substeps:
-        notes.append(f"took {clock.substeps} substeps where a point stopped being a number")
+        notes.append(f"took {clock.steps} substeps where a point stopped being a number")
     return notes
 
 
