@@ -45,5 +45,6 @@ def dense(recording, given: dict | None, what: str) -> dict[int, np.ndarray]:
             if each.shape != (len(index), 3) or not np.isfinite(each).all():
                 raise SceneError(Problem(path or what, f"derivatives must be finite with shape ({len(index)}, 3); found "
                                          f"{each.shape}"))
-            np.add.at(found[frame], index, each)
+            for k in range(3):                           # a tenth of np.add.at's time
+                found[frame][:, k] += np.bincount(index, each[:, k], model.points)
     return found
