@@ -123,26 +123,6 @@ def test_the_observed_order_is_the_declared_one(integrator, order):
     assert -np.polyfit(np.log([1, 2, 4]), np.log(errors), 1)[0] == pytest.approx(order, abs=0.2)
 
 
-def test_a_pin_that_swings_leaves_sdirk3_its_order():
-    """Two springs hang on a pin that moves in a circle: stages have it where it is then. Against RK4."""
-    times = np.arange(0.0, 0.31, 1.0 / 9600.0)
-    circle = np.stack([0.2 * np.sin(9.0 * times), 0.2 * np.cos(9.0 * times), 0.0 * times], axis=1)
-    poses = np.tile(np.eye(4), (len(times), 1, 1))
-    poses[:, :3, 3] = circle
-
-    def ends(substeps: int, **more) -> np.ndarray:
-        scene = make(**{"substeps": substeps, "iterations": 6, "integrator": "sdirk3"} | more)
-        net = scene.net("/net", [[0, 0.2, 0], [0.3, 0.2, 0], [0.6, 0.2, 0]], [[0, 1], [1, 2]], [40.0], [0.1] * 3)
-        scene.pin("/pin", net, [0], motion=Motion(times, poses), places=[[0.0, 0.0, 0.0]])
-        sim = Simulation(scene, **DOUBLE)
-        sim.run(15)
-        assert np.abs(sim.positions()[0] - poses[2400, :3, 3]).max() < 1e-12 and sim.plan.integrator == scene.integrator
-        return sim.positions()
-    wanted = ends(200, solver="explicit", integrator="rk4", iterations=1)
-    errors = [np.abs(ends(n) - wanted).max() for n in (2, 4, 8)]
-    assert -np.polyfit(np.log([2, 4, 8]), np.log(errors), 1)[0] == pytest.approx(3.0, abs=0.4)
-
-
 def test_a_free_cloth_keeps_its_momenta(monkeypatch):
     """Midpoint, solved: linear and angular momentum are quadratic invariants."""
     monkeypatch.setattr(implicit, "TOLERANCE", 1e-8)

@@ -118,7 +118,7 @@ def _soft(model: Model, rows: dict[str, list[Rows]], method: Integrator | None) 
     a step of a frame is stable, and which solves to a residual: sdirk3 of half as many steps, or backward Euler of contacts."""
     scene, leapfrog = model.scene, TABLE["leapfrog"]
     iterations = scene.iterations if scene.solver == "implicit" else min(scene.iterations, SOLVED)
-    solved = iterations >= SOLVED and not _hard(rows)
+    solved = iterations >= SOLVED and not (_hard(rows) or scene.air_drag)      # drag leaves order 1, and sdirk3 fewer steps
     chosen = method or TABLE["backward_euler" if scene.colliders else "sdirk3" if solved else "bdf2"]
     steps = scene.substeps if method else ceil(scene.substeps / chosen.solves)       # as many systems are solved
     newton = Choice("implicit", chosen, steps * chosen.solves, iterations, "the scene names it")

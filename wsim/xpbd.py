@@ -171,7 +171,8 @@ class Xpbd(Method):
             before, model.tape = model.tape, None        # looks, and changes nothing
             self.largest.zero_()
             self.measure(self.look_kernels, x, d, lam, self.largest)
-            model.launch(self.judge, len(lam), [self.largest, MET_MIDPOINT if clock.beyond else MET], [self.status[RESIDUAL:]])
+            most = MET_MIDPOINT if clock.beyond else MET_SDIRK3 if clock.staged else MET
+            model.launch(self.judge, len(lam), [self.largest, most], [self.status[RESIDUAL:]])
             model.tape = before
         tape.do(judge) if tape else judge()
 
