@@ -17,7 +17,7 @@ import warp as wp
 from wsim.kernels.constraint import inverse
 from wsim.kernels.explicit import steps
 from wsim.kernels.real import types
-from wsim.kernels.spring import net
+from wsim.kernels.spring import net, together
 
 
 @cache
@@ -37,10 +37,12 @@ def grads(real):
 
 @cache
 def force_adjoint(real, module, flags: tuple, parameters: bool, masses: bool):
-    """Kernel over points: gradients by what `gather` reads, from those by its forces. flags: items of what `gather` takes.
-    parameters: by those of the springs, and by x, too; masses: by inverse masses of a = w f, where p is w times that by a."""
+    """Kernel over the lanes of points: gradients by what `gather` reads, from those by its forces. flags: items of what
+    `gather` takes. parameters: by those of the springs, and by x, too; masses: by inverse masses of a = w f, where p is w times
+    that by a."""
     t, Net, Grads, kinds = types(real), net(real), grads(real), dict(flags)
-    vec3, width, damped = t.vec3, kinds["width"], kinds["damped"]
+    vec3, width, damped, lanes = t.vec3, kinds["width"], kinds["damped"], kinds["lanes"]
+    total = together(vec3, lanes)
 
     @wp.func
     def spring(net: Net, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), c: int, i: int, source: int, by: Net, g: Grads):
@@ -74,7 +76,8 @@ def force_adjoint(real, module, flags: tuple, parameters: bool, masses: bool):
 
     def back(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), source: int, by: Net,
              g: Grads):
-        i = wp.tid()
+        i = wp.tid() // lanes
+        lane = wp.tid() % lanes
         n = x.shape[0]
         by_d = vec3()
         by_v = vec3()
@@ -85,22 +88,31 @@ def force_adjoint(real, module, flags: tuple, parameters: bool, masses: bool):
             if wp.static(width == 0):
                 first = net.start[i]
                 last = net.start[i + 1]
-            for c in range(first, last):
+            for c in range(first + lane, last, lanes):
                 by_r, by_u, pulled = spring(net, x, d, c, i, source, by, g)
                 by_d -= by_r
                 by_v -= by_u
                 force += pulled
+        if wp.static(kinds["corners"]):
+            for c in range(net.first[i] + lane, net.first[i + 1], lanes):
+                at = net.item[c]
+                g.corner[at] = g.corner[at] + g.p[i]
+                if wp.static(masses):
+                    force += f[at]
+        if wp.static(lanes > 1):
+            by_d = total(by_d)
+            if wp.static(damped):
+                by_v = total(by_v)
+            if wp.static(masses):
+                force = total(force)
+        if lane > 0:
+            return
+        if wp.static(kinds["springs"]):
             g.pair[source * n + i] = g.pair[source * n + i] + by_d
             if wp.static(damped):
                 g.pair[(2 + source) * n + i] = g.pair[(2 + source) * n + i] + by_v
             if wp.static(parameters):
                 g.x[i] = g.x[i] + by_d
-        if wp.static(kinds["corners"]):
-            for c in range(net.first[i], net.first[i + 1]):
-                at = net.item[c]
-                g.corner[at] = g.corner[at] + g.p[i]
-                if wp.static(masses):
-                    force += f[at]
         if wp.static(masses):
             if net.w[i] > real(0.0):
                 by.w[i] = by.w[i] + wp.dot(g.p[i], force) / net.w[i]
@@ -123,17 +135,26 @@ def outs(real):
 
 
 @cache
-def leap_adjoint(real, module, corners: bool):
-    """Kernel over points: gradients by what a leap reads but for the forces, and p, the gradient by these. Remainders have
-    none: what they carry is rounding. corners: what forces at corners say of masses too. Arguments: net, those forces, d, step,
-    gradients by what was written, into: by v, pair, x, net."""
+def leap_adjoint(real, module, corners: bool, lanes: int):
+    """Kernel over the lanes of points: gradients by what a leap reads but for the forces, and p, the gradient by these.
+    Remainders have none: what they carry is rounding. corners: what forces at corners say of masses too. Arguments: net, those
+    forces, d, step, gradients by what was written, into: by v, pair, x, net."""
     t, Net, Step, Grads, Outs = types(real), net(real), steps(real), grads(real), outs(real)
-    vec3 = t.vec3
+    vec3, total = t.vec3, together(t.vec3, lanes)
 
     def back(net: Net, f: wp.array(dtype=vec3), d: wp.array(dtype=vec3), step: Step, out: Outs, v_grad: wp.array(dtype=vec3),
              by: Net, g: Grads):
-        i = wp.tid()
+        i = wp.tid() // lanes
+        lane = wp.tid() % lanes
         n = v_grad.shape[0]
+        force = vec3()
+        if wp.static(corners):
+            for c in range(net.first[i] + lane, net.first[i + 1], lanes):
+                force += f[net.item[c]]
+            if wp.static(lanes > 1):
+                force = total(force)
+        if lane > 0:
+            return
         into = 1 - step.source
         at = step.source * n + i
         rate = (2 + step.source) * n + i
@@ -147,9 +168,6 @@ def leap_adjoint(real, module, corners: bool):
             a = step.kick * v1 + step.ahead * Q
             p = net.w[i] * a
             if wp.static(corners):
-                force = vec3()
-                for c in range(net.first[i], net.first[i + 1]):
-                    force += f[net.item[c]]
                 by.w[i] = by.w[i] + wp.dot(a, force)
             by.gravity[o] = by.gravity[o] + a
             by.decay[o] = by.decay[o] - wp.dot(a, d[rate])

@@ -23,12 +23,12 @@ import warp as wp
 
 from wsim.kernels import fem, pressure, ten_nodes
 from wsim.kernels import material as materials
-from wsim.kernels.fem import rate_stress, turn_of
+from wsim.kernels.fem import turn_of
 from wsim.kernels.material import hooke
 from wsim.kernels.quadratic import spread as spread_ten
 from wsim.kernels.real import types
 from wsim.kernels.rotation import identity
-from wsim.kernels.spring import net
+from wsim.kernels.spring import net, together
 from wsim.kernels.stretch import held, symmetric
 from wsim.kernels.ten_nodes import NODES, POINTS
 
@@ -42,8 +42,8 @@ def damped_product(F: Any, dF: Any, Y: Any, mu: Any, lam: Any):
 
 @cache
 def products(material: str, real, damped: bool):
-    """Functions of one point of a tet, of (H, q, dF, Y, mu, lam, tau): the stresses Q and R that stand for positions and for
-    velocities; Y : P by mu, lam and tau; and, of Q and R too, what gives the gradients by the edges at rest."""
+    """Functions of one point of a tet, of (H, q, dF, Y) and of (mu, lam, tau): the stresses Q and R that stand for positions
+    and for velocities; and, of Q and R too, Y : P by mu, lam and tau with what gives the gradients by the edges at rest."""
     row = materials.TABLE[material]
     derivative = materials.corotational_product if material == "corotational" else row.derivative
     stress, M, quat, vec3 = row.stress, types(real).mat33, types(real).quat, types(real).vec3
@@ -59,30 +59,27 @@ def products(material: str, real, damped: bool):
         return Q, R
 
     @wp.func
-    def by_moduli(H: M, q: quat, dF: M, Y: M, mu: real, lam: real, tau: real):
-        one = real(1.0)
-        zero = real(0.0)
-        m = wp.ddot(stress(H, q, one, zero), Y)
-        n = wp.ddot(stress(H, q, zero, one), Y)
-        r = zero
-        if wp.static(damped):
-            F = identity(H) + held(H)
-            m = m + tau * wp.ddot(rate_stress(F, dF, one, zero), Y)
-            n = n + tau * wp.ddot(rate_stress(F, dF, zero, one), Y)
-            r = wp.ddot(rate_stress(F, dF, mu, lam), Y)
-        return vec3(m, n, r)
-
-    @wp.func
-    def by_rest(H: M, q: quat, dF: M, Y: M, k: vec3, Q: M, R: M):
+    def by_parameters(H: M, q: quat, dF: M, Y: M, k: vec3, Q: M, R: M):
         F = identity(H) + held(H)
-        P = stress(H, q, k[0], k[1])
+        A = stress(H, q, real(1.0), real(0.0))
+        B = stress(H, q, real(0.0), real(1.0))
+        P = k[0] * A + k[1] * B
+        m = wp.ddot(A, Y)
+        n = wp.ddot(B, Y)
+        r = real(0.0)
         K = wp.transpose(F) * Q
-        if wp.static(damped):
-            P = P + k[2] * rate_stress(F, dF, k[0], k[1])
+        if wp.static(damped):                            # Y : F h(e) = mu a + lam b
+            e, s = symmetric(wp.transpose(F) * dF), symmetric(wp.transpose(F) * Y)
+            a = real(2.0) * wp.ddot(e, s)
+            b = wp.trace(e) * wp.trace(s)
+            P = P + k[2] * (F * hooke(e, k[0], k[1]))
+            m += k[2] * a
+            n += k[2] * b
+            r = k[0] * a + k[1] * b
             K = K + wp.transpose(dF) * R
-        return K + wp.transpose(Y) * P - wp.ddot(P, Y) * identity(H)
+        return vec3(m, n, r), K + wp.transpose(Y) * P - (k[0] * m + k[1] * n) * identity(H)
 
-    return by_motion, by_moduli, by_rest
+    return by_motion, by_parameters
 
 
 @wp.func
@@ -132,7 +129,7 @@ def linear(material: str, damped: bool, real, module, parameters: bool, direct: 
     Arguments: tets, x, d, v, q, work, by."""
     t, Tets = types(real), fem.elements(real)
     (gradient, change), turn = fem.displaced(real, real), turn_of(material, real)
-    by_motion, by_moduli, by_rest = products(material, real, damped)
+    by_motion, by_parameters = products(material, real, damped)
     vec3, Work, by_force = wp.array(dtype=t.vec3), works(real), reader(real, direct)
 
     def back(tets: Tets, x: vec3, d: vec3, v: vec3, q: wp.array(dtype=t.quat), w: Work, by: Tets):
@@ -158,8 +155,8 @@ def linear(material: str, damped: bool, real, module, parameters: bool, direct: 
         if wp.static(damped):
             fem.spread(at, V * R, G, w.rates)
         if wp.static(parameters):
-            K = by_rest(H, now, dF, Y, t.vec3(mu, lam, tau), Q, R)
-            add(by, c, V * by_moduli(H, now, dF, Y, mu, lam, tau), -V, K, G)
+            moduli, K = by_parameters(H, now, dF, Y, t.vec3(mu, lam, tau), Q, R)
+            add(by, c, V * moduli, -V, K, G)
 
     return _kernel(back, "tet", material, damped, real, module, parameters, direct)
 
@@ -169,7 +166,7 @@ def quadratic(material: str, damped: bool, real, module, parameters: bool, direc
     """As `linear`, of ten nodes."""
     t, Tets, turn = types(real), ten_nodes.elements(real), turn_of(material, real)
     (slopes, moved, change), turns = ten_nodes.displaced(real, real), materials.TABLE[material].needs_rotation
-    by_motion, by_moduli, by_rest = products(material, real, damped)
+    by_motion, by_parameters = products(material, real, damped)
     vec3, ten, Work, by_force = wp.array(dtype=t.vec3), wp.types.matrix((NODES, 3), real), works(real), reader(real, direct)
 
     def back(tets: Tets, x: vec3, d: vec3, v: vec3, q: wp.array(dtype=t.quat), work: Work, by: Tets):
@@ -206,8 +203,9 @@ def quadratic(material: str, damped: bool, real, module, parameters: bool, direc
                 f[k] += Q * N[k]
                 r[k] += R * N[k]
             if wp.static(parameters):
-                moduli += by_moduli(H, now, dF, Y, mu, lam, tau)
-                K += by_rest(H, now, dF, Y, t.vec3(mu, lam, tau), Q, R)
+                more, edges = by_parameters(H, now, dF, Y, t.vec3(mu, lam, tau), Q, R)
+                moduli += more
+                K += edges
         V = real(-0.25) * tets.volume[c]
         spread_ten(at, nodes, V, f, work.corners)
         if wp.static(damped):
@@ -250,29 +248,34 @@ def _kernel(function, kind: str, material: str, damped: bool, real, module, para
 
 
 @cache
-def take_all(real, module):
-    """Kernel over points: adds what stands at all of their corners to the gradients `by` and, where there is one, `also`; and
-    that at `rates`, where there are some, to `by_v`."""
-    t, Net = types(real), net(real)
+def take_all(real, module, lanes: int, rated: bool):
+    """Kernel over the lanes of points: adds what stands at all of their corners to the gradients `by` and, where there is one,
+    `also`; rated: and that at `rates` to `by_v`."""
+    t, Net, together_ = types(real), net(real), together(types(real).vec3, lanes)
     vec3 = wp.array(dtype=t.vec3)
 
-    @wp.kernel(module=module, enable_backward=False)
     def take_all(net: Net, corners: vec3, rates: vec3, by: vec3, also: vec3, by_v: vec3):
-        i = wp.tid()
+        i = wp.tid() // lanes
+        lane = wp.tid() % lanes
         sum = t.vec3()
         rate = t.vec3()
-        for c in range(net.first[i], net.first[i + 1]):
+        for c in range(net.first[i] + lane, net.first[i + 1], lanes):
             at = net.item[c]
             sum += corners[at]
-            if rates:
+            if wp.static(rated):
                 rate += rates[at]
+        if wp.static(lanes > 1):
+            sum = together_(sum)
+            rate = together_(rate)
+        if lane > 0:
+            return
         by[i] = by[i] + sum
         if also:
             also[i] = also[i] + sum
-        if rates:
+        if wp.static(rated):
             by_v[i] = by_v[i] + rate
 
-    return take_all
+    return wp.kernel(take_all, name="take_all" + "_rated" * rated, module=module, enable_backward=False)
 
 
 @cache

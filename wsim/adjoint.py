@@ -33,7 +33,7 @@ class ImplicitAdjoint(Forces):
     def __init__(self, method, rows: list):
         """method: `wsim.implicit.Implicit`; rows: its springs, hinges and triangles, of all worlds."""
         self.method, model = method, method.model
-        super().__init__(model, Pull(model, method.points.constants, rows, None), model.module)
+        super().__init__(model, Pull(model, method.points.constants, rows, None, shared=False), model.module)
         module, n, real, t = model.module, model.points, model.real, types(model.real)
         both = zip(self.pull.tables, method.solids, strict=True)
         self.plastic = [self.share(own, live) for own, live in both if live.plastic]

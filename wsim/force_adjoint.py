@@ -20,7 +20,8 @@ class ForceAdjoint:
         flags = pull.flags() if not pull.direct else tuple((dict(pull.flags()) | {"corners": False}).items())
         self.kernels = [kernels.force_adjoint(model.real, module, flags, parameters, masses)
                         for parameters in (False, True)] if pull.springs or not pull.direct else []
-        self.leap_adjoint = kernels.leap_adjoint(model.real, module, pull.direct) if masses else None
+        self.lanes = pull.lanes if pull.direct else 1
+        self.leap_adjoint = kernels.leap_adjoint(model.real, module, pull.direct, self.lanes) if masses else None
 
     def into(self, x: wp.array, pair: wp.array, force: wp.array | None):
         """Where gradients go."""
@@ -32,7 +33,7 @@ class ForceAdjoint:
         """From `p` to the gradients of all arrays that the forces are made of; parameters: those of springs and x too. Corners
         that know p by themselves are left out."""
         if self.kernels:
-            self.model.launch(self.kernels[parameters], self.model.points,
+            self.model.launch(self.kernels[parameters], self.model.points * self.pull.lanes,
                               [self.pull.net, force, x, pair, source, adjoint_of(self.pull.net), self.into(x, pair, force)],
                               [])
 
@@ -41,7 +42,7 @@ class ForceAdjoint:
         (net, force, x, pair, v, _, step), (pair_out, v_out, _) = read, wrote
         out = kernels.outs(self.model.real)()
         out.pair, out.v = pair_out.grad, v_out.grad
-        self.model.launch(self.leap_adjoint, self.model.points,
+        self.model.launch(self.leap_adjoint, self.model.points * self.lanes,
                           [net, force, pair, step, out, v.grad, adjoint_of(net), self.into(x, pair, force)], [])
         self.launch(x, pair, force, step.source)
 
@@ -113,7 +114,8 @@ class CornerAdjoint:
         make = {3: tets.pressed, 4: tets.linear, 10: tets.quadratic}[self.nodes]
         kind = () if self.nodes == 3 else (table.material, table.damped)
         self.kernels = [make(*kind, model.real, model.module, parameters, pull.direct) for parameters in (False, True)]
-        self.take = (tets.take_all if pull.direct else tets.take)(model.real, model.module)
+        self.take = (tets.take_all(model.real, model.module, pull.lanes, pull.rates is not None) if pull.direct else
+                     tets.take(model.real, model.module))
 
     def backward(self, read: list, wrote: list) -> None:
         """Adjoint of the launch of the forces, of the arrays that it has read and written; parameters only where x has a
@@ -129,7 +131,8 @@ class CornerAdjoint:
                 self.gather(pull.rates, others[0].grad, None)
         elif self.table is pull.elements[0].table:                # the last one, backwards: corners of all tables are written
             v = others[0].grad if pull.rates else None
-            self.model.launch(self.take, self.model.points, [pull.net, corners, pull.rates, d.grad, x.grad, v], [])
+            self.model.launch(self.take, self.model.points * pull.lanes,
+                              [pull.net, corners, pull.rates, d.grad, x.grad, v], [])
 
     def gather(self, corners: wp.array, by: wp.array, also: wp.array | None) -> None:
         first = self.table.data.force

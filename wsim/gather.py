@@ -28,10 +28,11 @@ class Pull:
     """Every force on the points, on the device. `columns`: of the pins' targets, see `Pins.columns`."""
 
     def __init__(self, model: Model, constants, rows: list[Rows], columns: np.ndarray | None, alone: bool = False,
-                 staged: bool = False):
+                 staged: bool = False, shared: bool = True):
         """alone: nothing else acts within a frame, so that a cluster of blocks, or CPU threads abreast, may take all of it.
-        staged: integrators of several stages, whose adjoints are Warp's."""
+        staged: integrators of several stages, whose adjoints are Warp's. shared: several threads may take a point."""
         self.model = model
+        self.shared = shared and model.device.is_cuda and not (staged and model.gradients)
         self.cluster: Cluster | None = None
         self.backward: Callable | None = None         # adjoint of a leap
         self.springs = [r for r in rows if r.kind == "distance"]
@@ -75,7 +76,7 @@ class Pull:
         point = np.repeat(np.arange(n), np.diff(start))
         self.entry, other = spring, ids[spring].sum(1) - point
         most = int(np.diff(start).max())
-        self.lanes = 1 if model.gradients else _lanes(n, most)
+        self.lanes = _lanes(n, most) if self.shared else 1
         if self.alone:
             size = 16 if model.device.arch == LARGE and model.device.sm_count >= MANY else 8
             self.cluster = cluster_of(n, most, size, np.dtype(model.dtype).itemsize)
@@ -136,7 +137,7 @@ class Pull:
         if self.elements:
             starts, items = incident(np.concatenate([e.ids.ravel() for e in self.elements])[:, None], model.points)
             self.net.first, self.net.item = model.upload(starts.astype(np.int32), int), model.upload(items + first, int)
-            if model.device.is_cuda and not (self.springs or model.gradients):
+            if self.shared and not self.springs:
                 self.lanes = _lanes(model.points, int(np.diff(starts).max()))
         for e in self.elements:
             e.first, first = first, first + e.ids.size

@@ -88,7 +88,7 @@ class Reactions:
         """Forces of their own: the plan's may be summed on the way, or differ in what is hard."""
         plan, own = self.plan, copy.copy(self.plan.model)
         own.module, own.modules, own.gradients, own.tape = f"{own.module}_reactions", {}, False, None
-        self.pull = Pull(own, self.constants, rows_of(plan), None)
+        self.pull = Pull(own, self.constants, rows_of(plan), None, shared=False)
         self.pull.need_springs()
         for table, live in zip(self.pull.tables, plan.solids, strict=True):
             table.plastic = None
