@@ -21,7 +21,7 @@ from wsim.kernels.points import constants
 from wsim.kernels.real import types
 from wsim.kernels.stream import BLOCK
 from wsim.kernels.tangent import plane_stiffness
-from wsim.kernels.xpbd import batch_of
+from wsim.kernels.xpbd_terms import batch_of
 
 FULL = 0.05            # of f.y / 2: Newton's step brings all of it on a quadratic, none where it has jumped over the minimum
 HALVINGS = 8           # steps 1/2 ... 1/256

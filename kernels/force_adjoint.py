@@ -15,6 +15,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.constraint import inverse
+from wsim.kernels.exact import gain
 from wsim.kernels.explicit import steps
 from wsim.kernels.real import types
 from wsim.kernels.spring import net, together
@@ -52,11 +53,16 @@ def force_adjoint(real, module, flags: tuple, parameters: bool, masses: bool):
         k = net.k[c]
         rest = net.rest[c]
         r = (x[j] - x[i]) + (d[source * n + j] - d[source * n + i])
-        over = inverse(wp.length(r))
+        L = wp.length(r)
+        over = inverse(L)
+        if wp.static(kinds["exact"]):
+            strain = over * inverse(L + rest) * gain(x[i], x[j], d[source * n + i], d[source * n + j], rest, net.left[c])
+        else:
+            strain = real(1.0) - rest * over             # over what it is now
         pi = g.p[i]
         e = pi - g.p[j]
         re = wp.dot(r, e) * over * over
-        s = k - k * rest * over
+        s = k * strain
         by_r = (k * rest * over * re) * r
         by_u = vec3()
         if wp.static(damped):
@@ -70,7 +76,7 @@ def force_adjoint(real, module, flags: tuple, parameters: bool, masses: bool):
                 by.damping[c] = by.damping[c] + wp.dot(pi, r) * rate
         if wp.static(parameters):
             own = wp.dot(pi, r)
-            by.k[c] = by.k[c] + own * (real(1.0) - rest * over)
+            by.k[c] = by.k[c] + own * strain
             by.rest[c] = by.rest[c] - own * k * over
         return by_r + s * e, by_u, s * r
 

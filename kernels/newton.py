@@ -32,7 +32,7 @@ import warp as wp
 from wsim.kernels.constraint import inverse
 from wsim.kernels.real import types
 from wsim.kernels.tangent import WHOLE, elements_of
-from wsim.kernels.xpbd import batch_of
+from wsim.kernels.xpbd_terms import batch_of
 
 UNIT = {wp.float32: 6e-8, wp.float64: 1.1e-16}       # rounding of a number near 1
 ASIDE = 6e-8           # unit of float32; its square shows in sums of float64: with less a step aside would seem to gain nothing

@@ -15,7 +15,7 @@ import warp as wp
 
 from wsim.kernels.constraint import TABLE
 from wsim.kernels.real import types
-from wsim.kernels.xpbd import batch_of, plane_stress
+from wsim.kernels.xpbd_terms import batch_of, plane_stress
 
 
 @wp.func

@@ -15,6 +15,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.constraint import inverse
+from wsim.kernels.exact import gain
 from wsim.kernels.real import types
 
 
@@ -34,6 +35,7 @@ def net(real):
         start: wp.array(dtype=int)           # springs of each point: entries start[i]:start[i + 1], (points + 1,)
         other: wp.array(dtype=int)           # point at the other end, (entries,)
         rest: wp.array(dtype=t.scalar)       # length [m], (entries,)
+        left: wp.array(dtype=t.scalar)       # what float32 leaves of it, (entries,); only when exact
         k: wp.array(dtype=t.scalar)          # [N/m], (entries,)
         damping: wp.array(dtype=t.scalar)    # k tau [N s/m], (entries,); only when damped
         first: wp.array(dtype=int)           # corner forces of each point: item[first[i]:first[i + 1]], (points + 1,)
@@ -64,7 +66,8 @@ def together(vec3, lanes: int):
 
 
 @cache
-def gather(real, *, springs: bool, corners: bool, damped: bool, added: bool = False, lanes: int = 1, width: int = 0):
+def gather(real, *, springs: bool, corners: bool, damped: bool, added: bool = False, lanes: int = 1, width: int = 0,
+           exact: bool = False):
     """Function: what lane `lane` of point i sums of its forces [N], copy `source` of d. See `acceleration`."""
     t = types(real)
     Net, vec3 = net(real), t.vec3
@@ -76,8 +79,12 @@ def gather(real, *, springs: bool, corners: bool, damped: bool, added: bool = Fa
         k = net.k[c]
         rest = net.rest[c]
         r = (x[j] - x0) + (d[source * n + j] - d0)
-        over = inverse(wp.length(r))
-        s = k - k * rest * over
+        L = wp.length(r)
+        over = inverse(L)
+        if wp.static(exact):
+            s = k * over * inverse(L + rest) * gain(x0, x[j], d0, d[source * n + j], rest, net.left[c])
+        else:
+            s = k - k * rest * over
         if wp.static(damped):
             s += net.damping[c] * over * over * wp.dot(r, d[(2 + source) * n + j] - v0)
         return s * r
@@ -113,8 +120,8 @@ def acceleration(real, *, lanes: int = 1, field=None, **kinds):
     """Function: acceleration [m/s^2] of point i, copy `source` of d; `lane` is which of its `lanes` threads this is.
 
     springs, corners, damped: what there is. added: the springs' forces are summed already, in f[i] (kernels/march.py). width:
-    every point has so many entries, the last of which may pull at nothing; 0: see `Net.start`. field: function
-    (x + d, v~) -> acceleration."""
+    every point has so many entries, the last of which may pull at nothing; 0: see `Net.start`. exact: see kernels/exact.py.
+    field: function (x + d, v~) -> acceleration."""
     t = types(real)
     Net, vec3, total, gathered = net(real), t.vec3, together(t.vec3, lanes), gather(real, lanes=lanes, **kinds)
 

@@ -10,7 +10,7 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.constraint import inverse
-from wsim.kernels.xpbd import variant
+from wsim.kernels.xpbd_terms import variant
 
 
 @cache

@@ -19,7 +19,7 @@ import warp as wp
 
 from wsim.kernels.constraint import across, dihedral, inverse, membrane
 from wsim.kernels.real import types
-from wsim.kernels.xpbd import batch_of
+from wsim.kernels.xpbd_terms import batch_of
 
 WHOLE, TURNED = -1, -2         # second number of a part of a block: that of a triangle or tet, or its transpose; >= 0: hinges
 

@@ -16,39 +16,17 @@ Where colours are small a sweep costs a fraction of the launches it replaces.
 """
 
 from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
 
 from wsim.kernels import stream
-from wsim.kernels.constraint import TABLE, membrane_response, membrane_slender
+from wsim.kernels.constraint import membrane_response, membrane_slender
 from wsim.kernels.matrix import solve_block
-from wsim.kernels.real import types
+from wsim.kernels.xpbd_terms import length, plane_stress, variant
 
 TINY = {wp.float32: 4.0 * 2.0**-23, wp.float64: 4.0 * 2.0**-52}       # roundings left where elimination ends in 0
 CALM = 1e-2            # strain below which no step of a membrane is too long, up to triangles of 1 : 800
-
-
-@cache
-def batch(points: int, value, compliance, scalar):
-    """Struct of a constraint's tables. No stage writes them, so gradients and the overwrite detector stay right."""
-
-    @wp.struct
-    class Batch:
-        point: wp.array(dtype=wp.types.vector(points, int))  # points of each constraint, (m,)
-        rest: wp.array(dtype=value)           # rest value: a length, an angle, or Dm^-1, (m,)
-        alpha: wp.array(dtype=compliance)     # compliance, (m,), or (1,) for all; unused by a unilateral constraint
-        tau: wp.array(dtype=scalar)           # relaxation time [s], (m,) or (1,); only when damped
-        w: wp.array(dtype=scalar)             # inverse masses [1/kg] of all points; 0 pins
-
-    return Batch
-
-
-def batch_of(constraint: str, real):
-    """Struct for a row of the table. The membrane's alpha has its four different entries: (uu, uv, shear, vv)."""
-    row, t = TABLE[constraint], types(real)
-    return batch(row.points, t.mat22, t.vec4, real) if row.rows == 3 else batch(row.points, real, real, real)
 
 
 @cache
@@ -103,75 +81,6 @@ def one_of(o, backward: bool):
     return _block(o) if o.rows == 3 else _row(o)
 
 
-def variant(constraint, real, multipliers, damped, uniform, stored: bool = False) -> SimpleNamespace:
-    """What the makers of kernels need: the row of the table, the types, the flags, a name, and the function `terms`. stored:
-    dlam is left in lam_out by constraints without a multiplier too."""
-    row, t = TABLE[constraint], types(real)
-    flags = {"lam": multipliers and not row.unilateral, "damped": damped and not row.unilateral, "uniform": uniform}
-    name = "_".join([constraint, *(word for word, on in flags.items() if on), t.name])
-    o = SimpleNamespace(**vars(row), **flags, stored=stored, t=t, name=name, Batch=batch_of(constraint, real))
-    o.value, o.entry = (t.vec3, t.vec4) if row.rows == 3 else (real, real)        # of lam and C, of alpha
-    o.place = first_entry if uniform else own_entry
-    o.ids = wp.types.vector(row.points, int)
-    o.terms = _terms_block(o) if row.rows == 3 else _terms_row(o)
-    return o
-
-
-@wp.func
-def own_entry(c: int):
-    """Place of constraint c in a table with an entry for each."""
-    return c
-
-
-@wp.func
-def first_entry(c: int):
-    """Place of constraint c in a table with one entry for all."""
-    return 0
-
-
-@wp.func
-def plane_stress(alpha: Any):
-    """Compliance matrix [[uu, uv, 0], [uv, vv, 0], [0, 0, shear]]; alpha = (uu, uv, shear, vv)."""
-    o = type(alpha[0])(0.0)
-    return wp.matrix_from_rows(wp.vector(alpha[0], alpha[1], o), wp.vector(alpha[1], alpha[3], o),
-                               wp.vector(o, o, alpha[2]))
-
-
-def _terms_row(o):
-    """C, r, G of the first point, G of the others (rows) and d of all (rows) for a constraint with one row."""
-    real, vec3, n, formula = o.t.scalar, o.t.vec3, o.points - 1, o.formula
-    rows, displacements = wp.types.matrix((n, 3), real), wp.types.matrix((n + 1, 3), real)
-
-    @wp.func
-    def terms(p: o.ids, rest: real, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), a: wp.array(dtype=vec3),
-              alpha: real, gamma: real, lam: real):
-        i = p[0]
-        x0 = x[i]
-        N = displacements()
-        N[0] = d[i]
-        X = rows()
-        for k in range(n):
-            j = p[k + 1]
-            N[k + 1] = d[j]
-            X[k] = (x[j] - x0) + (N[k + 1] - N[0])
-        C, G = formula(X, rest)
-        if wp.static(o.unilateral):
-            C = wp.max(C, real(0.0))
-        r = -C
-        if wp.static(o.lam):
-            r -= alpha * lam
-        if wp.static(o.damped):
-            a0 = a[i]
-            for k in range(n):
-                r -= gamma * wp.dot(G[k], (N[k + 1] - N[0]) - (a[p[k + 1]] - a0))
-        G0 = vec3()
-        for k in range(n):
-            G0 -= G[k]
-        return C, r, G0, G, N
-
-    return terms
-
-
 @wp.func
 def weights_of_2(w: wp.array(dtype=Any), p: wp.vec2i):
     """Inverse masses of two points."""
@@ -190,14 +99,14 @@ WEIGHTS = {2: weights_of_2, 4: weights_of_4}
 def _row(o):
     """Projection of constraints with one row."""
     real, vec3, n, terms, place = o.t.scalar, o.t.vec3, o.points - 1, o.terms, o.place
-    weights, read_points, read_rest = WEIGHTS[o.points], o.read_points, o.read_rest
+    weights, read_points, read_length = WEIGHTS[o.points], o.read_points, length(o)
 
     @wp.func
     def project(c: int, batch: o.Batch, x: wp.array(dtype=vec3), a: wp.array(dtype=vec3), rate: real, omega: real,
                 d: wp.array(dtype=vec3), lam: wp.array(dtype=real), d_out: wp.array(dtype=vec3),
                 lam_out: wp.array(dtype=real)):
         p = read_points(batch.point, c)
-        rest = read_rest(batch.rest, c)
+        rest = read_length(batch, c)
         alpha = real(0.0)
         gamma = real(0.0)
         if wp.static(not o.unilateral):
@@ -225,34 +134,6 @@ def _row(o):
                 lam_out[c] = before + dlam
 
     return project
-
-
-def _terms_block(o):
-    """C, r, G1 and G2 (rows: those of C) and d of all points (rows) of a constraint with three rows on three points."""
-    real, vec3, formula, mat22 = o.t.scalar, o.t.vec3, o.formula, o.t.mat22
-
-    @wp.func
-    def terms(p: o.ids, rest: mat22, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), a: wp.array(dtype=vec3),
-              alpha: o.t.vec4, gamma: real, lam: vec3):
-        i = p[0]
-        j = p[1]
-        k = p[2]
-        x0 = x[i]
-        d0 = d[i]
-        d1 = d[j]
-        d2 = d[k]
-        D1 = d1 - d0
-        D2 = d2 - d0
-        C, G1, G2 = formula(wp.matrix_from_rows((x[j] - x0) + D1, (x[k] - x0) + D2), rest)
-        r = -C
-        if wp.static(o.lam):
-            r -= plane_stress(alpha) * lam
-        if wp.static(o.damped):
-            a0 = a[i]
-            r -= gamma * (G1 * (D1 - (a[j] - a0)) + G2 * (D2 - (a[k] - a0)))
-        return C, r, G1, G2, wp.matrix_from_rows(d0, d1, d2)
-
-    return terms
 
 
 def _block(o):

@@ -20,8 +20,9 @@ import warp as wp
 
 from wsim.kernels import stream
 from wsim.kernels.constraint import inverse
-from wsim.kernels.xpbd import WEIGHTS, one_of, variant
+from wsim.kernels.xpbd import WEIGHTS, one_of
 from wsim.kernels.xpbd_product import length, need, product
+from wsim.kernels.xpbd_terms import variant
 
 
 @wp.func
@@ -219,7 +220,7 @@ def _back_length(o):
         Y = wp.matrix_from_rows(g.d[i], g.d[j])
         y = g.lam[c]
         gX, gV, gW, grest, galpha, glam, ggamma = formula(
-            (s.x[j] - s.x[i]) + (N[1] - N[0]), V, W, batch.rest[c], alpha, lam, vec3(gamma, omega, y), Y)
+            (s.x[j] - s.x[i]) + (N[1] - N[0]), V, W, s.lam_out[c] - s.lam[c], alpha, lam, vec3(gamma, omega, y), Y)
         by.rest[c] = by.rest[c] + grest
         g.lam[c] = y - y
         if wp.static(not o.unilateral):

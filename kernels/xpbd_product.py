@@ -3,8 +3,8 @@
     s = dlam (sum_k w_k G_k.Y_k + y)
 
 for constant Y and y. Its derivatives by all that dlam and G are made of are those of a projection in the direction of Y, y. Of
-lengths they are written out: with n = X / L, E = W_1 Y_1 - W_0 Y_0, K = W_0 + W_1, B = (1 + gamma) K + alpha,
-dlam = -omega (C + alpha lam + gamma n.V) / B,  s = dlam (n.E + y),  f = omega (n.E + y) / B:
+lengths they are written out: with n = X / L, E = W_1 Y_1 - W_0 Y_0, K = W_0 + W_1, B = (1 + gamma) K + alpha, dlam, which the
+sweep has left, -omega (C + alpha lam + gamma n.V) / B,  s = dlam (n.E + y),  f = omega (n.E + y) / B:
 
     by X      -f (n + gamma (V - (n.V) n) / L) + dlam (E - (n.E) n) / L        by V      -f gamma n
     by rest   f        by alpha  -f lam - s / B        by lam  -f alpha        by gamma  -f n.V - s K / B
@@ -15,7 +15,8 @@ import warp as wp
 
 from wsim.kernels.constraint import inverse, membrane_response, membrane_slender
 from wsim.kernels.matrix import solve_block
-from wsim.kernels.xpbd import CALM, TINY, plane_stress
+from wsim.kernels.xpbd import CALM, TINY
+from wsim.kernels.xpbd_terms import plane_stress
 
 
 def product(o):
@@ -94,30 +95,27 @@ def _block(o):
 
 
 def length(o):
-    """Function: derivatives of s of a length by X, V, W, rest, alpha, lam and gamma; how: gamma, omega, y."""
+    """Function: derivatives of s of a length by X, V, W, rest, alpha, lam and gamma; how: gamma, omega, y. What is unilateral
+    and slack has left a dlam of 0."""
     real, vec3, vec2, two = o.t.scalar, o.t.vec3, o.t.vec2, wp.types.matrix((2, 3), o.t.scalar)
 
     @wp.func
-    def length(X: vec3, V: vec3, W: vec2, rest: real, alpha: real, lam: real, how: vec3, Y: two):
+    def length(X: vec3, V: vec3, W: vec2, dlam: real, alpha: real, lam: real, how: vec3, Y: two):
         L = wp.length(X)
         over = inverse(L)
         n = over * X
         E = W[1] * Y[1] - W[0] * Y[0]
         gamma = how[0]
-        C = L - rest
         slide = real(0.0)
         if wp.static(o.damped):
             slide = wp.dot(n, V)
-        if wp.static(o.unilateral):
-            C = wp.max(C, real(0.0))
         B = (real(1.0) + gamma) * (W[0] + W[1]) + alpha
         b = inverse(B)
         along = wp.dot(n, E) + how[2]
-        dlam = -(how[1] * b) * (C + alpha * lam + gamma * slide)
         f = how[1] * b * along
         s = dlam * along
         if wp.static(o.unilateral):
-            if C == real(0.0):
+            if dlam == real(0.0):
                 f = real(0.0)
         gX = (dlam * over) * (E - wp.dot(n, E) * n) - f * n
         gV = vec3()

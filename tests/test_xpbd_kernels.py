@@ -7,7 +7,8 @@ import warp as wp
 from wsim.kernels.constraint import TABLE
 from wsim.kernels.real import types
 from wsim.kernels.strain import statistics
-from wsim.kernels.xpbd import batch_of, projection
+from wsim.kernels.xpbd import projection
+from wsim.kernels.xpbd_terms import batch_of
 
 wp.config.quiet = True
 REALS = [wp.float32, wp.float64]

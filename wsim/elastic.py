@@ -6,7 +6,7 @@ import warp as wp
 from wsim.cloth import HARD, Rows
 from wsim.kernels.real import types
 from wsim.kernels.strain import statistics
-from wsim.kernels.xpbd import batch_of
+from wsim.kernels.xpbd_terms import batch_of
 from wsim.model import Model
 from wsim.state import State
 

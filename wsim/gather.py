@@ -32,6 +32,7 @@ class Pull:
         """alone: nothing else acts within a frame, so that a cluster of blocks, or CPU threads abreast, may take all of it.
         staged: integrators of several stages, whose adjoints are Warp's. shared: several threads may take a point."""
         self.model = model
+        self.exact = model.gradients and not staged and model.real is wp.float32      # see kernels/exact.py
         self.shared = shared and model.device.is_cuda and not (staged and model.gradients)
         self.cluster: Cluster | None = None
         self.backward: Callable | None = None         # adjoint of a leap
@@ -120,6 +121,8 @@ class Pull:
         tables = {"rest": np.concatenate([r.rest for r in self.springs]), "k": np.concatenate(each)}
         if self.damped:
             tables["damping"] = np.concatenate([r.tau * k for r, k in zip(self.springs, each, strict=True)])
+        if self.exact:                               # of muscles, whose lengths are products, it is not known
+            tables["left"] = (tables["rest"] - tables["rest"].astype(np.float32)) * (self.lengths is None)
         for name, values in tables.items():
             spread = np.append(values, 0.0)[self.entry].astype(self.model.dtype)        # padding pulls at nothing
             if again:
@@ -158,7 +161,7 @@ class Pull:
     def flags(self) -> tuple:
         """What `wsim.kernels.spring.acceleration` is made of."""
         return tuple({"springs": bool(self.springs), "corners": bool(self.elements), "damped": self.damped,
-                      "added": self.added, "lanes": self.lanes, "width": self.width}.items())
+                      "added": self.added, "lanes": self.lanes, "width": self.width, "exact": self.exact}.items())
 
     def launch(self, source: int, x: wp.array, pair: wp.array) -> None:
         """Forces that are not gathered on the way: those of elements, and on a CPU of springs."""

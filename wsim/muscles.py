@@ -98,11 +98,14 @@ class Muscles(Method):
         if solver.name == "xpbd":
             batch = next(b for b in solver.batches if b.kind == "distance")
             batch.lengths, solver.lengthen = self.join(batch.rows, batch.data.rest, batch.order), self.finish
+            if batch.adjoint:
+                batch.adjoint.refresh()
             self.stage(batch.size)
             return
         pull = solver.pull if solver.name == "explicit" else solver.adjoint.pull if solver.adjoint else None
         if pull:
             pull.lengths = self.join(pull.springs, pull.table.rest, pull.entry)
+            pull.values(again=True)
         if solver.name == "explicit":
             solver.muscles, self.watch = self, solver.watch
             self.watch.follow(self.longest)

@@ -98,6 +98,8 @@ class Batch:
             return
         self.stale = self.remade = False
         (self.lengths or self.data.rest).assign(self.rest().astype(self.model.dtype))
+        if self.adjoint:
+            self.adjoint.refresh()
         alpha, tau = self.values()
         if self.uniform and not (np.all(alpha == alpha[0]) and np.all(tau == tau[0])):
             self.uniform, self.remade = False, True

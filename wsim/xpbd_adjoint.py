@@ -1,5 +1,6 @@
 """Adjoint of the sweeps of `wsim.xpbd`: each leaves its multipliers behind, and is undone. See kernels/xpbd_adjoint.py."""
 
+import numpy as np
 import warp as wp
 
 from wsim.cloth import HARD
@@ -21,7 +22,17 @@ class SweepAdjoint:
         self.kernels = [make(batch.kind, model.real, module, batch.damped, self.kept, batch.fused)
                         for make in (kernels.sweep, kernels.sweep_adjoint)]
         self.zero, self.back = (wp.zeros(batch.size, dtype=self.value, device=model.device) for _ in range(2))
+        self.left = None
+        if batch.rest().ndim == 1 and not self.kept and model.real is wp.float32:
+            self.left = batch.data.left = wp.empty(batch.size, dtype=model.real, device=model.device)
+            self.refresh()
         self.last = self.zero                   # multipliers of the sweep before, while a tape records
+
+    def refresh(self) -> None:
+        """What float32 leaves of the rest lengths; of muscles, whose lengths are products, nothing is known."""
+        if self.left:
+            rest = self.batch.rest()
+            self.left.assign((rest - rest.astype(np.float32)) * (self.batch.lengths is None))
 
     def record(self, tape: Tape, x: wp.array, a: wp.array | None, d: wp.array, clock) -> None:
         """A sweep over all colours, in place of d."""
