@@ -74,7 +74,11 @@ class Parameters:
         return self.contact.take_motion() if self.contact else None
 
     def ends(self, grad: np.ndarray) -> np.ndarray:
-        """Sums over the two ends of each spring, from a gradient of the entries."""
-        entry = self.pull.entry
-        grad = grad[:len(entry)]
-        return np.bincount(entry[entry >= 0], grad[entry >= 0], self.pull.count)
+        return ends(self.pull, grad)
+
+
+def ends(pull, grad: np.ndarray) -> np.ndarray:
+    """Sums over the two ends of each spring of a `wsim.gather.Pull`, from a gradient of the entries."""
+    entry = pull.entry
+    grad = grad[:len(entry)]
+    return np.bincount(entry[entry >= 0], grad[entry >= 0], pull.count)

@@ -4,8 +4,8 @@
                                             by m: r.(a + k v - g)    by g: -m r    by k: m r.v
     soft, R = s (X - x) - c v:              by x: -s r    by v: -c r    by X: s r    by s: r.(X - x)    by c: -r.v
 
-Positions and velocities pass what they get on to the frames before. Not covered, and refused: wind, muscles, plastic
-flow, XPBD; by where a pin goes, where its own reaction is observed while it moves (a, X).
+Positions and velocities pass what they get on to the frames before. f is `wsim.reaction_law`. Not covered, and refused: wind,
+muscles, plastic flow; by where a pin goes, where its own reaction is observed while it moves (a, X).
 """
 
 from dataclasses import dataclass, field
@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import warp as wp
 
-from wsim.force_adjoint import Forces
 from wsim.reaction import Held, Reactions
+from wsim.reaction_law import Law
 from wsim.scene import Problem, SceneError
 from wsim.tape import give
 
@@ -22,13 +22,15 @@ from wsim.tape import give
 @dataclass
 class Inertia:
     """Gradients by what is not on the device for pinned points: mass [1/kg], (points,), gravity [s^2/m], (points, 3), decay
-    [s], (points,). moved: (pin, world) that did; soft: of such a pin by stiffness, damping and targets, (places, 3)."""
+    [s], (points,). moved: (pin, world) that did; soft: of such a pin by stiffness, damping and targets, (places, 3). tables:
+    of XPBD, by their address."""
 
     mass: np.ndarray
     gravity: np.ndarray
     decay: np.ndarray
     moved: set[tuple[str, int]] = field(default_factory=set)
     soft: dict[tuple[str, int], dict] = field(default_factory=dict)
+    tables: dict[int, np.ndarray] = field(default_factory=dict)
 
 
 class ReactionAdjoint(Reactions):
@@ -38,7 +40,6 @@ class ReactionAdjoint(Reactions):
         self.recording, plan = recording, recording.plan
         wrong = [("/", "wind blows", "leave drag and lift out")] * (plan.method("aero") is not None)
         wrong += [("/", "muscles act", "leave the actuation out")] * (plan.method("muscles") is not None)
-        wrong += [("/", "the solver is xpbd", "set wsim:solver = explicit or implicit")] * (recording.parameters.pull is None)
         wrong += [(s.path, "flows beyond its yield", "give it no yield strain") for s in plan.model.scene.softs
                   if any(np.isfinite(m.yield_strain) for m in s.materials)]
         if wrong:
@@ -47,17 +48,10 @@ class ReactionAdjoint(Reactions):
         super().__init__(plan)
 
     def make(self) -> None:
-        self.forces = Forces(self.model, self.recording.parameters.pull, f"{self.model.module}_reactions")
-        wp.load_module(f"{self.model.module}_reactions", device=self.model.device,
-                       block_dim=self.model.block if self.model.device.is_cuda else None)
+        self.law = Law(self.recording)
 
     def elastic(self, x: wp.array, e: wp.array | None, v: wp.array) -> np.ndarray:
-        f = self.forces
-        wp.copy(f.x, x)
-        f.pair.zero_()
-        wp.copy(f.pair, v, 2 * self.model.points, 0, self.model.points)
-        f.evaluate()
-        return f.f.numpy().astype(np.float64)
+        return self.law.evaluate(x, e, v)
 
     def at(self, frame: int) -> None:
         """The state after so many frames."""
@@ -69,6 +63,7 @@ class ReactionAdjoint(Reactions):
     def begin(self, given: dict) -> "ReactionAdjoint":
         """given: {frame: {pin: (n, 3)}, or {(pin, world): (n, 3)}} [1/N]. Raises SceneError for those that are none."""
         n = self.model.points
+        self.law.zero()
         self.inertia = Inertia(np.zeros(n), np.zeros((n, 3)), np.zeros(n))
         self.given: dict[int, list[tuple[Held, np.ndarray]]] = {}
         for frame, pins in given.items():
@@ -92,9 +87,8 @@ class ReactionAdjoint(Reactions):
         """What the reactions after so many frames add to the gradients of that state, and of everything else."""
         if frame not in self.given:
             return
-        f, n, device = self.forces, self.model.points, self.model.device
         self.at(frame)
-        p, by_x, by_v = np.zeros((3, n, 3))
+        p, by_x, by_v = np.zeros((3, self.model.points, 3))
         for h, r in self.given[frame]:
             if h.hard:
                 np.add.at(p, h.places, -r)
@@ -103,12 +97,15 @@ class ReactionAdjoint(Reactions):
                 np.add.at(by_x, h.places, -h.pin.part * h.pin.pin.stiffness * r)
                 np.add.at(by_v, h.places, -h.pin.part * h.pin.pin.damping * r)
                 self.soft(h, r)
-        f.x.grad.zero_()
-        f.transposed(wp.array(p.astype(self.model.dtype), dtype=f.f.dtype, device=device), True)
-        by_x, by_v = by_x + f.x.grad.numpy(), by_v + f.pair.grad.numpy()[2 * n:3 * n]
-        for base, by in ((self.plan.state.x, by_x), (self.plan.state.v, by_v)):
+        of_x, of_v = self.law.transposed(p)
+        for base, by in ((self.plan.state.x, by_x + of_x), (self.plan.state.v, by_v + of_v)):
             root = next(root for root in self.recording.roots if root.base.ptr == base.ptr)
-            give(wp.array(by.astype(self.model.dtype), dtype=base.dtype, device=device), root.carried)
+            give(wp.array(by.astype(self.model.dtype), dtype=base.dtype, device=base.device), root.carried)
+
+    def end(self) -> Inertia:
+        """After the last frame."""
+        self.inertia.tables = self.law.by_batches()
+        return self.inertia
 
     def hard(self, h: Held, r: np.ndarray) -> np.ndarray:
         """By v of what is not f; by masses, gravity and drag of the air into `inertia`."""

@@ -259,7 +259,7 @@ class Recording:
         seeds.add(0)
         self.look()
         states = Fetched({r.base.ptr: wp.clone(r.carried) for r in self.roots})
-        return Gradient(self.parameters, states, targets[::-1], motions[::-1], seeds.inertia)
+        return Gradient(self.parameters, states, targets[::-1], motions[::-1], seeds.end())
 
     def look(self) -> None:
         """What implicit solves have left, in `residuals`: gradients are as right as those are small."""

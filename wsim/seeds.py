@@ -27,9 +27,9 @@ class Seeds:
                 assert root is not None
                 give(wp.array(given[frame], dtype=base.dtype, device=base.device), root.carried)
 
-    @property
-    def inertia(self) -> Inertia | None:
-        return self.pulls.inertia if self.pulls else None
+    def end(self) -> Inertia | None:
+        """What is known of reactions after the last frame."""
+        return self.pulls.end() if self.pulls else None
 
 
 def dense(recording, given: dict | None, what: str) -> dict[int, np.ndarray]:

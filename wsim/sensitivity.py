@@ -44,6 +44,8 @@ class Gradient(ElementGradient):
         self.parameters, self.model, self.plan = parameters, parameters.model, parameters.plan
         self.states, self._targets, self.inertia = states, targets, inertia
         self.grads = Fetched({array.ptr: wp.clone(array.grad) for array in parameters.arrays()})
+        for key, by in inertia.tables.items() if inertia else ():
+            self.grads[key] = self.grads[key] + by
         self.contacts = ContactGradient(parameters.plan.method("contact"), motions) if parameters.contact else None
 
     @cached_property
