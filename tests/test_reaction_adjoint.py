@@ -5,6 +5,7 @@ import pytest
 
 from tests.test_gradients import WEIGHTS, bar, everything_of_a_sheet, net, sheet
 from tests.test_gradients import Run as Positions
+from tests.test_muscles import FACTORS, SOLVERS, muscled
 from wsim.curve import Motion
 from wsim.recording import Recording
 from wsim.scene import Scene, SceneError
@@ -120,6 +121,21 @@ def test_a_sheet_by_sweeps(model, how):
     rest = run.scene.cloths[0].rest_points.astype(np.float64)
     way = 1e-3 * np.random.default_rng(9).normal(size=rest.shape) * (1.0, 1.0, 0.0)
     run.check((run.gradient.rest_shape() * way).sum(), lambda s: ("/cloth", "rest_shape", rest + s * way), 0.05)
+
+
+@pytest.mark.parametrize("solver", ["leapfrog", "rk4", "xpbd", "midpoint", "newton", "sdirk3"])
+def test_muscles(solver):
+    """By their factors, at keys between frames too, and by what these multiply."""
+    scene, lengths = muscled(**SOLVERS[solver]), np.linspace(0.09, 0.11, 11).astype(np.float32)
+    scene.springs[0].lengths = lengths
+    run, way = Run(scene), np.random.default_rng(3).normal(size=FACTORS.shape)
+    run.check((run.gradient.actuation() * way).sum(), lambda s: ("/chain", "actuation", FACTORS + s * way), 0.01)
+    run.material("stiffness", 40.0)
+    run.state("positions")
+    each = np.random.default_rng(8).normal(size=11)
+    run.check(run.gradient.lengths() @ each, lambda s: ("/chain", "lengths", lengths + s * each), 2e-4)
+    kept = Run(scene, keep="checkpoints").gradient.actuation()
+    assert np.abs(kept - run.gradient.actuation()).max() < 1e-12 * np.abs(kept).max()
 
 
 @pytest.mark.parametrize("more", [{"integrator": "leapfrog"}, SWEEPS | {"integrator": "bdf2"}])

@@ -88,10 +88,13 @@ class Muscles(Method):
     def join(self, rows: list[Rows], length: wp.array, entry: np.ndarray) -> wp.array:
         """Takes a table of springs: `length` holds their rest lengths, of number `entry` in the rows, -1: padding. Returns
         where the lengths without muscles are."""
-        columns = self.columns(rows)
-        column = np.where(entry < 0, self.groups, columns[entry])
-        self.sites.append(_Site(self.model, length, column, self.groups))
+        self.sites.append(self.site(rows, length, entry))
         return self.sites[-1].rest
+
+    def site(self, rows: list[Rows], length: wp.array, entry: np.ndarray) -> _Site:
+        """Of such a table; one that `join` has taken is found again."""
+        known = next((s for s in self.sites if s.length.ptr == length.ptr), None)
+        return known or _Site(self.model, length, np.where(entry < 0, self.groups, self.columns(rows)[entry]), self.groups)
 
     def drive(self, solver) -> None:
         """Takes the springs of the method that solves for them."""
@@ -138,14 +141,21 @@ class Muscles(Method):
 
     def put(self, row: int) -> None:
         for s in self.sites:
-            self.launch(self.contract, s.length.size, [s.column, s.rest, self.factor, row], [s.length])
+            self.shorten(s, self.factor, row)
 
     def take(self, row: int) -> None:
         """From the derivatives by the lengths that `put` has left."""
         for s in self.sites:
-            self.launch(self.shares, s.share.size, [s.first, s.item, s.rest, s.length.grad], [s.share])
-            self.launch(self.release, s.size, [s.column, self.factor, s.share, row],
-                        [s.length.grad, s.rest.grad, self.factor.grad])
+            self.hand(s, self.factor, row)
+
+    def shorten(self, s: _Site, factor: wp.array, row: int) -> None:
+        """A table of springs gets the lengths of a row of factors."""
+        self.launch(self.contract, s.length.size, [s.column, s.rest, factor, row], [s.length])
+
+    def hand(self, s: _Site, factor: wp.array, row: int) -> None:
+        """The adjoint of `shorten`."""
+        self.launch(self.shares, s.share.size, [s.first, s.item, s.rest, s.length.grad], [s.share])
+        self.launch(self.release, s.size, [s.column, factor, s.share, row], [s.length.grad, s.rest.grad, factor.grad])
 
     def launch(self, kernel, dim: int, inputs: list, outputs: list) -> None:
         """Not by the model, whose tape would give lengths in structs another version."""
@@ -179,9 +189,13 @@ class Muscles(Method):
     def by_keys(self) -> list[np.ndarray]:
         """Derivatives by the curves' values, (keys, groups) of each net, from those by the factors of this frame, which are
         zeros then."""
-        by = self.factor.grad.numpy().astype(np.float64)
-        self.factor.grad.zero_()
-        return [m.curve.weights(self.times).T @ by[:, m.columns] for m in self.muscles]
+        return self.keyed(self.factor, self.times)
+
+    def keyed(self, factor: wp.array, times) -> list[np.ndarray]:
+        """As `by_keys`, of a table whose rows are at these times [s]."""
+        by = factor.grad.numpy().astype(np.float64)
+        factor.grad.zero_()
+        return [m.curve.weights(times).T @ by[:, m.columns] for m in self.muscles]
 
     def find(self, path: str, world: int = 0) -> int:
         """Number of the muscles of a net. Raises SceneError."""

@@ -5,7 +5,7 @@
     soft, R = s (X - x) - c v:              by x: -s r    by v: -c r    by X: s r    by s: r.(X - x)    by c: -r.v
 
 Positions and velocities pass what they get on to the frames before. f is `wsim.reaction_law`. Not covered, and refused: wind,
-muscles, plastic flow; by where a pin goes, where its own reaction is observed while it moves (a, X).
+plastic flow; by where a pin goes, where its own reaction is observed while it moves (a, X).
 """
 
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ from wsim.tape import give
 class Inertia:
     """Gradients by what is not on the device for pinned points: mass [1/kg], (points,), gravity [s^2/m], (points, 3), decay
     [s], (points,). moved: (pin, world) that did; soft: of such a pin by stiffness, damping and targets, (places, 3). tables:
-    of XPBD, by their address."""
+    of XPBD, by their address; muscles: by the keys of each net, as `wsim.parameters.Parameters.take_targets`."""
 
     mass: np.ndarray
     gravity: np.ndarray
@@ -31,6 +31,7 @@ class Inertia:
     moved: set[tuple[str, int]] = field(default_factory=set)
     soft: dict[tuple[str, int], dict] = field(default_factory=dict)
     tables: dict[int, np.ndarray] = field(default_factory=dict)
+    muscles: list[np.ndarray] = field(default_factory=list)
 
 
 class ReactionAdjoint(Reactions):
@@ -39,7 +40,6 @@ class ReactionAdjoint(Reactions):
     def __init__(self, recording):
         self.recording, plan = recording, recording.plan
         wrong = [("/", "wind blows", "leave drag and lift out")] * (plan.method("aero") is not None)
-        wrong += [("/", "muscles act", "leave the actuation out")] * (plan.method("muscles") is not None)
         wrong += [(s.path, "flows beyond its yield", "give it no yield strain") for s in plan.model.scene.softs
                   if any(np.isfinite(m.yield_strain) for m in s.materials)]
         if wrong:
@@ -51,7 +51,7 @@ class ReactionAdjoint(Reactions):
         self.law = Law(self.recording)
 
     def elastic(self, x: wp.array, e: wp.array | None, v: wp.array) -> np.ndarray:
-        return self.law.evaluate(x, e, v)
+        return self.law.evaluate(x, e, v, self.time)
 
     def at(self, frame: int) -> None:
         """The state after so many frames."""
@@ -104,7 +104,7 @@ class ReactionAdjoint(Reactions):
 
     def end(self) -> Inertia:
         """After the last frame."""
-        self.inertia.tables = self.law.by_batches()
+        self.inertia.tables, self.inertia.muscles = self.law.by_batches(), self.law.by_keys()
         return self.inertia
 
     def hard(self, h: Held, r: np.ndarray) -> np.ndarray:

@@ -1,6 +1,9 @@
 """The law of the material at the end of a frame, f(x, v), and products with its derivatives: what `wsim.reaction_adjoint` is
 made of. Tables are those of the solver, whose gradients are added to; XPBD has no forces, and gets some (`reaction_xpbd`).
+Muscles have the factors of that time.
 """
+
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -20,18 +23,24 @@ class Law:
         module = model.module if self.beside else f"{model.module}_reactions"
         self.forces = Forces(model, self.pull, module)
         self.p = wp.zeros_like(self.forces.f)
+        muscles: Any = plan.method("muscles")
+        self.muscles = Contracted(muscles, self.pull) if muscles and self.pull.springs else None
         wp.load_module(module, device=model.device, block_dim=model.block if model.device.is_cuda else None)
 
     def zero(self) -> None:
         """Gradients that are its own."""
         if self.beside:
             self.beside.zero()
+        if self.muscles:
+            self.muscles.zero()
 
-    def evaluate(self, x: wp.array, e: wp.array | None, v: wp.array) -> np.ndarray:
-        """f [N], (points, 3), of springs and elements at x + e with velocities v."""
+    def evaluate(self, x: wp.array, e: wp.array | None, v: wp.array, time: float) -> np.ndarray:
+        """f [N], (points, 3), of springs and elements at x + e with velocities v, at `time` [s]."""
         f, n = self.forces, self.model.points
         if self.beside:
             self.pull.refresh()
+        if self.muscles:
+            self.muscles.put(time)
         wp.copy(f.x, x)
         f.pair.zero_()
         if e is not None:
@@ -46,8 +55,37 @@ class Law:
         self.p.assign(p.astype(self.model.dtype))
         f.x.grad.zero_()
         f.transposed(self.p, True)
+        if self.muscles:
+            self.muscles.take()
         return f.x.grad.numpy().astype(np.float64), f.pair.grad.numpy()[2 * n:3 * n].astype(np.float64)
 
     def by_batches(self) -> dict[int, np.ndarray]:
         """What XPBD's tables get, by address."""
         return self.beside.by_batches() if self.beside else {}
+
+    def by_keys(self) -> list[np.ndarray]:
+        """By the curves of muscles, as `wsim.muscles.Muscles.by_keys`."""
+        return self.muscles.by if self.muscles else []
+
+
+class Contracted:
+    """Springs of a `wsim.gather.Pull` as muscles have them at one time."""
+
+    def __init__(self, muscles, pull):
+        self.muscles, self.site, model = muscles, muscles.site(pull.springs, pull.table.rest, pull.entry), pull.model
+        self.by: list[np.ndarray] = []
+        pull.lengths = self.site.rest                    # where `Pull.refresh` writes, and gradients by rest lengths are
+        self.factor = wp.ones((1, muscles.groups + 1), dtype=model.real, device=model.device, requires_grad=True)
+
+    def zero(self) -> None:
+        self.by = [np.zeros(m.curve.values.shape) for m in self.muscles.muscles]
+
+    def put(self, time: float) -> None:
+        self.time = time
+        self.factor.assign(self.muscles.factors(time)[None].astype(self.muscles.model.dtype))
+        self.muscles.shorten(self.site, self.factor, 0)
+
+    def take(self) -> None:
+        """From the derivatives by the lengths."""
+        self.muscles.hand(self.site, self.factor, 0)
+        self.by = [a + b for a, b in zip(self.by, self.muscles.keyed(self.factor, [self.time]), strict=True)]

@@ -34,7 +34,7 @@ class Beside:
     def arrays(self) -> list[wp.array]:
         """What gets gradients."""
         net, tables = self.pull.net, [e.data for e in self.elements.values()]
-        found = [getattr(net, name) for name in ("k", "rest", "damping")] if self.pull.springs else []
+        found = [self.pull.lengths, *(getattr(net, name) for name in ("k", "rest", "damping"))] if self.pull.springs else []
         return [a for a in (*found, *(getattr(d, name) for d in tables for name in ("rest", "stiffness", "tau"))) if a]
 
     def zero(self) -> None:
@@ -55,7 +55,7 @@ class Beside:
     def springs(self, batch) -> tuple[np.ndarray, ...]:
         """By alpha, rest and tau, in the order of the rows."""
         (alpha, tau), net = batch.values(), self.pull.net
-        by_k, by_rest = (ends(self.pull, a.grad.numpy().astype(np.float64)) for a in (net.k, net.rest))
+        by_k, by_rest = (ends(self.pull, a.grad.numpy().astype(np.float64)) for a in (net.k, self.pull.lengths or net.rest))
         by_c = ends(self.pull, net.damping.grad.numpy().astype(np.float64)) if self.pull.damped else np.zeros(len(alpha))
         return -(by_k + tau * by_c) / alpha**2, by_rest, by_c / alpha
 

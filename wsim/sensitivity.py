@@ -175,4 +175,5 @@ class Gradient(ElementGradient):
         if not self.parameters.muscles:
             raise SceneError(Problem(path or "actuation", "no net has muscles; give one an actuation"))
         number = self.parameters.muscles.find(self.model.body(path, world).path, world)
-        return np.sum([frame[-1][number] for frame in self._targets], axis=0)
+        found = np.sum([frame[-1][number] for frame in self._targets], axis=0)
+        return found + (self.inertia.muscles[number] if self.inertia and self.inertia.muscles else 0.0)
