@@ -73,6 +73,14 @@ def test_it_stands_between_other_layers():
     assert all(p.grad is not None and p.grad.abs().sum() > 0.0 for p in head.parameters())
 
 
+def test_outputs_in_float64_of_a_float32_run_carry_the_remainders():
+    f = layer(net(integrator="leapfrog"), ["gravity"], precision="float32", dtype=torch.float64)
+    x, v = f(torch.tensor(f.rollout.values()["gravity"]))
+    y = f.rollout.motion()
+    assert np.abs(f.recording.rests.numpy()).max() > 0.0
+    assert np.array_equal(x.numpy(), y[0]) and np.array_equal(v.numpy(), y[1])
+
+
 def test_two_rollouts_of_one_recording_have_their_own_gradients():
     f = layer(net(integrator="leapfrog"), ["/chain:stiffness"])
     ways, alone = [30.0, 38.0], []

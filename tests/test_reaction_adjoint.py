@@ -6,6 +6,8 @@ import pytest
 from tests.test_gradients import WEIGHTS, bar, everything_of_a_sheet, net, sheet
 from tests.test_gradients import Run as Positions
 from tests.test_muscles import FACTORS, SOLVERS, muscled
+from tests.test_plastic_adjoint import LEAPFROG, NEWTON, yielding
+from tests.test_rest_shape import by_rest_shape
 from wsim.curve import Motion
 from wsim.recording import Recording
 from wsim.scene import Scene, SceneError
@@ -136,6 +138,21 @@ def test_muscles(solver):
     run.check(run.gradient.lengths() @ each, lambda s: ("/chain", "lengths", lengths + s * each), 2e-4)
     kept = Run(scene, keep="checkpoints").gradient.actuation()
     assert np.abs(kept - run.gradient.actuation()).max() < 1e-12 * np.abs(kept).max()
+
+
+@pytest.mark.parametrize("model, more, step", [("corotational", LEAPFROG, 1e-7), ("neo_hookean", NEWTON, 2e-6),
+                                               ("corotational", {"integrator": "rk4", "substeps": 60}, 1e-7)])
+def test_a_bar_that_flows(model, more, step):
+    """Its tets have the shapes at rest of that frame, and do not flow because one looks (after rk4's last stage)."""
+    run = Run(yielding(model, **more))
+    assert run.sim.indicators()["plastic_strain"] > 0.03
+    for name, value in (("young", 2e4), ("yield_strain", 0.02)):
+        run.check(value * run.gradient.material(name), lambda s, n=name, v=value: (run.path, n, v * (1.0 + s)),
+                  1e-4 if more is NEWTON else 1e-5, 2e-8)
+    run.state("positions", step)
+    by_rest_shape(run, step, 2e-9)
+    kept = Run(run.scene, keep="checkpoints").gradient.positions()
+    assert np.abs(kept - run.gradient.positions()).max() < 1e-12 * np.abs(kept).max()
 
 
 @pytest.mark.parametrize("more", [{"integrator": "leapfrog"}, SWEEPS | {"integrator": "bdf2"}])

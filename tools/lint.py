@@ -37,7 +37,7 @@ LAYERS = (
     ("plan",),
     ("measure", "broken", "mend", "stress", "reaction", "reaction_adjoint", "reaction_law",
      "reaction_xpbd", "simulation", "parameters", "sensitivity", "growth",
-     "reshape_adjoint", "element_gradient", "seeds", "segments", "recording"),
+     "reshape_adjoint", "element_gradient", "seeds", "segments", "frames", "recording"),
     ("input", "rest_inputs", "controls", "contact_inputs", "inputs", "arrays", "products", "trust", "layer", "layer_jax"),
     ("usd", "partial", "sublayer", "overs", "restart", "recorder", "fitting", "drawn", "visible", "view", "picture"),
     ("cli", "bench", "commands", "run", "__main__", "__init__"),

@@ -41,7 +41,7 @@ class Layer(torch.nn.Module):
         self.dtype = dtype or (torch.float64 if recording.sim.precision == "float64" else torch.float32)
         self.index = torch.as_tensor(self.rollout.index, device=self.device)                       # (worlds, points)
         self.origin = torch.as_tensor(self.rollout.origin, dtype=torch.float64, device=self.device)
-        self.states, self.speeds = wp.to_torch(recording.states), wp.to_torch(recording.speeds)    # the same memory
+        self.kept = [wp.to_torch(a) for a in (recording.states, recording.rests, recording.speeds)]         # the same memory
 
     def values(self) -> list[torch.Tensor]:
         """What the inputs are now, float64, in their order: to begin an optimisation with."""
@@ -63,8 +63,8 @@ class Layer(torch.nn.Module):
         if self.device.type == "cuda":
             wp.synchronize_device(self.recording.sim.device)                # Warp's stream is not torch's
         frames = torch.as_tensor(self.rollout.frames, device=self.device)
-        x, v = (array[frames][:, self.index].transpose(0, 1) for array in (self.states, self.speeds))
-        x, v = (x.to(torch.float64) + self.origin).to(self.dtype), v.to(self.dtype)
+        x, e, v = (array[frames][:, self.index].transpose(0, 1) for array in self.kept)
+        x, v = (x.to(torch.float64) + e + self.origin).to(self.dtype), v.to(self.dtype)
         return (x, v) if self.recording.sim.worlds > 1 else (x[0], v[0])
 
 

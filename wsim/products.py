@@ -97,8 +97,8 @@ class Rollout:
     def motion(self) -> np.ndarray:
         """y of the last run."""
         r = self.recording
-        y = np.stack([array.numpy()[self.frames].astype(np.float64)[:, self.index] for array in (r.states, r.speeds)])
-        y[0] += self.origin
+        x, e, v = (a.numpy()[self.frames].astype(np.float64)[:, self.index] for a in (r.states, r.rests, r.speeds))
+        y = np.stack([x + e + self.origin, v])
         return np.moveaxis(y, 2, 0).reshape(self.shape)
 
     # first derivatives

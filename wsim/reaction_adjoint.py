@@ -4,8 +4,8 @@
                                             by m: r.(a + k v - g)    by g: -m r    by k: m r.v
     soft, R = s (X - x) - c v:              by x: -s r    by v: -c r    by X: s r    by s: r.(X - x)    by c: -r.v
 
-Positions and velocities pass what they get on to the frames before. f is `wsim.reaction_law`. Not covered, and refused: wind,
-plastic flow; by where a pin goes, where its own reaction is observed while it moves (a, X).
+Positions and velocities pass what they get on to the frames before. f is `wsim.reaction_law`. Not covered, and refused: wind;
+by where a pin goes, where its own reaction is observed while it moves (a, X).
 """
 
 from dataclasses import dataclass, field
@@ -40,8 +40,6 @@ class ReactionAdjoint(Reactions):
     def __init__(self, recording):
         self.recording, plan = recording, recording.plan
         wrong = [("/", "wind blows", "leave drag and lift out")] * (plan.method("aero") is not None)
-        wrong += [(s.path, "flows beyond its yield", "give it no yield strain") for s in plan.model.scene.softs
-                  if any(np.isfinite(m.yield_strain) for m in s.materials)]
         if wrong:
             raise SceneError([Problem(path, f"{what}, and reactions have no adjoint there; {mend}, or fit numbers alone, by "
                                       "copies") for path, what, mend in wrong])
@@ -51,12 +49,12 @@ class ReactionAdjoint(Reactions):
         self.law = Law(self.recording)
 
     def elastic(self, x: wp.array, e: wp.array | None, v: wp.array) -> np.ndarray:
-        return self.law.evaluate(x, e, v, self.time)
+        return self.law.evaluate(self.frame, x, e, v, self.time)
 
     def at(self, frame: int) -> None:
         """The state after so many frames."""
-        r = self.recording
-        self.see(r.states[frame], None, r.speeds[frame], (r.start + frame) / r.sim.scene.fps)
+        r, self.frame = self.recording, frame
+        self.see(r.states[frame], r.rests[frame], r.speeds[frame], (r.start + frame) / r.sim.scene.fps)
 
     # backward
 

@@ -1,8 +1,9 @@
 """The law of the material at the end of a frame, f(x, v), and products with its derivatives: what `wsim.reaction_adjoint` is
 made of. Tables are those of the solver, whose gradients are added to; XPBD has no forces, and gets some (`reaction_xpbd`).
-Muscles have the factors of that time.
+Muscles have the factors of that time, and tets the shapes at rest that they flowed to.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import warp as wp
 
 from wsim.force_adjoint import Forces
 from wsim.reaction_xpbd import Beside
+from wsim.tape import give, without
 
 
 class Law:
@@ -25,6 +27,7 @@ class Law:
         self.p = wp.zeros_like(self.forces.f)
         muscles: Any = plan.method("muscles")
         self.muscles = Contracted(muscles, self.pull) if muscles and self.pull.springs else None
+        self.flowed = [Flowed(recording, t.plastic) for t in self.pull.tables if t.plastic]
         wp.load_module(module, device=model.device, block_dim=model.block if model.device.is_cuda else None)
 
     def zero(self) -> None:
@@ -34,19 +37,22 @@ class Law:
         if self.muscles:
             self.muscles.zero()
 
-    def evaluate(self, x: wp.array, e: wp.array | None, v: wp.array, time: float) -> np.ndarray:
-        """f [N], (points, 3), of springs and elements at x + e with velocities v, at `time` [s]."""
+    def evaluate(self, frame: int, x: wp.array, e: wp.array | None, v: wp.array, time: float) -> np.ndarray:
+        """f [N], (points, 3), of springs and elements at x + e with velocities v, after so many frames of the recording, at
+        `time` [s]."""
         f, n = self.forces, self.model.points
         if self.beside:
             self.pull.refresh()
         if self.muscles:
             self.muscles.put(time)
+        for flowed in self.flowed:
+            flowed.put(frame)
         wp.copy(f.x, x)
         f.pair.zero_()
         if e is not None:
             wp.copy(f.pair, e, 0, 0, n)
         wp.copy(f.pair, v, 2 * n, 0, n)
-        f.evaluate()
+        self.still(f.evaluate)
         return f.f.numpy().astype(np.float64)
 
     def transposed(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -57,7 +63,19 @@ class Law:
         f.transposed(self.p, True)
         if self.muscles:
             self.muscles.take()
+        for flowed in self.flowed:
+            flowed.take()
         return f.x.grad.numpy().astype(np.float64), f.pair.grad.numpy()[2 * n:3 * n].astype(np.float64)
+
+    def still(self, evaluate: Callable) -> None:
+        """Tets do not flow because somebody looks."""
+        tables = [t for t in self.pull.tables if t.plastic]
+        before = [t.flows for t in tables]
+        for t in tables:
+            t.flows = False
+        evaluate()
+        for t, flows in zip(tables, before, strict=True):
+            t.flows = flows
 
     def by_batches(self) -> dict[int, np.ndarray]:
         """What XPBD's tables get, by address."""
@@ -89,3 +107,22 @@ class Contracted:
         """From the derivatives by the lengths."""
         self.muscles.hand(self.site, self.factor, 0)
         self.by = [a + b for a, b in zip(self.by, self.muscles.keyed(self.factor, [self.time]), strict=True)]
+
+
+class Flowed:
+    """What tets of a table have become at rest, after a frame."""
+
+    def __init__(self, recording, plastic):
+        """plastic: a `wsim.plastic.Plastic`."""
+        self.recording, self.plastic = recording, plastic
+        self.F = wp.zeros_like(plastic.F, requires_grad=True)
+
+    def put(self, frame: int) -> None:
+        number = next(k for k, (array, _) in enumerate(self.recording.flowed) if array.ptr == self.plastic.F.ptr)
+        wp.copy(without(self.F), self.recording.shapes[number][frame])
+        self.plastic.become(self.F)
+
+    def take(self) -> None:
+        """From the derivatives by edges at rest to those by shapes, which the frame before hands on."""
+        self.plastic.adjoint.shape(self.F)
+        give(self.F.grad, next(r.carried for r in self.recording.roots if r.base.ptr == self.plastic.F.ptr))

@@ -7,17 +7,15 @@ substeps, or several frames.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from math import ceil
 
-import numpy as np
 import warp as wp
 
 from wsim.broken import judge
+from wsim.frames import Frames
 from wsim.growth import Growth
 from wsim.mend import LONG
 from wsim.parameters import Parameters
-from wsim.reaction_adjoint import ReactionAdjoint
 from wsim.scene import Problem, SceneError
 from wsim.seeds import Seeds
 from wsim.segments import Segments, in_words, measured
@@ -38,7 +36,7 @@ class Stretch:
     backward: wp.Graph | None = None
 
 
-class Recording:
+class Recording(Frames):
     """So many frames of a simulation from where it stands now, forward by `run` and backward by `backward`. Every run begins
     there; live parameters may change in between, but for what changes the number of substeps or the start.
 
@@ -66,9 +64,8 @@ class Recording:
         with in_words(self.known, str(sim.device)):
             self.choose(keep)
             self.prepare()
-            self.states, self.speeds = (wp.zeros((frames + 1, sim.model.points), dtype=self.state.x.dtype, device=sim.device)
-                                        for _ in range(2))
-        self.ran, self.recorded, self.growth = False, self.shape, Growth(frames, sim.device, sim.model.real)
+            self.allot()
+        self.recorded, self.growth = self.shape, Growth(frames, sim.device, sim.model.real)
         self.residuals: dict[str, float] = {}         # of implicit solves, after `backward`
         self.rewind()
 
@@ -184,10 +181,6 @@ class Recording:
     def segment(self, frame: int, part: int) -> int:
         return frame // self.group * (len(self.cuts) - 1) + part
 
-    def keep(self, frame: int) -> None:
-        wp.copy(self.states[frame], self.state.x)
-        wp.copy(self.speeds[frame], self.state.v)
-
     def forward(self, frame: int, part: int) -> None:
         stretch = self.stretches[self.key(frame, part)]
         if stretch.forward is None:
@@ -198,32 +191,6 @@ class Recording:
         with wp.ScopedCapture(device=self.sim.device, force_module_load=False) as capture:
             launch()
         return capture.graph
-
-    def positions(self, frame: int, path: str | None = None, world: int = 0) -> np.ndarray:
-        """World positions [m] of a body's points after so many frames (0: at the start), float64 (n, 3), author's order."""
-        body = self.sim.model.body(path, world)
-        return self.state_of(self.states, frame)[body.index] + body.origin
-
-    def velocities(self, frame: int, path: str | None = None, world: int = 0) -> np.ndarray:
-        """Velocities [m/s], as `positions`."""
-        return self.state_of(self.speeds, frame)[self.sim.model.body(path, world).index]
-
-    def state_of(self, array: wp.array, frame: int) -> np.ndarray:
-        if not 0 <= frame <= self.frames:
-            raise SceneError(Problem("frame", f"found {frame}; allowed are 0 to {self.frames}"))
-        if not self.ran:
-            self.run()
-        return array[frame].numpy().astype(np.float64)
-
-    def reactions(self, frame: int, path: str | None = None, world: int = 0) -> np.ndarray:
-        """Forces of a pin [N] after so many frames, (n, 3): `wsim.reaction`."""
-        self.state_of(self.states, frame)
-        self.pulls.at(frame)
-        return self.pulls.of(path, world)
-
-    @cached_property
-    def pulls(self) -> ReactionAdjoint:
-        return ReactionAdjoint(self)
 
     # backward
 
