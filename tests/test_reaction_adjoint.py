@@ -27,6 +27,12 @@ class Run(Positions):
         self.gradient = self.recording.backward({frames: {self.path: self.x}}, {frames: {self.path: self.v}},
                                                 {f: {self.pin.path: r} for f, r in zip(self.at, self.r, strict=True)})
 
+    def loss(self) -> float:
+        """Of the recording itself."""
+        r = self.recording
+        return float(sum((r.reactions(f) * each).sum() for f, each in zip(self.at, self.r, strict=True))
+                     + (r.positions(self.frames) * self.x).sum() + (r.velocities(self.frames) * self.v).sum())
+
     def slope(self, values, step: float) -> float:
         parts = [sign * k * step for k in range(1, 5) for sign in (1, -1)]
         solved = self.scene.solver == "implicit"
@@ -93,11 +99,7 @@ def test_a_soft_pin(solver):
         return "/pin", "motion", M
     run.check(run.gradient.targets("/pin")[0] @ way, put, 5e-4)
     for name, value in (("stiffness", 200.0), ("damping", 0.5)):
-        losses = []
-        for s in (1e-4, -1e-4):
-            other = Run(scene(**{name: value * (1.0 + s)}))
-            losses.append(sum((other.recording.reactions(f) * r).sum() for f, r in zip(other.at, other.r, strict=True))
-                          + (other.recording.positions(3) * run.x).sum() + (other.recording.velocities(3) * run.v).sum())
+        losses = [Run(scene(**{name: value * (1.0 + s)})).loss() for s in (1e-4, -1e-4)]
         assert run.gradient.pin("/pin", name) == pytest.approx((losses[0] - losses[1]) / (2e-4 * value), rel=1e-6)
 
 
@@ -153,6 +155,24 @@ def test_a_bar_that_flows(model, more, step):
     by_rest_shape(run, step, 2e-9)
     kept = Run(run.scene, keep="checkpoints").gradient.positions()
     assert np.abs(kept - run.gradient.positions()).max() < 1e-12 * np.abs(kept).max()
+
+
+@pytest.mark.parametrize("more", [SWEEPS | {"integrator": "backward_euler"}, {"integrator": "rk4"},
+                                  {"solver": "implicit", "integrator": "bdf2", "substeps": 2}])
+def test_wind(more):
+    """By its velocity, and by drag and lift of the cloth (which are not live: scenes with others, and plain differences)."""
+    def scene(drag=1.0, lift=0.6):
+        made = sheet("springs", damping=2e-4, **more)
+        made.cloths[0].drag, made.cloths[0].lift, made.wind = drag, lift, (1.0, 3.0, 4.0)
+        return made
+    run, way = Run(scene()), np.array([0.3, -0.5, 0.8])
+    run.check(run.gradient.wind() @ way, lambda s: ("/", "wind", (1.0, 3.0, 4.0) + s * way), 0.02)
+    run.material("stretch", 40.0)
+    run.state("positions", 1e-6)
+    run.state("velocities", 1e-6)
+    by = run.gradient.air_coefficient("drag") - 2.0 * run.gradient.air_coefficient("lift")
+    losses = [Run(scene(1.0 + s, 0.6 - 2.0 * s)).loss() for s in (1e-4, -1e-4)]
+    assert by == pytest.approx((losses[0] - losses[1]) / 2e-4, rel=1e-6)
 
 
 @pytest.mark.parametrize("more", [{"integrator": "leapfrog"}, SWEEPS | {"integrator": "bdf2"}])

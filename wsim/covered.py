@@ -9,7 +9,7 @@
                  element), rest shapes (with the masses that follow them) and rest lengths, factors of rest lengths over time
                  (muscles), where pins are, stiffness and damping of soft ones, gravity, drag of the air, wind, drag and
                  lift, friction of a body; friction, restitution, thickness and motion of a collider
-    of           positions, velocities, and what pins bear (`wsim.reaction_adjoint`), but where wind blows
+    of           positions, velocities, and what pins bear (`wsim.reaction_adjoint`)
     not yet      by the shape of a mesh that deforms
 """
 

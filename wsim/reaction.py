@@ -101,6 +101,10 @@ class Reactions:
         self.pair, self.f = (wp.zeros(k * n, dtype=vec3, device=own.device) for k in (4, 1))
         own.load()
 
+    def felt(self, x: wp.array, e: wp.array | None, v: wp.array) -> np.ndarray:
+        """f at x + e with velocities v [N], (points, 3)."""
+        return self.elastic(x, e, v) + self.wind(x, v)
+
     def elastic(self, x: wp.array, e: wp.array | None, v: wp.array) -> np.ndarray:
         """Of springs and elements [N], (points, 3), at x + e with velocities v."""
         n = self.model.points
@@ -135,7 +139,7 @@ class Reactions:
     def see(self, x: wp.array, e: wp.array | None, v: wp.array, time: float) -> None:
         """Forces at x + e with velocities v, at `time` [s]; `of` then says what each pin bears."""
         self.time = time
-        self.force = self.elastic(x, e, v) + self.wind(x, v)
+        self.force = self.felt(x, e, v)
         c, own = self.constants, self.constants.object.numpy()
         self.v, self.x = v.numpy().astype(np.float64), x.numpy().astype(np.float64)
         if e is not None:

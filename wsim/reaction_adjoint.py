@@ -4,8 +4,8 @@
                                             by m: r.(a + k v - g)    by g: -m r    by k: m r.v
     soft, R = s (X - x) - c v:              by x: -s r    by v: -c r    by X: s r    by s: r.(X - x)    by c: -r.v
 
-Positions and velocities pass what they get on to the frames before. f is `wsim.reaction_law`. Not covered, and refused: wind;
-by where a pin goes, where its own reaction is observed while it moves (a, X).
+Positions and velocities pass what they get on to the frames before. f is `wsim.reaction_law`. Not covered, and refused: by
+where a pin goes, where its own reaction is observed while it moves (a, X).
 """
 
 from dataclasses import dataclass, field
@@ -35,20 +35,16 @@ class Inertia:
 
 
 class ReactionAdjoint(Reactions):
-    """Of a `wsim.recording.Recording`. Raises SceneError for what has no adjoint."""
+    """Of a `wsim.recording.Recording`. Raises SceneError as `Reactions` does."""
 
     def __init__(self, recording):
-        self.recording, plan = recording, recording.plan
-        wrong = [("/", "wind blows", "leave drag and lift out")] * (plan.method("aero") is not None)
-        if wrong:
-            raise SceneError([Problem(path, f"{what}, and reactions have no adjoint there; {mend}, or fit numbers alone, by "
-                                      "copies") for path, what, mend in wrong])
-        super().__init__(plan)
+        self.recording = recording
+        super().__init__(recording.plan)
 
     def make(self) -> None:
         self.law = Law(self.recording)
 
-    def elastic(self, x: wp.array, e: wp.array | None, v: wp.array) -> np.ndarray:
+    def felt(self, x: wp.array, e: wp.array | None, v: wp.array) -> np.ndarray:
         return self.law.evaluate(self.frame, x, e, v, self.time)
 
     def at(self, frame: int) -> None:

@@ -1,6 +1,6 @@
 """The law of the material at the end of a frame, f(x, v), and products with its derivatives: what `wsim.reaction_adjoint` is
 made of. Tables are those of the solver, whose gradients are added to; XPBD has no forces, and gets some (`reaction_xpbd`).
-Muscles have the factors of that time, and tets the shapes at rest that they flowed to.
+Muscles have the factors of that time, and tets the shapes at rest that they flowed to. The air: kernels/aero.py.
 """
 
 from collections.abc import Callable
@@ -11,7 +11,7 @@ import warp as wp
 
 from wsim.force_adjoint import Forces
 from wsim.reaction_xpbd import Beside
-from wsim.tape import give, without
+from wsim.tape import adjoint_of, give, without
 
 
 class Law:
@@ -27,6 +27,7 @@ class Law:
         self.p = wp.zeros_like(self.forces.f)
         muscles: Any = plan.method("muscles")
         self.muscles = Contracted(muscles, self.pull) if muscles and self.pull.springs else None
+        self.blown = Blown(plan) if plan.method("aero") else None
         self.flowed = [Flowed(recording, t.plastic) for t in self.pull.tables if t.plastic]
         wp.load_module(module, device=model.device, block_dim=model.block if model.device.is_cuda else None)
 
@@ -38,8 +39,8 @@ class Law:
             self.muscles.zero()
 
     def evaluate(self, frame: int, x: wp.array, e: wp.array | None, v: wp.array, time: float) -> np.ndarray:
-        """f [N], (points, 3), of springs and elements at x + e with velocities v, after so many frames of the recording, at
-        `time` [s]."""
+        """f [N], (points, 3), of springs, elements and air at x + e with velocities v, after so many frames of the recording,
+        at `time` [s]."""
         f, n = self.forces, self.model.points
         if self.beside:
             self.pull.refresh()
@@ -53,7 +54,7 @@ class Law:
             wp.copy(f.pair, e, 0, 0, n)
         wp.copy(f.pair, v, 2 * n, 0, n)
         self.still(f.evaluate)
-        return f.f.numpy().astype(np.float64)
+        return f.f.numpy().astype(np.float64) + (self.blown.evaluate(x, v) if self.blown else 0.0)
 
     def transposed(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(df/dx)^T p and (df/dv)^T p, (points, 3), where f was evaluated last; by all else into its gradients."""
@@ -65,7 +66,9 @@ class Law:
             self.muscles.take()
         for flowed in self.flowed:
             flowed.take()
-        return f.x.grad.numpy().astype(np.float64), f.pair.grad.numpy()[2 * n:3 * n].astype(np.float64)
+        by = f.x.grad.numpy().astype(np.float64), f.pair.grad.numpy()[2 * n:3 * n].astype(np.float64)
+        more = self.blown.transposed(p) if self.blown else (0.0, 0.0)
+        return by[0] + more[0], by[1] + more[1]
 
     def still(self, evaluate: Callable) -> None:
         """Tets do not flow because somebody looks."""
@@ -126,3 +129,37 @@ class Flowed:
         """From the derivatives by edges at rest to those by shapes, which the frame before hands on."""
         self.plastic.adjoint.shape(self.F)
         give(self.F.grad, next(r.carried for r in self.recording.roots if r.base.ptr == self.plastic.F.ptr))
+
+
+class Blown:
+    """Forces of the air on triangles, in arrays of their own."""
+
+    def __init__(self, plan):
+        self.model, self.air = plan.model, plan.method("aero")
+        vec3, device = plan.state.x.dtype, self.model.device
+
+        def over(count: int, dtype) -> wp.array:
+            return wp.zeros(count, dtype=dtype, device=device, requires_grad=True)
+        self.x, self.v, self.still = (over(self.model.points, vec3) for _ in range(3))
+        self.force, self.k = over(self.air.k.size, vec3), over(self.air.k.size, self.model.real)
+        self.read = [self.air.triangle, self.air.constants.object, self.air.air, self.x, self.still, self.v, 1.0]
+        self.corners = self.air.triangle.numpy()
+
+    def evaluate(self, x: wp.array, v: wp.array) -> np.ndarray:
+        """[N], (points, 3)."""
+        wp.copy(without(self.x), x)
+        wp.copy(without(self.v), v)
+        self.model.launch(self.air.press, self.k.size, self.read, [self.force, self.k])
+        each = np.repeat(self.force.numpy().astype(np.float64), 3, axis=0)
+        return np.stack([np.bincount(self.corners.ravel(), each[:, k], self.model.points) for k in range(3)], axis=1)
+
+    def transposed(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As of `Law`; by the air into the gradients of its table."""
+        for array in (self.x, self.v, self.still, self.k):
+            array.grad.zero_()
+        self.force.grad.assign(p[self.corners].sum(axis=1).astype(self.model.dtype))
+        wrote = [self.force, self.k]
+        wp.launch(self.air.press, self.k.size, self.read, wrote, adj_inputs=[adjoint_of(a) for a in self.read],
+                  adj_outputs=[a.grad for a in wrote], adjoint=True, device=self.model.device,
+                  **({"block_dim": self.model.block} if self.model.device.is_cuda else {}))
+        return self.x.grad.numpy().astype(np.float64), self.v.grad.numpy().astype(np.float64)
