@@ -58,7 +58,7 @@ class Forces:
         n = model.points
         self.x, self.pair, self.f = over(n), over(4 * n), over(n, False)
         self.corner = None if pull.force is None else over(pull.force.size)
-        self.force = adjoint.force(model.real, module, pull.flags())
+        self.force = adjoint.force(model.real, module, tuple((dict(pull.flags()) | {"lanes": 1}).items()))    # a thread a point
         self.back_force = ForceAdjoint(model, pull, False, module)
         self.launches: list[tuple] = []                  # of forces of corners
 

@@ -27,7 +27,7 @@ class Beside:
         points: Any = plan.method("points")
         own = copy.copy(plan.model)
         own.module, own.modules, own.tape = f"{own.module}_reactions{ADJOINT}", {}, None
-        self.pull = Pull(own, points.constants, rows_of(plan), None)
+        self.pull = Pull(own, points.constants, rows_of(plan), None, shared=False)
         self.elements = {e.kind: e for e in self.pull.elements if isinstance(e, Elements)}
         self.batches = [b for b in xpbd.batches if b.kind not in HARD]
 
