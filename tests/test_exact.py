@@ -11,6 +11,8 @@ from wsim.kernels.exact import gain
 from wsim.recording import Recording
 from wsim.simulation import Simulation
 
+GPU = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")
+
 
 @wp.kernel(module="unique")
 def gains(x: wp.array2d(dtype=wp.vec3), d: wp.array2d(dtype=wp.vec3), rest: wp.array(dtype=float), left: wp.array(dtype=float),
@@ -21,7 +23,8 @@ def gains(x: wp.array2d(dtype=wp.vec3), d: wp.array2d(dtype=wp.vec3), rest: wp.a
 
 @pytest.mark.parametrize("far", [0.0, 1.0, 1e3])
 @pytest.mark.parametrize("strain", [0.0, 1e-7, 1e-4, -0.3, 2.0])
-def test_it_is_that_of_its_parts_in_fractions(far, strain, device="cpu"):
+@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda:0", marks=GPU)])
+def test_it_is_that_of_its_parts_in_fractions(far, strain, device):
     """Springs of 5 cm, stretched by less than a float32 sees; moved by as much as they are long."""
     rng, n = np.random.default_rng(5), 200
     x = (rng.normal(size=(2, n, 3)) * 0.03 + far).astype(np.float32)
