@@ -45,7 +45,7 @@ def predict_euler(real, module):
     """Kernel: anchor and unconstrained displacement of backward Euler."""
     t, Constants = types(real), constants(real)
 
-    @wp.kernel(module=module, enable_backward=differentiable(module))
+    @wp.kernel(module=module, enable_backward=False)
     def predict_euler(c: Constants, e: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), g: real,
                       a_out: wp.array(dtype=t.vec3), d_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
@@ -86,7 +86,7 @@ def finish_euler(real, module):
     """Kernel: velocity, new position and its remainder."""
     t = types(real)
 
-    @wp.kernel(module=module, enable_backward=differentiable(module))
+    @wp.kernel(module=module, enable_backward=False)
     def finish_euler(a: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3), g: real,
                      x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3)):
         i = wp.tid()

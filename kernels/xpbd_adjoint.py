@@ -20,6 +20,7 @@ import warp as wp
 
 from wsim.kernels import stream
 from wsim.kernels.constraint import inverse
+from wsim.kernels.real import types
 from wsim.kernels.xpbd import WEIGHTS, one_of
 from wsim.kernels.xpbd_product import length, need, product
 from wsim.kernels.xpbd_terms import variant
@@ -104,10 +105,12 @@ def sweep(constraint: str, real, module, damped: bool, kept: bool, fused: bool):
 
 
 @cache
-def sweep_adjoint(constraint: str, real, module, damped: bool, kept: bool, fused: bool):
-    """Kernel of the adjoint of `sweep`; colours in reverse. Arguments: batch, gradients by the tables, seen (d after the sweep,
-    becomes that before it), gradients, starts, first, rate, omega."""
+def sweep_adjoint(constraint: str, real, module, damped: bool, kept: bool, fused: bool, placed: bool = True):
+    """Kernel of the adjoint of `sweep`; colours in reverse. placed: it adds the gradients by x; else they are what those by d
+    have gained. Arguments: batch, gradients by the tables, seen (d after the sweep, becomes that before it), gradients, starts,
+    first, rate, omega."""
     o = variant(constraint, real, True, damped, False, stored=True)
+    o.placed = placed
     Seen, Grads = seen(o.t.vec3, o.value), grads(o.t.vec3, o.value)
     one = _back(o) if kept else _back_length(o)
 
@@ -125,7 +128,20 @@ def sweep_adjoint(constraint: str, real, module, damped: bool, kept: bool, fused
 
     if kept:
         need(o, module)
-    return _kernel(backward, f"undo_{o.name}{'_kept' * kept}", module, fused)
+    return _kernel(backward, f"undo_{o.name}{'_kept' * kept}{'_placed' * placed}", module, fused)
+
+
+@cache
+def shift(real, module):
+    """Kernel over points: adds `sign` times one gradient to another."""
+    vec3 = wp.array(dtype=types(real).vec3)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def shift(grad: vec3, sign: real, into: vec3):
+        i = wp.tid()
+        into[i] = into[i] + sign * grad[i]
+
+    return shift
 
 
 def _kernel(function, name: str, module, fused: bool):
@@ -137,7 +153,7 @@ def _back(o):
     """Function: the adjoint of the projection of constraint c, whose points left their d behind."""
     real, vec3, n, last = o.t.scalar, o.t.vec3, o.points, itself if o.rows == 3 else first_of
     formula, weights, Seen, Grads = product(o), WEIGHTS.get(n, weights_of_3), seen(vec3, o.value), grads(vec3, o.value)
-    damped, m = o.damped, n - 1   # a constant: loops to it are unrolled, which adjoints of loops need
+    damped, placed, m = o.damped, o.placed, n - 1   # a constant: loops to it are unrolled, which adjoints of loops need
     rows, ends, more = (wp.types.matrix((k, 3), real) for k in (m, n, n + 1))
 
     @wp.func
@@ -174,20 +190,21 @@ def _back(o):
         for k in range(m):
             first -= gX[k]
             moved -= gV[k]
-            spread(g, p[k + 1], gX[k], gV[k], Y[k + 1], damped, False)
-        spread(g, p[0], first, moved, Y[0], damped, False)
+            spread(g, p[k + 1], gX[k], gV[k], Y[k + 1], damped, False, placed)
+        spread(g, p[0], first, moved, Y[0], damped, False, placed)
 
     return back
 
 
 @wp.func
-def spread(g: Any, i: int, gX: Any, gV: Any, Y: Any, damped: bool, many: bool):
-    """Adds to the gradients by place, displacement and anchor of a point; many: other threads do as well."""
+def spread(g: Any, i: int, gX: Any, gV: Any, Y: Any, damped: bool, many: bool, placed: bool):
+    """Adds to the gradients by place (if placed), displacement and anchor of a point; many: other threads do as well."""
     if many:
         wp.atomic_add(g.x, i, gX)
         wp.atomic_add(g.d, i, gX + gV)
     else:
-        g.x[i] = g.x[i] + gX
+        if placed:
+            g.x[i] = g.x[i] + gX
         g.d[i] = Y + gX + gV
     if damped:
         g.a[i] = g.a[i] - gV
@@ -196,15 +213,18 @@ def spread(g: Any, i: int, gX: Any, gV: Any, Y: Any, damped: bool, many: bool):
 def _back_length(o):
     """Function: the adjoint of the projection of a length."""
     real, vec3, formula, undo = o.t.scalar, o.t.vec3, length(o), _undo(o)
-    Seen, Grads, damped, anchored = seen(vec3, o.value), grads(vec3, o.value), o.damped, o.anchored
+    Seen, Grads, damped, anchored, placed = seen(vec3, o.value), grads(vec3, o.value), o.damped, o.anchored, o.placed
+    read_points, read = stream.reads(2, real)
 
     @wp.func
     def back(c: int, batch: o.Batch, by: o.Batch, s: Seen, g: Grads, rate: real, omega: real):
-        p = batch.point[c]
+        p = read_points(batch.point, c)
         i = p[0]
         j = p[1]
         W = o.t.vec2(batch.w[i], batch.w[j])
-        N = undo(batch, s, c, wp.matrix_from_rows(s.d[i], s.d[j]), W, rate, omega)
+        lam = read(s.lam, c)
+        dlam = read(s.lam_out, c) - lam
+        N = undo(batch, s, c, p, wp.matrix_from_rows(s.d[i], s.d[j]), W, vec3(rate, omega, dlam))
         s.d[i] = N[0]
         s.d[j] = N[1]
         gamma = real(0.0)
@@ -213,14 +233,12 @@ def _back_length(o):
             gamma = rate * batch.tau[c]
             V = (N[1] - N[0]) - (s.a[j] - s.a[i])
         alpha = real(0.0)
-        lam = real(0.0)
         if wp.static(not o.unilateral):
-            alpha = rate * rate * batch.alpha[c]
-            lam = s.lam[c]
+            alpha = rate * rate * read(batch.alpha, c)
         Y = wp.matrix_from_rows(g.d[i], g.d[j])
         y = g.lam[c]
         gX, gV, gW, grest, galpha, glam, ggamma = formula(
-            (s.x[j] - s.x[i]) + (N[1] - N[0]), V, W, s.lam_out[c] - s.lam[c], alpha, lam, vec3(gamma, omega, y), Y)
+            (s.x[j] - s.x[i]) + (N[1] - N[0]), V, W, dlam, alpha, lam, vec3(gamma, omega, y), Y)
         by.rest[c] = by.rest[c] + grest
         g.lam[c] = y - y
         if wp.static(not o.unilateral):
@@ -231,21 +249,22 @@ def _back_length(o):
         if wp.static(not o.anchored):
             by.w[i] = by.w[i] + gW[0]
         by.w[j] = by.w[j] + gW[1]
-        spread(g, j, gX, gV, Y[1], damped, False)
-        spread(g, i, -gX, -gV, Y[0], damped, anchored)
+        spread(g, j, gX, gV, Y[1], damped, False, placed)
+        spread(g, i, -gX, -gV, Y[0], damped, anchored, placed)
 
     return back
 
 
 def _undo(o):
-    """Function: d of two points before a projection of their distance, from those after it."""
+    """Function: d of two points before a projection of their distance, from those after it; how: rate, omega, dlam."""
     real, Seen = o.t.scalar, seen(o.t.vec3, o.value)
     ends = wp.types.matrix((2, 3), real)
 
     @wp.func
-    def undo(batch: o.Batch, s: Seen, c: int, N: ends, W: o.t.vec2, rate: real, omega: real):
-        p = batch.point[c]
-        dlam = s.lam_out[c] - s.lam[c]
+    def undo(batch: o.Batch, s: Seen, c: int, p: o.ids, N: ends, W: o.t.vec2, how: o.t.vec3):
+        rate = how[0]
+        omega = how[1]
+        dlam = how[2]
         step = (W[0] + W[1]) * dlam
         r = (s.x[p[1]] - s.x[p[0]]) + (N[1] - N[0])
         L = wp.length(r)

@@ -32,7 +32,7 @@ LAYERS = (
     ("frequency", "choice", "covered"),
     ("elastic", "elements", "fem", "plastic", "pressure", "force_adjoint", "gather", "watch", "touching_adjoint",
      "gcr"),
-    ("adjoint", "xpbd_adjoint"),
+    ("adjoint", "xpbd_adjoint", "points_adjoint"),
     ("points", "explicit", "implicit", "aero", "xpbd", "muscles", "rigid", "fluid", "pose"),
     ("plan",),
     ("measure", "broken", "mend", "stress", "reaction", "reaction_adjoint", "reaction_law",

@@ -1,5 +1,6 @@
 """Free points and pins: prediction, velocities, where pinned points go. See kernels/points.py for the equations."""
 
+from collections.abc import Callable
 from math import isfinite
 
 import numpy as np
@@ -36,6 +37,11 @@ class Points(Method):
         """Stages of an implicit integrator; an explicit one (`wsim.explicit`) has its own."""
         real, module, bdf2 = self.model.real, self.model.module, integrator.name == "bdf2"
         self.kernels |= {"predict": kernels.predict_euler(real, module), "finish": kernels.finish_euler(real, module)}
+        self.adjoints: dict[str, Callable] = {}       # by hand
+        if self.model.gradients:
+            from wsim.points_adjoint import EulerAdjoint
+            euler = EulerAdjoint(self.model)
+            self.adjoints = {"predict": euler.predict, "finish": euler.finish}
         if integrator.beyond:
             self.kernels |= {"finish_beyond": kernels.finish_beyond(real, module)}
         if integrator.solves > 1:
@@ -74,7 +80,8 @@ class Points(Method):
             self.model.launch(self.kernels["predict_bdf2"], n, [self.constants, s.e, s.v, s.s, s.u, clock.g],
                               [self.anchor, s.d])
         else:
-            self.model.launch(self.kernels["predict"], n, [self.constants, s.e, s.v, clock.g], [self.anchor, s.d])
+            self.model.launch(self.kernels["predict"], n, [self.constants, s.e, s.v, clock.g], [self.anchor, s.d],
+                              self.adjoints.get("predict"))
 
     def finish(self, clock: Clock) -> None:
         s, n = self.state, self.model.points
@@ -89,7 +96,8 @@ class Points(Method):
         elif clock.beyond:
             self.model.launch(self.kernels["finish_beyond"], n, [s.e, s.d, s.x, s.v, clock.g], [s.x, s.e, s.v])
         else:
-            self.model.launch(self.kernels["finish"], n, [self.anchor, s.d, s.x, clock.g], [s.x, s.e, s.v])
+            self.model.launch(self.kernels["finish"], n, [self.anchor, s.d, s.x, clock.g], [s.x, s.e, s.v],
+                              self.adjoints.get("finish"))
 
     def guard(self, clock: Clock) -> None:
         self.model.launch(self.kernels["guard"], self.model.points, [self.state.x, self.state.v], [self.status[NOT_FINITE:]])

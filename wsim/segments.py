@@ -13,13 +13,14 @@ import os
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from math import ceil, sqrt
+from math import ceil, isfinite, sqrt
 
 import warp as wp
 
 from wsim.scene import Problem, SceneError
 
-FULL = 1 << 30         # bytes up to which everything is kept
+FULL = 1 << 30         # bytes up to which everything is kept, or so much of what is free: segments run twice
+PART = 0.25
 
 
 @dataclass
@@ -74,9 +75,14 @@ class Segments:
             least, most = (middle, most) if part.bytes(part.best) <= self.room else (least, middle - 1)
         return least
 
+    @property
+    def ample(self) -> float:
+        """Bytes up to which everything is kept unasked."""
+        return min(self.room, max(FULL, PART * self.room if isfinite(self.room) else 0.0))
+
     def choose(self, keep: str) -> int:
         """Substeps of a segment, 0: everything is kept. Raises SceneError where that does not fit."""
-        wanted = 0 if keep == "all" or (keep == "auto" and self.full <= min(FULL, self.room)) else self.best
+        wanted = 0 if keep == "all" or (keep == "auto" and self.full <= self.ample) else self.best
         need = self.bytes(wanted) if wanted else self.full
         if need > self.room:
             raise SceneError(self.problem(need))

@@ -19,8 +19,11 @@ class SweepAdjoint:
         self.vec3, self.value = types(model.real).vec3, batch.lam.dtype
         self.kept = batch.kind in ("membrane", "dihedral")
         module = model.sweep_module if batch.fused else model.module
-        self.kernels = [make(batch.kind, model.real, module, batch.damped, self.kept, batch.fused)
-                        for make in (kernels.sweep, kernels.sweep_adjoint)]
+        # Each launch a colour, gradients by x would stream past with every one: they are taken from those by d once a sweep
+        self.apart = not (batch.fused or batch.damped or batch.kind in HARD)
+        how = batch.kind, model.real, module, batch.damped, self.kept, batch.fused
+        self.kernels = kernels.sweep(*how), kernels.sweep_adjoint(*how, not self.apart)
+        self.shift = kernels.shift(model.real, module) if self.apart else None
         self.zero, self.back = (wp.zeros(batch.size, dtype=self.value, device=model.device) for _ in range(2))
         self.left = None
         if batch.rest().ndim == 1 and not self.kept and model.real is wp.float32:
@@ -55,8 +58,16 @@ class SweepAdjoint:
             if final:
                 self.back.zero_()
             s.d, g.d = work, grad
+            if self.apart:
+                self.gain(grad, -1.0, x.grad)
             self.launch(self.kernels[1], [batch.data, adjoint_of(batch.data), s, g], rate, omega, -1)
+            if self.apart:
+                self.gain(grad, 1.0, x.grad)
         tape.within(d, forward, backward)
+
+    def gain(self, grad: wp.array, sign: float, into: wp.array) -> None:
+        how: dict = {"block_dim": self.model.block} if self.model.device.is_cuda else {}
+        wp.launch(self.shift, self.model.points, [grad, sign, into], device=self.model.device, **how)
 
     @property
     def points(self) -> int:

@@ -18,8 +18,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PYTHON, DEVICE = sys.executable, "cuda:0"
 # name: (seconds at most, command; {json} is the job's file)
 JOBS = {
-    "tests": (300, ["-m", "pytest", "-q", "-p", "no:cacheprovider", "--tb=short", "tests/test_gpu.py", "tests/test_gpu_reactions.py", "tests/test_implicit.py", "tests/test_exact.py",
-                    "-k", "test_gpu or cpu_and_gpu or cuda"]),
+    "tests": (300, ["-m", "pytest", "-q", "-p", "no:cacheprovider", "--tb=short", "tests/test_gpu.py", "tests/test_exact.py",
+                    "tests/test_gpu_reactions.py", "tests/test_implicit.py", "-k", "test_gpu or cpu_and_gpu or cuda"]),
     "cluster": (120, ["tools/bench/cluster.py", "--device", DEVICE, "--json", "{json}"]),
     "choice": (240, ["tools/bench/choice.py", "--device", DEVICE, "--json", "{json}"]),
     "speed": (240, ["tools/bench/speed.py", "--device", DEVICE, "--json", "{json}"]),
