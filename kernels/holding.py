@@ -31,7 +31,7 @@ from wsim.kernels.real import types
 @cache
 def structs(real) -> SimpleNamespace:
     """State: a substep and its forces. Frame: what is free of each point. Left: what is not balanced. Grads: gradients, added
-    to."""
+    to. Pushed: pushes at a solution."""
     t = types(real)
 
     @wp.struct
@@ -57,14 +57,21 @@ def structs(real) -> SimpleNamespace:
 
     @wp.struct
     class Grads:
-        d: wp.array(dtype=t.vec3)            # y, read
+        d: wp.array(dtype=t.vec3)            # y
         n: wp.array(dtype=t.vec3)            # of the slots
         b: wp.array(dtype=t.scalar)
         u: wp.array(dtype=t.vec3)
         friction: wp.array(dtype=t.vec2)     # as kernels/contact_adjoint.py has it
         a: wp.array(dtype=t.vec3)
 
-    return SimpleNamespace(State=State, Frame=Frame, Left=Left, Grads=Grads)
+    @wp.struct
+    class Pushed:
+        bears: wp.array(dtype=int)           # of each slot, as in Frame
+        push: wp.array(dtype=t.vec3)         # [m]
+        by_push: wp.array(dtype=t.vec3)      # gradient
+        by_w: wp.array(dtype=t.scalar)       # added to, (points,)
+
+    return SimpleNamespace(State=State, Frame=Frame, Left=Left, Grads=Grads, Pushed=Pushed)
 
 
 SLIDES, STICKS, SOLVED = 1, 2, 3

@@ -7,6 +7,13 @@
 is solved, and z = y - (dr/dd)^T W q + K^T q is then what holds the point: z = sum nu_j n_j, by b_j -nu_j, by n_j -nu_j d; where
 one sticks z is the gradient by d = w - (b + n.w) n. Those by n, w, mu in E follow contact by contact, by Warp, and that by the
 n in S is -beta_j q, left = sum beta_j n_j.
+
+What is projected behind the solution (kernels/contact.py) reads the pushes P_j there: own P_j is what left_j loses to contact
+j. With Q_j the gradients by them, H_j = G_j+1 + Q_j / own and G = 0 behind the last,
+
+    H.left_j+1 of left_j, by n, d, w, mu     G_j = (dleft_j+1/dleft_j)^T H - Q_j / own        by own  -Q_j.P_j / own
+
+and G_0 is a gradient by F: it joins W q, and the right side is S (y - (dr/dd)^T G_0).
 """
 
 # Device code: int(0) makes a variable of what would be a constant.
@@ -92,6 +99,81 @@ def given(real, module):
         q_out[i] = wp.transpose(o.W[i]) * v[i] - o.K[i] * p[i]
 
     return given
+
+
+@cache
+def remainder(real, module):
+    """Kernel over points: S (y - v)."""
+    t = types(real)
+    vec3 = wp.array(dtype=t.vec3)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def remainder(S: wp.array(dtype=t.mat33), y: vec3, v: vec3, r_out: vec3):
+        i = wp.tid()
+        r_out[i] = S[i] * (y[i] - v[i])
+
+    return remainder
+
+
+@cache
+def joined(real, module):
+    """Kernel over points: W p + G."""
+    t = types(real)
+    vec3 = wp.array(dtype=t.vec3)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def joined(W: wp.array(dtype=t.mat33), p: vec3, G: vec3, q_out: vec3):
+        i = wp.tid()
+        q_out[i] = W[i] * p[i] + G[i]
+
+    return joined
+
+
+@cache
+def pushed_adjoint(real, module):
+    """Kernel over points: G_0 and, added to, the gradients by d, contacts, their friction, a and w. push: at the solution;
+    by_push: Q."""
+    t, at, taken = types(real), structs(real), takes(real)
+    (Rows, Points), Slots, vec3 = tables(real), slots(real), wp.array(dtype=t.vec3)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def pushed_adjoint(c: Rows, points: Points, s: Slots, o: at.State, of: at.Pushed, by: at.Grads, G_out: vec3):
+        i = wp.tid()
+        G = t.vec3()
+        count = s.count[i]
+        if count > 0 and points.w[i] > real(0.0):
+            share = points.w[i] / (o.rate * o.rate)
+            by_d = t.vec3()
+            by_a = t.vec3()
+            by_w = real(0.0)
+            for back in range(count):
+                slot = count - 1 - back
+                j = slot * s.points + i
+                Q = share * of.by_push[j]
+                if of.bears[j] != 0:
+                    by_w += wp.dot(of.by_push[j], of.push[j]) / points.w[i]
+                if of.bears[j] == wp.static(STICKS):
+                    G = -Q
+                elif of.bears[j] == wp.static(SLIDES):
+                    left = o.f[i] - (o.d[i] - o.b[i]) / share
+                    for before in range(slot):
+                        left += of.push[before * s.points + i] / share
+                    mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
+                    Gb, gn, gd, gw, gmu, _H = wp.grad(taken)(left, s.n[j], o.d[i], o.a[i] + s.u[j] / o.rate, mu[1], G + Q)
+                    G = Gb - Q
+                    by.n[j] = by.n[j] + gn
+                    by.u[j] = by.u[j] + gw / o.rate
+                    place = (s.row[j] - c.first[points.object[i]]) * s.points + i
+                    by.friction[place] = by.friction[place] + t.vec2(real(0.0), gmu)
+                    by_d += gd
+                    by_a += gw
+            by.d[i] = by.d[i] + by_d
+            by.a[i] = by.a[i] + by_a
+            of.by_w[i] = of.by_w[i] + by_w
+        G_out[i] = G
+
+    need(real, module)
+    return pushed_adjoint
 
 
 @cache

@@ -338,10 +338,3 @@ def test_starts_and_priors_that_cannot_be_are_named(bent, more, words):
     with pytest.raises(SceneError, match=words):
         wsim.fit(bent[0], noisy(bent, 1e-3, None), "young[]", settings=CPU, **more)
 
-
-def test_what_has_no_gradients_is_said_before_a_step(bent):
-    scene = bar(solver="implicit")
-    flag = scene.cloth("/flag", *shapes.sheet(0.2, 0.2, 2, 2), tethers=True)
-    scene.pin("/mast", flag, [0])
-    with pytest.raises(SceneError, match="tethers under Newton's method"):
-        wsim.fit(scene, noisy(bent, 1e-3, None), "young[]", settings=CPU)

@@ -363,17 +363,6 @@ def test_single_precision_loses_four_digits_at_most():
     assert np.linalg.norm(found[0].positions() - found[1].positions()) < 1e-4 * np.linalg.norm(found[1].positions())
 
 
-@pytest.mark.parametrize("change, text", [({"tethers": True}, "tethers"), ({"strain_limit": 0.01}, "a strain limit")])
-def test_what_has_no_gradients_is_named(change, text):
-    scene = sheet("springs", solver="implicit", integrator="backward_euler")
-    cloth = scene.cloths[0]
-    cloth.tethers = "tethers" in change
-    cloth.material = replace(cloth.material, strain_limit=change.get("strain_limit", np.inf))
-    with pytest.raises(SceneError, match=f"/cloth: gradients were asked for, and {text} under Newton's method has none yet; "
-                       "leave it out, or set wsim:solver = explicit or xpbd"):
-        Simulation(scene, device="cpu", gradients=True)
-
-
 @pytest.mark.parametrize("seeds, text", [({9: np.zeros((12, 3))}, "found frame 9; allowed are 0 to 2"),
                                          ({1: np.zeros((11, 3))}, r"shape \(12, 3\); found \(11, 3\)"),
                                          ({1: np.full((12, 3), np.nan)}, "must be finite")])

@@ -6,7 +6,8 @@ substep began (bodies that nothing holds go on with their momentum from there, s
 standing still costs, and backward Euler cannot gain energy, however few steps are taken. Every body is a system of its own
 with its own steps: worlds do not see each other.
 
-Contacts and soft pins enter the system, see kernels/touching.py; tethers and strain limits are projected after each step.
+Contacts and soft pins enter the system, see kernels/touching.py; tethers and strain limits are projected after each step, and
+contacts behind them (`wsim.adjoint`: what recordings of gradients do instead).
 """
 
 import numpy as np
@@ -121,8 +122,9 @@ class Implicit(Method):
             from wsim.kernels.residual import judge
             self.judge = judge(real, module)
 
-    def join(self, contact, pins) -> None:
-        """Takes contacts (the method, or None) and soft pins into the system."""
+    def join(self, contact, pins, hard) -> None:
+        """Takes contacts (the method, or None) and soft pins into the system. hard: what projects tethers and strain limits
+        after it."""
         real, module, model = self.model.real, self.model.module, self.model
         self.contact, self.pins = contact, pins if pins and pins.groups["soft"] else None
         w, starts = self.rows.w.numpy(), self.system.starts
@@ -143,7 +145,7 @@ class Implicit(Method):
             self.soft = [model.upload(values.astype(np.int32), int) for values in (np.unique(first), item)]   # none without
             pins.stages = [s for s in pins.stages if s.name != "soft pins"]
         if self.adjoint:
-            self.adjoint.join()
+            self.adjoint.join(hard)
 
     def iterate(self, clock: Clock) -> None:
         """A Newton step; of recorded gradients all, to a residual."""

@@ -205,10 +205,6 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
     pinned = hard_places(model)
     rows = {b.path: rows_of(b, pinned) for b in model.bodies if b.world == 0}
     choice = choose(model, rows)
-    if gradients:
-        from wsim.covered import uncovered
-        if problems := uncovered(scene, choice):
-            raise SceneError(problems)
     if scene.contact_width > 0.0 and scene.colliders and choice.solver == "implicit":
         raise SceneError(Problem("/", f"contact_width is {scene.contact_width:g} m, and Newton's method has hard contacts; set "
                                  "it to 0, or wsim:solver = explicit or xpbd"))
@@ -267,7 +263,7 @@ def _add(plan: Plan, scene: Scene, reasons: dict[str, str], rows: dict[str, list
         plan.methods.append(muscles)
         muscles.drive(plan.method(plan.choice.solver))
     if implicit := plan.method("implicit"):
-        implicit.join(plan.method("contact"), pins)                # type: ignore[attr-defined]
+        implicit.join(plan.method("contact"), pins, plan.method("xpbd"))                # type: ignore[attr-defined]
     plan.skipped += [{"stage": "membrane", "why": "no cloth has triangle strain"}] * (
         not any(isinstance(b.source, Cloth) and b.source.model == "membrane" for b in model.bodies))
 

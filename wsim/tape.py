@@ -147,11 +147,12 @@ class Tape:
         s, anchor, model, now = solver.method.state, solver.method.points.anchor, solver.model, replace(clock)
         a, x, b, contacts = self.read(anchor), self.read(s.x), self.read(s.d), solver.contacts
         shapes = [(p, self.read(p.F)) for p in solver.plastic]
-        d = self.write(s.d, True)
+        self.write(s.d, True)
+        d = self.read(s.d)                                             # it is kept for the adjoint
         if contacts:
             pushes, ready = contacts.contacts.push, contacts.contacts.adjoint.reader()
             self.write(pushes, True)
-            push = self.read(pushes)                                   # it is kept for the adjoint
+            push = self.read(pushes)                                   # so is this
 
         def forward() -> None:
             before, model.tape = model.tape, None
@@ -172,6 +173,7 @@ class Tape:
                 p.become(F)
             if contacts:
                 ready()
+                contacts.by_push = push.grad
                 wp.copy(contacts.found, without(push))
             solver.back(now, d, b, x, a)
             for p, F in shapes:

@@ -36,14 +36,15 @@ class PinsAdjoint:
 class ContactsAdjoint:
     """Of the contacts that `wsim.implicit.Implicit.join` takes."""
 
-    def __init__(self, model: Model, contact):
-        """contact: `wsim.contact.Contact`."""
+    def __init__(self, model: Model, contact, after: bool):
+        """contact: `wsim.contact.Contact`. after: something is projected behind a solve, and contacts once more behind that."""
         self.model, self.contacts, self.project = model, contact.contacts, contact.project
-        contact.solved = True
+        contact.solved, contact.after, self.after = True, after, after
         real, t, n = model.real, types(model.real), model.points
         self.kernels = {f.__name__: f(real, model.module) for f in (
             holding.turn, holding.bear, holding.screen, holding_adjoint.held_adjoint, holding_adjoint.spread_out,
-            holding_adjoint.taken_back, holding_adjoint.given)}
+            holding_adjoint.taken_back, holding_adjoint.given,
+            *((holding_adjoint.remainder, holding_adjoint.joined, holding_adjoint.pushed_adjoint) if after else ()))}
         frame = self.frame = holding.structs(real).Frame()
 
         def zeros(count, dtype):
@@ -53,6 +54,8 @@ class ContactsAdjoint:
         self.found = zeros(self.contacts.push.size, t.vec3)
         self.left = holding.structs(real).Left()
         self.left.miss = zeros(n, t.vec3)
+        self.by_push: wp.array | None = None             # gradient by the pushes of a solve, which is differentiated next
+        self.given = zeros(n * after, t.vec3)            # what they give by forces
 
     def begin(self) -> None:
         """Before a substep."""
@@ -86,8 +89,17 @@ class ContactsAdjoint:
     def screen(self, P: wp.array) -> None:
         self.run("screen", [self.frame.S], [P])
 
-    def back(self, state, v: wp.array, q: wp.array, y: wp.array, by_a: wp.array) -> None:
-        """Adds gradients by contacts, friction and a."""
+    def grads(self, y: wp.array, by_a: wp.array):
         by, adjoint = holding.structs(self.model.real).Grads(), self.contacts.adjoint
         by.d, by.n, by.b, by.u, by.friction, by.a = y, adjoint.n, adjoint.b, adjoint.u, adjoint.friction, by_a
-        self.run("held_adjoint", [*self.tables, state, self.frame, v, q, by], [])
+        return by
+
+    def pushed(self, state, y: wp.array, by_a: wp.array, by_w: wp.array) -> None:
+        """`given` of `by_push`, at the pushes `found` of `bear`; adds gradients by d (y), contacts, friction, a and w."""
+        of = holding.structs(self.model.real).Pushed()
+        of.bears, of.push, of.by_push, of.by_w = self.frame.bears, self.found, self.by_push, by_w
+        self.run("pushed_adjoint", [*self.tables, state, of, self.grads(y, by_a)], [self.given])
+
+    def back(self, state, v: wp.array, q: wp.array, y: wp.array, by_a: wp.array) -> None:
+        """Adds gradients by contacts, friction and a."""
+        self.run("held_adjoint", [*self.tables, state, self.frame, v, q, self.grads(y, by_a)], [])

@@ -127,6 +127,7 @@ class Xpbd(Method):
         super().__init__("xpbd")
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
         self.watched: list[Batch] = []
+        self.after = False                # while gradients are recorded: of an implicit solve, which all iterations are
         self.lengthen = lambda: None      # puts rest lengths of the end of a frame (`wsim.muscles`)
         every = in_worlds(model, {path: colored(found) for path, found in rows.items()})
         self.batches = [Batch(kind, [r for r in every if r.kind == kind], model, clock)
@@ -213,7 +214,8 @@ class Xpbd(Method):
     def project(self, batch: Batch, clock: Clock) -> None:
         s, a = self.state, self.points.anchor if batch.damped else None
         if self.model.tape and batch.adjoint:
-            batch.adjoint.record(self.model.tape, s.x, a, s.d, clock)
+            if not (self.after and clock.i < clock.iterations - 1):
+                batch.adjoint.record(self.model.tape, s.x, a, s.d, clock)
             return
         omega = batch.omega(clock)
         if batch.fused:

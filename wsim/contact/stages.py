@@ -22,7 +22,7 @@ class Contact(Method):
     def __init__(self, model: Model, state: State, points, status: wp.array, struck: wp.array | None, clock: Clock):
         """points: the method that owns inverse masses and objects (`constants`) and the anchor."""
         super().__init__("contact")
-        self.solved = False                              # while gradients are recorded, by an implicit solve
+        self.solved = self.after = False                 # while gradients are recorded: by an implicit solve, and behind it
         self.model, self.state, self.anchor = model, state, points.anchor
         colliders = model.scene.colliders
         own = points.constants.object
@@ -57,7 +57,7 @@ class Contact(Method):
         self.contacts.search(clock.k, self.state.x, self.state.d, self.anchor)
 
     def project(self, clock: Clock) -> None:
-        if not (self.solved and self.contacts.recorded):
+        if not (self.solved and self.contacts.recorded) or (self.after and clock.i == clock.iterations - 1):
             self.contacts.project(clock.g, self.state.d, self.anchor)
 
     def settle(self, clock: Clock) -> None:
