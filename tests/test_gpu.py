@@ -11,6 +11,7 @@ from tests.test_gradients import bar, sheet
 from tests.test_muscles import SOLVERS as PULLED
 from tests.test_muscles import crawler, muscled
 from tests.test_newton_contacts import NEWTON as SOLVED
+from tests.test_newton_limits import landed, pulled
 from tests.test_plastic_adjoint import LEAPFROG, NEWTON, yielding
 from tests.test_simulation import chain, drape
 from tests.test_ties import laid
@@ -335,9 +336,11 @@ def test_gradients_by_soft_pins_under_newtons_method_agree():
     assert found[1].targets("/soft") == pytest.approx(found[0].targets("/soft"), rel=1e-8, abs=1e-10)
 
 
-@pytest.mark.parametrize("integrator", ["backward_euler", "bdf2"])
-def test_gradients_through_contacts_under_newtons_method_agree(integrator):
-    scene, found = dropped("sphere", friction=(0.4, 0.4), spin=3.0, **SOLVED | {"integrator": integrator}), []
+@pytest.mark.parametrize("make", [
+    *(lambda name=name: dropped("sphere", friction=(0.4, 0.4), spin=3.0, **SOLVED | {"integrator": name})
+      for name in ("backward_euler", "bdf2")), lambda: landed("plane", "bdf2", 1.5), lambda: pulled("sdirk3", "both")])
+def test_gradients_through_contacts_and_limits_under_newtons_method_agree(make):
+    scene, found = make(), []
     for device in ("cpu", "cuda:0"):
         recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 4)
         found.append(recording.backward({4: recording.positions(0)}))
