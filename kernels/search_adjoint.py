@@ -11,10 +11,7 @@ gC, gn, gp, g by C, n, p and tau:
 
 Meshes: Warp differentiates what kernels/mesh.py computes of the face, edge or corner that was found.
 
-Of a collider with the frame (R, o) at either end of the substep, shifted by s and turned about o by a small turn w: with G the
-gradient by where the point is seen from it, y = x - o, N that by the normal, W that by the way of its surface, whose arm is z,
-
-    by s    -G +- W            by w    -y x G +- z x W (+ n x N at the end)       + at the end, - at the start of a substep
+By the motion of a collider: kernels/motion_adjoint.py.
 """
 
 # Device code: int(0) makes a variable of what would be a constant, and an outer `if` on a Python bool drops its branch
@@ -22,15 +19,17 @@ gradient by where the point is seen from it, y = x - o, N that by the normal, W 
 # ruff: noqa: SIM102, UP018
 
 from functools import cache
+from typing import Any
 
 import warp as wp
 
 from wsim.kernels import collide, mesh
 from wsim.kernels.collide import NEWTON_LIMIT, done, onward
 from wsim.kernels.contact import slots, tables
-from wsim.kernels.contact_adjoint import grads, read, ways
+from wsim.kernels.contact_adjoint import grads, read
 from wsim.kernels.distance import distance
 from wsim.kernels.mesh import SOLID
+from wsim.kernels.motion_adjoint import moved, seen
 from wsim.kernels.real import types
 from wsim.kernels.search import frames
 
@@ -153,20 +152,16 @@ def mesh_adjoint(kinds: tuple[str, ...], real):
 
 
 @cache
-def search_adjoint(kinds: tuple[str, ...], real, module):
-    """Kernel over points: the adjoint of the search of substep k; gradients by d and a that it has moved are left where they
-    are, for the copies before it. Arguments: rows, points, slots, what was read (x, d), gradients, k."""
-    t, touch, (shapes, surfaces) = types(real), collide.touch(kinds, real), split(kinds)
-    of_convex, of_mesh = convex_adjoint(shapes, real), mesh_adjoint(surfaces, real)
-    convex, meshes = bool(shapes), bool(surfaces)
-    (Rows, Points), Slots, Read, Grads = tables(real), slots(real), read(real), grads(real)
-    inside, outside = frames(real)
-    vec3, Ways = t.vec3, ways(real)
+def met(kinds: tuple[str, ...], real):
+    """Functions of point i. One contact, with the collider of a row: ends of the path, (distance kept, margin, overlap, part of
+    it that is left), and in rows its normal, where the surface is touched, and the surface's own way. How far it was carried
+    before slot `last`."""
+    t, touch, (inside, outside), (Rows, Points), Slots = (
+        types(real), collide.touch(kinds, real), frames(real), tables(real), slots(real))
+    vec3 = t.vec3
 
     @wp.func
     def met(c: Rows, points: Points, i: int, row: int, k: int, x: vec3, d: vec3):
-        """Of a contact: ends of the path, (distance kept, margin, overlap, part of it that is left), and in rows its normal,
-        where the surface is touched, and the surface's own way."""
         T0 = c.pose[k, row]
         T1 = c.pose[k + 1, row]
         q0, q1 = inside(T0, T1, x, d)
@@ -178,43 +173,35 @@ def search_adjoint(kinds: tuple[str, ...], real, module):
         return wp.matrix_from_rows(q0, q1), t.vec4(r, margin, -s0, out), wp.matrix_from_rows(n, p, slip)
 
     @wp.func
-    def turned_back(step: t.transform, T0: t.transform, f: vec3):
-        """R0^T (R - 1)^T f of the turn of a step."""
-        q = wp.transform_get_rotation(step)
-        v = vec3(q[0], q[1], q[2])
-        across = wp.cross(f, v)
-        y = real(2.0) * (q[3] * across + wp.cross(across, v))
-        return wp.quat_rotate_inv(wp.transform_get_rotation(T0), y)
+    def carried(c: Rows, points: Points, s: Slots, i: int, last: int, k: int, x: vec3, d: vec3):
+        far = vec3()
+        for slot in range(last):
+            ends, how, its = met(c, points, i, s.row[slot * s.points + i], k, x + far, d)
+            far += how[3] * its[0]
+        return far
 
-    @wp.func
-    def moved(c: Rows, row: int, k: int, x: vec3, d: vec3, G: Ways, at: t.mat33):
-        """Gradients by the collider's motion, in parts of the frame; rows of G: by start and end of the path, n and the way."""
-        T0 = c.pose[k, row]
-        T1 = c.pose[k + 1, row]
-        y0 = x - wp.transform_get_translation(T0)
-        y1 = (x - wp.transform_get_translation(T1)) + d
-        z0 = wp.quat_rotate(wp.transform_get_rotation(T0), at[1])
-        z1 = wp.quat_rotate(wp.transform_get_rotation(T1), at[1] + at[2])
-        s0 = -G[0] - G[3]
-        s1 = -G[1] + G[3]
-        w0 = -wp.cross(y0, G[0]) - wp.cross(z0, G[3])
-        w1 = -wp.cross(y1, G[1]) + wp.cross(z1, G[3]) + wp.cross(at[0], G[2])
-        part = real(1.0) / real(c.pose.shape[0] - 1)
-        b0 = part * real(k)
-        b1 = part * real(k + 1)
-        e0 = real(1.0) - b0
-        e1 = real(1.0) - b1
-        return wp.matrix_from_rows(e0 * s0 + e1 * s1, e0 * w0 + e1 * w1, b0 * s0 + b1 * s1, b0 * w0 + b1 * w1)
+    return met, carried
 
-    @wp.func
-    def overlap(gb: real, by_out: real, how: t.vec4, most: real):
-        """Gradient by s0, from those by b and by what is left of the overlap."""
-        found = gb
-        if how[2] < most:
-            found += by_out
-        if how[2] > real(0.0):
-            return -found
-        return real(0.0)
+
+@wp.func
+def overlap(gb: Any, by_out: Any, how: Any, most: Any):
+    """Gradient by s0, from those by b and by what is left of the overlap, at most `most`."""
+    found = gb
+    if how[2] < most:
+        found += by_out
+    if how[2] > type(gb)(0.0):
+        return -found
+    return type(gb)(0.0)
+
+
+@cache
+def search_adjoint(kinds: tuple[str, ...], real, module):
+    """Kernel over points: the adjoint of the search of substep k; gradients by d and a that it has moved are left where they
+    are, for the copies before it. Arguments: rows, points, slots, what was read (x, d), gradients, k."""
+    t, (meet, carry), (shapes, surfaces) = types(real), met(kinds, real), split(kinds)
+    of_convex, of_mesh = convex_adjoint(shapes, real), mesh_adjoint(surfaces, real)
+    convex, meshes = bool(shapes), bool(surfaces)
+    (Rows, Points), Slots, Read, Grads, vec3 = tables(real), slots(real), read(real), grads(real), t.vec3
 
     def search(c: Rows, points: Points, s: Slots, at: Read, o: Grads, k: int):
         i = wp.tid()
@@ -226,31 +213,26 @@ def search_adjoint(kinds: tuple[str, ...], real, module):
         count = s.count[i]
         for later in range(count):
             last = count - 1 - later
-            carried = vec3()
-            for slot in range(last):
-                ends, how, its = met(c, points, i, s.row[slot * s.points + i], k, x + carried, d)
-                carried += how[3] * its[0]
+            carried = carry(c, points, s, i, last, k, x, d)
             j = last * s.points + i
             row = s.row[j]
-            kind = c.kind[row]
-            R1 = wp.transform_get_rotation(c.pose[k + 1, row])
-            ends, how, its = met(c, points, i, row, k, x + carried, d)
+            ends, how, its = meet(c, points, i, row, k, x + carried, d)
             n = its[0]
             gb = o.b[j]
             N = o.n[j] + how[3] * K - gb * (d + carried)
             W = o.u[j] / c.h
             by = t.vec2(gb, overlap(gb, wp.dot(K, n) - gb, how, c.recovery * c.h))
-            G = wp.matrix_from_rows(wp.quat_rotate_inv(R1, N), turned_back(c.step[k, row], c.pose[k, row], W),
-                                    wp.quat_rotate_inv(R1, W))
+            G = seen(c, row, k, N, W)
+            kind = c.kind[row]
             g = t.mat33()
-            if convex:
+            if convex:                                        # not in a function: see `convex_adjoint`
                 if kind < SOLID:
                     g = of_convex(kind, c.size[row], ends, vec3(how[0], how[1], real(0.0)), by, G)
             if meshes:
                 if kind >= SOLID:
                     g = of_mesh(kind, c.mesh[row], ends, vec3(how[0], how[1], c.size[row][0]), by, G)
             g0 = wp.quat_rotate(wp.transform_get_rotation(c.pose[k, row]), g[0])
-            g1 = wp.quat_rotate(R1, g[1])
+            g1 = wp.quat_rotate(wp.transform_get_rotation(c.pose[k + 1, row]), g[1])
             place = (row - c.first[points.object[i]]) * s.points + i
             o.gap[place] = o.gap[place] + g[2][0]
             o.motion[place] = o.motion[place] + moved(c, row, k, x + carried, d, wp.matrix_from_rows(g0, g1, N, W), its)
@@ -262,20 +244,3 @@ def search_adjoint(kinds: tuple[str, ...], real, module):
 
     need(kinds, real, module)
     return wp.kernel(search, name=f"adjoint_search_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)
-
-
-@cache
-def sums(real, module):
-    """Kernel over (objects, rows of an object, lanes): sums over the points of an object, start[o] .. start[o + 1], of what was
-    gathered of its colliders' motions, which is zero then; each lane takes every `lanes`-th."""
-    Ways = ways(real)
-
-    def sums(start: wp.array(dtype=int), points: int, motion: wp.array(dtype=Ways), sum_out: wp.array3d(dtype=Ways)):
-        o, row, lane = wp.tid()
-        found = Ways()
-        for i in range(start[o] + lane, start[o + 1], sum_out.shape[2]):
-            found += motion[row * points + i]
-            motion[row * points + i] = Ways()
-        sum_out[o, row, lane] = found
-
-    return wp.kernel(sums, name=f"sum_motion_{types(real).name}", module=module, enable_backward=False)

@@ -7,8 +7,9 @@ import warp as wp
 
 from wsim.kernels import contact_adjoint as kernels
 from wsim.kernels.contact import slots
+from wsim.kernels.motion_adjoint import sums
 from wsim.kernels.real import types
-from wsim.kernels.search_adjoint import search_adjoint, sums
+from wsim.kernels.search_adjoint import search_adjoint
 from wsim.model import Model
 from wsim.tape import Tape, adjoint_of, without
 
