@@ -169,6 +169,17 @@ def dot(real, module):
     return dot
 
 
+@wp.func
+def totals(u: wp.array(dtype=wp.float64), v: wp.array(dtype=wp.float64)):
+    """Sums of both, which are as long."""
+    a = wp.float64(0.0)
+    b = wp.float64(0.0)
+    for k in range(u.shape[0]):
+        a += u[k]
+        b += v[k]
+    return a, b
+
+
 @cache
 def add(real, module):
     """Kernel over points: u + s v, s the sum of `over` over that of `under` (0 where that is 0), times sign."""
@@ -178,11 +189,7 @@ def add(real, module):
     def add(u: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), over: wp.array(dtype=wp.float64),
             under: wp.array(dtype=wp.float64), sign: wp.float64, u_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
-        a = wp.float64(0.0)
-        b = wp.float64(0.0)
-        for k in range(over.shape[0]):
-            a += over[k]
-            b += under[k]
+        a, b = totals(over, under)
         s = wp.float64(0.0)
         if b != wp.float64(0.0):
             s = sign * a / b
@@ -199,11 +206,7 @@ def going(real, module):
     @wp.kernel(module=module, enable_backward=False)
     def going(now: wp.array(dtype=wp.float64), least: wp.array(dtype=wp.float64), tolerance: wp.float64, most: int,
               count: wp.array(dtype=int), going_out: wp.array(dtype=int)):
-        a = wp.float64(0.0)
-        b = wp.float64(0.0)
-        for k in range(now.shape[0]):
-            a += now[k]
-            b += least[k]
+        a, b = totals(now, least)
         n = count[0]
         count[0] = n + 1
         going_out[0] = wp.where(a > tolerance * tolerance * b and n < most, 1, 0)
@@ -219,11 +222,7 @@ def falling(real, module):
     @wp.kernel(module=module, enable_backward=False)
     def falling(now: wp.array(dtype=wp.float64), least: wp.array(dtype=wp.float64), tolerance: wp.float64, most: int,
                 count: wp.array(dtype=int), best: wp.array(dtype=wp.float64), going_out: wp.array(dtype=int)):
-        a = wp.float64(0.0)
-        b = wp.float64(0.0)
-        for k in range(now.shape[0]):
-            a += now[k]
-            b += least[k]
+        a, b = totals(now, least)
         n = count[0]
         count[0] = n + 1
         stale = best[1] + wp.float64(1.0)
@@ -243,11 +242,7 @@ def worst(real, module):
 
     @wp.kernel(module=module, enable_backward=False)
     def worst(now: wp.array(dtype=wp.float64), first: wp.array(dtype=wp.float64), worst_out: wp.array(dtype=wp.float64)):
-        a = wp.float64(0.0)
-        b = wp.float64(0.0)
-        for k in range(now.shape[0]):
-            a += now[k]
-            b += first[k]
+        a, b = totals(now, first)
         if b > wp.float64(0.0):
             worst_out[0] = wp.max(worst_out[0], wp.sqrt(a / b))
 

@@ -20,6 +20,7 @@ and G_0 is a gradient by F: it joins W q, and the right side is S (y - (dr/dd)^T
 # ruff: noqa: UP018
 
 from functools import cache
+from typing import Any
 
 import warp as wp
 
@@ -73,32 +74,29 @@ def spread_out(real, module):
     return spread_out
 
 
-@cache
-def taken_back(real, module):
-    """Kernel over points: S (v - K^T p)."""
-    t, at = types(real), structs(real)
-    vec3 = wp.array(dtype=t.vec3)
+@wp.func
+def taken_back(S: Any, W: Any, K: Any, v: Any, p: Any):
+    """S (v - K^T p)."""
+    return S * (v - wp.transpose(K) * p)
 
-    @wp.kernel(module=module, enable_backward=False)
-    def taken_back(o: at.Frame, v: vec3, p: vec3, q_out: vec3):
-        i = wp.tid()
-        q_out[i] = o.S[i] * (v[i] - wp.transpose(o.K[i]) * p[i])
 
-    return taken_back
+@wp.func
+def given(S: Any, W: Any, K: Any, v: Any, p: Any):
+    """W^T v - K p."""
+    return wp.transpose(W) * v - K * p
 
 
 @cache
-def given(real, module):
-    """Kernel over points: W^T v - K p."""
+def framed(formula, real, module):
+    """Kernel over points: `taken_back` or `given` in the frame of each."""
     t, at = types(real), structs(real)
     vec3 = wp.array(dtype=t.vec3)
 
-    @wp.kernel(module=module, enable_backward=False)
-    def given(o: at.Frame, v: vec3, p: vec3, q_out: vec3):
+    def framed(o: at.Frame, v: vec3, p: vec3, q_out: vec3):
         i = wp.tid()
-        q_out[i] = wp.transpose(o.W[i]) * v[i] - o.K[i] * p[i]
+        q_out[i] = formula(o.S[i], o.W[i], o.K[i], v[i], p[i])
 
-    return given
+    return wp.kernel(framed, name=f"{formula.key}_{t.name}", module=module, enable_backward=False)
 
 
 @cache

@@ -73,6 +73,26 @@ def plastic_stretch(s: Any, y: Any):
 
 
 @wp.func
+def flowing(H: Any, q: Any, y: Any):
+    """Whether a tet flows at a yield strain y, its stretches s and their axes, the columns of V. q: of a nearby state."""
+    E = strain(H, rotation(H, q))
+    one = type(y)(1.0)
+    dev = E - (wp.trace(E) / type(y)(3.0)) * identity(E)
+    if not wp.ddot(dev, dev) > y * y:
+        return False, wp.vector(one, one, one), identity(E)
+    e, V = eigen(E)
+    s = e + wp.vector(one, one, one)
+    return wp.min(s) > type(y)(THIN), s, V
+
+
+@wp.func
+def bounded(F: Any, back: Any):
+    """Whether F_p and its inverse are no larger than they may be."""
+    most = type(F[0, 0])(MOST) * type(F[0, 0])(MOST)
+    return wp.ddot(F, F) < most and wp.ddot(back, back) < most
+
+
+@wp.func
 def put(c: int, Fp: Any, edge: Any, gradient: Any, edge_out: Any, gradient_out: Any):
     """The shape at rest of tet c."""
     edge_out[c] = edge * wp.transpose(Fp)
@@ -102,21 +122,13 @@ def flow(real, module):
 
     def flow(p: Plastic, tets: Tets, x: vec3, d: vec3, q: wp.array(dtype=t.quat), Fp: mat33, Fp_out: mat33):
         c = wp.tid()
-        H = gradient(tets, c, x, d)
-        E = strain(H, rotation(H, q[c]))
-        one = real(1.0)
-        dev = E - (wp.trace(E) / real(3.0)) * identity(E)
-        if not wp.ddot(dev, dev) > p.limit[c] * p.limit[c]:
-            return
-        e, V = eigen(E)
-        s = e + t.vec3(one, one, one)
-        if not wp.min(s) > real(THIN):
+        flows, s, V = flowing(gradient(tets, c, x, d), q[c], p.limit[c])
+        if not flows:
             return
         G = V * wp.diag(plastic_stretch(s, p.limit[c])) * wp.transpose(V)
         now = G * Fp[c]
-        now = (one / wp.cbrt(wp.determinant(now))) * now
-        back = wp.inverse(now)
-        if wp.ddot(now, now) < real(MOST) * real(MOST) and wp.ddot(back, back) < real(MOST) * real(MOST):
+        now = (real(1.0) / wp.cbrt(wp.determinant(now))) * now
+        if bounded(now, wp.inverse(now)):
             Fp_out[c] = now
             put(c, now, p.edge[c], p.gradient[c], tets.edge, tets.gradient)
 

@@ -16,10 +16,10 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.fem import displaced, elements, spread
-from wsim.kernels.plastic import MOST, ROUNDS, THIN, deviator, exponential, plastic
+from wsim.kernels.plastic import ROUNDS, bounded, deviator, exponential, flowing, plastic
 from wsim.kernels.real import types
-from wsim.kernels.rotation import eigen, identity, rotation
-from wsim.kernels.stretch import held, strain, symmetric
+from wsim.kernels.rotation import identity
+from wsim.kernels.stretch import held, symmetric
 
 SERIES = wp.constant(0.02)        # |t| below which expm1(a t) / expm1(t) is a series, right to 1e-16; quotients lose 1e-14
 
@@ -100,26 +100,20 @@ def flow_adjoint(real, module):
         for k in range(4):
             f.corners[4 * c + k] = t.vec3()
         H = gradient(tets, c, f.x, f.d)
-        E = strain(H, rotation(H, f.q[c]))
-        one = real(1.0)
-        dev = E - (wp.trace(E) / real(3.0)) * identity(E)
-        if not wp.ddot(dev, dev) > p.limit[c] * p.limit[c]:
-            return
-        e, V = eigen(E)
-        s = e + t.vec3(one, one, one)
-        if not wp.min(s) > real(THIN):
+        flowed, s, V = flowing(H, f.q[c], p.limit[c])
+        if not flowed:
             return
         b = deviator(t.vec3(wp.log(s[0]), wp.log(s[1]), wp.log(s[2])))
         theta, theta_s, theta_y = portion(s, b, p.limit[c])
-        a = one - theta
+        a = real(1.0) - theta
         g = exponential(a * b)
         F = f.F[c]
         G = V * wp.diag(g) * wp.transpose(V)
         A = G * F
-        size = one / wp.cbrt(wp.determinant(A))
+        size = real(1.0) / wp.cbrt(wp.determinant(A))
         now = size * A
         turned = wp.inverse(now)
-        if not (wp.ddot(now, now) < real(MOST) * real(MOST) and wp.ddot(turned, turned) < real(MOST) * real(MOST)):
+        if not bounded(now, turned):
             return
         Y = f.by_F_out[c]
         f.by_F_out[c] = M33()

@@ -43,8 +43,9 @@ class ContactsAdjoint:
         real, t, n = model.real, types(model.real), model.points
         self.kernels = {f.__name__: f(real, model.module) for f in (
             holding.turn, holding.bear, holding.screen, holding_adjoint.held_adjoint, holding_adjoint.spread_out,
-            holding_adjoint.taken_back, holding_adjoint.given,
             *((holding_adjoint.remainder, holding_adjoint.joined, holding_adjoint.pushed_adjoint) if after else ()))}
+        self.kernels |= {f.key: holding_adjoint.framed(f, real, model.module) for f in (
+            holding_adjoint.taken_back, holding_adjoint.given)}
         frame = self.frame = holding.structs(real).Frame()
 
         def zeros(count, dtype):
