@@ -31,16 +31,17 @@ CALM = 1e-2            # strain below which no step of a membrane is too long, u
 
 @cache
 def projection(constraint: str, *, real=wp.float32, module="unique", multipliers: bool = False, damped: bool = False,
-               uniform: bool = False, backward: bool = False):
+               uniform: bool = False, backward: bool = False, exact: bool = False):
     """(Batch, kernel) of a row of the table of constraints.
 
     multipliers   lam is read and written: needed when a substep runs more than one iteration
     damped        tau and a (the anchor) are read
     uniform       alpha and tau have one entry for all
+    exact         lengths are compared beyond float32, by what it has left of them (kernels/exact.py)
     The kernel's arguments: batch, x, a, first, rate, omega, d, lam, d_out, lam_out (lam vec3 for the membrane); launched
     over the constraints of a colour, the first of which is `first`.
     """
-    o = variant(constraint, real, multipliers, damped, uniform)
+    o = variant(constraint, real, multipliers, damped, uniform, exact=exact)
     vec3, value, one = o.t.vec3, o.value, one_of(o, backward)
 
     def project(batch: o.Batch, x: wp.array(dtype=vec3), a: wp.array(dtype=vec3), first: int, rate: real, omega: real,
@@ -54,12 +55,12 @@ def projection(constraint: str, *, real=wp.float32, module="unique", multipliers
 
 @cache
 def sweep(constraint: str, *, real=wp.float32, module="unique", multipliers: bool = False, damped: bool = False,
-          uniform: bool = False):
+          uniform: bool = False, exact: bool = False):
     """(Batch, kernel) as `projection`, for all colours in one launch over `threads`: one block on a GPU, 1 on the CPU.
 
     The kernel's arguments: batch, x, a, starts, rate, omega, d, lam, d_out, lam_out; starts (colours + 1,) int.
     """
-    o = variant(constraint, real, multipliers, damped, uniform)
+    o = variant(constraint, real, multipliers, damped, uniform, exact=exact)
     vec3, value, one = o.t.vec3, o.value, one_of(o, False)
 
     def sweep(batch: o.Batch, x: wp.array(dtype=vec3), a: wp.array(dtype=vec3), starts: wp.array(dtype=int), rate: real,

@@ -36,13 +36,13 @@ def batch_of(constraint: str, real):
     return batch(row.points, t.mat22, t.vec4, real) if row.rows == 3 else batch(row.points, real, real, real)
 
 
-def variant(constraint, real, multipliers, damped, uniform, stored: bool = False) -> SimpleNamespace:
+def variant(constraint, real, multipliers, damped, uniform, stored: bool = False, exact: bool = False) -> SimpleNamespace:
     """What the makers of kernels need: the row of the table, the types, the flags, a name, and the function `terms`. stored:
     dlam is left in lam_out by constraints without a multiplier too. exact: lengths are compared as kernels/exact.py does."""
     row, t = TABLE[constraint], types(real)
     flags = {"lam": multipliers and not row.unilateral, "damped": damped and not row.unilateral, "uniform": uniform}
     name = "_".join([constraint, *(word for word, on in flags.items() if on), t.name])
-    exact = stored and row.formula is distance and real is wp.float32
+    exact = (stored or exact) and row.formula is distance and real is wp.float32
     o = SimpleNamespace(**vars(row), **flags, stored=stored, exact=exact, t=t, name=name, Batch=batch_of(constraint, real))
     o.value, o.entry = (t.vec3, t.vec4) if row.rows == 3 else (real, real)        # of lam and C, of alpha
     o.place = first_entry if uniform else own_entry

@@ -11,6 +11,7 @@ through the host; inputs and gradients of inputs go through it.
 
 import weakref
 from itertools import count
+from typing import Any
 
 import numpy as np
 import torch
@@ -67,6 +68,19 @@ class Layer(torch.nn.Module):
         x, v = (x.to(torch.float64) + e + self.origin).to(self.dtype), v.to(self.dtype)
         return (x, v) if self.recording.sim.worlds > 1 else (x[0], v[0])
 
+    def seeds(self, grad: torch.Tensor | None) -> dict[int, Any] | None:
+        """Derivatives by a motion as a recording takes them, in the solver's order. SceneError where one is no number."""
+        if grad is None:
+            return None
+        base, points = self.recording.state.x, self.recording.sim.model.points
+        own = torch.float64 if self.recording.sim.precision == "float64" else torch.float32
+        each = grad.detach().to(self.device, own).reshape(len(self.index), len(self.rollout.frames), -1, 3)
+        into = torch.zeros(each.shape[1], points, 3, dtype=own, device=self.device)
+        into.index_add_(1, self.index.reshape(-1), each.transpose(0, 1).reshape(each.shape[1], -1, 3))
+        if not torch.isfinite(into).all():               # waits, too: torch's stream is not Warp's
+            raise SceneError(Problem("gradients", "found a derivative by the layer's outputs that is not finite"))
+        return {frame: wp.from_torch(into[k], dtype=base.dtype) for k, frame in enumerate(self.rollout.frames)}
+
 
 class _Run(torch.autograd.Function):
     @staticmethod
@@ -85,11 +99,8 @@ class _Run(torch.autograd.Function):
         if all(g is None for g in grads):
             return (None,) * (1 + len(given))
         _again(layer, ctx.number, (x, v), given)
-        zero = torch.zeros_like(x)
-        seeds = np.stack([(zero if g is None else g).detach().cpu().to(torch.float64).numpy() for g in grads],
-                         axis=-4)
         shapes = {name: tuple(t.shape) for name, t in zip(layer.rollout.inputs, given, strict=True)}
-        found = layer.rollout.vjp(seeds, shapes)
+        found = layer.rollout.of(layer.recording.backward(*map(layer.seeds, grads)), shapes)
         return None, *(torch.as_tensor(g, dtype=t.dtype, device=t.device) for g, t in zip(found.values(), given, strict=True))
 
 

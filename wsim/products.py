@@ -113,7 +113,10 @@ class Rollout:
         given = [{frame: {path if len(s) == 1 else (path, w): each[kind, k, part] for w, each in enumerate(s)
                           for path, part in self.parts.items()}
                   for k, frame in enumerate(self.frames) if s[:, kind, k].any()} for kind in (0, 1)]
-        gradient = self.recording.backward(*given)
+        return self.of(self.recording.backward(*given), shapes)
+
+    def of(self, gradient, shapes: dict | None = None) -> Values:
+        """What a gradient says of the inputs, by name; shapes: as `vjp`."""
         found = {}
         for name, i in self.inputs.items():
             shape = tuple((shapes or {}).get(name, i.read().shape))

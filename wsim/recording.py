@@ -197,8 +197,9 @@ class Recording(Frames):
     def backward(self, positions: dict | None = None, velocities: dict | None = None,
                  reactions: dict | None = None) -> Gradient:
         """Gradient of a loss whose derivatives by positions [1/m] and velocities [s/m] after some frames are given:
-        {frame: (n, 3) in the author's order, or {path: (n, 3)}, or {(path, world): (n, 3)}}; so by reactions of pins [1/N], by
-        path. Raises SceneError for frames and shapes that are none.
+        {frame: (n, 3) in the author's order, or {path: (n, 3)}, or {(path, world): (n, 3)}, or an array of the device over all
+        points in the solver's order, which must be finite}; so by reactions of pins [1/N], by path. Raises SceneError for
+        frames and shapes that are none.
         """
         if not self.ran:
             self.run()

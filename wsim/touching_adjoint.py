@@ -44,8 +44,8 @@ class ContactsAdjoint:
         self.kernels = {f.__name__: f(real, model.module) for f in (
             holding.turn, holding.bear, holding.screen, holding_adjoint.held_adjoint, holding_adjoint.spread_out,
             *((holding_adjoint.remainder, holding_adjoint.joined, holding_adjoint.pushed_adjoint) if after else ()))}
-        self.kernels |= {f.key: holding_adjoint.framed(f, real, model.module) for f in (
-            holding_adjoint.taken_back, holding_adjoint.given)}
+        self.kernels |= {name: holding_adjoint.framed(getattr(holding_adjoint, name), real, model.module)
+                         for name in ("taken_back", "given")}
         frame = self.frame = holding.structs(real).Frame()
 
         def zeros(count, dtype):

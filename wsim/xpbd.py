@@ -73,7 +73,7 @@ class Batch:
         model = self.model
         make, module = (kernels.sweep, model.sweep_module) if self.fused else (kernels.projection, model.module)
         return make(self.kind, real=model.real, module=module, multipliers=self.multipliers, damped=self.damped,
-                    uniform=self.uniform)
+                    uniform=self.uniform, exact=model.gradients)
 
     def rest(self) -> np.ndarray:
         """Rest values in the order of the table."""
