@@ -6,7 +6,8 @@ import pytest
 from tests.test_gradients import bar, leapfrog, net, sheet
 from tests.test_ties import laid
 from wsim.curve import Motion
-from wsim.products import FEW, SIZES, Rollout, extrapolated
+from wsim.differences import derivative, offsets, order
+from wsim.products import FEW, SIZES, Rollout
 from wsim.recording import Recording
 from wsim.scene import Pin, SceneError
 from wsim.simulation import Simulation
@@ -101,16 +102,26 @@ def test_hessians_are_symmetric_and_errors_are_named(key):
     assert max(ways[0][0].error.values()) < 1e-4
 
 
-def test_what_is_extrapolated_has_an_error_that_is_no_less_than_the_true_one():
-    """Of functions with known derivatives, for both numbers of step sizes."""
-    for sizes in (FEW, SIZES):
-        for function, slope in ((np.exp, 1.0), (np.sin, 1.0), (lambda s: 1.0 / (1.3 + s), -1.0 / 1.69), (np.cbrt, np.inf)):
-            s = 0.3 * 0.5 ** np.arange(sizes)
-            value, error = extrapolated(function(s)[:, None], function(-s)[:, None], 0.3)
-            if np.isfinite(slope):
-                assert abs(value[0] / slope - 1.0) < error + 1e-13 and error < (1e-2 if sizes == FEW else 1e-7)
-            else:
-                assert error > 0.1
+@pytest.mark.parametrize("side", [0, 1, -1])
+@pytest.mark.parametrize("sizes", [FEW, SIZES])
+def test_what_is_extrapolated_has_an_error_that_is_no_less_than_the_true_one(sizes, side):
+    """Of functions with known derivatives, for both numbers of step sizes, from both sides or from one."""
+    for function, slope in ((np.exp, 1.0), (np.sin, 1.0), (lambda s: 1.0 / (1.3 + s), -1.0 / 1.69), (np.cbrt, np.inf)):
+        value, error = derivative(function(0.3 * offsets(sizes, side))[:, None], 0.3, side)
+        if np.isfinite(slope):
+            rounding = 1e-12 if side else 1e-13               # of the smallest step, h / 1024 of one side
+            assert abs(value[0] / slope - 1.0) < error + rounding and error < (1e-2 if sizes == FEW else 1e-7)
+        else:
+            assert error > 0.1
+
+
+@pytest.mark.parametrize("side", [0, 1, -1])
+def test_differences_are_exact_for_polynomials_of_their_order(side):
+    at = offsets(FEW, side)
+    assert len(at) == 2 * FEW and (side == 0 or (side * at >= 0.0).all())
+    for degree in range(1, order(FEW, side) - 1):             # two neighbours in the tableau are
+        value, error = derivative(at[:, None]**degree + 0.3, 1.0, side)
+        assert abs(value[0] - (degree == 1)) < 1e-13
 
 
 @pytest.mark.parametrize("stiffness", [np.inf, 60.0])

@@ -46,7 +46,8 @@ class Rows:
             one = np.stack(np.broadcast_arrays(1.0 / stretch, -self.poisson / np.sqrt(stretch * weft), 1.0 / shear, 1.0 / weft),
                            axis=-1)
             return self.shape[:, None] * one
-        return self.shape / next(iter(self.stiffness.values()), 1.0)
+        with np.errstate(divide="ignore"):               # of what was slackened live
+            return self.shape / next(iter(self.stiffness.values()), 1.0)
 
     def moved(self, body: Body) -> "Rows":
         """The same constraints on a copy of the body in another world."""

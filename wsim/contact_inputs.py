@@ -43,6 +43,9 @@ class Touch(Input):
     def scale(self) -> float:
         return PART * max(float(self.read()), 1e-3)
 
+    def bounds(self) -> tuple[float, float]:
+        return 0.0, 1.0 if self.what == "restitution" else np.inf
+
 
 class Shifted(Motion):
     """A motion with shifts at the frames of a recording on top, linear in between and held outside."""
@@ -63,6 +66,8 @@ class Shifted(Motion):
 
 class Shift(Input):
     """What is added to a collider's motion."""
+
+    shared = True
 
     def collider(self):
         return next(c for c in self.sim.plan.method("contact").contacts.rows.colliders if c.path == self.path)

@@ -108,7 +108,7 @@ class ElementGradient:
                 continue
             k = np.broadcast_to(1.0 / r.alpha, len(r.ids))
             if name in r.stiffness:
-                found.append(self.by_k(r, part) * k / r.stiffness[name])
+                found.append(self.by_k(r, part) / r.shape)
             elif name == "damping" and r.tau > 0.0:
                 found.append(self.entries["damping"][part] * k)
         return found
@@ -120,6 +120,8 @@ class ElementGradient:
             for r, part in _parts(e.rows):
                 if r.body is body and name == "damping" and r.tau > 0.0:
                     found.append(self.of(e.data.tau)[part])
+                elif r.body is body and name in r.stiffness and e.kind != "membrane":
+                    found.append(self.of(e.data.stiffness)[part] / r.shape)
                 elif r.body is body and name in r.stiffness:
                     found.append(_by_stiffness(r, name, e.kind, self.of(e.data.stiffness)[part] * e.stiffness()[part]))
         return found

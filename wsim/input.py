@@ -12,7 +12,10 @@ PART = 0.05            # of a value, that a derivative by differences may move i
 
 
 class Input(ABC):
-    """One named value of a recording. `scale`: by how much it may change, at most, for a difference to be a derivative."""
+    """One named value of a recording. `scale`: by how much it may change, at most, for a difference to be a derivative.
+    shared: worlds do not have their own."""
+
+    shared = False
 
     def __init__(self, recording, name: str):
         self.recording, self.sim, self.model, self.name = recording, recording.sim, recording.sim.model, name
@@ -43,6 +46,14 @@ class Input(ABC):
             raise SceneError(Problem(self.name, "is no live parameter here, and takes no values"))
         key = path, self.what, world
         self.sim.changes = [c for c in self.sim.changes if (c[0], c[1], c[3]) != key] + [(path, self.what, value, world)]
+
+    def bounds(self) -> tuple[float, float]:
+        """What it may be."""
+        return -np.inf, np.inf
+
+    def allows(self, value: np.ndarray) -> bool:
+        low, high = self.bounds()
+        return bool(((value >= low) & (value <= high)).all())
 
     @abstractmethod
     def read(self, world: int = 0) -> np.ndarray:

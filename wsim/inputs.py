@@ -131,6 +131,9 @@ class Material(Input):
         value = self.read()
         return PART * float((0.5 - value).min()) if self.what == "poisson" else PART * float(np.abs(value).min())
 
+    def bounds(self) -> tuple[float, float]:
+        return {"poisson": (-1.0, 0.5), "pressure": (-np.inf, np.inf)}.get(self.what, (0.0, np.inf))
+
 
 def inputs(recording, names) -> dict[str, Input]:
     """By name. Raises SceneError with every name that is none, or nothing can be differentiated by."""

@@ -6,12 +6,12 @@
     gauss_newton     J^T W J d            of both: one batch, one backward pass
     hvp              H d, H = d2L/dp2     differences of exact gradients
 
-Differences are central, of step sizes h, h/2, h/4, ... extrapolated to h = 0 (Richardson 1911; the tableau and its error
-estimate as Ridders 1982, Adv. Eng. Software 4:75): with K sizes the order is up to 2K, and the entry is taken whose neighbours
-of lower order, and of larger steps, agree best. `Product.error` is that disagreement, relative: an estimate, and no bound. Of
-`jvp` it was 0.6 to 3 times the true error, which was 3e-9 to 1e-14 (chains, sheets, soft bodies; leapfrog, XPBD, Newton's
-method; two frames, each input alone); of `hvp`, 1e-6 to 1e-13, it was up to 500 times too large. Both presume that the scheme
-is smooth within the step; where it is not, the estimate is large.
+Differences are extrapolated (`wsim.differences`), of order 12 and 6; where a value stands at the end of what it may be, such as
+a friction of 0, they are from the other side alone, of order 11 and 5, and `Product.said` says so. `Product.error` is an
+estimate, and no bound. Of `jvp` it was 0.6 to 3 times the true error, which was 3e-9 to 1e-14 (chains, sheets, soft bodies;
+leapfrog, XPBD, Newton's method; two frames, each input alone); of `hvp`, 1e-6 to 1e-13, it was up to 500 times too large. Both
+presume that the scheme is smooth within the step; where it is not, the estimate is large. Worlds share their colliders: copies
+that differ in where one is run one after the other.
 """
 
 from collections.abc import Callable
@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from wsim.differences import derivative, offsets, order
 from wsim.inputs import Input, inputs, stable
 from wsim.recording import Recording
 from wsim.scene import Problem, SceneError
@@ -34,10 +35,12 @@ NEAR = 1.0 / 16.0           # with steps smaller by this: gradients are right to
 @dataclass
 class Product:
     """A product and its error, relative in the 2-norm: of `jvp` an array and (2,) for positions and velocities, else both by
-    name of the input."""
+    name of the input. order: of the differences; said: of what side they are, and why."""
 
     value: Any
     error: Any
+    order: int
+    said: str
 
 
 class Rollout:
@@ -62,7 +65,7 @@ class Rollout:
         self.origin = np.concatenate([np.tile(b.origin, (len(b.index), 1)) for b in first])                 # (points, 3) [m]
         ends = np.cumsum([0, *(len(b.index) for b in first)])
         self.parts = {b.path: slice(*ends[k:k + 2].tolist()) for k, b in enumerate(first)}
-        self.copied: Rollout | None = None
+        self.copied: dict[int, Rollout] = {}
 
     def part(self, path: str | None = None) -> slice:
         """Where the points of a body stand; None: of the only one."""
@@ -129,14 +132,24 @@ class Rollout:
         """J d at the present values, (2, frames, points, 3), with d by name, and (2,) errors. step: the largest multiple of d
         that is taken; None: one that moves no input by more than a part of it (`Input.scale`)."""
         d, step = self.direction(direction, step)
-        copies, base = self.copies(), self.values()
-        signs = np.array([s * 0.5**k for k in range(SIZES) for s in (1.0, -1.0)])
-        rows = {name: base[name] + np.multiply.outer(step * signs, each) for name, each in d.items()}
-        for name, value in {**base, **rows}.items():
-            copies.inputs[name].write(value)
-        y = copies.run()
-        found = [extrapolated(y[0::2, kind], y[1::2, kind], step) for kind in (0, 1)]
-        return Product(np.stack([value for value, _ in found]), np.array([error for _, error in found]))
+        side, said = self.side(d, step)
+        base, at = self.values(), step * offsets(SIZES, side)
+        y = self.varied({name: base[name] + np.multiply.outer(at, each) for name, each in d.items()}, len(at))
+        found = [derivative(y[:, kind], step, side) for kind in (0, 1)]
+        return Product(np.stack([value for value, _ in found]), np.array([error for _, error in found]), order(SIZES, side),
+                       said)
+
+    def varied(self, rows: Values, count: int) -> np.ndarray:
+        """Motions of so many copies in float64, (count, *shape). rows: values of some inputs, (count, ...) by name; the others
+        are as they are. In one batch of worlds; where these share what varies, one after the other."""
+        base, alone = self.values(), any(self.inputs[name].shared for name in rows)
+        copies = self.copies(1 if alone else count)
+
+        def run(varied: Values) -> np.ndarray:
+            for name, value in {**base, **varied}.items():
+                copies.inputs[name].write(value)
+            return copies.run()
+        return np.stack([run({name: value[k] for name, value in rows.items()}) for k in range(count)]) if alone else run(rows)
 
     def gauss_newton(self, direction: dict, weights=1.0, step: float | None = None) -> Product:
         """J^T W J d at the present values; weights: the diagonal of W, of any shape that broadcasts to that of a motion. The
@@ -145,7 +158,7 @@ class Rollout:
         self.recording.run()
         W = np.broadcast_to(weights, self.shape)
         value = self.vjp(W * inner.value, {name: np.shape(each) for name, each in direction.items()})
-        return Product(value, dict.fromkeys(value, float(np.max(inner.error))))
+        return Product(value, dict.fromkeys(value, float(np.max(inner.error))), inner.order, inner.said)
 
     # second derivatives
 
@@ -156,22 +169,21 @@ class Rollout:
             raise SceneError(Problem("precision", f"found {self.sim.precision}; second derivatives need Simulation(scene, "
                                      "precision=\"float64\", gradients=True)"))
         d, step = self.direction(direction, step, NEAR)
+        side, said = self.side(d, step)
         base, shapes = self.values(), {name: each.shape for name, each in d.items()}
-        plus: list[Values] = []
-        minus: list[Values] = []
+        rows: list[Values] = []
         try:
-            for k in range(FEW):
-                for sign, rows in ((1.0, plus), (-1.0, minus)):
-                    for name, each in d.items():
-                        self.inputs[name].write(base[name] + sign * step * 0.5**k * each)
-                    self.recording.run()
-                    rows.append(self.vjp(slope(self.motion()), shapes))
+            for s in step * offsets(FEW, side):
+                for name, each in d.items():
+                    self.inputs[name].write(base[name] + s * each)
+                self.recording.run()
+                rows.append(self.vjp(slope(self.motion()), shapes))
         finally:
             for name in d:
                 self.inputs[name].write(base[name])
-        found = {name: extrapolated(np.stack([g[name] for g in plus]), np.stack([g[name] for g in minus]), step)
-                 for name in self.inputs}
-        return Product({name: value for name, (value, _) in found.items()}, {name: error for name, (_, error) in found.items()})
+        found = {name: derivative(np.stack([g[name] for g in rows]), step, side) for name in self.inputs}
+        return Product({name: value for name, (value, _) in found.items()}, {name: error for name, (_, error) in found.items()},
+                       order(FEW, side), said)
 
     # directions and copies
 
@@ -186,14 +198,46 @@ class Rollout:
         most = {name: float(np.abs(each).max(initial=0.0)) for name, each in d.items()}
         if not any(most.values()):
             raise SceneError(Problem("direction", "is zero"))
-        return d, step or part * min(self.inputs[name].scale() / size for name, size in most.items() if size)
+        return d, step or part * min(self.scale(name) / size for name, size in most.items() if size)
 
-    def copies(self) -> "Rollout":
-        """As many worlds of the same start, scheme and live parameters as `jvp` takes, in float64."""
-        if self.copied is None:
-            self.copied = Rollout(copied(self.recording, 2 * SIZES), list(self.inputs), self.frames)
-        resume(self.recording, self.copied.recording)
-        return self.copied
+    def scale(self, name: str) -> float:
+        """`Input.scale`. Raises SceneError where it is none."""
+        found = self.inputs[name].scale()
+        if not found > 0.0:
+            raise SceneError(Problem(name, "is 0 in some of its values, so that a part of it is no step; give the step of a "
+                                     "product, or the spread of a verdict"))
+        return found
+
+    def side(self, d: Values, step: float) -> tuple[int, str]:
+        """From which side differences can be (`wsim.differences.offsets`), and that in words. Raises SceneError where there is
+        none."""
+        base = self.values()
+        ahead, behind = ([name for name, each in d.items() if not self.inputs[name].allows(base[name] + s * step * each)]
+                         for s in (1.0, -1.0))
+        if not (ahead or behind):
+            return 0, "from both sides"
+        name = (ahead or behind)[0]
+        low, high = self.inputs[name].bounds()
+        if ahead and behind:
+            size = step * float(np.abs(d[name]).max())
+            other = "" if set(ahead) & set(behind) else ", or take the product with each input by itself"
+            raise SceneError(Problem(name, f"is {span(base[name])}, and a step of {size:.3g} along the direction leaves "
+                                     f"{low:g} to {high:g}, which is allowed, or takes {(behind or ahead)[0]} out of what is; "
+                                     f"give a smaller step{other}"))
+        return -1 if ahead else 1, f"from one side: {name} is {span(base[name])}, and allowed is {low:g} to {high:g}"
+
+    def copies(self, worlds: int = 2 * SIZES) -> "Rollout":
+        """As many worlds of the same start, scheme and live parameters, in float64."""
+        if worlds not in self.copied:
+            self.copied[worlds] = Rollout(copied(self.recording, worlds), list(self.inputs), self.frames)
+        resume(self.recording, self.copied[worlds].recording)
+        return self.copied[worlds]
+
+
+def span(values: np.ndarray) -> str:
+    """Values in words."""
+    low, high = float(np.min(values)), float(np.max(values))
+    return f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
 
 
 def copied(recording: Recording, worlds: int) -> Recording:
@@ -238,20 +282,3 @@ def _parameters(sim: Simulation, copy: Simulation) -> None:
     contact: Any = sim.plan.method("contact")
     for collider in contact.contacts.rows.colliders if contact else ():
         copy.plan.method("contact").set(collider.path, "motion", collider.motion)       # type: ignore[union-attr]
-
-
-def extrapolated(plus: np.ndarray, minus: np.ndarray, h: float) -> tuple[np.ndarray, float]:
-    """Derivative by s at 0, and its relative error, from values at s = h/2^k and -h/2^k, each (K, ...), K >= 2.
-
-    D_k0 = (f(h_k) - f(-h_k)) / (2 h_k),  D_kj = D_k,j-1 + (D_k,j-1 - D_k-1,j-1) / (4^j - 1), of order 2 (j + 1)."""
-    table: list[np.ndarray] = []
-    best, least = plus[0], np.inf
-    for k in range(len(plus)):
-        before, table = table, [(plus[k] - minus[k]) / (2.0 * h * 0.5**k)]
-        for j in range(1, k + 1):
-            table.append(table[j - 1] + (table[j - 1] - before[j - 1]) / (4.0**j - 1.0))
-            error = max(float(np.linalg.norm(table[j] - other)) for other in (table[j - 1], before[j - 1]))
-            if error < least:
-                best, least = table[j], error
-    size = float(np.linalg.norm(best))
-    return best, least / size if size else float(least > 0.0)

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.products import Rollout, copied, resume
+from wsim.products import Rollout, span
 from wsim.scene import Problem, SceneError
 
 CERTAIN = 3.0          # standard errors
@@ -49,10 +49,12 @@ def trust(rollout: Rollout, loss: Callable, slope: Callable, *, spreads: dict[st
 
     loss(y), slope(y)   a number, and its derivatives by a motion y as `Rollout.run` gives it, of the same shape
     spreads    sigma by input, in its unit: what a search may change it by; else a part of it (`Input.scale`)
-    samples    pairs of runs for each input, all in one batch of 2 x samples worlds in float64
+    samples    pairs of runs for each input, in one batch of 2 x samples worlds in float64; by where a collider is, which worlds
+               share, one after the other
     within     part of the larger of both slopes by which they may differ
     "agree": they differ by less than that, with CERTAIN standard errors; "differ": by more, with as many; else "unsure".
-    Raises SceneError for several worlds, names that are none, and spreads that are not above 0.
+    Raises SceneError for several worlds, names that are none, spreads that are not above 0, and inputs whose copies would have
+    values that may not be (a friction below 0).
     """
     if rollout.sim.worlds > 1:
         raise SceneError(Problem("worlds", f"found {rollout.sim.worlds}; copies are made of one"))
@@ -65,19 +67,29 @@ def trust(rollout: Rollout, loss: Callable, slope: Callable, *, spreads: dict[st
                                      f"{', '.join(rollout.inputs)}"))
     y = rollout.run()
     gradient, base = rollout.vjp(slope(y)), rollout.values()
-    copies = Rollout(copied(rollout.recording, 2 * samples), list(rollout.inputs), rollout.frames)
     draws = np.random.default_rng(seed).normal(size=samples)
     found = []
     for name, by in gradient.items():
         d, exact = _direction(np.asarray(by))
-        sigma = spreads.get(name, rollout.inputs[name].scale())
-        resume(rollout.recording, copies.recording)
-        moves = sigma * np.multiply.outer(np.concatenate([draws, -draws]), d)
-        for other, own in base.items():
-            copies.inputs[other].write(own + moves if other == name else own)
-        losses = np.array([loss(each) for each in copies.run()])
+        sigma = spreads[name] if name in spreads else rollout.scale(name)
+        rows = base[name] + sigma * np.multiply.outer(np.concatenate([draws, -draws]), d)
+        _allowed(rollout, name, base[name], rows, sigma)
+        losses = np.array([loss(each) for each in rollout.varied({name: rows}, 2 * samples)])
         found.append(_judged(name, exact, losses[:samples] - losses[samples:], draws, sigma, within))
+    rollout.copied.pop(2 * samples, None)                # so many worlds take room
     return found
+
+
+def _allowed(rollout: Rollout, name: str, base: np.ndarray, rows: np.ndarray, sigma: float) -> None:
+    """Raises SceneError where copies would have values that may not be."""
+    if rollout.inputs[name].allows(rows):
+        return
+    low, high = rollout.inputs[name].bounds()
+    room, taken = min(float((base - low).min()), float((high - base).min())), float(np.abs(rows - base).max())
+    mend = f"give spreads={{{name!r}: {0.99 * sigma * room / taken:.2g}}} or less" if room > 0.0 else \
+        "a smoothed loss needs both sides of it: set it off that end, or leave it out of the rollout"
+    raise SceneError(Problem(name, f"is {span(base)}, and copies with a spread of {sigma:.3g} have {span(rows)}; allowed are "
+                             f"{low:g} to {high:g}; {mend}"))
 
 
 def _direction(g: np.ndarray) -> tuple[np.ndarray, float]:
