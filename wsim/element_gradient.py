@@ -103,40 +103,22 @@ class ElementGradient:
     def rows(self, name: str, body) -> list[np.ndarray]:
         """Of springs."""
         found = []
-        for r, part in _parts(self.parameters.springs):
-            if r.body is not body:
-                continue
+        for r, part, damping in _having(name, body, self.parameters.springs):
             k = np.broadcast_to(1.0 / r.alpha, len(r.ids))
-            if name in r.stiffness:
-                found.append(self.by_k(r, part) / r.shape)
-            elif name == "damping" and r.tau > 0.0:
-                found.append(self.entries["damping"][part] * k)
+            found.append(self.entries["damping"][part] * k if damping else self.by_k(r, part) / r.shape)
         return found
 
     def flat(self, name: str, body) -> list[np.ndarray]:
         """Of hinges and triangles."""
-        found = []
-        for e in self.parameters.flat:
-            for r, part in _parts(e.rows):
-                if r.body is body and name == "damping" and r.tau > 0.0:
-                    found.append(self.of(e.data.tau)[part])
-                elif r.body is body and name in r.stiffness and e.kind != "membrane":
-                    found.append(self.of(e.data.stiffness)[part] / r.shape)
-                elif r.body is body and name in r.stiffness:
-                    found.append(_by_stiffness(r, name, e.kind, self.of(e.data.stiffness)[part] * e.stiffness()[part]))
-        return found
+        return [self.of(e.data.tau)[part] if damping else self.of(e.data.stiffness)[part] / r.shape if e.kind != "membrane" else
+                _by_stiffness(r, name, e.kind, self.of(e.data.stiffness)[part] * e.stiffness()[part])
+                for e in self.parameters.flat for r, part, damping in _having(name, body, e.rows)]
 
     def projected(self, name: str, body) -> list[np.ndarray]:
         """Of constraints of XPBD, whose compliances are inverse stiffnesses."""
-        found = []
-        for batch in self.parameters.batches:
-            for r, part in _parts(batch.rows):
-                if r.body is body and name == "damping" and r.tau > 0.0:
-                    found.append(self.by_rows(batch, batch.data.tau)[part])
-                elif r.body is body and name in r.stiffness:
-                    by = self.by_rows(batch, batch.data.alpha) * batch.values()[0]
-                    found.append(_by_stiffness(r, name, batch.kind, -by[part]))
-        return found
+        return [self.by_rows(b, b.data.tau)[part] if damping else
+                _by_stiffness(r, name, b.kind, -(self.by_rows(b, b.data.alpha) * b.values()[0])[part])
+                for b in self.parameters.batches for r, part, damping in _having(name, body, b.rows)]
 
     def by_rows(self, batch, array: wp.array) -> np.ndarray:
         """A gradient of a batch's table in the order of its rows."""
@@ -177,6 +159,15 @@ def _parts(rows: list) -> list[tuple[Any, slice]]:
     """Where each, of constraints or tets, stands in a table of all."""
     ends = np.cumsum([0, *(len(r.ids if isinstance(r, Rows) else r.rows) for r in rows)])
     return [(r, slice(*ends[k:k + 2])) for k, r in enumerate(rows)]
+
+
+def _having(name: str, body, rows: list[Rows]) -> Iterator[tuple[Rows, slice, bool]]:
+    """Constraints of a body that have a stiffness of that name, where they stand in a table of `rows`, and False; of "damping"
+    those that are damped, and True."""
+    for r, part in _parts(rows):
+        damping = name == "damping" and r.tau > 0.0
+        if r.body is body and (damping or name in r.stiffness):
+            yield r, part, damping
 
 
 def _by_stiffness(r: Rows, name: str, kind: str, parts: np.ndarray) -> np.ndarray:
