@@ -45,6 +45,16 @@ def ends(scene, frames, *devices, **options):
         yield sim.positions(scene.bodies()[0].path)
 
 
+def gradients(scene, frames, loss=None, keep="auto", reactions=None, devices=("cpu", "cuda:0")):
+    """One after the other, of recordings in float64; loss(recording): derivatives by positions, else at the end those of the
+    first body at the start."""
+    path = scene.bodies()[0].path
+    for device in devices:
+        recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), frames, keep)
+        given = loss(recording) if loss else {frames: {path: recording.positions(0, path)}}
+        yield recording.backward(given, reactions=reactions)
+
+
 @pytest.mark.parametrize("precision, bound", [("float32", 1e-6), ("float64", 1e-13)])
 @pytest.mark.parametrize("integrator", ["backward_euler", "bdf2"])
 def test_cpu_and_gpu_agree(precision, bound, integrator):
@@ -226,11 +236,7 @@ def test_what_soft_bodies_may_have_agrees(what, solver):
     (bar, {"model": "neo_hookean", "solver": "implicit", "integrator": "implicit_midpoint", "substeps": 4}),
     (bar, {"model": "corotational", "solver": "implicit", "integrator": "sdirk3", "substeps": 2})])
 def test_gradients_agree(make, settings, keep):
-    found = []
-    for device in ("cpu", "cuda:0"):
-        recording = Recording(Simulation(make(**settings), device=device, precision="float64", gradients=True), 3, keep)
-        found.append(recording.backward({3: recording.positions(3), 1: recording.positions(1)}))
-    cpu, gpu = found
+    cpu, gpu = gradients(make(**settings), 3, lambda r: {3: r.positions(3), 1: r.positions(1)}, keep)
     for name in ("positions", "velocities", "masses", "gravity"):
         a, b = getattr(cpu, name)(), getattr(gpu, name)()
         assert np.abs(b - a).max() < 1e-8 * np.abs(a).max()
@@ -257,8 +263,7 @@ def test_gradients_of_xpbd_agree_however_colours_are_launched(monkeypatch):
     found = []
     for device, fuse in (("cpu", 512), ("cuda:0", 512), ("cuda:0", 0)):
         monkeypatch.setattr(xpbd, "FUSE", fuse)
-        recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 3)
-        found.append(recording.backward({3: recording.positions(0)}))
+        found += gradients(scene, 3, devices=[device])
     for other in found[1:]:
         for name in ("positions", "velocities", "masses", "rest_shape"):
             a, b = getattr(found[0], name)(), getattr(other, name)()
@@ -272,10 +277,7 @@ def test_gradients_through_contacts_and_wind_agree():
     for solver in SOLVERS.values():
         scene = dropped("sphere", spin=3.0, **solver)
         scene.cloths[0].drag, scene.cloths[0].lift, scene.wind = 1.0, 0.5, (1.0, 0.0, 2.0)
-        found = []
-        for device in ("cpu", "cuda:0"):
-            recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 4)
-            found.append(recording.backward({4: recording.positions(0)}))
+        found = list(gradients(scene, 4))
         for name in ("positions", "velocities", "masses"):
             a, b = (getattr(g, name)() for g in found)
             assert np.linalg.norm(a - b) < 1e-8 * np.linalg.norm(a)
@@ -286,12 +288,10 @@ def test_gradients_through_contacts_and_wind_agree():
 def test_gradients_through_meshes_and_by_colliders_agree(shape):
     """A sheet thrown at a mesh that turns, rises and may deform: its motion by graphs, and its gradients."""
     for solver in SOLVERS:
-        scene, found = slid(shape, solver), []
+        scene = slid(shape, solver)
         cpu, gpu = ends(scene, 4, "cpu", "cuda:0", precision="float64")
         assert np.abs(cpu - gpu).max() < 1e-11
-        for device in ("cpu", "cuda:0"):
-            recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 4)
-            found.append(recording.backward({4: recording.positions(0)}))
+        found = list(gradients(scene, 4))
         for of in (lambda g: g.positions(), lambda g: g.motion("/floor"), lambda g: g.friction("/floor"),
                    lambda g: g.friction("/cloth"), lambda g: g.thickness("/floor")):
             a, b = (np.asarray(of(g)) for g in found)
@@ -301,10 +301,7 @@ def test_gradients_through_meshes_and_by_colliders_agree(shape):
 def test_gradients_of_quadratic_tets_under_pressure_agree():
     scene = bar("neo_hookean", damping=1e-4, solver="implicit", integrator="bdf2", substeps=2)
     scene.softs[0].quadratic, scene.softs[0].pressure = True, 400.0
-    found = []
-    for device in ("cpu", "cuda:0"):
-        recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 2)
-        found.append(recording.backward({2: recording.positions(0)}))
+    found = list(gradients(scene, 2))
     for name in ("young", "poisson", "damping", "pressure"):
         assert found[1].material(name) == pytest.approx(found[0].material(name), rel=1e-8)
     assert np.abs(found[1].rest_shape() - found[0].rest_shape()).max() < 1e-8 * np.abs(found[0].rest_shape()).max()
@@ -326,11 +323,9 @@ def test_reactions_agree(settings):
 
 
 def test_gradients_by_soft_pins_under_newtons_method_agree():
-    scene, found = sheet("springs", damping=2e-4, solver="implicit", integrator="bdf2", substeps=2), []
+    scene = sheet("springs", damping=2e-4, solver="implicit", integrator="bdf2", substeps=2)
     scene.pins = [Pin("/soft", "/cloth", np.array([20, 24]), stiffness=50.0, damping=0.01)]
-    for device in ("cpu", "cuda:0"):
-        recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 2)
-        found.append(recording.backward({2: recording.positions(0)}))
+    found = list(gradients(scene, 2))
     for name in ("stiffness", "damping"):
         assert found[1].pin("/soft", name) == pytest.approx(found[0].pin("/soft", name), rel=1e-8)
     assert found[1].targets("/soft") == pytest.approx(found[0].targets("/soft"), rel=1e-8, abs=1e-10)
@@ -340,10 +335,7 @@ def test_gradients_by_soft_pins_under_newtons_method_agree():
     *(lambda name=name: dropped("sphere", friction=(0.4, 0.4), spin=3.0, **SOLVED | {"integrator": name})
       for name in ("backward_euler", "bdf2")), lambda: landed("plane", "bdf2", 1.5), lambda: pulled("sdirk3", "both")])
 def test_gradients_through_contacts_and_limits_under_newtons_method_agree(make):
-    scene, found = make(), []
-    for device in ("cpu", "cuda:0"):
-        recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 4)
-        found.append(recording.backward({4: recording.positions(0)}))
+    found = list(gradients(make(), 4))
     for name in ("positions", "velocities", "masses"):
         a, b = (getattr(g, name)() for g in found)
         assert np.linalg.norm(a - b) < 1e-8 * np.linalg.norm(a)
@@ -351,11 +343,7 @@ def test_gradients_through_contacts_and_limits_under_newtons_method_agree(make):
 
 def test_gradients_through_plastic_flow_agree():
     for more in (LEAPFROG, NEWTON):
-        found = []
-        for device in ("cpu", "cuda:0"):
-            scene = yielding("neo_hookean" if more is NEWTON else "corotational", **more)
-            recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 2)
-            found.append(recording.backward({2: recording.positions(0)}))
+        found = list(gradients(yielding("neo_hookean" if more is NEWTON else "corotational", **more), 2))
         for name in ("positions", "rest_shape"):
             a, b = (getattr(g, name)() for g in found)
             assert np.abs(a - b).max() < 1e-7 * np.abs(a).max()
@@ -368,10 +356,7 @@ def test_a_ball_bounces_and_has_the_gradients_of_its_motion():
     for sim in sims:
         sim.run(118)
     assert np.abs(sims[0].positions() - sims[1].positions()).max() < 1e-12
-    found = []
-    for device in ("cpu", "cuda:0"):
-        recording = Recording(Simulation(ball(v=(0.3, 0.25, 0.0)), device=device, precision="float64", gradients=True), 118)
-        found.append(recording.backward({118: np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0]])}))
+    found = list(gradients(ball(v=(0.3, 0.25, 0.0)), 118, lambda r: {118: np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0]])}))
     assert found[1].positions() == pytest.approx(found[0].positions(), rel=1e-9, abs=1e-12)
     assert found[1].gravity() == pytest.approx(found[0].gravity(), rel=1e-9, abs=1e-12)
     assert found[1].restitution("/floor") == pytest.approx(found[0].restitution("/floor"), rel=1e-9)
@@ -380,11 +365,7 @@ def test_a_ball_bounces_and_has_the_gradients_of_its_motion():
 def test_muscles_and_their_gradients_agree():
     """By every solver, and of a soft body that they move over the ground."""
     for scene in (*(muscled(**settings) for settings in PULLED.values()), crawler()):
-        path, found = scene.bodies()[0].path, []
-        for device in ("cpu", "cuda:0"):
-            recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), 3)
-            found.append(recording.backward({3: {path: recording.positions(0, path)}}))
-        a, b = (g.actuation(scene.springs[0].path) for g in found)
+        a, b = (g.actuation(scene.springs[0].path) for g in gradients(scene, 3))
         assert np.abs(b - a).max() < 1e-7 * np.abs(a).max()
         sims = ends(scene, 3, "cpu", "cuda:0", precision="float64")
         assert reference.rms(next(sims) - next(sims)) < 1e-9

@@ -55,7 +55,7 @@ def test_tets_that_are_half_body_have_half_the_mass_and_half_the_stiffness():
 # motion
 
 def swinging(young: float, far: float, precision: str = "float32", **more):
-    """A bar without weight that begins `far` [m] along its first mode; the mode's frequency [Hz], and a function of a simulation:
+    """A bar without weight that begins `far` [m] along its first mode; the mode's frequency [Hz]; a function of a simulation:
     what is left of that, 1 at the start."""
     pytest.importorskip("scipy")
     from tools.bench.soft_reference import Solid, frequencies
