@@ -12,13 +12,13 @@ from wsim.recording import Recording
 H = 1.0 / 60.0 / 40.0
 
 
-def lost(solver: str, frame: int = 0, **more) -> wsim.Scene:
-    """Point 0 hangs on what is nowhere from 11.4 substeps after the begin of a frame on."""
+def lost(solver: str, frame: int = 0, when: float = 11.4, **more) -> wsim.Scene:
+    """Point 0 hangs on what is nowhere from so many substeps after the begin of a frame on."""
     integrator = "leapfrog" if solver == "explicit" else "backward_euler"
-    scene = net(solver=solver, integrator=integrator, **more)
+    scene = net(**{"solver": solver, "integrator": integrator} | more)
     values = np.tile(np.eye(4), (3, 1, 1))
     values[2, 0, 3] = np.nan
-    scene.pins[0].motion = Motion(np.array([0.0, 11.4, 12.0]) * H + frame / 60.0, values)
+    scene.pins[0].motion = Motion(np.array([0.0, when, 12.0]) * H + frame / 60.0, values)
     return scene
 
 
@@ -38,6 +38,24 @@ def test_a_simulation_says_what_first_went_bad(solver, stage):
         sim.run(3)
     assert f"first in substep 183 of 640, stage {stage}: array " in str(said.value)
     assert "of point 0 of /chain" in str(said.value)
+
+
+@pytest.mark.parametrize("when, stage", [(11.4, 1), (11.43, 2)])
+def test_steps_of_sdirk3_are_counted_and_not_the_systems_of_both_stages(when, stage):
+    """Of step 183 of 640 the first stage looks at 182.79 and the second at 182.21 and at the end, 183: points hang on what is
+    nowhere from 16 x 11.4 = 182.4 on, or from 182.88."""
+    sim = simulated(lost("implicit", 1, when, integrator="sdirk3"))
+    with pytest.raises(SceneError, match="stopped being a number in frame 2, with 640 substeps too") as said:
+        sim.run(3)
+    assert f"first in substep 183 of 640 (stage {stage} of sdirk3), stage pins" in str(said.value)
+    assert sim.plan.clock.steps == 640 and sim.plan.clock.substeps == 1280
+    assert [w.rpartition(" with ")[2] for w in sim.warnings] == [f"{n} substeps, which stay" for n in (80, 160, 320, 640)]
+
+
+def test_a_recording_counts_steps_of_sdirk3_too():
+    recording = Recording(simulated(lost("implicit", 1, integrator="sdirk3"), gradients=True), 2)
+    with pytest.raises(SceneError, match="first in substep 12 of 40 .stage 1 of sdirk3., stage pins: .* point 0 of /chain"):
+        recording.run()
 
 
 @pytest.mark.parametrize("frames, keep", [(2, "all"), (2, "checkpoints")])

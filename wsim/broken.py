@@ -103,11 +103,15 @@ def judge(recording, long: str) -> None:
 
 
 def words(plan: Plan, substeps: int, substep: int, stage, arrays: dict[str, int]) -> str:
+    """substep of substeps: as `wsim.stage.Clock` counts them, two a step of sdirk3."""
     meaning = {f.name: f.meaning for f in plan.state.fields}
     name = next((n for n in ("d", "v", "x") if n in arrays), next(iter(arrays)))
     body, point = author(plan.model, arrays[name])
     what = f"{name} ({meaning[name]})" if name in meaning else name
-    where = "when the frame begins" if stage is None else f"in substep {substep + 1} of {substeps}, stage {stage.name}"
+    solves = 2 if plan.clock.staged else 1
+    where = "when the frame begins" if stage is None else (
+        f"in substep {substep // solves + 1} of {substeps // solves}"
+        f"{f' (stage {substep % 2 + 1} of sdirk3)' * plan.clock.staged}, stage {stage.name}")
     return f"first {where}: array {what} of point {point} of {body}"
 
 

@@ -66,11 +66,11 @@ def _refine(sim: Simulation, point: int) -> None:
                "shape is far from it)" if least else ""
         said = first(sim.plan, sim.time)
         raise SceneError(Problem(path, f"point {where} stopped being a number in frame {sim.frame + 1}, with "
-                                 f"{clock.substeps} substeps too{said and '; ' + said}; look for infinite velocities or "
+                                 f"{clock.steps} substeps too{said and '; ' + said}; look for infinite velocities or "
                                  f"parameters{hint}"))
     clock.substeps *= 2
     sim.warnings.append(f"frame {sim.frame + 1}: point {where} of {path} stopped being a number; repeated with "
-                        f"{clock.substeps} substeps, which stay")
+                        f"{clock.steps} substeps, which stay")
 
 
 def _suspect(sim: Simulation) -> None:
