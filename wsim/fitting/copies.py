@@ -12,6 +12,7 @@ import warp as wp
 
 from wsim import mend
 from wsim.fitting.parameter import Parameter
+from wsim.fitting.room import Room, held
 from wsim.reaction import every
 from wsim.scene import Problem, Scene, SceneError
 from wsim.simulation import Simulation
@@ -27,17 +28,39 @@ class Broken(Exception):
 
 def settled(scene: Scene, device) -> Scene:
     """The scene with its solver, integrator, substeps and iterations named: what "auto" comes to at its present values."""
-    choice = Simulation(scene, device=device, precision="float64").plan.choice
+    return chosen(scene, Simulation(scene, device=device, precision="float64"))
+
+
+def chosen(scene: Scene, sim: Simulation) -> Scene:
+    """The scene with the choices that a simulation of it has made."""
+    choice = sim.plan.choice
     return replace(scene, solver=choice.solver, integrator=choice.integrator.name, substeps=choice.steps,
                    iterations=choice.iterations)
 
 
+def kept(sim: Simulation) -> list[wp.array]:
+    """The arrays with which a run begins."""
+    every = [] if sim.state.every is None else [sim.state.every]
+    return [a for m in sim.plan.methods for a in m.fields.values()] + [k.array for k in sim.state.elements.values()] + every
+
+
 class Copies:
-    """`begin` with values, go on `to` a frame, read `positions`; and again. Raises SceneError where the scene cannot run."""
+    """`begin` with values, go on `to` a frame, read `positions`; and again. Raises SceneError where the scene cannot run, or
+    where there is no memory for so many."""
 
     def __init__(self, scene: Scene, parameters: list[Parameter], worlds: int, device=None):
-        self.scene, self.parameters, self.worlds = settled(scene, device), parameters, worlds
-        self.sim = Simulation(self.scene, device=device, precision="float64", worlds=worlds)
+        one = Simulation(scene, device=device, precision="float64")
+        self.scene, self.parameters, self.worlds = chosen(scene, one), parameters, worlds
+        on, each = one.device, held(one) + sum(a.capacity for a in kept(one))
+        del one
+        room = Room.on(on, len(parameters), worlds, each)
+        room.check()
+        try:
+            self.sim = Simulation(self.scene, device=device, precision="float64", worlds=worlds)
+        except SceneError as error:
+            if "out of memory" in str(error):
+                raise SceneError(room.problem()) from None
+            raise
         self.warnings = list(self.sim.warnings)
         self.keep()
 
@@ -46,9 +69,7 @@ class Copies:
         sim = self.sim
         clock = sim.plan.clock
         self.plan, self.substeps, self.steps, self.scheme = sim.plan, clock.substeps, clock.steps, clock.scheme
-        self.arrays = [a for m in sim.plan.methods for a in m.fields.values()] + [k.array for k in sim.state.elements.values()]
-        if sim.state.every is not None:
-            self.arrays.append(sim.state.every)
+        self.arrays = kept(sim)
         self.saved = [wp.clone(a) for a in self.arrays]
 
     def rewind(self) -> None:
