@@ -33,25 +33,30 @@ def spoilt(attribute: Usd.Attribute) -> list:
     return found
 
 
+def refusals(path) -> tuple[int, int]:
+    """Spoilt values of a stage's attributes that are refused, each for reasons with a path, and those that were tried."""
+    stage = Usd.Stage.Open(str(path))
+    stage.SetEditTarget(stage.GetSessionLayer())
+    refused = tried = 0
+    for attribute in (a for prim in stage.Traverse() for a in prim.GetAuthoredAttributes()):
+        for value in spoilt(attribute):
+            stage.GetSessionLayer().Clear()
+            attribute.Set(value)
+            tried += 1
+            try:
+                read_stage(stage)
+            except SceneError as error:
+                refused += 1
+                assert all(problem.path and problem.text for problem in error.problems)
+    return refused, tried
+
+
 def test_a_spoilt_attribute_is_read_or_refused(tmp_path):
     scene = _scene(3)
     scene.cloths, scene.springs = scene.cloths[1:2], scene.springs[:1]
     scene.frames, scene.colliders = 3, scene.colliders[::2]
     save(scene, tmp_path / "s.usda")
-    stage = Usd.Stage.Open(str(tmp_path / "s.usda"))
-    stage.SetEditTarget(stage.GetSessionLayer())
-    refused = tried = 0
-    for prim in stage.Traverse():
-        for attribute in prim.GetAuthoredAttributes():
-            for value in spoilt(attribute):
-                stage.GetSessionLayer().Clear()
-                attribute.Set(value)
-                tried += 1
-                try:
-                    read_stage(stage)
-                except SceneError as error:
-                    refused += 1
-                    assert all(problem.path and problem.text for problem in error.problems)
+    refused, tried = refusals(tmp_path / "s.usda")
     assert tried > 300 and refused > tried / 4
 
 

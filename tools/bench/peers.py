@@ -35,6 +35,7 @@ import warp as wp
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 from tools.bench import garment, reference  # noqa: E402
+from tools.bench.soft_runs import plain  # noqa: E402
 from tools.bench.speed import hardware  # noqa: E402
 from tools.bench.verdict import verdicts  # noqa: E402
 from wsim.scene import Scene, SceneError  # noqa: E402
@@ -206,15 +207,6 @@ def commit() -> str:
                               check=True).stdout.strip()
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
-
-
-def plain(value):
-    """Without what JSON has no word for: numbers that are none become null."""
-    if isinstance(value, dict):
-        return {k: plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(v) for v in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def main() -> None:

@@ -12,10 +12,11 @@ Hairer, Norsett, Wanner 1993, II.1, II.4. What a perfect solver of an implicit i
 """
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import ceil, cos, sin, sqrt
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -122,27 +123,40 @@ def exact(net: Net, times: Sequence[float], tolerance: float = 1e-8, folder: Pat
     result, keyed by the net and the arguments. RuntimeError when eight halvings do not reach the tolerance: the
     motion amplifies perturbations too strongly for that tolerance.
     """
-    cache = None
+    file = None
     if folder is not None:
         key = hashlib.sha256(repr((times, tolerance, frame, net.gravity)).encode())
         for array in (net.points, net.edges, net.stiffness, net.masses, net.pinned, net.lengths):
             key.update(np.ascontiguousarray(array).tobytes())
-        cache = Path(folder) / f"exact_{key.hexdigest()[:16]}.npz"
-        if cache.exists():
-            with np.load(cache) as found:
-                return found["positions"], float(found["error"])
+        file = Path(folder) / f"exact_{key.hexdigest()[:16]}.npz"
+    return kept(file, lambda: halved(net, times, tolerance, frame, net.frequency(), 8))
+
+
+def kept(file: Path | None, run: Callable[[], tuple[np.ndarray, float]]) -> tuple[np.ndarray, float]:
+    """Positions and their error from a file; where there is none yet, by `run`, and into it."""
+    if file is not None and file.exists():
+        with np.load(file) as found:
+            return found["positions"], float(found["error"])
+    positions, error = run()
+    if file is not None:
+        np.savez(file, positions=positions, error=error)
+    return positions, error
+
+
+def halved(body: Any, times: Sequence[float], tolerance: float, frame: float, highest: float,
+           most: int) -> tuple[np.ndarray, float]:
+    """`exact` of a body with `points` [m] and `acceleration(x)` [m/s^2] that starts at rest: steps from half of what the
+    frequency `highest` [rad/s] allows on, halved at most so often."""
     steps_between(times, frame)
-    coarse, substeps = None, ceil(frame * net.frequency() / 2.0)
-    for _ in range(9):
-        x, v, positions = net.points, np.zeros_like(net.points), []
+    coarse, substeps = None, ceil(frame * highest / 2.0)
+    for _ in range(most + 1):
+        x, v, positions = body.points, np.zeros_like(body.points), []
         for steps in steps_between(times, frame / substeps):
-            x, v = runge_kutta(net, x, v, frame / substeps, steps)
+            x, v = runge_kutta(body, x, v, frame / substeps, steps)
             positions.append(x)
         if coarse is not None:
             error = max(rms(a - b) for a, b in zip(positions, coarse, strict=True)) / 15.0
             if error < tolerance:
-                if cache is not None:
-                    np.savez(cache, positions=np.array(positions), error=error)
                 return np.array(positions), error
         coarse, substeps = positions, 2 * substeps
     raise RuntimeError(f"error {error:.1e} m at {substeps // 2} steps a frame; {tolerance:.1e} is not reached")

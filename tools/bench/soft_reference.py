@@ -14,14 +14,14 @@ Sifakis, Barbic 2012; Nocedal, Wright 2006, ch. 3 (line search); Hairer, Norsett
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import ceil, pi
+from math import pi
 from pathlib import Path
 
 import numpy as np
 from scipy.sparse import csc_matrix, diags
 from scipy.sparse.linalg import eigsh, splu
 
-from tools.bench.reference import rms, runge_kutta, steps_between
+from tools.bench.reference import halved, kept
 from tools.bench.soft_material import density, stiffness, stress
 
 
@@ -167,28 +167,11 @@ def exact(solid: Solid, times: Sequence[float], tolerance: float = 1e-8, folder:
 
     Steps are halved until |x_h - x_2h| / 15 (Richardson, order 4) is under tolerance at every time. A folder keeps the
     result, keyed by the body and the arguments. RuntimeError when six halvings do not reach the tolerance."""
-    cache = None
+    file = None
     if folder is not None:
         key = hashlib.sha256(repr((tuple(times), tolerance, frame, solid.gravity, solid.young, solid.poisson, solid.density,
                                    solid.model)).encode())
         for array in (solid.points, solid.tets, solid.pinned):
             key.update(np.ascontiguousarray(array).tobytes())
-        cache = Path(folder) / f"soft_{key.hexdigest()[:16]}.npz"
-        if cache.exists():
-            with np.load(cache) as found:
-                return found["positions"], float(found["error"])
-    steps_between(times, frame)
-    coarse, substeps = None, ceil(frame * highest(solid) / 2.0)
-    for _ in range(7):
-        x, v, positions = solid.points, np.zeros_like(solid.points), []
-        for steps in steps_between(times, frame / substeps):
-            x, v = runge_kutta(solid, x, v, frame / substeps, steps)  # type: ignore[arg-type]
-            positions.append(x)
-        if coarse is not None:
-            error = max(rms(a - b) for a, b in zip(positions, coarse, strict=True)) / 15.0
-            if error < tolerance:
-                if cache is not None:
-                    np.savez(cache, positions=np.array(positions), error=error)
-                return np.array(positions), error
-        coarse, substeps = positions, 2 * substeps
-    raise RuntimeError(f"error {error:.1e} m at {substeps // 2} steps a frame; {tolerance:.1e} is not reached")
+        file = Path(folder) / f"soft_{key.hexdigest()[:16]}.npz"
+    return kept(file, lambda: halved(solid, times, tolerance, frame, highest(solid), 6))

@@ -22,6 +22,7 @@ from wsim.usd.material import (
     density_of,
     is_physical,
     load_friction,
+    physical,
     validated,
 )
 from wsim.usd.names import row
@@ -36,13 +37,8 @@ def load_bulk(reading: Reading, prim: Usd.Prim, body_density: float | None) -> B
 
     Every value out of range is reported with the material's path; the default takes its place so that reading goes on.
     """
-    material = bound(reading, prim)
-    if material is None or not is_physical(material):
-        reading.warn(prim.GetPath(), f"no physics material is bound: the fallbacks of {names.VOLUME_MATERIAL} count "
-                     f"(E = {names.YOUNGS_MODULUS:g} Pa, density {names.DENSITY:g} kg/m^3); bind one by "
-                     "material:binding:physics")
-        material = prim                                       # carries no such attribute: every fallback
-    elif read(material, "Bulk", "young") is None:
+    material = physical(reading, prim, names.VOLUME_MATERIAL)
+    if material != prim and read(material, "Bulk", "young") is None:
         reading.warn(material.GetPath(), f"{row('Bulk', 'young').attribute} is not authored: {names.YOUNGS_MODULUS:g} Pa, the "
                      f"fallback of {names.VOLUME_MATERIAL}, counts")
     values = {"young": read(material, "Bulk", "young", reading.units), "poisson": read(material, "Bulk", "poisson")}

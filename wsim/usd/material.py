@@ -38,6 +38,17 @@ def is_physical(material: Usd.Prim | None) -> bool:
             or any(a.GetName().startswith("physics:") for a in material.GetAuthoredAttributes()))
 
 
+def physical(reading: Reading, prim: Usd.Prim, schema: str) -> Usd.Prim:
+    """The physics material of a body; where none is bound the body itself, which carries none of its attributes, with a warning
+    that the fallbacks of `schema` count."""
+    material = bound(reading, prim)
+    if material is not None and is_physical(material):
+        return material
+    reading.warn(prim.GetPath(), f"no physics material is bound: the fallbacks of {schema} count (E = {names.YOUNGS_MODULUS:g} "
+                 f"Pa, density {names.DENSITY:g} kg/m^3); bind one by material:binding:physics")
+    return prim
+
+
 def load_friction(reading: Reading, prim: Usd.Prim, note: bool = False) -> tuple[float, float]:
     """Static and dynamic coefficient: 0.5 without a physics material, 0 (UsdPhysics) where it does not author one."""
     material = bound(reading, prim)
@@ -69,12 +80,7 @@ def load_fabric(reading: Reading, prim: Usd.Prim, body_density: float | None, th
 
     Every value out of range is reported with the material's path; the default takes its place so that reading goes on.
     """
-    material = bound(reading, prim)
-    if material is None or not is_physical(material):
-        reading.warn(prim.GetPath(), f"no physics material is bound: the fallbacks of {names.SURFACE_MATERIAL} count "
-                     f"(E = {names.YOUNGS_MODULUS:g} Pa, density {names.DENSITY:g} kg/m^3); bind one by "
-                     "material:binding:physics")
-        material = prim                                       # carries no such attribute: every fallback
+    material = physical(reading, prim, names.SURFACE_MATERIAL)
     values = _sheet(reading, material, thickness)
     values["density"] = density_of(reading, material, body_density)
     values["static_friction"], values["dynamic_friction"] = load_friction(reading, prim, note=True)
