@@ -175,15 +175,13 @@ def pushed_adjoint(real, module):
 
 
 @cache
-def held_adjoint(real, module):
-    """Kernel over points: adds gradients by contacts, their friction and a. v: y - (dr/dd)^T W q; q as above."""
-    t, at, taken, one = types(real), structs(real), takes(real), formulas(real)
-    slid, filtered = one.slid, one.filtered
-    (Rows, Points), Slots, vec3 = tables(real), slots(real), wp.array(dtype=t.vec3)
+def leaves(real):
+    """Function: what the contacts of point i before slot `last` leave: of F, and of its own directions, S."""
+    at, one = structs(real), formulas(real)
+    slid, filtered, (Rows, Points), Slots = one.slid, one.filtered, tables(real), slots(real)
 
     @wp.func
     def before(c: Rows, points: Points, s: Slots, o: at.State, bears: wp.array(dtype=int), i: int, last: int):
-        """left before slot `last`, and the rest of its normal that is not along those before it."""
         left = o.f[i] - (o.rate * o.rate / points.w[i]) * (o.d[i] - o.b[i])
         S = wp.identity(n=3, dtype=real)
         for slot in range(last):
@@ -195,6 +193,15 @@ def held_adjoint(real, module):
                 left -= wp.dot(n, left) * (n - (mu[1] * rate) * way)
                 S = filtered(S, n)
         return left, S
+
+    return before
+
+
+@cache
+def held_adjoint(real, module):
+    """Kernel over points: adds gradients by contacts, their friction and a. v: y - (dr/dd)^T W q; q as above."""
+    t, at, taken, before = types(real), structs(real), takes(real), leaves(real)
+    (Rows, Points), Slots, vec3 = tables(real), slots(real), wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
     def held_adjoint(c: Rows, points: Points, s: Slots, o: at.State, fixed: at.Frame, v: vec3, q: vec3, by: at.Grads):

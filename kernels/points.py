@@ -13,7 +13,7 @@ sdirk3 (order 3):          kernels/sdirk3.py, twice backward Euler of another st
 BDF2 is x' = x + s/3 + (2/3) h v', v' = v + (v - u)/3 + (2/3) h f, written in differences so that nothing cancels
 (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, III.1). f is gravity [m/s^2]; a decay rate k [1/s] of the
 velocity (drag of the air) is taken implicitly: v' = v~ / (1 + g k) + g f, exact at rest, a relative error of g k in the
-terminal velocity. Both schemes are stable for every h.
+terminal velocity. All are stable for every h.
 
 The remainder (Kahan 1965): x' = fl(x + d), e' = d - (x' - x). Without it 256 substeps a frame lose a factor of 45 in float32.
 """

@@ -7,8 +7,8 @@ contact is kept where the gap at the predicted place is under a margin of |dq| +
 collider: constraints may still move the point. A point that started too near by s0 < 0 is carried out by the same
 shift of d and a, hence without velocity, by at most `recovery` h; by what is then left its plane is moved back.
 
-Contacts stand in the order of the colliders, so results are bitwise the same from run to run. Lists are built outside
-of any tape, hence slots are written through a struct.
+Contacts stand in the order of the colliders, so results are bitwise the same from run to run. Slots are a struct, of which a
+tape keeps no versions: the search is run once more before its adjoint (kernels/search_adjoint.py).
 """
 
 # Device code: int(0) makes a variable of what would be a constant; `not a < b` is true where a is no number.

@@ -45,14 +45,13 @@ def ends(scene, frames, *devices, **options):
         yield sim.positions(scene.bodies()[0].path)
 
 
-def gradients(scene, frames, loss=None, keep="auto", reactions=None, devices=("cpu", "cuda:0")):
+def gradients(scene, frames, loss=None, keep="auto", devices=("cpu", "cuda:0")):
     """One after the other, of recordings in float64; loss(recording): derivatives by positions, else at the end those of the
     first body at the start."""
     path = scene.bodies()[0].path
     for device in devices:
         recording = Recording(Simulation(scene, device=device, precision="float64", gradients=True), frames, keep)
-        given = loss(recording) if loss else {frames: {path: recording.positions(0, path)}}
-        yield recording.backward(given, reactions=reactions)
+        yield recording.backward(loss(recording) if loss else {frames: {path: recording.positions(0, path)}})
 
 
 @pytest.mark.parametrize("precision, bound", [("float32", 1e-6), ("float64", 1e-13)])

@@ -49,6 +49,18 @@ def test_where_all_does_not_fit_the_bytes_and_the_segment_that_would_are_said(mo
     assert found.checkpoints and found.bytes < 0.5 * need
 
 
+def test_steps_of_sdirk3_are_counted_and_not_their_stages(monkeypatch):
+    scene = net(solver="implicit", integrator="sdirk3", substeps=4, iterations=2)
+    sim = Simulation(scene, device="cpu", precision="float64", gradients=True)
+    whole = Recording(sim, 6, "all").cost
+    assert whole.substeps == 8
+    monkeypatch.setattr(segments, "free", lambda device: 0.5 * whole.full)
+    with pytest.raises(SceneError, match="recording 6 frames of 4 substeps keeps .* in segments of up to") as said:
+        Recording(sim, 6, "all")
+    longest = int(str(said.value).split("segments of up to ")[1].split()[0])
+    assert whole.bytes(2 * longest) == pytest.approx(0.5 * whole.full, rel=0.1)
+
+
 def test_where_nothing_fits_the_frames_that_would_are_said(monkeypatch):
     cost = recording("checkpoints", 40, 2).cost
     monkeypatch.setattr(segments, "free", lambda device: 0.5 * cost.bytes(cost.best))

@@ -47,7 +47,7 @@ class Tetrahedra:
         self.q = wp.zeros(points * self.size, dtype=t.quat, device=model.device)
         self.backward: Callable | None = None    # adjoint of the forces
         self.plastic: Plastic | None = None
-        self.flows = True                 # where forces are asked for; with Newton's method where a substep ends
+        self.flows = True                 # where forces are asked for; with Newton's method where a step ends
         self.kept: dict = {}              # what outlives a frame, by name
         if any(m.yield_strain < inf for p in self.parts for m in p.soft.materials):
             from wsim import plastic

@@ -1,7 +1,8 @@
 """Forces by which explicit steps are taken: springs of each point, and elements with their corners.
 
-On a GPU a point's springs stand together, padded to equal numbers where that does not cost much, and are gathered by a few
-threads; on a CPU every spring stands once, at its lower end, and is added to both (kernels/spring.py, kernels/march.py).
+On a GPU, and where gradients are asked for, a point's springs stand together, padded to equal numbers where that does not cost
+much, and are gathered by a few threads; else on a CPU every spring stands once, at its lower end, and is added to both
+(kernels/spring.py, kernels/march.py).
 """
 
 from collections.abc import Callable

@@ -4,7 +4,8 @@
     /World/Cloth:rest_shape                  (n, 3) [m] where points are at rest; of a net :lengths, (edges,) [m]
     /World/Cloth:stretch, :density, ...      () one value of a live parameter, or (elements,) one for each element
     /World/Net:actuation                     factors of a net's muscles, (keys, groups) of its curve
-    /World/Pin:targets                       where a pin puts its points [m]: (frames, substeps, n, 3), or (n, 3) if it is still
+    /World/Pin:targets                       where a pin puts its points [m]: (frames, moments of a frame, n, 3), see
+                                             `wsim.stage.Clock.moments`, or (n, 3) if it is still
     gravity, wind                            (3,) [m/s^2], [m/s] of the whole scene
     air_drag                                 () [1/s]
     friction, restitution, colliders' shifts: `wsim.contact_inputs`

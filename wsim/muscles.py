@@ -1,7 +1,8 @@
 """Muscles of spring nets: factors of rest lengths over time, put where forces are evaluated. See kernels/muscle.py.
 
-A table holds the factors of a frame at every half of a substep, so that each evaluation has those of its own time: leapfrog's
-kicks the beginning of a substep, stages of a Runge-Kutta step theirs, implicit steps the time that they solve for.
+A table holds the factors of a frame at every half of a substep, of sdirk3 at every stage, so that each evaluation has those of
+its own time: leapfrog's kicks the beginning of a substep, stages of a Runge-Kutta step theirs, implicit steps and sweeps the
+time that they solve for.
 """
 
 from dataclasses import replace

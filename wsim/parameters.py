@@ -1,4 +1,4 @@
-"""The arrays of a plan that have gradients, by what they mean."""
+"""What of a plan's tables has gradients on the device; what a scene says of it: `wsim.sensitivity`."""
 
 from typing import Any
 

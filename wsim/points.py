@@ -167,8 +167,8 @@ def pins_of(model: Model) -> list[_Pinned]:
 
 
 class Pins(Method):
-    """Stages pose (hard pins) and hold (soft pins). Targets of a whole frame are computed in float64 on the host and uploaded
-    only when a pin moves or was set."""
+    """Stages pose and, where a step of sdirk3 ends, put (hard pins), hold (soft pins). Targets of a whole frame are computed in
+    float64 on the host and uploaded only when a pin moves or was set."""
 
     def __init__(self, model: Model, state: State, points: Points, explicit: bool = False):
         """explicit: hard pins are moved by the integrator itself, which reads `target` and `columns`."""

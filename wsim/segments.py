@@ -28,13 +28,14 @@ class Segments:
     """Cost of a recording; `where` is the device's name."""
 
     frames: int
-    substeps: int
+    substeps: int          # of a frame; as `wsim.stage.Clock` has them
     each: float
     over: float
     point: int
     fixed: int
     room: float            # bytes that are free
     where: str
+    solves: int = 1        # substeps of a step: of sdirk3 two
 
     @property
     def total(self) -> int:
@@ -89,17 +90,17 @@ class Segments:
         return wanted
 
     def problem(self, need: int) -> Problem:
-        """What is needed, what is there, and what would fit."""
-        longest, frames = self.longest(), self.most()
+        """What is needed, what is there, and what would fit, in steps as a scene counts them."""
+        longest, best, frames = self.longest() // self.solves, self.best // self.solves, self.most()
         if longest:
-            mend = f"keep=\"checkpoints\" fits, in segments of up to {longest} substeps (of {self.best} it keeps " \
+            mend = f"keep=\"checkpoints\" fits, in segments of up to {longest} substeps (of {best} it keeps " \
                    f"{size(self.bytes(self.best))})"
         elif frames:
             mend = f"record {frames} frames at most, or take fewer substeps or float32"
         else:
             mend = "not even one frame fits: take fewer points, fewer substeps or float32"
-        return Problem("memory", f"recording {self.frames} frames of {self.substeps} substeps keeps {need} bytes "
-                       f"({size(need)}), and {size(self.room)} are free on {self.where}; {mend}")
+        return Problem("memory", f"recording {self.frames} frames of {self.substeps // self.solves} substeps keeps {need} "
+                       f"bytes ({size(need)}), and {size(self.room)} are free on {self.where}; {mend}")
 
 
 def measured(recording) -> tuple[Segments, tuple[float, ...]]:
@@ -122,7 +123,8 @@ def measured(recording) -> tuple[Segments, tuple[float, ...]]:
     scalars = tuple(n * each / whole for n in slots.used)
     slots.drop()
     fixed = 6 * (F + 1) * sim.model.points * real
-    return Segments(F, S, each, max(one - each, 0.0), sum(entries.values()), fixed, room, str(sim.device)), scalars
+    return Segments(F, S, each, max(one - each, 0.0), sum(entries.values()), fixed, room, str(sim.device),
+                    1 + recording.plan.clock.staged), scalars
 
 
 def size(count: float) -> str:

@@ -155,8 +155,8 @@ class Gradient(ElementGradient):
         return np.concatenate([np.arange(b.first, b.last) for b in self.model.bodies if b.world == world])
 
     def targets(self, path: str, world: int = 0) -> np.ndarray:
-        """By where a pin puts its points, or pulls them to [1/m]: (frames, substeps, points, 3) of a moving one, (points, 3)
-        of one that stands still."""
+        """By where a pin puts its points, or pulls them to [1/m]: (frames, moments of a frame, points, 3) of a moving one, see
+        `wsim.stage.Clock.moments`, (points, 3) of one that stands still."""
         pins = self.parameters.pins
         own = self.borne(path, world, "targets")
         for number, kind in enumerate(pins.target if pins else ()):

@@ -145,8 +145,8 @@ class Xpbd(Method):
             self.watch()
 
     def watch(self) -> None:
-        """BDF2 gains energy where sweeps leave too much, and the midpoint's way to the end of a substep doubles what they
-        leave: the last substep of a frame is measured."""
+        """BDF2 gains energy where sweeps leave too much: the last substep of a frame is measured. The midpoint's way to the end
+        of a substep doubles what they leave: each is."""
         from wsim.kernels.residual import judge
         model = self.model
         self.watched = [b for b in self.batches if b.kind not in HARD]
@@ -154,7 +154,8 @@ class Xpbd(Method):
         self.look_kernels = self.residual_kernels(model.module)
         self.judge = judge(model.real, model.module)
         self.stages.append(Stage("residual", "solve", self.look, len(self.watched) + 1, 0,
-                                 what=f"{self.points.integrator.name}'s, in the last substep of a frame"))
+                                 what=f"{self.points.integrator.name}'s, in "
+                                      f"{'every' if self.clock.beyond else 'the last'} substep of a frame"))
 
     def residual_kernels(self, module: str) -> list:
         from wsim.kernels.residual import residual
@@ -229,8 +230,8 @@ class Xpbd(Method):
                               [s.d, batch.lam])
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
-        """stretch, shear, bend of a cloth, stiffness of a spring net, damping [s] of either; what a rest shape and rest lengths
-        change."""
+        """stretch, weft, shear, bend of a cloth, stiffness of a spring net, damping [s] of either; what a rest shape and rest
+        lengths change."""
         for batch in self.batches:
             batch.stale = bool(changed(self.model, batch.rows, path, name, value, world, batch.damped))
         hit = any(batch.stale for batch in self.batches)

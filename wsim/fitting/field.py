@@ -161,7 +161,7 @@ class Field:
             found[:len(by)] = by
             return found
         if self.kind.name == "motion":
-            by = gradient.targets(self.path).sum(axis=2)              # (frames, substeps, 3)
+            by = gradient.targets(self.path).sum(axis=2)              # (frames, moments, 3)
             clock = sim.plan.clock
             at = np.arange(by.shape[0])[:, None] + clock.moments(not np.isfinite(self.thing(sim.given).stiffness)) / clock.dt
             before = np.minimum(at.astype(int), by.shape[0] - 1)
