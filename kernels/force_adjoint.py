@@ -37,17 +37,13 @@ def grads(real):
 
 
 @cache
-def force_adjoint(real, module, flags: tuple, parameters: bool, masses: bool):
-    """Kernel over the lanes of points: gradients by what `gather` reads, from those by its forces. flags: items of what
-    `gather` takes. parameters: by those of the springs, and by x, too; masses: by inverse masses of a = w f, where p is w times
-    that by a."""
+def spring_adjoint(real, flags: tuple, parameters: bool):
+    """Function of entry c, of point i: gradients by r and by u, and its force; adds those by its k, L and c."""
     t, Net, Grads, kinds = types(real), net(real), grads(real), dict(flags)
-    vec3, width, damped, lanes = t.vec3, kinds["width"], kinds["damped"], kinds["lanes"]
-    total = together(vec3, lanes)
+    vec3, damped = t.vec3, kinds["damped"]
 
     @wp.func
     def spring(net: Net, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), c: int, i: int, source: int, by: Net, g: Grads):
-        """By r and by u of an entry, and its force."""
         n = x.shape[0]
         j = net.other[c]
         k = net.k[c]
@@ -79,6 +75,18 @@ def force_adjoint(real, module, flags: tuple, parameters: bool, masses: bool):
             by.k[c] = by.k[c] + own * strain
             by.rest[c] = by.rest[c] - own * k * over
         return by_r + s * e, by_u, s * r
+
+    return spring
+
+
+@cache
+def force_adjoint(real, module, flags: tuple, parameters: bool, masses: bool):
+    """Kernel over the lanes of points: gradients by what `gather` reads, from those by its forces. flags: items of what
+    `gather` takes. parameters: by those of the springs, and by x, too; masses: by inverse masses of a = w f, where p is w times
+    that by a."""
+    t, Net, Grads, kinds = types(real), net(real), grads(real), dict(flags)
+    vec3, width, damped, lanes = t.vec3, kinds["width"], kinds["damped"], kinds["lanes"]
+    total, spring = together(vec3, lanes), spring_adjoint(real, flags, parameters)
 
     def back(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), source: int, by: Net,
              g: Grads):

@@ -33,6 +33,11 @@ class Run:
         self.v *= 0.01
         self.gradient = self.recording.backward({frames: {self.path: self.x}}, {frames: {self.path: self.v}})
 
+    def loss(self) -> float:
+        """Of the recording itself."""
+        r = self.recording
+        return float((r.positions(self.frames) * self.x).sum() + (r.velocities(self.frames) * self.v).sum())
+
     def slope(self, values, step: float) -> float:
         """Derivative of the loss of runs without gradients by s, where values(s) are (path, name, value) to be set: to order 8,
         a world for each run."""
