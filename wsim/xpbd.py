@@ -127,7 +127,7 @@ class Xpbd(Method):
         super().__init__("xpbd")
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
         self.watched: list[Batch] = []
-        self.after = False                # one sweep behind an implicit solve, which is all iterations: while gradients are recorded
+        self.after = False                # one sweep behind an implicit solve, which is all iterations: in a recording
         self.lengthen = lambda: None      # puts rest lengths of the end of a frame (`wsim.muscles`)
         every = in_worlds(model, {path: colored(found) for path, found in rows.items()})
         self.batches = [Batch(kind, [r for r in every if r.kind == kind], model, clock)

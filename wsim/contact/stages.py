@@ -22,7 +22,7 @@ class Contact(Method):
     def __init__(self, model: Model, state: State, points, status: wp.array, struck: wp.array | None, clock: Clock):
         """points: the method that owns inverse masses and objects (`constants`) and the anchor."""
         super().__init__("contact")
-        self.solved = self.after = False                 # while gradients are recorded: by an implicit solve, and once behind it
+        self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
         self.model, self.state, self.anchor = model, state, points.anchor
         colliders = model.scene.colliders
         own = points.constants.object
