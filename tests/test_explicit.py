@@ -257,6 +257,13 @@ def test_beyond_the_limit_is_refused_with_the_step_that_it_needs():
     Simulation(mass_on_spring(100.0, 0.0199, "leapfrog", 1.0), device="cpu")
 
 
+def test_auto_is_explicit_where_gradients_are_asked_for_and_says_so():
+    scene = mass_on_spring(100.0, 0.01, "auto", 0.9)
+    assert "gradients are asked for; 1 substeps keep" in Simulation(scene, gradients=True, **DOUBLE).plan.choice.why
+    scene.solver = "explicit"
+    assert "the scene names explicit" in Simulation(scene, gradients=True, **DOUBLE).plan.choice.why
+
+
 def test_a_stiffer_parameter_gets_more_substeps():
     scene = mass_on_spring(100.0, 0.01, "leapfrog", 0.9)
     sim = Simulation(scene, **DOUBLE)
