@@ -139,6 +139,20 @@ def test_muscles(solver):
     assert np.abs(kept - run.gradient.actuation()).max() < 1e-12 * np.abs(kept).max()
 
 
+@pytest.mark.parametrize("scene", [bar("corotational"), yielding(**LEAPFROG), net(**SWEEPS), muscled(integrator="rk4")])
+def test_looking_changes_nothing_and_gradients_repeat_to_the_bit(scene):
+    recording = Recording(Simulation(scene, device="cpu", gradients=True), 3)
+    path, n = scene.pins[0].path, len(scene.pins[0].points)
+    alone = recording.backward({3: recording.positions(0)}).positions()
+    seen = [recording.reactions(f) for f in (3, 1, 3)]
+    assert np.array_equal(seen[0], seen[2]) and not np.array_equal(seen[0], seen[1])
+    assert np.array_equal(recording.backward({3: recording.positions(0)}).positions(), alone)
+    both = [recording.backward({3: recording.positions(0)}, reactions={1: {path: np.ones((n, 3))}}) for _ in range(2)]
+    assert np.array_equal(both[0].positions(), both[1].positions()) and not np.array_equal(both[0].positions(), alone)
+    recording.run()
+    assert np.array_equal(recording.reactions(3), seen[0])
+
+
 @pytest.mark.parametrize("model, more, step", [("corotational", LEAPFROG, 1e-7), ("neo_hookean", NEWTON, 2e-6),
                                                ("corotational", {"integrator": "rk4", "substeps": 60}, 1e-7)])
 def test_a_bar_that_flows(model, more, step):

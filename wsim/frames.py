@@ -1,5 +1,6 @@
 """What a recording keeps of each frame, and says of it: positions, velocities, what pins bear."""
 
+from abc import ABC, abstractmethod
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +12,7 @@ from wsim.simulation import Simulation
 from wsim.state import State
 
 
-class Frames:
+class Frames(ABC):
     """The half of `wsim.recording.Recording` that is read. Frame 0 is the start.
 
     states, rests, speeds   x, its rounding remainder e, and v in solver order, (frames + 1, points)
@@ -24,6 +25,7 @@ class Frames:
     flowed: list[tuple[wp.array, wp.array]]       # arrays over elements that outlive a frame, and how they began
     ran = False
 
+    @abstractmethod
     def run(self) -> None:
         """All frames, each of which `keep` is told of."""
 

@@ -71,14 +71,16 @@ class Law:
         return by[0] + more[0], by[1] + more[1]
 
     def still(self, evaluate: Callable) -> None:
-        """Tets do not flow because somebody looks."""
-        tables = [t for t in self.pull.tables if t.plastic]
-        before = [t.flows for t in tables]
+        """Tets do not flow because somebody looks, and their rotations, sought from none, are then as they were."""
+        tables = [t for t in self.pull.tables if t.q]
+        before = [(t, t.flows, wp.clone(t.q)) for t in tables]
         for t in tables:
             t.flows = False
+            t.q.zero_()
         evaluate()
-        for t, flows in zip(tables, before, strict=True):
+        for t, flows, q in before:
             t.flows = flows
+            wp.copy(t.q, q)
 
     def by_batches(self) -> dict[int, np.ndarray]:
         """What XPBD's tables get, by address."""
