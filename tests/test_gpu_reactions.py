@@ -49,7 +49,7 @@ SCENES = {"woven": (woven, "stiffness"), "chain, xpbd": (lambda: net(**EULER), "
 
 @pytest.mark.parametrize("key", SCENES)
 def test_gradients_by_reactions_agree(key):
-    """And twice on a GPU they are the same, to the bit but for wind, whose adjoint adds by atomics."""
+    """And twice on a GPU they are the same, to the bit but for sheets and wind, whose adjoints (Warp's) add by atomics."""
     make, name = SCENES[key]
     found, forces = [], []
     for device in ("cpu", "cuda:0", "cuda:0"):
@@ -64,4 +64,4 @@ def test_gradients_by_reactions_agree(key):
     assert np.abs(forces[1] - forces[0]).max() < 1e-9 * np.abs(forces[0]).max()
     for a, b, c in zip(*found, strict=True):
         assert np.abs(np.subtract(b, a)).max() < 1e-7 * np.abs(a).max()
-        assert np.array_equal(b, c) if "wind" not in key else np.allclose(b, c, rtol=1e-9)
+        assert np.abs(np.subtract(c, b)).max() <= (1e-9 * np.abs(b).max() if key.startswith(("sheet", "wind")) else 0.0)
