@@ -191,7 +191,14 @@ def moving(scene):
     return scene
 
 
+def tethered(scene):
+    scene.cloths[0].tethers = True
+    return scene
+
+
 @pytest.mark.parametrize("scene, use, words", [
+    (tethered(sheet("springs", **SWEEPS, integrator="bdf2")), lambda r: r.backward(reactions={1: {"/pin": np.ones((2, 3))}}),
+     "/cloth: has tethers or a strain limit, which pull at pins without a law of force"),
     (net(integrator="leapfrog"), lambda r: r.backward(reactions={1: {"/nail": np.zeros((1, 3))}}), "/nail: in world 0 is no"),
     (net(integrator="leapfrog"), lambda r: r.backward(reactions={9: {"/pin": np.zeros((1, 3))}}), "allowed are 0 to 1"),
     (net(integrator="leapfrog"), lambda r: r.backward(reactions={1: {"/pin": np.zeros((2, 3))}}), r"with shape \(1, 3\)"),
