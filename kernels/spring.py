@@ -15,7 +15,6 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.constraint import inverse
-from wsim.kernels.exact import gain
 from wsim.kernels.real import types
 
 
@@ -70,7 +69,9 @@ def gather(real, *, springs: bool, corners: bool, damped: bool, added: bool = Fa
            exact: bool = False):
     """Function: what lane `lane` of point i sums of its forces [N], copy `source` of d. See `acceleration`."""
     t = types(real)
-    Net, vec3 = net(real), t.vec3
+    Net, vec3, gain = net(real), t.vec3, None
+    if exact:
+        from wsim.kernels.exact import gain
 
     @wp.func
     def spring(net: Net, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), c: int, x0: vec3, d0: vec3, v0: vec3, source: int):

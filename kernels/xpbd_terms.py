@@ -10,7 +10,6 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.constraint import TABLE, distance, inverse
-from wsim.kernels.exact import gain
 from wsim.kernels.real import types
 
 
@@ -89,7 +88,9 @@ def length(o):
 def _terms_row(o):
     """C, r, G of the first point, G of the others (rows) and d of all (rows) for a constraint with one row."""
     real, vec3, n, formula, kept = o.t.scalar, o.t.vec3, o.points - 1, o.formula, o.t.vec2 if o.exact else o.t.scalar
-    rows, displacements = wp.types.matrix((n, 3), real), wp.types.matrix((n + 1, 3), real)
+    rows, displacements, gain = wp.types.matrix((n, 3), real), wp.types.matrix((n + 1, 3), real), None
+    if o.exact:
+        from wsim.kernels.exact import gain
 
     @wp.func
     def terms(p: o.ids, rest: kept, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), a: wp.array(dtype=vec3),

@@ -58,7 +58,8 @@ LOADER = {"wsim.solids"}                       # read with wsim.usd, whose own m
 RUN = {"wsim.simulation", "wsim.plan", "wsim.stage", "wsim.state", "wsim.model", "wsim.masses", "wsim.middles", "wsim.order",
        "wsim.locality", "wsim.color", "wsim.kempe", "wsim.choice", "wsim.integrator", "wsim.mend", "wsim.cloth", "wsim.apart",
        "wsim.points", "wsim.measure", "wsim.kernels", "wsim.kernels.real", "wsim.kernels.points"}
-XPBD = {"wsim.xpbd", "wsim.kernels.xpbd", "wsim.kernels.constraint", "wsim.kernels.matrix", "wsim.kernels.stream"}
+XPBD = {"wsim.xpbd", "wsim.kernels.xpbd", "wsim.kernels.xpbd_terms", "wsim.kernels.constraint", "wsim.kernels.matrix",
+        "wsim.kernels.stream"}
 AERO = {"wsim.aero", "wsim.kernels.aero"}
 CONTACT = {"wsim.contact", "wsim.contact.contacts", "wsim.contact.rows", "wsim.contact.stages", "wsim.contact.surfaces",
            "wsim.kernels.contact", "wsim.kernels.search", "wsim.kernels.collide", "wsim.kernels.distance", "wsim.kernels.mesh"}
