@@ -22,6 +22,7 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -185,6 +186,24 @@ def million(device: str | None) -> dict:
     return found
 
 
+def table(args: argparse.Namespace) -> Iterator[list[dict]]:
+    """Rows of every scene that was asked for."""
+    each = max(1, args.substeps // FRAMES)
+    if args.million:
+        yield [million(args.device)]
+    for n in map(int, filter(None, args.points.split(","))):
+        yield row(f"sheet {n}", sheet(n, max(each, round(2.6 * n))), args.device)
+        yield row(f"sheet {n}, XPBD", swept(n, each, False), args.device)
+        yield row(f"sheet {n}, XPBD, ball", swept(n, each, True), args.device)
+    for tets in map(int, filter(None, args.tets.split(","))):
+        yield row(f"bar {tets}", bar(tets, each, False), args.device)
+        yield row(f"bar {tets}, implicit", bar(tets, 4, True), args.device)
+        for name, scene in bars(tets).items():
+            yield row(f"bar {tets}, {name}", scene, args.device)
+    for name, scene in sides(args.side).items() if args.side else ():
+        yield row(f"sheet {args.side}, {name}", scene, args.device)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--device", default=None)
@@ -198,22 +217,11 @@ def main() -> None:
     wp.config.log_level = wp.LOG_WARNING
     head = {"hardware": hardware(wp.get_device(args.device)), "warp": wp.config.version}
     print(head)
-    rows, each = [], max(1, args.substeps // FRAMES)
-    for n in map(int, filter(None, args.points.split(","))):
-        rows += row(f"sheet {n}", sheet(n, max(each, round(2.6 * n))), args.device)
-        rows += row(f"sheet {n}, XPBD", swept(n, each, False), args.device)
-        rows += row(f"sheet {n}, XPBD, ball", swept(n, each, True), args.device)
-    for tets in map(int, filter(None, args.tets.split(","))):
-        rows += row(f"bar {tets}", bar(tets, each, False), args.device)
-        rows += row(f"bar {tets}, implicit", bar(tets, 4, True), args.device)
-        for name, scene in bars(tets).items():
-            rows += row(f"bar {tets}, {name}", scene, args.device)
-    for name, scene in sides(args.side).items() if args.side else ():
-        rows += row(f"sheet {args.side}, {name}", scene, args.device)
-    if args.million:
-        rows.append(million(args.device))
-    if args.json:
-        Path(args.json).write_text(json.dumps(head | {"rows": rows}, indent=1))
+    rows: list[dict] = []
+    for each in table(args):
+        rows += each
+        if args.json:                                    # as they come: time may run out
+            Path(args.json).write_text(json.dumps(head | {"rows": rows}, indent=1))
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ JOBS = {
     "stress": (240, ["-m", "tools.stress", "--device", DEVICE, "--solvers", "auto", "--json", "{json}"]),
     "stress_soft": (240, ["-m", "tools.stress", "--device", DEVICE, "--only", "soft", "--solvers", "auto,implicit/sdirk3",
                           "--json", "{json}"]),
-    "gradients": (420, ["tools/bench/gradients.py", "--device", DEVICE, "--million", "--json", "{json}"]),
+    "gradients": (480, ["tools/bench/gradients.py", "--device", DEVICE, "--million", "--json", "{json}"]),
     "contact": (120, ["tools/bench/contact.py", "--device", DEVICE, "--json", "{json}"]),
     "soft": (120, ["tools/bench/soft.py", "--device", DEVICE, "--json", "{json}"]),
 }
