@@ -15,7 +15,7 @@ import numpy as np
 from wsim import topology
 from wsim.model import Body, Model, hard_places
 from wsim.order import color
-from wsim.scene import Cloth, Soft, Springs
+from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
 
 HARD = ("tether", "limit")           # kinds without compliance and multiplier
 AT_REST = ("rest_shape", "lengths")  # live values of bodies, see `wsim.reshape`
@@ -30,9 +30,9 @@ class Rows:
     ids: np.ndarray               # places in the arrays, (m, k)
     rest: np.ndarray              # length [m], angle [rad] (m,), or inverse edge matrix [1/m] (m, 2, 2)
     shape: np.ndarray             # compliance at stiffness 1, (m,)
-    stiffness: dict               # by name in the scene, each (m,) or (1,): one for a spring; stretch, shear, weft (membrane)
+    stiffness: dict               # by name in the scene, each (m,) or (1,): one for a spring; stretch, shear, weft, poisson
+                                  # (membrane); strain_limit of a limit, which makes its rest of the length of its edge
     tau: float = 0.0              # relaxation time [s]
-    poisson: float = 0.0
     body: Body | None = None
     colors: np.ndarray | None = None
 
@@ -40,14 +40,19 @@ class Rows:
     def alpha(self) -> np.ndarray:
         """Compliances, (m,), or (m, 4) of a membrane: (uu, uv, shear, vv) of plane stress."""
         if self.kind == "membrane":
-            stretch, shear, weft = (self.stiffness[name] for name in ("stretch", "shear", "weft"))
-            weft = np.where(weft > 0.0, weft, stretch)
-            shear = np.maximum(shear, LEAST * stretch)
-            one = np.stack(np.broadcast_arrays(1.0 / stretch, -self.poisson / np.sqrt(stretch * weft), 1.0 / shear, 1.0 / weft),
-                           axis=-1)
+            stretch, weft = self.threads()
+            shear, nu = np.maximum(self.stiffness["shear"], LEAST * stretch), self.stiffness["poisson"]
+            one = np.stack(np.broadcast_arrays(1.0 / stretch, -nu / np.sqrt(stretch * weft), 1.0 / shear, 1.0 / weft), axis=-1)
             return self.shape[:, None] * one
+        if self.kind in HARD:
+            return self.shape
         with np.errstate(divide="ignore"):               # of what was slackened live
-            return self.shape / next(iter(self.stiffness.values()), 1.0)
+            return self.shape / next(iter(self.stiffness.values()))
+
+    def threads(self) -> tuple[np.ndarray, np.ndarray]:
+        """Stiffness of a membrane along warp and weft [N/m]; a weft of 0 is as the warp."""
+        stretch, weft = self.stiffness["stretch"], self.stiffness["weft"]
+        return stretch, np.where(weft > 0.0, weft, stretch)
 
     def moved(self, body: Body) -> "Rows":
         """The same constraints on a copy of the body in another world."""
@@ -102,9 +107,14 @@ def _cloth(body: Body, cloth: Cloth) -> list[Rows]:
     if fabric.bend > 0.0 and len(hinges):
         rows.append(_hinges(body, cloth, hinges))
     if isfinite(fabric.strain_limit):
-        longest = (1.0 + fabric.strain_limit) * _lengths(body, body.edges)
-        rows.append(Rows("limit", body.edges, longest, np.zeros(len(longest)), {}))
+        limit = {"strain_limit": np.array([fabric.strain_limit])}
+        rows.append(Rows("limit", body.edges, longest(body, body.edges, limit), np.zeros(len(body.edges)), limit))
     return rows
+
+
+def longest(body: Body, ids: np.ndarray, stiffness: dict) -> np.ndarray:
+    """How long edges may become [m], (m,)."""
+    return (1.0 + stiffness["strain_limit"]) * _lengths(body, ids)
 
 
 def tethers(body: Body, pinned: np.ndarray) -> list[Rows]:
@@ -122,9 +132,8 @@ def _membrane(body: Body, cloth: Cloth) -> list[Rows]:
     """Triangle strain: rest is the inverse of the edge matrix in the triangle's plane, shape 1 / area."""
     local, areas = flat(body.rest[body.triangles - body.first])
     good, fabric = areas > 0.0, cloth.material
-    stiffness = {name: np.array([getattr(fabric, name)]) for name in ("stretch", "shear", "weft")}
-    return [Rows("membrane", body.triangles[good], np.linalg.inv(local[good]), 1.0 / areas[good], stiffness,
-                 fabric.damping, fabric.poisson)]
+    stiffness = {name: np.array([getattr(fabric, name)]) for name in ("stretch", "shear", "weft", "poisson")}
+    return [Rows("membrane", body.triangles[good], np.linalg.inv(local[good]), 1.0 / areas[good], stiffness, fabric.damping)]
 
 
 def flat(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -237,7 +246,8 @@ def _hinges(body: Body, cloth: Cloth, hinges: np.ndarray) -> Rows:
 
 def changed(model: Model, rows: list[Rows], path: str, name: str, value, world: int | None, damped: bool = True) -> list[Rows]:
     """Gives constraints a live value, and returns those that have it: a stiffness of theirs, damping [s] where some are damped,
-    or what a new rest shape or new lengths of their body make of them."""
+    or what a new rest shape or new lengths of their body make of them. Raises SceneError, before anything is changed, for a
+    Poisson's ratio or a strain limit that there cannot be."""
     mine = [r for r in rows if r.body is not None and r.body.path == path and world in (None, r.body.world)]
     if name in AT_REST:
         for r in mine:
@@ -247,10 +257,28 @@ def changed(model: Model, rows: list[Rows], path: str, name: str, value, world: 
         for r in mine if damped else ():
             r.tau = float(value)
         return mine if damped else []
+    if mine and name in ("poisson", "strain_limit"):
+        _check(mine[0].body, name, np.asarray(value, np.float64).ravel())
     mine = [r for r in mine if name in r.stiffness]
     for r in mine:
         r.stiffness = r.stiffness | {name: np.atleast_1d(np.asarray(value, np.float64))}
+        if r.kind == "limit" and r.body is not None:
+            r.rest = longest(r.body, r.ids, r.stiffness)
     return mine
+
+
+def _check(body: Body | None, name: str, value: np.ndarray) -> None:
+    """Of a cloth, whose limits are there from the start or not at all."""
+    if body is None or not isinstance(body.source, Cloth):
+        return
+    if name == "strain_limit" and not isfinite(body.source.material.strain_limit):
+        raise SceneError(Problem(body.path, "strain_limit is inf, so that no edge has a limit, and to give them one changes "
+                                 "the constraints; give the scene a finite one and make another Simulation"))
+    good = (value > -1.0) & (value < 0.5) if name == "poisson" else np.isfinite(value) & (value >= 0.0)
+    if not good.all():
+        allowed = "> -1 and < 0.5" if name == "poisson" else ("a finite number >= 0 (inf takes the constraints away: that "
+                                                              "needs another Simulation)")
+        raise SceneError(Problem(body.path, f"{name} is {value[~good][0]:g}; allowed is {allowed}"))
 
 
 def renew(r: Rows, pinned: np.ndarray) -> None:
@@ -258,3 +286,5 @@ def renew(r: Rows, pinned: np.ndarray) -> None:
     assert r.body is not None
     same = next(s for s in rows_of(r.body, pinned) if s.kind == r.kind and np.array_equal(s.ids, r.ids))
     r.rest, r.shape = same.rest, same.shape
+    if r.kind == "limit":                                # a live one
+        r.rest = longest(r.body, r.ids, r.stiffness)

@@ -5,9 +5,10 @@
                  pressure and plastic flow; hard and soft pins; gravity, drag of the air, wind (drag and lift); ties; strain
                  limits and tethers; contacts with convex shapes and meshes (that deform too), friction and restitution
     by           initial positions and velocities, masses, every stiffness, damping, yield and pressure above (of each
-                 element), rest shapes (with the masses and the longest lengths that follow them) and rest lengths, factors of
-                 rest lengths over time (muscles), where pins are, stiffness and damping of soft ones, gravity, drag of the
-                 air, wind, drag and lift, friction of a body; friction, restitution, thickness and motion of a collider
+                 element), Poisson's ratio of soft bodies and membranes, strain limits (of each edge), rest shapes (with the
+                 masses and the longest lengths that follow them) and rest lengths, factors of rest lengths over time (muscles),
+                 where pins are, stiffness and damping of soft ones, gravity, drag of the air, wind, drag and lift, friction of
+                 a body; friction, restitution, thickness and motion of a collider
     of           positions, velocities, and what pins bear (`wsim.reaction_adjoint`), but where tethers or strain limits pull
-    not yet      by a strain limit itself, or the shape of a mesh that deforms
+    not yet      by the shape of a mesh that deforms
 """

@@ -42,9 +42,9 @@ class ElementGradient:
         return np.concatenate(found)
 
     def material(self, name: str, path: str | None = None, world: int = 0, elements: bool = False):
-        """By stretch, weft, shear [N/m], bend [N m] of a cloth, stiffness of springs [N/m], young [Pa], poisson, pressure [Pa],
-        yield_strain of a soft body, or damping [s]. elements: of each element by itself, in the order of the solver; else the
-        sum."""
+        """By stretch, weft, shear [N/m], bend [N m], strain_limit, and poisson of a membrane, of a cloth, stiffness of springs
+        [N/m], young [Pa], poisson, pressure [Pa], yield_strain of a soft body, or damping [s]. elements: of each element by
+        itself, in the order of the solver (strain_limit: of each edge); else the sum."""
         body = self.model.body(path, world)
         found = [f(name, body) for f in (self.rows, self.flat, self.projected, self.solid)]
         parts = [each for some in found for each in some]
@@ -110,15 +110,32 @@ class ElementGradient:
 
     def flat(self, name: str, body) -> list[np.ndarray]:
         """Of hinges and triangles."""
-        return [self.of(e.data.tau)[part] if damping else self.of(e.data.stiffness)[part] / r.shape if e.kind != "membrane" else
-                _by_stiffness(r, name, e.kind, self.of(e.data.stiffness)[part] * e.stiffness()[part])
-                for e in self.parameters.flat for r, part, damping in _having(name, body, e.rows)]
+        found = []
+        for e in self.parameters.flat:
+            for r, part, damping in _having(name, body, e.rows):
+                by = self.of(e.data.tau if damping else e.data.stiffness)[part]
+                if name == "poisson":
+                    by = _by_poisson(r, by)
+                elif not damping:
+                    by = by / r.shape if e.kind != "membrane" else _by_stiffness(r, name, e.kind, by * e.stiffness()[part])
+                found.append(by)
+        return found
 
     def projected(self, name: str, body) -> list[np.ndarray]:
-        """Of constraints of XPBD, whose compliances are inverse stiffnesses."""
-        return [self.by_rows(b, b.data.tau)[part] if damping else
-                _by_stiffness(r, name, b.kind, -(self.by_rows(b, b.data.alpha) * b.values()[0])[part])
-                for b in self.parameters.batches for r, part, damping in _having(name, body, b.rows)]
+        """Of constraints of XPBD, whose compliances are inverse stiffnesses, and of the longest lengths."""
+        found = []
+        for b in self.parameters.batches:
+            for r, part, damping in _having(name, body, b.rows):
+                limit = name == "strain_limit"
+                by = self.by_rows(b, b.data.tau if damping else b.data.rest if limit else b.data.alpha)[part]
+                if limit:
+                    by = by * r.rest / (1.0 + r.stiffness[name])
+                elif name == "poisson":
+                    by = -by[:, 1] * r.shape / np.sqrt(np.prod(r.threads(), axis=0))
+                elif not damping:
+                    by = _by_stiffness(r, name, b.kind, -by * b.values()[0][part])
+                found.append(by)
+        return found
 
     def by_rows(self, batch, array: wp.array) -> np.ndarray:
         """A gradient of a batch's table in the order of its rows."""
@@ -187,3 +204,11 @@ def _by_stiffness(r: Rows, name: str, kind: str, parts: np.ndarray) -> np.ndarra
     if name == "stretch":
         powers = np.where(same[:, None], (1.0, 1.0, 0.0, 1.0), powers) + (0.0, 0.0, 1.0, 0.0) * clamped[:, None]
     return (parts * powers).sum(axis=1) / value
+
+
+def _by_poisson(r: Rows, by: np.ndarray) -> np.ndarray:
+    """Of each triangle, from those by its stiffness: uu, uv, vv are (s, nu sqrt(s t), t) / (shape (1 - nu^2)), s and t those of
+    warp and weft. Where nu is 0 uv has no logarithm."""
+    nu, (warp, weft) = r.stiffness["poisson"], r.threads()
+    straight, across = by[:, 0] * warp + by[:, 3] * weft, by[:, 1] * np.sqrt(warp * weft)
+    return (2.0 * nu * straight + (1.0 + nu**2) * across) / (r.shape * (1.0 - nu**2)**2)

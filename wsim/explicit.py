@@ -267,7 +267,8 @@ class Explicit(Method):
         return {"elastic_energy": energy(self.model, now, self.state) + solid.get("solid_energy", 0.0), **solid}
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
-        """stretch, shear, bend of a cloth, stiffness of a net, damping [s] of either if there is some; what is at rest."""
+        """stretch, weft, shear, bend, poisson of a cloth, stiffness of a net, damping [s] of either if there is some; what is
+        at rest."""
         hit = any([table.set(path, name, value, world) for table in self.solids])
         if hit := bool(changed(self.model, self.rows, path, name, value, world, self.damped)) or hit:
             self.pull.refresh()

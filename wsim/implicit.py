@@ -282,8 +282,8 @@ class Implicit(Method):
                 "pcg_iterations": float(self.system.count.numpy().max())}
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
-        """stretch, weft, shear, bend of a cloth, stiffness of a spring net, young [Pa], poisson, pressure [Pa] and yield_strain
-        of a soft body, damping [s]; what a rest shape and rest lengths change."""
+        """stretch, weft, shear, bend, poisson of a cloth, stiffness of a spring net, young [Pa], poisson, pressure [Pa] and
+        yield_strain of a soft body, damping [s]; what a rest shape and rest lengths change."""
         own = self.adjoint.pull.tables if self.adjoint else ()
         hit = any([t.set(path, name, value, world) for t in (*self.solids, *own)])
         for table in self.tables.values():

@@ -128,9 +128,11 @@ class Material(Input):
         return self.sorted(found, self.model.body(self.path, world)) if shape else found
 
     def scale(self) -> float:
-        """Of Poisson's ratio a part of what is left to 1/2."""
+        """Of Poisson's ratio a part of what is left to its ends."""
         value = self.read()
-        return PART * float((0.5 - value).min()) if self.what == "poisson" else PART * float(np.abs(value).min())
+        if self.what == "poisson":
+            return PART * float(np.minimum(0.5 - value, 1.0 + value).min())
+        return PART * float(np.abs(value).min())
 
     def bounds(self) -> tuple[float, float]:
         return {"poisson": (-1.0, 0.5), "pressure": (-np.inf, np.inf)}.get(self.what, (0.0, np.inf))

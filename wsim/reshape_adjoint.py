@@ -62,8 +62,7 @@ class RestShape:
         elif r.kind == "tether":
             self.tethers(r, by_rest)
         elif r.kind == "limit":
-            assert isinstance(source, Cloth)
-            self.lengths(r.ids, by_rest * (1.0 + source.material.strain_limit))
+            self.lengths(r.ids, by_rest * (1.0 + r.stiffness["strain_limit"]))
         elif isinstance(source, Cloth):
             self.lengths(r.ids, by_rest)
             net = next(n for n in nets(body, hinges(body.triangles)) if n.parameter in r.stiffness)

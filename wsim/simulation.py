@@ -176,12 +176,13 @@ class Simulation:
     def set(self, path: str, name: str, value, world: int | None = None) -> None:
         """A live parameter, from the next frame on, without rebuilding, of one world or of all (None).
 
-        "/" names the whole scene. gravity, air_drag, wind; stretch, weft, shear, bend, damping of a cloth; stiffness of
-        springs; young, poisson, damping, pressure of a soft body (the last two where there is some from the start); density of
-        a cloth or soft body whose masses follow it; rest_shape [m] of a body, lengths [m] of springs (`wsim.reshape`);
-        actuation of springs that have muscles (a Curve, or values of its present keys); static_friction, dynamic_friction of a
-        body or a collider; thickness and restitution of a collider (the latter where one throws back from the start); motion of
-        a pin, or of a collider (which all worlds share); positions and velocities (in world space, author's order) of a body.
+        "/" names the whole scene. gravity, air_drag, wind; stretch, weft, shear, bend, damping, strain_limit (a finite one),
+        poisson (of the model "membrane") of a cloth; stiffness of springs; young, poisson, damping, pressure of a soft body
+        (the last two where there is some from the start); density of a cloth or soft body whose masses follow it; rest_shape
+        [m] of a body, lengths [m] of springs (`wsim.reshape`); actuation of springs that have muscles (a Curve, or values of
+        its present keys); static_friction, dynamic_friction of a body or a collider; thickness and restitution of a collider
+        (the latter where one throws back from the start); motion of a pin, or of a collider (which all worlds share);
+        positions and velocities (in world space, author's order) of a body.
         Raises SceneError if nothing of that path has such a parameter.
         """
         if name in ("positions", "velocities"):
@@ -193,9 +194,9 @@ class Simulation:
         if not any([m.set(path, name, value, world) for m in self.plan.methods]):
             where = "" if world is None else f" in world {world} of {self.worlds}"
             raise SceneError(Problem(path, f"has no live parameter {name!r}{where}; there are gravity, air_drag, wind, "
-                                     "stretch, weft, shear, bend, damping, density, stiffness, young, poisson, pressure, "
-                                     "actuation, static_friction, dynamic_friction, thickness, restitution, motion, "
-                                     "rest_shape, lengths, positions, velocities"))
+                                     "stretch, weft, shear, bend, strain_limit, damping, density, stiffness, young, "
+                                     "poisson, pressure, actuation, static_friction, dynamic_friction, thickness, "
+                                     "restitution, motion, rest_shape, lengths, positions, velocities"))
         if any(m.remade for m in self.plan.methods):
             self.graph = None
             self.seconds.pop("compile", None)

@@ -230,8 +230,8 @@ class Xpbd(Method):
                               [s.d, batch.lam])
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
-        """stretch, weft, shear, bend of a cloth, stiffness of a spring net, damping [s] of either; what a rest shape and rest
-        lengths change."""
+        """stretch, weft, shear, bend, poisson, strain_limit of a cloth, stiffness of a spring net, damping [s] of either; what
+        a rest shape and rest lengths change."""
         for batch in self.batches:
             batch.stale = bool(changed(self.model, batch.rows, path, name, value, world, batch.damped))
         hit = any(batch.stale for batch in self.batches)
