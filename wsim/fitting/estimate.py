@@ -48,6 +48,7 @@ def estimate(parameters: list[Parameter], theta: np.ndarray, J: np.ndarray, nois
     for v in directions:
         sigma = np.where(np.abs(v) > 1e-2, np.inf, sigma)
     shown = np.sqrt(np.diag(C))
+    shown = np.where(shown > 0.0, shown, 1.0)                            # of what changes nothing C has nothing
     correlation = C / np.outer(shown, shown)
     values = np.array([p.map.inverse(float(t)) for p, t in zip(parameters, theta, strict=True)])
     slopes = np.array([p.map.slope(float(t)) for p, t in zip(parameters, theta, strict=True)])

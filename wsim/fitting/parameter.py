@@ -5,7 +5,8 @@
     stretch_warp, stretch_weft    apart; stretch keeps their ratio
     gravity               three parameters: gravity_x, gravity_y, gravity_z; each may be named alone; so with wind
 
-Maps: moduli, densities and times, which are positive, by their logarithm; Poisson's ratio by a bounded map; the rest as it is.
+Maps: moduli, densities, times and strain limits, which are positive, by their logarithm; Poisson's ratio by a bounded map, from
+0 of soft bodies, from -1 of membranes; the rest as it is.
 A step of the fit, its priors and its error bars live in the mapped space (theta), the results in both.
 """
 
@@ -58,6 +59,7 @@ class Map:
 
 
 LOG, PLAIN = Map("log"), Map("plain", high=LARGE)
+WIDE = Map("bounded", -1.0, 0.5)
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,8 @@ TABLE = (
     Row("stretch", Cloth, "N/m", within="material"), Row("stretch_warp", Cloth, "N/m", within="material"),
     Row("stretch_weft", Cloth, "N/m", within="material"), Row("shear", Cloth, "N/m", within="material"),
     Row("bend", Cloth, "N m", within="material"), Row("damping", Cloth, "s", within="material"),
-    Row("density", Cloth, "kg/m^3", within="material"),
+    Row("density", Cloth, "kg/m^3", within="material"), Row("strain_limit", Cloth, "1", within="material"),
+    Row("poisson", Cloth, "1", WIDE, "material"),
     Row("stiffness", Springs, "N/m"), Row("damping", Springs, "s"),
     Row("young", Soft, "Pa", within="material"), Row("poisson", Soft, "1", Map("bounded", 0.0, 0.5), "material"),
     Row("density", Soft, "kg/m^3", within="material"), Row("damping", Soft, "s", within="material"),
@@ -88,7 +91,7 @@ TABLE = (
 )
 STRETCHES = {"stretch": ("warp", "weft"), "stretch_warp": ("warp",), "stretch_weft": ("weft",)}
 NAMES = tuple(dict.fromkeys(row.name for row in TABLE))
-FROZEN = ("poisson", "thickness", "strain_limit", "yield_strain", "drag", "lift", "weld",
+FROZEN = ("thickness", "yield_strain", "drag", "lift", "weld",
           "masses", "mass", "lengths", "rest_points", "air_density")        # of a scene, and fixed while it runs
 
 
@@ -115,7 +118,7 @@ class Parameter:
             if row.owner is Scene:
                 found.append((row, scene))
             else:
-                found += [(row, b) for b in things(scene) if type(b) is row.owner and self.path in ("", b.path)]
+                found += [(row, b) for b in things(scene) if _has(row, b) and self.path in ("", b.path)]
         return found
 
     def value(self, scene: Scene) -> float | None:
@@ -155,6 +158,14 @@ class Parameter:
 
 def _with(vector, axis: int, value: float) -> tuple[float, ...]:
     return tuple(value if k == axis else float(v) for k, v in enumerate(vector))
+
+
+def _has(row: Row, thing) -> bool:
+    """Poisson's ratio is of membranes, and a strain limit is where it is finite from the start."""
+    if type(thing) is not row.owner:
+        return False
+    return not isinstance(thing, Cloth) or {"poisson": thing.model == "membrane",
+                                            "strain_limit": isfinite(thing.material.strain_limit)}.get(row.name, True)
 
 
 def _get(row: Row, thing, axis: int | None) -> float:
@@ -229,20 +240,22 @@ def _named(name: str, scenes: list[Scene], fail: Callable[[Problem], None]) -> l
         fail(Problem(name, f"{what} is the whole scene's; write {what}"))
         return []
     made = [Parameter(f"{what}_{AXES[k]}" if k is not None else name, what, path, row.unit, row.map, k) for k in axes]
-    if not any(p.rows(scene) for p in made for scene in scenes):
-        have = [b.path for s in scenes for b in things(s) for r in TABLE if r.name == what and type(b) is r.owner]
+    maps = [r.map for p in made for scene in scenes for r, _ in p.rows(scene)]
+    if not maps:
+        have = [b.path for s in scenes for b in things(s) for r in TABLE if r.name == what and _has(r, b)]
         kinds = ", ".join(sorted({r.owner.__name__.lower() for r in TABLE if r.name == what}))
-        more = "; nu of a cloth is fixed while it runs" if what == "poisson" else ""
+        more = {"poisson": "; of a cloth it acts in the model 'membrane'",
+                "strain_limit": "; a cloth has one where it is finite from the start"}.get(what, "")
         fail(Problem(path or name, f"nothing here has {what}: it belongs to {kinds}{more}; those that have it: "
                      f"{', '.join(dict.fromkeys(have)) or 'none'}"))
         return []
-    return made
+    return [replace(p, map=min(maps, key=lambda m: m.low)) for p in made]
 
 
 def _ranged(p: Parameter, scenes: list[Scene]) -> Parameter:
     """Poisson's ratio from (-1, 0.5) where it does not start above 0."""
     if p.what == "poisson" and any((p.value(s) or 0.0) <= 0.0 for s in scenes if p.rows(s)):
-        return replace(p, map=Map("bounded", -1.0, 0.5))
+        return replace(p, map=WIDE)
     return p
 
 

@@ -121,7 +121,10 @@ def _over(material: Usd.Prim, was, is_, units: Units) -> None:
             author(material, "Friction", field, value, units)
         return
     owner = type(is_).__name__
-    for name in (f.name for f in fields(is_) if getattr(was, f.name) != getattr(is_, f.name)):
+    changed = {f.name for f in fields(is_) if getattr(was, f.name) != getattr(is_, f.name)}
+    if owner == "Fabric" and "poisson" in changed:           # what a file says of these, or leaves out, may follow it
+        changed |= {"stretch", "shear", "bend"}
+    for name in (f.name for f in fields(is_) if f.name in changed):
         through = plane_stress(is_.poisson) if (owner, name) == ("Fabric", "stretch") else None
         author(material, owner, name, getattr(is_, name), units, through)
 
