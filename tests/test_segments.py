@@ -108,3 +108,10 @@ def test_slots_hand_out_the_same_again():
     own.rewind()
     assert own.take(wp.vec3d, (4,)).ptr == first.ptr and own.plain.take(wp.float64, (5,)).ptr == plain.ptr
     assert own.take(wp.vec3d, (6,)).grad is not None and first.grad is not None and plain.grad is None
+
+
+def test_everything_is_kept_where_a_quarter_of_what_is_free_on_a_gpu_holds_it():
+    """A host shares its memory with others: 1 GiB there."""
+    rows = [(8 << 20, "cuda:0", True), (8 << 20, "cpu", False), (1 << 10, "cpu", True), (1 << 28, "cuda:0", False)]
+    for each, where, whole in rows:
+        assert (Segments(10, 100, each, 0.0, 1000, 0, 64 << 30, where).choose("auto") == 0) is whole

@@ -28,7 +28,7 @@ class Problem:
         b.point = self.array(ids, wp.types.vector(TABLE[name].points, int))
         b.rest = self.array(rest, t.mat22 if block else real)
         b.alpha = self.array(alpha, t.vec4 if block else real)
-        b.tau = self.array([tau] * self.m, real)
+        b.tau, b.left = (self.array([value] * self.m, real) for value in (tau, 0.0))
         self.x = self.array(points, t.vec3)
         self.w = b.w = self.array(w, real)
         self.d = self.array(np.zeros((len(points), 3)), t.vec3)

@@ -13,13 +13,13 @@ import os
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from math import ceil, isfinite, sqrt
+from math import ceil, sqrt
 
 import warp as wp
 
 from wsim.scene import Problem, SceneError
 
-FULL = 1 << 30         # bytes up to which everything is kept, or so much of what is free: segments run twice
+FULL = 1 << 30         # bytes up to which everything is kept, or so much of what is free on a GPU: segments run twice
 PART = 0.25
 
 
@@ -79,7 +79,7 @@ class Segments:
     @property
     def ample(self) -> float:
         """Bytes up to which everything is kept unasked."""
-        return min(self.room, max(FULL, PART * self.room if isfinite(self.room) else 0.0))
+        return min(self.room, max(FULL, PART * self.room if self.where.startswith("cuda") else 0.0))
 
     def choose(self, keep: str) -> int:
         """Substeps of a segment, 0: everything is kept. Raises SceneError where that does not fit."""
