@@ -22,7 +22,7 @@ from wsim.kernels import stream
 from wsim.kernels.constraint import inverse
 from wsim.kernels.real import types
 from wsim.kernels.xpbd import WEIGHTS, one_of
-from wsim.kernels.xpbd_product import length, need, product
+from wsim.kernels.xpbd_product import lacking, length, need, product
 from wsim.kernels.xpbd_terms import variant
 
 
@@ -153,14 +153,15 @@ def _back(o):
     """Function: the adjoint of the projection of constraint c, whose points left their d behind."""
     real, vec3, n, last = o.t.scalar, o.t.vec3, o.points, itself if o.rows == 3 else first_of
     formula, weights, Seen, Grads = product(o), WEIGHTS.get(n, weights_of_3), seen(vec3, o.value), grads(vec3, o.value)
+    lacks = lacking(o) if o.exact else None
     damped, placed, m = o.damped, o.placed, n - 1   # a constant: loops to it are unrolled, which adjoints of loops need
-    rows, ends, more = (wp.types.matrix((k, 3), real) for k in (m, n, n + 1))
+    rows, ends, more = (wp.types.matrix((k, 3), real) for k in (m, n, n + 1 + (o.rows == 3)))
 
     @wp.func
     def back(c: int, batch: o.Batch, by: o.Batch, s: Seen, g: Grads, rate: real, omega: real):
         p = batch.point[c]
         N = ends()
-        Y = more()                # the last row is the gradient by lam
+        Y = more()                # below the points that by lam
         X = rows()
         V = rows()
         for k in range(n):
@@ -175,9 +176,13 @@ def _back(o):
             for k in range(m):
                 V[k] = (N[k + 1] - N[0]) - (s.a[p[k + 1]] - s.a[p[0]])
         y = g.lam[c]
+        W = weights(batch.w, p)
+        alpha = (rate * rate) * batch.alpha[c]
+        how = o.t.vec2(gamma, omega)
         Y[n] = last(y)
-        gX, gV, gW, grest, galpha, glam, ghow, _gY = wp.grad(formula)(
-            X, V, weights(batch.w, p), batch.rest[c], (rate * rate) * batch.alpha[c], s.lam[c], o.t.vec2(gamma, omega), Y)
+        if wp.static(o.exact):
+            Y[n + 1] = lacks(X, V, W, batch.rest[c], alpha, s.lam[c], how, s.lam_out[c] - s.lam[c])
+        gX, gV, gW, grest, galpha, glam, ghow, _gY = wp.grad(formula)(X, V, W, batch.rest[c], alpha, s.lam[c], how, Y)
         by.rest[c] = by.rest[c] + grest
         g.lam[c] = y + glam
         by.alpha[c] = by.alpha[c] + (rate * rate) * galpha

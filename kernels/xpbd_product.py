@@ -22,7 +22,7 @@ from wsim.kernels.xpbd_terms import plane_stress
 def product(o):
     """Function s of a variant `o` of kernels/xpbd.py: (X, V, W, rest, alpha, lam, how, Y). X: places and V: velocities (times
     h) to the first point; W: inverse masses; how: gamma, omega; Y has a row a point, and below them y (in its first entry where
-    a constraint has one row)."""
+    a constraint has one row) and, where there are three, what -C lacks (`lacking`)."""
     return _block(o) if o.rows == 3 else _row(o)
 
 
@@ -31,7 +31,8 @@ def need(o, module) -> None:
     that a product calls would then be 0 in `wp.grad`, without a word."""
     n, real, block = o.points, o.t.scalar, o.rows == 3
     formula, rest = product(o), o.t.mat22 if block else real
-    rows, ends, inverses = wp.types.matrix((n - 1, 3), real), wp.types.matrix((n + 1, 3), real), wp.types.vector(n, real)
+    rows, ends = wp.types.matrix((n - 1, 3), real), wp.types.matrix((n + 1 + block, 3), real)
+    inverses = wp.types.vector(n, real)
 
     def called(rest: rest, alpha: o.entry, lam: o.value, out: wp.array(dtype=real)):
         out[0] = formula(rows(), rows(), inverses(), rest, alpha, lam, o.t.vec2(), ends())
@@ -71,12 +72,12 @@ def _row(o):
 def _block(o):
     """Of constraints with three rows on three points."""
     real, vec3, formula, mat22, tiny = o.t.scalar, o.t.vec3, o.formula, o.t.mat22, TINY[o.t.scalar]
-    rows, ends = wp.types.matrix((2, 3), real), wp.types.matrix((4, 3), real)
+    rows, ends = wp.types.matrix((2, 3), real), wp.types.matrix((5, 3), real)
 
     @wp.func
     def product(X: rows, V: rows, W: vec3, rest: mat22, alpha: o.t.vec4, lam: vec3, how: o.t.vec2, Y: ends):
         C, G1, G2 = formula(X, rest)
-        r = -C - plane_stress(alpha) * lam
+        r = Y[4] - C - plane_stress(alpha) * lam
         if wp.static(o.damped):
             r -= how[0] * (G1 * V[0] + G2 * V[1])
         S = membrane_response(C, rest, W[0], W[1], W[2])
@@ -92,6 +93,27 @@ def _block(o):
         return calm * wp.dot(dlam, s)
 
     return product
+
+
+def lacking(o):
+    """Function: what -C of `product` lacks for the dlam that a sweep has left, whose C was not rounded to float32; 0 where a
+    step was cut."""
+    real, vec3, formula, mat22 = o.t.scalar, o.t.vec3, o.formula, o.t.mat22
+    rows = wp.types.matrix((2, 3), real)
+
+    @wp.func
+    def lacking(X: rows, V: rows, W: vec3, rest: mat22, alpha: o.t.vec4, lam: vec3, how: o.t.vec2, dlam: vec3):
+        C, G1, G2 = formula(X, rest)
+        r = -C - plane_stress(alpha) * lam
+        if wp.static(o.damped):
+            r -= how[0] * (G1 * V[0] + G2 * V[1])
+        S = membrane_response(C, rest, W[0], W[1], W[2])
+        found = (((real(1.0) + how[0]) * S + plane_stress(alpha)) * dlam) / how[1] - r
+        if wp.dot(r, r) > real(CALM * CALM):
+            found = vec3()
+        return found
+
+    return lacking
 
 
 def length(o):

@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.constraint import TABLE, distance, inverse
+from wsim.kernels.constraint import TABLE, distance, inverse, membrane
 from wsim.kernels.real import types
 
 
@@ -36,12 +36,15 @@ def batch_of(constraint: str, real):
 
 
 def variant(constraint, real, multipliers, damped, uniform, stored: bool = False, exact: bool = False) -> SimpleNamespace:
-    """What the makers of kernels need: the row of the table, the types, the flags, a name, and the function `terms`. stored:
-    dlam is left in lam_out by constraints without a multiplier too. exact: lengths are compared as kernels/exact.py does."""
+    """What the makers of kernels need: the row of the table, the types, the flags, a name, and the function `terms`.
+
+    stored   dlam is left in lam_out by constraints without a multiplier too
+    exact    of float32: lengths are compared as kernels/exact.py does, and the strains of a membrane taken in float64
+    """
     row, t = TABLE[constraint], types(real)
     flags = {"lam": multipliers and not row.unilateral, "damped": damped and not row.unilateral, "uniform": uniform}
     name = "_".join([constraint, *(word for word, on in flags.items() if on), t.name])
-    exact = (stored or exact) and row.formula is distance and real is wp.float32
+    exact = (stored or exact) and row.formula in (distance, membrane) and real is wp.float32
     o = SimpleNamespace(**vars(row), **flags, stored=stored, exact=exact, t=t, name=name, Batch=batch_of(constraint, real))
     o.value, o.entry = (t.vec3, t.vec4) if row.rows == 3 else (real, real)        # of lam and C, of alpha
     o.place = first_entry if uniform else own_entry
@@ -143,6 +146,11 @@ def _terms_block(o):
         D1 = d1 - d0
         D2 = d2 - d0
         C, G1, G2 = formula(wp.matrix_from_rows((x[j] - x0) + D1, (x[k] - x0) + D2), rest)
+        if wp.static(o.exact):
+            at = wp.vec3d(x0)
+            exactly, _G1, _G2 = formula(wp.matrix_from_rows((wp.vec3d(x[j]) - at) + wp.vec3d(D1),
+                                                            (wp.vec3d(x[k]) - at) + wp.vec3d(D2)), wp.mat22d(rest))
+            C = vec3(exactly)
         r = -C
         if wp.static(o.lam):
             r -= plane_stress(alpha) * lam

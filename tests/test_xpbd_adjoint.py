@@ -142,10 +142,11 @@ def test_points_that_pass_each_other_are_undone_too():
     run.state("positions")
 
 
-def test_a_stiff_sheet_of_240_substeps():
-    """2e4 N/m, backward Euler, a sweep a substep; checkpoints give the same gradient, and float32 one within 1e-4, by every
-    element too: kernels/exact.py."""
-    scene = sheet("springs", integrator="backward_euler", solver="xpbd", substeps=80, iterations=1)
+@pytest.mark.parametrize("model", ["springs", "membrane"])
+def test_a_stiff_sheet_of_240_substeps(model):
+    """2e4 N/m, backward Euler, a sweep a substep; checkpoints give the same gradient, and float32 one within 1e-4 (2e-4 by the
+    masses of a membrane), by every element too: kernels/exact.py."""
+    scene = sheet(model, integrator="backward_euler", solver="xpbd", substeps=80, iterations=1)
     scene.cloths[0].material = replace(scene.cloths[0].material, stretch=2e4)
     run = Run(scene)
     run.material("stretch", 2e4)
@@ -157,7 +158,8 @@ def test_a_stiff_sheet_of_240_substeps():
     single = recording.backward({3: run.x}, {3: run.v})
     for name in ("positions", "velocities", "masses", "gravity", "density"):
         found, exact = (getattr(g, name)() for g in (single, run.gradient))
-        assert np.linalg.norm(found - exact) < 1e-4 * np.linalg.norm(exact), name
+        most = 2e-4 if (model, name) == ("membrane", "masses") else 1e-4                     # 1.3e-4: they nearly cancel
+        assert np.linalg.norm(found - exact) < most * np.linalg.norm(exact), name
     for name, elements in (("stretch", True), ("stretch", False), ("bend", True), ("bend", False)):
         found, exact = (g.material(name, elements=elements) for g in (single, run.gradient))
         assert np.linalg.norm(found - exact) < 1e-4 * np.linalg.norm(exact), name
