@@ -40,14 +40,13 @@ def test_a_simulation_says_what_first_went_bad(solver, stage):
     assert "of point 0 of /chain" in str(said.value)
 
 
-@pytest.mark.parametrize("when, stage", [(11.4, 1), (11.43, 2)])
-def test_steps_of_sdirk3_are_counted_and_not_the_systems_of_both_stages(when, stage):
+def test_steps_of_sdirk3_are_counted_and_not_the_systems_of_both_stages():
     """Of step 183 of 640 the first stage looks at 182.79 and the second at 182.21 and at the end, 183: points hang on what is
-    nowhere from 16 x 11.4 = 182.4 on, or from 182.88."""
-    sim = simulated(lost("implicit", 1, when, integrator="sdirk3"))
+    nowhere from 16 x 11.43 = 182.88 on."""
+    sim = simulated(lost("implicit", 1, 11.43, integrator="sdirk3"))
     with pytest.raises(SceneError, match="stopped being a number in frame 2, with 640 substeps too") as said:
         sim.run(3)
-    assert f"first in substep 183 of 640 (stage {stage} of sdirk3), stage pins" in str(said.value)
+    assert "first in substep 183 of 640 (stage 2 of sdirk3), stage pins" in str(said.value)
     assert sim.plan.clock.steps == 640 and sim.plan.clock.substeps == 1280
     assert [w.rpartition(" with ")[2] for w in sim.warnings] == [f"{n} substeps, which stay" for n in (80, 160, 320, 640)]
 

@@ -38,9 +38,10 @@ def test_positions_are_the_bits_of_a_simulation(scene):
         assert np.abs(rests[frame]).max() > 0.0 or frame == 0
 
 
-@pytest.mark.parametrize("scene", [sheet("membrane"), bar("corotational"), sheet("membrane", **SWEEPS, integrator="bdf2")])
+@pytest.mark.parametrize("scene", [sheet("membrane"), bar("corotational")])
 def test_so_they_are_of_one_without_gradients(scene):
-    """But for springs, whose lengths are compared beyond float32 where gradients are asked for (kernels/exact.py)."""
+    """But for springs, and membranes by XPBD, whose strains are taken beyond float32 where gradients are asked for
+    (kernels/exact.py)."""
     recording, found = pair(scene, plain=True)
     assert all(np.array_equal(recording.positions(frame), x) for frame, (x, _) in enumerate(found))
 

@@ -46,8 +46,9 @@ def check(run: Run, name: str, step: float, within: float) -> None:
     assert each.sum() == pytest.approx(run.gradient.material(name), rel=1e-12)
 
 
-@pytest.mark.parametrize("solver, more", [("leapfrog", {}), ("rk4", {}), ("xpbd", {}), ("newton", {}), ("newton", BACKWARD)])
-@pytest.mark.parametrize("nu, weft", [(0.2, 25.0), (0.0, 0.0), (-0.4, 25.0)])
+@pytest.mark.parametrize("solver, more, nu, weft", [
+    *((solver, {}, nu, weft) for solver in ("leapfrog", "xpbd", "newton") for nu, weft in ((0.2, 25.0), (0.0, 0.0))),
+    ("rk4", {}, -0.4, 25.0), ("xpbd", {}, -0.4, 25.0), ("newton", BACKWARD, -0.4, 25.0)])
 def test_by_poisson_s_ratio(solver, more, nu, weft):
     """3 frames of 50 (RK4 50, XPBD 8 of 4 iterations, Newton 2) substeps; steps of 1e-3. At 0 the entry uv of the compliance is
     0, and is what depends on it; a weft of 0 follows stretch."""
@@ -76,19 +77,16 @@ def test_by_a_strain_limit(solver, model):
 @pytest.mark.parametrize("name, values, make", [
     *(("poisson", (0.1, 0.4), lambda nu, s=s: membrane(s, nu)) for s in SOLVERS),
     *(("strain_limit", (0.02, 0.006), lambda e, s=s: limited(s, e)) for s in LIMITED)])
-@pytest.mark.parametrize("worlds", [1, 2])
-def test_a_live_value_is_that_of_a_scene_built_with_it(name, values, make, worlds):
-    """To the last bit; in the second world alone, where there are two."""
-    live = Simulation(make(values[0]), device="cpu", precision="float64", worlds=worlds)
-    live.set("/cloth", name, values[1], worlds - 1)
-    for world, value in [(worlds - 1, values[1]), (0, values[2 - worlds])]:
-        plain = Simulation(make(value), device="cpu", precision="float64", worlds=worlds)
-        live.frame or live.run(2)
+def test_a_live_value_is_that_of_a_scene_built_with_it(name, values, make):
+    """To the last bit; in the second of two worlds alone."""
+    live = Simulation(make(values[0]), device="cpu", precision="float64", worlds=2)
+    live.set("/cloth", name, values[1], 1)
+    live.run(2)
+    for world, value in enumerate(values):
+        plain = Simulation(make(value), device="cpu", precision="float64", worlds=2)
         plain.run(2)
         assert np.array_equal(live.positions(world=world), plain.positions(world=world))
-    other = Simulation(make(values[0]), device="cpu", precision="float64")
-    other.run(2)
-    assert np.abs(live.positions(world=worlds - 1) - other.positions()).max() > 1e-6
+    assert np.abs(live.positions(world=1) - live.positions()).max() > 1e-6
 
 
 @pytest.mark.parametrize("solver", ["xpbd", "newton"])

@@ -65,8 +65,8 @@ def check(run: Run) -> None:
     run.check(run.gradient.air_drag(), lambda s: ("/", "air_drag", run.scene.air_drag + s), 1e-3, 2e-8)
 
 
-@pytest.mark.parametrize("what", ["limit", "tethers", "both"])
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("integrator, what", [*((name, "both") for name in INTEGRATORS), ("bdf2", "limit"),
+                                              ("sdirk3", "tethers")])
 def test_a_sheet_that_is_pulled(integrator, what):
     run = Run(pulled(integrator, what), 2)
     assert moved(run.scene, pulled(integrator, "none"), 2) > 2e-3
@@ -82,7 +82,7 @@ def test_triangles_and_a_soft_pin():
     check(Run(scene, 2))
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("integrator", ["bdf2", "implicit_midpoint", "sdirk3"])
 def test_where_a_moving_pin_puts_its_points(integrator):
     """Tethers hang on it: it is jerked away from them."""
     path = Motion(np.arange(5) / 60, np.stack([np.eye(4)] * 5))
@@ -123,7 +123,7 @@ def cord(integrator: str, what: str, iterations: int) -> Scene:
 
 
 @pytest.mark.parametrize("integrator, what, iterations", [
-    *((name, what, 3) for name in ("backward_euler", "bdf2", "sdirk3") for what in ("limit", "tethers")),
+    ("bdf2", "limit", 3), ("backward_euler", "tethers", 3), ("sdirk3", "tethers", 3),
     ("implicit_midpoint", "tethers", 1)])
 def test_a_recording_ends_about_where_a_simulation_does(integrator, what, iterations):
     """That projects after every Newton step: what is projected then is nearly forgotten in the next."""
@@ -143,8 +143,7 @@ def landed(shape: str, integrator: str, mu: float, what: str = "limit", **more) 
     return hard(scene, what, **{"strain_limit": 0.002} if what != "none" else {})
 
 
-@pytest.mark.parametrize("shape, integrator, mu", [("plane", "backward_euler", 0.4), ("sphere", "bdf2", 0.4),
-                                                   ("plane", "bdf2", 1.5), ("sphere", "backward_euler", 1.5)])
+@pytest.mark.parametrize("shape, integrator, mu", [("sphere", "backward_euler", 0.4), ("plane", "bdf2", 1.5)])
 def test_among_contacts(shape, integrator, mu):
     """What sticks in the solve may slide where a limit pulls at it: the pushes of the solve say how much friction there is."""
     run = Slid(landed(shape, integrator, mu), 4)
