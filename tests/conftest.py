@@ -10,9 +10,15 @@ from wsim.scene import Scene
 
 
 @pytest.fixture(scope="session", autouse=True)
-def header():
-    """Warp's precompiled header for all modules: a process of the tests makes hundreds, and each after the first is 1.5 s
-    cheaper. A simulation does without: for the one or two modules of a user's process the header costs more than it saves."""
+def compiling():
+    """A process of the tests makes hundreds of modules, so that they are compiled as is soonest done. Kernels land under other
+    hashes than those of a simulation, and do the same to the last bit.
+
+    header    Warp's precompiled header: each module after the first is 1.5 s cheaper. A simulation does without: for the one
+              or two modules of a user's process it costs more than it saves.
+    strides   Warp compiles most kernels for a CPU twice, the second time for arrays without gaps, which is a third of the
+              time and 0 to 5 % faster to run. Not here; `wsim`, run as a process of its own, still has both.
+    """
     load = Model.load
 
     def with_header(model: Model) -> None:
@@ -20,6 +26,8 @@ def header():
         load(model)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Model, "load", with_header)
+        patch.setattr("warp._src.codegen.cpu_linear_contiguous_specialization_candidate", lambda adj, block_dim: False,
+                      raising=False)
         yield
 
 
