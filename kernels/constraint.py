@@ -137,6 +137,20 @@ def across(Fu: Any, Fv: Any):
 
 
 @wp.func
+def polar(Fu: Any, Fv: Any):
+    """Rows r_u, r_v of the rotation R^T of F = R U, a unit normal, |F_u x F_v| and 1 / tr U: see `membrane`."""
+    s, n = across(Fu, Fv)
+    t = wp.sqrt(wp.dot(Fu, Fu) + wp.dot(Fv, Fv) + type(s)(2.0) * s)
+    q = inverse(t)
+    ru = q * (Fu + wp.cross(Fv, n))
+    rv = q * (Fv + wp.cross(n, Fu))
+    if t == type(s)(0.0):
+        ru[0] = type(s)(1.0)
+        rv[1] = type(s)(1.0)
+    return ru, rv, n, s, q
+
+
+@wp.func
 def membrane(X: Any, B: Any):
     """C = (U_uu - 1, U_vv - 1, 2 U_uv), strains of warp and weft and their shear; rows of G1, G2 are those of C.
 
@@ -158,16 +172,9 @@ def membrane(X: Any, B: Any):
     X2 = X[1]
     Fu = B[0, 0] * X1 + B[1, 0] * X2
     Fv = B[0, 1] * X1 + B[1, 1] * X2
-    s, n = across(Fu, Fv)
-    t = wp.sqrt(wp.dot(Fu, Fu) + wp.dot(Fv, Fv) + type(s)(2.0) * s)
-    q = inverse(t)
-    ru = q * (Fu + wp.cross(Fv, n))
-    rv = q * (Fv + wp.cross(n, Fu))
+    ru, rv, _n, s, q = polar(Fu, Fv)
     one = type(s)(1.0)
     two = type(s)(2.0)
-    if t == type(s)(0.0):
-        ru[0] = one
-        rv[1] = one
     Uuu = wp.dot(ru, Fu)
     Uvv = wp.dot(rv, Fv)
     Uuv = wp.dot(ru, Fv)

@@ -239,7 +239,7 @@ def correct(real, module):
     """
     vec3 = types(real).vec3
 
-    @wp.kernel(module=module, enable_backward=differentiable(module))
+    @wp.kernel(module=module, enable_backward=False)
     def correct(d: wp.array(dtype=vec3), a: wp.array(dtype=vec3), e: wp.array(dtype=vec3), pair: wp.array(dtype=vec3),
                 x: wp.array(dtype=vec3), v: wp.array(dtype=vec3), h: real, source: int,
                 x_out: wp.array(dtype=vec3), e_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3),

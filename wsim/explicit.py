@@ -6,6 +6,7 @@ one of threads abreast. Wind, contacts, soft pins, tethers and strain limits act
 at its end, and what they changed becomes a velocity.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -39,6 +40,7 @@ class Explicit(Method):
         self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
         self.muscles = None           # the method that puts their rest lengths
         self.impacts = lambda: None   # takes impacts out of `change` before leapfrog's last half kick (`wsim.contact.bounce`)
+        self.corrected: Callable | None = None        # adjoint of the last launch of a substep
         self.pull = Pull(model, points.constants, self.rows, None if pins is None else pins.columns(),
                          alone=not (steps or self.integrator.stages), staged=bool(self.integrator.stages))
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
@@ -79,6 +81,9 @@ class Explicit(Method):
         if self.steps:
             self.correct, self.settle = kernels.correct(real, module), kernels.settle(real, module)
             self.change = wp.zeros(model.points, dtype=types(real).vec3, device=model.device)
+            if model.gradients:
+                from wsim.points_adjoint import CorrectAdjoint
+                self.corrected = CorrectAdjoint(model).backward
             self.stages = [Stage("start", "pose", self.resume, 2, 0, "frame", "displacements are zero"),
                            Stage(self.integrator.name, "predict", self.predict, launches + 1, size, what=what),
                            Stage("correct", "finish", self.finish, 1, 0, what="what others changed")]
@@ -240,7 +245,7 @@ class Explicit(Method):
     def finish(self, clock: Clock) -> None:
         s = self.state
         self.model.launch(self.correct, self.model.points, [s.d, s.a, s.e, self.pair, s.x, s.v, clock.h, self.at],
-                          [s.x, s.e, s.v, self.pair, self.change])
+                          [s.x, s.e, s.v, self.pair, self.change], self.corrected)
         if self.own is not None:
             self.model.copy(self.own, self.pair, 0, self.at * self.model.points, self.model.points)
         if clock.k == clock.substeps - 1:

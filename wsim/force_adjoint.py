@@ -3,6 +3,7 @@
 import warp as wp
 
 from wsim.kernels import adjoint
+from wsim.kernels import corner_adjoint as flat
 from wsim.kernels import force_adjoint as kernels
 from wsim.kernels import plastic_adjoint as maths
 from wsim.kernels import tet_adjoint as tets
@@ -57,7 +58,7 @@ class Forces:
             return wp.zeros(count, dtype=vec3, device=model.device, requires_grad=grad)
         n = model.points
         self.x, self.pair, self.f = over(n), over(4 * n), over(n, False)
-        self.corner = None if pull.force is None else over(pull.force.size)
+        self.corner = None if pull.force is None else over(pull.force.size, not pull.direct)
         self.force = adjoint.force(model.real, module, tuple((dict(pull.flags()) | {"lanes": 1}).items()))    # a thread a point
         self.back_force = ForceAdjoint(model, pull, False, module)
         self.launches: list[tuple] = []                  # of forces of corners
@@ -110,34 +111,70 @@ class CornerAdjoint:
 
     def __init__(self, model: Model, table, pull):
         """table: of `wsim.fem`; pull: says which corners each point has, and whether p is all that is to be known."""
-        self.model, self.table, self.pull, self.nodes = model, table, pull, table.ids.shape[1]
-        make = {3: tets.pressed, 4: tets.linear, 10: tets.quadratic}[self.nodes]
-        kind = () if self.nodes == 3 else (table.material, table.damped)
+        nodes = table.ids.shape[1]
+        make = {3: tets.pressed, 4: tets.linear, 10: tets.quadratic}[nodes]
+        kind = () if nodes == 3 else (table.material, table.damped)
+        self.table, self.gathering = table, Gathering(model, pull, table, table.damped)
         self.kernels = [make(*kind, model.real, model.module, parameters, pull.direct) for parameters in (False, True)]
-        self.take = (tets.take_all(model.real, model.module, pull.lanes, pull.rates is not None) if pull.direct else
-                     tets.take(model.real, model.module))
 
     def backward(self, read: list, wrote: list) -> None:
         """Adjoint of the launch of the forces, of the arrays that it has read and written; parameters only where x has a
         gradient."""
-        (data, x, d, *others), corners, pull = read, wrote[0].grad, self.pull
-        work = tets.works(self.model.real)()
-        work.p, work.corners, work.rates = pull.p if pull.direct else None, corners, pull.rates
-        inputs = [data, x, d, *others, work, adjoint_of(data)]
-        self.model.launch(self.kernels[x.grad is not None], self.table.size, inputs, [])
-        if not pull.direct:
-            self.gather(corners, d.grad, x.grad)
-            if self.table.damped:
-                self.gather(pull.rates, others[0].grad, None)
-        elif self.table is pull.elements[0].table:                # the last one, backwards: corners of all tables are written
-            v = others[0].grad if pull.rates else None
-            self.model.launch(self.take, self.model.points * pull.lanes,
-                              [pull.net, corners, pull.rates, d.grad, x.grad, v], [])
+        (data, x, d, *others), g = read, self.gathering
+        corners = g.corners(wrote[0])
+        inputs = [data, x, d, *others, g.work(corners), adjoint_of(data)]
+        g.model.launch(self.kernels[x.grad is not None], len(self.table.ids), inputs, [])
+        g.gather(self.table.data.force, corners, d.grad, x.grad, others[0].grad if others else None)
 
-    def gather(self, corners: wp.array, by: wp.array, also: wp.array | None) -> None:
-        first = self.table.data.force
-        last = first + self.table.ids.size
-        self.model.launch(self.take, self.model.points, [self.pull.net, corners, first, last, 0, by, also], [])
+
+class FlatAdjoint:
+    """Of the forces of membranes or hinges."""
+
+    def __init__(self, model: Model, elements, pull):
+        """elements, pull: of `wsim.gather`."""
+        self.elements, self.gathering = elements, Gathering(model, pull, elements, elements.damped)
+        self.kernels = [flat.corners(elements.kind, model.real, model.module, elements.damped, parameters, pull.direct)
+                        for parameters in (False, True)]
+
+    def backward(self, read: list, wrote: list) -> None:
+        """As that of `CornerAdjoint`."""
+        (data, x, pair, source, first), g, n = read, self.gathering, self.gathering.model.points
+        corners = g.corners(wrote[0])
+        inputs = [*read, g.work(corners), adjoint_of(data)]
+        g.model.launch(self.kernels[x.grad is not None], len(self.elements.ids), inputs, [])
+        rows = [pair.grad[k * n:(k + 1) * n] for k in (source, 2 + source)]
+        g.gather(first, corners, rows[0], x.grad, rows[1])
+
+
+class Gathering:
+    """What corners have, to points: of all kinds at once where p is all that is to be known, else of each by itself."""
+
+    def __init__(self, model: Model, pull, kind, damped: bool):
+        """kind: what has `ids`, the points of its corners."""
+        self.model, self.pull, self.damped, self.size = model, pull, damped, kind.ids.size
+        first = pull.elements[0]
+        self.last = kind in (first, getattr(first, "table", None))              # backwards
+        self.take = (tets.take_all(model.real, model.module, pull.lanes, pull.rates is not None) if pull.direct else
+                     tets.take(model.real, model.module))
+
+    def corners(self, force: wp.array) -> wp.array:
+        """Where their gradients go: those by these forces, or in their place."""
+        return self.pull.by_corners or force.grad
+
+    def work(self, corners: wp.array):
+        found = tets.works(self.model.real)()
+        found.p, found.corners, found.rates = self.pull.p if self.pull.direct else None, corners, self.pull.rates
+        return found
+
+    def gather(self, first: int, corners: wp.array, by: wp.array, also: wp.array | None, rate: wp.array | None) -> None:
+        """Adds to the gradients by displacements, by x and by velocities. first: place of this kind's first corner."""
+        net, n = self.pull.net, self.model.points
+        if not self.pull.direct:
+            self.model.launch(self.take, n, [net, corners, first, first + self.size, 0, by, also], [])
+            if self.damped:
+                self.model.launch(self.take, n, [net, self.pull.rates, first, first + self.size, 0, rate, None], [])
+        elif self.last:                                           # corners of all kinds are written
+            self.model.launch(self.take, n * self.pull.lanes, [net, corners, self.pull.rates, by, also, rate], [])
 
 
 class FlowAdjoint:

@@ -60,10 +60,11 @@ class Pull:
         kinds = sorted({r.kind for r in rows} - {"distance"})
         flat = [Elements(model, kind, [r for r in rows if r.kind == kind]) for kind in kinds]
         self.elements: list[Elements | Solid] = [*flat, *(Solid(table) for table in self.tables)]
-        # adjoints of tets and pressure ask p, the gradient by forces on points; others find it at their corners
-        self.direct = bool(self.tables) and not (flat or staged)
+        # adjoints of elements ask p, the gradient by forces on points; those of stages, which are Warp's, leave it at corners
+        self.direct = bool(self.elements) and not staged
         self.p = wp.zeros(model.points, dtype=types(model.real).vec3, device=model.device) if model.gradients else None
-        self.rates: wp.array | None = None            # of corners: gradients by their velocities
+        self.by_corners: wp.array | None = None       # gradients by their positions, where p is all that is to be known
+        self.rates: wp.array | None = None            # and by their velocities
         for e in self.elements:
             e.make(self.damped)                  # before the module is compiled
         self.corners()
@@ -136,7 +137,10 @@ class Pull:
         model, first = self.model, self.model.points if self.added else 0
         size = first + sum(e.ids.size for e in self.elements)
         self.force = wp.zeros(size, dtype=types(model.real).vec3, device=model.device) if size else None
-        if model.gradients and any(e.table.damped for e in self.elements if isinstance(e, Solid)):
+        if model.gradients and self.direct and self.force:
+            model.plain.add(self.force.ptr)
+            self.by_corners = wp.zeros_like(self.force)              # where their gradients stand until points take them
+        if model.gradients and any(e.damped for e in self.elements):
             self.rates = wp.zeros(size, dtype=types(model.real).vec3, device=model.device)
         if self.elements:
             starts, items = incident(np.concatenate([e.ids.ravel() for e in self.elements])[:, None], model.points)
@@ -145,11 +149,8 @@ class Pull:
                 self.lanes = _lanes(model.points, int(np.diff(starts).max()))
         for e in self.elements:
             e.first, first = first, first + e.ids.size
-            if model.gradients and isinstance(e, Solid):
-                from wsim.force_adjoint import CornerAdjoint
-                e.table.backward = CornerAdjoint(model, e.table, self).backward
-                if e.table.plastic:
-                    e.table.plastic.adjoint.join(self.net, e.first)
+            if model.gradients:
+                e.differentiate(self)
 
     def need_springs(self) -> None:
         """Makes the kernel of springs that `launch` needs on a CPU, and what gradients of a leap need."""
@@ -212,7 +213,8 @@ class Elements:
     """Membranes or hinges of every body, on the device."""
 
     def __init__(self, model: Model, kind: str, rows: list[Rows]):
-        self.model, self.kind, self.rows, self.first = model, kind, rows, 0
+        self.model, self.kind, self.rows, self.first, self.damped = model, kind, rows, 0, False
+        self.backward: Callable | None = None         # adjoint of `launch`
         t, real = types(model.real), model.real
         self.ids = model.shared(np.concatenate([r.ids for r in rows]).astype(np.int32))
         self.data = corner.elements(kind, real)()
@@ -239,17 +241,28 @@ class Elements:
         self.data.tau.assign(self.tau().astype(self.model.dtype))
 
     def make(self, damped: bool) -> None:
+        self.damped = damped
         self.kernel = corner.corners(self.kind, real=self.model.real, module=self.model.module, damped=damped)
 
+    def differentiate(self, pull: Pull) -> None:
+        from wsim.force_adjoint import FlatAdjoint
+        self.backward = FlatAdjoint(self.model, self, pull).backward
+
     def launch(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> None:
-        self.model.launch(self.kernel, len(self.ids), [self.data, x, pair, source, self.first], [force])
+        self.model.launch(self.kernel, len(self.ids), [self.data, x, pair, source, self.first], [force], self.backward)
 
 
 class Solid:
     """Tets of one material model."""
 
     def __init__(self, table):
-        self.table, self.ids, self.first = table, table.ids, 0
+        self.table, self.ids, self.first, self.damped = table, table.ids, 0, table.damped
+
+    def differentiate(self, pull: Pull) -> None:
+        from wsim.force_adjoint import CornerAdjoint
+        self.table.backward = CornerAdjoint(self.table.model, self.table, pull).backward
+        if self.table.plastic:
+            self.table.plastic.adjoint.join(pull.net, self.first)
 
     def make(self, damped: bool) -> None:
         self.table.need_forces()

@@ -72,6 +72,7 @@ class Model:
     alias: np.ndarray | None = None      # place that stands for each place, (points,), where bodies share points
     gradients: bool = False              # kernels have adjoints, and no method works in place where those cannot follow
     tape: Any = None                     # `wsim.tape.Tape` that records what is launched
+    plain: set[int] = field(default_factory=set)          # addresses of arrays that change, of which a tape keeps no gradients
 
     @property
     def points(self) -> int:
@@ -115,8 +116,7 @@ class Model:
         found = [b for b in self.bodies if path in ("/", b.path) and world in (None, b.world)]
         return [i for b in found for i in range(b.first, b.last)] if self.gradients else [b.number for b in found]
 
-    def stack(self, name: str) -> np.ndarray:
-        """One field of all bodies in solver order."""
+    def stack(self, name: str) -> np.ndarray:               # in solver order
         return np.concatenate([getattr(b, name) for b in self.bodies])
 
     @property

@@ -1,4 +1,4 @@
-"""Adjoint of the stages of backward Euler of `wsim.points`: see kernels/points_adjoint.py."""
+"""Adjoint of the stages of backward Euler of `wsim.points`, and of the last of an explicit step: kernels/points_adjoint.py."""
 
 from wsim.kernels import points_adjoint as kernels
 from wsim.model import Model
@@ -20,3 +20,19 @@ class EulerAdjoint:
     def finish(self, read: list, wrote: list) -> None:
         (a, d, x, g), (x_out, _, v_out) = read, wrote
         self.model.launch(self.kernels[1], self.model.points, [g, x_out.grad, v_out.grad], [a.grad, d.grad, x.grad])
+
+
+class CorrectAdjoint:
+    """Of the launch that makes velocities of what others have changed, in `wsim.explicit`."""
+
+    def __init__(self, model: Model):
+        self.model, self.kernel = model, kernels.correct_adjoint(model.real, model.module)
+
+    def backward(self, read: list, wrote: list) -> None:
+        (d, a, e, pair, x, v, h, source), (x_out, _, v_out, pair_out, change) = read, wrote
+        by = kernels.corrected(self.model.real)()
+        arrays = {"x_out": x_out, "v_out": v_out, "pair_out": pair_out, "change": change, "d": d, "a": a, "e": e, "pair": pair,
+                  "x": x, "v": v}
+        for name, array in arrays.items():
+            setattr(by, name, array.grad)
+        self.model.launch(self.kernel, self.model.points, [by, h, source], [])

@@ -112,8 +112,8 @@ class Recording(Frames):
 
     def record(self, first: int, last: int) -> Tape:
         """Runs substeps first .. last once, recording."""
-        model, tape = self.sim.model, Tape(self.slots, self.roots)
-        model.tape = tape
+        model = self.sim.model
+        tape = model.tape = Tape(self.slots, self.roots, model.plain)
         try:
             tape.begin()
             for table in self.plan.solids:               # run once more, it begins as it did

@@ -23,16 +23,18 @@ from wsim.kernels import adjoint
 from wsim.slots import Slots
 
 WHOLE = ("begin", "leap", "commit", "corners", "fem_forces", "quadratic_forces", "pressure_forces", "predict",
-         "finish")
+         "finish", "correct")
 KEPT = (wp.int32, wp.quatf, wp.quatd, wp.vec2i, wp.vec4i, wp.uint64)      # flags, lists, starts of iterations
 
 
 @dataclass
 class Root:
-    """An array that changes. base: where the method has it; carried: the gradient of its value between two stretches."""
+    """An array that changes. base: where the method has it; carried: the gradient of its value between two stretches; plain: it
+    has none."""
 
     base: wp.array
     carried: wp.array
+    plain: bool = False
     latest: wp.array | None = None
     work: wp.array | None = None       # where what was done in place is undone
     fresh: bool = False                # nobody has read `latest` yet
@@ -64,6 +66,7 @@ class Tape:
 
     slots: Slots
     roots: list[Root]
+    plain: set[int] = field(default_factory=set)                            # addresses, see `wsim.model`
     steps: list[Callable[[], None]] = field(default_factory=list)           # what was launched, in order
     adjoints: list[Callable[[], None]] = field(default_factory=list)        # their adjoints, in the same order
     entries: list[tuple[Root, wp.array]] = field(default_factory=list)
@@ -195,8 +198,11 @@ class Tape:
                 return root
         if not wanted:
             return None
-        self.roots.append(Root(array, wp.zeros_like(array, requires_grad=False)))
+        self.roots.append(Root(array, wp.zeros_like(array, requires_grad=False), array.ptr in self.plain))
         return self.roots[-1]
+
+    def version(self, root: Root) -> wp.array:
+        return (self.slots.plain if root.plain else self.slots).take(root.base.dtype, root.base.shape)
 
     def read(self, a: Any) -> Any:
         """The latest version of an argument."""
@@ -204,7 +210,7 @@ class Tape:
         if root is None:
             return a
         if root.latest is None:
-            root.latest = self.slots.take(root.base.dtype, root.base.shape)
+            root.latest = self.version(root)
             self.do(partial(wp.copy, root.latest, root.base))
             self.entries.append((root, root.latest))
         root.fresh = False
@@ -218,7 +224,7 @@ class Tape:
         if not root.fresh:
             if not whole:
                 self.read(root.base)
-            before, root.latest = root.latest, self.slots.take(root.base.dtype, root.base.shape)
+            before, root.latest = root.latest, self.version(root)
             if not whole:
                 assert before is not None
                 self.follow(before, root.latest)
@@ -250,6 +256,8 @@ class Tape:
         """From the gradients of the values at the end to those at the start (`Root.carried`); adds to those of constants."""
         self.slots.clear(self.first, self.end)
         for root, version in self.ends:
+            if root.plain:
+                continue
             wp.copy(version.grad, root.carried)
             root.carried.zero_()
         for put in self.puts.values():
