@@ -66,8 +66,6 @@ class Model:
     real: Any                            # wp.float32 or wp.float64
     module: str                          # name of the Warp module that holds the plan's kernels
     bodies: list[Body]
-    dropped: list[str] = field(default_factory=list)      # what was left out while building, in words
-    arrays: dict = field(default_factory=dict)            # device tables by name
     modules: dict[str, int] = field(default_factory=dict)     # with blocks of their own, by name: threads of a block
     alias: np.ndarray | None = None      # place that stands for each place, (points,), where bodies share points
     gradients: bool = False              # kernels have adjoints, and no method works in place where those cannot follow
@@ -116,7 +114,8 @@ class Model:
         found = [b for b in self.bodies if path in ("/", b.path) and world in (None, b.world)]
         return [i for b in found for i in range(b.first, b.last)] if self.gradients else [b.number for b in found]
 
-    def stack(self, name: str) -> np.ndarray:               # in solver order
+    def stack(self, name: str) -> np.ndarray:
+        """One field of all bodies in solver order."""
         return np.concatenate([getattr(b, name) for b in self.bodies])
 
     @property
@@ -126,7 +125,7 @@ class Model:
         return 64 if self.points < 100_000 else 128
 
     def launch(self, kernel, dim: int | tuple[int, ...], inputs: list, outputs: list, backward=None) -> None:
-        """Launches a kernel of this model's module; backward: what a tape takes for its adjoint, see `Tape.by_hand`."""
+        """Launches a kernel of this model's module; backward: what a tape takes for its adjoint, see `Tape.launch`."""
         import warp as wp
         how = {"device": self.device, **({"block_dim": self.block} if self.device.is_cuda else {})}
         (self.tape or wp).launch(kernel, dim, inputs, outputs, **how, **({"backward": backward} if self.tape else {}))
