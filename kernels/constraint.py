@@ -14,6 +14,8 @@ from typing import Any
 
 import warp as wp
 
+FLAT = 1.0e-24         # of two squared heights [m^4], below which a hinge has no angle
+
 
 @wp.func
 def inverse(s: Any):
@@ -106,7 +108,7 @@ def dihedral(X: Any, theta0: Any):
     G1 = type(E)()
     G2 = type(E)()
     G3 = type(E)()
-    if both > type(theta0)(1.0e-24):
+    if both > type(theta0)(wp.static(FLAT)):
         L = wp.sqrt(LL)
         s = -q * L / both                              # -1 / (|E| H2 H3): one division serves both
         C = wrap(arctangent(-L * wp.dot(X3, N2), wp.dot(N2, N3)) - theta0)

@@ -21,10 +21,10 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.constraint import TABLE, dihedral, inverse, polar
+from wsim.kernels.constraint import FLAT, TABLE, dihedral, inverse, polar
 from wsim.kernels.corner import elements, stress
+from wsim.kernels.gather_adjoint import reader, works
 from wsim.kernels.real import types
-from wsim.kernels.tet_adjoint import reader, works
 
 
 @wp.func
@@ -42,7 +42,7 @@ def bent(X: Any, G: Any, Q: Any):
     dG1 = type(E)()
     dG2 = type(E)()
     dG3 = type(E)()
-    if (q * n2) * (q * n3) > type(q)(1.0e-24):
+    if (q * n2) * (q * n3) > type(q)(wp.static(FLAT)):
         L = wp.sqrt(LL)
         dN2 = wp.cross(Q[0], X[1]) + wp.cross(E, Q[1])
         dN3 = wp.cross(Q[2], E) + wp.cross(X[2], Q[0])

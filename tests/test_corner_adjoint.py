@@ -6,7 +6,7 @@ import warp as wp
 
 from wsim.kernels import corner, corner_adjoint
 from wsim.kernels.constraint import TABLE
-from wsim.kernels.tet_adjoint import works
+from wsim.kernels.gather_adjoint import works
 
 STEP = 1e-3
 WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])         # of differences of order 8

@@ -5,6 +5,7 @@ import warp as wp
 from wsim.kernels import adjoint
 from wsim.kernels import corner_adjoint as flat
 from wsim.kernels import force_adjoint as kernels
+from wsim.kernels import gather_adjoint as gathers
 from wsim.kernels import plastic_adjoint as maths
 from wsim.kernels import tet_adjoint as tets
 from wsim.kernels.real import types
@@ -154,15 +155,15 @@ class Gathering:
         self.model, self.pull, self.damped, self.size = model, pull, damped, kind.ids.size
         first = pull.elements[0]
         self.last = kind in (first, getattr(first, "table", None))              # backwards
-        self.take = (tets.take_all(model.real, model.module, pull.lanes, pull.rates is not None) if pull.direct else
-                     tets.take(model.real, model.module))
+        self.take = (gathers.take_all(model.real, model.module, pull.lanes, pull.rates is not None) if pull.direct else
+                     gathers.take(model.real, model.module))
 
     def corners(self, force: wp.array) -> wp.array:
         """Where their gradients go: those by these forces, or in their place."""
         return self.pull.by_corners or force.grad
 
     def work(self, corners: wp.array):
-        found = tets.works(self.model.real)()
+        found = gathers.works(self.model.real)()
         found.p, found.corners, found.rates = self.pull.p if self.pull.direct else None, corners, self.pull.rates
         return found
 
@@ -185,7 +186,7 @@ class FlowAdjoint:
         self.flows, self.model = flow, flow.model
         real, module = self.model.real, self.model.module
         self.kernels = maths.flow_adjoint(real, module), maths.shape_adjoint(real, module)
-        self.take = tets.take(real, module)
+        self.take = gathers.take(real, module)
         self.corners = wp.zeros(4 * flow.table.size, dtype=types(real).vec3, device=self.model.device)
 
     def join(self, net, first: int) -> None:
