@@ -11,13 +11,13 @@ import numpy as np
 from pxr import Sdf, Vt
 
 from tests.test_recorder import CLOTH, EPS, author, record, world
-from wsim import partial
+from wsim import crate, partial
 from wsim.restart import Result, load_restart
 
 
 def run(script: str, *arguments) -> subprocess.Popen:
     """Another process, with the functions of test_recorder."""
-    imports = "import resource, sys\nfrom tests.test_recorder import *\nfrom wsim import partial\n"
+    imports = "import resource, signal, sys\nfrom tests.test_recorder import *\nfrom wsim import partial\n"
     root = os.path.dirname(os.path.dirname(__file__))
     command = [sys.executable, "-c", imports + textwrap.dedent(script), *map(str, arguments)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=root)
@@ -50,21 +50,29 @@ def test_a_killed_run_leaves_its_frames_and_the_next_one_says_where(tmp_path):
 
 
 def test_a_save_writes_nothing_but_the_index_and_what_is_new_and_is_undone_to_the_byte(tmp_path):
+    """And a reader sees what was there before that save, and writes nothing."""
     file = partial.Partial(str(tmp_path / "out.usdc"))
     path, index = Path(file.path), Path(file.path + ".index")
     attribute = Sdf.AttributeSpec(Sdf.CreatePrimInLayer(file.layer, "/a"), "points", Sdf.ValueTypeNames.Point3fArray)
     for f in range(4):
         file.layer.SetTimeSample(attribute.path, f, Vt.Vec3fArray.FromNumpy(np.full((50, 3), f, np.float32)))
-        before, start = path.read_bytes(), partial.index(file.path)[0]
-        partial.keep_index(file.path)
+        before = path.read_bytes()
+        with open(path, "rb") as opened:
+            start = crate.Index.of(opened).start
+        crate.keep_index(file.path)
         file.layer.Save()                                  # a save that ends, but whose end was not noted: as if killed
         whole, kept = path.read_bytes(), index.read_bytes()
-        assert whole[partial.HEADER:start] == before[partial.HEADER:start]
-        assert partial.put_index_back(file.path) and path.read_bytes() == before
-        path.write_bytes(whole[:start] + bytes(len(whole) - start))               # killed before the index was written
-        index.write_bytes(kept)
-        assert partial.put_index_back(file.path) and path.read_bytes() == before
+        assert whole[crate.HEADER:start] == before[crate.HEADER:start]
+        for now in (whole, whole[:start] + bytes(len(whole) - start), whole[:start + 9]):     # killed where?
+            path.write_bytes(now)
+            index.write_bytes(kept)
+            seen = crate.read(path)
+            assert seen.ListTimeSamplesForPath("/a.points") == [float(k) for k in range(f)] if f else not seen.rootPrims
+            assert (path.read_bytes(), index.read_bytes()) == (now, kept)
+            assert crate.put_index_back(file.path) and path.read_bytes() == before
         path.write_bytes(whole)
+        seen = crate.read(path)                            # its writer lives: there is its lock
+        assert seen.QueryTimeSample("/a.points", f)[49] == (f, f, f)
     file.discard()
     assert os.listdir(tmp_path) == []
 

@@ -347,7 +347,7 @@ def test_a_file_of_the_users_is_never_taken_for_the_scene_of_a_result(tmp_path, 
 
 @pytest.mark.parametrize(("name", "error", "text"), [
     ("no/out.usdc", FileNotFoundError, "the folder .* is not there"), ("out.abc", ValueError, "endings"),
-    ("s.usda", ValueError, "is the scene itself"), ("below.usda", ValueError, "is a layer of the scene"),
+    ("s.usda", ValueError, "is the scene itself"), ("below.usda", ValueError, "is a file that the scene depends on"),
     ("folder.usdc", IsADirectoryError, "is a folder")])
 def test_an_output_that_cannot_be_is_refused_before_anything_is_written(tmp_path, name, error, text):
     author(tmp_path / "below.usda")
@@ -374,13 +374,20 @@ def test_arrays_that_do_not_fit_are_named_and_write_nothing(tmp_path):
     assert Result(tmp_path / "out.usdc").time_codes(CLOTH) == [1.0]
 
 
-def test_an_interrupted_run_keeps_its_frames_and_one_without_frames_leaves_no_file(tmp_path):
+def test_an_interrupted_run_keeps_its_frames_beside_an_earlier_result_and_one_without_frames_leaves_no_file(tmp_path):
     scene = author(tmp_path / "s.usda")
-    with pytest.raises(KeyboardInterrupt), Recorder(scene, tmp_path / "out.usdc") as recorder:
-        recorder.append(1.0, *world())
-        raise KeyboardInterrupt
-    assert Result(tmp_path / "out.usdc").time_codes(CLOTH) == [1.0]
-    assert Sdf.Layer.FindOrOpen(str(tmp_path / "out.usdc")).customLayerData == {"wsim:interrupted": True}
+    record(scene, tmp_path / "out.usdc")
+    before = digest(tmp_path / "out.usdc")
+    for error in (KeyboardInterrupt, SceneError([])):
+        with pytest.raises(type(error) if isinstance(error, Exception) else error), \
+                Recorder(scene, tmp_path / "out.usdc") as recorder:
+            recorder.append(1.0, *world(frame=7))
+            raise error
+        kept = tmp_path / "out.partial.usdc"
+        assert recorder.kept == str(kept) and recorder.result is None and digest(tmp_path / "out.usdc") == before
+        assert Result(kept).time_codes(CLOTH) == [1.0]
+        assert Sdf.Layer.OpenAsAnonymous(str(kept)).customLayerData["wsim:interrupted"] is True
+    assert sorted(os.listdir(tmp_path)) == ["out.partial.usdc", "out.recovered.usdc", "out.usdc", "s.usda"]
     with Recorder(scene, tmp_path / "none.usdc"):
         pass
-    assert sorted(os.listdir(tmp_path)) == ["out.usdc", "s.usda"]
+    assert len(os.listdir(tmp_path)) == 4

@@ -1,5 +1,7 @@
 """Runs in parts of frames and with a delay: what the simulated scene becomes."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from tests.test_cli import run, samples
 from wsim.curve import Curve, Motion
 from wsim.run import finer, later
 from wsim.scene import Scene, Surface
+from wsim.simulation import Simulation
 from wsim.usd import save
 
 
@@ -59,3 +62,31 @@ def test_subframe_samples_are_the_substeps_between(solved, tmp_path):
     expected, found = samples(plain), samples(blurred)
     assert list(found) == [0, 0.5, 1, 1.5, 2]
     assert all(np.allclose(found[code], expected[code], rtol=0.0, atol=2e-7) for code in expected)
+
+
+@pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt, 130), (ValueError("lost"), 1)])
+def test_a_run_that_does_not_end_keeps_its_frames_and_an_old_result(solved, tmp_path, monkeypatch, capsys, error, code):
+    out, step = str(tmp_path / "out.usdc"), Simulation.step
+    assert run(solved, out) == 0
+    earlier = Path(out).read_bytes()
+
+    def third_interrupted(self):
+        if self.frame == 2:
+            raise error
+        step(self)
+
+    with monkeypatch.context() as change:
+        change.setattr(Simulation, "step", third_interrupted)
+        assert run(solved, out) == code
+    kept = out.replace(".usdc", ".partial.usdc")
+    said = capsys.readouterr().err
+    assert f"{kept} holds the 2 frames so far (go on with --restart {kept}); {out} is as it was before" in said
+    assert list(samples(kept)) == [0, 1, 2] and Path(out).read_bytes() == earlier
+    with monkeypatch.context() as change:                       # no frame more: the file has its name back
+        change.setattr(Simulation, "step", third_interrupted)
+        assert run(solved, out, "--restart", kept) == code
+    assert list(samples(kept)) == [0, 1, 2] and f"no frame was written; {kept} holds those" in capsys.readouterr().err
+    assert run(solved, out, "--restart", kept) == 0
+    whole = samples(out)
+    run(solved, tmp_path / "one.usdc")
+    assert all(np.array_equal(points, whole[k]) for k, points in samples(tmp_path / "one.usdc").items())

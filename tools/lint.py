@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LAYERS = (
     ("curve", "fabric", "bulk", "bodies", "latest", "polygon", "scene", "solids", "topology", "normals", "shapes", "color",
      "check", "integrator", "stability", "apart", "check_object", "check_soft", "check_tie", "tetra", "skin",
-     "locality", "kempe", "camera", "look", "png", "gif", "progress", "report"),
+     "locality", "kempe", "camera", "look", "png", "gif", "progress", "report", "atomic", "lock"),
     ("kernels",),
     ("stage", "state", "order", "ties", "masses", "middles", "model", "linear", "multigrid", "cluster", "abreast", "slots",
      "march", "tape"),
@@ -39,11 +39,12 @@ LAYERS = (
      "parameters", "sensitivity", "growth", "reshape_adjoint", "element_gradient", "seeds", "segments", "frames", "recording"),
     ("input", "rest_inputs", "controls", "contact_inputs", "inputs", "arrays", "differences", "products", "trust", "layer",
      "layer_jax"),
-    ("usd", "partial", "sublayer", "overs", "restart", "recorder", "fitting", "drawn", "visible", "view", "picture"),
+    ("usd", "crate", "dependencies", "partial", "sublayer", "overs", "restart", "recorder", "fitting", "drawn", "visible",
+     "view", "picture"),
     ("cli", "bench", "commands", "run", "__main__", "__init__"),
 )
 METHODS = {"points", "explicit", "implicit", "aero", "xpbd", "muscles", "rigid", "fluid", "pose"}   # never import each other
-READS_USD = {"usd", "partial", "sublayer", "overs", "restart", "recorder", "drawn", "visible"}
+READS_USD = {"usd", "crate", "dependencies", "partial", "sublayer", "overs", "restart", "recorder", "drawn", "visible"}
 WITHOUT_WARP = {*LAYERS[0], *READS_USD, "cli", "__init__", "__main__"}
 ONLY = {"rerun": {"view"}, "pxr": {*READS_USD, "view", "picture"}, "matplotlib": {"bench"}, "torch": {"layer"},
         "jax": {"layer_jax"}}   # who may import these packages

@@ -1,6 +1,6 @@
 """The command line: what can be asked, and what a failure looks like.
 
-    0 done    1 failed, with one message    2 asked wrongly    130 interrupted, the frames so far are saved
+    0 done    1 failed, with one message    2 asked wrongly    130 interrupted, the frames so far are in OUT.partial.usdc
 
 Commands import what they need when they run, so that `wsim --help` stays a matter of milliseconds.
 """
@@ -133,7 +133,8 @@ def _choices(command) -> None:
 def _run(commands) -> None:
     run = commands.add_parser("run", help="simulate a scene into a result layer over it")
     run.add_argument("scene")
-    run.add_argument("-o", "--output", required=True, metavar="OUT", help="result: .usdc, .usda or .usd")
+    run.add_argument("-o", "--output", required=True, metavar="OUT",
+                     help="result: .usdc, .usda or .usd; an earlier one stays until this one is whole")
     run.add_argument("--frames", type=whole_or_none, metavar="N", help="default: the scene's")
     _solver(run)
     run.add_argument("--error", type=fraction, metavar="E",
@@ -141,7 +142,7 @@ def _run(commands) -> None:
     run.add_argument("--preroll", type=whole_or_none, default=0, metavar="N",
                      help="frames simulated before the first one and not written, to settle")
     run.add_argument("--samples", type=whole, default=1, metavar="N", help="samples written a frame, for motion blur")
-    run.add_argument("--restart", metavar="RESULT", help="go on from the last frame of an earlier result")
+    run.add_argument("--restart", metavar="RESULT", help="go on from an earlier result, or the .partial.usdc of a run")
     run.add_argument("--flatten", action="store_true", help="one file that holds the scene too")
     run.add_argument("--stress", action="store_true",
                      help="write von Mises stress and strain of soft bodies as primvars vonMises and strain")
@@ -158,6 +159,7 @@ def _new(commands) -> None:
     _new_softbody(new)
     for kind in new.choices.values():
         kind.add_argument("-o", "--output", required=True, metavar="SCENE")
+        kind.add_argument("--force", action="store_true", help="replace SCENE if it is there")
         kind.add_argument("--prim", metavar="PATH", help="which mesh, by path or name (default: the only one)")
         kind.add_argument("--ground", type=length, metavar="METRES", help="a ground plane so far below it (default: none)")
         kind.add_argument("--meters-per-unit", type=positive, metavar="X", help="unit of the mesh (default: its file's)")

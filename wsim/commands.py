@@ -54,12 +54,14 @@ def run(args) -> int:
     """`wsim run`: simulate, write, report."""
     began = perf_counter()
     import wsim.recorder  # noqa: F401  (USD, to tell its import from the loading)
+    from wsim.dependencies import refuse
 
     seconds = {"import": perf_counter() - began}
     told: set[str] = set()
     with line(0, quiet=args.quiet) as progress:
         progress.say(f"loading {args.scene}")
         scene = _load(args)
+        refuse("--png", args.png, {args.scene: "the scene"})
         seconds["load"] = perf_counter() - began - seconds["import"]
         if args.error:
             scene = _within(scene, args, progress)
@@ -74,13 +76,17 @@ def run(args) -> int:
                 code = DONE
             except KeyboardInterrupt:
                 code = INTERRUPTED
+            except Exception as error:
+                if job.recorder.kept and job.recorder.kept not in str(error):
+                    progress.clear()
+                    _say(f"failed: {job.kept()}")
+                raise
     if code == DONE and args.png:
         _draw(args, seconds)
     seconds["total"] = perf_counter() - began
     _close(job, args, seconds, told)
     if code == INTERRUPTED:
-        kept = f"{job.result} holds the {job.written} frames so far" if job.result else "no frame was written"
-        _say(f"interrupted: {kept}")
+        _say(f"interrupted: {job.kept()}")
     return code
 
 
@@ -163,13 +169,18 @@ def _close(job: "Run", args, seconds: dict[str, float], told: set[str]) -> None:
     if args.quiet and not args.json:
         return
     report = job.simulation.report()
-    report |= {"output": job.result, "picture": args.png, "frames": job.written, "warnings": _warnings(job),
+    report |= {"output": job.result, "partial": job.recorder.kept, "picture": args.png if job.result else None,
+               "frames": job.written, "warnings": _warnings(job),
                "seconds": {**report.get("seconds", {}), **seconds, **job.seconds}}
     print(reports.as_json(report) if args.json else reports.text({**report, "warnings": []}))
 
 
 def new(args) -> int:
     """`wsim new`: a scene that refers to a bare mesh, as cloth or as a soft body."""
+    from wsim.scene import Problem, SceneError
+
+    if os.path.lexists(args.output) and not args.force:
+        raise SceneError(Problem(args.output, "is there already; give --force to replace it, or choose another name"))
     notes = (_new_cloth if args.kind == "cloth" else _new_softbody)(args, {
         "ground": args.ground, "meters_per_unit": args.meters_per_unit, "frames": args.frames})
     for note in notes:
@@ -219,27 +230,9 @@ def check(args) -> int:
         return FAILED if fatal else DONE
     for problem in problems:
         print(problem)
-    counts = f"{args.scene}: {_count(fatal, 'error')}, {_count(len(problems) - fatal, 'warning')}"
-    print(f"{counts}; {_inventory(scene)}" if scene else counts)
+    counts = f"{args.scene}: {reports.count(fatal, 'error')}, {reports.count(len(problems) - fatal, 'warning')}"
+    print(f"{counts}; {reports.inventory(scene)}" if scene else counts)
     return FAILED if fatal else DONE
-
-
-def _count(n: int, noun: str) -> str:
-    """1 pin, 2 pins; 1 body, 2 bodies"""
-    return f"{n} {noun}" if n == 1 else f"{n} {noun[:-1]}ies" if noun.endswith("y") else f"{n} {noun}s"
-
-
-def _inventory(scene: "Scene") -> str:
-    """What a scene holds, in words."""
-    kinds: dict[str, list] = {"cloth": scene.cloths, "spring net": scene.springs, "soft body": scene.softs,
-                              "skin": [skin for soft in scene.softs for skin in soft.skins],
-                              "collider": scene.colliders, "pin": scene.pins}
-    things = ", ".join(_count(len(found), noun) for noun, found in kinds.items() if found)
-    sizes = {"point": sum(len(body.points) for body in scene.bodies()), "tet": sum(len(soft.tets) for soft in scene.softs)}
-    size = ", ".join(_count(n, noun) for noun, n in sizes.items() if n)
-    return (f"{things}; {size}; {_count(scene.frames, 'frame')} of 1/{scene.fps:g} s, "
-            f"{_count(scene.substeps, 'substep')}, {_count(scene.iterations, 'iteration')}, "
-            f"solver {scene.solver}, integrator {scene.integrator}")
 
 
 def plan(args) -> int:
@@ -289,5 +282,5 @@ def picture(args) -> int:
                  camera=args.camera)
     for note in drawn.get("notes", ()):
         _say(str(note))
-    print(f"{drawn['out']}: {_count(len(drawn['frames']), 'frame')}, {drawn['size'][0]} x {drawn['size'][1]} pixels")
+    print(f"{drawn['out']}: {reports.count(len(drawn['frames']), 'frame')}, {drawn['size'][0]} x {drawn['size'][1]} pixels")
     return DONE

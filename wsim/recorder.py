@@ -6,8 +6,8 @@
 The result sublayers the scene's file by a relative path and has `over`s alone: time samples of points, velocities,
 normals and extent, of the bodies and of the skins that follow them (`wsim.skin`). Default values stay those of the source,
 because unauthored rest shapes are read from them. The file grows under a name of its own and is renamed when it is whole
-(`wsim.partial`): a run that is killed leaves NAME.partial.usdc with its frames, and the next run to the same output puts
-that aside as NAME.recovered.usdc.
+(`wsim.partial`): a run that is killed, interrupted or fails leaves NAME.partial.usdc with its frames and an earlier result as
+it was, and the next run to the same output puts that aside as NAME.recovered.usdc.
 """
 
 import math
@@ -18,18 +18,32 @@ from typing import Any
 import numpy as np
 from pxr import Usd, UsdUtils
 
+from wsim.dependencies import overwritten
 from wsim.overs import BodyOver, ColliderOver, body_prim
-from wsim.partial import Partial, check_output, partial_path, recover
+from wsim.partial import Partial, check_output, partial_path
 from wsim.restart import Restart, check_fields, copy_samples, is_frame, store
 from wsim.scene import Problem, Scene, SceneError
 from wsim.skin import held
-from wsim.sublayer import choose, flattened, put_over, refuse_layers_of, write_source
+from wsim.sublayer import choose, flattened, put_over, refuse_source, remove_sources, write_source
 from wsim.usd.reactions import sample
 from wsim.usd.stage import open_stage
 
 Arrays = Mapping[str, np.ndarray]
 FIELDS_SHARE = 4           # restart fields are rewritten when so many times their bytes of samples have come: a crate
                            # keeps what was overwritten, so they add at most a quarter to the file
+
+
+def check_result(scene: Scene, path: str, restart: str | None = None) -> None:
+    """Raises as `Recorder` does for an output that cannot be, before anything is written: ValueError, OSError.
+
+    restart    the earlier result that the run goes on from; it may be replaced itself, what it lies over may not
+    """
+    path = check_output(path)
+    for target in (path, partial_path(path)):
+        if scene.source:
+            refuse_source(scene.source, target)
+        if restart and overwritten(target, restart) not in ("", "itself"):
+            raise ValueError(f"{target} is a file that {restart} depends on, from which the run goes on. Choose another output")
 
 
 class Recorder:
@@ -58,9 +72,11 @@ class Recorder:
         self.fields_code = 0.0
         self.made: str | None = None          # source written by this recorder
         self.result: str | None = None        # the finished file
-        self._recover()
+        self.kept: str | None = None          # the unfinished one that stays
+        check_result(scene, self.path, continues.path if continues else None)
         self.file, self.closed = Partial(self.path), False
         try:
+            self._note_recovered()
             self._choose_source()
             self._open(velocities, normals)
         except BaseException:
@@ -69,20 +85,20 @@ class Recorder:
 
     # opening
 
-    def _recover(self) -> None:
-        kept = recover(self.path)
+    def _note_recovered(self) -> None:
+        kept = self.file.recovered
         if kept:
-            text = f"an earlier run was killed; its frames are in {kept} (view it, or go on from it with --restart)"
+            text = f"an earlier run did not end; its frames are in {kept} (view it, or go on from it with --restart)"
             self.notes.append(Problem(self.path, text, fatal=False))
-            if self.continues and os.path.abspath(self.continues.path) == partial_path(self.path):
+            if self.continues and os.path.realpath(self.continues.path) == os.path.realpath(self.file.path):
                 self.continues.path = kept
 
     def _choose_source(self) -> None:
         if self.scene.source:
             self.source = os.path.abspath(self.scene.source)
-            refuse_layers_of(open_stage(self.source, self.scene.variants), self.path)
         else:
-            self.source = self.made = write_source(self.scene, self.path)
+            self.source, new = write_source(self.scene, self.path)
+            self.made = self.source if new else None
 
     def _open(self, velocities: bool, normals: bool) -> None:
         layer = self.file.layer
@@ -213,7 +229,8 @@ class Recorder:
     def close(self, interrupted: bool = False) -> str | None:
         """Ends the file and gives it its name; returns that, or None where there is none.
 
-        Without any frame no file stays. After a failed write the frames saved before stay in the partial file.
+        Without any frame no file stays. What was at the name before stays until the new result is whole: after a failure, and
+        of a run that did not get to its end, the frames stay in the partial file (`kept`), beside it.
         interrupted    the run did not get to its end (Ctrl-C): noted in the layer as custom data `wsim:interrupted`
         Raises OSError if the disk does not take it; the frames saved so far then stay in the partial file.
         """
@@ -223,30 +240,38 @@ class Recorder:
             self._drop()
             return None
         try:
-            if not self.file.good:
-                self.file.layer = None
-                return None
-            if interrupted:
-                self.file.layer.customLayerData = {"wsim:interrupted": True}
-            self._save(with_fields=True)
-            flat = flattened(self.stage, os.path.dirname(self.path)) if self.flatten else None
-            self._let_go()
-            self.file.finish(flat)
+            self.kept = self.file.path
+            if self.file.good:
+                self._end(interrupted)
         finally:
             self._let_go()
-        if self.flatten and self.made:
-            os.remove(self.made)
-        self.result = self.path
+            self.file.leave()
         return self.result
+
+    def _end(self, interrupted: bool) -> None:
+        layer = self.file.layer
+        if interrupted:
+            layer.customLayerData = {**layer.customLayerData, "wsim:interrupted": True}
+        self._save(with_fields=True)
+        if interrupted:
+            return
+        flat = flattened(self.stage, os.path.dirname(self.path)) if self.flatten else None
+        layer = None
+        self._let_go()
+        self.file.finish(flat)
+        self.result, self.kept = self.path, None
+        if not self.scene.source:
+            remove_sources(self.path, None if self.flatten else self.source)
 
     def _let_go(self) -> None:
         """Releases stage and prims, so that the file can be renamed on every system."""
         self.overs, self.skins, self.colliders, self.bodies, self.stage, self.closed = {}, {}, {}, {}, None, True
 
     def _drop(self) -> None:
-        """Ends without a result: no file of this recorder stays."""
+        """Ends without a result: no file of this recorder stays, and that of an earlier run has its name again."""
         self._let_go()
         self.file.discard()
+        self.kept = self.file.path if self.file.put_back else None
         if self.made:
             os.remove(self.made)
 

@@ -21,13 +21,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, Vt
+from pxr import Sdf, Tf, Usd, UsdGeom, Vt
 
+from wsim import crate
 from wsim.overs import PRIMVARS, Frame, body_prim, particles_of
-from wsim.partial import put_index_back
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
 from wsim.usd.reactions import REACTION
-from wsim.usd.stage import open_stage
+from wsim.usd.stage import open_stage, reason
 
 CODE, FIELDS = "wsim:restart:timeCode", "wsim:restart:fields:"
 TYPES = {np.dtype(np.float32): (Sdf.ValueTypeNames.FloatArray, Vt.FloatArray),
@@ -94,13 +94,12 @@ def stored(prim: Usd.Prim) -> tuple[float, dict[str, np.ndarray]]:
 class Result:
     """A result layer (or any stage with sampled points) to read: positions and velocities in SI units, world space.
 
-    Raises SceneError if the file is missing or not readable. After a kill in the middle of a save, that save is undone.
+    A result that is being written, or whose run was killed, is read as it was saved last; nothing is written to it.
+    Raises SceneError if the file is missing or not readable.
     """
 
     def __init__(self, path):
         self.path = os.path.abspath(path)
-        if os.path.exists(self.path):
-            put_index_back(self.path)
         self.notes: list[Problem] = []
         self.stage = open_stage(self.path, notes=self.notes)
         self.fps = self.stage.GetTimeCodesPerSecond()
@@ -213,7 +212,10 @@ def copy_samples(restart: Restart, stage: Usd.Stage, scene: Scene) -> list[float
 
     Of a flattened result only bodies and skins: its other samples are the source's own.
     """
-    layer = Sdf.Layer.OpenAsAnonymous(restart.path)
+    try:
+        layer = crate.read(restart.path)
+    except (Tf.ErrorException, OSError) as error:
+        raise SceneError(Problem(restart.path, f"cannot be read any more: {reason(error)}")) from None
     wanted: list[tuple[str, tuple[str, ...]]] = [(b.path, SAMPLED) for b in scene.bodies()]
     wanted += [(skin.path, SAMPLED) for soft in scene.softs for skin in soft.skins]
     wanted += [(p.path, (REACTION,)) for p in scene.pins]

@@ -5,18 +5,22 @@
     samples     written a frame: the scene is simulated with so many times its frame rate and as many substeps less,
                 and every such short frame is written, at a fraction of a time code
 
-An interruption or a failure keeps the frames that were written; Ctrl-C waits while a frame is being written.
+An interruption or a failure keeps the frames that were written, in a file of their own beside an earlier result; Ctrl-C waits
+while a frame is being written.
 """
 
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from shlex import quote
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 from wsim.curve import Curve, Motion
+from wsim.report import count
 from wsim.scene import Collider, Pin, Problem, Scene, SceneError, Surface
 
 if TYPE_CHECKING:
@@ -102,8 +106,16 @@ class Run:
         """Short frames of the whole run."""
         return (self.preroll + self.scene.frames - self.first) * self.samples
 
+    def kept(self) -> str:
+        """What a run that did not come to its end has left, in words."""
+        kept, output = self.recorder.kept, self.recorder.path
+        text = "no frame was written" + (f"; {kept} holds those of an earlier run" if kept else "")
+        if kept and self.recorder.count:
+            text = f"{kept} holds the {count(self.written, 'frame')} so far (go on with --restart {quote(kept)})"
+        return text + (f"; {output} is as it was before" if os.path.exists(output) else "")
+
     def frames(self) -> None:
-        """All frames. However it ends, the result holds what was written before."""
+        """All frames. Where it does not come to the end, `recorder.kept` holds what was written before."""
         ended = False
         try:
             for done in range(self.preroll * self.samples):
@@ -155,12 +167,11 @@ def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"]
 
     Raises SceneError, and OSError where the output cannot be written.
     """
-    from wsim.partial import check_output
-    from wsim.recorder import Recorder
+    from wsim.recorder import Recorder, check_result
     from wsim.restart import load_restart
 
     try:
-        check_output(output)
+        check_result(scene, output, restart)
         earlier = load_restart(restart, scene) if restart else None
         if earlier and earlier.frame >= scene.frames:
             raise SceneError(Problem(earlier.path, f"holds {earlier.frame} frames, {scene.frames} are asked for; give "

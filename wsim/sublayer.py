@@ -5,14 +5,17 @@ authors none, USD's fallback is written out.
 """
 
 import os
+import re
 
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
+from wsim import atomic
+from wsim.dependencies import overwritten
 from wsim.scene import Scene
 
 METADATA = ("defaultPrim", "framePrecision", "colorConfiguration", "colorManagementSystem", "renderSettingsPrimPath",
             "expressionVariables")
-MADE_FOR = "wsim:madeFor"       # custom data of a scene file that was written for a result: it may be written again
+MADE_FOR = "wsim:madeFor"       # custom data of a scene file that was written for a result
 
 
 def put_over(source: str, layer: Sdf.Layer, folder: str) -> None:
@@ -48,49 +51,80 @@ def choose(stage: Usd.Stage, variants: dict[str, dict[str, str]]) -> None:
             stage.OverridePrim(path).GetVariantSets().SetSelection(name, variant)
 
 
-def refuse_layers_of(stage: Usd.Stage, path: str) -> None:
-    """ValueError if writing `path` would overwrite a file that the stage of the source is made of."""
-    for layer in stage.GetUsedLayers() if os.path.exists(path) else ():
-        file = layer.realPath.split("[")[0]                   # a layer in a package: the package
-        if os.path.exists(file) and os.path.samefile(file, path):
-            what = "the scene itself" if layer == stage.GetRootLayer() else "a layer of the scene"
-            raise ValueError(f"{path} is {what}; a result never overwrites its source. Choose another output")
+def refuse_source(source: str, path: str) -> None:
+    """ValueError if writing `path` would overwrite a file that the scene is made of, in whatever variant."""
+    found = overwritten(path, source)
+    if found:
+        what = "the scene itself" if found == "itself" else "a file that the scene depends on"
+        raise ValueError(f"{path} is {what}; a result never overwrites its source. Choose another output")
 
 
-def write_source(scene: Scene, path: str) -> str:
-    """Writes a scene that was made in Python beside its result `path`, as NAME_scene.usda; returns that file.
+def write_source(scene: Scene, path: str) -> tuple[str, bool]:
+    """Writes a scene that was made in Python beside its result `path`, as NAME_scene.usda; returns that file, and whether it is
+    new. Where an earlier result of this name lies over another scene, this one is NAME_scene2.usda, and so on.
 
-    A file of that name is only replaced if an earlier call wrote it (FileExistsError).
+    Raises FileExistsError where NAME_scene.usda is there and no run wrote it.
     """
     from wsim.usd import save
 
-    stem = os.path.splitext(path)[0]
-    target, whole = stem + "_scene.usda", stem + "_scene.whole.usda"
-    if os.path.exists(target) and not _made_for_result(target):
+    target = _source(path, 1)
+    if os.path.lexists(target) and not _made_for(target):
         raise FileExistsError(f"{target} is in the way: a scene made in Python is written there, beside its result. "
                               "Save the scene yourself (wsim.save) and load that file, or choose another output")
     try:
-        save(scene, whole)
-        layer = Sdf.Layer.OpenAsAnonymous(whole)
+        with atomic.draft(target) as draft:
+            save(scene, draft)
+            layer = Sdf.Layer.OpenAsAnonymous(str(draft))
         layer.customLayerData = {MADE_FOR: os.path.basename(path)}
-        layer.Export(whole)
-        os.replace(whole, target)
+        text, k = layer.ExportToString(), 1
+        while os.path.lexists(target := _source(path, k)) and not _holds(target, text):
+            k += 1
+        new = not os.path.lexists(target)
+        if new:
+            atomic.replace_text(target, text)
     except Tf.ErrorException as error:
         raise OSError(f"{target} could not be written: {error}") from None
-    finally:
-        if os.path.exists(whole):
-            os.remove(whole)
-    stale = Sdf.Layer.Find(target)
-    if stale:
-        stale.Reload(True)
-    return target
+    return target, new
 
 
-def _made_for_result(path: str) -> bool:
+def remove_sources(path: str, keep: str | None) -> None:
+    """Removes scenes of `write_source` for the result `path` that neither it nor one of its unfinished runs lies over."""
+    stem = re.escape(os.path.basename(os.path.splitext(path)[0]))
+    beside = {entry.name: entry.path for entry in os.scandir(os.path.dirname(path))}
+    used = {os.path.normpath(os.path.join(os.path.dirname(path), source)) for name, other in beside.items()
+            if re.fullmatch(rf"{stem}\.(partial|recovered\d*)\.usdc", name) for source in _sublayers(other)}
+    for name, source in beside.items():
+        if (re.fullmatch(rf"{stem}_scene\d*\.usda", name) and source != keep and source not in used
+                and _made_for(source) == os.path.basename(path)):
+            os.remove(source)
+
+
+def _source(path: str, k: int) -> str:
+    return f"{os.path.splitext(path)[0]}_scene{'' if k == 1 else k}.usda"
+
+
+def _holds(path: str, text: str) -> bool:
     try:
-        return MADE_FOR in Sdf.Layer.OpenAsAnonymous(path).customLayerData
-    except Tf.ErrorException:
+        with open(path, encoding="utf-8") as file:
+            return not os.path.islink(path) and file.read() == text
+    except (OSError, ValueError):
         return False
+
+
+def _sublayers(path: str) -> list[str]:
+    try:
+        layer = Sdf.Layer.OpenAsAnonymous(path)               # held: its list does not outlive it
+        return list(layer.subLayerPaths)
+    except Tf.ErrorException:
+        return []
+
+
+def _made_for(path: str) -> str:
+    """The result that a scene was written for; "" if none."""
+    try:
+        return str(Sdf.Layer.OpenAsAnonymous(path).customLayerData.get(MADE_FOR, ""))
+    except Tf.ErrorException:
+        return ""
 
 
 def flattened(stage: Usd.Stage, folder: str) -> Sdf.Layer:

@@ -17,7 +17,7 @@ from wsim.drawn import Drawn, matrix, moves, triangulated
 from wsim.look import PALETTE
 from wsim.scene import Problem, SceneError
 from wsim.usd import names
-from wsim.usd.stage import applied, reason
+from wsim.usd.stage import applied, reason, unfinished
 
 
 @dataclass
@@ -40,7 +40,9 @@ def open_stage(path) -> Usd.Stage:
     if not Path(path).is_file():
         raise FileNotFoundError(f"{path}: no such file; give a .usd, .usda, .usdc or .usdz file")
     try:
-        return Usd.Stage.Open(str(path))
+        return Usd.Stage.Open(unfinished(str(path)) or str(path))
+    except OSError as error:
+        raise SceneError(Problem(str(path), f"cannot be read: {error}")) from None
     except Tf.ErrorException as error:
         raise SceneError(Problem(str(path), f"not a readable USD stage ({reason(error)}); give a USD file")) from None
 

@@ -10,12 +10,12 @@ import hashlib
 import json
 import os
 import sys
-import tempfile
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import numpy as np
 
+from wsim.atomic import replace_text
 from wsim.bench.report import Report
 from wsim.curve import Curve
 from wsim.report import as_json
@@ -73,18 +73,6 @@ def write(name: str, report: Report) -> Path:
     place.parent.mkdir(parents=True, exist_ok=True)
     replace_text(place, as_json({"format": FORMAT, "key": name, "report": report.as_dict()}))
     return place
-
-
-def replace_text(place: Path, text: str) -> None:
-    """Writes a file under another name and gives it its own when it is whole."""
-    handle, name = tempfile.mkstemp(prefix=f".{place.name}.", dir=place.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.replace(name, place)
-    except BaseException:
-        os.unlink(name)
-        raise
 
 
 def read(name: str) -> tuple[Report | None, str]:

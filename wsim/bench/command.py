@@ -2,13 +2,14 @@
 
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from wsim.atomic import replace_text
 from wsim.bench import cache
 from wsim.bench.front import Row
 from wsim.bench.report import Report, percent
 from wsim.bench.study import bench, device_of, hardware, versions
+from wsim.dependencies import refuse
 from wsim.progress import line
 from wsim.report import as_json
 from wsim.scene import Problem, Scene, SceneError
@@ -33,6 +34,8 @@ def measured(scene: Scene, device: str | None, say: Callable[[str], None], **mor
 
 def run(scene: Scene, args) -> None:
     """`wsim bench`: the table, and files where they are asked for."""
+    for option, file in (("--json", args.json if args.json != "-" else None), ("--plot", args.plot)):
+        refuse(option, file, {args.scene: "the scene"})
     if args.plot:
         from wsim.bench import plot
         plot.needed()
@@ -40,7 +43,7 @@ def run(scene: Scene, args) -> None:
         report = measured(scene, args.device, progress.say, frames=args.look, budget=args.budget, quick=args.quick)
     print(as_json(report.as_dict()) if args.json == "-" else report.text())
     if args.json and args.json != "-":
-        cache.replace_text(Path(args.json), as_json(report.as_dict()) + "\n")
+        replace_text(args.json, as_json(report.as_dict()) + "\n")
     if args.plot:
         plot.plot(report, args.plot)
 

@@ -1,9 +1,9 @@
 """Work-precision plot: error against the time of a frame, both logarithmic, one colour a solver. Needs the extra `plot`."""
 
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from wsim.atomic import replacing
 from wsim.bench.front import Row
 from wsim.bench.report import GOALS, Report
 from wsim.scene import Problem, SceneError
@@ -43,12 +43,8 @@ def plot(report: Report, place: str) -> None:
     _goals(axes, report)
     _axes(axes, report)
     figure.legend(loc="outside right upper", frameon=False, fontsize=8)
-    whole = Path(place).with_name(f".{os.path.basename(place)}.part{os.path.splitext(place)[1].lower()}")
-    try:
+    with replacing(place, os.path.splitext(place)[1].lower()) as whole:
         figure.savefig(whole)
-        os.replace(whole, place)
-    finally:
-        whole.unlink(missing_ok=True)
 
 
 def _axes(axes: "Axes", report: Report) -> None:

@@ -3,6 +3,7 @@
 import os
 import sys
 
+from wsim.dependencies import refuse
 from wsim.fitting.field_result import FieldFit
 from wsim.fitting.files import read
 from wsim.fitting.fit import Fit, Settings, fit
@@ -14,9 +15,7 @@ from wsim.scene import Problem, Scene, SceneError
 
 def run(scene: Scene, args) -> bool:
     """Fits, prints, writes; whether it converged."""
-    if args.output:
-        from wsim.usd.fitted import check_target
-        check_target(scene, args.output)
+    _check_outputs(scene, args)
     seen: list[Track] = [t for path in args.to for t in read(path, scene, args.noise, force=args.force_noise)]
     settings = Settings(device=args.device, accuracy=args.accuracy or 0.0, limit=args.limit, state=args.restart)
     with line(0) as progress:
@@ -30,6 +29,16 @@ def run(scene: Scene, args) -> bool:
                      priors=_priors(args.prior), each=told, settings=settings)
     write(scene, result, args)
     return result.converged
+
+
+def _check_outputs(scene: Scene, args) -> None:
+    """Raises SceneError for files to write that cannot be, or that the fit reads."""
+    inputs = {args.scene: "the scene"} | dict.fromkeys(args.to, "the observation")
+    refuse("--restart", args.restart, inputs)
+    if args.output:
+        from wsim.usd.fitted import check_target
+        check_target(scene, args.output)
+        refuse("-o", args.output, inputs | ({args.restart: "the state of the fit"} if args.restart else {}))
 
 
 def write(scene: Scene, result: Fit | FieldFit, args) -> None:

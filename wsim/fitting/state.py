@@ -1,21 +1,16 @@
 """Where a fit was stopped: a JSON file, from which it goes on."""
 
 import json
-import os
 from contextlib import contextmanager
 from pathlib import Path
 
+from wsim.atomic import replace_text
 from wsim.scene import Problem, SceneError
 
 
 def write(path, of: list[str], found: dict) -> None:
-    """Under a temporary name, which is then changed: never a half. of: what is fitted."""
-    temporary = Path(f"{os.fspath(path)}.{os.getpid()}~")
-    try:
-        temporary.write_text(json.dumps({"of": of, **found}), encoding="utf-8")
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    """Whole or not at all. of: what is fitted."""
+    replace_text(path, json.dumps({"of": of, **found}))
 
 
 @contextmanager

@@ -6,7 +6,6 @@
 """
 
 import os
-import tempfile
 from collections.abc import Iterable
 from math import ceil, sqrt
 from pathlib import Path
@@ -15,7 +14,9 @@ from time import perf_counter
 import numpy as np
 
 from wsim import gif, png
+from wsim.atomic import replace_bytes
 from wsim.camera import Camera, fitted, subjects
+from wsim.dependencies import refuse
 from wsim.picture.caster import Caster, checked_size, render
 from wsim.scene import Problem, SceneError
 from wsim.visible import Visible, visible
@@ -35,10 +36,12 @@ def picture(stage_path, out, *, frames=None, size: tuple[int, int] = (960, 540),
     sheet   number of frames on one contact sheet, evenly chosen; size is then that of the whole sheet, about
     camera  path of a UsdGeom.Camera, a `Camera`, "auto", or None: the stage's first camera, else one that fits
     Returns {"out", "frames", "size", "seconds", "notes"}. Raises SceneError for a stage that cannot be drawn, OSError
-    for files that cannot be read or written; an old file at `out` is replaced only by a finished one.
+    for files that cannot be read or written; an old file at `out` is replaced only by a finished one, and not one that
+    the stage is made of.
     """
     began = perf_counter()
     out = _checked_out(Path(out))
+    refuse("the picture", out, {stage_path: "the stage"})
     size = checked_size(size)
     seen = visible(stage_path)
     moving = out.suffix.lower() in (".gif", ".apng")
@@ -148,14 +151,7 @@ def _sheet(images: list[np.ndarray], columns: int) -> np.ndarray:
 
 def _write(out: Path, data: bytes) -> None:
     """Writes beside the target and renames, so that no half file is ever seen."""
-    name = ""
     try:
-        handle, name = tempfile.mkstemp(dir=out.parent, prefix=f".{out.name}.")
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-        os.chmod(name, 0o644)
-        os.replace(name, out)
+        replace_bytes(out, data)
     except OSError as error:
-        if name:
-            Path(name).unlink(missing_ok=True)
         raise OSError(error.errno, f"not written ({error.strerror}); free space or write elsewhere", str(out)) from None

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
+from wsim.dependencies import overwritten
 from wsim.scene import Problem, Scene, SceneError
 from wsim.usd import names
 from wsim.usd.attributes import author
@@ -71,7 +72,7 @@ def bare_mesh(source: Usd.Stage, file, out, kinds: tuple[str, ...], wanted: Want
     points = UsdGeom.PointBased(mesh).GetPointsAttr().Get(Usd.TimeCode(units.start))
     if not points:
         raise SceneError(Problem(str(mesh.GetPath()), "has no points (is a payload or reference missing?)"))
-    if any(_same_file(layer.realPath, out) for layer in source.GetUsedLayers()):
+    if overwritten(out, file):
         raise SceneError(Problem(os.fspath(out), "is a file that the mesh is made of; choose another output"))
     M = np.array(UsdGeom.XformCache(Usd.TimeCode(units.start)).GetLocalToWorldTransform(mesh))
     world = (np.array(points, np.float64) @ M[:3, :3] + M[3, :3]) * units.metres
@@ -184,10 +185,6 @@ def free(stage: Usd.Stage, path: str) -> str:
         i += 1
         candidate = f"{path}_{i}"
     return candidate
-
-
-def _same_file(layer: str, out) -> bool:
-    return bool(layer) and os.path.exists(out) and os.path.exists(layer) and os.path.samefile(layer, out)
 
 
 def _relative(file: str, out) -> str:

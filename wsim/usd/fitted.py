@@ -16,7 +16,7 @@ from wsim.bulk import Bulk
 from wsim.fabric import Fabric
 from wsim.report import as_json
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
-from wsim.sublayer import choose, put_over, refuse_layers_of
+from wsim.sublayer import choose, put_over, refuse_source
 from wsim.usd import names
 from wsim.usd.attributes import author, authored
 from wsim.usd.bulk import author_bulk
@@ -36,7 +36,7 @@ def check_target(scene: Scene, path: str) -> None:
     if scene.source is None:
         raise SceneError(Problem(str(path), "the scene was made in Python and has no file to lie over; save it first"))
     try:
-        refuse_layers_of(open_stage(scene.source, scene.variants), str(path))
+        refuse_source(scene.source, str(path))
     except ValueError as error:
         raise SceneError(Problem(str(path), str(error).removeprefix(f"{path} "))) from None
 

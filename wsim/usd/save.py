@@ -6,8 +6,10 @@ from pathlib import Path
 
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
+from wsim.atomic import replacing
 from wsim.bulk import Bulk
 from wsim.check import check
+from wsim.crate import PARTIAL
 from wsim.fabric import Fabric
 from wsim.scene import Cloth, Collider, Pin, Problem, Scene, SceneError, Skin, Soft, Springs, Tie
 from wsim.usd import names
@@ -165,18 +167,17 @@ def new_stage(path):
                                               f"{', '.join(SUFFIXES)}"))
     if not target.parent.is_dir():
         raise SceneError(Problem(str(target), f"the folder {target.parent} does not exist; make it first"))
-    temporary = target.with_name(f".{target.stem}-{os.getpid()}{target.suffix}")
+    if target.name.endswith(PARTIAL):
+        raise SceneError(Problem(str(target), f"names in {PARTIAL} are kept for results that are not whole; choose another"))
     try:
-        stage = Usd.Stage.CreateNew(str(temporary))
-        yield stage
-        stage.GetRootLayer().Save()
-        del stage
-        os.replace(temporary, target)
+        with replacing(target) as temporary:
+            stage = Usd.Stage.CreateNew(str(temporary))
+            yield stage
+            stage.GetRootLayer().Save()
+            del stage
     except (Tf.ErrorException, OSError) as error:
         raise SceneError(Problem(str(target), f"cannot be written ({_why(error, target)}); name a place that "
                                               "can")) from None
-    finally:
-        temporary.unlink(missing_ok=True)
     layer = Sdf.Layer.Find(str(target))
     if layer is not None:
         layer.Reload(True)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from pxr import Plug, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
+from wsim import crate
 from wsim.scene import Problem, SceneError
 from wsim.usd.names import UNITS
 
@@ -88,7 +89,8 @@ def open_stage(path, variants: dict | None = None, notes: list | None = None) ->
     variants    {prim path: {variant set: variant}}, chosen in the session layer: the file is not touched
     notes       receives a warning for each reference, payload or asset that cannot be resolved
 
-    Raises SceneError if the file is missing, is no USD, or cannot be read, or if a variant does not exist.
+    What a run writes or left unfinished is read as it was saved last (`wsim.crate.read`). Raises SceneError if the file is
+    missing, is no USD, or cannot be read, or if a variant does not exist.
     """
     path, found = os.fspath(path), [] if notes is None else notes
     if not os.path.exists(path):
@@ -97,14 +99,24 @@ def open_stage(path, variants: dict | None = None, notes: list | None = None) ->
         raise SceneError(Problem(path, "is a folder; give the path of a .usda, .usdc, .usd or .usdz file"))
     with quiet(found):
         try:
-            stage = Usd.Stage.Open(path)
+            stage = Usd.Stage.Open(unfinished(path) or path)
             _refresh(stage)
         except Tf.ErrorException as error:
             raise SceneError(Problem(path, f"is not a readable USD file: {reason(error)}")) from None
+        except OSError as error:
+            raise SceneError(Problem(path, f"cannot be read: {error}")) from None
         if variants:
             _choose(stage, variants)
     found.extend(_unresolved(stage))
     return stage
+
+
+def unfinished(path: str) -> Sdf.Layer | None:
+    """The layer of a file that a run writes or left unfinished, apart from that run; None for all other files."""
+    if not (path.endswith(crate.PARTIAL) or crate.growing(path)):
+        return None
+    layer = crate.read(path)
+    return layer if crate.made(layer) else None
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from wsim import solids, topology
+from wsim.atomic import replacing
 from wsim.look import CREASE, Look, palette, smoothing
 from wsim.scene import (
     Box,
@@ -31,8 +32,8 @@ from wsim.scene import (
 )
 from wsim.skin import held
 from wsim.tetra.tets import surface
-from wsim.view.log import Log, Shown, srgb
-from wsim.visible import visible
+from wsim.view.log import Log, Shown, checked, srgb
+from wsim.visible import Visible, visible
 
 FLOOR = 10.0                     # half side [m] of the plate that shows an endless plane
 
@@ -104,9 +105,17 @@ def view(result_path, save=None) -> None:
 
     Energy and strain are plotted where the stage can be read as a scene of wsim. Raises SceneError, OSError.
     """
+    seen = visible(result_path)
+    if save is None:
+        _show(seen, result_path, None)
+        return
+    with replacing(checked(Path(save))) as whole:
+        _show(seen, result_path, whole)
+
+
+def _show(seen: Visible, result_path, save: Path | None) -> None:
     from wsim.view.measures import Measures
 
-    seen = visible(result_path)
     log = Log(Path(result_path).stem, seen.up, save)
     meshes = [(Shown(log, d.look), d) for d in seen.drawn]
     measures = Measures.of(seen)

@@ -40,7 +40,7 @@ class Log:
         self.stream = rr.RecordingStream("wsim")
         self.stream.send_recording_name(name)
         if save is not None:
-            self.stream.save(_checked(Path(save)), default_blueprint=self._blueprint())
+            self.stream.save(checked(Path(save)), default_blueprint=self._blueprint())
         else:
             _listening()
             self.stream.connect_grpc(f"rerun+http://127.0.0.1:{PORT}/proxy", default_blueprint=self._blueprint())
@@ -104,7 +104,8 @@ def srgb(colors: np.ndarray) -> np.ndarray:
     return np.round(255.0 * np.where(c <= 0.0031308, 12.92 * c, 1.055 * c ** (1.0 / 2.4) - 0.055)).astype(np.uint8)
 
 
-def _checked(save: Path) -> Path:
+def checked(save: Path) -> Path:
+    """Where a recording is written. Raises SceneError for another ending, FileNotFoundError without a folder."""
     if save.suffix != ".rrd":
         raise SceneError(Problem(str(save), f"recordings end in .rrd; found '{save.suffix}'"))
     if not save.parent.is_dir():
