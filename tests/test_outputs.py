@@ -88,15 +88,17 @@ def test_a_result_is_read_while_it_is_written(tmp_path):
         """, tmp_path)
     seen = 0.0
     assert process.stdout.readline() == "1.0 2.0 3.0 4.0\n"
-    for _ in range(30):
-        result = Result(tmp_path / "out.partial.usdc")
+    (tmp_path / "link.usdc").symlink_to("out.partial.usdc")
+    for k in range(30):
+        result = Result(tmp_path / ("out.partial.usdc", "link.usdc")[k % 2])
         code = result.time_codes(CLOTH)[-1]
         assert code >= seen and np.abs(result.positions(CLOTH, code) - world(frame=int(code) - 1)[0][CLOTH]).max() < 1e-6
         seen = code
+    (tmp_path / "link.usdc").unlink()
     (tmp_path / "stop").touch()
     told, failed = process.communicate()
     assert process.returncode == 0, failed
-    assert Result(tmp_path / "out.usdc").time_codes(CLOTH) == [1.0 + f for f in range(int(told) + 1)] and told > "4"
+    assert Result(tmp_path / "out.usdc").time_codes(CLOTH) == [1.0 + f for f in range(int(told) + 1)]
     assert sorted(os.listdir(tmp_path)) == ["out.usdc", "s.usda", "stop"]
 
 

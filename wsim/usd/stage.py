@@ -113,9 +113,10 @@ def open_stage(path, variants: dict | None = None, notes: list | None = None) ->
 
 def unfinished(path: str) -> Sdf.Layer | None:
     """The layer of a file that a run writes or left unfinished, apart from that run; None for all other files."""
-    if not (path.endswith(crate.PARTIAL) or crate.growing(path)):
+    real = os.path.realpath(path)
+    if not (real.endswith(crate.PARTIAL) or crate.growing(real)):
         return None
-    layer = crate.read(path)
+    layer = crate.read(real)
     return layer if crate.made(layer) else None
 
 
