@@ -26,7 +26,7 @@ def simulated(scene: wsim.Scene, **more) -> Simulation:
     """Which `check` would have refused."""
     motion, scene.pins[0].motion = scene.pins[0].motion, Motion.still()
     sim = Simulation(scene, device="cpu", precision="float64", **more)
-    sim.set("/pin", "motion", motion)
+    sim.plan.method("pins").set("/pin", "motion", motion)
     return sim
 
 

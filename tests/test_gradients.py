@@ -326,7 +326,7 @@ def test_a_recording_of_a_pin_that_stands_does_not_run_when_it_moves():
     sim = Simulation(scene, device="cpu", gradients=True)
     recording = Recording(sim, 2)
     recording.run()
-    sim.set("/pin", "motion", Motion(np.array([0.0, 0.05]), np.stack([np.eye(4), 2.0 * np.eye(4)])))
+    sim.set("/pin", "motion", Motion(np.array([0.0, 0.05]), np.stack([np.eye(4), Motion.at_place((0.1, 0.0, 0.0)).values[0]])))
     with pytest.raises(SceneError, match="pins that move where they stood still; make another Recording"):
         recording.run()
 

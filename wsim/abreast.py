@@ -14,6 +14,7 @@ from threading import Thread
 import numpy as np
 import warp as wp
 
+from wsim import kernel_cache
 from wsim.kernels import abreast as kernels
 from wsim.locality import levels
 from wsim.march import MOVE, Packets
@@ -112,7 +113,7 @@ class Abreast:
             return
         for number in range(self.count - 1):
             if len(self.graphs) == number:
-                with wp.ScopedCapture(device=self.model.device, force_module_load=False) as capture:
+                with kernel_cache.capture(self.model.device) as capture:
                     launch(self.team(-self.call))
                 self.graphs.append(capture.graph)
             if not self.busy[number]:

@@ -39,7 +39,7 @@ class Bulk:
             value = getattr(self, f.name)
             if f.name == "model":
                 continue
-            low, strict, high = _RANGES.get(f.name, (0.0, False, inf))
+            low, strict, high = RANGES.get(f.name, (0.0, False, inf))
             if not (isfinite(value) or (f.name == "yield_strain" and value == inf)):
                 raise ValueError(f"{f.name} is {value}; it must be finite")
             if value < low or (strict and value == low) or (high < inf and value >= high):
@@ -47,5 +47,5 @@ class Bulk:
                                  + (f" and < {high:g}" if high < inf else ""))
 
 
-_RANGES = {"young": (0.0, True, inf), "density": (0.0, True, inf), "poisson": (-1.0, True, 0.5),
+RANGES = {"young": (0.0, True, inf), "density": (0.0, True, inf), "poisson": (-1.0, True, 0.5),
            "yield_strain": (0.0, True, inf)}

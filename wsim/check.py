@@ -14,6 +14,7 @@ import numpy as np
 
 from wsim import check_object, topology
 from wsim.check_object import array, error, number, rigid, warning
+from wsim.counts import MOST
 from wsim.integrator import EXPLICIT, IMPLICIT, INTEGRATORS, SOLVERS
 from wsim.scene import Cloth, Pin, Problem, Scene, Soft, Springs
 
@@ -49,6 +50,9 @@ def _settings(scene: Scene) -> Iterator[Problem]:
     yield from number("/", "frames", scene.frames, 0, mend="give --frames, or author endTimeCode after startTimeCode")
     yield from number("/", "substeps", scene.substeps, 1, mend="give --substeps, 10 say")
     yield from number("/", "iterations", scene.iterations, 1, mend="give --iterations, 4 say")
+    for name in ("frames", "substeps", "iterations"):
+        if getattr(scene, name) > MOST:
+            yield error("/", f"{name} is {getattr(scene, name):g}", f"up to {MOST}", f"give another --{name}")
     yield from number("/", "air_density", scene.air_density, 0.0)
     yield from number("/", "air_drag", scene.air_drag, 0.0)
     yield from number("/", "contact_width", scene.contact_width, 0.0)

@@ -206,6 +206,17 @@ def _costs(model: Model, rows: dict[str, list[Rows]], n: int, substeps: int) -> 
     return n * step, substeps * (cost.rest + model.scene.iterations * sweep)
 
 
+def seconds(model: Model, rows: dict[str, list[Rows]], choice: Choice) -> float:
+    """About how long a frame takes of a choice, by the same table."""
+    n, explicit = choice.substeps, choice.solver == "explicit"
+    rows = {path: [r for r in found if r.kind not in HARD] for path, found in rows.items()}
+    if not model.scene.softs:
+        return _costs(model, rows, n, 0)[0] if explicit else _costs(model, rows, 0, n)[1]
+    cost, ten = SOLID["cuda" if model.device.is_cuda else "cpu"], TEN[0] if explicit else TEN[1]
+    tets = sum(len(b.tets) * (1.0 if b.tets.shape[1] == 4 else ten) for b in model.bodies)
+    return n * (cost.step + cost.tet * tets if explicit else choice.iterations * (cost.newton + cost.solved * tets))
+
+
 def _uneven(model: Model, rows: dict[str, list[Rows]]) -> bool:
     """Whether free masses that hold each other differ by more than UNEVEN."""
     pinned = hard_places(model)

@@ -276,10 +276,14 @@ class Explicit(Method):
         at rest."""
         hit = any([table.set(path, name, value, world) for table in self.solids])
         if hit := bool(changed(self.model, self.rows, path, name, value, world, self.damped)) or hit:
-            self.pull.refresh()
-            if self.watch:
-                self.watch.follow(*([self.muscles.longest] if self.muscles else []))
+            self.send()
         return hit
+
+    def send(self) -> None:
+        """Uploads constraints."""
+        self.pull.refresh()
+        if self.watch:
+            self.watch.follow(*([self.muscles.longest] if self.muscles else []))
 
     def least(self) -> int:
         """Substeps that keep the present stiffness stable, in every world."""

@@ -33,7 +33,7 @@ class Fabric:
     def __post_init__(self):
         for f in fields(self):
             value = getattr(self, f.name)
-            low, strict, high = _RANGES.get(f.name, (0.0, False, inf))
+            low, strict, high = RANGES.get(f.name, (0.0, False, inf))
             if not (isfinite(value) or (f.name == "strain_limit" and value == inf)):
                 raise ValueError(f"{f.name} is {value}; it must be finite")
             if value < low or (strict and value == low) or (high < inf and value >= high):
@@ -41,7 +41,7 @@ class Fabric:
                                  + (f" and < {high:g}" if high < inf else ""))
 
 
-_RANGES = {"stretch": (0.0, True, inf), "thickness": (0.0, True, inf), "density": (0.0, True, inf),
+RANGES = {"stretch": (0.0, True, inf), "thickness": (0.0, True, inf), "density": (0.0, True, inf),
            "poisson": (-1.0, True, 0.5), "strain_limit": (0.0, False, inf)}
 
 

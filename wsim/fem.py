@@ -140,9 +140,13 @@ class Tetrahedra:
                 p.values[name] = np.broadcast_to(np.asarray(value, np.float64), len(p.body.tets))[p.rows]
                 hit = True
         if hit:
-            for array, values in zip((self.data.mu, self.data.lam, self.data.tau), self.moduli(), strict=True):
-                array.assign(values.astype(self.model.dtype))
+            self.send()
         return hit
+
+    def send(self) -> None:
+        """Uploads the materials."""
+        for array, values in zip((self.data.mu, self.data.lam, self.data.tau), self.moduli(), strict=True):
+            array.assign(values.astype(self.model.dtype))
 
 
 def tables_of(model: Model) -> list:

@@ -10,6 +10,7 @@ the recording.
 import numpy as np
 import warp as wp
 
+from wsim import kernel_cache
 from wsim.kernels import adjoint
 from wsim.scene import Problem, SceneError
 
@@ -25,7 +26,7 @@ class Growth:
         lanes = LANES if device.is_cuda else 1
         self.sums = wp.zeros((2, frames, lanes), dtype=wp.float64, device=device)
         self.dot = adjoint.dot(real, "unique")
-        self.dot.module.load(device)
+        kernel_cache.load(self.dot.module, device)
 
     def note(self, grad: wp.array, frame: int, after: bool) -> None:
         part = self.sums[int(after)][frame]

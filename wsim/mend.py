@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wsim import counts
 from wsim import plan as plans
+from wsim.progress import duration
 from wsim.scene import Problem, SceneError
 from wsim.stage import NOT_FINITE, OVERFLOW, RESIDUAL
 
@@ -115,7 +117,11 @@ def keep_stable(sim: Simulation, name: str) -> None:
     if explicit is None or name not in STIFFENS:
         return
     least = explicit.least()                              # type: ignore[attr-defined]
+    counts.refuse(f"substeps a frame, which {name} of that size wants of {sim.plan.integrator},", least,
+                  "set another value, or name a solver without a limit")
     if least > clock.substeps:
+        each = sim.plan.seconds * least / sim.plan.choice.substeps
+        about = f", about {duration(each)} a frame" if least > counts.MANY else ""
         sim.warnings.append(f"frame {sim.frame + 1}: {name} was set; {sim.plan.integrator} now takes {least} substeps instead "
-                            f"of {clock.substeps}")
+                            f"of {clock.substeps}{about}")
         clock.substeps, sim.graph = least, None

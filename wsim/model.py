@@ -165,13 +165,14 @@ class Model:
         """Compiles the kernels that the plan has made, once: before the first launch, since a capture cannot."""
         import warp as wp
 
+        from wsim import kernel_cache
         from wsim.kernels.stream import BLOCK
         cuda = self.device.is_cuda
-        wp.load_module(self.module, device=self.device, block_dim=self.block if cuda else None)
+        kernel_cache.load(self.module, self.device, self.block if cuda else None)
         if cuda and wp.get_module(self.sweep_module).kernels:
-            wp.load_module(self.sweep_module, device=self.device, block_dim=BLOCK)
+            kernel_cache.load(self.sweep_module, self.device, BLOCK)
         for name, threads in self.modules.items():
-            wp.load_module(name, device=self.device, block_dim=threads)
+            kernel_cache.load(name, self.device, threads)
 
     def upload(self, values, dtype):
         """Device array of NumPy values, of the model's precision where dtype is a real type; with gradients if asked for."""

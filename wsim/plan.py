@@ -14,9 +14,10 @@ from math import inf
 import numpy as np
 import warp as wp
 
+from wsim import counts
 from wsim import model as models
 from wsim.apart import apart
-from wsim.choice import Choice, choose
+from wsim.choice import Choice, choose, seconds
 from wsim.cloth import HARD, Rows, rows_of
 from wsim.kernels.real import ADJOINT, types
 from wsim.model import Model, edge_lengths, hard_places
@@ -63,6 +64,7 @@ class Plan:
     choice: Choice
     skipped: list[dict] = field(default_factory=list)
     words: np.ndarray = field(init=False)
+    seconds: float = 0.0                     # that a frame is expected to take, see `wsim.choice`
     host: wp.array | None = None             # pinned memory that a frame on a GPU copies its status to
 
     def __post_init__(self):
@@ -208,13 +210,15 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
     if scene.contact_width > 0.0 and scene.colliders and choice.solver == "implicit":
         raise SceneError(Problem("/", f"contact_width is {scene.contact_width:g} m, and Newton's method has hard contacts; set "
                                  "it to 0, or wsim:solver = explicit or xpbd"))
+    counts.refuse("substeps a frame, for steps that are short enough," if choice.steps > scene.substeps else "substeps",
+                  choice.steps, "take softer materials, larger masses or elements, or another solver")
     reasons = why(scene, choice, rows)
     model.module = _module(scene, real, reasons, choice) + ADJOINT * gradients
     state = State.allocate(_fields(scene, choice, reasons), model.points, types(real).vec3, device)
     clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator.name == "bdf2",
                   choice.integrator.beyond, choice.integrator.solves > 1)
     status = wp.zeros(4, dtype=int, device=device)
-    plan = Plan(model, state, clock, [], status, choice)
+    plan = Plan(model, state, clock, [], status, choice, seconds=seconds(model, rows, choice))
     plan.skipped = [{"stage": name, "why": text} for name, text in WITHOUT.items()
                     if not reasons.get(name) and not (name == "history" and clock.multistep)
                     and not (name == "gradients" and gradients)]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from wsim import kernel_cache
 from wsim.force_adjoint import Forces
 from wsim.reaction_xpbd import Beside
 from wsim.tape import adjoint_of, give, without
@@ -29,7 +30,7 @@ class Law:
         self.muscles = Contracted(muscles, self.pull) if muscles and self.pull.springs else None
         self.blown = Blown(plan) if plan.method("aero") else None
         self.flowed = [Flowed(recording, t.plastic) for t in self.pull.tables if t.plastic]
-        wp.load_module(module, device=model.device, block_dim=model.block if model.device.is_cuda else None)
+        kernel_cache.load(module, model.device, model.block if model.device.is_cuda else None)
 
     def zero(self) -> None:
         """Gradients that are its own."""

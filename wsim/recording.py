@@ -11,6 +11,7 @@ from math import ceil
 
 import warp as wp
 
+from wsim import kernel_cache
 from wsim.broken import judge
 from wsim.frames import Frames
 from wsim.growth import Growth
@@ -188,7 +189,7 @@ class Recording(Frames):
         wp.capture_launch(stretch.forward)
 
     def graph(self, launch) -> wp.Graph:
-        with wp.ScopedCapture(device=self.sim.device, force_module_load=False) as capture:
+        with kernel_cache.capture(self.sim.device) as capture:
             launch()
         return capture.graph
 

@@ -60,9 +60,9 @@ def shaped(body: Body, points: np.ndarray) -> Body:
 
 
 def stretched(body: Body, lengths: np.ndarray) -> Body:
-    if not isinstance(body.source, Springs) or lengths.shape != (len(body.edges),) or not (lengths >= 0.0).all() \
+    if not isinstance(body.source, Springs) or lengths.shape != (len(body.edges),) or not (lengths > 0.0).all() \
             or not np.isfinite(lengths).all():
-        raise SceneError(Problem(body.path, "lengths are those of a spring net: finite, >= 0, with shape "
+        raise SceneError(Problem(body.path, "lengths are those of a spring net: finite, > 0, with shape "
                                  f"({len(body.edges)},); found {lengths.shape}"))
     source = replace(body.source)
     source.lengths = lengths.copy()                                   # stays in float64

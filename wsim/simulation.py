@@ -12,25 +12,15 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from wsim import measure, mend
+from wsim import counts, kernel_cache, live, measure, mend
 from wsim import plan as plans
-from wsim.apart import apart
 from wsim.check import check
-from wsim.middles import places, spread, stored
-from wsim.model import edge_lengths
-from wsim.scene import Motion, Problem, Scene, SceneError
+from wsim.kernel_cache import GATE
+from wsim.middles import places, stored
+from wsim.scene import Problem, Scene, SceneError
 
 PRECISIONS = {"float32": wp.float32, "float64": wp.float64}
 REPEATS = 8            # a frame that is not done after so many repeats is an error, not a loop
-
-
-def _device(name):
-    """The Warp device of that name; None: the first GPU, else the CPU. Raises SceneError with those there are."""
-    try:
-        return wp.get_device(name)
-    except Exception:
-        have = ", ".join(str(d) for d in wp.get_devices())
-        raise SceneError(Problem("device", f"there is no device {name!r}; allowed are {have}")) from None
 
 
 class Simulation:
@@ -55,7 +45,7 @@ class Simulation:
         if any(p.fatal for p in problems):
             raise SceneError([p for p in problems if p.fatal])
         self.given, self.precision, self.worlds, self.gradients = scene, precision, worlds, gradients
-        self.device = _device(device)
+        self.device = kernel_cache.device(device)
         self.warnings = [str(p) for p in (*scene.notes, *problems) if not p.fatal]
         self.seconds: dict[str, float] = {}
         self.graph: wp.Graph | None = None
@@ -71,10 +61,12 @@ class Simulation:
         self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])
         self.changes: list[tuple] = []         # live parameters that were set, for another plan of the same scene
         try:
-            self.plan = plans.build(self.scene, device=self.device, real=PRECISIONS[self.precision], worlds=self.worlds,
-                                    gradients=self.gradients)
+            with GATE.alone():
+                self.plan = plans.build(self.scene, device=self.device, real=PRECISIONS[self.precision], worlds=self.worlds,
+                                        gradients=self.gradients)
         except RuntimeError as error:
             raise _memory(error, self.device) from None
+        self.warnings += [w for w in counts.long(self.plan) if w not in self.warnings]
         self.model, self.state = self.plan.model, self.plan.state
         self.milliseconds: list[float] = []
 
@@ -86,7 +78,11 @@ class Simulation:
         return self.frame / self.scene.fps
 
     def step(self) -> None:
-        """One frame. Raises SceneError when it cannot be finished."""
+        """One frame. Raises SceneError when it cannot be finished. Threads may step simulations of their own."""
+        with GATE.shared():
+            self._step()
+
+    def _step(self) -> None:
         began = time.perf_counter()
         self.load()
         if self.plan.clock.starting:
@@ -123,12 +119,8 @@ class Simulation:
         if "compile" in self.seconds:
             return
         began = time.perf_counter()
-        headers = wp.config.use_precompiled_headers
-        wp.config.use_precompiled_headers = False          # one module: the header costs more than it saves
-        try:
+        with GATE.alone(), kernel_cache.without_header():
             self.model.load()
-        finally:
-            wp.config.use_precompiled_headers = headers
         self.seconds["compile"] = time.perf_counter() - began
 
     def _replay(self) -> None:
@@ -140,7 +132,7 @@ class Simulation:
 
     def _capture(self) -> wp.Graph:
         began = time.perf_counter()
-        with wp.ScopedCapture(device=self.device, force_module_load=False) as capture:
+        with kernel_cache.capture(self.device) as capture:
             self.plan.frame()
         self.graph = capture.graph
         self.seconds["capture"] = time.perf_counter() - began
@@ -181,50 +173,13 @@ class Simulation:
         (the last two where there is some from the start); density of a cloth or soft body whose masses follow it; rest_shape
         [m] of a body, lengths [m] of springs (`wsim.reshape`); actuation of springs that have muscles (a Curve, or values of
         its present keys); static_friction, dynamic_friction of a body or a collider; thickness and restitution of a collider
-        (the latter where one throws back from the start); motion of a pin, or of a collider (which all worlds share);
+        (the latter where one throws back from the start); motion (rigid) of a pin, or of a collider (which all worlds share);
         positions and velocities (in world space, author's order) of a body.
-        Raises SceneError if nothing of that path has such a parameter.
+        Values are copied. Raises SceneError, with nothing changed, if nothing of that path has such a parameter, for what a
+        scene would not take, and for what would need more than `wsim.counts.MOST` substeps.
         """
-        if name in ("positions", "velocities"):
-            for number in range(self.worlds) if world is None else [world]:
-                self._place(self.model.body(path, number), name, np.asarray(value, np.float64))
-            return
-        if isinstance(value, np.ndarray) and value.shape == (4, 4):
-            value = Motion.still(value)
-        if not any([m.set(path, name, value, world) for m in self.plan.methods]):
-            where = "" if world is None else f" in world {world} of {self.worlds}"
-            raise SceneError(Problem(path, f"has no live parameter {name!r}{where}; there are gravity, air_drag, wind, "
-                                     "stretch, weft, shear, bend, strain_limit, damping, density, stiffness, young, "
-                                     "poisson, pressure, actuation, static_friction, dynamic_friction, thickness, "
-                                     "restitution, motion, rest_shape, lengths, positions, velocities"))
-        if any(m.remade for m in self.plan.methods):
-            self.graph = None
-            self.seconds.pop("compile", None)
-            for m in self.plan.methods:
-                m.remade = False
-        self.changes.append((path, name, value, world))
-        mend.keep_stable(self, name)
-
-    def _place(self, body, name: str, values: np.ndarray) -> None:
-        if values.shape != (len(body.index), 3) or not np.isfinite(values).all():
-            raise SceneError(Problem(body.path, f"{name} must be finite with shape ({len(body.index)}, 3); found "
-                                     f"{values.shape}"))
-        array = self.state.x if name == "positions" else self.state.v
-        now = array.numpy()
-        exact, index = spread(values - body.origin if name == "positions" else values, body.ends), places(body)
-        if name == "positions":
-            own = np.concatenate([body.own, body.middles]) - body.first
-            solver = np.empty((body.count, 3))
-            solver[own] = exact
-            exact = apart(solver, body.edges - body.first, edge_lengths(body))[own]
-        now[index] = exact
-        array.assign(now)
-        if name == "positions":
-            rest = self.state.e.numpy()
-            rest[index] = exact - now[index]
-            self.state.e.assign(rest)
-        self.plan.clock.starting = True
-        self.graph = None
+        with GATE.alone():
+            live.set_value(self, path, name, value, world)
 
     def _persistent(self) -> dict[str, wp.array]:
         """Arrays over the points that outlive a frame, by name."""
@@ -241,10 +196,11 @@ class Simulation:
         """What outlives a frame and belongs to elements of this body, by name."""
         return {name: kept for name, kept in self.state.elements.items() if body.number in kept.places}
 
-    def restart(self, frame: int, fields: dict[str, dict[str, np.ndarray]]) -> None:
+    def restart(self, frame: int, fields: dict[str, dict[str, np.ndarray]], alike: bool = True) -> None:
         """Goes on after `frame` frames with the fields that an earlier run left, by path and name: bit for bit where every
-        body has all of them (then there is no jump in time), else as at a start, without history."""
-        arrays, whole = self._persistent(), True
+        body has all of them (then there is no jump in time), else as at a start, without history. alike: that run stepped
+        as this one does; history of other steps is none."""
+        arrays, whole = self._persistent(), alike
         for path, values in fields.items():
             body = self.model.body(path)
             for name in values.keys() & arrays.keys():
@@ -270,19 +226,22 @@ class Simulation:
         x = self.state.x.numpy().astype(np.float64) + self.state.e.numpy()
         if self.model.alias is not None:
             x = x[self.model.alias]
-        return measure.gather(self.plan, x, self.state.v.numpy().astype(np.float64))
+        with GATE.alone():
+            return measure.gather(self.plan, x, self.state.v.numpy().astype(np.float64))
 
     def stress(self, path: str | None = None, world: int = 0):
         """`wsim.stress.Stress` of a soft body now: `von_mises` [Pa] and `strain` of each tet. Compiles a kernel when first
         called. Raises SceneError where the body is none."""
         from wsim import stress
-        return stress.stress(self.plan, path, world)
+        with GATE.alone():
+            return stress.stress(self.plan, path, world)
 
     def reactions(self, path: str | None = None, world: int = 0) -> np.ndarray:
         """Forces of a pin (None: the only one) on its points now [N], world, (n, 3) in the order in which it names them; their
         sum is what it holds. See `wsim.reaction`; compiles kernels when first called. Raises SceneError where there is none."""
         from wsim.reaction import reactions
-        return reactions(self, path, world)
+        with GATE.alone():
+            return reactions(self, path, world)
 
     def report(self, profile: bool = True) -> dict:
         """What ran and how well: device, precision, frames, times, errors, stages, what was skipped, warnings."""

@@ -19,6 +19,7 @@ from typing import Any
 
 import warp as wp
 
+from wsim import kernel_cache
 from wsim.kernels import adjoint
 from wsim.slots import Slots
 
@@ -189,7 +190,7 @@ class Tape:
 
     def hand(self, grad: wp.array, into: wp.array) -> None:
         """Adjoint of a copy."""
-        adjoint.give(grad.dtype).module.load(grad.device)              # a capture cannot
+        kernel_cache.load(adjoint.give(grad.dtype).module, grad.device)              # a capture cannot
         self.adjoints.append(lambda: give(grad, into))
 
     def root_of(self, array: wp.array, wanted: bool) -> Root | None:
@@ -244,7 +245,7 @@ class Tape:
                 self.do(partial(wp.copy, root.base, root.latest))
         self.end = self.slots.at
         for root in self.roots:
-            adjoint.give(root.base.dtype).module.load(root.base.device)
+            kernel_cache.load(adjoint.give(root.base.dtype).module, root.base.device)
 
     # once more, and backwards
 

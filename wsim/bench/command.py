@@ -4,11 +4,12 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from wsim import kernel_cache
 from wsim.atomic import replace_text
 from wsim.bench import cache
 from wsim.bench.front import Row
 from wsim.bench.report import Report, percent
-from wsim.bench.study import bench, device_of, hardware, versions
+from wsim.bench.study import bench, hardware, versions
 from wsim.dependencies import refuse
 from wsim.progress import line
 from wsim.report import as_json
@@ -53,7 +54,7 @@ def recommended(scene: Scene, error: float, device: str | None, say: Callable[[s
 
     Raises SceneError where there is none, with the reason and what to do.
     """
-    report, strange = cache.read(cache.key(scene, hardware(device_of(device)), versions()))
+    report, strange = cache.read(cache.key(scene, hardware(kernel_cache.device(device)), versions()))
     if strange:
         warn(strange)
     if report is None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import warp as wp
 
-from wsim import __version__
+from wsim import __version__, kernel_cache
 from wsim.bench.budget import Budget
 from wsim.bench.reference import make
 from wsim.bench.report import Report
@@ -23,15 +23,6 @@ BUDGET, QUICK = 120.0, 30.0      # [s]
 def looked_at(scene: Scene) -> int:
     """Frames that are looked at unless named: about WINDOW."""
     return max(1, min(scene.frames, round(WINDOW * scene.fps)))
-
-
-def device_of(name: str | None) -> wp.Device:
-    """The Warp device of that name; None: the first GPU, else the CPU. Raises SceneError with those there are."""
-    try:
-        return wp.get_device(name)
-    except Exception:
-        have = ", ".join(str(d) for d in wp.get_devices())
-        raise SceneError(Problem("device", f"there is no device {name!r}; allowed are {have}")) from None
 
 
 def hardware(device: wp.Device) -> str:
@@ -68,7 +59,7 @@ def bench(scene: Scene, *, device: str | None = None, frames: int | None = None,
     fatal = [p for p in check(scene) if p.fatal]
     if fatal:
         raise SceneError(fatal)
-    where = device_of(device)
+    where = kernel_cache.device(device)
     clock, look = Budget(budget), Look(str(where), frames or looked_at(scene))
     reference = make(scene, look, clock, say)
     sweep = Sweep(scene, look, reference, clock, say, step=4 if quick else 2)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
+from wsim import kernel_cache
 from wsim.camera import Camera, fitted, subjects, up_vector
 from wsim.kernels import ray
 from wsim.look import Look
@@ -21,7 +22,7 @@ class Caster:
     """Takes images of meshes whose points move. Buffers, tree and kernels are kept from image to image."""
 
     def __init__(self, looks: Sequence[Look], size: tuple[int, int], device=None):
-        self.looks, self.size, self.device = list(looks), checked_size(size), _device(device)
+        self.looks, self.size, self.device = list(looks), checked_size(size), kernel_cache.device(device)
         self.mesh: wp.Mesh | None = None
         _compile(self.device)
         h, w = 2 * self.size[1], 2 * self.size[0]
@@ -93,12 +94,8 @@ class Caster:
 
 def _compile(device) -> None:
     """Loads the kernels, without the precompiled header, which costs a single module more than it saves."""
-    headers = wp.config.use_precompiled_headers
-    wp.config.use_precompiled_headers = False
-    try:
-        wp.load_module(ray, device=device)
-    finally:
-        wp.config.use_precompiled_headers = headers
+    with kernel_cache.GATE.alone(), kernel_cache.without_header():
+        kernel_cache.load(ray, device)
 
 
 def _view(camera: Camera, up: str, floor: float | None, center: np.ndarray, scale: float) -> ray.View:
@@ -135,14 +132,6 @@ def render(meshes: Sequence[tuple[np.ndarray, Look]], camera: Camera | None = No
         raise ValueError("nothing to draw: give at least one mesh with points")
     camera = camera or fitted(np.concatenate([sets[k] for k in subjects(sets)]), up, size[0] / size[1])
     return Caster([look for _, look in meshes], size, device).image(sets, camera, up, floor)
-
-
-def _device(device):
-    try:
-        return wp.get_device(device)
-    except (ValueError, RuntimeError):
-        names = ", ".join(str(d) for d in wp.get_devices())
-        raise SceneError(Problem("device", f"{device!r} is not here; there are {names}")) from None
 
 
 def checked_size(size) -> tuple[int, int]:
