@@ -23,7 +23,8 @@ ROOT = Path(__file__).resolve().parent.parent
 LAYERS = (
     ("curve", "fabric", "bulk", "bodies", "latest", "polygon", "scene", "solids", "topology", "normals", "shapes",
      "color", "check", "integrator", "stability", "apart", "check_object", "check_soft", "check_tie", "tetra", "skin",
-     "locality", "kempe", "camera", "look", "png", "gif", "progress", "report", "atomic", "lock", "counts"),
+     "locality", "kempe", "camera", "look", "png", "gif", "progress", "report", "atomic", "lock", "counts", "inventory",
+     "arguments", "interrupt"),
     ("kernels",),
     ("stage", "state", "order", "ties", "masses", "middles", "model", "linear", "multigrid", "cluster", "abreast",
      "slots", "march", "tape", "kernel_cache"),

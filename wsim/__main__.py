@@ -1,8 +1,17 @@
-"""`python -m wsim`: the command line."""
+"""`python -m wsim`, and the command `wsim`: the command line, which Ctrl-C ends in one line from the first import on."""
 
 import sys
 
-from wsim.cli import main
+from wsim import interrupt
+
+
+def main() -> int:
+    """Exit code of the command that the process was started with."""
+    interrupt.start("leave")
+    from wsim.cli import main as command
+
+    return command()
+
 
 if __name__ == "__main__":
     sys.exit(main())

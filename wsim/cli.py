@@ -8,99 +8,16 @@ Commands import what they need when they run, so that `wsim --help` stays a matt
 import argparse
 import errno
 import os
+import signal
 import sys
 
-from wsim import __version__
+from wsim import __version__, interrupt
+from wsim.arguments import drawing, fraction, image, length, pixels, positive, report, variant, whole, whole_or_none
 from wsim.bulk import MODELS
 from wsim.integrator import INTEGRATORS, SOLVERS
 
 DONE, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 CHOSEN = ("solver", "integrator", "substeps", "iterations", "precision")       # by `wsim run --error`
-
-
-def whole(text: str) -> int:
-    """An argument that counts: 1, 2, 3 ..."""
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is too small; it must be 1 or more")
-    return value
-
-
-def whole_or_none(text: str) -> int:
-    """An argument that counts and may be 0."""
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{text} is negative; it must be 0 or more")
-    return value
-
-
-def length(text: str) -> float:
-    """A length [m] >= 0."""
-    value = float(text)
-    if not 0.0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is no length; it must be a finite number of metres, 0 or more")
-    return value
-
-
-def positive(text: str) -> float:
-    """A finite number > 0."""
-    value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is out of range; it must be finite and above 0")
-    return value
-
-
-def fraction(text: str) -> float:
-    """An error over the scene's size: 1% or 0.01."""
-    number, percent, rest = text.partition("%")
-    value = float(number) / (100.0 if percent else 1.0)
-    if rest or not 0.0 < value <= 1.0:
-        raise argparse.ArgumentTypeError(f"{text} is no error; it must be above 0 and at most 100 %: write 1% or 0.01")
-    return value
-
-
-def _file(text: str, *endings: str) -> str:
-    """A file to write, in a folder that is there: found out now and not after the simulation."""
-    if not text.lower().endswith(endings):
-        raise argparse.ArgumentTypeError(f"{text} has another ending; allowed is {', '.join(endings)}")
-    folder = os.path.dirname(os.path.abspath(text))
-    if not os.path.isdir(folder):
-        raise argparse.ArgumentTypeError(f"{text}: there is no folder {folder}; make it first")
-    return text
-
-
-def image(text: str) -> str:
-    return _file(text, ".png", ".gif", ".apng")
-
-
-def drawing(text: str) -> str:
-    return _file(text, ".png", ".svg")
-
-
-def report(text: str) -> str:
-    return text if text == "-" else _file(text, ".json")
-
-
-def pixels(text: str) -> tuple[int, int]:
-    """960x540"""
-    width, _, height = text.lower().partition("x")
-    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
-        raise argparse.ArgumentTypeError(f"{text} is no size; write it as 960x540")
-    return int(width), int(height)
-
-
-def variant(text: str) -> tuple[str, str, str]:
-    """/prim:set=variant"""
-    prim, _, rest = text.partition(":")
-    name, _, value = rest.partition("=")
-    if not (prim.startswith("/") and name and value):
-        raise argparse.ArgumentTypeError(f"{text} is no variant; write it as /prim:set=variant")
-    return prim, name, value
-
-
-for _kind, _name in ((whole, "number"), (whole_or_none, "number"), (length, "length"), (positive, "number"),
-                     (fraction, "error")):
-    _kind.__name__ = _name                      # argparse says "invalid number value"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -271,8 +188,22 @@ def explain(error: BaseException) -> str:
     return f"error: unexpected {type(error).__name__}: {text}; please report this, with what --debug shows"
 
 
+def _interrupted() -> int:
+    print("interrupted", file=sys.stderr)
+    return INTERRUPTED
+
+
 def main(argv: list[str] | None = None) -> int:
-    """Runs a command; returns the exit code. Usage errors leave by SystemExit(2), as argparse does."""
+    """Runs a command; returns the exit code. Usage errors leave by SystemExit(2), as argparse does. argv None: that of the
+    process, which is this command's: Ctrl-C may end it at once, and does nothing any more when all is done."""
+    with interrupt.watch("throw" if argv else "leave"):
+        code = _main(argv)
+        if argv is None and interrupt.watched():
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return code
+
+
+def _main(argv: list[str] | None) -> int:
     args = parser().parse_args(argv)
     if args.command == "run" and args.restart and args.preroll:
         parser().error("--restart goes on from a frame, --preroll settles before the first one: give one of them")
@@ -283,14 +214,18 @@ def main(argv: list[str] | None = None) -> int:
     from wsim import commands
 
     try:
-        return getattr(commands, args.command)(args)
+        code = getattr(commands, args.command)(args)
+        if code != INTERRUPTED:
+            interrupt.check()
+        return code
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return INTERRUPTED
+        return _interrupted()
     except BrokenPipeError:                     # the reader of our output went away (| head): nobody to tell
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except Exception as error:
+        if interrupt.came:                      # what it became on its way
+            return _interrupted()
         if args.debug:
             import traceback
 

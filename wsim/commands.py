@@ -9,7 +9,9 @@ from shlex import quote
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+from wsim import interrupt
 from wsim import report as reports
+from wsim.inventory import count, inventory
 from wsim.progress import line
 
 if TYPE_CHECKING:
@@ -41,6 +43,14 @@ def _hush() -> None:
     import warp as wp
 
     wp.config.log_level = wp.LOG_WARNING
+
+
+def _ready() -> None:
+    """Warp is there; from here on files are written, and an interruption has something to clean up."""
+    from wsim import kernel_cache
+
+    kernel_cache.start()
+    interrupt.begin("throw")
 
 
 def _simulation(scene: "Scene", args) -> "Simulation":
@@ -193,6 +203,7 @@ def new(args) -> int:
 def _new_cloth(args, more: dict) -> list:
     from wsim.usd.author import author_cloth
 
+    interrupt.begin("wait")
     return author_cloth(args.mesh, args.output, args.fabric, args.prim, weld=args.weld, **more)
 
 
@@ -205,6 +216,7 @@ def _new_softbody(args, more: dict) -> list:
         material = Bulk(young=args.young, poisson=args.poisson, density=args.density, model=args.model)
     except ValueError as error:
         raise SceneError(Problem("material", str(error))) from None
+    interrupt.begin("wait")
     return author_softbody(args.mesh, args.output, material, args.prim, cells=args.cells, **more)
 
 
@@ -230,8 +242,8 @@ def check(args) -> int:
         return FAILED if fatal else DONE
     for problem in problems:
         print(problem)
-    counts = f"{args.scene}: {reports.count(fatal, 'error')}, {reports.count(len(problems) - fatal, 'warning')}"
-    print(f"{counts}; {reports.inventory(scene)}" if scene else counts)
+    counts = f"{args.scene}: {count(fatal, 'error')}, {count(len(problems) - fatal, 'warning')}"
+    print(f"{counts}; {inventory(scene)}" if scene else counts)
     return FAILED if fatal else DONE
 
 
@@ -252,7 +264,9 @@ def bench(args) -> int:
     _hush()
     from wsim.bench import command
 
-    command.run(_load(args), args)
+    scene = _load(args)
+    _ready()
+    command.run(scene, args)
     return DONE
 
 
@@ -261,13 +275,16 @@ def fit(args) -> int:
     _hush()
     from wsim.fitting import command
 
-    return DONE if command.run(_load(args), args) else FAILED
+    scene = _load(args)
+    _ready()
+    return DONE if command.run(scene, args) else FAILED
 
 
 def view(args) -> int:
     """`wsim view`: a result in rerun, or as a file for it."""
     from wsim.view import view as show
 
+    interrupt.begin("throw")
     show(args.result, save=args.save)
     return DONE
 
@@ -277,10 +294,11 @@ def picture(args) -> int:
     _hush()
     from wsim.picture import picture as draw
 
+    _ready()
     frames = "all" if args.animate else args.frame
     drawn = draw(args.result, args.output, frames=frames, size=args.size, sheet=args.sheet, device=args.device,
                  camera=args.camera)
     for note in drawn.get("notes", ()):
         _say(str(note))
-    print(f"{drawn['out']}: {reports.count(len(drawn['frames']), 'frame')}, {drawn['size'][0]} x {drawn['size'][1]} pixels")
+    print(f"{drawn['out']}: {count(len(drawn['frames']), 'frame')}, {drawn['size'][0]} x {drawn['size'][1]} pixels")
     return DONE

@@ -3,6 +3,7 @@
 import numpy as np
 import warp as wp
 
+from wsim import kernel_cache
 from wsim.cloth import HARD, Rows
 from wsim.kernels.real import types
 from wsim.kernels.strain import statistics
@@ -27,6 +28,7 @@ def energy(model: Model, rows: list[Rows], state: State) -> float:
         data.alpha = model.upload(alpha, t.vec4 if alpha.ndim == 2 else t.scalar)
         out = wp.zeros(min(LANES, len(ids)), dtype=wp.vec3d, device=model.device)
         kernel = statistics(kind, real=model.real, module=f"{model.module}_report")
+        kernel_cache.ready(kernel, model)
         model.launch(kernel, out.size, [data, state.x, len(ids), state.e], [out])
         total += float(out.numpy()[:, 2].sum())
     return total

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
+from wsim import kernel_cache
 from wsim.kernels import fem
 from wsim.kernels.real import types
 from wsim.model import Model
@@ -122,6 +123,7 @@ class Tetrahedra:
             self.plastic.shape()
         out = wp.zeros(min(LANES, self.size), dtype=wp.vec3d, device=self.model.device)
         kernel = self.maths.statistics(self.material, real=self.model.real, module=f"{self.model.module}_report")
+        kernel_cache.ready(kernel, self.model)
         self.model.launch(kernel, out.size, [self.data, self.size, state.x, state.e, self.q], [out])
         each = out.numpy()
         return np.array([each[:, 0].max(), each[:, 1].sum(), each[:, 2].sum()])

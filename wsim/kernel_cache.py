@@ -129,6 +129,11 @@ def load(module, device, block_dim: int | None = None) -> None:
             _record(module.name)
 
 
+def ready(kernel, model) -> None:
+    """Loads a kernel that a `wsim.model.Model` launches only when asked, outside of frames."""
+    load(kernel.module, model.device, model.block if model.device.is_cuda else None)
+
+
 @contextmanager
 def without_header() -> Iterator[None]:
     """Warp's precompiled header costs more than it saves where one module is compiled."""

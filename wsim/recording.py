@@ -15,6 +15,7 @@ from wsim import kernel_cache
 from wsim.broken import judge
 from wsim.frames import Frames
 from wsim.growth import Growth
+from wsim.kernel_cache import GATE
 from wsim.mend import LONG
 from wsim.parameters import Parameters
 from wsim.scene import Problem, SceneError
@@ -45,6 +46,7 @@ class Recording(Frames):
     Raises SceneError where the simulation has no gradients, or a method of the scene has none.
     """
 
+    @GATE.alone()
     def __init__(self, sim: Simulation, frames: int, keep: str = "auto"):
         if not sim.model.gradients:
             raise SceneError(Problem("gradients", "found False; a recording needs Simulation(scene, gradients=True)"))
@@ -148,6 +150,7 @@ class Recording(Frames):
 
     # forward
 
+    @GATE.shared()
     def run(self) -> None:
         """All frames from the beginning. Raises SceneError when a position is no number, or frames are not those recorded."""
         self.rewind()
@@ -195,6 +198,7 @@ class Recording(Frames):
 
     # backward
 
+    @GATE.shared()
     def backward(self, positions: dict | None = None, velocities: dict | None = None,
                  reactions: dict | None = None) -> Gradient:
         """Gradient of a loss whose derivatives by positions [1/m] and velocities [s/m] after some frames are given:

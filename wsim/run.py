@@ -10,8 +10,6 @@ while a frame is being written.
 """
 
 import os
-import signal
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -19,8 +17,10 @@ from shlex import quote
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+from wsim import interrupt
 from wsim.curve import Curve, Motion
-from wsim.report import count
+from wsim.interrupt import whole
+from wsim.inventory import count
 from wsim.scene import Collider, Pin, Problem, Scene, SceneError, Surface
 
 if TYPE_CHECKING:
@@ -58,26 +58,6 @@ def _collider_later(collider: Collider, delay: float) -> Collider:
     if isinstance(shape, Surface) and shape.poses is not None:
         shape = replace(shape, poses=Curve(shape.poses.times + delay, shape.poses.values))
     return replace(collider, shape=shape, motion=_motion_later(collider.motion, delay))
-
-
-@contextmanager
-def whole() -> Iterator[None]:
-    """Ctrl-C inside takes effect at the end, as KeyboardInterrupt: what is being written is finished first.
-
-    Where Ctrl-C is ignored (a background job) or somebody else's, and outside the main thread, nothing changes.
-    """
-    before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came = []
-    signal.signal(signal.SIGINT, lambda *_: came.append(True))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if came:
-        raise KeyboardInterrupt
 
 
 @dataclass
@@ -125,6 +105,7 @@ class Run:
             for k in range(1, (self.scene.frames - self.first) * self.samples + 1):
                 self._step(self.preroll * self.samples + k)
                 self._write(k)
+            interrupt.check()
             ended = True
         finally:
             with whole(), self._timed("write"):
@@ -184,6 +165,7 @@ def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"]
             """What an exact restart needs, of whole frames."""
             return {} if sim.frame % samples else {body.path: sim.fields(body.path) for body in scene.bodies()}
 
+        interrupt.begin("wait")                   # from here on there is a file
         recorder = Recorder(scene, output, flatten=flatten, restart_fields=fields, continues=earlier)
         if stress and not scene.softs:
             recorder.notes.append(Problem("--stress", "there is no soft body whose stress could be written", fatal=False))

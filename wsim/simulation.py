@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from wsim import counts, kernel_cache, live, measure, mend
+from wsim import counts, interrupt, kernel_cache, live, measure, mend
 from wsim import plan as plans
 from wsim.check import check
 from wsim.kernel_cache import GATE
@@ -85,6 +85,7 @@ class Simulation:
     def _step(self) -> None:
         began = time.perf_counter()
         self.load()
+        interrupt.check()
         if self.plan.clock.starting:
             self.balance = measure.balance(self)
         for _ in range(REPEATS):

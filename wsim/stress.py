@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from wsim import kernel_cache
 from wsim.kernels import stress as kernels
 from wsim.model import Body
 from wsim.plan import Plan
@@ -57,5 +58,6 @@ def _of(table, plan: Plan) -> np.ndarray:
     kernel = kernels.stress(table.material, points, real=model.real,
                             module=f"{model.module}_stress_{table.material}_{points}")
     out = wp.zeros(len(table.q), dtype=wp.vec2d, device=model.device)
+    kernel_cache.ready(kernel, model)
     model.launch(kernel, len(table.q), [table.data, state.x, state.e, table.q], [out])
     return out.numpy().reshape(table.size, points, 2).mean(axis=1)

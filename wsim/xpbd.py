@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 import warp as wp
 
+from wsim import kernel_cache
 from wsim.cloth import HARD, Rows, changed, colored, in_worlds
 from wsim.kernels import xpbd as kernels
 from wsim.kernels.real import types
@@ -196,7 +197,10 @@ class Xpbd(Method):
                 largest = self.largest
             else:
                 largest = wp.zeros(len(soft), dtype=self.model.real, device=self.model.device)
-                self.measure(self.residual_kernels(module), self.state.x, self.state.e, [b.lam for b in soft], largest)
+                looks = self.residual_kernels(module)
+                for kernel in looks:
+                    kernel_cache.ready(kernel, self.model)
+                self.measure(looks, self.state.x, self.state.e, [b.lam for b in soft], largest)
             found["residual"] = float(largest.numpy().max())
         return found
 
@@ -205,6 +209,7 @@ class Xpbd(Method):
         from wsim.kernels.strain import statistics
         out = wp.zeros(min(LANES, batch.size), dtype=wp.vec3d, device=self.model.device)
         kernel = statistics(batch.kind, real=self.model.real, module=module, uniform=batch.uniform)
+        kernel_cache.ready(kernel, self.model)
         self.model.launch(kernel, out.size, [batch.data, self.state.x, batch.size, self.state.e], [out])
         return float(out.numpy()[:, 2].sum())
 

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from wsim import kernel_cache
 from wsim.contact.rows import Rows, check
 from wsim.contact.surfaces import Mesh
 from wsim.kernels import contact as kernels
@@ -244,6 +245,7 @@ class Contacts:
         lanes = min(LANES, max(self.count, 1))
         inside = wp.zeros(lanes, dtype=self.types.vec2, device=self.device)
         count = wp.zeros(lanes, dtype=int, device=self.device)
+        kernel_cache.load(self.gauge_kernel.module, self.device)
         wp.launch(self.gauge_kernel, lanes, [self.table, self.points, self.slots, x, self.substeps, lanes],
                   [inside, count], device=self.device)
         kept, solid = inside.numpy().max(axis=0)
