@@ -42,7 +42,7 @@ LAYERS = (
      "layer", "layer_jax"),
     ("usd", "crate", "dependencies", "partial", "sublayer", "overs", "restart", "recorder", "fitting", "drawn", "visible",
      "view", "picture"),
-    ("cli", "bench", "commands", "run", "__main__", "__init__"),
+    ("cli", "bench", "new", "commands", "run", "__main__", "__init__"),
 )
 METHODS = {"points", "explicit", "implicit", "aero", "xpbd", "muscles", "rigid", "fluid", "pose"}   # never import each other
 READS_USD = {"usd", "crate", "dependencies", "partial", "sublayer", "overs", "restart", "recorder", "drawn", "visible"}

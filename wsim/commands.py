@@ -187,37 +187,13 @@ def _close(job: "Run", args, seconds: dict[str, float], told: set[str]) -> None:
 
 def new(args) -> int:
     """`wsim new`: a scene that refers to a bare mesh, as cloth or as a soft body."""
-    from wsim.scene import Problem, SceneError
+    from wsim import new as scenes
 
-    if os.path.lexists(args.output) and not args.force:
-        raise SceneError(Problem(args.output, "is there already; give --force to replace it, or choose another name"))
-    notes = (_new_cloth if args.kind == "cloth" else _new_softbody)(args, {
-        "ground": args.ground, "meters_per_unit": args.meters_per_unit, "frames": args.frames})
-    for note in notes:
+    for note in scenes.make(args):
         _say(str(note))
     result = f"{os.path.splitext(args.output)[0]}_out.usdc"
     print(f"{args.output}: simulate it with: wsim run {quote(args.output)} -o {quote(result)}")
     return DONE
-
-
-def _new_cloth(args, more: dict) -> list:
-    from wsim.usd.author import author_cloth
-
-    interrupt.begin("wait")
-    return author_cloth(args.mesh, args.output, args.fabric, args.prim, weld=args.weld, **more)
-
-
-def _new_softbody(args, more: dict) -> list:
-    from wsim.bulk import Bulk
-    from wsim.scene import Problem, SceneError
-    from wsim.usd.author_soft import author_softbody
-
-    try:
-        material = Bulk(young=args.young, poisson=args.poisson, density=args.density, model=args.model)
-    except ValueError as error:
-        raise SceneError(Problem("material", str(error))) from None
-    interrupt.begin("wait")
-    return author_softbody(args.mesh, args.output, material, args.prim, cells=args.cells, **more)
 
 
 def check(args) -> int:

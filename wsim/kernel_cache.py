@@ -19,6 +19,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import warp as wp
 
@@ -118,7 +119,7 @@ def load(module, device, block_dim: int | None = None) -> None:
             if place not in SEEN:
                 _remove(_unsound(module.name))
                 SEEN.add(place)
-            if not Path(place[0], module.get_module_identifier(1 if device.is_cpu else block_dim)).exists():
+            if not Path(str(place[0]), module.get_module_identifier(1 if device.is_cpu else block_dim)).exists():
                 _probe()
             wp.load_module(module, device=device, block_dim=block_dim)
         except SceneError:
@@ -146,7 +147,7 @@ def without_header() -> Iterator[None]:
 
 
 @contextmanager
-def capture(device) -> Iterator[wp.ScopedCapture]:
+def capture(device) -> Iterator[Any]:
     """Captures what is launched inside as a graph, `capture.graph`. Kernels must be loaded before."""
     with GATE.alone(), wp.ScopedCapture(device=device, force_module_load=False) as capture:
         yield capture
@@ -175,7 +176,7 @@ def _fault(error: Exception) -> Exception | None:
 
 def _probe() -> None:
     """Raises SceneError where the cache does not take what is about to be compiled."""
-    probe = Path(wp.config.kernel_cache_dir, f"probe_{os.getpid()}")
+    probe = Path(str(wp.config.kernel_cache_dir), f"probe_{os.getpid()}")
     try:
         try:
             probe.write_bytes(bytes(PROBE))
@@ -202,7 +203,7 @@ def _refused(error: Exception) -> SceneError:
 
 def _folders(name: str) -> list[Path]:
     """Of a module, in the versions that it had; a file may stand where one should be."""
-    place, form = wp.config.kernel_cache_dir, re.compile(rf"wp_{re.escape(name)}_[0-9a-f]{{7}}\Z")
+    place, form = str(wp.config.kernel_cache_dir), re.compile(rf"wp_{re.escape(name)}_[0-9a-f]{{7}}\Z")
     try:
         return [Path(place, each) for each in os.listdir(place) if form.match(each)]
     except OSError:
