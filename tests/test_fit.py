@@ -102,11 +102,11 @@ def test_a_scene_that_is_settled_stays_so(integrator, steps):
 
 # what is found
 
-def test_two_parameters_of_a_noisy_sheet_within_a_percent_in_eight_simulations(fall):
+def test_two_parameters_of_a_noisy_sheet_within_a_percent_in_twelve_simulations(fall):
     """From half and double, 1 mm of noise; every copy counts for the part of the horizon that it ran."""
     scene, x = fall
     found = fit(scene, seen(x, "/sheet", 1e-3), "stretch,bend", start=FAR, settings=Settings(device="cpu", accuracy=0.01))
-    assert found.converged and found.simulations <= 8.0
+    assert found.converged and found.simulations <= 12.0
     assert found.values == pytest.approx({"stretch": 200.0, "bend": 1e-3}, rel=0.01)
     assert found.scene.cloths[0].material.bend == found.values["bend"] and scene.cloths[0].material.bend == 1e-3
 

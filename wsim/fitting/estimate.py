@@ -4,17 +4,18 @@
                                     times d value / d theta; P of the priors
     J / s = U S V^T                 a direction v of theta with singular value S is known to 1 / S
 
-A direction is open where 1 / S is more than OPEN units of theta (a factor e), or S lost in what the differences err.
+A direction is open where 1 / S is more than OPEN units of theta (a factor e), or S lost in what J itself errs
+(`wsim.fitting.normal_equations`).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from wsim.fitting.normal_equations import Spectrum
 from wsim.fitting.parameter import Parameter
 
 OPEN = 1.0             # units of theta
-LOST = 1e-6            # of the largest singular value: rounding in differences
 PART = 0.2             # of a direction's largest entry, from which a parameter belongs to it
 
 
@@ -33,11 +34,10 @@ class Estimate:
     words: list[str]
 
 
-def estimate(parameters: list[Parameter], theta: np.ndarray, J: np.ndarray, noise: float, prior: np.ndarray,
-             lost: float) -> Estimate:
-    """J (.., p) of theta, noise s^2, prior: weights (p,) of the priors; lost: what J errs, of its largest singular value."""
-    singular, V = np.linalg.svd(J / np.sqrt(noise))[1:]
-    wide = (singular < 1.0 / OPEN) | (singular < lost * max(singular[0], 1e-300))
+def estimate(parameters: list[Parameter], theta: np.ndarray, spectrum: Spectrum, noise: float, prior: np.ndarray) -> Estimate:
+    """spectrum of the Jacobian at theta, noise s^2, prior: weights (p,) of the priors."""
+    singular, V, J = spectrum.S / np.sqrt(noise), spectrum.V, spectrum.J
+    wide = (singular < 1.0 / OPEN) | ~spectrum.kept
     priors = V**2 @ prior                                                # what the priors know of each direction
     directions = [V[k] for k in range(len(theta)) if wide[k] and priors[k] < 1.0 / OPEN**2]
     known = np.where(wide, 0.0, singular**2)

@@ -16,13 +16,14 @@ from time import perf_counter
 
 import numpy as np
 
+from wsim.fitting import doubt
 from wsim.fitting import parameter as table
 from wsim.fitting.estimate import Estimate, estimate
 from wsim.fitting.field import is_field
 from wsim.fitting.field_fit import fit_fields
 from wsim.fitting.misfit import Misfit, experiments_of
 from wsim.fitting.parameter import Parameter
-from wsim.fitting.search import LOUD, Prior, Search
+from wsim.fitting.search import Prior, Search
 from wsim.scene import Problem, Scene, SceneError
 
 
@@ -70,6 +71,7 @@ class Fit:
     residuals: list[tuple[float, int, float]] = field(default_factory=list)     # time [s], frame, rms [m or sigma]
     notes: list[str] = field(default_factory=list)
     unit: str = "m"                        # of sigma; where positions and forces have one each, "sigma" and 1
+    origin: str = "given"                  # of sigma: "given", "estimated", or "floor", below which none is claimed
 
     @property
     def values(self) -> dict[str, float]:
@@ -87,7 +89,7 @@ class Fit:
                                 "identifiable": bool(np.isfinite(s))}
                                for p, v, s, a, b in zip(self.parameters, e.values, e.errors, e.low, e.high, strict=True)],
                 "correlation": e.correlation.tolist(), "singular_values": e.singular.tolist(), "not_identifiable": e.words,
-                "converged": self.converged, "sigma": self.sigma, "sigma_unit": self.unit,
+                "converged": self.converged, "sigma": self.sigma, "sigma_unit": self.unit, "sigma_is": self.origin,
                 "misfit_over_sigma": self.misfit, "frames": self.frames,
                 "simulations": self.simulations, "launches": self.launches, "worlds": self.worlds, "steps": self.steps,
                 "seconds": self.seconds, "residuals": self.residuals, "notes": self.notes}
@@ -166,20 +168,16 @@ def _told(search: Search, settings: Settings, each: Callable[[dict], None] | Non
 
 
 def _result(search: Search, found: list[Parameter], scenes: list[Scene], seconds: float) -> Fit:
+    """At the best theta that was run, with what was seen there."""
     best, misfit = search.best, search.misfit
     assert best is not None
-    notes = [*search.notes, *misfit.notes()]
-    noise = search.noise(best)
-    e = estimate(found, search.theta, best.J, noise, search.prior.weight, search.lost(best))
-    left = sqrt(best.least / max(best.count - len(found), 1) / noise)
-    if search.known and left > 1.5:
-        notes.append(f"what is left is {left:.3g} times the noise that was given: the model, or the noise, is not right, and "
-                     "error bars are too small")
-    if noise > 3.0 * LOUD * best.quiet and not search.known:
-        notes.append(f"what is left grows from {sqrt(best.quiet):.2g} to {sqrt(noise):.2g} {misfit.unit} with time: the model "
-                     "misses something, or this is a wrong valley; try other start values, and do not trust the error bars")
+    noise = search.noise(best, best.misfit)
+    left = sqrt(best.misfit / max(best.count - len(found), 1) / noise)
+    doubts = doubt.notes(search, noise, left)
+    e = estimate(found, best.theta, search.spectrum(best), noise * max(1.0, left)**2, search.prior.weight)
     for p, value in zip(found, e.values, strict=True):
         scenes = [p.written(s, float(value)) for s in scenes]
-    sigma = misfit.sigma if search.known else sqrt(noise)
+    sigma = misfit.sigma * sqrt(noise) if search.known else sqrt(noise)
     return Fit(found, e, scenes[0], scenes, search.converged, sigma, left, search.steps, misfit.walked, misfit.launches,
-               1 + len(found) * (1 + misfit.central), best.frame, seconds, best.rows, notes, misfit.unit)
+               1 + len(found) * (1 + misfit.central), best.frame, seconds, best.rows,
+               [*search.notes, *doubts, *misfit.notes()], misfit.unit, doubt.origin(search, noise))

@@ -1,8 +1,10 @@
-"""Residuals of a fit and their derivatives, by copies of the scene that differ in one parameter each.
+"""Residuals of a fit and their derivatives, by copies of the scene that differ along one direction of theta each.
 
     r       (simulated - observed) sqrt(weight) / sigma         J = dr/dtheta        theta: parameters in the mapped space
-    central   1 + 2 p copies:  J = (r+ - r-) / 2 eps,  K = (r+ - 2 r + r-) / eps^2, the second derivative along each axis
-    forward   1 + p copies:    J = (r+ - r) / eps, no K
+    central   1 + 2 p copies:  J b = (r+ - r-) / 2 h,  K = (r+ - 2 r + r-) / h^2, the second derivative along b
+    forward   1 + p copies:    J b = (r+ - r) / h, no K
+
+b, h: directions and steps (`Steps`), at first the axes and eps.
 
 A `Misfit` walks through time, so that who asks can stop early. `residuals` and `jacobian` are the whole walk: the seam at which
 another way to the derivatives (an adjoint) may stand.
@@ -16,6 +18,7 @@ import numpy as np
 from wsim.fitting import observe
 from wsim.fitting.copies import Broken, Copies
 from wsim.fitting.files import read
+from wsim.fitting.floor import floor
 from wsim.fitting.parameter import Parameter
 from wsim.scene import Scene, SceneError
 
@@ -31,7 +34,19 @@ class Part:
     frame: int
     r: np.ndarray                 # (m,)
     J: np.ndarray | None = None   # (m, parameters)
-    K: np.ndarray | None = None
+    K: np.ndarray | None = None   # (m, directions)
+
+
+@dataclass
+class Steps:
+    """Along which directions of theta differences are taken, and how far."""
+
+    B: np.ndarray                 # orthonormal columns, (parameters, directions)
+    h: np.ndarray                 # of theta, (directions,); of forward differences of either sign
+
+    @staticmethod
+    def axes(count: int, eps: float) -> "Steps":
+        return Steps(np.eye(count), np.full(count, eps))
 
 
 class Misfit:
@@ -53,6 +68,7 @@ class Misfit:
         solvers = [c.sim.plan.choice.solver for c in self.of(1 + len(parameters) * (1 + self.central))]
         self.eps = eps or max(EPS[name] for name in solvers)
         self.lasts = [max(int(o.frames.max()) for o in seen) for _, seen in experiments]
+        self.floor = floor(experiments)
 
     @property
     def unit(self) -> str:
@@ -90,16 +106,18 @@ class Misfit:
         """Parameters of theta, in their units."""
         return np.array([p.map.inverse(float(t)) for p, t in zip(self.parameters, theta, strict=True)])
 
-    def worlds(self, theta: np.ndarray, derivatives: bool) -> np.ndarray:
+    def worlds(self, theta: np.ndarray, steps: Steps | None) -> np.ndarray:
         """theta of every copy, (worlds, parameters)."""
-        if not derivatives:
+        if steps is None:
             return theta[None]
-        eye = self.eps * np.eye(len(theta))
-        return np.concatenate([theta[None], theta + eye, *([theta - eye] if self.central else [])])
+        along = (steps.B * steps.h).T
+        return np.concatenate([theta[None], theta + along, *([theta - along] if self.central else [])])
 
-    def walk(self, theta: np.ndarray, derivatives: bool = True) -> Iterator[Part]:
-        """Moment by moment. Raises Broken where a copy stops being a number; the walk may be left at any moment."""
-        each = self.worlds(np.asarray(theta, np.float64), derivatives)
+    def walk(self, theta: np.ndarray, derivatives: bool = True, steps: Steps | None = None) -> Iterator[Part]:
+        """Moment by moment; steps: None: along the axes. Raises Broken where a copy stops being a number; the walk may be left
+        at any moment."""
+        steps = (steps or Steps.axes(len(self.parameters), self.eps)) if derivatives else None
+        each = self.worlds(np.asarray(theta, np.float64), steps)
         copies = self.of(len(each))
         values = np.array([self.values(row) for row in each])
         for c in copies:
@@ -116,17 +134,17 @@ class Misfit:
                 if not np.isfinite(residual).all():
                     raise Broken(frame, f"the misfit of {seen.path} is no number")
                 rows.append(residual)
-            yield self.part(moment, frame, np.concatenate(rows, axis=1), derivatives)
+            yield self.part(moment, frame, np.concatenate(rows, axis=1), steps)
 
-    def part(self, time: float, frame: int, r: np.ndarray, derivatives: bool) -> Part:
-        p = len(self.parameters)
-        if not derivatives:
+    def part(self, time: float, frame: int, r: np.ndarray, steps: Steps | None) -> Part:
+        if steps is None:
             return Part(time, frame, r[0])
+        p = len(steps.h)
         ahead = r[1:p + 1] - r[0]
         if not self.central:
-            return Part(time, frame, r[0], ahead.T / self.eps)
+            return Part(time, frame, r[0], (ahead.T / steps.h) @ steps.B.T)
         behind = r[p + 1:] - r[0]
-        return Part(time, frame, r[0], (ahead - behind).T / (2.0 * self.eps), (ahead + behind).T / self.eps**2)
+        return Part(time, frame, r[0], ((ahead - behind).T / (2.0 * steps.h)) @ steps.B.T, (ahead + behind).T / steps.h**2)
 
     # all at once
 

@@ -9,81 +9,34 @@ At theta all copies are run together and the normal equations are summed up mome
 As soon as q is larger than the error bars that the data so far allow, later data cannot make the step any better: the run is
 left there, and d is taken. So first steps cost a few frames, and only those near the end the whole horizon. A step after which
 the misfit over the same frames is larger is taken back, with a quarter of the radius. Where no noise is given, s is what the
-linear model leaves.
+linear model leaves, and never less than the floor (`wsim.fitting.floor`, and CHANCE times what differences show of chance).
+
+Converged means, at a theta that was run over all that is used: the step from there is less than DONE error bars (so that it
+would take less than DONE^2 off chi^2) in all that is known to better than a factor e, and promises less than 1 off chi^2 in the
+rest; something is known; and what seems not to be seen was looked at with the longest difference. That theta is the result.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from wsim.fitting import state
 from wsim.fitting.copies import Broken
-from wsim.fitting.estimate import LOST
-from wsim.fitting.misfit import Misfit, Part
+from wsim.fitting.misfit import Misfit, Part, Steps
+from wsim.fitting.normal_equations import FARTHEST, Spectrum, Sums
 from wsim.scene import Problem, SceneError
 
 RADIUS = 1.0           # largest step of a mapped parameter: a factor e
 WEAK = 0.1             # lam: what the data leave open within 3 units of theta moves little
 CURVED = 1e-5          # curvature of less than this (of theta) never ends a run early
-DONE = 0.3             # error bars that a last step may leave
-SMALL = 1e-7           # of theta, that it may leave where there is no noise
-FLOOR = 1e-9           # [m] least noise: data without any
+DONE = 0.2             # error bars that the step from the last theta may have
+CHANCE = 10.0          # noise is at least so many times what a simulation leaves to chance: that is alike from point to point
+JITTER = 1e-9          # of the floor's unit: chance that forward differences, which cannot measure it, are taken to have
 LINEAR = 0.2           # part of the answer to a change of theta by NEAR that curvature may be, where it is more than noise
 NEAR = 1e-3            # no model knows a parameter better: where such a change is not answered in proportion, all is chance
 SLACK = 1e-3           # of the misfit: as good as equal
-FEW = 20               # residuals more than parameters, from which they tell what noise is
 LOUD = 4.0             # s^2 over what it was at an earlier moment: the linear model is what is wrong, not the data
-
-
-@dataclass
-class Sums:
-    """Normal equations of all that was seen until `time`."""
-
-    theta: np.ndarray
-    R: np.ndarray                             # [J r] = Q R, (p + 1, p + 1)
-    bend: np.ndarray | None                   # J^T K, (p, p)
-    curve: float = 0.0                        # largest |K| / |J| of a column so far
-    quiet: float = np.inf                     # least s^2 that was seen on the way
-    count: int = 0
-    time: float = 0.0
-    frame: int = 0
-    rows: list[tuple[float, int, float]] = field(default_factory=list)      # time, frame, rms of r
-    growth: list[list[float]] = field(default_factory=list)                 # rms of each column, moment by moment
-
-    @staticmethod
-    def at(theta: np.ndarray, central: bool) -> "Sums":
-        p = len(theta)
-        return Sums(theta.copy(), np.zeros((p + 1, p + 1)), np.zeros((p, p)) if central else None)
-
-    def add(self, part: Part) -> None:
-        assert part.J is not None
-        self.R = np.linalg.qr(np.concatenate([self.R, np.column_stack([part.J, part.r])]), mode="r")    # type: ignore
-        if self.bend is not None and part.K is not None:
-            self.bend = self.bend + part.J.T @ part.K
-            size = np.linalg.norm(self.J, axis=0)
-            curves = np.linalg.norm(part.K, axis=0) / np.maximum(size, 1e-300)
-            self.curve = max(self.curve, float(curves[size > 1e-3 * size.max()].max(initial=0.0)))
-        self.count, self.time, self.frame = self.count + len(part.r), part.time, part.frame
-        if self.count - len(self.theta) >= FEW:
-            self.quiet = min(self.quiet, self.least / (self.count - len(self.theta)))
-        self.rows.append((part.time, part.frame, float(np.sqrt(np.mean(part.r**2))) if len(part.r) else 0.0))
-        self.growth.append(np.sqrt(np.mean(part.J**2, axis=0)).tolist() if len(part.r) else [0.0] * part.J.shape[1])
-
-    @property
-    def J(self) -> np.ndarray:
-        """As good as J for every purpose, (p, p)."""
-        return self.R[:-1, :-1]
-
-    @property
-    def misfit(self) -> float:
-        """Sum of r^2."""
-        return float((self.R[:, -1]**2).sum())
-
-    @property
-    def least(self) -> float:
-        """Sum of r^2 after the step of the linear model."""
-        return float(self.R[-1, -1]**2)
 
 
 @dataclass
@@ -98,7 +51,7 @@ class Prior:
 
 
 class Search:
-    """theta, and how it got there. `run` until it is found, or `limit` simulations are spent."""
+    """theta, and how it got there. `run` until it is found, or `limit` simulations are spent; `best` is the result."""
 
     def __init__(self, misfit: Misfit, theta: np.ndarray, prior: Prior, *, sigma: bool, limit: float = 200.0,
                  accuracy: float = 0.0, each: Callable[["Search"], None] = lambda search: None):
@@ -111,33 +64,58 @@ class Search:
         self.accepted, self.converged, self.notes = False, False, []      # type: ignore[var-annotated]
         self.end = misfit.moments[-1]
 
-    # one step
+    # what is known at one theta
 
-    def noise(self, sums: Sums) -> float:
-        """s^2."""
-        return 1.0 if self.known else max(sums.least / max(sums.count - len(sums.theta), 1), FLOOR**2)
+    def chance(self, sums: Sums) -> float:
+        """Of all residuals together, where forward differences cannot measure it."""
+        return JITTER / 1e-7 * self.misfit.floor * np.sqrt(sums.count)
+
+    def floor(self, sums: Sums) -> float:
+        """s^2 below which nothing is claimed."""
+        least = self.misfit.floor**2
+        if sums.second is None or not sums.count:
+            return least
+        seen = sums.second[sums.second > 0.0] * sums.steps.h[sums.second > 0.0]**4 / 6.0
+        return max(least, CHANCE**2 * float(seen.min(initial=np.inf if len(seen) else 0.0)) / sums.count)
+
+    def noise(self, sums: Sums, left: float | None = None) -> float:
+        """s^2. left: sum of r^2; None: after the step of the linear model."""
+        left = sums.least if left is None else left
+        return max(1.0 if self.known else left / max(sums.count - len(sums.theta), 1), self.floor(sums))
 
     def calm(self, sums: Sums) -> float:
         """s^2, but at most LOUD times what it was at any earlier moment."""
-        return min(self.noise(sums), max(LOUD * sums.quiet, FLOOR**2))
+        return min(self.noise(sums), max(LOUD * sums.quiet, self.floor(sums)))
+
+    def spectrum(self, sums: Sums) -> Spectrum:
+        return sums.spectrum(self.chance(sums))
+
+    # one step
+
+    def equations(self, sums: Sums) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """S, V and U^T (-side) of J over s above the roots of the priors, without what is lost."""
+        s, root = np.sqrt(self.noise(sums)), np.sqrt(self.prior.weight)
+        spectrum = self.spectrum(sums)
+        seen = (spectrum.V @ (sums.J.T @ sums.R[:-1, -1])) / np.maximum(spectrum.S, 1e-300) / s
+        rows = np.concatenate([spectrum.J / s, np.diag(root)])
+        side = np.concatenate([np.where(spectrum.kept, seen, 0.0), root * (sums.theta - self.prior.mean)])
+        U, S, V = np.linalg.svd(rows, full_matrices=False)
+        known = S > 1e-12 * max(S[0], 1e-300)
+        return S[known], V[known], -(U.T @ side)[known]
 
     def step(self, sums: Sums) -> tuple[np.ndarray, np.ndarray]:
         """d and q."""
-        s2, root = self.noise(sums), np.sqrt(self.prior.weight)
-        rows = np.concatenate([sums.J / np.sqrt(s2), np.diag(root)])
-        side = np.concatenate([sums.R[:-1, -1] / np.sqrt(s2), root * (sums.theta - self.prior.mean)])
-        U, S, V = np.linalg.svd(rows, full_matrices=False)
-        kept = self.lost(sums) * S[0] < S                   # along the others J is what differences err, and no step is right
-        U, S, V = U[:, kept], S[kept], V[kept]
+        S, V, side = self.equations(sums)
         lam = WEAK
         while True:
-            d = -V.T @ (S / (S**2 + lam) * (U.T @ side))
+            d = V.T @ (S / (S**2 + lam) * side)
             if np.abs(d).max(initial=0.0) <= self.radius or lam > 1e300:
                 break
             lam *= 2.0
         if sums.bend is None:
             return d, np.zeros_like(d)
-        return d, -V.T @ ((V @ (sums.bend @ (0.5 * d**2) / s2)) / (S**2 + lam))
+        square = 0.5 * (sums.steps.B.T @ d)**2 / self.noise(sums)
+        return d, -V.T @ ((V @ (sums.bend @ square)) / (S**2 + lam))
 
     def bars(self, sums: Sums, q: np.ndarray, noise: float) -> float:
         """Length of q in error bars of noise s^2."""
@@ -147,42 +125,53 @@ class Search:
         """Whether more data would not make the step any better."""
         d, q = self.step(sums)
         if sums.bend is None:
-            return bool(np.abs(d).max() > 0.1 and self.bars(sums, d, self.calm(sums)) > 3.0) or self.enough(sums, d, q)
-        return bool(np.abs(q).max() > CURVED and self.bars(sums, q, self.calm(sums)) > 1.0) or self.enough(sums, d, q)
+            return bool(np.abs(d).max() > 0.1 and self.bars(sums, d, self.calm(sums)) > 3.0) or self.enough(sums, d)
+        if np.abs(d).max() <= RADIUS / 2.0 and self.enough(sums, q):
+            return True
+        return bool(np.abs(q).max() > CURVED and self.bars(sums, q, self.calm(sums)) > 1.0)
 
-    def enough(self, sums: Sums, d: np.ndarray, q: np.ndarray) -> bool:
-        """Whether the step leaves less than `accuracy`."""
-        left = np.abs(d if sums.bend is None else q).max()
-        if not self.accuracy or left > 0.25 * self.accuracy or np.abs(d).max() > RADIUS / 2.0:
+    def enough(self, sums: Sums, left: np.ndarray) -> bool:
+        """Whether what is left to go is less than `accuracy`, and all is known to it."""
+        if not self.accuracy or np.abs(left).max() > 0.25 * self.accuracy:
             return False
-        A = sums.J.T @ sums.J / self.noise(sums) + np.diag(self.prior.weight)
+        A = self.spectrum(sums).J
+        A = A.T @ A / self.noise(sums) + np.diag(self.prior.weight)
         if np.linalg.eigvalsh(A)[0] < 1.0 / self.accuracy**2:
             return False
         return bool(2.0 * np.sqrt(np.diag(np.linalg.inv(A))).max() <= self.accuracy)
 
     def there(self, sums: Sums) -> bool:
-        """Whether the step from here is the last one."""
-        d, q = self.step(sums)
-        last = d if sums.bend is None else q
-        whole = sums.time >= self.end and (np.abs(last).max() < SMALL or self.bars(sums, last, self.noise(sums)) < DONE)
-        return bool(whole) or self.enough(sums, d, q)
+        """Whether the fit has converged here."""
+        if self.enough(sums, self.step(sums)[0]):
+            return True
+        S, _, side = self.equations(sums)
+        strong = S >= 1.0                                   # error bars below a factor e
+        return bool(sums.time >= self.end and strong.any() and np.linalg.norm(side[strong]) <= DONE
+                    and np.linalg.norm(side[~strong]) <= 1.0 and not self.hidden(sums))
 
-    def lost(self, sums: Sums) -> float:
-        """What differences leave of the largest singular value where it should be nothing."""
-        eps = self.misfit.eps
-        return max(LOST, eps, 1e-3) if sums.bend is None else max(LOST, (eps * sums.curve)**2)
+    def hidden(self, sums: Sums) -> bool:
+        """Whether something seems not to be seen that a longer difference may show."""
+        lost = self.spectrum(sums).V[~self.spectrum(sums).kept]
+        short = np.abs(sums.steps.h) < 0.99 * max(FARTHEST, self.misfit.eps)
+        return bool((np.abs(lost @ sums.steps.B[:, short]) > 0.1).any())
+
+    def next_steps(self) -> Steps:
+        best, eps = self.best, self.misfit.eps
+        if best is None:
+            return Steps.axes(len(self.theta), eps)
+        return best.next_steps(eps, self.chance(best), (0.5 / CHANCE)**2 * self.noise(best))
 
     # a walk through time
 
     def look(self) -> Sums | None:
         """Sums at theta as far as they are worth it; None where the last step was wrong."""
-        sums, best = Sums.at(self.theta, self.misfit.central), self.best
-        most = np.inf
+        best = self.best
+        sums, most = Sums.at(self.theta, self.next_steps(), self.misfit.central), np.inf
         if best:
             most = self.cost(best, best) + SLACK
             most += SLACK * most
         try:
-            for part in self.misfit.walk(self.theta):
+            for part in self.misfit.walk(self.theta, steps=sums.steps):
                 if self.torn(part, sums):
                     break
                 sums.add(part)
@@ -209,7 +198,8 @@ class Search:
         """Whether a change by NEAR is no longer answered in proportion: beyond this moment nothing can be said."""
         if part.K is None or part.J is None or not len(part.r) or not sums.rows:
             return False
-        first, second = (np.sqrt(np.mean(a**2, axis=0)) for a in (NEAR * part.J, 0.5 * NEAR**2 * part.K))
+        each = (NEAR * part.J @ sums.steps.B, 0.5 * NEAR**2 * part.K)
+        first, second = (np.sqrt(np.mean(a**2, axis=0)) for a in each)
         if not np.any((second > LINEAR * first) & (second > np.sqrt(self.noise(sums)))):
             return False
         self.stop(sums, f"the motion is chaotic or not smooth beyond: a change of {100.0 * NEAR:g} % is no longer answered in "
@@ -235,19 +225,55 @@ class Search:
                 assert self.best is not None
                 d, _ = self.step(self.best)
                 self.radius = 0.25 * float(np.abs(d).max())
-                self.theta = self.best.theta + self.step(self.best)[0]
-                if self.radius < 1e-9:
-                    self.notes.append("no step makes the misfit any smaller")
-                    break
             else:
                 d, _ = self.step(sums)
                 if self.best is not None:
                     self.radius = min(RADIUS, max(self.radius, 2.0 * float(np.abs(d).max())))
                 self.best, self.converged = sums, self.there(sums)
-                self.theta = sums.theta + d
+                if self.converged and not self.misfit.central:
+                    self.best = self.look_behind(sums)
+                    self.converged = self.there(self.best)
+            self.theta = self.best.theta + self.step(self.best)[0]
             self.each(self)
+            if self.stuck():
+                break
         if not self.converged and self.misfit.walked >= self.limit:
             self.notes.append(f"not converged within {self.limit:g} simulations: allow more, or start nearer")
+
+    def look_behind(self, best: Sums) -> Sums:
+        """Forward differences see no curvature, and cannot tell chance from answers: once more with the other sign, which makes
+        central ones of them."""
+        sums = Sums.at(best.theta, best.steps, central=True)
+        first: list[Part] = []
+        try:
+            for steps in (best.steps, Steps(best.steps.B, -best.steps.h)):
+                for k, part in enumerate(self.misfit.walk(best.theta, steps=steps)):
+                    if part.time > best.time:
+                        break
+                    if steps is best.steps:
+                        first.append(part)
+                        continue
+                    curves = (first[k].J - part.J) @ best.steps.B / best.steps.h          # type: ignore[operator]
+                    sums.add(Part(part.time, part.frame, part.r, 0.5 * (first[k].J + part.J), curves))
+        except Broken:
+            return best
+        return sums
+
+    def stuck(self) -> bool:
+        """Whether no step is left though the fit has not converged; it says why."""
+        best = self.best
+        assert best is not None
+        if self.converged or best.time < self.end or self.hidden(best):
+            return False
+        S, _, side = self.equations(best)
+        if not (S >= 1.0).any() and np.linalg.norm(side) <= 1.0:
+            what = "by more than a simulation leaves to chance" if not len(S) else "enough to know it to a factor e"
+            self.notes.append(f"nothing that was observed depends {what} on what is fitted: values are not to be trusted")
+            return True
+        if self.radius >= 1e-9 and np.abs(self.theta - best.theta).max() > 0.0:
+            return False
+        self.notes.append("no step makes the misfit any smaller, though first derivatives promise it")
+        return True
 
     # stopping and going on
 
@@ -257,10 +283,12 @@ class Search:
 
     def save(self, path) -> None:
         b = self.best
-        best = b and {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in vars(b).items()}
+        best = b and {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in vars(b).items()
+                      if name not in ("steps", "before")}
         state.write(path, self.names, {
             "theta": self.theta.tolist(), "radius": self.radius, "steps": self.steps, "simulations": self.misfit.walked,
-            "launches": self.misfit.launches, "converged": self.converged, "end": self.end, "notes": self.notes, "best": best})
+            "launches": self.misfit.launches, "converged": self.converged, "end": self.end, "notes": self.notes, "best": best,
+            "along": b and [b.steps.B.tolist(), b.steps.h.tolist()]})
 
     def resume(self, path) -> None:
         """Goes on from a file of `save`. Raises SceneError where it is of another fit."""
@@ -270,8 +298,8 @@ class Search:
             self.misfit.walked, self.misfit.launches = float(found["simulations"]), int(found["launches"])
             self.converged, self.end, self.notes = bool(found["converged"]), float(found["end"]), list(found["notes"])
             if b:
-                bend = None if b["bend"] is None else np.array(b["bend"])
-                self.best = Sums(**b | {"theta": np.array(b["theta"]), "R": np.array(b["R"]), "bend": bend})
+                arrays = {k: None if b[k] is None else np.array(b[k]) for k in ("theta", "R", "bend", "second")}
+                self.best = Sums(**b | arrays, steps=Steps(*(np.array(a) for a in found["along"])))
 
 
 def rate(sums: Sums) -> str:

@@ -8,6 +8,8 @@ if TYPE_CHECKING:
     from wsim.fitting.fit import Fit
 
 STRONG = 0.9           # correlation that is named
+ORIGIN = {"given": "as given", "estimated": "estimated from what is left",
+          "floor": "as low as a fit claims: what solvers and rounding leave"}
 BARS = " .:-=+*#"      # of the smallest to the largest residual
 
 
@@ -30,7 +32,8 @@ def text(fit: "Fit") -> str:
     lines += [f"not identifiable: {w}" for w in e.words]
     lines += _correlated(fit)
     lines.append(f"singular values {', '.join(f'{s:.3g}' for s in e.singular)} (of the Jacobian over the noise)")
-    lines.append(f"noise {fit.sigma:.3g} {fit.unit}, residuals over it {fit.misfit:.3g}; by time |{bars(fit)}|")
+    lines.append(f"noise {fit.sigma:.3g} {fit.unit}, residuals over it {fit.misfit:.3g}; by time |{bars(fit)}|; noise "
+                 f"{ORIGIN[fit.origin]}")
     end = "converged" if fit.converged else "NOT converged"
     lines.append(f"{end} after {fit.steps} steps, {fit.simulations:.3g} simulations ({fit.launches} launches of "
                  f"{fit.worlds} copies), {fit.seconds:.3g} s, frames to {fit.frames}")

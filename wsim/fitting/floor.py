@@ -1,0 +1,43 @@
+"""The least noise that a fit claims: what simulations and observations are wrong by, whatever the data look like.
+
+    simulated   EXACT of the size of the body (of forces: of the largest): tolerances of Newton's method and of conjugate
+                gradients, and what they leave to chance
+    observed    rounding of numbers that are kept in float32, as USD keeps points: spacing / sqrt(12)
+"""
+
+import numpy as np
+
+from wsim.scene import Scene
+
+EXACT = 1e-7
+
+
+def floor(experiments: list[tuple[Scene, list]]) -> float:
+    """Root of the mean square over all that was observed, in the unit of residuals: [m], [N], or of the given noise."""
+    square, count = 0.0, 0
+    for scene, seen in experiments:
+        for o in seen:
+            values = _values(o)
+            error = max(EXACT * _size(o, values, scene), _rounding(o, values)) / (o.sigma or 1.0)
+            square, count = square + len(values) * error**2, count + len(values)
+    return float(np.sqrt(square / max(count, 1)))
+
+
+def _values(o) -> np.ndarray:
+    values = np.asarray(getattr(o, "positions", o.points), np.float64).ravel()
+    return values[np.isfinite(values)]
+
+
+def _size(o, values: np.ndarray, scene: Scene) -> float:
+    if o.unit == "N":
+        return float(np.abs(values).max(initial=0.0))
+    points = next(np.asarray(b.points, np.float64) for b in scene.bodies() if b.path == o.path)
+    return float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0
+
+
+def _rounding(o, values: np.ndarray) -> float:
+    """0 of values that float32 does not hold."""
+    single = np.abs(values).astype(np.float32)
+    if not len(values) or (o.source == "observations" and not np.array_equal(single, np.abs(values))):
+        return 0.0
+    return float(np.sqrt(np.mean(np.spacing(single).astype(np.float64)**2) / 12.0))
