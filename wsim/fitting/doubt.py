@@ -8,7 +8,8 @@
 
 from math import sqrt
 
-from wsim.fitting.search import LOUD, Search
+from wsim.fitting.levenberg_marquardt import LOUD
+from wsim.fitting.search import Search
 
 MOST = 4.0             # deviations of chance that are not yet told
 ALIKE = 0.3            # rho that is told
@@ -30,8 +31,9 @@ def notes(search: Search, noise: float, left: float) -> list[str]:
         found.append(f"what is left is {left:.3g} times the noise that was given: the model, or the noise, is not right; error "
                      "bars were widened by that, and are not to be trusted all the same")
     if noise > 3.0 * LOUD * max(best.quiet, search.floor(best)) and not search.known:
-        found.append(f"what is left grows from {sqrt(best.quiet):.2g} to {sqrt(noise):.2g} {search.misfit.unit} with time: the "
-                     "model misses something, or this is a wrong valley; try other start values, and do not trust the error bars")
+        found.append(f"what is left grows from {sqrt(best.quiet):.2g} to {sqrt(noise):.2g} {search.misfit.unit} with time: "
+                     "the model misses something, or this is a wrong valley; try other start values, and do not trust the "
+                     "error bars")
     rho = best.alike / max(best.misfit, 1e-300)
     if origin(search, noise) != "floor" and rho > max(ALIKE, MOST / sqrt(free)):
         found.append(f"what is left is alike from frame to frame (correlation {rho:.2f}) and so no noise: the model misses "

@@ -5,7 +5,8 @@
     wsim.save(result.scene, "fitted.usda")
 
 `search` is the method (Levenberg-Marquardt with a growing horizon), `misfit` what it makes small, `estimate` what is known in
-the end. Priors act on the mapped space: {"stretch": (500.0, 0.2)} is a factor e^0.2 about 500 N/m.
+the end, `doubt` whether what is left looks like noise. Priors act on the mapped space: {"stretch": (500.0, 0.2)} is a factor
+e^0.2 about 500 N/m.
 """
 
 import os
@@ -21,9 +22,10 @@ from wsim.fitting import parameter as table
 from wsim.fitting.estimate import Estimate, estimate
 from wsim.fitting.field import is_field
 from wsim.fitting.field_fit import fit_fields
+from wsim.fitting.levenberg_marquardt import Prior
 from wsim.fitting.misfit import Misfit, experiments_of
 from wsim.fitting.parameter import Parameter
-from wsim.fitting.search import Prior, Search
+from wsim.fitting.search import Search
 from wsim.scene import Problem, Scene, SceneError
 
 

@@ -3,10 +3,10 @@
     [J r] = Q R        R alone is kept; of the second derivatives K along the directions b of the differences: J^T K and |K_b|
 
 What J errs by is measured where it is taken: chance of the size e in every residual gives r+ - 2 r + r- = sqrt(6) e and
-J b = e / sqrt(2) h, so that |K_b| h / sqrt(12) is an upper bound of the error of J b (More, Wild 2011, differences as a measure
-of noise). A direction whose singular value is less than SURE of that error is not seen: it is `lost`, whatever the noise of the
-observations. The next differences are taken along the singular directions, in steps that move all that was observed equally far,
-up to FARTHEST for those that hardly show, so that chance weighs least where it would be mistaken for an answer.
+J b = e / sqrt(2) h, so that |K_b| h / sqrt(12) is an upper bound of the error of J b (More, Wild 2011: noise from
+differences). A direction whose singular value is less than SURE of that error is not seen, whatever the noise of
+the observations. The next differences are taken along the singular directions, in steps that move all that was observed
+equally far, up to FARTHEST for those that hardly show, so that chance weighs least where it would be mistaken for an answer.
 """
 
 from dataclasses import dataclass, field
@@ -100,7 +100,7 @@ class Sums:
     def spectrum(self, chance: float = 0.0) -> Spectrum:
         S, V = np.linalg.svd(self.J)[1:]
         error = np.linalg.norm(self.errors(chance)[:, None] * (self.steps.B.T @ V.T), axis=0)
-        return Spectrum(S, V, error, S > np.maximum(SURE * error, LOST * S[0]))
+        return Spectrum(S, V, error, np.maximum(SURE * error, LOST * S[0]) < S)
 
     def next_steps(self, eps: float, chance: float, quiet: float) -> Steps:
         """For differences from here on. quiet: s^2 of chance that would not matter: the step along what is seen best is made so
