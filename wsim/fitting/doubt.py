@@ -8,11 +8,13 @@
 
 from math import sqrt
 
+import numpy as np
+
 from wsim.fitting.levenberg_marquardt import LOUD
 from wsim.fitting.search import Search
 
 MOST = 4.0             # deviations of chance that are not yet told
-ALIKE = 0.3            # rho that is told
+ALIKE = 0.1            # rho that is told
 
 
 def origin(search: Search, noise: float) -> str:
@@ -34,8 +36,22 @@ def notes(search: Search, noise: float, left: float) -> list[str]:
         found.append(f"what is left grows from {sqrt(best.quiet):.2g} to {sqrt(noise):.2g} {search.misfit.unit} with time: "
                      "the model misses something, or this is a wrong valley; try other start values, and do not trust the "
                      "error bars")
+    found += _flat(search, noise)
     rho = best.alike / max(best.misfit, 1e-300)
     if origin(search, noise) != "floor" and rho > max(ALIKE, MOST / sqrt(free)):
         found.append(f"what is left is alike from frame to frame (correlation {rho:.2f}) and so no noise: the model misses "
                      "something (a coarse mesh, say), and error bars do not say how much; do not trust them")
     return found
+
+
+def _flat(search: Search, noise: float) -> list[str]:
+    """Directions in which first derivatives are 0 and second ones are not: a place of symmetry, where no step begins."""
+    best, spectrum = search.best, search.spectrum(search.best)        # type: ignore[arg-type]
+    if best is None or best.second is None:
+        return []
+    lost, along = spectrum.V[~spectrum.kept], best.steps
+    moved = best.second * along.h**4 / 4.0                            # |K h^2 / 2|^2
+    own = [k for k in range(len(along.h)) if moved[k] > noise and (np.abs(lost @ along.B[:, k]) > 0.9).any()]
+    names = [search.names[int(np.argmax(np.abs(along.B[:, k])))] for k in own]
+    return [f"{n} shows in second order alone, as at a place of symmetry, from where no step begins: give another start value"
+            for n in dict.fromkeys(names)]

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wsim.fitting.levenberg_marquardt import OPEN
 from wsim.fitting.normal_equations import Spectrum
 from wsim.fitting.parameter import Parameter
 
-OPEN = 1.0             # units of theta
+NOTHING = 0.01         # of the noise, what a factor e of a parameter moves of all that was observed: said to be nothing
 PART = 0.2             # of a direction's largest entry, from which a parameter belongs to it
 
 
@@ -55,16 +56,29 @@ def estimate(parameters: list[Parameter], theta: np.ndarray, spectrum: Spectrum,
     low, high = (np.array([p.map.inverse(float(t)) if np.isfinite(t) else np.nan
                            for p, t in zip(parameters, theta + s * sigma, strict=True)]) for s in (-2.0, 2.0))
     errors = np.where(np.isfinite(sigma), slopes * np.where(np.isfinite(sigma), sigma, 0.0), np.inf)
+    dark = [v for v in directions if np.linalg.norm(J @ v) < NOTHING * np.sqrt(noise)]
     return Estimate(theta, values, errors, low, high, correlation, singular, directions,
-                    words(parameters, theta, directions, np.sqrt((J**2).sum(axis=0) / noise)))
+                    words(parameters, dark, np.sqrt((J**2).sum(axis=0) / noise))
+                    + faint(parameters, [v for v in directions if not any(v is d for d in dark)]))
 
 
-def words(parameters: list[Parameter], theta: np.ndarray, directions: list[np.ndarray], seen: np.ndarray) -> list[str]:
-    """The open directions in words. seen: length of each column of J / s."""
+def faint(parameters: list[Parameter], directions: list[np.ndarray]) -> list[str]:
+    """Directions that show, and by less than the noise."""
+    found = []
+    for v in directions:
+        names = [p.name for p, part in zip(parameters, v, strict=True) if abs(part) > PART]
+        what = "its value is" if len(names) == 1 else "together their values are"
+        found.append(f"{_listed(names)} show{'s' * (len(names) == 1)} in what was observed by less than the noise: {what} not "
+                     "known to a factor e; give a prior, or better data")
+    return found
+
+
+def words(parameters: list[Parameter], directions: list[np.ndarray], seen: np.ndarray) -> list[str]:
+    """Directions that do not show, whatever the noise. seen: length of each column of J / s."""
     if not directions:
         return []
     found, V = [], np.array(directions)
-    alone = [k for k, s in enumerate(seen) if s < 1.0 / OPEN]
+    alone = [k for k, s in enumerate(seen) if s < NOTHING]
     found += [f"{parameters[k].name} changes nothing that was observed: it cannot be found from these data" for k in alone]
     if len(alone) >= len(directions):
         return found

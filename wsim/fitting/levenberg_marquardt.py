@@ -20,6 +20,7 @@ from wsim.fitting.misfit import Steps
 from wsim.fitting.normal_equations import FARTHEST, Spectrum, Sums
 
 RADIUS = 1.0           # largest step of a mapped parameter: a factor e
+OPEN = 1.0             # of theta: error bar of what counts as not known, a factor e
 WEAK = 0.1             # lam: what the data leave open within 3 units of theta moves little
 CURVED = 1e-5          # curvature of less than this (of theta) never ends a run early
 DONE = 0.2             # error bars that the step from the last theta may have
@@ -129,10 +130,16 @@ class LevenbergMarquardt:
         """Whether the fit has converged here."""
         if self.enough(sums, self.step(sums)[0]):
             return True
+        strong, weak = self.promises(sums)
+        return bool(sums.time >= self.end and strong is not None and strong <= DONE**2 and weak <= 1.0
+                    and not self.hidden(sums))
+
+    def promises(self, sums: Sums) -> tuple[float | None, float]:
+        """What a step would take off chi^2 in what is known to better than a factor e (None: nothing is), and in the rest."""
         S, _, side = self.equations(sums)
-        strong = S >= 1.0                                   # error bars below a factor e
-        return bool(sums.time >= self.end and strong.any() and np.linalg.norm(side[strong]) <= DONE
-                    and np.linalg.norm(side[~strong]) <= 1.0 and not self.hidden(sums))
+        strong = S >= 1.0 / OPEN
+        weak = side[~strong]**2 * S[~strong]**2 / (S[~strong]**2 + WEAK)
+        return float((side[strong]**2).sum()) if strong.any() else None, float(weak.sum())
 
     def hidden(self, sums: Sums) -> bool:
         """Whether something seems not to be seen that a longer difference may show."""

@@ -137,10 +137,10 @@ class Search(LevenbergMarquardt):
         assert best is not None
         if self.converged or best.time < self.end or self.hidden(best):
             return False
-        S, _, side = self.equations(best)
-        if not (S >= 1.0).any() and np.linalg.norm(side) <= 1.0:
-            what = "by more than a simulation leaves to chance" if not len(S) else "enough to know it to a factor e"
-            self.notes.append(f"nothing that was observed depends {what} on what is fitted: values are not to be trusted")
+        strong, weak = self.promises(best)
+        if strong is None and weak <= 1.0:
+            self.notes.append("nothing that is fitted shows in what was observed by more than its noise: the values are about "
+                              "those at the start, and say nothing")
             return True
         if self.radius >= 1e-9 and np.abs(self.theta - best.theta).max() > 0.0:
             return False
