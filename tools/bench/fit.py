@@ -8,7 +8,8 @@ A row a parameter: draws inside two error bars of the truth, root mean square of
 right), error bar. Of parameters that are not known apart: draws in which a fit said so and gave no finite bar, and a row of the
 combination that is known. An experiment: fits that say they converged, those of them that have not (from the returned point,
 with differences of another step, chi^2 would still fall by more than PROMISE), those that doubt their bars, simulations (copies
-times part of the horizon) and CPU seconds a fit. With --json rows are written as they come, and those of other experiments are kept.
+times part of the horizon) and CPU seconds a fit. With --json rows are written as they come, and those of other experiments are
+kept.
 """
 
 import argparse

@@ -13,6 +13,7 @@ import warp as wp
 
 from wsim.fitting.copies import settled
 from wsim.fitting.field import Field
+from wsim.fitting.floor import floor
 from wsim.fitting.number import Number, give
 from wsim.recording import Recording
 from wsim.scene import Scene, SceneError
@@ -98,6 +99,7 @@ class Adjoint:
         self.shapes = [v.shape for v in self.start]
         self.ends = np.cumsum([0, *(v.size for v in self.start)])
         self.known = first.seen[0].sigma is not None
+        self.floor = floor([(e.scene, e.seen) for e in self.experiments])
         self.time = max(e.last / e.scene.fps for e in self.experiments)       # [s]
         self.walked, self.launches, self.backward, self.seen = 0.0, 0, 0, Seen()
 

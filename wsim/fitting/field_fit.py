@@ -7,6 +7,9 @@ The horizon is a quarter, a half and all of the time, each begun from where the 
 the present place: at first all of the misfit, so that beliefs weigh most and the field comes out smooth, and less the better
 it fits, down to the noise where it is given. It never grows within a horizon. (With the noise from the start a bar of two
 halves takes more than twice the steps.)
+
+Converged means that Newton's step from the place that is returned would take less than PROMISE a value off F
+(`wsim.fitting.bars`), and that something was seen.
 """
 
 import os
@@ -17,7 +20,7 @@ from time import perf_counter
 import numpy as np
 
 from wsim.fitting import state
-from wsim.fitting.bars import deviations
+from wsim.fitting.bars import deviations, gain
 from wsim.fitting.by_adjoint import Adjoint
 from wsim.fitting.field import Field
 from wsim.fitting.field_result import Bar, FieldFit
@@ -33,7 +36,8 @@ DONE = 1e-3                   # of F a value, a step that takes less off is one 
 STILL = 3                     # such steps, one after the other
 FRESH, SETS = 10, 4           # steps after which what is seen is probed anew, and sets of probes that count together
 GAIN = 0.8                    # what a smaller s must make of what is left to be worth it
-FLOOR = 1e-9                  # [m] least noise
+PROMISE = 2e-3                # of F a value: each is within 0.06 of its error bar
+LOUD = 4.0                    # deviations of chance of chi^2 that are not yet told
 
 
 class FieldSearch:
@@ -44,8 +48,10 @@ class FieldSearch:
         self.misfit, self.limit, self.file, self.each = misfit, limit, file, each
         times = np.array(misfit.moments())
         self.horizons = sorted({float(times[times <= p * times[-1] + 1e-9].max(initial=0.0)) for p in PARTS} - {0.0})
-        self.stage, self.steps, self.sigma, self.least = 0, 0, inf, 1.0 if misfit.known else FLOOR
+        self.stage, self.steps, self.sigma, self.least = 0, 0, inf, max(misfit.floor, 1.0 if misfit.known else 0.0)
         self.converged, self.still, self.rows = False, 0, []        # type: ignore[var-annotated]
+        self.visible, self.promise, self.settled = True, inf, False
+        self.proof: tuple[np.ndarray, np.ndarray] | None = None    # theta, and probes there
         self.descent = Descent(misfit.look, Place(theta, np.zeros(2), np.zeros((2, len(theta)))), np.ones(2), RADIUS)
         self.notes: list[str] = []
         self.probed: list[np.ndarray] = []
@@ -62,7 +68,7 @@ class FieldSearch:
     def arrive(self) -> None:
         """At a horizon: F anew. Raises SceneError where the start breaks."""
         m, d = self.misfit, self.descent
-        m.time, self.still, self.tried = self.horizons[self.stage], 0, None
+        m.time, self.still, self.tried, self.settled = self.horizons[self.stage], 0, None, False
         d.at = d.look(d.at.x)
         if not np.isfinite(d.at.f[0]):
             raise SceneError(Problem("start", f"with the start values the simulation breaks: {m.broken}; give other start "
@@ -94,14 +100,29 @@ class FieldSearch:
                 if not self.last and self.steps - first >= FEW:
                     break
                 if self.still >= STILL and not self.goes_on():
-                    self.converged |= self.last
-                    break
-            if not self.last:
-                self.stage += 1
-        if not self.converged and self.taken_back():
-            self.converged = self.last
-        if not self.converged:
+                    if not self.last or self.done() or self.descent.lost:
+                        break
+                    self.still = 0
+            if self.last:
+                break
+            self.stage += 1
+        if not (self.converged or self.settled) and self.taken_back() and self.last:
+            self.done()
+        if not self.converged and self.misfit.walked >= self.limit:
             self.notes.append(f"not converged within {self.limit:g} gradients: allow more, or start nearer")
+        elif not self.converged:
+            self.notes.append("nothing that is fitted shows in what was observed by more than its noise: the values are about "
+                              "those at the start, and say nothing" if not self.visible else
+                              f"no lower F is found along the gradient, though F should fall by {self.promise:.2g}")
+
+    def done(self) -> bool:
+        """Whether the fit has converged here."""
+        m, Y = self.misfit, self.misfit.probes(self.theta)
+        self.proof = (self.theta, Y)
+        self.visible = bool((np.linalg.norm(Y, axis=1) > self.sigma).any())
+        self.promise = gain(m, self.theta, self.descent.gradient, self.sigma, Y)
+        self.converged = self.visible and self.promise <= PROMISE * len(self.theta)
+        return self.converged or not self.visible
 
     def probe(self, fresh: bool) -> None:
         """A Hessian to begin from, by probes here and at the last few places."""
@@ -131,7 +152,8 @@ class FieldSearch:
     def goes_on(self) -> bool:
         """Where nothing moves any more: whether it does once beliefs weigh less. A given noise is gone down to; an estimate is
         halved to see whether that fits much better, and is taken back where not."""
-        if self.taken_back():
+        self.settled = self.settled or self.taken_back()
+        if self.settled:
             return False
         if self.sigma <= self.least:
             return False
@@ -233,28 +255,41 @@ def _told(search: FieldSearch, each: Callable[[dict], None] | None) -> None:
 
 
 def _result(search: FieldSearch, found: list[Field | Number], scenes: list[Scene], seconds: float) -> FieldFit:
-    m = search.misfit
-    noise = search.sigma if not m.known else 1.0 if m.unit == "sigma" else m.experiments[0].seen[0].sigma or 1.0
-    search.sigma = 1.0 if m.known else search.sigma
-    Y = m.probes(search.theta)
-    known = m.parts(np.linalg.norm(Y, axis=1))
+    m, sigma = search.misfit, search.sigma if not search.misfit.known else search.least
+    given = 1.0 if not m.known or m.unit == "sigma" else m.experiments[0].seen[0].sigma or 1.0
+    Y, known = search.proof[1] if search.proof and search.proof[0] is search.theta else m.probes(search.theta), {}
+    for f, part in zip(found, m.parts(np.linalg.norm(Y, axis=1)), strict=True):
+        known[f.name] = _flat(part / sigma)
+    rms = sqrt(2.0 * search.descent.at.f[0] / max(m.seen.count, 1))
+    wide, notes = _noisy(search, rms / sigma)
     numbers = [f for f in found if isinstance(f, Number)]              # they come first
-    bars = deviations(m, search.theta, list(range(len(numbers))), search.sigma, Y)
+    bars = deviations(m, search.theta, list(range(len(numbers))), sigma * wide, Y)
     values = dict(zip([f.name for f in found], m.values(search.theta), strict=True))
-    notes = list(search.notes)
     for e in m.experiments:
         notes += [w.removeprefix("warning: ") for w in e.sim.warnings if w not in notes]
-    if not m.known and m.seen.count < 2 * len(search.theta):
-        notes.append(f"{m.seen.count} numbers were observed for {len(search.theta)} values: give the noise, or what is left "
-                     "says little about it")
+    notes += [f"the error bar of {n.name} is at least that: conjugate gradients did not come close" for n, (_, close) in
+              zip(numbers, bars, strict=True) if not close]
     for f in found:
         scenes = [f.written(s, values[f.name]) if f.belongs(s) else s for s in scenes]
-    rms, slope = (search.rows[-1][2], search.rows[-1][4]) if search.rows else (inf, inf)
-    seen = {f.name: _flat(k / search.sigma) for f, k in zip(found, known, strict=True)}
-    errors = {n.name: Bar.of(n.map, float(n.map.forward(values[n.name][0, 0])), b) for n, b in zip(numbers, bars, strict=True)}
-    return FieldFit(found, {name: _flat(v) for name, v in values.items()}, seen, scenes[0], scenes,
-                    search.converged, noise, rms / search.sigma, slope, search.steps, m.walked, m.launches,
-                    round(m.time * m.experiments[0].scene.fps), seconds, search.rows, notes, errors, m.unit)
+    errors = {n.name: Bar.of(n.map, float(n.map.forward(values[n.name][0, 0])), b)
+              for n, (b, _) in zip(numbers, bars, strict=True)}
+    return FieldFit(found, {name: _flat(v) for name, v in values.items()}, known, scenes[0], scenes,
+                    search.converged, sigma * given, rms / sigma, float(np.linalg.norm(search.descent.gradient)), search.steps,
+                    m.walked, m.launches, round(m.time * m.experiments[0].scene.fps), seconds, search.rows,
+                    [*search.notes, *notes], errors, m.unit,
+                    "floor" if sigma <= m.floor else "given" if m.known else "estimated")
+
+
+def _noisy(search: FieldSearch, left: float) -> tuple[float, list[str]]:
+    """By how much error bars are widened where what is left is no noise, and what is said of it. left: rms over the noise."""
+    m = search.misfit
+    if not m.known and m.seen.count < 2 * len(search.theta):
+        return 1.0, [f"{m.seen.count} numbers were observed for {len(search.theta)} values: give the noise, or what is left "
+                     "says little about it"]
+    if m.known and left**2 - 1.0 > LOUD * sqrt(2.0 / max(m.seen.count, 1)):
+        return left, [f"what is left is {left:.3g} times the noise that was given: the model, or the noise, is not right; "
+                      "error bars were widened by that, and are not to be trusted all the same"]
+    return 1.0, []
 
 
 def _flat(values: np.ndarray) -> np.ndarray:

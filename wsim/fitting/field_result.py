@@ -8,7 +8,7 @@ from wsim.fitting.estimate import OPEN
 from wsim.fitting.field import Field
 from wsim.fitting.number import Number
 from wsim.fitting.parameter import Map
-from wsim.fitting.table import number
+from wsim.fitting.table import ORIGIN, number
 from wsim.scene import Scene
 
 
@@ -54,6 +54,7 @@ class FieldFit:
     notes: list[str] = field(default_factory=list)
     bars: dict[str, Bar] = field(default_factory=dict)       # of the numbers
     unit: str = "m"                        # of sigma; where positions and forces have one each, "sigma" and 1
+    origin: str = "given"                  # of sigma: "given", "estimated", or "floor", below which none is claimed
 
     @property
     def fields(self) -> list[Field]:
@@ -77,7 +78,7 @@ class FieldFit:
                             "neighbours": f.near, "values": self.values[f.name].tolist(),
                             "sensitivity": self.sensitivity[f.name].tolist(), "unseen": int(self.unseen(f.name).sum())}
                            for f in self.fields],
-                "converged": self.converged, "sigma": self.sigma, "sigma_unit": self.unit,
+                "converged": self.converged, "sigma": self.sigma, "sigma_unit": self.unit, "sigma_is": self.origin,
                 "misfit_over_sigma": self.misfit, "gradient": self.slope,
                 "frames": self.frames, "steps": self.steps, "simulations": self.simulations, "launches": self.launches,
                 "seconds": self.seconds, "history": self.history, "notes": self.notes}
@@ -99,7 +100,7 @@ class FieldFit:
                              f"than the noise: their {f.kind.name} is what was believed, not what was seen")
         lines += ["step  frames [s]  rms         F           |gradient|  gradients"]
         lines += [f"{s:4d}  {t:10.3g}  {r:<10.4g}  {v:<10.4g}  {g:<10.3g}  {w:.4g}" for s, t, r, v, g, w in self.shown()]
-        lines.append(f"noise {self.sigma:.3g} {self.unit}, residuals over it {self.misfit:.3g}")
+        lines.append(f"noise {self.sigma:.3g} {self.unit}, residuals over it {self.misfit:.3g}; noise {ORIGIN[self.origin]}")
         end = "converged" if self.converged else "NOT converged"
         lines.append(f"{end} after {self.steps} steps, {self.simulations:.3g} gradients ({self.launches} runs), "
                      f"{self.seconds:.3g} s, frames to {self.frames}")
