@@ -47,8 +47,8 @@ class Case:
         return self.scene.bodies()[0].path
 
     def seen(self, seed: int) -> list[Track]:
-        """With a draw of noise; its size is told where there are forces beside positions."""
-        rng, sigma = np.random.default_rng(seed), None if self.forces is None else self.noise
+        """With a draw of noise, of each experiment its own; its size is told where there are forces beside positions."""
+        rng, sigma = np.random.default_rng([seed, *"".join(self.truth).encode()]), None if self.forces is None else self.noise
         found = [Track(self.path, self.frames, self.x + self.noise * rng.normal(size=self.x.shape), self.points, sigma=sigma)]
         if self.forces is not None:
             noisy = self.forces + self.force_noise * rng.normal(size=self.forces.shape)
