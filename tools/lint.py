@@ -40,12 +40,13 @@ LAYERS = (
      "recording", "live"),
     ("input", "rest_inputs", "controls", "contact_inputs", "inputs", "arrays", "differences", "products", "trust",
      "layer", "layer_jax"),
-    ("usd", "crate", "dependencies", "partial", "sublayer", "overs", "restart", "recorder", "fitting", "drawn", "visible",
-     "view", "picture"),
+    ("usd", "provenance", "crate", "dependencies", "partial", "sublayer", "overs", "restart", "recorder", "fitting",
+     "drawn", "visible", "view", "picture"),
     ("cli", "bench", "new", "commands", "run", "__main__", "__init__"),
 )
 METHODS = {"points", "explicit", "implicit", "aero", "xpbd", "muscles", "rigid", "fluid", "pose"}   # never import each other
-READS_USD = {"usd", "crate", "dependencies", "partial", "sublayer", "overs", "restart", "recorder", "drawn", "visible"}
+READS_USD = {"usd", "provenance", "crate", "dependencies", "partial", "sublayer", "overs", "restart", "recorder", "drawn",
+             "visible"}
 WITHOUT_WARP = {*LAYERS[0], *READS_USD, "cli", "__init__", "__main__"}
 ONLY = {"rerun": {"view"}, "pxr": {*READS_USD, "view", "picture"}, "matplotlib": {"bench"}, "torch": {"layer"},
         "jax": {"layer_jax"}}   # who may import these packages
@@ -97,7 +98,7 @@ def imports(tree: ast.Module) -> Iterator[tuple[int, str]]:
 
 def target(dotted: str, modules) -> str | None:
     """The module of the product that a dotted name imports, or None."""
-    if dotted.split(".")[0] != "wsim":
+    if dotted.split(".")[0] != "wsim" or dotted == "wsim.__version__":
         return None
     name = dotted.removeprefix("wsim").removeprefix(".")
     while name and name not in modules:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from pxr import Usd, UsdUtils
 
+from wsim import provenance
 from wsim.dependencies import overwritten
 from wsim.overs import BodyOver, ColliderOver, body_prim
 from wsim.partial import Partial, check_output, partial_path
@@ -54,6 +55,7 @@ class Recorder:
     normals            let authored normals follow; False blocks them, viewers then compute their own
     restart_fields     called after each whole frame: {body path: {name: array}} for an exact restart (`wsim.restart`)
     continues          the `Restart` that the run went on from: its earlier samples come first
+    settings           called at each save: precision, solver ... of the run, for who goes on from it (`wsim.provenance`)
 
     A scene without a source file is written beside the result first (NAME_scene.usda). `notes` collects warnings.
     Raises SceneError where the scene cannot take a result, ValueError for an output that is the source or has no USD
@@ -61,9 +63,10 @@ class Recorder:
     """
 
     def __init__(self, scene: Scene, path, *, flatten: bool = False, velocities: bool = True, normals: bool = True,
-                 restart_fields: Callable[[], Mapping[str, Arrays]] | None = None, continues: Restart | None = None):
+                 restart_fields: Callable[[], Mapping[str, Arrays]] | None = None, continues: Restart | None = None,
+                 settings: Callable[[], Mapping] = dict):
         self.scene, self.path, self.flatten = scene, check_output(path), flatten
-        self.restart_fields, self.continues = restart_fields, continues
+        self.restart_fields, self.continues, self.settings = restart_fields, continues, settings
         self.notes: list[Problem] = []
         self.codes: list[float] = []          # time codes written, this run's and those it continues
         self.count = 0                        # appends of this run
@@ -220,6 +223,7 @@ class Recorder:
                 store(self.bodies[path][0], self.fields_code, fields)
             self.bytes_since_fields = 0
         layer = self.file.layer
+        provenance.write(layer, self.scene, self.settings())
         layer.startTimeCode = min(layer.startTimeCode, self.codes[0])
         layer.endTimeCode = self.codes[-1]
         self.file.save()

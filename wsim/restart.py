@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, Vt
 
-from wsim import crate
+from wsim import crate, provenance
 from wsim.overs import PRIMVARS, Frame, body_prim, particles_of
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
 from wsim.usd.reactions import REACTION
@@ -46,6 +46,7 @@ class Restart:
     positions         {path: (n, 3)} world [m]               velocities {path: (n, 3)} world [m/s]
     fields            {path: {name: array}} as stored, bit for bit; {} where none are
     exact             every body has its fields at that frame
+    made              of which scene and how, see `wsim.provenance`; {} where the result does not say
     notes             warnings, as of a scene
     """
 
@@ -56,6 +57,7 @@ class Restart:
     velocities: dict[str, np.ndarray]
     fields: dict[str, dict[str, np.ndarray]]
     exact: bool
+    made: dict = field(default_factory=dict)
     notes: list[Problem] = field(default_factory=list)
 
 
@@ -145,7 +147,8 @@ class Result:
 def load_restart(result_path, scene: Scene) -> Restart:
     """Where the run that wrote `result_path` got to: its last whole frame, exactly if the restart fields are there.
 
-    Raises SceneError if the file cannot be read, runs at another rate, or lacks a body of the scene or its samples.
+    Raises SceneError if the file cannot be read, runs at another rate, lacks a body of the scene or its samples, or holds
+    another mesh under its path. What else of the scene is another than it was is a note.
     """
     result = Result(result_path)
     if not np.isclose(result.fps, scene.fps):
@@ -159,7 +162,9 @@ def load_restart(result_path, scene: Scene) -> Restart:
     exact = all(f and {code} == codes for code, f in kept.values())
     code = codes.pop() if exact else max(frames)
     restart = Restart(result.path, code, round(code - scene.start), {}, {},
-                      {path: f for path, (_, f) in kept.items()} if exact else {}, exact)
+                      {path: f for path, (_, f) in kept.items()} if exact else {}, exact,
+                      provenance.read(result.stage.GetRootLayer()))
+    restart.notes += provenance.match(result.path, restart.made, scene)
     for body in bodies:
         _read_body(result, body, restart)
     if not exact:

@@ -21,6 +21,7 @@ from wsim import interrupt
 from wsim.curve import Curve, Motion
 from wsim.interrupt import whole
 from wsim.inventory import count
+from wsim.provenance import differences
 from wsim.scene import Collider, Pin, Problem, Scene, SceneError, Surface
 
 if TYPE_CHECKING:
@@ -166,7 +167,8 @@ def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"]
             return {} if sim.frame % samples else {body.path: sim.fields(body.path) for body in scene.bodies()}
 
         interrupt.begin("wait")                   # from here on there is a file
-        recorder = Recorder(scene, output, flatten=flatten, restart_fields=fields, continues=earlier)
+        recorder = Recorder(scene, output, flatten=flatten, restart_fields=fields, continues=earlier,
+                            settings=lambda: settings(sim, samples))
         if stress and not scene.softs:
             recorder.notes.append(Problem("--stress", "there is no soft body whose stress could be written", fatal=False))
     except ValueError as error:                   # the recorder's word for an output that would be a mistake
@@ -174,11 +176,24 @@ def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"]
     return Run(scene, sim, recorder, samples, preroll, earlier.frame if earlier else 0, stress)
 
 
+def settings(sim: "Simulation", samples: int) -> dict:
+    """How a run is stepped now: what its result says, and what one that goes on from it is held against."""
+    return {"precision": sim.precision, "solver": sim.plan.choice.solver, "integrator": sim.plan.integrator,
+            "substeps": sim.plan.clock.steps * samples, "iterations": sim.plan.clock.iterations}
+
+
 def _go_on(sim: "Simulation", earlier: "Restart", samples: int) -> None:
-    """Puts the simulation where an earlier run was, bit for bit where the result holds what that takes."""
-    if not earlier.exact:
+    """Puts the simulation where an earlier run was, bit for bit where the result holds what that takes and this run is stepped
+    as that one was."""
+    fields = earlier.fields
+    if others := differences(earlier.made, settings(sim, samples)):
+        fields = {}
+        earlier.notes.append(Problem(earlier.path, f"was run otherwise ({'; '.join(others)}): the run goes on from positions "
+                                     "and velocities, to the order of accuracy, not bit for bit", fatal=False))
+    if not fields:
         for path, positions in earlier.positions.items():
             sim.set(path, "positions", positions)
-            sim.set(path, "velocities", earlier.velocities[path])
-    sim.restart(earlier.frame * samples, earlier.fields)
+            if path in earlier.velocities:
+                sim.set(path, "velocities", earlier.velocities[path])
+    sim.restart(earlier.frame * samples, fields)
     sim.warnings += [str(note) for note in earlier.notes]

@@ -1,0 +1,106 @@
+"""What a result was made of and how: custom data `wsim:run` of its layer, so that a run that goes on from it can tell what is
+another now.
+
+    {"version": "0.0.1", "settings": {"precision": "float32", "solver": "xpbd", ...}, "scene": {path: {field: digest}}}
+
+A digest is of a value as it decides the motion: names, what is only seen and where a run begins are left out. The scene itself
+stands at "/". Each body, collider, pin and tie has its own row, so that a change is told by path and field.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
+
+import numpy as np
+
+from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
+
+KEY = "wsim:run"
+START = {"velocities", "start", "frames"}                         # where a run begins and ends
+SEEN = {"path", "skins", "target", "up", "error", "source", "notes", "variants"}                          # no motion follows
+SETTINGS = {"solver", "integrator", "substeps", "iterations"}     # as a scene names them; what ran is told by `settings`
+LISTS = ("cloths", "springs", "softs", "colliders", "pins", "ties")
+MESH = {Cloth: ("counts", "indices", "weld"), Springs: ("edges",), Soft: ("tets", "quadratic")}    # other points stand there
+
+
+def digest(value) -> str:
+    """Sixteen hexadecimal digits of a value: numbers, text, arrays (with type and shape), dataclasses and lists of such."""
+    state = hashlib.blake2b(digest_size=8)
+    for part in _parts(value):
+        state.update(part)
+    return state.hexdigest()
+
+
+def _parts(value) -> Iterator[bytes]:
+    if isinstance(value, np.ndarray):
+        yield f"{value.dtype}{value.shape}".encode()
+        yield np.ascontiguousarray(value).tobytes()
+    elif is_dataclass(value):
+        for f in fields(value):
+            if f.name not in SEEN:
+                yield f.name.encode()
+                yield from _parts(getattr(value, f.name))
+    elif isinstance(value, (list, tuple)):
+        yield f"[{len(value)}".encode()
+        for each in value:
+            yield from _parts(each)
+    else:
+        yield repr(value.item() if hasattr(value, "item") else value).encode() + b";"
+
+
+def of_scene(scene: Scene) -> dict[str, dict[str, str]]:
+    """Digests of the fields that decide the motion, by path; the scene's own at "/"."""
+    left = SEEN | START | SETTINGS | set(LISTS)
+    found = {"/": {f.name: digest(getattr(scene, f.name)) for f in fields(scene) if f.name not in left}}
+    for thing in (t for name in LISTS for t in getattr(scene, name)):
+        skipped = SEEN | START | ({"points"} if getattr(thing, "rest_points", None) is not None else set())
+        found[thing.path] = {f.name: digest(getattr(thing, f.name)) for f in fields(thing) if f.name not in skipped}
+    return found
+
+
+def write(layer, scene: Scene, settings: Mapping) -> None:
+    """Into a result layer. settings: of the simulation, by name, numbers and text."""
+    from wsim import __version__
+    made = {"version": __version__, "settings": dict(settings), "scene": of_scene(scene)}
+    layer.customLayerData = {**layer.customLayerData, KEY: json.dumps(made)}
+
+
+def read(layer) -> dict:
+    """What `write` left in a layer; {} where that is nothing, or not to be read."""
+    try:
+        made = json.loads(layer.customLayerData.get(KEY, "{}"))
+        whole = all(isinstance(made.get(name, {}), dict) for name in ("settings", "scene"))
+        return made if isinstance(made, dict) and whole else {}
+    except (ValueError, TypeError, AttributeError):
+        return {}
+
+
+def match(path: str, made: Mapping, scene: Scene) -> list[Problem]:
+    """Warnings of what of a scene is another than when the result `path` was made.
+
+    Raises SceneError where the points of a body are not those of the result: another mesh, another weld.
+    """
+    if not made.get("scene"):
+        return [Problem(path, "does not say of which scene and with which settings it was made (by an earlier version, or by "
+                        "another program); whether they are those of this run can't be known", fatal=False)]
+    then, now = made["scene"], of_scene(scene)
+    bodies = {b.path: MESH[type(b)] for b in scene.bodies()}
+    changed = {at: [name for name in now[at] if then.get(at, {}).get(name) != now[at][name]] for at in now}
+    others = {at: [n for n in names if n in changed[at]] for at, names in bodies.items() if at in then}
+    meshes = [Problem(at, f"has another mesh than in {path} ({', '.join(names)}); go on with the scene that the result was "
+                      "made from, or start anew") for at, names in others.items() if names]
+    if meshes:
+        raise SceneError(meshes)
+    found = [f"{at}: {', '.join(names)}" for at, names in changed.items() if names and at in then]
+    found += [f"{at}: was not there" for at in now if at not in then] + [f"{at}: is gone" for at in then if at not in now]
+    if not found:
+        return []
+    return [Problem(path, f"was made from another scene; from here on the run follows the present one ({'; '.join(found[:8])}"
+                    f"{f'; and {len(found) - 8} more' * (len(found) > 8)})", fatal=False)]
+
+
+def differences(made: Mapping, settings: Mapping) -> list[str]:
+    """What of the settings is another now, in words; of a result that does not say, nothing."""
+    then = made.get("settings", {})
+    return [f"{name} {then[name]} then, {now} now" for name, now in settings.items() if then.get(name, now) != now]
