@@ -39,6 +39,9 @@ def check(scene: Scene) -> list[Problem]:
     for tie in scene.ties:
         from wsim import check_tie
         found += check_tie.tie(tie, scene)
+    for thing in scene.varying:
+        from wsim import check_varying
+        found += check_varying.varying(thing, scene)
     if not any(p.fatal for p in found):           # triangles and pieces can be asked only of sound objects
         found += [*_support(scene), *_damping(scene)]
     return sorted(found, key=lambda p: not p.fatal)

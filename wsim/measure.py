@@ -115,7 +115,7 @@ def balance(sim) -> Balance | None:
 def closed(sim) -> bool:
     """Whether energy stays: no contacts, damping, drag, limits or pressure, and pins that hold points where they are."""
     scene = sim.scene
-    lossy = [bool(scene.colliders), scene.air_drag]
+    lossy = [bool(scene.colliders), scene.air_drag, bool(scene.varying)]
     lossy += [c.material.damping or c.drag or c.lift or c.tethers or isfinite(c.material.strain_limit) for c in scene.cloths]
     lossy += [s.damping or s.actuation for s in scene.springs] + [s.pressure for s in scene.softs]
     lossy += [m.damping or isfinite(m.yield_strain) for s in scene.softs for m in s.materials]

@@ -24,6 +24,21 @@ LONG = ("an edge is more than twice its rest length: if the motion is not meant 
         "long for it; give more substeps, or solver auto")
 
 
+def begin(sim: Simulation) -> None:
+    """The tables of the frame to come; what varies in time has its values of that frame."""
+    if sim.scene.varying:
+        from wsim.varying import follow
+        follow(sim)
+    sim.plan.before_frame(sim.time)
+
+
+def settle(sim: Simulation) -> None:
+    """What a simulation that has been built takes before its first frame."""
+    if sim.scene.varying:
+        from wsim import varying
+        varying.settle(sim)
+
+
 def mend(sim: Simulation, status: np.ndarray) -> bool:
     """Whether the frame must be repeated, after making it possible."""
     if not status.any():

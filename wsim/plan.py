@@ -65,6 +65,7 @@ class Plan:
     skipped: list[dict] = field(default_factory=list)
     words: np.ndarray = field(init=False)
     seconds: float = 0.0                     # that a frame is expected to take, see `wsim.choice`
+    followed: dict = field(default_factory=dict)       # what varies in time, as set last, by path and name
     host: wp.array | None = None             # pinned memory that a frame on a GPU copies its status to
 
     def __post_init__(self):

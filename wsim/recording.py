@@ -54,6 +54,9 @@ class Recording(Frames):
             raise SceneError(Problem("frames", f"found {frames}; allowed is 1 or more"))
         if keep not in ("auto", "all", "checkpoints"):
             raise SceneError(Problem("keep", f"found {keep!r}; allowed are auto, all, checkpoints"))
+        if sim.scene.varying:
+            from wsim import varying
+            varying.refuse(sim)
         sim.load()
         self.sim, self.frames, self.plan, self.state = sim, frames, sim.plan, sim.state
         self.start, self.begins, self.jumps = sim.frame, self.plan.clock.starting, self.plan.starts

@@ -42,12 +42,18 @@ def later(scene: Scene, delay: float) -> Scene:
     """The scene with every curve `delay` [s] later, so that simulating begins that long before its start."""
     if delay == 0.0:
         return scene
-    return replace(scene, colliders=[_collider_later(c, delay) for c in scene.colliders],
-                   pins=[_pin_later(p, delay) for p in scene.pins])
+    nets = [s if s.actuation is None else replace(s, actuation=_curve_later(s.actuation, delay)) for s in scene.springs]
+    return replace(scene, springs=nets, colliders=[_collider_later(c, delay) for c in scene.colliders],
+                   pins=[_pin_later(p, delay) for p in scene.pins],
+                   varying=[replace(v, curve=_curve_later(v.curve, delay)) for v in scene.varying])
 
 
 def _motion_later(motion: Motion, delay: float) -> Motion:
     return Motion(motion.times + delay, motion.values)
+
+
+def _curve_later(curve: Curve, delay: float) -> Curve:
+    return Curve(curve.times + delay, curve.values)
 
 
 def _pin_later(pin: Pin, delay: float) -> Pin:
@@ -57,7 +63,7 @@ def _pin_later(pin: Pin, delay: float) -> Pin:
 def _collider_later(collider: Collider, delay: float) -> Collider:
     shape = collider.shape
     if isinstance(shape, Surface) and shape.poses is not None:
-        shape = replace(shape, poses=Curve(shape.poses.times + delay, shape.poses.values))
+        shape = replace(shape, poses=_curve_later(shape.poses, delay))
     return replace(collider, shape=shape, motion=_motion_later(collider.motion, delay))
 
 

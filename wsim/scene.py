@@ -19,7 +19,7 @@ from wsim.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, arra
 from wsim.curve import Curve, Motion
 
 __all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylinder", "Motion", "Pin", "Plane", "Problem",
-           "Scene", "SceneError", "Shape", "Skin", "Soft", "Sphere", "Springs", "Surface", "Tie"]
+           "Scene", "SceneError", "Shape", "Skin", "Soft", "Sphere", "Springs", "Surface", "Tie", "Varying"]
 
 
 @dataclass(frozen=True)
@@ -121,6 +121,16 @@ class Tie(Compared):
 
 
 @dataclass(eq=False)
+class Varying(Compared):
+    """A live value that varies in time: what `Simulation.set` takes under that path and name, keys of a curve, linear between
+    them. A frame has the value at its middle (`wsim.varying`)."""
+
+    path: str                                # of a body or collider; "/": the whole scene
+    name: str                                # gravity, wind, stretch, young ... (`wsim.check_varying.LIVE`)
+    curve: Curve                             # values (keys, ...) [SI]
+
+
+@dataclass(eq=False)
 class Scene(Compared):
     """Everything there is. Frame f is at time f / fps [s] after `start`; h = 1 / fps / substeps."""
 
@@ -144,6 +154,7 @@ class Scene(Compared):
     colliders: list[Collider] = field(default_factory=list)
     pins: list[Pin] = field(default_factory=list)
     ties: list[Tie] = field(default_factory=list)
+    varying: list[Varying] = field(default_factory=list)      # the fields above have the values of these at the start
     source: str | None = field(default=None, compare=False)   # file it was loaded from
     notes: list["Problem"] = field(default_factory=list, compare=False)   # what the loader warned about
     variants: dict[str, dict[str, str]] = field(default_factory=dict, compare=False)   # {prim: {set: chosen}}

@@ -69,6 +69,7 @@ class Simulation:
         self.warnings += [w for w in counts.long(self.plan) if w not in self.warnings]
         self.model, self.state = self.plan.model, self.plan.state
         self.milliseconds: list[float] = []
+        mend.settle(self)
 
     # frames
 
@@ -90,7 +91,7 @@ class Simulation:
             self.balance = measure.balance(self)
         for _ in range(REPEATS):
             try:
-                self.plan.before_frame(self.time)
+                mend.begin(self)
                 self._replay()
             except RuntimeError as error:
                 raise _memory(error, self.device) from None

@@ -14,6 +14,8 @@ from wsim.usd.stage import Units
 
 SI = Units()
 EXACT, TIMES = "wsim:exact", "wsim:times"
+DEFAULT = Usd.TimeCode.Default()
+_SCALARS = {"float": (int, float), "double": (int, float), "int": int, "bool": (bool, int), "token": str}
 _ARRAYS = {"float[]": (Vt.FloatArray, np.float32, ()), "double[]": (Vt.DoubleArray, np.float64, ()),
            "int[]": (Vt.IntArray, np.int32, ()),
            "int3[]": (Vt.Vec3iArray, np.int32, (3,)), "int4[]": (Vt.Vec4iArray, np.int32, (4,)),
@@ -33,7 +35,7 @@ def decimal(value: float) -> float:
 def read(prim: Usd.Prim, owner: str, field: str, units: Units = SI, time=None, through=None):
     """SI value of a field on a prim, None if it is not authored.
 
-    time        time code; None: the default value
+    time        time code; None: the start, where samples count before the default value; DEFAULT: the default value alone
     through     (forward, inverse) between the field [SI] and what the attribute holds [SI]
     Scalars are Python numbers, arrays NumPy, points of shape (n, 3). An empty array says as little as none: None.
     Raises SceneError if the attribute is of a type that cannot be what the row says.
@@ -42,7 +44,9 @@ def read(prim: Usd.Prim, owner: str, field: str, units: Units = SI, time=None, t
     attribute = prim.GetAttribute(entry.attribute)
     if not attribute or not attribute.HasAuthoredValue():
         return None
-    value = attribute.Get(Usd.TimeCode.Default() if time is None else time)
+    if time is None:
+        time = prim.GetStage().GetStartTimeCode() if units is SI else units.start
+    value = attribute.Get(time)
     if value is None or entry.type.endswith("[]") and hasattr(value, "__len__") and len(value) == 0:
         return None
     try:
@@ -55,16 +59,28 @@ def read(prim: Usd.Prim, owner: str, field: str, units: Units = SI, time=None, t
 def _si(attribute, value, entry: Row, units: Units, through):
     factor = units.factor(entry.unit)
     if entry.type in _ARRAYS:
-        _, dtype, shape = _ARRAYS[entry.type]
-        array = np.array(value, dtype).reshape(-1, *shape)
-        return array if factor == 1.0 else (array.astype(np.float64) * factor).astype(dtype)
-    if entry.type == "vector3d":
-        return tuple(float(v) * factor for v in value)
-    if entry.type == "vector3f":
-        return tuple(decimal(v) * factor for v in value)
+        return _numbers(value, *_ARRAYS[entry.type][1:], factor)
+    if entry.type in ("vector3d", "vector3f"):
+        exact = float if entry.type == "vector3d" else decimal
+        x, y, z = (exact(v) * factor for v in value)
+        return x, y, z
+    if isinstance(value, bool) and entry.type != "bool" or not isinstance(value, _SCALARS[entry.type]):
+        raise TypeError
     if entry.type in ("float", "double"):
         return _real(attribute, value, entry, factor, through)
     return {"int": int, "bool": bool, "token": str}[entry.type](value)
+
+
+def _numbers(value, dtype, shape: tuple[int, ...], factor: float) -> np.ndarray:
+    """An array attribute as NumPy. Raises TypeError for what is no array of such rows, or of integers where those are meant."""
+    found = np.array(value)
+    whole = dtype is np.int32
+    if found.shape[1:] != shape or found.ndim == 0 or found.dtype.kind not in ("iu" if whole else "fiu"):
+        raise TypeError
+    if whole and len(found) and (found.min() < -2**31 or found.max() >= 2**31):
+        raise TypeError
+    with np.errstate(over="ignore"):                           # what overflows float32 is infinite, and reported as that
+        return found.astype(dtype) if factor == 1.0 else (found.astype(np.float64) * factor).astype(dtype)
 
 
 def _real(attribute, value, entry: Row, factor: float, through) -> float:

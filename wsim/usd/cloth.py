@@ -11,12 +11,13 @@ from pxr import Usd, UsdGeom
 
 from wsim.scene import Cloth
 from wsim.usd import names
-from wsim.usd.attributes import author, read
+from wsim.usd.attributes import DEFAULT, author, read
 from wsim.usd.masses import at_least_the_lightest, body_density, body_mass, element_type, shared
-from wsim.usd.material import author_fabric, bind, load_fabric, subset_materials
+from wsim.usd.material import author_fabric, bind, bound, load_fabric, subset_materials
 from wsim.usd.motion import author_motion, placement
 from wsim.usd.names import row
 from wsim.usd.stage import Reading, Units
+from wsim.usd.varying import attributes_of, steady, vary
 
 OWN = ("model", "weld", "tethers", "drag", "lift")            # of WsimClothAPI
 UNREAD = {"physics:restTriVertexIndices": "the triangles of the mesh count",
@@ -30,6 +31,8 @@ def load_cloth(reading: Reading, mesh: Usd.Prim, body: Usd.Prim) -> Cloth | None
     if not mesh.IsA(UsdGeom.Mesh):
         reading.fail(path, f"has {names.SURFACE_SIM} and is a {mesh.GetTypeName() or 'typeless prim'}; it must be a "
                            "Mesh")
+        return None
+    if not steady(reading, mesh, "faceVertexCounts", "faceVertexIndices"):
         return None
     points, rest = load_points(reading, mesh, "Cloth")
     counts, indices = (read(mesh, "Cloth", field, units, reading.start) for field in ("counts", "indices"))
@@ -47,7 +50,9 @@ def load_cloth(reading: Reading, mesh: Usd.Prim, body: Usd.Prim) -> Cloth | None
                   rest_points=_rest(reading, mesh, rest), flat=_flat(reading, mesh))
     cloth.thicknesses, constant = _thicknesses(reading, mesh, cloth)
     cloth.masses, cloth.mass = _masses(reading, mesh, body, cloth)
-    cloth.material = load_fabric(reading, mesh, body_density(reading, body), constant)
+    density = body_density(reading, body)
+    cloth.material = load_fabric(reading, mesh, density, constant)
+    vary(reading, path, Cloth, attributes_of(bound(reading, mesh)), lambda at: vars(load_fabric(at, mesh, density, constant)))
     for field in OWN:
         value = read(mesh, "Cloth", field, units)
         if value is not None:
@@ -58,7 +63,7 @@ def load_cloth(reading: Reading, mesh: Usd.Prim, body: Usd.Prim) -> Cloth | None
 def load_points(reading: Reading, prim: Usd.Prim, owner: str) -> tuple[np.ndarray | None, np.ndarray | None]:
     """Points at the start, and the default points where those differ (then they are the rest shape)."""
     start = read(prim, owner, "points", reading.units, reading.start)
-    default = read(prim, owner, "points", reading.units)
+    default = read(prim, owner, "points", reading.units, DEFAULT)
     if start is None:
         return default, None
     if prim.GetAttribute(row(owner, "points").attribute).GetNumTimeSamples():

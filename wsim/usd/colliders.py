@@ -14,10 +14,11 @@ from wsim import solids
 from wsim.curve import Curve, Motion
 from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
 from wsim.usd import names
-from wsim.usd.attributes import array, author, author_times, read, read_times
-from wsim.usd.material import author_friction, bind, load_friction, load_restitution
+from wsim.usd.attributes import DEFAULT, array, author, author_times, read, read_times
+from wsim.usd.material import author_friction, bind, bound, load_contact
 from wsim.usd.motion import Placement, author_motion, placement, split
 from wsim.usd.stage import Reading, Units
+from wsim.usd.varying import attributes_of, steady, vary
 
 TURN = {"X": [1, 2, 0], "Y": [2, 0, 1], "Z": [0, 1, 2]}      # columns of the prim's frame as own x, y, z
 SAME = 1e-6                                                    # relative difference of scales that counts as none
@@ -55,9 +56,9 @@ def load_collider(reading: Reading, prim: Usd.Prim) -> Collider | None:
     shape = _mesh(reading, prim, place, S) if sizes is None else _shape(reading, path, sizes, place, S)
     if shape is None:
         return None
-    static, dynamic = load_friction(reading, prim)
-    thickness = read(prim, "Collider", "thickness", reading.units) or 0.0
-    return Collider(path, shape, Motion(place.times, place.frame), static, dynamic, thickness, load_restitution(reading, prim))
+    vary(reading, path, Collider, [prim.GetAttribute(names.row("Collider", "thickness").attribute),
+                                   *attributes_of(bound(reading, prim))], lambda at: load_contact(at, prim))
+    return Collider(path, shape, Motion(place.times, place.frame), **load_contact(reading, prim))
 
 
 def _axis(prim: Usd.Prim) -> str:
@@ -206,16 +207,14 @@ def _faces(reading: Reading, prim: Usd.Prim) -> tuple[np.ndarray | None, np.ndar
 def _mesh(reading: Reading, prim: Usd.Prim, place: Placement, S: np.ndarray) -> Surface | None:
     """A mesh collider; animated points become poses at the authored samples."""
     units, path = reading.units, prim.GetPath()
+    if not steady(reading, prim, "faceVertexCounts", "faceVertexIndices", "tetVertexIndices"):
+        return None
     counts, indices = _faces(reading, prim)
     attribute = prim.GetAttribute("points")
-    default = read(prim, "Cloth", "points", units)
+    default = read(prim, "Cloth", "points", units, DEFAULT)
     points = default if default is not None else read(prim, "Cloth", "points", units, reading.start)
     if points is None or counts is None or indices is None:
         reading.fail(path, "is a mesh collider without points or faces (is a payload or reference missing?)")
-        return None
-    topology = prim.GetAttribute("tetVertexIndices" if prim.IsA(UsdGeom.TetMesh) else "faceVertexCounts")
-    if topology.Get() is None and topology.ValueMightBeTimeVarying():
-        reading.fail(path, "its topology is animated; a collider mesh must keep its faces")
         return None
     approximation = prim.GetAttribute("physics:approximation")
     if approximation and approximation.Get() not in (None, "none"):

@@ -17,11 +17,12 @@ from wsim.usd.attachments import load_pin
 from wsim.usd.attributes import read
 from wsim.usd.cloth import load_cloth
 from wsim.usd.colliders import load_collider
-from wsim.usd.material import foreign_spellings
 from wsim.usd.settings import frames_of, load_settings
+from wsim.usd.spelling import spelling
 from wsim.usd.springs import load_springs
 from wsim.usd.stage import Reading, Units, applied, open_stage, quiet
 from wsim.usd.ties import is_tie, load_tie
+from wsim.usd.varying import finish
 
 SIMULATED = (names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM, names.WSIM_SPRINGS)
 
@@ -133,7 +134,7 @@ def _walk(reading: Reading) -> Found:
         if prim.IsPseudoRoot():
             continue
         apis, kind = applied(prim), prim.GetTypeName()
-        foreign_spellings(reading, prim)
+        spelling(reading, prim)
         if kind == "PointInstancer":
             prims.PruneChildren()
             reading.warn(prim.GetPath(), "is a PointInstancer: its prototypes take no part")
@@ -234,6 +235,7 @@ def _order(scene: Scene, scenes: list[Usd.Prim]) -> None:
 
 def _finished(reading: Reading, scene: Scene, found: Found) -> Scene:
     """The scene with its warnings. Raises SceneError if anything fatal was found."""
+    finish(reading, scene)
     fatal = [problem for problem in reading.problems if problem.fatal]
     if scene.bodies():
         fatal += [problem for problem in check(scene) if problem.fatal]

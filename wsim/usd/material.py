@@ -65,6 +65,11 @@ def load_friction(reading: Reading, prim: Usd.Prim, note: bool = False) -> tuple
     return static, dynamic
 
 
+def rubs(reading: Reading, prim: Usd.Prim) -> dict[str, float]:
+    """Both coefficients by name."""
+    return dict(zip(FRICTION, load_friction(reading, prim), strict=True))
+
+
 def load_restitution(reading: Reading, prim: Usd.Prim) -> float:
     """Of a collider: 0, the fallback of UsdPhysics, where no physics material authors one."""
     material = bound(reading, prim)
@@ -73,6 +78,12 @@ def load_restitution(reading: Reading, prim: Usd.Prim) -> float:
         reading.fail(material.GetPath(), f"{row('Friction', 'restitution').attribute} is {value:g}; allowed is 0 to 1")
         return 0.0
     return value or 0.0
+
+
+def load_contact(reading: Reading, prim: Usd.Prim) -> dict[str, float]:
+    """What contacts with a collider know of it, by its fields: friction, restitution and thickness [m]."""
+    return rubs(reading, prim) | {"restitution": load_restitution(reading, prim),
+                                  "thickness": read(prim, "Collider", "thickness", reading.units) or 0.0}
 
 
 def load_fabric(reading: Reading, prim: Usd.Prim, body_density: float | None, thickness: float | None) -> Fabric:
@@ -191,22 +202,6 @@ def bind(prim: Usd.Prim, material: Usd.Prim) -> None:
     """Binds a material for the purpose "physics"; what a viewer shows is left alone."""
     UsdShade.MaterialBindingAPI.Apply(prim).Bind(
         UsdShade.Material(material), UsdShade.Tokens.fallbackStrength, "physics")
-
-
-def foreign_spellings(reading: Reading, prim: Usd.Prim) -> None:
-    """Warns of older and foreign names on a prim, with the current one."""
-    for api in applied(prim):
-        if api in names.FOREIGN_SCHEMAS:
-            reading.warn(prim.GetPath(), f"{api} is not read; the current schema is {names.FOREIGN_SCHEMAS[api]}")
-    for attribute in prim.GetAuthoredAttributes():
-        name = attribute.GetName()
-        if name in names.FOREIGN_ATTRIBUTES:
-            reading.warn(prim.GetPath(), f"{name} is an older spelling and not read; author "
-                         f"{names.FOREIGN_ATTRIBUTES[name]}")
-        for prefix, current in names.FOREIGN_PREFIXES.items():
-            if name.startswith(prefix):
-                reading.warn(prim.GetPath(), f"{name} is a foreign spelling and not read; the current namespace is "
-                             f"{current}")
 
 
 def subset_materials(reading: Reading, prim: Usd.Prim) -> None:

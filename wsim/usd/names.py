@@ -177,6 +177,13 @@ SRC0, SRC1 = "physics:src0", "physics:src1"                     # relationships 
 STEPS_HINT = "newton:timeStepsPerSecond"                        # read where wsim:substeps is not authored
 ORDER = "wsim:order"                                             # relationship of WsimSceneAPI: objects in their order
 
+# Names of UsdPhysics and of the proposal that stand on such prims and are not read, or not by a row.
+UNREAD = (
+    SRC0, SRC1, FILTERED, "physics:coords0", "physics:collisionEnabled", "physics:approximation", "physics:simulationOwner",
+    "physics:startsAsleep", "physics:restNormals", "physics:restTriVertexIndices", "physics:restAdjTriPairs",
+    "physics:restBendAngles", "physics:curvesShearStiffness", "physics:curvesBendStiffness", "physics:curvesTwistStiffness",
+)
+
 _ROWS = {(row.owner, row.field): row for row in TABLE}
 
 
@@ -208,6 +215,7 @@ FOREIGN_SCHEMAS = {
     "PhysxDeformableBodyAPI": f"{BODY} and {VOLUME_SIM}",
     "PhysxDeformableBodyMaterialAPI": VOLUME_MATERIAL,
 }
+FOREIGN_TYPES = ("OmniPhysics", "PhysxPhysics")         # prims: OmniPhysicsVtxXformAttachment and its like
 FOREIGN_PREFIXES = {"omniphysics:": "physics:", "physxDeformable:": "physics:"}
 
 NO_LIMIT = inf

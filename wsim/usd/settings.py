@@ -13,6 +13,7 @@ from wsim.scene import Scene
 from wsim.usd.attributes import EXACT, author, decimal, read
 from wsim.usd.names import GRAVITY, PHYSICS_SCENE, STEPS_HINT, WSIM_SCENE, row
 from wsim.usd.stage import Reading, Units
+from wsim.usd.varying import attributes_of, vary
 
 FIELDS = ("substeps", "iterations", "solver", "integrator", "error", "wind", "air_density", "air_drag", "contact_width")
 
@@ -43,24 +44,54 @@ def load_settings(reading: Reading, prims: list[Usd.Prim]) -> Scene:
     if not prims:
         return scene
     prim = prims[0]
-    scene.gravity = _gravity(prim, units)
-    for field in FIELDS:
-        value = read(prim, "Scene", field, units)
-        if value is not None:
-            setattr(scene, field, value)
+    for name, value in _values(reading, prim).items():
+        setattr(scene, name, value)
+    vary(reading, "/", Scene, attributes_of(prim), lambda at: _values(at, prim))
     hint = prim.GetAttribute(STEPS_HINT)
     if read(prim, "Scene", "substeps", units) is None and hint and hint.HasAuthoredValue():
-        scene.substeps = max(1, round(float(hint.Get()) / units.fps))
-        reading.warn(prim.GetPath(), f"{STEPS_HINT} = {hint.Get()} is taken as {scene.substeps} substeps a frame; "
-                     f"author {row('Scene', 'substeps').attribute} to say otherwise")
+        _hinted(reading, prim, scene, hint.Get(reading.start))
     return scene
+
+
+def _hinted(reading: Reading, prim: Usd.Prim, scene: Scene, steps) -> None:
+    """Substeps from steps a second, as Newton has them."""
+    name = row("Scene", "substeps").attribute
+    if isinstance(steps, bool) or not isinstance(steps, (int, float)) or not 0 < steps < math.inf:
+        reading.warn(prim.GetPath(), f"{STEPS_HINT} is {steps}, and no number of steps > 0: it is left out; author {name}")
+        return
+    scene.substeps = max(1, round(steps / reading.units.fps))
+    reading.warn(prim.GetPath(), f"{STEPS_HINT} = {steps} is taken as {scene.substeps} substeps a frame; author {name} to say "
+                 "otherwise")
+
+
+def _values(reading: Reading, prim: Usd.Prim) -> dict:
+    """Gravity and what else the prim says, by field of a `Scene`; else the field's default."""
+    found = {name: read(prim, "Scene", name, reading.units) for name in FIELDS}
+    return {"gravity": _gravity(reading, prim)} | {name: getattr(Scene(), name) if value is None else value
+                                                   for name, value in found.items()}
 
 
 def _down(units: Units) -> tuple[float, float, float]:
     return (0.0, 0.0, -1.0) if units.up == "Z" else (0.0, -1.0, 0.0)
 
 
-def _gravity(prim: Usd.Prim, units: Units) -> tuple[float, float, float]:
+def _gravity(reading: Reading, prim: Usd.Prim) -> tuple[float, float, float]:
+    """As `_vector`, where direction and magnitude are numbers; what is none is reported."""
+    units = reading.units
+    direction, magnitude = (read(prim, "Scene", name, units) for name in ("direction", "magnitude"))
+    if direction is not None and not all(map(math.isfinite, direction)):
+        reading.fail(prim.GetPath(), f"{row('Scene', 'direction').attribute} is ({', '.join(f'{v:g}' for v in direction)}); allowed "
+                     "are three finite numbers, (0, 0, 0) for downwards")
+    elif magnitude is not None and not magnitude < math.inf:
+        reading.fail(prim.GetPath(), f"{row('Scene', 'magnitude').attribute} is {magnitude:g}; allowed is a finite number, or a "
+                     "negative one (-inf) for Earth's gravity")
+    else:
+        return _vector(prim, units)
+    x, y, z = _down(units)
+    return GRAVITY * x, GRAVITY * y, GRAVITY * z
+
+
+def _vector(prim: Usd.Prim, units: Units) -> tuple[float, float, float]:
     """[m/s^2], world space. A gravity noted exactly counts while direction and magnitude are its rounding."""
     direction = read(prim, "Scene", "direction", units) or (0.0, 0.0, 0.0)
     magnitude = read(prim, "Scene", "magnitude", units)
@@ -92,6 +123,6 @@ def author_gravity(prim: Usd.Prim, scene: Scene, units: Units) -> None:
     direction = tuple(v / magnitude for v in scene.gravity) if magnitude > 0 else _down(units)
     author(prim, "Scene", "direction", direction, units)
     author(prim, "Scene", "magnitude", decimal(magnitude), units)
-    if _gravity(prim, units) != tuple(scene.gravity):
+    if _vector(prim, units) != tuple(scene.gravity):
         attribute = prim.GetAttribute(row("Scene", "magnitude").attribute)
         attribute.SetCustomDataByKey(EXACT, Gf.Vec3d(*map(float, scene.gravity)))

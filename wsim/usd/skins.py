@@ -15,10 +15,11 @@ from pxr import Usd, UsdGeom
 from wsim.scene import Problem, Scene, SceneError, Skin, Soft, Surface
 from wsim.skin import hold
 from wsim.usd import names
-from wsim.usd.attributes import author, read
+from wsim.usd.attributes import DEFAULT, author, read
 from wsim.usd.colliders import turned_over
 from wsim.usd.motion import author_motion, placement
 from wsim.usd.stage import Reading, Units, applied
+from wsim.usd.varying import steady
 
 BIND = "bindPose"
 
@@ -29,6 +30,8 @@ def load_skins(reading: Reading, mesh: Usd.Prim, body: Usd.Prim, soft: Soft) -> 
     tied = _bind_points(reading, mesh, "Soft")
     tied = soft.points if tied is None else tied
     for prim in _meshes(reading, mesh, body):
+        if not steady(reading, prim, "faceVertexCounts", "faceVertexIndices"):
+            continue
         points = _bind_points(reading, prim, "Cloth")
         counts, indices = (read(prim, "Cloth", field, reading.units, reading.start) for field in ("counts", "indices"))
         if points is None or counts is None or indices is None:
@@ -87,7 +90,7 @@ def _bind_points(reading: Reading, prim: Usd.Prim, owner: str) -> np.ndarray | N
                                 for name in ("purposes", "points"))
             if purposes and points and BIND in purposes:
                 return (np.array(points, np.float64) * reading.units.metres).astype(np.float32)
-    points = read(prim, owner, "points", reading.units)
+    points = read(prim, owner, "points", reading.units, DEFAULT)
     return read(prim, owner, "points", reading.units, reading.start) if points is None else points
 
 

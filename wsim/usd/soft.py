@@ -18,11 +18,12 @@ from wsim.usd.bulk import author_bulk, author_parts, load_bulk, load_parts
 from wsim.usd.cloth import load_points
 from wsim.usd.fields import load_fields
 from wsim.usd.masses import at_least_the_lightest, body_density, body_mass, element_type, shared
-from wsim.usd.material import bind
+from wsim.usd.material import bind, bound
 from wsim.usd.motion import author_motion, placement
 from wsim.usd.names import row
 from wsim.usd.skins import author_bind_pose, author_skin, body_of, load_skins, mirrored
 from wsim.usd.stage import Reading, Units
+from wsim.usd.varying import attributes_of, steady, vary
 
 OWN = ("pressure", "quadratic", "filled")                    # of WsimSoftAPI
 TURNED = [0, 1, 3, 2]                                         # corners of a tet of the opposite winding
@@ -34,6 +35,8 @@ def load_soft(reading: Reading, mesh: Usd.Prim, body: Usd.Prim) -> Soft | None:
     if not mesh.IsA(UsdGeom.TetMesh):
         reading.fail(path, f"has {names.VOLUME_SIM} and is a {mesh.GetTypeName() or 'typeless prim'}; it must be a TetMesh "
                            "(`wsim new softbody` makes one of a Mesh)")
+        return None
+    if not steady(reading, mesh, "tetVertexIndices"):
         return None
     points, default = load_points(reading, mesh, "Soft")
     tets = read(mesh, "Soft", "tets", units, reading.start)
@@ -47,6 +50,9 @@ def load_soft(reading: Reading, mesh: Usd.Prim, body: Usd.Prim) -> Soft | None:
     soft.masses, soft.mass = _masses(reading, mesh, body, soft)
     density = body_density(reading, body)
     soft.material = load_bulk(reading, mesh, density)
+    vary(reading, path, Soft, attributes_of(bound(reading, mesh)), lambda at: vars(load_bulk(at, mesh, density)))
+    pressure = mesh.GetAttribute(row("Soft", "pressure").attribute)
+    vary(reading, path, Soft, [pressure], lambda at: {"pressure": read(mesh, "Soft", "pressure", at.units)})
     soft.others, soft.which = load_parts(reading, mesh, len(tets), density)
     for field in OWN:
         value = read(mesh, "Soft", field, units)

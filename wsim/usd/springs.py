@@ -16,9 +16,10 @@ from wsim.scene import Springs
 from wsim.usd import names
 from wsim.usd.attributes import array, attribute_of, author, author_times, authored, read, read_times
 from wsim.usd.cloth import load_points
-from wsim.usd.material import author_friction, bind, load_curve_stretch, load_friction
+from wsim.usd.material import author_friction, bind, bound, load_curve_stretch, load_friction, rubs
 from wsim.usd.motion import author_motion, placement
 from wsim.usd.stage import Reading, Units, applied
+from wsim.usd.varying import attributes_of, steady, vary
 
 
 def load_springs(reading: Reading, prim: Usd.Prim, body: Usd.Prim) -> Springs | None:
@@ -31,6 +32,8 @@ def load_springs(reading: Reading, prim: Usd.Prim, body: Usd.Prim) -> Springs | 
     if curves.GetTypeAttr().Get() != UsdGeom.Tokens.linear:
         reading.fail(path, f"is a {curves.GetTypeAttr().Get()} BasisCurves; only type = linear can be simulated")
         return None
+    if not steady(reading, prim, "curveVertexCounts", names.row("Springs", "particles").attribute):
+        return None
     vertices, _ = load_points(reading, prim, "Springs")
     counts = read(prim, "Springs", "counts", reading.units, reading.start)
     if vertices is None or counts is None or counts.sum() != len(vertices) or counts.min(initial=2) < 2:
@@ -39,7 +42,7 @@ def load_springs(reading: Reading, prim: Usd.Prim, body: Usd.Prim) -> Springs | 
         return None
     particles = read(prim, "Springs", "particles", reading.units)
     particles = np.arange(len(vertices), dtype=np.int32) if particles is None else particles
-    if len(particles) != len(vertices) or not np.array_equal(np.unique(particles), np.arange(particles.max() + 1)):
+    if len(particles) != len(vertices) or not np.array_equal(kinds := np.unique(particles), np.arange(len(kinds))):
         reading.fail(path, f"wsim:particles has {len(particles)} values from {particles.min()} to {particles.max()}; "
                      f"it must number the particles of the {len(vertices)} vertices from 0 without gaps")
         return None
@@ -78,7 +81,12 @@ def _net(reading: Reading, prim: Usd.Prim, vertices, particles, segments) -> Spr
     static, dynamic = load_friction(reading, prim)
     given = {field: value for field, value in values.items() if value is not None}
     given |= load_muscles(reading, prim)
-    return Springs(str(prim.GetPath()), vertices[first], edges, **given, motion=placement(reading, prim).motion,
+    path = str(prim.GetPath())
+    live = [prim.GetAttribute(names.row("Springs", field).attribute) for field in ("stiffness", "damping")]
+    vary(reading, path, Springs, live, lambda at: {field: read(prim, "Springs", field, at.units) for field in
+                                                   ("stiffness", "damping") if field in given})
+    vary(reading, path, Springs, attributes_of(bound(reading, prim)), lambda at: rubs(at, prim))
+    return Springs(path, vertices[first], edges, **given, motion=placement(reading, prim).motion,
                    velocities=None if velocities is None else velocities[first],
                    static_friction=static, dynamic_friction=dynamic)
 
@@ -139,6 +147,8 @@ def _rods(reading: Reading, prim: Usd.Prim, body: Usd.Prim, points: np.ndarray, 
     masses = _rod_masses(reading, prim, body, edges, density * area * L, len(points))
     static, dynamic = load_friction(reading, prim)
     velocities = read(prim, "Springs", "velocities", reading.units, reading.start)
+    vary(reading, str(path), Springs, attributes_of(bound(reading, prim)), lambda at: rubs(at, prim) | {
+        "stiffness": load_curve_stretch(at, prim, area)[0] / L, "density": load_curve_stretch(at, prim, area)[1]})
     return Springs(str(path), points, edges, EA / L, masses, lengths=L, radius=h / 2.0, motion=motion,
                    velocities=velocities, static_friction=static, dynamic_friction=dynamic)
 

@@ -64,6 +64,9 @@ class Reading:
     problems: list[Problem] = field(default_factory=list)
     xforms: dict = field(default_factory=dict)
     materials: dict = field(default_factory=dict)
+    sampled: list = field(default_factory=list)          # paths of attributes that may differ from time to time
+    followed: set = field(default_factory=set)           # those of them that became curves
+    varying: list = field(default_factory=list)          # (where it was found, `wsim.scene.Varying`)
 
     @property
     def start(self) -> Usd.TimeCode:

@@ -1,0 +1,97 @@
+"""Names on a stage that nobody reads: misspelt, of an older or foreign revision, or on a prim where they mean nothing. A name that
+is not read does nothing, so each is a warning with the name that was probably meant."""
+
+from difflib import get_close_matches
+
+from pxr import Usd
+
+from wsim.usd import names
+from wsim.usd.names import FOREIGN_ATTRIBUTES, FOREIGN_PREFIXES, FOREIGN_SCHEMAS, FOREIGN_TYPES, TABLE, UNREAD, row
+from wsim.usd.stage import Reading, applied
+from wsim.usd.varying import CURVES, OWN, sampled
+
+WSIM, PRIMVAR, RESTART = "wsim:", "primvars:wsim:", "wsim:restart:"
+FIELDS = {"young": names.VOLUME_SIM, "poisson": names.VOLUME_SIM, "stretch": names.SURFACE_SIM, "shear": names.SURFACE_SIM,
+          "weft": names.SURFACE_SIM, "bend": names.SURFACE_SIM}                  # `wsim.usd.fields`
+# what must be the type of a prim, or applied to it, for the attributes of a schema of wsim to be read
+PLACES = {names.WSIM_SCENE: names.PHYSICS_SCENE, names.WSIM_MATERIAL: "Material", names.WSIM_CLOTH: names.SURFACE_SIM,
+          names.WSIM_SPRINGS: names.WSIM_SPRINGS, names.WSIM_SOFT: names.VOLUME_SIM, names.WSIM_COLLIDER: names.COLLISION,
+          names.WSIM_ATTACHMENT: names.ATTACHMENT}
+SCHEMAS = tuple(v for v in vars(names).values() if isinstance(v, str) and v.startswith(("Physics", "Wsim")))
+DEFORMABLE = {names.BODY, names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM, names.SURFACE_MATERIAL, names.CURVES_MATERIAL,
+              names.VOLUME_MATERIAL, names.ATTACHMENT, names.PHYSICS_SCENE, "Material"}    # whose physics: names wsim reads
+
+
+def _places() -> dict[str, set[str]]:
+    """Where each attribute of wsim is read."""
+    found: dict[str, set[str]] = {names.ORDER: {names.PHYSICS_SCENE}}
+    for entry in TABLE:
+        if entry.attribute.startswith(WSIM):
+            found.setdefault(entry.attribute, set()).add(PLACES[entry.schema])
+    found[row("Fabric", "thickness").attribute].add(names.SURFACE_SIM)           # beside the float of the mesh
+    return found | {PRIMVAR + name: {place} for name, place in FIELDS.items()}
+
+
+READ = _places()
+PHYSICS = {entry.attribute for entry in TABLE if entry.attribute.startswith("physics:")} | set(UNREAD)
+
+
+def spelling(reading: Reading, prim: Usd.Prim) -> None:
+    """Warns of names on a prim that do nothing; notes the attributes that are sampled in time."""
+    apis, kind = applied(prim), prim.GetTypeName()
+    for api in (*apis, kind):
+        _schema(reading, prim, api)
+    is_, own = {*apis, kind}, set(map(str, prim.GetAuthoredPropertyNames()))
+    for name in sorted(own):
+        if name in FOREIGN_ATTRIBUTES:
+            reading.warn(prim.GetPath(), f"{name} is an older spelling and not read; author {FOREIGN_ATTRIBUTES[name]}")
+        elif prefix := next((p for p in FOREIGN_PREFIXES if name.startswith(p)), None):
+            reading.warn(prim.GetPath(), f"{name} is a foreign spelling and not read; the current namespace is "
+                         f"{FOREIGN_PREFIXES[prefix]}")
+        elif name.startswith((WSIM, PRIMVAR)) and not name.startswith(RESTART):
+            _wsim(reading, prim, name, is_)
+        elif name.startswith("physics:") and is_ & DEFORMABLE and name not in PHYSICS:
+            _physics(reading, prim, name)
+        if name.startswith(OWN) and name not in CURVES and sampled(prim.GetAttribute(name)) and (name in READ or name in PHYSICS):
+            reading.sampled.append(prim.GetAttribute(name).GetPath())
+
+
+def _schema(reading: Reading, prim: Usd.Prim, name: str) -> None:
+    """A type or an applied API."""
+    if name in FOREIGN_SCHEMAS:
+        reading.warn(prim.GetPath(), f"{name} is not read; the current schema is {FOREIGN_SCHEMAS[name]}")
+    elif name.startswith(FOREIGN_TYPES) and name.endswith("Attachment"):
+        reading.warn(prim.GetPath(), f"{name} is not read; the current type is {names.ATTACHMENT}, with physics:type0 and "
+                     "physics:type1")
+    elif (name.startswith(("Physics", "Wsim", "physics", "wsim")) and name.partition(":")[0] not in SCHEMAS
+          and not _known(name) and (close := get_close_matches(name, SCHEMAS, 1, 0.8))):
+        reading.warn(prim.GetPath(), f"{name} is no schema that wsim or USD knows, and does nothing; did you mean {close[0]}?")
+
+
+def _known(name: str) -> bool:
+    """Whether USD has a schema of that name."""
+    registry = Usd.SchemaRegistry()
+    plain = name.partition(":")[0]
+    return bool(registry.FindConcretePrimDefinition(plain) or registry.FindAppliedAPIPrimDefinition(plain)
+                or registry.IsAppliedAPISchema(plain))
+
+
+def _wsim(reading: Reading, prim: Usd.Prim, name: str, is_: set[str]) -> None:
+    if name not in READ:
+        mine = [n for n, places in READ.items() if places & is_]
+        close = get_close_matches(name, mine, 1, 0.7) or get_close_matches(name, list(READ), 1, 0.7)
+        reading.warn(prim.GetPath(), f"{name} is no name that wsim reads, and does nothing; "
+                     + (f"did you mean {close[0]}?" if close else f"read here are: {', '.join(mine) or 'none'}"))
+    elif not READ[name] & is_:
+        places = " or ".join(f"a {p}" if p == "Material" or not p.endswith("API") else f"a prim with {p}"
+                             for p in sorted(READ[name]))
+        reading.warn(prim.GetPath(), f"{name} does nothing on a {prim.GetTypeName() or 'prim without a type'} like this; it is "
+                     f"read on {places}: author it there")
+
+
+def _physics(reading: Reading, prim: Usd.Prim, name: str) -> None:
+    if prim.GetPrimDefinition().GetPropertyDefinition(name) or name.startswith("physics:deformablePose:"):
+        return
+    close = get_close_matches(name, PHYSICS, 1, 0.8)
+    reading.warn(prim.GetPath(), f"{name} is no name that wsim reads here, and does nothing"
+                 + (f"; did you mean {close[0]}?" if close else ""))
