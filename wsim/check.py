@@ -44,6 +44,8 @@ def check(scene: Scene) -> list[Problem]:
         found += check_varying.varying(thing, scene)
     if not any(p.fatal for p in found):           # triangles and pieces can be asked only of sound objects
         found += [*_support(scene), *_damping(scene)]
+        for body in scene.bodies():
+            found += _held(body, [p for p in scene.pins if p.body == body.path and p.stiffness == inf])
     return sorted(found, key=lambda p: not p.fatal)
 
 
@@ -138,6 +140,15 @@ def _pin(pin: Pin, scene: Scene) -> Iterator[Problem]:
     if bad.any():
         yield error(path, f"it holds point {pin.points[np.argmax(bad)]} of {pin.body}", f"0 to {len(body.points) - 1}",
                     "count from 0, in the order of the mesh's points")
+
+
+def _held(body: Cloth | Springs | Soft, pins: list[Pin]) -> list[Problem]:
+    """Points that are held hard more than once, by these pins, at more than one place."""
+    points = np.concatenate([np.zeros(0, np.int32), *(p.points for p in pins)])
+    if len(np.unique(points)) == len(points):
+        return []
+    from wsim.check_pins import held_twice
+    return list(held_twice(body, pins))
 
 
 def _pieces(body: Cloth | Springs | Soft) -> np.ndarray:

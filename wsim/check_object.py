@@ -11,11 +11,13 @@ import numpy as np
 
 from wsim import topology
 from wsim.curve import Motion
+from wsim.masses import cloth_masses
 from wsim.scene import CLOTH_MODELS, Cloth, Collider, Problem, Springs, Surface
 
 FAR = 1e5                   # [m] from the own origin: float32 resolves 8 mm there, and no cloth survives that
 LARGE, SMALL = 30.0, 1e-3   # [m] a cloth beyond these is in the wrong unit more often than not
 ROUNDED = 1e-5              # rounding of the points against the size of the cloth; a warning above
+LIGHTEST = 1e-30            # [kg] inverse masses, times a stiffness, must stay below float32's 3e38
 RIGID = 1e-4                # departure of M^T M from the identity that transforms kept as float32 reach
 
 
@@ -116,7 +118,36 @@ def cloth(thing: Cloth) -> list[Problem]:
     if thing.model == "springs" and thing.material.weft > 0.0:
         found.append(error(path, f"weft is {thing.material.weft:g} and the model is 'springs', which has one stretch",
                            "0 there", "take the model 'membrane'"))
+    if not any(p.fatal for p in found):
+        found += _weighed(thing)
     return found
+
+
+def _weighed(thing: Cloth) -> Iterator[Problem]:
+    """Faces without area at rest, and what they leave without mass. The mesh is sound here."""
+    triangles, polygon = topology.triangulate(thing.points, thing.counts, thing.indices)
+    rest = thing.motion.points(thing.points if thing.rest_points is None else thing.rest_points)
+    flat = np.unique(polygon[topology.areas(rest, triangles) == 0.0])
+    if len(flat) == len(np.unique(polygon)) and thing.masses is None:
+        yield error(thing.path, "none of its faces has an area at rest", "a rest shape with an area",
+                    "author physics:restShapePoints again, or leave them out")
+        return
+    particle = topology.weld(thing.motion.points(thing.points), thing.weld) if thing.weld > 0.0 else np.arange(len(rest))
+    yield from light(thing.path, np.bincount(particle, cloth_masses(thing, triangles, rest))[particle],
+                     "each face there has no area at rest" if len(flat) else "")
+    if len(flat):
+        yield warning(thing.path, f"{len(flat)} faces have no area at rest, first face {flat[0]}: they resist nothing",
+                      "faces with an area", "move their rest points apart, or remove them")
+
+
+def light(path: str, masses: np.ndarray, why: str = "") -> Iterator[Problem]:
+    """Points whose inverse mass is infinite in float32, or nearly."""
+    bad = ~(masses >= LIGHTEST)
+    if bad.any():
+        k = int(np.argmax(bad))
+        yield error(path, f"{bad.sum()} points have next to no mass, first point {k} with {masses[k]:.3g} kg"
+                    + (f" ({why})" if why else ""), f"{LIGHTEST:g} kg and more",
+                    "give those points a rest shape with an area or volume, or author masses, a density, metersPerUnit")
 
 
 def size(path: str, world: np.ndarray) -> Iterator[Problem]:
@@ -139,7 +170,7 @@ def rounding(path: str, points: np.ndarray) -> Iterator[Problem]:
 def springs(net: Springs) -> list[Problem]:
     path, n, m = net.path, len(net.points), len(net.edges)
     found = [*array(path, "points", net.points, (n,)), *placed(path, net.points, net.motion)]
-    found += array(path, "masses", net.masses, (n, 1), 0.0, True)
+    found += list(array(path, "masses", net.masses, (n, 1), 0.0, True)) or light(path, net.masses)
     found += array(path, "velocities", net.velocities, (n,))
     found += array(path, "stiffnesses", net.stiffness, (m, 1), 0.0, True)
     found += array(path, "rest lengths", net.lengths, (m,), 0.0, True)

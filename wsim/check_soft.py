@@ -5,7 +5,8 @@ from math import inf, isfinite
 
 import numpy as np
 
-from wsim.check_object import array, error, number, placed, rounding, size, warning
+from wsim.check_object import array, error, light, number, placed, rounding, size, warning
+from wsim.masses import soft_masses
 from wsim.scene import Problem, Skin, Soft
 from wsim.tetra import tets
 from wsim.tetra.mend import mend
@@ -27,6 +28,9 @@ def soft(thing: Soft) -> list[Problem]:
         found += number(path, "mass", thing.mass, 0.0, True, "author physics:mass, or leave it to the density")
     found += [*array(path, "filled", thing.filled, t, 0.0), *_parts(thing), *_materials(thing), *_options(thing)]
     sound = not any(p.fatal for p in found)
+    if sound:
+        rest = thing.points if thing.rest_points is None else thing.rest_points
+        found += light(path, soft_masses(thing, thing.motion.points(rest))[0])
     for skin in thing.skins:
         found += _skin(thing, skin, sound)
     return found

@@ -9,7 +9,8 @@ THIN = 1.0 / 64.0      # least part of a cage's tet that counts: with less, ligh
 
 
 def cloth_masses(cloth: Cloth, triangles: np.ndarray, rest: np.ndarray) -> np.ndarray:
-    """Mass of each author's point [kg]: authored, or rest area times thickness times density, a third to each corner."""
+    """Mass of each author's point [kg]: authored, or rest area times thickness times density, a third to each corner. Points of
+    no triangle, which nothing holds, have the mean of the others."""
     if cloth.masses is not None:
         return cloth.masses.astype(np.float64)
     n = len(cloth.points)
@@ -19,6 +20,8 @@ def cloth_masses(cloth: Cloth, triangles: np.ndarray, rest: np.ndarray) -> np.nd
     masses = np.bincount(triangles.ravel(), np.repeat(share, 3), n)
     if cloth.mass is not None:
         masses *= cloth.mass / masses.sum()
+    used = np.bincount(triangles.ravel(), minlength=n) > 0
+    masses[~used] = masses.sum() / max(used.sum(), 1)
     return masses
 
 

@@ -121,10 +121,10 @@ def _refined(reading: Reading, mesh: Usd.Prim, values: np.ndarray) -> float:
 
 
 def _spread(cloth: Cloth, of_faces: np.ndarray) -> np.ndarray:
-    """Sum over the faces at each point, (n,)."""
-    of_corners = np.repeat(np.asarray(of_faces, np.float64), np.maximum(cloth.counts, 0))
-    corners = cloth.indices[:len(of_corners)]
-    return shared(corners, of_corners[:len(corners)], len(cloth.points))
+    """Sum over the faces at each point, (n,); ones where counts and indices disagree, which wsim.check reports."""
+    if cloth.counts.min(initial=0) < 0 or cloth.counts.sum() != len(cloth.indices):
+        return np.ones(len(cloth.points))
+    return shared(cloth.indices, np.repeat(np.asarray(of_faces, np.float64), cloth.counts), len(cloth.points))
 
 
 def _masses(reading: Reading, mesh: Usd.Prim, body: Usd.Prim, cloth: Cloth) -> tuple[np.ndarray | None, float | None]:

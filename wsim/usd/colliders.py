@@ -185,7 +185,7 @@ def _between(times: np.ndarray, S: np.ndarray, t: float) -> np.ndarray:
 
 def turned_over(counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
     """Corners of each polygon in the opposite order."""
-    if counts.sum() != len(indices):
+    if counts.min(initial=0) < 0 or counts.sum() != len(indices):
         return indices                                         # reported by wsim.check
     ends = np.cumsum(counts)
     return indices[np.repeat(2 * ends - counts - 1, counts) - np.arange(len(indices))]

@@ -80,11 +80,12 @@ def _gravity(reading: Reading, prim: Usd.Prim) -> tuple[float, float, float]:
     units = reading.units
     direction, magnitude = (read(prim, "Scene", name, units) for name in ("direction", "magnitude"))
     if direction is not None and not all(map(math.isfinite, direction)):
-        reading.fail(prim.GetPath(), f"{row('Scene', 'direction').attribute} is ({', '.join(f'{v:g}' for v in direction)}); allowed "
-                     "are three finite numbers, (0, 0, 0) for downwards")
+        found = ", ".join(f"{v:g}" for v in direction)
+        reading.fail(prim.GetPath(), f"{row('Scene', 'direction').attribute} is ({found}); allowed are three finite numbers, "
+                     "(0, 0, 0) for downwards")
     elif magnitude is not None and not magnitude < math.inf:
-        reading.fail(prim.GetPath(), f"{row('Scene', 'magnitude').attribute} is {magnitude:g}; allowed is a finite number, or a "
-                     "negative one (-inf) for Earth's gravity")
+        reading.fail(prim.GetPath(), f"{row('Scene', 'magnitude').attribute} is {magnitude:g}; allowed is a finite number, or "
+                     "a negative one (-inf) for Earth's gravity")
     else:
         return _vector(prim, units)
     x, y, z = _down(units)

@@ -1,5 +1,6 @@
-"""Names on a stage that nobody reads: misspelt, of an older or foreign revision, or on a prim where they mean nothing. A name that
-is not read does nothing, so each is a warning with the name that was probably meant."""
+"""Names on a stage that nobody reads: misspelt, of an older or foreign revision, or on a prim where they mean nothing. A name
+that is not read does nothing, so each is a warning with the name that was probably meant.
+"""
 
 from difflib import get_close_matches
 
@@ -8,7 +9,7 @@ from pxr import Usd
 from wsim.usd import names
 from wsim.usd.names import FOREIGN_ATTRIBUTES, FOREIGN_PREFIXES, FOREIGN_SCHEMAS, FOREIGN_TYPES, TABLE, UNREAD, row
 from wsim.usd.stage import Reading, applied
-from wsim.usd.varying import CURVES, OWN, sampled
+from wsim.usd.varying import CURVES, sampled
 
 WSIM, PRIMVAR, RESTART = "wsim:", "primvars:wsim:", "wsim:restart:"
 FIELDS = {"young": names.VOLUME_SIM, "poisson": names.VOLUME_SIM, "stretch": names.SURFACE_SIM, "shear": names.SURFACE_SIM,
@@ -52,7 +53,7 @@ def spelling(reading: Reading, prim: Usd.Prim) -> None:
             _wsim(reading, prim, name, is_)
         elif name.startswith("physics:") and is_ & DEFORMABLE and name not in PHYSICS:
             _physics(reading, prim, name)
-        if name.startswith(OWN) and name not in CURVES and sampled(prim.GetAttribute(name)) and (name in READ or name in PHYSICS):
+        if (name in READ or name in PHYSICS) and name not in CURVES and sampled(prim.GetAttribute(name)):
             reading.sampled.append(prim.GetAttribute(name).GetPath())
 
 

@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 from pxr import Usd
 
-from wsim.check_varying import LIVE, fixed
 from wsim.curve import Curve
 from wsim.scene import Scene, Varying
 from wsim.usd.stage import Reading
@@ -54,6 +53,7 @@ def vary(reading: Reading, path: str, kind: type, attributes: list[Usd.Attribute
     reading.followed |= {a.GetPath() for a in moving}
     if not moving:
         return
+    from wsim.check_varying import LIVE
     codes = {code for a in moving for code in a.GetTimeSamples()}
     if any(a.HasSpline() for a in moving):
         codes |= set((reading.units.start + np.arange(reading.frames + 1)).tolist())
@@ -83,6 +83,7 @@ def held(reading: Reading, where, reason: str) -> None:
 def finish(reading: Reading, scene: Scene) -> None:
     """Gives the scene what varies; what cannot, and samples that nobody has followed, are noted."""
     for where, thing in reading.varying:
+        from wsim.check_varying import fixed
         if reason := fixed(thing.path, thing.name, scene):
             held(reading, where, f"{thing.name} of {thing.path} cannot follow ({reason})")
         else:
