@@ -24,6 +24,7 @@ from wsim.usd.stage import Units
 
 STEP = 1.0 / 16.0      # [time codes] of the forward difference
 PRIMVARS = {"vonMises": "Pa", "strain": "1"}      # of soft bodies, where they are asked for: name and unit
+SKELETON = "skel:skeleton"
 PARTICLES = row("Springs", "particles").attribute
 
 
@@ -147,6 +148,7 @@ class BodyOver:
         self.extent = UsdGeom.Boundable(prim).CreateExtentAttr()
         self.padding = _half_width(prim)
         _block(base.GetAccelerationsAttr())
+        _unbind(prim)
         if not velocities:
             _block(base.GetVelocitiesAttr())
         self.normals: Usd.Attribute | None = None
@@ -213,6 +215,18 @@ class BodyOver:
 def _block(attribute: Usd.Attribute) -> None:
     if attribute and attribute.HasAuthoredValue():
         attribute.Block()
+
+
+def _unbind(prim: Usd.Prim) -> None:
+    """Ends the binding to a skeleton of a prim below a SkelRoot: its points are where they belong, and no viewer may skin
+    them once more."""
+    above = [prim]
+    while above[-1].GetParent():
+        above.append(above[-1].GetParent())
+    bound = [p for p in above if p.GetRelationship(SKELETON) and p.GetRelationship(SKELETON).HasAuthoredTargets()]
+    if bound and any(p.GetTypeName() == "SkelRoot" for p in above):
+        prim.AddAppliedSchema("SkelBindingAPI")
+        prim.CreateRelationship(SKELETON, False).SetTargets([])
 
 
 def _half_width(prim: Usd.Prim) -> float:

@@ -38,6 +38,7 @@ class Found:
     attachments: list = field(default_factory=list)
     meshes: list = field(default_factory=list)
     tet_meshes: list = field(default_factory=list)
+    skel_roots: list = field(default_factory=list)
 
 
 def load(path, variants: dict[str, dict[str, str]] | None = None) -> Scene:
@@ -144,6 +145,8 @@ def _walk(reading: Reading) -> Found:
             found.attachments.append(prim)
         elif kind in (names.ELEMENT_FILTER, names.COLLISION_GROUP):
             reading.warn(prim.GetPath(), f"{kind} is not used yet: every collider acts on every body")
+        elif kind == "SkelRoot":
+            found.skel_roots.append(prim)
         elif kind in ("Mesh", "TetMesh"):
             (found.meshes if kind == "Mesh" else found.tet_meshes).append(prim)
         if names.BODY in apis:
@@ -236,6 +239,10 @@ def _order(scene: Scene, scenes: list[Usd.Prim]) -> None:
 def _finished(reading: Reading, scene: Scene, found: Found) -> Scene:
     """The scene with its warnings. Raises SceneError if anything fatal was found."""
     finish(reading, scene)
+    if found.skel_roots:
+        from wsim.usd.skeletons import skinned
+        solid = [*scene.bodies(), *(skin for soft in scene.softs for skin in soft.skins), *scene.colliders]
+        skinned(reading, found.skel_roots, [reading.stage.GetPrimAtPath(thing.path) for thing in solid])
     fatal = [problem for problem in reading.problems if problem.fatal]
     if scene.bodies():
         fatal += [problem for problem in check(scene) if problem.fatal]
