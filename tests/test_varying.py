@@ -11,9 +11,11 @@ from wsim import Scene, Simulation, shapes
 from wsim.check import check
 from wsim.curve import Curve
 from wsim.fabric import Fabric
+from wsim.fitting.parameter import parameters
 from wsim.recording import Recording
 from wsim.run import later
-from wsim.scene import SceneError, Varying
+from wsim.scene import SceneError, Sphere, Varying
+from wsim.usd import load, save
 
 WIND = Curve([0.0, 0.5], np.array([[0.0, 0.0, 0.0], [6.0, 0.0, 1.0]]))
 RAMP = Curve([0.1, 0.3], np.array([500.0, 8000.0]))
@@ -176,3 +178,25 @@ def test_one_sample_counts_where_there_is_no_default_value(read):
 
 def test_two_scenes_are_the_same_only_if_they_vary_alike():
     assert blown() == blown() and blown() != flag() and blown() != replace(blown(), varying=blown().varying[:1])
+
+
+def test_what_varies_is_saved_and_loaded_again(tmp_path):
+    scene = flag(Varying("/", "gravity", Curve([0.0, 0.5], np.array([[0.0, -9.5, 0.0], [0.0, 0.0, 2.0]]))),
+                 Varying("/", "wind", WIND), Varying("/flag", "poisson", Curve([0.0, 1.0], np.array([0.0, 0.25]))),
+                 Varying("/flag", "stretch", RAMP), gravity=(0.0, -9.5, 0.0))
+    scene.cloth("/other", *shapes.sheet(1.0, 1.0, 2, 2), material=scene.cloths[0].material)      # the same, and it stays
+    ball = scene.collider("/ball", Sphere(0.1), at=(0.0, -3.0, 0.0))
+    scene.varying.append(Varying(ball.path, "thickness", Curve([0.25, 0.5], np.array([0.0, 0.5]))))
+    save(scene, tmp_path / "s.usda")
+    again = load(tmp_path / "s.usda")
+    key = {(v.path, v.name): v.curve for v in again.varying}
+    assert set(key) == {(v.path, v.name) for v in scene.varying}
+    for v in scene.varying:
+        for t in (0.0, *v.curve.times):
+            assert key[v.path, v.name].at(t) == pytest.approx(v.curve.at(t), rel=1e-6, abs=1e-6)
+
+
+def test_a_fit_of_what_varies_is_refused():
+    for name, said in (("stretch", "/flag: stretch varies in time"), ("wind_x", "/: wind varies in time")):
+        with pytest.raises(SceneError, match=said):
+            parameters(name, [blown()])

@@ -16,6 +16,7 @@ from math import isfinite
 
 import numpy as np
 
+from wsim.check_varying import unfit
 from wsim.masses import density_of
 from wsim.scene import Cloth, Collider, Problem, Scene, SceneError, Soft, Springs
 
@@ -263,6 +264,7 @@ def _wrong(p: Parameter, scenes: list[Scene]) -> list[Problem]:
     """Why it cannot be fitted where a scene has it."""
     problems = []
     for scene in scenes:
+        problems += unfit(scene, p.what, p.path)
         if p.what == "wind" and not any(c.drag or c.lift for c in scene.cloths):
             problems.append(Problem("wind", "no cloth has drag or lift, so that wind does nothing; author one, or leave wind "
                                     "out"))

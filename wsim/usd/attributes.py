@@ -93,24 +93,24 @@ def _real(attribute, value, entry: Row, factor: float, through) -> float:
     return inverse(float(value) * factor)
 
 
-def author(prim: Usd.Prim, owner: str, field: str, value, units: Units = SI, through=None) -> Usd.Attribute:
-    """Writes the SI value of a field as the default value of its attribute."""
+def author(prim: Usd.Prim, owner: str, field: str, value, units: Units = SI, through=None, time=DEFAULT) -> Usd.Attribute:
+    """Writes the SI value of a field as the default value of its attribute, or as a sample at a time code."""
     entry = row(owner, field)
     attribute = attribute_of(prim, entry)
     factor = units.factor(entry.unit)
     if entry.type in _ARRAYS:
-        attribute.Set(array(value, entry.type, factor))
+        attribute.Set(array(value, entry.type, factor), time)
     elif entry.type == "vector3d":
-        attribute.Set(Gf.Vec3d(*(float(v) / factor for v in value)))
+        attribute.Set(Gf.Vec3d(*(float(v) / factor for v in value)), time)
     elif entry.type == "vector3f":
-        attribute.Set(Gf.Vec3f(*(float(v) / factor for v in value)))
+        attribute.Set(Gf.Vec3f(*(float(v) / factor for v in value)), time)
     elif entry.type in ("float", "double"):
         forward = through[0] if through else float
-        attribute.Set(float(forward(value) / factor))
-        if entry.type == "float" and _si(attribute, attribute.Get(), entry, units, through) != value:
+        attribute.Set(float(forward(value) / factor), time)
+        if entry.type == "float" and time == DEFAULT and _si(attribute, attribute.Get(), entry, units, through) != value:
             attribute.SetCustomDataByKey(EXACT, float(value))
     else:
-        attribute.Set(value)
+        attribute.Set(value, time)
     return attribute
 
 

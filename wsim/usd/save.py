@@ -40,7 +40,7 @@ def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
     objects: list[Cloth | Springs | Soft | Collider | Pin | Tie] = [*scene.bodies(), *scene.colliders, *scene.pins, *scene.ties]
     taken = {thing.path for thing in [*objects, *_skins(scene)]}
     settings = author_settings(stage, _free("/physicsScene", taken), scene, units)
-    materials = _Materials(_free("/materials", taken))
+    materials = _Materials(_free("/materials", taken), scene)
     by_path = {thing.path: thing for thing in scene.bodies()}
     for thing in sorted(objects, key=lambda thing: (isinstance(thing, (Pin, Tie)), thing.path.count("/"))):
         _parents(stage, thing.path)
@@ -58,6 +58,9 @@ def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
             if thing.target:
                 _parents(stage, thing.target)
             author_pin(stage, thing, by_path[thing.body], units, scene.frames)
+    if scene.varying:
+        from wsim.usd.author_varying import author_varying
+        author_varying(stage, scene, settings, units)
     settings.CreateRelationship(names.ORDER, False).SetTargets(
         [Sdf.Path(thing.path) for thing in [*objects, *_skins(scene)]])
     stage.SetDefaultPrim(stage.GetPrimAtPath(Sdf.Path(objects[0].path).GetPrefixes()[0]) if objects else settings)
@@ -67,7 +70,7 @@ def _author_soft(stage: Usd.Stage, soft: Soft, materials: "_Materials", taken: s
     from wsim.usd.soft import author_soft
     for skin in soft.skins:
         _parents(stage, skin.path)
-    paths = [materials.of_value(bulk, Sdf.Path(soft.path).name) for bulk in soft.materials]
+    paths = [materials.of_value(bulk, soft.path) for bulk in soft.materials]
     parts: list[str] = []
     for _ in soft.others:
         parts.append(_free(f"{soft.path}/part", taken | set(parts)))
@@ -79,22 +82,25 @@ def _skins(scene: Scene) -> list[Skin]:
 
 
 class _Materials:
-    """Paths of materials: one for each different fabric, solid or friction, named after the first object that has it."""
+    """Paths of materials: one for each different fabric, solid or friction, named after the first object that has it. An object
+    of which something varies in time has its own."""
 
-    def __init__(self, scope: str):
-        self.scope = scope
-        self.paths: dict[Fabric | Bulk | tuple[float, ...], str] = {}
+    def __init__(self, scope: str, scene: Scene):
+        self.scope, self.varying = scope, {v.path for v in scene.varying}
+        self.paths: dict[tuple, str] = {}
 
     def of(self, thing: Cloth | Springs | Collider) -> str:
         if isinstance(thing, Cloth):
-            return self.of_value(thing.material, Sdf.Path(thing.path).name)
+            return self.of_value(thing.material, thing.path)
         friction = (thing.static_friction, thing.dynamic_friction) if isinstance(thing, Springs) else surface(thing)
-        return self.of_value(friction, Sdf.Path(thing.path).name)
+        return self.of_value(friction, thing.path)
 
-    def of_value(self, what: Fabric | Bulk | tuple[float, ...], name: str) -> str:
-        if what not in self.paths:
-            self.paths[what] = _free(f"{self.scope}/{name}", set(self.paths.values()))
-        return self.paths[what]
+    def of_value(self, what: Fabric | Bulk | tuple[float, ...], owner: str) -> str:
+        """Of an object by its path."""
+        key = what, owner if owner in self.varying else ""
+        if key not in self.paths:
+            self.paths[key] = _free(f"{self.scope}/{Sdf.Path(owner).name}", set(self.paths.values()))
+        return self.paths[key]
 
 
 def _free(path: str, taken: set[str]) -> str:

@@ -118,6 +118,13 @@ def author_settings(stage: Usd.Stage, path: str, scene: Scene, units: Units) -> 
     return prim
 
 
+def author_varying_gravity(prim: Usd.Prim, gravity, units: Units, code: float) -> None:
+    """Direction and magnitude [m/s^2] as samples at a time code."""
+    magnitude = math.sqrt(sum(v * v for v in gravity))
+    author(prim, "Scene", "direction", tuple(v / (magnitude or 1.0) for v in gravity), units, time=code)
+    author(prim, "Scene", "magnitude", magnitude, units, time=code)
+
+
 def author_gravity(prim: Usd.Prim, scene: Scene, units: Units) -> None:
     """Direction and magnitude, and beside them the exact vector where they round it."""
     magnitude = math.sqrt(sum(v * v for v in scene.gravity))
