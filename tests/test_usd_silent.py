@@ -4,7 +4,7 @@ import tracemalloc
 
 import pytest
 from usda import BIND, SHEET, Reader, cloth, errors, fabric, notes
-from usda_soft import SOLID, TWO, solid, volume
+from usda_soft import SIM, SOLID, TWO, place, solid, volume
 
 PIN = """def PhysicsAttachment "{}" {{
     rel physics:src0 = </cloth>
@@ -172,3 +172,32 @@ def test_names_that_are_read_or_others_are_not_named(read):
         "double wsim:weftStretch = 3\nfloat physics:curvesBendStiffness = 1\nfloat physics:density = 3",
         apis='"PhysicsSurfaceDeformableMaterialAPI", "PhysicsMaterialAPI", "WsimMaterialAPI"')
     assert not [n for n in read(text).notes if "no name" in n.text or "does nothing" in n.text]
+
+
+# What fuzzing found --------------------------------------------------------------------------------------------------
+
+BALL = 'def Sphere "ball" (prepend apiSchemas = ["PhysicsCollisionAPI"]) {{\n{}\n}}\n'
+POSE = ('point3f[] physics:deformablePose:bind:points = [(0, 0, 0)]\n'
+        'uniform token[] physics:deformablePose:bind:purposes = ["bindPose"]')
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("text", "said"), [
+    (cloth() + BALL.format('string radius = "text"'), "/ball.radius: is of type"),
+    (cloth(place("string xformOp:translate", '"x"')), "/cloth: its transform, or one above it, cannot be read"),
+    (cloth(place("float xformOp:scale", "2")), "/cloth: its transform, or one above it, cannot be read"),
+    (cloth("point3f[] velocities = [(0, 0, 0)]\ndouble wsim:weld = 1e300"), "/cloth: "),
+    (cloth(place("double3 xformOp:scale", "(1e300, 1e300, 1e300)")), "/cloth: points lie"),
+    (volume(f"{SOLID}\n{POSE.replace('point3f[]', 'float[]').replace('[(0, 0, 0)]', '[1, 2]')}",
+            apis=f'"PhysicsDeformableBodyAPI", {SIM}, "PhysicsDeformablePoseAPI:bind"') + solid(),
+     "deformablePose:bind:points: is of type"),
+])
+def test_values_that_ended_in_a_traceback_are_errors(read, text, said):
+    assert said in errors(read, text)
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    (volume(f'{SOLID}\nstring[] primvars:wsim:young = ["a", "b"]') + solid(), "primvars:wsim:young is of type string[]"),
+    (cloth() + scene('string newton:timeStepsPerSecond = "many"'), "newton:timeStepsPerSecond is many, and no number")])
+def test_hints_that_are_none_are_left_out_with_a_note(read, text, said):
+    assert said in notes(read(text))

@@ -22,6 +22,7 @@ SOFT_SOLVERS = tuple(name for name in ("auto", "implicit", "explicit") if name i
 STRONG = 50.0       # [m/s^2] five times Earth's gravity; files that take their unit for centimetres hold 981
 
 
+@np.errstate(over="ignore", invalid="ignore")     # what is no number is reported
 def check(scene: Scene) -> list[Problem]:
     """Everything found, errors first. Never raises for a bad scene, and does not change it."""
     found = [*_settings(scene), *_paths(scene)]

@@ -85,7 +85,7 @@ def weld(points: np.ndarray, tolerance: float) -> np.ndarray:
         pairs = pairs[pairs + lag < len(key)]
         pairs = pairs[key[pairs + lag] == key[pairs]]
         a, b = owner[pairs], owner[pairs + lag]
-        found.append(np.stack([a, b], 1)[((places[a] - places[b]) ** 2).sum(1) <= tolerance**2])
+        found.append(np.stack([a, b], 1)[((places[a] - places[b]) ** 2).sum(1) <= tolerance * tolerance])
         lag, tested = lag + 1, tested + len(pairs)
         if tested > 1e6 + 64 * n:
             raise ValueError(f"weld tolerance {tolerance:g} m holds too many of the {n} points: it must be well under "

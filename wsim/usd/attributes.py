@@ -15,7 +15,7 @@ from wsim.usd.stage import Units
 SI = Units()
 EXACT, TIMES = "wsim:exact", "wsim:times"
 DEFAULT = Usd.TimeCode.Default()
-_SCALARS = {"float": (int, float), "double": (int, float), "int": int, "bool": (bool, int), "token": str}
+_SCALARS = {"float": (int, float), "double": (int, float), "int": (int,), "bool": (bool, int), "token": (str,)}
 _ARRAYS = {"float[]": (Vt.FloatArray, np.float32, ()), "double[]": (Vt.DoubleArray, np.float64, ()),
            "int[]": (Vt.IntArray, np.int32, ()),
            "int3[]": (Vt.Vec3iArray, np.int32, (3,)), "int4[]": (Vt.Vec4iArray, np.int32, (4,)),
@@ -40,7 +40,11 @@ def read(prim: Usd.Prim, owner: str, field: str, units: Units = SI, time=None, t
     Scalars are Python numbers, arrays NumPy, points of shape (n, 3). An empty array says as little as none: None.
     Raises SceneError if the attribute is of a type that cannot be what the row says.
     """
-    entry = row(owner, field)
+    return read_row(prim, row(owner, field), units, time, through)
+
+
+def read_row(prim: Usd.Prim, entry: Row, units: Units = SI, time=None, through=None):
+    """As `read`, of a row that need not be in the table."""
     attribute = prim.GetAttribute(entry.attribute)
     if not attribute or not attribute.HasAuthoredValue():
         return None
@@ -52,12 +56,29 @@ def read(prim: Usd.Prim, owner: str, field: str, units: Units = SI, time=None, t
     try:
         return _si(attribute, value, entry, units, through)
     except (TypeError, ValueError):
-        raise SceneError(Problem(str(attribute.GetPath()), f"is of type {attribute.GetTypeName()}; allowed is "
-                                 f"{entry.type}: author it again with that type")) from None
+        raise of_type(attribute, entry.type) from None
+
+
+def of_type(attribute: Usd.Attribute, allowed: str) -> SceneError:
+    """The error of an attribute whose value cannot be of the type that is read."""
+    return SceneError(Problem(str(attribute.GetPath()), f"is of type {attribute.GetTypeName()}; allowed is {allowed}: author "
+                              "it again with that type"))
+
+
+def size(attribute: Usd.Attribute, time) -> float:
+    """A number of an attribute that no row has [stage units]. Raises SceneError where it is of another type."""
+    found = attribute.Get(time)
+    if isinstance(found, bool) or not isinstance(found, (int, float)):
+        raise of_type(attribute, "double")
+    return float(found)
 
 
 def _si(attribute, value, entry: Row, units: Units, through):
     factor = units.factor(entry.unit)
+    if entry.type == "token[]":
+        if not isinstance(value, Vt.TokenArray):
+            raise TypeError
+        return list(value)
     if entry.type in _ARRAYS:
         return _numbers(value, *_ARRAYS[entry.type][1:], factor)
     if entry.type in ("vector3d", "vector3f"):

@@ -14,7 +14,7 @@ from wsim import solids
 from wsim.curve import Curve, Motion
 from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
 from wsim.usd import names
-from wsim.usd.attributes import DEFAULT, array, author, author_times, read, read_times
+from wsim.usd.attributes import DEFAULT, array, author, author_times, read, read_times, size
 from wsim.usd.material import author_friction, bind, bound, load_contact
 from wsim.usd.motion import Placement, author_motion, placement, split
 from wsim.usd.stage import Reading, Units
@@ -63,7 +63,7 @@ def load_collider(reading: Reading, prim: Usd.Prim) -> Collider | None:
 
 def _axis(prim: Usd.Prim) -> str:
     attribute = prim.GetAttribute("axis")
-    return attribute.Get() if attribute else "Z"
+    return str(attribute.Get()) if attribute else "Z"
 
 
 def _sizes(reading: Reading, prim: Usd.Prim) -> Sizes | None:
@@ -72,7 +72,7 @@ def _sizes(reading: Reading, prim: Usd.Prim) -> Sizes | None:
         attribute = prim.GetAttribute(name)
         if attribute.ValueMightBeTimeVarying():
             reading.warn(attribute.GetPath(), "is animated; its value at startTimeCode is held")
-        return float(attribute.Get(reading.start)) * reading.units.metres
+        return size(attribute, reading.start) * reading.units.metres
 
     match prim.GetTypeName():
         case "Plane":

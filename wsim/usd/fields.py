@@ -82,7 +82,12 @@ def load_fields(reading: Reading, mesh: Usd.Prim, soft: Soft) -> Soft:
         primvar = UsdGeom.PrimvarsAPI(mesh).GetPrimvar(f"wsim:{name}")
         if not (primvar and primvar.HasAuthoredValue()):
             continue
-        values = np.array(primvar.Get(), np.float64) * reading.units.factor(unit)
+        values = np.array(primvar.Get(reading.start))
+        if values.dtype.kind not in "fiu":
+            reading.warn(mesh.GetPath(), f"{primvar.GetName()} is of type {primvar.GetTypeName()}; allowed is double[]: it is "
+                         "left out")
+            continue
+        values = values * reading.units.factor(unit)
         if values.shape != (len(soft.tets),):
             reading.warn(mesh.GetPath(), f"{primvar.GetName()} has {values.size} values; allowed is {len(soft.tets)}, one for "
                          "each tet: it is left out")

@@ -8,7 +8,8 @@ import os
 from dataclasses import dataclass, field
 from math import inf
 
-from pxr import Usd, UsdGeom
+import numpy as np
+from pxr import Tf, Usd, UsdGeom
 
 from wsim.check import check
 from wsim.scene import Problem, Scene, SceneError
@@ -59,7 +60,7 @@ def load(path, variants: dict[str, dict[str, str]] | None = None) -> Scene:
 def read_stage(stage: Usd.Stage, notes: list[Problem] | None = None) -> Scene:
     """The scene of an open stage; see `load`."""
     reading = Reading(stage, Units.of(stage), problems=list(notes or []))
-    with quiet(reading.problems, stage):
+    with quiet(reading.problems, stage), np.errstate(over="ignore", invalid="ignore"):    # what is no number is reported
         return _read(reading)
 
 
@@ -165,11 +166,11 @@ def _walk(reading: Reading) -> Found:
 
 def _collides(prim: Usd.Prim) -> bool:
     enabled = prim.GetAttribute("physics:collisionEnabled")
-    return not enabled or enabled.Get() is not False
+    return not enabled or enabled.Get(prim.GetStage().GetStartTimeCode()) is not False
 
 
 def _kinematic(prim: Usd.Prim) -> bool:
-    return any(bool(a) and a.Get() is wanted for a, wanted in (
+    return any(bool(a) and a.Get(prim.GetStage().GetStartTimeCode()) is wanted for a, wanted in (
         (prim.GetAttribute("physics:kinematicEnabled"), True), (prim.GetAttribute("physics:rigidBodyEnabled"), False)))
 
 
@@ -230,7 +231,11 @@ def _order(scene: Scene, scenes: list[Usd.Prim]) -> None:
     """Puts objects in the order that a save noted; others keep that of the stage, behind them."""
     relationship = scenes[0].GetRelationship(names.ORDER) if scenes else None
     if relationship:
-        place = {str(path): i for i, path in enumerate(relationship.GetTargets())}
+        try:
+            place = {str(path): i for i, path in enumerate(relationship.GetTargets())}
+        except Tf.ErrorException:
+            raise SceneError(Problem(str(relationship.GetPath()), "is an attribute in some layer; it must be a relationship: "
+                                     "author it again")) from None
         lists: list[list] = [scene.cloths, scene.springs, scene.softs, scene.colliders, scene.pins, scene.ties]
         for kind in [*lists, *(soft.skins for soft in scene.softs)]:
             kind.sort(key=lambda thing: place.get(thing.path, len(place)))

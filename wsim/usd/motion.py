@@ -13,9 +13,10 @@ a load uses them as long as the motion that they give agrees with the samples.
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom
 
 from wsim.curve import Motion, polar
+from wsim.scene import Problem, SceneError
 from wsim.usd.attributes import author_times, read_times
 from wsim.usd.stage import Reading, Units
 
@@ -44,13 +45,17 @@ class Placement:
 
 
 def placement(reading: Reading, prim: Usd.Prim) -> Placement:
-    """Where a prim is, at its keys."""
-    exact = _noted(reading, prim)
-    if exact is not None:
-        return exact
-    codes = _codes(reading, prim)
-    times = np.zeros(1) if codes is None else reading.units.time(codes)
-    return _sampled(reading, prim, [reading.units.start] if codes is None else codes, times)
+    """Where a prim is, at its keys. Raises SceneError where an op of it, or of one above, is of another type than its name."""
+    try:
+        exact = _noted(reading, prim)
+        if exact is not None:
+            return exact
+        codes = _codes(reading, prim)
+        times = np.zeros(1) if codes is None else reading.units.time(codes)
+        return _sampled(reading, prim, [reading.units.start] if codes is None else codes, times)
+    except (Tf.ErrorException, TypeError, ValueError, IndexError):
+        raise SceneError(Problem(str(prim.GetPath()), "its transform, or one above it, cannot be read: an xformOp has a value "
+                                 "of another type than its name says; author its xformOps again")) from None
 
 
 def _sampled(reading: Reading, prim: Usd.Prim, codes, times: np.ndarray) -> Placement:
@@ -68,7 +73,7 @@ def _world(reading: Reading, prim: Usd.Prim, code: float) -> tuple[np.ndarray, n
     scale = np.ones(3)
     if ops and ops[-1].GetOpType() == UsdGeom.XformOp.TypeScale and not ops[-1].IsInverseOp():
         value = ops[-1].Get(Usd.TimeCode(code))
-        scale = scale if value is None else np.array(value, np.float64)
+        scale = scale if value is None else np.array([float(value[k]) for k in range(3)])
         matrix = Gf.Matrix4d(1.0)
         for op in ops[:-1]:                                    # row vectors: the last op acts first
             matrix = op.GetOpTransform(Usd.TimeCode(code)) * matrix

@@ -15,9 +15,10 @@ from pxr import Usd, UsdGeom
 from wsim.scene import Problem, Scene, SceneError, Skin, Soft, Surface
 from wsim.skin import hold
 from wsim.usd import names
-from wsim.usd.attributes import DEFAULT, author, read
+from wsim.usd.attributes import DEFAULT, author, read, read_row
 from wsim.usd.colliders import turned_over
 from wsim.usd.motion import author_motion, placement
+from wsim.usd.names import row
 from wsim.usd.stage import Reading, Units, applied
 from wsim.usd.varying import steady
 
@@ -86,10 +87,10 @@ def _bind_points(reading: Reading, prim: Usd.Prim, owner: str) -> np.ndarray | N
     for api in applied(prim):
         if api.startswith(f"{names.POSE}:"):
             pose = f"physics:deformablePose:{api.partition(':')[2]}"
-            purposes, points = (prim.GetAttribute(f"{pose}:{name}").Get() if prim.HasAttribute(f"{pose}:{name}") else None
+            purposes, points = (read_row(prim, replace(row("Pose", name), attribute=f"{pose}:{name}"), reading.units)
                                 for name in ("purposes", "points"))
-            if purposes and points and BIND in purposes:
-                return (np.array(points, np.float64) * reading.units.metres).astype(np.float32)
+            if purposes and points is not None and BIND in purposes:
+                return points
     points = read(prim, owner, "points", reading.units, DEFAULT)
     return read(prim, owner, "points", reading.units, reading.start) if points is None else points
 
