@@ -38,7 +38,7 @@ def _parts(value) -> Iterator[bytes]:
         yield np.ascontiguousarray(value).tobytes()
     elif is_dataclass(value):
         for f in fields(value):
-            if f.name not in SEEN:
+            if f.name not in SEEN - {"path"}:
                 yield f.name.encode()
                 yield from _parts(getattr(value, f.name))
     elif isinstance(value, (list, tuple)):
