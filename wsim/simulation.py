@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from wsim import counts, interrupt, kernel_cache, live, measure, mend
+from wsim import counts, interrupt, kernel_cache, measure, mend
 from wsim import plan as plans
 from wsim.check import check
 from wsim.kernel_cache import GATE
@@ -180,6 +180,7 @@ class Simulation:
         Values are copied. Raises SceneError, with nothing changed, if nothing of that path has such a parameter, for what a
         scene would not take, and for what would need more than `wsim.counts.MOST` substeps.
         """
+        from wsim import live
         with GATE.alone():
             live.set_value(self, path, name, value, world)
 
