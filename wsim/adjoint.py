@@ -116,8 +116,6 @@ class ImplicitAdjoint(Forces):
         for i in range(clock.iterations):
             clock.i = i
             m.newton(clock)
-            if contacts:
-                contacts.project(clock)
         self.count.zero_()
         wp.copy(self.a, m.points.anchor)
         wp.copy(self.x, s.x)
@@ -155,7 +153,7 @@ class ImplicitAdjoint(Forces):
 
     def system(self, rate: float) -> None:
         """The positive part of the Jacobian at the state's d, of what is free there."""
-        self.method.linearise(rate, held=False)
+        self.method.linearise(rate)
         if self.contacts:
             self.contacts.screen(self.method.A.P)
 

@@ -43,7 +43,7 @@ class Implicit(Method):
         self.every = every = in_worlds(model, rows)
         self.tables = {kind: Table(kind, [r for r in every if r.kind == kind], model)
                        for kind in KINDS if any(r.kind == kind for r in every)}
-        self.contact = self.pins = self.free = self.adjoint = None
+        self.contact = self.pins = self.free = self.adjoint = self.active = None
         self.solids, self.present = [], list        # present: rows with rest lengths as they are now (`wsim.muscles`)
         if model.scene.softs:
             from wsim.fem import tables_of
@@ -137,8 +137,9 @@ class Implicit(Method):
             self.part = wp.zeros(len(free) * self.lanes, dtype=wp.vec4d, device=model.device)
             self.shift = wp.zeros(len(free), dtype=wp.vec3d, device=model.device)
         if self.contact:
-            self.hold = touching.hold(real, module)
-            self.q = wp.zeros_like(self.b)
+            from wsim.active_set import ActiveSet
+            self.active = ActiveSet(self, contact)
+            contact.within, contact.press = True, self.active.press if hard else None
         if self.pins:
             self.pinned = touching.pinned(real, module)
             first, item = topology.incident(self.pins.place["soft"].numpy()[:, None], model.points)
@@ -165,9 +166,13 @@ class Implicit(Method):
         self.linearise(rate)
         if clock.i == 0 and self.springs:
             self.A.aside.zero_()
-        self.system.solve(self.f, TOLERANCE, CAP, (self.state.x, self.state.d))
-        self.keep_momentum()
-        self.search(rate, 0, 1)
+        if self.active:
+            self.active.hold(clock.g, fresh=clock.i == 0)
+            self.active.solve(clock, TOLERANCE, CAP)
+        else:
+            self.system.solve(self.f, TOLERANCE, CAP, (self.state.x, self.state.d))
+            self.keep_momentum()
+        self.search(rate, 0, 1, rubbed=self.active is not None)
         if clock.i == clock.iterations - 1:
             self.model.launch(self.end, self.model.points, [self.state.d, self.b], [self.c])
             if clock.k == clock.substeps - 1 or clock.beyond:      # one unsolved step of the midpoint can gain energy
@@ -179,20 +184,21 @@ class Implicit(Method):
             table.plastic.flow(self.state.x, self.state.e)
 
     def start(self, clock: Clock) -> None:
-        """d becomes the best of three: the prediction, that and the last step's forces, where the substep began."""
+        """d becomes the best of three: the prediction, that and the last step's forces, where the substep began; out of colliders
+        before the last is looked at, so that Phi ends below what standing still costs."""
         s, rate = self.state, 1.0 / clock.g
         self.system.count.zero_()
         self.system.drop.zero_()
         self.A.aside.fill_(newton.ASIDE)
         self.prepare(s.d, clock)
-        if self.contact:
-            wp.copy(self.q, self.b)
         self.search(rate, 0)
+        if self.active:
+            self.active.press(clock)
         self.model.launch(self.stay, self.model.points, [self.rows, s.e, s.d], [self.v.y])
         self.keep_momentum()
+        if self.active:
+            self.active.clip(clock.g)
         self.search(rate, 0)
-        if self.contact:
-            self.contact.project(clock)
 
     def prepare(self, d: wp.array, clock: Clock) -> None:
         """own and b of the prediction d, with soft pins."""
@@ -213,14 +219,18 @@ class Implicit(Method):
     def measure(self, clock: Clock) -> None:
         """What the frame's last Newton step left, and whether an integrator that needs it may go on."""
         self.linearise(1.0 / clock.g)
-        self.system.launch(self.left, [self.points.constants, self.A, self.system.first, self.f, self.state.d, self.b],
+        f = self.f
+        if self.active:
+            self.active.hold(clock.g, fresh=True)
+            f = self.active.held.f
+        self.system.launch(self.left, [self.points.constants, self.A, self.system.first, f, self.state.d, self.b],
                            [self.residual])
         if clock.watched:
             most = MET_MIDPOINT if clock.beyond else MET_SDIRK3 if clock.staged else MET
             self.model.launch(self.judge, self.residual.size, [self.residual, most], [self.status[RESIDUAL:]])
 
-    def linearise(self, rate: float, held: bool = True) -> None:
-        """Forces and Jacobian at d; held: with contacts."""
+    def linearise(self, rate: float) -> None:
+        """Forces and Jacobian at d, without contacts."""
         s, a, launch = self.state, self.points.anchor, self.model.launch
         if self.hinges:
             hinges = self.tables["dihedral"]
@@ -233,19 +243,16 @@ class Implicit(Method):
         springs = self.tables["distance"].data if self.springs else tangent.batch_of("distance", self.model.real)()
         launch(self.assemble, self.model.points, [self.rows, springs, self.element, s.x, s.d, a, self.b, rate],
                [self.f, self.A])
-        if self.contact and held:
-            c = self.contact.contacts
-            launch(self.hold, self.model.points, [c.table, c.points, c.slots, s.d, self.b, self.f, c.push, self.rows.w],
-                   [self.A, self.f, c.push, self.q])
 
-    def search(self, rate: float, *passes: int) -> None:
-        """d goes along y as far as Phi says: all the way or, after pass 1, a part, or nowhere."""
+    def search(self, rate: float, *passes: int, rubbed: bool = False) -> None:
+        """d goes along y as far as Phi says: all the way or, after pass 1, a part, or nowhere. rubbed: Phi with friction."""
         s, a, y = self.state, self.points.anchor, self.v.y
-        b = self.q if self.contact else self.b
         rows, launch = self.system.systems * self.lanes, self.model.launch
         self.step.fill_(-1.0)
         for which in passes:
-            launch(self.inertia, rows, [self.trials[""][which], self.A, s.d, b, y], [])
+            launch(self.inertia, rows, [self.trials[""][which], self.A, s.d, self.b, y], [])
+            if rubbed:
+                self.active.rub(self.trials[""][which], 1.0 / rate, rows)
             for kind, table in self.tables.items():
                 launch(self.elastic[kind], rows, [self.trials[kind][which], table.data, s.x, s.d, a, y, rate], [])
             for solid in self.solids:

@@ -139,23 +139,24 @@ class System:
         chunks.going = self.zeros(1, int)
         return chunks
 
-    def solve(self, f: wp.array, tolerance: float, cap: int, at: tuple = ()) -> None:
+    def solve(self, f: wp.array, tolerance: float, cap: int, at: tuple = (), A=None) -> None:
         """Launches conjugate gradients: v.y becomes A^-1 f; see `pcg.solve` for drop and count. at: positions and displacements
-        (points,) of A, for the coarse space."""
+        (points,) of A, for the coarse space. A: a `Matrix`, None: that of the system."""
+        A = self.A if A is None else A
         if not self.large:
-            self.launch(self.kernel, [self.rows, self.A, self.first, f, tolerance, cap, self.v], [self.drop, self.count])
+            self.launch(self.kernel, [self.rows, A, self.first, f, tolerance, cap, self.v], [self.drop, self.count])
             return
         c, size = self.chunks, self.chunks.body.size
 
         def some() -> None:
             for k in range(EACH_COARSE if self.coarse else EACH):
-                self.launch(self.kernels.multiply, [c, self.rows, self.A, k % 2, self.v], [], size)
-                self.launch(self.kernels.advance, [c, self.A, tolerance, cap, k % 2, self.v], [self.drop, self.count], size)
+                self.launch(self.kernels.multiply, [c, self.rows, A, k % 2, self.v], [], size)
+                self.launch(self.kernels.advance, [c, A, tolerance, cap, k % 2, self.v], [self.drop, self.count], size)
                 self.correct(1 - k % 2)
         if self.coarse:
             tolerance *= STRICT
-            self.coarse.setup(self.rows, self.A, *at)
-        self.launch(self.kernels.start, [c, self.A, f, self.v], [self.drop], size)
+            self.coarse.setup(self.rows, A, *at)
+        self.launch(self.kernels.start, [c, A, f, self.v], [self.drop], size)
         self.correct(0)
         wp.capture_while(c.going, some)
 

@@ -38,7 +38,7 @@ class ContactsAdjoint:
 
     def __init__(self, model: Model, contact, after: bool):
         """contact: `wsim.contact.Contact`. after: something is projected behind a solve, and contacts once more behind that."""
-        self.model, self.contacts, self.project = model, contact.contacts, contact.project
+        self.model, self.contacts = model, contact.contacts
         contact.solved, contact.after, self.after = True, after, after
         real, t, n = model.real, types(model.real), model.points
         self.kernels = {f.__name__: f(real, model.module) for f in (

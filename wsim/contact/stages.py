@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,8 @@ class Contact(Method):
         """points: the method that owns inverse masses and objects (`constants`) and the anchor."""
         super().__init__("contact")
         self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
+        self.within = False                              # Newton steps have contacts in their system
+        self.press: Callable[[Clock], None] | None = None        # what is done about others that move points after such a step
         self.model, self.state, self.anchor = model, state, points.anchor
         colliders = model.scene.colliders
         own = points.constants.object
@@ -57,7 +60,10 @@ class Contact(Method):
         self.contacts.search(clock.k, self.state.x, self.state.d, self.anchor)
 
     def project(self, clock: Clock) -> None:
-        if not (self.solved and self.contacts.recorded) or (self.after and clock.i == clock.iterations - 1):
+        if self.within and not self.contacts.recorded:
+            if self.press:
+                self.press(clock)
+        elif not (self.solved and self.contacts.recorded) or (self.after and clock.i == clock.iterations - 1):
             self.contacts.project(clock.g, self.state.d, self.anchor)
 
     def settle(self, clock: Clock) -> None:
