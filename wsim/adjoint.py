@@ -31,6 +31,7 @@ EXACT = {"float32": 1e-6, "float64": 1e-12}     # of the adjoint solve, over its
 MOST = 60              # full Newton steps, and iterations of the adjoint solve, at most
 INNER, CAP = 1e-2, 300
 NEAR, FEW = 1e-2, 20   # of a Newton step among contacts
+CONTACTS = 6           # Newton steps with a line search, at least, before those without: these may go round in circles from afar
 
 
 class ImplicitAdjoint(Forces):
@@ -113,13 +114,15 @@ class ImplicitAdjoint(Forces):
         wp.copy(self.b, s.d)
         if contacts:
             contacts.begin()
-        for i in range(clock.iterations):
+        for i in range(max(clock.iterations, CONTACTS if contacts else 0)):
             clock.i = i
             m.newton(clock)
         self.count.zero_()
         wp.copy(self.a, m.points.anchor)
         wp.copy(self.x, s.x)
         if contacts:
+            m.linearise(1.0 / clock.g)
+            m.active.hold(clock.g, fresh=True)
             contacts.turn(s.d, self.a, clock.g, first=True)
         self.look(clock)
         wp.capture_while(self.on, lambda: self.step(clock))
