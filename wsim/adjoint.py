@@ -27,6 +27,7 @@ from wsim.tape import without
 from wsim.touching_adjoint import ContactsAdjoint, PinsAdjoint
 
 CLOSE = {"float32": 1e-5, "float64": 1e-13}     # forces left over those of inertia, |own (d - a)|
+AMONG = {"float32": 1e-5, "float64": 1e-14}     # among contacts, of which the last steps are not as much nearer as elsewhere
 EXACT = {"float32": 1e-6, "float64": 1e-12}     # of the adjoint solve, over its right side
 MOST = 60              # full Newton steps, and iterations of the adjoint solve, at most
 INNER, CAP = 1e-2, 300
@@ -132,13 +133,13 @@ class ImplicitAdjoint(Forces):
         """What is left at the state's d, and whether that is too much."""
         wp.copy(self.d, self.method.state.d)
         self.forces(clock)
-        miss, rate = self.r, 1.0 / clock.g
+        miss, rate, close = self.r, 1.0 / clock.g, CLOSE
         if self.contacts:
-            miss = self.contacts.left.miss
+            miss, close = self.contacts.left.miss, AMONG
             self.bear(rate)
         else:
             self.run("residual", [self.method.rows.w, self.f, self.d, self.b, self.a, rate], [self.r, self.scale])
-        self.run("falling", [self.dot(miss, miss, 0), self.dot(self.scale, self.scale, 1), CLOSE[self.name], MOST, self.count,
+        self.run("falling", [self.dot(miss, miss, 0), self.dot(self.scale, self.scale, 1), close[self.name], MOST, self.count,
                              self.best], [self.on], 1)
 
     def step(self, clock) -> None:

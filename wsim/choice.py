@@ -19,7 +19,7 @@ import numpy as np
 
 from wsim.cloth import HARD, Rows
 from wsim.integrator import TABLE, Integrator
-from wsim.model import Model, edge_lengths, hard_places
+from wsim.model import Body, Model, edge_lengths, hard_places
 from wsim.scene import Problem, Scene, SceneError
 
 DRIFT = 0.8            # [m/s]: RMS error over h of converged backward Euler, 1 m cloth at 0.25 s (1.3e-2 at 1/60 s)
@@ -251,11 +251,17 @@ def slack(model: Model, h: float) -> float:
     """By how much [m] the sweeps of a step h [s] leave the bodies longer than they are, hanging: see SOFT."""
     g, most = float(np.linalg.norm(model.scene.gravity)), 0.0
     for body in (b for b in model.bodies if b.world == 0 and len(b.edges)):
-        springs = float(np.ptp(body.places, axis=0).max() / max(edge_lengths(body).mean(), 1e-9))
+        springs = _extent(body) / max(edge_lengths(body).mean(), 1e-9)
         most = max(most, SOFT * g * h * h * springs**2 / model.scene.iterations)
     return most
 
 
 def _size(model: Model) -> float:
     """Largest extent of a body [m]; at least 1 mm."""
-    return max(1e-3, *(float((b.places.max(0) - b.places.min(0)).max()) for b in model.bodies))
+    return max(1e-3, *map(_extent, model.bodies))
+
+
+def _extent(body: Body) -> float:
+    """Largest extent [m] of the points that are not idle."""
+    moved = np.delete(body.places, body.idle - body.first, axis=0)
+    return float(np.ptp(moved, axis=0).max()) if len(moved) else 0.0

@@ -25,6 +25,17 @@ def cloth_masses(cloth: Cloth, triangles: np.ndarray, rest: np.ndarray) -> np.nd
     return masses
 
 
+def loose(masses: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Masses of particles [kg], (n,), with the mean where there is none, and the particles that are no corner: no force acts on
+    them, and they stay where they are."""
+    alone = np.setdiff1d(np.arange(len(masses)), corners)
+    none = alone[masses[alone] <= 0.0]
+    if len(none):
+        masses = masses.copy()
+        masses[none] = masses.sum() / len(masses) or 1.0
+    return masses, alone
+
+
 def soft_masses(soft: Soft, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mass of each author's point [kg], and the points that no tet has (which get some mass, and stay where they are).
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from wsim import topology
-from wsim.masses import cloth_masses, soft_masses, soft_weights
+from wsim.masses import cloth_masses, loose, soft_masses, soft_weights
 from wsim.middles import held, links, spread, with_middles
 from wsim.order import order_of_points
 from wsim.scene import Cloth, Scene, Soft, Springs
@@ -248,14 +248,13 @@ def make_body(source: Cloth | Springs | Soft, world: int, number: int, first: in
     count = int(particle.max()) + 1 if n else 0
     one = np.zeros(count, np.int64)
     one[particle[::-1]] = np.arange(len(places))[::-1]             # first author's point of each particle
-    place_edges = particle[links(shape)]
-    order = order_of_points(shape.rest[one], place_edges)          # order[new] = old
+    order = order_of_points(shape.rest[one], particle[links(shape)])       # order[new] = old
     place = np.empty(count, np.int64)
     place[order] = np.arange(count)
     index = first + place[particle]
     one = one[order]
     spin = source.motion.at(0.0)[:3, :3]
-    velocities = np.zeros((n, 3)) if source.velocities is None else source.velocities @ spin.T
+    velocities = spread(np.zeros((n, 3)) if source.velocities is None else source.velocities @ spin.T, shape.ends)[one]
     origin = 0.5 * (places.min(axis=0) + places.max(axis=0)) if n else np.zeros(3)
     origin = np.round(origin)                                      # whole metres: the origin itself is exact
     triangles = index[shape.triangles]
@@ -263,11 +262,13 @@ def make_body(source: Cloth | Springs | Soft, world: int, number: int, first: in
     triangles, polygon = triangles[whole], shape.polygon[whole]
     edges = topology.edges(triangles) if isinstance(source, Cloth) else index[shape.edges]
     friction = (shape.material.static_friction, shape.material.dynamic_friction)
-    velocities = spread(velocities, shape.ends)
-    return Body(world, source, number, first, index[:n], origin, places[one] - origin, velocities[one], shape.rest[one],
-                np.bincount(place[particle], shape.masses, count), shape.reach[one], friction,
-                triangles.astype(np.int32), polygon, edges.astype(np.int32), index[shape.tets].astype(np.int32),
-                index[shape.idle], index[n:], shape.ends, index[:n])
+    masses, idle = np.bincount(place[particle], shape.masses, count), index[shape.idle] - first
+    if isinstance(source, Cloth):
+        masses, idle = loose(masses, triangles - first)
+    velocities[idle] = 0.0
+    return Body(world, source, number, first, index[:n], origin, places[one] - origin, velocities, shape.rest[one], masses,
+                shape.reach[one], friction, triangles.astype(np.int32), polygon, edges.astype(np.int32),
+                index[shape.tets].astype(np.int32), first + idle, index[n:], shape.ends, index[:n])
 
 
 def _distinct(triangles: np.ndarray) -> np.ndarray:

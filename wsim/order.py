@@ -23,11 +23,15 @@ COMMON = 0.01          # part of all constraints that such a distance must have
 
 
 def order_of_points(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Order of points in memory, order[place] = point, (n,): rows of a flat sheet, else levels of the mesh.
+    """Order of points in memory, order[place] = point, (n,): rows of a flat sheet, else levels of the mesh. Points of no edge
+    come last, and do not change the order of the others.
 
     points [m], (n, 3); edges (m, 2).
     """
-    points = np.asarray(points, np.float64)
+    points, joined = np.asarray(points, np.float64), np.unique(edges)
+    if 0 < len(joined) < len(points):
+        order = order_of_points(points[joined], np.searchsorted(joined, edges))
+        return np.concatenate([joined[order], np.setdiff1d(np.arange(len(points)), joined)])
     if len(edges) == 0 or len(points) < 4:
         return locality(points, edges)
     centred = points - points.mean(axis=0)

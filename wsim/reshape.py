@@ -13,7 +13,7 @@ import numpy as np
 
 from wsim import topology
 from wsim.cloth import rows_of
-from wsim.masses import cloth_masses, density_of, soft_masses, soft_weights
+from wsim.masses import cloth_masses, density_of, loose, soft_masses, soft_weights
 from wsim.middles import lumped, spread
 from wsim.model import Body, Model, hard_places
 from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
@@ -79,7 +79,8 @@ def masses_of(body: Body, rest: np.ndarray) -> np.ndarray | None:
         masses = lumped(masses, soft_weights(source), rest, source.tets)[0] if len(body.middles) else masses
     else:
         masses = cloth_masses(source, triangles_of(source), rest)
-    return np.bincount(np.concatenate([body.own, body.middles]) - body.first, masses, body.count)
+    masses = np.bincount(np.concatenate([body.own, body.middles]) - body.first, masses, body.count)
+    return loose(masses, body.triangles - body.first)[0] if isinstance(source, Cloth) else masses
 
 
 def triangles_of(cloth: Cloth) -> np.ndarray:

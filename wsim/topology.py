@@ -265,7 +265,8 @@ def _flaws(points: np.ndarray, counts: np.ndarray, triangles: np.ndarray, polygo
                      f"{turned[0] // n} and {turned[0] % n}); normals and wind are wrong there (turn one of the faces)")
     alone = np.flatnonzero(np.bincount(triangles.ravel(), minlength=len(points)) == 0)
     if len(alone):
-        texts.append(f"{_some(alone, 'point')} in no face; no cloth holds them (remove them from the mesh)")
+        texts.append(f"{_some(alone, 'point')} in no face; they stay where they are, or where a hard pin has them (remove "
+                     "them from the mesh)")
     place = distinct(points)[1]
     first = np.full(len(points), -1)
     first[place[::-1]] = np.arange(len(points))[::-1]
