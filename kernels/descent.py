@@ -205,3 +205,16 @@ def left(real, module):
 
     return wp.kernel(left, name=f"left_{t.name}", module=module, enable_backward=False, grid_stride=False,
                      launch_bounds=BLOCK)
+
+
+@cache
+def unmet(real, module):
+    """Kernel over bodies: status[each + body] becomes at least the residual, in percent, where that is above 1."""
+
+    @wp.kernel(module=module, enable_backward=False)
+    def unmet(residual: wp.array(dtype=real), each: int, status: wp.array(dtype=int)):
+        body = wp.tid()
+        if not residual[body] <= real(1.0):
+            status[each + body] = wp.max(status[each + body], int(wp.min(real(100.0) * residual[body], real(1.0e9))))
+
+    return unmet

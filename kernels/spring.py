@@ -148,15 +148,21 @@ def acceleration(real, *, lanes: int = 1, field=None, **kinds):
 
 @cache
 def stretched(real, module):
-    """Kernel over springs: status becomes at least 1 where one is longer than `most` [m], or no number."""
+    """Kernel over edges: status[own] becomes at least 1 where one is longer than `most` times its rest length [m] or not
+    finite, and status[each + body] the largest percentage of it. first (bodies + 1,): a body's edges."""
     t = types(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def stretched(point: wp.array(dtype=wp.vec2i), most: wp.array(dtype=real), x: wp.array(dtype=t.vec3),
-                  status: wp.array(dtype=int)):
+    def stretched(point: wp.array(dtype=wp.vec2i), rest: wp.array(dtype=real), most: real, first: wp.array(dtype=int),
+                  x: wp.array(dtype=t.vec3), own: int, each: int, status: wp.array(dtype=int)):
         c = wp.tid()
         p = point[c]
-        if not wp.length(x[p[1]] - x[p[0]]) <= most[c]:
-            wp.atomic_max(status, 0, 1)
+        length = wp.length(x[p[1]] - x[p[0]])
+        if not length <= most * rest[c]:
+            body = int(0)  # noqa: UP018
+            while first[body + 1] <= c:
+                body += 1
+            wp.atomic_max(status, own, 1)
+            wp.atomic_max(status, each + body, int(wp.min(real(100.0) * length / rest[c], real(1.0e9))))
 
     return stretched

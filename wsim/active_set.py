@@ -1,10 +1,12 @@
-"""Contacts in Newton steps: an active set of planes and of points that stick, with friction. Equations: kernels/touching.py."""
+"""Contacts in Newton steps: an active set of planes and of points that stick, with friction. Equations: kernels/active_set.py,
+kernels/friction.py."""
 
 from typing import Any
 
 import warp as wp
 
-from wsim.kernels import touching
+from wsim.kernels import active_set as kernels
+from wsim.kernels import friction
 from wsim.stage import Clock
 
 
@@ -15,9 +17,9 @@ class ActiveSet:
         """method: `wsim.implicit.Implicit`."""
         self.method, self.contacts, model = method, contact.contacts, method.model
         self.kernels: dict[str, Any] = {f.__name__: f(model.real, model.module) for f in (
-            touching.hold, touching.clip, touching.rub, touching.press)}
-        self.kernels["remain"] = touching.remain(model.real, model.module, method.springs, method.elements)
-        self.held = touching.structs(model.real).Held()
+            kernels.hold, kernels.clip, friction.rub, friction.press)}
+        self.kernels["remain"] = kernels.remain(model.real, model.module, method.springs, method.elements)
+        self.held = kernels.structs(model.real).Held()
         self.held.f, self.held.start, self.r = (wp.zeros_like(method.f) for _ in range(3))
         self.held.own = wp.zeros_like(method.A.own)
         self.A = type(method.A)()                        # with friction's drag
@@ -30,7 +32,7 @@ class ActiveSet:
         model.launch(self.kernels[name], rows or model.points, inputs, outputs)
 
     def at(self, g: float):
-        where, m = touching.structs(self.method.model.real).Where(), self.method
+        where, m = kernels.structs(self.method.model.real).Where(), self.method
         where.d, where.a, where.g = m.state.d, m.points.anchor, g
         return where
 
@@ -62,7 +64,8 @@ class ActiveSet:
     def rub(self, trial, g: float, rows: int) -> None:
         """Adds friction to what a line search looks at."""
         m = self.method
-        self.run("rub", [trial, self.contacts.slots, m.A.own, self.contacts.push, g, m.state.d, m.points.anchor, m.v.y], [], rows)
+        c = self.contacts
+        self.run("rub", [trial, c.slots, m.A.own, c.push, g, m.state.d, m.points.anchor, m.v.y], [], rows)
 
     def press(self, clock: Clock) -> None:
         """What moved d without a look at contacts."""

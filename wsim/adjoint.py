@@ -32,7 +32,7 @@ EXACT = {"float32": 1e-6, "float64": 1e-12}     # of the adjoint solve, over its
 MOST = 60              # full Newton steps, and iterations of the adjoint solve, at most
 INNER, CAP = 1e-2, 300
 NEAR, FEW = 1e-2, 20   # of a Newton step among contacts
-CONTACTS = 6           # Newton steps with a line search, at least, before those without: these may go round in circles from afar
+CONTACTS = 6           # Newton steps with a line search, at least, before those without, which may go in circles from afar
 
 
 class ImplicitAdjoint(Forces):

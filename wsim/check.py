@@ -181,7 +181,7 @@ def _support(scene: Scene) -> Iterator[Problem]:
             held[pin.points] = True
             hard[pin.points] |= pin.stiffness == inf
         label = _pieces(body)
-        moved = np.arange(n) if isinstance(body, Springs) else np.where(label >= 0)[0]      # those of no face or tet move nothing
+        moved = np.arange(n) if isinstance(body, Springs) else np.where(label >= 0)[0]    # others move nothing
         if hard[moved].all():
             yield error(path, f"all {len(moved)} points are pinned: nothing can move", "at least one free point",
                         "pin fewer points, or make it a collider")

@@ -46,7 +46,7 @@ class Explicit(Method):
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
         self.acts = any(r.body and getattr(r.body.source, "actuation", None) for r in self.rows)
         self.make(clock.substeps)
-        self.watch = None if self.marches and not self.steps else Watch(model, state, self.status)
+        self.watch = None if self.marches and not self.steps else Watch(model, state, self.status, explicit=True)
         self.stages += self.watch.stages if self.watch else []
 
     # stages

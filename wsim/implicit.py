@@ -6,9 +6,11 @@ substep began (bodies that nothing holds go on with their momentum from there, s
 standing still costs, and backward Euler cannot gain energy, however few steps are taken. Every body is a system of its own
 with its own steps: worlds do not see each other.
 
-Contacts and soft pins enter the system, see kernels/touching.py; tethers and strain limits are projected after each step, and
-contacts behind them (`wsim.adjoint`: what recordings of gradients do instead).
+Contacts and soft pins enter the system (`wsim.active_set`, kernels/pinned.py); tethers and strain limits are projected after
+each step, and contacts behind them (`wsim.adjoint`: what recordings of gradients do instead).
 """
+
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -16,10 +18,10 @@ import warp as wp
 from wsim import linear, topology
 from wsim.cloth import Rows, changed, in_worlds
 from wsim.elements import Table
-from wsim.kernels import descent, newton, tangent, touching
+from wsim.kernels import descent, newton, pinned, tangent
 from wsim.kernels.real import types
 from wsim.model import Model
-from wsim.stage import RESIDUAL, Clock, Method, Stage
+from wsim.stage import EACH, RESIDUAL, Clock, Method, Stage
 from wsim.state import State
 
 TOLERANCE = 1e-2       # of conjugate gradients. 32 x 32 cloth, 4 x 1: error 3.5e-3 m at 0.25 s with 1e-3 and 1e-2, 4.0e-3 with
@@ -43,7 +45,9 @@ class Implicit(Method):
         self.every = every = in_worlds(model, rows)
         self.tables = {kind: Table(kind, [r for r in every if r.kind == kind], model)
                        for kind in KINDS if any(r.kind == kind for r in every)}
-        self.contact = self.pins = self.free = self.adjoint = self.active = None
+        self.contact = self.pins = self.adjoint = None
+        self.free: Any = None                      # `wsim.momentum.Momentum`
+        self.active: Any = None                    # `wsim.active_set.ActiveSet`
         self.solids, self.present = [], list        # present: rows with rest lengths as they are now (`wsim.muscles`)
         if model.scene.softs:
             from wsim.fem import tables_of
@@ -117,7 +121,7 @@ class Implicit(Method):
         self.inertia, self.move = descent.inertia(real, module), descent.move(real, module)
         self.elastic = {kind: descent.elastic(kind, real, module) for kind in self.tables}
         self.stressed = {s.name: s.kernels() for s in self.solids}
-        self.choose, self.left = descent.choose(real, block), descent.left(real, block)
+        self.choose, self.left, self.unmet = descent.choose(real, block), descent.left(real, block), descent.unmet(real, module)
         if self.clock.watched:
             from wsim.kernels.residual import judge
             self.judge = judge(real, module)
@@ -130,18 +134,14 @@ class Implicit(Method):
         w, starts = self.rows.w.numpy(), self.system.starts
         free = [int(not contact and w[i:j].all()) for i, j in zip(starts[:-1], starts[1:], strict=True)]
         if any(free):
-            from wsim.kernels import momentum
-            block = model.sweep_module
-            self.amount, self.mean = momentum.amount(real, module), momentum.mean(real, block)
-            self.translate, self.free = momentum.translate(real, module), model.upload(np.array(free, np.int32), int)
-            self.part = wp.zeros(len(free) * self.lanes, dtype=wp.vec4d, device=model.device)
-            self.shift = wp.zeros(len(free), dtype=wp.vec3d, device=model.device)
+            from wsim.momentum import Momentum
+            self.free = Momentum(self, free)
         if self.contact:
             from wsim.active_set import ActiveSet
             self.active = ActiveSet(self, contact)
             contact.within, contact.press = True, self.active.press if hard else None
         if self.pins:
-            self.pinned = touching.pinned(real, module)
+            self.pinned = pinned.pinned(real, module)
             first, item = topology.incident(self.pins.place["soft"].numpy()[:, None], model.points)
             self.soft = [model.upload(values.astype(np.int32), int) for values in (np.unique(first), item)]   # none without
             pins.stages = [s for s in pins.stages if s.name != "soft pins"]
@@ -171,7 +171,7 @@ class Implicit(Method):
             self.active.solve(clock, TOLERANCE, CAP)
         else:
             self.system.solve(self.f, TOLERANCE, CAP, (self.state.x, self.state.d))
-            self.keep_momentum()
+            self.carry()
         self.search(rate, 0, 1, rubbed=self.active is not None)
         if clock.i == clock.iterations - 1:
             self.model.launch(self.end, self.model.points, [self.state.d, self.b], [self.c])
@@ -184,8 +184,8 @@ class Implicit(Method):
             table.plastic.flow(self.state.x, self.state.e)
 
     def start(self, clock: Clock) -> None:
-        """d becomes the best of three: the prediction, that and the last step's forces, where the substep began; out of colliders
-        before the last is looked at, so that Phi ends below what standing still costs."""
+        """d becomes the best of three: the prediction, that and the last step's forces, where the substep began, which is
+        looked at when the others are out of colliders: Phi ends below what standing still costs."""
         s, rate = self.state, 1.0 / clock.g
         self.system.count.zero_()
         self.system.drop.zero_()
@@ -195,7 +195,7 @@ class Implicit(Method):
         if self.active:
             self.active.press(clock)
         self.model.launch(self.stay, self.model.points, [self.rows, s.e, s.d], [self.v.y])
-        self.keep_momentum()
+        self.carry()
         if self.active:
             self.active.clip(clock.g)
         self.search(rate, 0)
@@ -208,13 +208,10 @@ class Implicit(Method):
             launch(self.pinned, self.soft[0].size - 1, [pins.soft, *self.soft, pins.target["soft"], self.state.x,
                                                         self.points.anchor, clock.k, rate], [self.A, self.b])
 
-    def keep_momentum(self) -> None:
+    def carry(self) -> None:
         """y gets what it lacks of the translation of free bodies."""
         if self.free:
-            y, launch = self.v.y, self.model.launch
-            launch(self.amount, self.part.size, [self.system.first, self.lanes, self.A, self.state.d, self.b, y], [self.part])
-            self.system.launch(self.mean, [self.lanes, self.free, self.part], [self.shift])
-            launch(self.translate, self.model.points, [self.system.of, self.shift, y], [y])
+            self.free.keep()
 
     def measure(self, clock: Clock) -> None:
         """What the frame's last Newton step left, and whether an integrator that needs it may go on."""
@@ -225,6 +222,7 @@ class Implicit(Method):
             f = self.active.held.f
         self.system.launch(self.left, [self.points.constants, self.A, self.system.first, f, self.state.d, self.b],
                            [self.residual])
+        self.model.launch(self.unmet, self.residual.size, [self.residual, EACH + len(self.model.bodies)], [self.status])
         if clock.watched:
             most = MET_MIDPOINT if clock.beyond else MET_SDIRK3 if clock.staged else MET
             self.model.launch(self.judge, self.residual.size, [self.residual, most], [self.status[RESIDUAL:]])

@@ -11,7 +11,7 @@ from wsim import counts
 from wsim import plan as plans
 from wsim.progress import duration
 from wsim.scene import Problem, SceneError
-from wsim.stage import NOT_FINITE, OVERFLOW, RESIDUAL
+from wsim.stage import LONG, NOT_FINITE, OVERFLOW, RESIDUAL
 
 if TYPE_CHECKING:
     from wsim.simulation import Simulation
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 # live parameters that bound explicit steps
 STIFFENS = ("stretch", "shear", "weft", "bend", "damping", "stiffness", "air_drag", "young", "poisson", "density", "rest_shape",
             "lengths")
-
-LONG = ("an edge is more than twice its rest length: if the motion is not meant to be that violent, explicit steps are too "
-        "long for it; give more substeps, or solver auto")
 
 
 def begin(sim: Simulation) -> None:
@@ -41,7 +38,7 @@ def settle(sim: Simulation) -> None:
 
 def mend(sim: Simulation, status: np.ndarray) -> bool:
     """Whether the frame must be repeated, after making it possible."""
-    if not status.any():
+    if not status[:LONG].any():
         return False
     clock, explicit = sim.plan.clock, sim.plan.choice.solver == "explicit"
     if explicit and (status[RESIDUAL] or status[NOT_FINITE]) and _switch(sim):
@@ -54,7 +51,6 @@ def mend(sim: Simulation, status: np.ndarray) -> bool:
             if grown:
                 sim.warnings.append(f"frame {sim.frame + 1}: {grown}; the frame was repeated")
     if status[RESIDUAL] and explicit:
-        _suspect(sim)
         return bool(status[NOT_FINITE] or status[OVERFLOW])
     if status[RESIDUAL] and clock.watched:
         _give_way(sim)
@@ -88,11 +84,6 @@ def _refine(sim: Simulation, point: int) -> None:
     clock.substeps *= 2
     sim.warnings.append(f"frame {sim.frame + 1}: point {where} of {path} stopped being a number; repeated with "
                         f"{clock.steps} substeps, which stay")
-
-
-def _suspect(sim: Simulation) -> None:
-    if LONG not in sim.warnings:
-        sim.warnings.append(LONG)
 
 
 def _switch(sim: Simulation) -> bool:

@@ -76,7 +76,7 @@ class Muscles(Method):
                 self.muscles.append(_Muscle(b, last))
                 last = self.muscles[-1].columns.stop
         self.groups, self.sites, self.changed, self.time = last, [], True, -clock.dt
-        self.watch: Any = None               # of explicit steps: how long edges may become
+        self.watch: Any = None               # how long edges may become
         self.contract = kernels.contract(model.real, model.module)
         if model.gradients:
             self.shares, self.release = kernels.shares(model.real, model.module), kernels.release(model.real, model.module)
@@ -97,8 +97,11 @@ class Muscles(Method):
         known = next((s for s in self.sites if s.length.ptr == length.ptr), None)
         return known or _Site(self.model, length, np.where(entry < 0, self.groups, self.columns(rows)[entry]), self.groups)
 
-    def drive(self, solver) -> None:
-        """Takes the springs of the method that solves for them."""
+    def drive(self, solver, watch) -> None:
+        """Takes the springs of the method that solves for them, and who watches those (`wsim.watch.Watch`), or None."""
+        self.watch = solver.watch if solver.name == "explicit" else watch
+        if self.watch:
+            self.watch.follow(self.longest)
         if solver.name == "xpbd":
             batch = next(b for b in solver.batches if b.kind == "distance")
             batch.lengths, solver.lengthen = self.join(batch.rows, batch.data.rest, batch.order), self.finish
@@ -111,8 +114,7 @@ class Muscles(Method):
             pull.lengths = self.join(pull.springs, pull.table.rest, pull.entry)
             pull.values(again=True)
         if solver.name == "explicit":
-            solver.muscles, self.watch = self, solver.watch
-            self.watch.follow(self.longest)
+            solver.muscles = self
             return
         springs, solver.present = solver.tables["distance"], self.present
         springs.lengths = self.join(springs.rows, springs.data.rest, np.arange(springs.size))

@@ -22,7 +22,7 @@ from wsim.cloth import HARD, Rows, rows_of
 from wsim.kernels.real import ADJOINT, types
 from wsim.model import Model, edge_lengths, hard_places
 from wsim.scene import Cloth, Problem, Scene, SceneError
-from wsim.stage import PHASES, Clock, Method, Stage
+from wsim.stage import EACH, PHASES, Clock, Method, Stage
 from wsim.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, STAGED, State
 
 
@@ -218,7 +218,7 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
     state = State.allocate(_fields(scene, choice, reasons), model.points, types(real).vec3, device)
     clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator.name == "bdf2",
                   choice.integrator.beyond, choice.integrator.solves > 1)
-    status = wp.zeros(4, dtype=int, device=device)
+    status = wp.zeros(EACH + 2 * len(model.bodies), dtype=int, device=device)
     plan = Plan(model, state, clock, [], status, choice, seconds=seconds(model, rows, choice))
     plan.skipped = [{"stage": name, "why": text} for name, text in WITHOUT.items()
                     if not reasons.get(name) and not (name == "history" and clock.multistep)
@@ -262,15 +262,24 @@ def _add(plan: Plan, scene: Scene, reasons: dict[str, str], rows: dict[str, list
         plan.methods.append(contact)
         if contact.bounce and reasons["explicit"]:
             contact.bounce.join(explicit)
+    watch = None if reasons["explicit"] or model.gradients else _watch(plan)
     if reasons["muscles"]:
         from wsim.muscles import Muscles
         muscles = Muscles(model, plan.clock)
         plan.methods.append(muscles)
-        muscles.drive(plan.method(plan.choice.solver))
+        muscles.drive(plan.method(plan.choice.solver), watch)
     if implicit := plan.method("implicit"):
         implicit.join(plan.method("contact"), pins, plan.method("xpbd"))                # type: ignore[attr-defined]
     plan.skipped += [{"stage": "membrane", "why": "no cloth has triangle strain"}] * (
         not any(isinstance(b.source, Cloth) and b.source.model == "membrane" for b in model.bodies))
+
+
+def _watch(plan: Plan):
+    """What looks at the edges of an implicit run, where there are any."""
+    from wsim.watch import Watch
+    watch = Watch(plan.model, plan.state, plan.status)
+    plan.methods += [watch] * bool(watch.stages)
+    return watch
 
 
 def _kept(rows: dict[str, list[Rows]], soft: bool) -> dict[str, list[Rows]]:

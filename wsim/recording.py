@@ -13,10 +13,10 @@ import warp as wp
 
 from wsim import kernel_cache
 from wsim.broken import judge
+from wsim.exceeded import EXPLICIT
 from wsim.frames import Frames
 from wsim.growth import Growth
 from wsim.kernel_cache import GATE
-from wsim.mend import LONG
 from wsim.parameters import Parameters
 from wsim.scene import Problem, SceneError
 from wsim.seeds import Seeds
@@ -174,7 +174,7 @@ class Recording(Frames):
                 self.forward(frame, part)
             self.keep(frame + 1)
         self.sim.frame, self.plan.clock.starting, self.ran = self.start + self.frames, False, True
-        judge(self, LONG)
+        judge(self, f"an edge is more than twice its rest length: {EXPLICIT}")
 
     def misses(self) -> list[wp.array]:
         """What the worst forward and the worst adjoint solve of implicit steps have left."""

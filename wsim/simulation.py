@@ -15,6 +15,7 @@ import warp as wp
 from wsim import counts, interrupt, kernel_cache, measure, mend
 from wsim import plan as plans
 from wsim.check import check
+from wsim.exceeded import Note, note
 from wsim.kernel_cache import GATE
 from wsim.middles import places, stored
 from wsim.scene import Problem, Scene, SceneError
@@ -54,11 +55,11 @@ class Simulation:
 
     def _build(self) -> None:
         self.frame = 0
-        self.graph = None
+        self.graph = self.pulled = None        # `pulled`: `wsim.reaction.Reactions`, once asked for
         self.balance: measure.Balance | None = None
-        self.pulled = None                     # `wsim.reaction.Reactions`, once asked for
         # a live motion changes a collider: the given scene stays as it is, for reset
         self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])
+        self.notes: dict[tuple, Note] = {}     # frames that were beyond a bound, see `wsim.exceeded`
         self.changes: list[tuple] = []         # live parameters that were set, for another plan of the same scene
         try:
             with GATE.alone():
@@ -104,6 +105,7 @@ class Simulation:
                                      "hold; give it more substeps"))
         self.plan.clock.starting = False
         self.frame += 1
+        note(self)
         self.milliseconds.append(1e3 * (time.perf_counter() - began))
         self.seconds.setdefault("first_frame", time.perf_counter() - began)
         if self.balance:

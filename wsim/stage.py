@@ -16,7 +16,9 @@ from wsim.integrator import GAMMA
 PHASES = ("pose", "predict", "collide", "solve", "finish", "deform")
 OVER = 1.3     # spring cloth of 64 x 64 points, BDF2, 16 x 16: error at 0.25 s 2.2e-4 at 1, 1.2e-4 at 1.3, 8e-5 at 1.5; with
                # 32 x 16 1.7e-5, 1.2e-5, 2.2e-5. With every sweep at 1.7, 16 x 16 errs by 6.9e-4
-OVERFLOW, RESIDUAL, NOT_FINITE = 0, 1, 2          # places in the status word: capacity wanted, stages failed, point + 1
+# places in the status word: capacity wanted, stages failed, point + 1, an edge of an implicit run; then for each body how long
+# its longest edge is and for each how large its residual, in percent, where that is beyond its bound (`wsim.exceeded`)
+OVERFLOW, RESIDUAL, NOT_FINITE, LONG, EACH = range(5)
 
 
 @dataclass

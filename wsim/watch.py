@@ -1,39 +1,54 @@
-"""Edges that have more than doubled under explicit steps, or are no number: an unstable step may have thrown them. `Simulation`
-repeats the frame with another solver where the scene leaves it the choice, and warns where not. Whole frames of a march look at
-their springs themselves (kernels/march.py)."""
+"""Edges that are more than twice as long as at rest, or not finite, where a frame ends: an unstable step may have thrown them, or
+the solver has not held them. `Simulation` repeats the frame of explicit steps with another solver where the scene leaves it the
+choice, and warns else (`wsim.exceeded`). Whole frames of a march look at their springs themselves (kernels/march.py)."""
 
 import numpy as np
 import warp as wp
 
+from wsim.cloth import AT_REST
 from wsim.kernels import spring as kernels
-from wsim.kernels.march import MOST
 from wsim.model import Model, edge_lengths
-from wsim.stage import RESIDUAL, Clock, Stage
+from wsim.stage import EACH, LONG, RESIDUAL, Clock, Method, Stage
 from wsim.state import State
 
+MOST = 2.0             # length over rest length from which an edge is suspect, as kernels/march.py has it
 
-class Watch:
+
+class Watch(Method):
     """One stage, after a frame; none where nothing has edges."""
 
-    def __init__(self, model: Model, state: State, status: wp.array):
-        self.model, self.state, self.status, self.stages = model, state, status, []
-        self.bodies = [(b, edge_lengths(b) > 0.0) for b in model.bodies if len(b.edges)]
-        if not self.bodies:
+    def __init__(self, model: Model, state: State, status: wp.array, explicit: bool = False):
+        """explicit: the frame is in doubt, and not only reported."""
+        super().__init__("watch")
+        self.model, self.state, self.status, self.own = model, state, status, RESIDUAL if explicit else LONG
+        self.factor = lambda body: 1.0
+        self.bodies = [(b, edge_lengths(b) > 0.0) for b in model.bodies]
+        counts = [int(long.sum()) for _, long in self.bodies]
+        if not sum(counts):
             return
         ids = np.concatenate([b.edges[long] for b, long in self.bodies])
         self.edges = model.upload(model.shared(ids.astype(np.int32)), wp.vec2i)
-        self.most = model.upload(self.longest(), model.real)
+        self.rest = model.upload(self.longest(), model.real)
+        self.first = model.upload(np.append(0, np.cumsum(counts)).astype(np.int32), int)
         self.stretched = kernels.stretched(model.real, model.module)
         self.stages.append(Stage("watch", "deform", self.look, 1, len(ids) * 24, "frame", f"{len(ids)} edges"))
 
-    def longest(self, factor=lambda body: 1.0) -> np.ndarray:
-        """MOST times the rest length of every edge; factor: of a body, one or for each edge, where muscles lengthen some."""
-        return MOST * np.concatenate([(edge_lengths(b) * factor(b))[long] for b, long in self.bodies])
+    def longest(self) -> np.ndarray:
+        """Rest length of every edge [m]."""
+        return np.concatenate([(edge_lengths(b) * self.factor(b))[long] for b, long in self.bodies])
 
-    def follow(self, factor=lambda body: 1.0) -> None:
+    def follow(self, factor=None) -> None:
+        """Rest lengths have changed; factor: of a body, one or for each edge, where muscles lengthen some."""
+        self.factor = factor or self.factor
         if self.stages:
-            self.most.assign(self.longest(factor).astype(self.model.dtype))
+            self.rest.assign(self.longest().astype(self.model.dtype))
+
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+        if name in AT_REST:
+            self.follow()
+        return False
 
     def look(self, clock: Clock) -> None:
-        if len(self.most):
-            self.model.launch(self.stretched, len(self.most), [self.edges, self.most, self.state.x], [self.status[RESIDUAL:]])
+        if len(self.rest):
+            self.model.launch(self.stretched, len(self.rest), [self.edges, self.rest, MOST, self.first, self.state.x, self.own,
+                                                               EACH], [self.status])

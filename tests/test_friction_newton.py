@@ -1,0 +1,98 @@
+"""Newton's method among contacts with friction: a converged run's strain, no slip where nothing should slip, what a run that is not
+solved says."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wsim import shapes
+from wsim.fabric import fabric
+from wsim.scene import Plane, Scene, Sphere
+from wsim.simulation import Simulation
+
+G = 9.81
+
+
+def draped(friction: float, substeps: int, iterations: int, **more) -> Scene:
+    """A cotton sheet of a metre that falls on a ball."""
+    scene = Scene(fps=24, frames=14, gravity=(0.0, -G, 0.0), substeps=substeps, iterations=iterations,
+                  **{"solver": "implicit", "integrator": "backward_euler"} | more)
+    points, counts, indices = shapes.sheet(1.0, 1.0, 16, 16, horizontal=True, at=(0.0, 0.205, 0.0))
+    scene.cloth("/cloth", points, counts, indices,
+                material=replace(fabric("cotton"), static_friction=friction, dynamic_friction=friction))
+    scene.collider("/ball", Sphere(0.2), static_friction=friction, dynamic_friction=friction)
+    return scene
+
+
+@pytest.mark.parametrize("integrator", ["backward_euler", "bdf2"])
+def test_a_cloth_on_a_ball_is_strained_as_little_with_friction_as_without(integrator):
+    """By two long substeps a frame, in any number of Newton steps; at every frame."""
+    found = {}
+    for friction, iterations in ((0.0, 8), (0.5, 4), (0.5, 8), (0.5, 16)):
+        sim = Simulation(draped(friction, 2, iterations, integrator=integrator), device="cpu")
+        worst, energy = 0.0, []
+        for _ in range(14):
+            sim.step()
+            now = sim.indicators()
+            worst, energy = max(worst, now["max_strain"]), [*energy, now["energy"]]
+        assert np.diff(energy).max() < 0.02 * energy[0] and now["penetration"] < 1e-4
+        found[friction, iterations] = worst
+    assert max(found.values()) < 0.15, found                 # 2000 where friction was a force that did not stop
+    assert found[0.5, 16] < 1.5 * found[0.0, 8]
+
+
+def test_a_sheet_on_a_slope_sticks_below_the_angle_of_friction_and_slides_above():
+    """tan 30 degrees is 0.577: with 0.7 nothing moves along the slope, with 0.4 all goes as a block does."""
+    angle, frames = np.pi / 6.0, 12
+    for friction in (0.7, 0.4):
+        scene = draped(friction, 4, 4)
+        scene.gravity = (G * np.sin(angle), -G * np.cos(angle), 0.0)
+        scene.colliders[0].shape = Plane()
+        scene.colliders[0].motion = scene.colliders[0].motion.at_place((0.0, 0.0, 0.0))
+        M = np.eye(4)
+        M[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
+        scene.colliders[0].motion = scene.colliders[0].motion.still(M)
+        scene.cloths[0].points[:, 1] = 0.5 * scene.cloths[0].material.thickness
+        sim = Simulation(scene, device="cpu", precision="float64")
+        sim.run(frames)
+        gone = sim.positions()[:, 0] - scene.cloths[0].points[:, 0]
+        h, t = 1 / 96, frames / 24
+        block = 0.0 if friction > np.tan(angle) else 0.5 * G * (np.sin(angle) - friction * np.cos(angle)) * t * (t + h)
+        assert np.abs(gone - block).max() < 1e-6 + 1e-4 * block
+
+
+def test_a_run_says_which_frame_was_not_solved_and_which_was_torn():
+    """A sheet of 1e9 N/m in one Newton step a frame, and one that two sweeps a frame do not hold."""
+    scene = draped(0.5, 1, 1)
+    scene.cloths[0].material = replace(scene.cloths[0].material, stretch=1e9)
+    sim = Simulation(scene, device="cpu")
+    seen = []
+    for _ in range(6):
+        sim.step()
+        seen.append(sim.indicators()["residual"])
+    first = 1 + next(k for k, r in enumerate(seen) if r > 1.0)
+    (said,) = [w for w in sim.warnings if "residual" in w]
+    assert said.startswith(f"frame {first}") and "/cloth" in said and f"{max(seen):.2g}"[:2] in said and "more substeps" in said
+    held = Simulation(draped(0.5, 8, 8), device="cpu")
+    held.run(6)
+    assert held.warnings == []
+
+
+@pytest.mark.parametrize("solver", ["xpbd", "implicit"])
+def test_a_run_says_at_which_frame_an_edge_was_longer_than_twice_its_rest(solver):
+    """Corners of the sheet jump apart and back: the last frame shows nothing."""
+    scene = draped(0.5, 4, 4, solver=solver)
+    sim = Simulation(scene, device="cpu")
+    sim.step()
+    rest = sim.positions()
+    sim.set("/cloth", "positions", rest * [[3.0, 1.0, 1.0]])
+    sim.step()
+    torn = sim.indicators()["max_strain"]
+    sim.set("/cloth", "positions", rest)
+    sim.set("/cloth", "velocities", np.zeros_like(rest))
+    sim.step()
+    assert sim.indicators()["max_strain"] < 0.5
+    said = [w for w in sim.warnings if "times as long as at rest" in w]
+    assert (torn > 1.0) == bool(said)
+    assert torn > 1.0 and said[0].startswith("frame 2: an edge of /cloth is") and f"{1.0 + torn:.3g}" in said[0]
