@@ -1,5 +1,5 @@
-"""Newton's method among contacts with friction: a converged run's strain, no slip where nothing should slip, what a run that is not
-solved says."""
+"""Newton's method among contacts with friction: a converged run's strain, no slip where nothing should slip; and what runs say
+that are not solved."""
 
 from dataclasses import replace
 
@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from wsim import shapes
+from wsim.curve import Motion
 from wsim.fabric import fabric
 from wsim.scene import Plane, Scene, Sphere
 from wsim.simulation import Simulation
@@ -49,10 +50,9 @@ def test_a_sheet_on_a_slope_sticks_below_the_angle_of_friction_and_slides_above(
         scene = draped(friction, 4, 4)
         scene.gravity = (G * np.sin(angle), -G * np.cos(angle), 0.0)
         scene.colliders[0].shape = Plane()
-        scene.colliders[0].motion = scene.colliders[0].motion.at_place((0.0, 0.0, 0.0))
         M = np.eye(4)
         M[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
-        scene.colliders[0].motion = scene.colliders[0].motion.still(M)
+        scene.colliders[0].motion = Motion.still(M)
         scene.cloths[0].points[:, 1] = 0.5 * scene.cloths[0].material.thickness
         sim = Simulation(scene, device="cpu", precision="float64")
         sim.run(frames)
@@ -62,18 +62,20 @@ def test_a_sheet_on_a_slope_sticks_below_the_angle_of_friction_and_slides_above(
         assert np.abs(gone - block).max() < 1e-6 + 1e-4 * block
 
 
-def test_a_run_says_which_frame_was_not_solved_and_which_was_torn():
-    """A sheet of 1e9 N/m in one Newton step a frame, and one that two sweeps a frame do not hold."""
-    scene = draped(0.5, 1, 1)
-    scene.cloths[0].material = replace(scene.cloths[0].material, stretch=1e9)
-    sim = Simulation(scene, device="cpu")
-    seen = []
-    for _ in range(6):
+def test_a_run_says_which_frame_was_not_solved():
+    """A net of 1e9 N/m that hangs by two corners, which float32 cannot solve; and a sheet on a ball, which is solved."""
+    scene = draped(0.5, 10, 4)
+    scene.cloths[0].material = replace(scene.cloths[0].material, stretch=1e9, shear=1e9)
+    scene.colliders.clear()
+    scene.pin("/pin", "/cloth", [0, 16])
+    sim, seen = Simulation(scene, device="cpu"), []
+    for _ in range(4):
         sim.step()
         seen.append(sim.indicators()["residual"])
-    first = 1 + next(k for k, r in enumerate(seen) if r > 1.0)
+    over = [k + 1 for k, r in enumerate(seen) if r > 1.0]
     (said,) = [w for w in sim.warnings if "residual" in w]
-    assert said.startswith(f"frame {first}") and "/cloth" in said and f"{max(seen):.2g}"[:2] in said and "more substeps" in said
+    assert said.startswith(f"frame {over[0]}") and f"and {len(over) - 1} later" in said and "/cloth" in said, (said, seen)
+    assert f"residual of {np.floor(100.0 * max(seen)) / 100.0:.3g}" in said and "more substeps" in said
     held = Simulation(draped(0.5, 8, 8), device="cpu")
     held.run(6)
     assert held.warnings == []
@@ -81,18 +83,19 @@ def test_a_run_says_which_frame_was_not_solved_and_which_was_torn():
 
 @pytest.mark.parametrize("solver", ["xpbd", "implicit"])
 def test_a_run_says_at_which_frame_an_edge_was_longer_than_twice_its_rest(solver):
-    """Corners of the sheet jump apart and back: the last frame shows nothing."""
+    """One side of a sheet is carried away in the second frame; then all is put back: the last frame shows nothing."""
     scene = draped(0.5, 4, 4, solver=solver)
-    sim = Simulation(scene, device="cpu")
-    sim.step()
-    rest = sim.positions()
-    sim.set("/cloth", "positions", rest * [[3.0, 1.0, 1.0]])
-    sim.step()
-    torn = sim.indicators()["max_strain"]
-    sim.set("/cloth", "positions", rest)
-    sim.set("/cloth", "velocities", np.zeros_like(rest))
-    sim.step()
-    assert sim.indicators()["max_strain"] < 0.5
-    said = [w for w in sim.warnings if "times as long as at rest" in w]
-    assert (torn > 1.0) == bool(said)
-    assert torn > 1.0 and said[0].startswith("frame 2: an edge of /cloth is") and f"{1.0 + torn:.3g}" in said[0]
+    right = np.flatnonzero(scene.cloths[0].points[:, 0] > 0.49)
+    scene.pin("/left", "/cloth", np.flatnonzero(scene.cloths[0].points[:, 0] < -0.49))
+    scene.pin("/right", "/cloth", right)
+    sim, most = Simulation(scene, device="cpu"), []
+    for shift in (0.0, 3.0, 0.0):
+        sim.set("/right", "motion", Motion.at_place((shift, 0.0, 0.0)))
+        if len(most) == 2:
+            sim.set("/cloth", "positions", scene.cloths[0].points.astype(float))
+            sim.set("/cloth", "velocities", np.zeros(scene.cloths[0].points.shape))
+        sim.step()
+        most.append(sim.indicators()["max_strain"])
+    assert most[1] > 1.0 > most[2]
+    (said,) = [w for w in sim.warnings if "times as long as at rest" in w]
+    assert said.startswith("frame 2") and "an edge of /cloth is" in said and "more substeps" in said

@@ -1,6 +1,6 @@
-"""Edges that are more than twice as long as at rest, or not finite, where a frame ends: an unstable step may have thrown them, or
-the solver has not held them. `Simulation` repeats the frame of explicit steps with another solver where the scene leaves it the
-choice, and warns else (`wsim.exceeded`). Whole frames of a march look at their springs themselves (kernels/march.py)."""
+"""Edges that are more than twice as long as at rest, or not finite, where a frame ends: an unstable step may have thrown them,
+or the solver has not held them. `Simulation` repeats the frame of explicit steps with another solver where the scene leaves it
+the choice, and warns else (`wsim.exceeded`). Whole frames of a march look at their springs themselves (kernels/march.py)."""
 
 import numpy as np
 import warp as wp
