@@ -41,7 +41,7 @@ for path in sys.argv[1:]:
 """
 
 # what every scene of cloth needs
-POINTS = {"predict_euler", "finish_euler", "not_finite"}
+POINTS = {"predict_euler", "finish_euler", "not_finite", "stretched"}
 PINS, AIR = {"move_pins"}, {"press", "blow"}
 CLOTH, LIMIT, TETHER = {"membrane", "dihedral"}, {"limit"}, {"tether"}
 KERNELS = {
@@ -58,7 +58,8 @@ LOADER = {"wsim.solids", "wsim.atomic", "wsim.crate"}     # read with wsim.usd, 
 RUN = {"wsim.simulation", "wsim.plan", "wsim.stage", "wsim.state", "wsim.model", "wsim.masses", "wsim.middles", "wsim.order",
        "wsim.locality", "wsim.color", "wsim.kempe", "wsim.choice", "wsim.integrator", "wsim.mend", "wsim.cloth", "wsim.apart",
        "wsim.points", "wsim.measure", "wsim.kernel_cache", "wsim.counts", "wsim.progress", "wsim.interrupt",
-       "wsim.kernels", "wsim.kernels.real", "wsim.kernels.points"}
+       "wsim.kernels", "wsim.kernels.real", "wsim.kernels.points", "wsim.watch", "wsim.exceeded",
+       "wsim.kernels.spring"}
 XPBD = {"wsim.xpbd", "wsim.kernels.xpbd", "wsim.kernels.xpbd_terms", "wsim.kernels.constraint", "wsim.kernels.matrix",
         "wsim.kernels.stream"}
 AERO = {"wsim.aero", "wsim.kernels.aero"}
@@ -119,7 +120,7 @@ def test_no_adjoint_is_compiled(name):
 @scenes
 def test_methods_arrays_and_reasons_agree(name):
     found = stepped(name)
-    wanted = {"points", "xpbd"}
+    wanted = {"points", "xpbd", "watch"}
     wanted |= {"pins"} if KERNELS[name] >= PINS else set()
     wanted |= {"aero"} if KERNELS[name] >= AIR else set()
     wanted |= {"contact"} if "contact" in KERNELS[name] else set()
@@ -161,7 +162,7 @@ def test_a_change_of_the_scene_changes_just_its_kernels(tmp_path):
     for (change, kernels), told in zip(CHANGES.items(), all_, strict=True):
         moves = {"predict_bdf2", "finish_bdf2", "predict_euler"} if change == "bdf2" else {"predict_euler", "finish_euler"}
         found = {re.sub("^residual_.*", "residual", subject(k)) for k in told["kernels"]}
-        assert found - {"finish_euler"} == (kernels | PINS | {"not_finite"} | moves) - {"finish_euler"}, change
+        assert found - {"finish_euler"} == (kernels | PINS | {"not_finite", "stretched"} | moves) - {"finish_euler"}, change
 
 
 def test_a_soft_body_compiles_its_own_material_and_no_constraint():

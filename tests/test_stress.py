@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tools.stress import acts, energy, judge, rows, run, scenes, soft_rows, solvers, table
+from tools.stress import acts, energy, examples, judge, rows, run, scenes, soft_rows, solvers, table
 from tools.stress.__main__ import chosen, verdict_of
 from wsim.apart import NUDGE, apart
 from wsim.simulation import Simulation
@@ -237,3 +237,14 @@ def test_a_body_that_stays_turned_is_strained():
     x = soft_rows.bar().softs[0].points.astype(float)
     np.testing.assert_allclose(parts.strain(soft_rows.turned(x, None)), 2.0, rtol=1e-6)
     assert parts.strain(x).max() < 1e-6
+
+
+@pytest.mark.parametrize("fault, held", [({}, True), ({"energy": [0.0, 1.0, 3.2]}, False), ({"rms": [0.1, 0.11]}, False),
+                                         ({"largest": [0.1, np.nan]}, False), ({"broke": "KeyError"}, False),
+                                         ({"refusal": "no tetrahedra"}, True)])
+def test_an_example_scene_is_held_against_a_converged_run(fault, held):
+    """A run that gains energy, ends with ten times the strain, or breaks; one that this solver is not for is listed."""
+    right = examples.Example("s", "converged", [0.0, -1.0, -2.0], [0.5, 1.0], [0.01, 0.01], [0.05, 0.05])
+    verdict = examples.judge(replace(right, solver="xpbd/bdf2", **fault), right)
+    assert verdict.held == held
+    assert "tetrahedra" in verdict.text or not fault.get("refusal")

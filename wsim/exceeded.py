@@ -15,6 +15,7 @@ from wsim.watch import MOST
 EXPLICIT = ("if the motion is not meant to be that violent, explicit steps are too long for it; give more substeps, or solver "
             "auto")
 OTHERS = "nothing holds it to its material there; give more substeps or iterations, or slower motion"
+BEHIND = "tethers and strain limits are projected behind its steps, which undo a part of it; solver xpbd takes both together"
 UNSOLVED = "1 is as if nothing had been solved; give more substeps or iterations, or less stiffness"
 
 
@@ -32,7 +33,7 @@ class Note:
 def note(sim) -> None:
     """After frame `sim.frame`, which holds."""
     bodies, explicit, status = sim.model.bodies, sim.plan.choice.solver == "explicit", sim.plan.words
-    percent = status[EACH:]
+    percent, unsolved = status[EACH:], BEHIND if sim.plan.method("xpbd") else UNSOLVED
     if explicit and status[RESIDUAL] and not percent.any():       # a march, which does not say where
         percent = np.concatenate([_stretches(sim), np.zeros(len(bodies), int)])
     for place in np.flatnonzero(percent).tolist():
@@ -40,7 +41,7 @@ def note(sim) -> None:
         body = bodies[place if strained else _first(sim.model, place - len(bodies))]
         where = body.path + f" (world {body.world})" * (sim.worlds > 1)
         said = (f"an edge of {where} is {{worst:.3g}} times as long as at rest: {EXPLICIT if explicit else OTHERS}" if strained
-                else f"Newton's method left a residual of {{worst:.3g}} on {where}: {UNSOLVED}")
+                else f"Newton's method left a residual of {{worst:.3g}} on {where}: {unsolved}")
         _add(sim, (bool(strained), where), value, said)
 
 

@@ -1,8 +1,9 @@
-"""Abuse that must end finite and recover: every row with every solver that wsim has.
+"""Abuse that must end finite and recover, and example scenes: every row and scene with every solver that wsim has.
 
-    python -m tools.stress [--device cpu] [--only NAME ...] [--solvers xpbd/bdf2,...] [--long] [--json FILE]
+    python -m tools.stress [--device cpu] [--only NAME ...] [--solvers xpbd/bdf2,...] [--frames N] [--long] [--json FILE]
 
-Exit code 1 if a row does not hold. Rows, bounds and reasons: rows.py, judge.py, solvers.py.
+`--only "scene "` takes the example scenes alone. Exit code 1 if a row does not hold. Rows, bounds and reasons: rows.py,
+judge.py, solvers.py; scenes: examples.py.
 """
 
 import argparse
@@ -13,7 +14,7 @@ from pathlib import Path
 import warp as wp
 
 from tools.bench.speed import hardware
-from tools.stress import judge
+from tools.stress import examples, judge
 from tools.stress.rows import Row
 from tools.stress.run import Worker, watched
 from tools.stress.solvers import Solver, available, listed
@@ -22,15 +23,21 @@ from tools.stress.table import ROWS
 HEAD = f"{'row':<26} {'solver':<26} {'worst strain':>12} {'left':>9} {'energy':>8} {'ms':>7}  verdict"
 
 
-def chosen(only: list[str], solvers: str) -> tuple[list[Row], list[Solver]]:
-    """Rows whose name contains one of `only`, solvers whose name begins with one of a comma list; ValueError for none."""
+SECONDS = 1800.0       # limit of an example scene with one solver
+
+
+def chosen(only: list[str], solvers: str) -> tuple[list[Row], list[str], list[Solver]]:
+    """Rows and example scenes ("scene flag") whose name contains one of `only`, solvers whose name begins with one of a comma
+    list; ValueError for none."""
     rows = [r for r in ROWS if not only or any(o in r.name for o in only)]
+    scenes = [n for n in examples.names() if not only or any(o in f"scene {n}" for o in only)]
     found = [s for s in available() if not solvers or any(s.name.startswith(n) for n in solvers.split(","))]
-    if not rows:
-        raise ValueError(f"--only {only} names no row; there are {', '.join(r.name for r in ROWS)}")
+    if not rows and not scenes:
+        raise ValueError(f"--only {only} names no row; there are {', '.join(r.name for r in ROWS)}, "
+                         f"{', '.join(f'scene {n}' for n in examples.names())}")
     if not found:
         raise ValueError(f"--solvers {solvers} names none; there are {', '.join(s.name for s in available())}")
-    return rows, found
+    return rows, scenes, found
 
 
 def line(record: judge.Record, verdict: judge.Verdict) -> str:
@@ -43,6 +50,25 @@ def verdict_of(record: judge.Record, row: Row, solver: Solver) -> judge.Verdict:
     return judge.judge(record, row.reasons(solver.solver, solver.integrator) | listed(row.scene(), solver))
 
 
+def scene(worker: Worker, name: str, solvers: list[Solver], *how) -> list[dict]:
+    """An example scene with every solver; how: frames, device, precision."""
+    right, results = answered(worker, examples.converged, (name, *how), examples.Example(name, "converged")), []
+    print(examples.line(right, judge.Verdict(True, "what others are held against")), flush=True)
+    for solver in solvers:
+        found = answered(worker, examples.case, (name, solver, *how), examples.Example(name, solver.name))
+        verdict = examples.judge(found, right)
+        print(examples.line(found, verdict), flush=True)
+        results.append(examples.as_dict(found, verdict))
+    return results
+
+
+def answered(worker: Worker, work, arguments: tuple, empty: examples.Example) -> examples.Example:
+    done, answer = worker.ask(work, arguments, SECONDS)
+    if not done:
+        empty.broke = answer
+    return answer if done else empty
+
+
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="tools.stress", description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -50,11 +76,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--precision", default="float32")
     parser.add_argument("--only", nargs="+", default=[], help="rows whose name contains one of these")
     parser.add_argument("--solvers", default="", help="solver/integrator, or its beginning, by commas")
+    parser.add_argument("--frames", type=int, default=24, help="of the example scenes")
     parser.add_argument("--long", action="store_true", help="rest of 10^5 frames")
     parser.add_argument("--json", default=None)
     args = parser.parse_args(arguments)
     try:
-        rows, solvers = chosen(args.only, args.solvers)
+        rows, scenes, solvers = chosen(args.only, args.solvers)
     except ValueError as error:
         parser.error(str(error))
     wp.config.log_level = 40
@@ -67,6 +94,8 @@ def main(arguments: list[str] | None = None) -> int:
             verdict = verdict_of(record, row, solver)
             print(line(record, verdict), flush=True)
             results.append(record.as_dict() | {"held": verdict.held, "verdict": verdict.text})
+    for name in scenes:
+        results += scene(worker, name, solvers, args.frames, args.device, args.precision)
     worker.end()
     failed = [r for r in results if not r["held"]]
     print(f"{len(results) - len(failed)} of {len(results)} hold")

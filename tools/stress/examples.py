@@ -1,0 +1,163 @@
+"""Example scenes (scenes/*.usda) with every solver and integrator, held against a converged run of the same scene.
+
+    converged   Newton's method, backward Euler, CONVERGED substeps of so many Newton steps, to a residual under 1 or as it says
+    strain      at the end: RMS and largest of the edges, at most WORSE times those of the converged run
+    energy      kinetic + elastic + gravity, at every frame: at most what the converged run had until then and SLACK of what it
+                turned over; solvers differ in what pins and colliders that move, and wind, give
+    refusal     a SceneError before the first frame: this scene is none for this solver, and why
+"""
+
+from dataclasses import asdict, dataclass, field, replace
+from math import ceil, inf
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from tools.stress.judge import Verdict
+from tools.stress.solvers import MOST, Solver
+from wsim.scene import Scene, SceneError
+from wsim.simulation import Simulation
+from wsim.usd import load
+
+FOLDER = Path(__file__).resolve().parents[2] / "scenes"
+CONVERGED = 16, 10     # substeps of a frame, Newton steps of a substep
+NEWTON = 8, 6          # of those that are judged
+WORSE = 10.0
+FLOOR = 1e-3           # strain that is none: cloth that hangs or lies loosely
+SLACK = 0.25
+GROWS = {"explicit_euler", "midpoint"}                   # at every step, see `tools.stress.solvers`
+
+
+@dataclass
+class Example:
+    """One run. Lists have an entry a frame; the energy's begins at the start [J]."""
+
+    scene: str
+    solver: str
+    energy: list[float] = field(default_factory=list)
+    kinetic: list[float] = field(default_factory=list)
+    rms: list[float] = field(default_factory=list)
+    largest: list[float] = field(default_factory=list)
+    refusal: str = ""
+    broke: str = ""
+    residual: float = 0.0
+    ms: float = 0.0
+    notes: list[str] = field(default_factory=list)
+
+
+def names() -> list[str]:
+    return sorted(p.stem for p in FOLDER.glob("*.usda"))
+
+
+def converged(name: str, frames: int, device, precision: str) -> Example:
+    scene = load(FOLDER / f"{name}.usda")
+    substeps, iterations = CONVERGED
+    return run(name, "converged", replace(scene, solver="implicit", integrator="backward_euler", substeps=substeps,
+                                          iterations=iterations), frames, device, precision)
+
+
+def case(name: str, solver: Solver, frames: int, device, precision: str) -> Example:
+    """One scene with one solver."""
+    scene = replace(load(FOLDER / f"{name}.usda"), solver=solver.solver, integrator=solver.integrator)
+    if solver.solver == "implicit":
+        substeps, iterations = NEWTON
+        scene = replace(scene, substeps=substeps, iterations=iterations)
+    if solver.needs and solver.integrator != "auto":
+        try:
+            scene = replace(scene, substeps=max(scene.substeps, steps(scene, solver)))
+        except SceneError as error:
+            return Example(name, solver.name, refusal=str(error))
+        if scene.substeps * scene.fps > MOST:
+            return Example(name, solver.name, refusal=f"it would take {scene.substeps * scene.fps:.3g} substeps a second, "
+                                                      f"at most {MOST} are asked for")
+    return run(name, solver.name, scene, frames, device, precision)
+
+
+def steps(scene: Scene, solver: Solver) -> int:
+    """Substeps a frame that an explicit integrator needs, by the frequency that bounds the scene."""
+    import warp as wp
+
+    from wsim import frequency, model
+    from wsim.choice import needed
+    from wsim.cloth import rows_of
+    from wsim.integrator import TABLE
+    built = model.build(scene, 1, wp.get_device("cpu"), wp.float64)
+    pinned = model.hard_places(built)
+    omega, c = frequency.bound(built, {b.path: rows_of(b, pinned) for b in built.bodies})
+    assert solver.needs is not None
+    return max(needed(scene, TABLE[solver.integrator], omega, c), ceil(1.05 * solver.needs(omega) / scene.fps))
+
+
+def run(name: str, solver: str, scene: Scene, frames: int, device, precision: str) -> Example:
+    """As many frames as the scene has, or `frames`."""
+    found = Example(name, solver)
+    try:
+        sim = Simulation(scene, device=device, precision=precision)
+        sim.load()
+    except SceneError as error:
+        found.refusal = str(error)
+        return found
+    try:
+        found.energy.append(sim.indicators()["energy"])
+        spent: list[float] = []
+        for _ in range(min(frames, scene.frames)):
+            began = perf_counter()
+            sim.step()
+            spent.append(perf_counter() - began)
+            measure(sim, found)
+        found.ms, found.notes = 1e3 * float(np.mean(spent[1:] or spent)), list(sim.warnings)
+    except Exception as error:                           # whatever comes out of a run that had begun is a fault
+        found.broke = f"{type(error).__name__}: {error}"
+    return found
+
+
+def measure(sim: Simulation, found: Example) -> None:
+    now = sim.indicators()
+    found.energy.append(now["energy"])
+    found.kinetic.append(now["kinetic_energy"])
+    found.rms.append(now.get("rms_strain", 0.0))
+    found.largest.append(now.get("max_strain", 0.0))
+    found.residual = max(found.residual, now.get("residual", 0.0))
+
+
+def judge(found: Example, right: Example) -> Verdict:
+    """right: the converged run."""
+    if found.refusal:
+        return Verdict(True, f"none for this solver: {found.refusal.splitlines()[0]:.140}")
+    if right.refusal or right.broke:
+        return Verdict(False, f"nothing to compare with: {right.refusal or right.broke}")
+    if found.broke:
+        return Verdict(False, found.broke.splitlines()[0][:200])
+    faults = []
+    for what in ("rms", "largest"):
+        now, bound = getattr(found, what)[-1], WORSE * max(getattr(right, what)[-1], FLOOR)
+        if not now <= bound:                             # also: no number
+            faults.append(f"{what} strain {now:.3g}, converged {getattr(right, what)[-1]:.3g}")
+    over = excess(found, right)
+    if not over <= SLACK:
+        faults.append(f"gains {over:.3g} of the energy turned over")
+    if faults and found.solver.partition("/")[2] in GROWS:
+        return Verdict(True, f"{'; '.join(faults)}, as listed: it grows at any step")
+    said = f"; says: {found.notes[-1][:100]}" if found.notes else ""
+    return Verdict(not faults, ("; ".join(faults) or "held") + said)
+
+
+def excess(found: Example, right: Example) -> float:
+    """Largest energy above that of the converged run until then, over what that turned over."""
+    ceiling = np.maximum.accumulate(right.energy)
+    turned = max(max(right.kinetic), float(np.ptp(right.energy)), 1e-12)
+    over = [(e - c) / turned for e, c in zip(found.energy, ceiling, strict=False)]
+    return float(np.max(over)) if np.isfinite(over).all() else inf
+
+
+def line(found: Example, verdict: Verdict) -> str:
+    strain, most = (f"{x[-1]:.2g}" if x else "-" for x in (found.rms, found.largest))
+    return (f"{'scene ' + found.scene:<26} {found.solver:<26} {most:>12} {strain:>9} {found.residual:>8.3g} "
+            f"{found.ms:>7.2f}  {'' if verdict.held else 'FAILS: '}{verdict.text}")
+
+
+def as_dict(found: Example, verdict: Verdict) -> dict:
+    numbers = {k: v for k, v in asdict(found).items() if k not in ("energy", "kinetic", "rms", "largest")}
+    last = {"final_rms": found.rms[-1] if found.rms else None, "final_largest": found.largest[-1] if found.largest else None}
+    return numbers | last | {"row": f"scene {found.scene}", "held": verdict.held, "verdict": verdict.text}
