@@ -257,9 +257,8 @@ def make_body(source: Cloth | Springs | Soft, world: int, number: int, first: in
     velocities = spread(np.zeros((n, 3)) if source.velocities is None else source.velocities @ spin.T, shape.ends)[one]
     origin = 0.5 * (places.min(axis=0) + places.max(axis=0)) if n else np.zeros(3)
     origin = np.round(origin)                                      # whole metres: the origin itself is exact
-    triangles = index[shape.triangles]
-    whole = _distinct(triangles)
-    triangles, polygon = triangles[whole], shape.polygon[whole]
+    whole = _distinct(index[shape.triangles])
+    triangles, polygon = index[shape.triangles[whole]], shape.polygon[whole]
     edges = topology.edges(triangles) if isinstance(source, Cloth) else index[shape.edges]
     friction = (shape.material.static_friction, shape.material.dynamic_friction)
     masses, idle = np.bincount(place[particle], shape.masses, count), index[shape.idle] - first
