@@ -6,6 +6,7 @@
     /World/Net:actuation                     factors of a net's muscles, (keys, groups) of its curve
     /World/Pin:targets                       where a pin puts its points [m]: (frames, moments of a frame, n, 3), see
                                              `wsim.stage.Clock.moments`, or (n, 3) if it is still
+    /World/Load:force, :traction             of a load [N], [Pa]: (3,), or (keys, 3) of its curve
     gravity, wind                            (3,) [m/s^2], [m/s] of the whole scene
     air_drag                                 () [1/s]
     friction, restitution, colliders' shifts: `wsim.contact_inputs`
@@ -20,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from wsim.contact_inputs import contact_input
-from wsim.controls import Actuation, Targets
+from wsim.controls import Actuation, Loaded, Targets
 from wsim.input import PART, Input, Start
 from wsim.masses import density_of
 from wsim.mend import STIFFENS
@@ -37,8 +38,9 @@ class Whole(Input):
         p = self.recording.parameters
         if self.what == "wind" and not p.air:
             raise SceneError(Problem(self.name, "no cloth has drag or lift, so that wind does nothing; leave it out"))
-        array = {"gravity": p.points.gravity, "air_drag": p.points.decay}.get(self.what) or p.air.wind
-        rows = array.numpy().astype(np.float64)[self.model.rows("/", world)]
+        owner = p.plan.method("points")
+        array = owner.gravity() if self.what == "gravity" else (p.air.wind if self.what == "wind" else p.points.decay).numpy()
+        rows = array.astype(np.float64)[self.model.rows("/", world)]
         if (rows != rows[0]).any():
             raise SceneError(Problem(self.name, "is not the same for all bodies, and has no one value"))
         return rows[0]
@@ -165,11 +167,14 @@ def _input(recording, name: str) -> Input:
         return Whole(recording, name)
     if what == "targets" and path in [p.path for p in recording.sim.scene.pins]:
         return Targets(recording, name)
+    if (load := next((each for each in recording.sim.scene.loads if each.path == path), None)) and what == load.name:
+        return Loaded(recording, name)
     if path in (others := [c.path for c in recording.sim.scene.colliders]) or what.endswith("_friction"):
         return contact_input(recording, name)
     if path not in paths:
         pins = [f"{p.path}:targets" for p in recording.sim.scene.pins]
-        raise SceneError(Problem(name, f"there is no body {path}; there are {', '.join(paths + pins + others)}"))
+        loads = [f"{load.path}:{load.name}" for load in recording.sim.scene.loads]
+        raise SceneError(Problem(name, f"there is no body {path}; there are {', '.join(paths + pins + loads + others)}"))
     kinds: dict[str, Any] = {"positions": Start, "velocities": Start, "density": Density, "actuation": Actuation,
                              "rest_shape": Rest, "lengths": Rest}
     return kinds.get(what, Material)(recording, name)

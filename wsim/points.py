@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from math import isfinite
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -26,6 +27,7 @@ class Points(Method):
         self.model, self.state, self.status, self.struck = model, state, status, struck
         self.integrator = integrator
         self.densities: dict[int, float] = {}         # that were set, by number of the body
+        self.loads: Any = None                        # the method that adds to gravity, see `wsim.loads`
         self.constants = self.tables()
         self.kernels = {"guard": kernels.not_finite(model.real, model.module)}
         size = 3 * np.dtype(model.dtype).itemsize * model.points
@@ -63,8 +65,8 @@ class Points(Method):
         c = kernels.constants(model.real)()
         c.w = model.upload(inverse, t.scalar)
         own = np.repeat([b.number for b in bodies], [b.count for b in bodies])
-        rows = model.points if model.gradients else len(bodies)      # gradients of many points are not summed by atomics
-        c.object = model.upload((np.arange(rows) if model.gradients else own).astype(np.int32), int)
+        rows = model.points if model.by_point else len(bodies)       # gradients of many points are not summed by atomics
+        c.object = model.upload((np.arange(rows) if model.by_point else own).astype(np.int32), int)
         c.gravity = model.upload(np.tile(np.asarray(scene.gravity, model.dtype), (rows, 1)), t.vec3)
         c.decay = model.upload(np.full(rows, scene.air_drag, model.dtype), t.scalar)
         return c
@@ -121,6 +123,13 @@ class Points(Method):
         values[rows] = value
         array.assign(values)
         return True
+
+    def gravity(self) -> np.ndarray:
+        """Of each point [m/s^2], without what loads add, (points, 3)."""
+        values = self.constants.gravity.numpy()
+        if self.loads:
+            values[self.loads.point] = self.loads.own.numpy()
+        return values[self.constants.object.numpy()]
 
     def weigh(self, bodies: list[Body], density: float) -> bool:
         """Masses follow the density; False where a body has none (`wsim.masses.density_of`), or shares points with another."""
