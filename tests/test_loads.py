@@ -149,8 +149,9 @@ def test_bad_loads_are_refused(change, words):
 
 def test_live_loads_are_judged_and_refused_whole():
     sim = Simulation(pushed(), precision="float64", device="cpu", gradients=True)
-    for name, value, words in (("force", [1.0, 2.0], "shape"), ("force", [np.nan, 0, 0], "finite"), ("force", "much", "allowed"),
-                               ("traction", [1, 0, 0], "live"), ("force", np.zeros((3, 3)), "values")):
+    for name, value, words in (("force", [1.0, 2.0], "shape"), ("force", [np.nan, 0, 0], "finite"),
+                               ("force", "much", "allowed"), ("traction", [1, 0, 0], "live"),
+                               ("force", np.zeros((3, 3)), "values")):
         with pytest.raises(SceneError, match=words):
             sim.set("/grows", name, value)
     assert sim.changes == []
