@@ -71,6 +71,7 @@ def test_a_force_over_time_moves_by_its_integral_and_has_exact_derivatives(solve
         by = rng.standard_normal(value.shape)
         assert (gradient.load(path) * by).sum() == pytest.approx(slope(path, "force", value, by, 1e-4), **near)
     g, by = np.array([0.0, -9.81, 0.0]), rng.standard_normal(3)
+    assert gradient.mass("/chain") == pytest.approx(slope("/chain", "mass", 0.4, 1.0, 1e-5), **near)
     assert gradient.gravity() @ by == pytest.approx(slope("/", "gravity", g, by, 1e-4), **near)
 
 

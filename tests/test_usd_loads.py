@@ -17,7 +17,8 @@ def read(tmp_path):
 
 
 def of(values: str, body: str = "/cloth") -> str:
-    return cloth() + f'def Scope "push" (prepend apiSchemas = ["WsimLoadAPI"]) {{\nrel wsim:load:body = <{body}>\n{values}\n}}\n'
+    push = f'def Scope "push" (prepend apiSchemas = ["WsimLoadAPI"]) {{\nrel wsim:load:body = <{body}>\n{values}\n}}\n'
+    return cloth() + push
 
 
 def test_loads_come_back_as_they_were_saved(tmp_path):

@@ -26,7 +26,7 @@ from wsim.input import PART, Input, Start
 from wsim.masses import density_of
 from wsim.mend import STIFFENS
 from wsim.rest_inputs import Rest
-from wsim.scene import Problem, SceneError
+from wsim.scene import Problem, SceneError, Springs
 
 SCENE = {"gravity": (3,), "wind": (3,), "air_drag": ()}
 
@@ -64,6 +64,19 @@ class Density(Input):
 
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
         return np.array(gradient.density(self.path, world))
+
+
+class Mass(Input):
+    """Mass of a net."""
+
+    def read(self, world: int = 0) -> np.ndarray:
+        body = self.model.body(self.path, world)
+        if not isinstance(body.source, Springs):
+            raise SceneError(Problem(self.name, "is a cloth or soft body; take its density"))
+        return np.array(body.masses.sum())
+
+    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
+        return np.array(gradient.mass(self.path, world))
 
 
 class Material(Input):
@@ -117,7 +130,8 @@ class Material(Input):
         flows = any(p.body is body for table in tables if table.plastic for p in table.parts)
         return sorted({name for d in (*(r.stiffness for r in rows), *(part.values for part in tets)) for name in d}
                       - {"damping"} | set(["damping"] * damped + ["pressure"] * pressed + ["yield_strain"] * flows)
-                      | set(["density"] * (density_of(body.source) is not None)))
+                      | set(["density"] * (density_of(body.source) is not None))
+                      | set(["mass"] * isinstance(body.source, Springs)))
 
     def shapes(self) -> list[tuple[int, ...]]:
         body = self.model.body(self.path)
@@ -175,7 +189,7 @@ def _input(recording, name: str) -> Input:
         pins = [f"{p.path}:targets" for p in recording.sim.scene.pins]
         loads = [f"{load.path}:{load.name}" for load in recording.sim.scene.loads]
         raise SceneError(Problem(name, f"there is no body {path}; there are {', '.join(paths + pins + loads + others)}"))
-    kinds: dict[str, Any] = {"positions": Start, "velocities": Start, "density": Density, "actuation": Actuation,
+    kinds: dict[str, Any] = {"positions": Start, "velocities": Start, "density": Density, "mass": Mass, "actuation": Actuation,
                              "rest_shape": Rest, "lengths": Rest}
     return kinds.get(what, Material)(recording, name)
 

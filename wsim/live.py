@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 VECTORS = ("gravity", "wind")
 ARRAYS = ("rest_shape", "lengths", "positions", "velocities", "actuation", "force", "traction")      # judged by who takes them
-NAMES = ("gravity", "air_drag", "wind", "stretch", "weft", "shear", "bend", "strain_limit", "damping", "density", "stiffness",
-         "young", "poisson", "pressure", "yield_strain", "actuation", "static_friction", "dynamic_friction", "thickness",
-         "restitution", "motion", "rest_shape", "lengths", "positions", "velocities", "force", "traction")
-POSITIVE = {"stiffness": (0.0, True, inf)}
+NAMES = ("gravity", "air_drag", "wind", "stretch", "weft", "shear", "bend", "strain_limit", "damping", "density", "mass",
+         "stiffness", "young", "poisson", "pressure", "yield_strain", "actuation", "static_friction", "dynamic_friction",
+         "thickness", "restitution", "motion", "rest_shape", "lengths", "positions", "velocities", "force", "traction")
+POSITIVE = {"stiffness": (0.0, True, inf), "mass": (0.0, True, inf)}
 BOUNDS: dict[type, dict] = {Cloth: fabric.RANGES, Soft: bulk.RANGES | {"pressure": (-inf, False, inf)}}
 ENDLESS = {"strain_limit", "yield_strain"}          # infinite in a scene where there is none
 

@@ -160,7 +160,7 @@ class Loads(Method):
 
     def transposed(self, p: np.ndarray, time: float) -> list[np.ndarray]:
         """Derivative of p . `forces` by the keys of each load, (keys, 3)."""
-        return [b.curve.weights([time]).T @ (b.parts[:, None] * p[b.places]).sum(axis=0)[None] for b in self.borne]
+        return [b.curve.weights(np.array([time])).T @ (b.parts[:, None] * p[b.places]).sum(axis=0)[None] for b in self.borne]
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """force [N] or traction [Pa] of a load: a `Curve`, values of the present keys (keys, 3), or one for all times (3,); and

@@ -14,7 +14,7 @@ from wsim.kernels.real import types
 from wsim.masses import density_of
 from wsim.middles import held, spread
 from wsim.model import Body, Model, hard_places
-from wsim.scene import Motion, Pin
+from wsim.scene import Motion, Pin, Springs
 from wsim.stage import NOT_FINITE, Clock, Method, Stage
 from wsim.state import State
 
@@ -106,11 +106,11 @@ class Points(Method):
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """gravity [m/s^2] and air_drag [1/s], of one body or, with path "/", of all; density [kg/m^3], rest_shape, lengths
-        [m] of a body."""
+        [m] of a body, mass [kg] of a net."""
         rows = self.model.rows(path, world)
         bodies = [b for b in self.model.bodies if b.path == path and world in (None, b.world)]
-        if name == "density":
-            return self.weigh(bodies, float(value))
+        if name in ("density", "mass"):
+            return (self.weigh if name == "density" else self.scale)(bodies, float(value))
         if name in AT_REST:
             from wsim.reshape import reshape
             reshape(self.model, name, value, bodies, self.densities)
@@ -139,6 +139,15 @@ class Points(Method):
             before = self.densities.get(b.number) or density_of(b.source)
             assert before is not None
             b.masses, self.densities[b.number] = b.masses * (density / before), density
+        self.send(bodies)
+        return True
+
+    def scale(self, bodies: list[Body], mass: float) -> bool:
+        """Points of spring nets get this mass [kg] together, in the proportions that they have."""
+        if not bodies or self.model.alias is not None or not all(isinstance(b.source, Springs) for b in bodies):
+            return False
+        for b in bodies:
+            b.masses = b.masses * (mass / b.masses.sum())
         self.send(bodies)
         return True
 

@@ -15,7 +15,7 @@ from wsim.element_gradient import ElementGradient
 from wsim.masses import density_of
 from wsim.parameters import Parameters
 from wsim.reaction_adjoint import Inertia
-from wsim.scene import Problem, SceneError
+from wsim.scene import Problem, SceneError, Springs
 
 
 class Fetched(dict):
@@ -83,6 +83,13 @@ class Gradient(ElementGradient):
         if density is None:
             raise SceneError(Problem(b.path, "its masses follow no single density; take masses()"))
         return float((self.by_mass()[b.first:b.last] * b.masses).sum()) / density
+
+    def mass(self, path: str | None = None, world: int = 0) -> float:
+        """By the mass of a net, which its points share in the proportions that they have [1/kg]."""
+        b = self.model.body(path, world)
+        if not isinstance(b.source, Springs):
+            raise SceneError(Problem(b.path, "is no spring net, which has a mass of its own; take density() or masses()"))
+        return float((self.by_mass()[b.first:b.last] * b.masses).sum() / b.masses.sum())
 
     def gravity(self, world: int = 0) -> np.ndarray:
         """[s^2/m], (3,)."""

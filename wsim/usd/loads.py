@@ -73,6 +73,11 @@ def author_load(stage: Usd.Stage, load: Load, body: Cloth | Springs | Soft, unit
     for name in ("weights", "triangles"):
         if (value := getattr(load, name)) is not None:
             author(prim, "Load", name, value, units)
+    author_values(prim, load, units)
+
+
+def author_values(prim: Usd.Prim, load: Load, units: Units) -> None:
+    """The force or traction: samples at its keys, or one value."""
     attribute, curve = attribute_of(prim, names.row("Load", load.name)), load.curve
     for time, value in zip(curve.times.tolist(), curve.values, strict=True):
         author(prim, "Load", load.name, value, units, **({"time": Usd.TimeCode(units.code(time))} if curve.moves else {}))
