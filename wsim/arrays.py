@@ -8,6 +8,7 @@
     positions, remainders, velocities      parts of it: x and e [m], the position is x + e + origin; v [m/s]
     inverse_masses        [1/kg], (points,); 0: pinned
     gravity, air_drag     [m/s^2], [1/s]; a row for each body, or for each point with gradients=True or loads
+                          (of what bears one it is written anew each substep, with what that adds)
     wind, drag, lift      [m/s]; air density / 6 times the coefficients; rows as gravity
     springs.stiffness, .damping, .rest     [N/m], [N s/m], [m] of entries; `View.index["springs"]`: spring of each, -1 padding
     dihedral.stiffness, .damping           [J], [s] of each hinge; membrane.stiffness, .damping [J], [s] of each triangle;

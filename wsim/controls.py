@@ -4,7 +4,7 @@ from math import ceil
 
 import numpy as np
 
-from wsim.input import Input, Start
+from wsim.input import PART, Input, Start
 from wsim.scene import Problem, SceneError
 
 
@@ -37,6 +37,9 @@ class Loaded(Input):
 
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
         return gradient.load(self.path, world).reshape(shape)
+
+    def scale(self) -> float:
+        return PART * (float(np.abs(self.read()).max()) or 1.0)
 
 
 class Given:
