@@ -10,8 +10,9 @@ import wsim
 from wsim import Bulk, Fabric, Scene, SceneError, Simulation, shapes
 from wsim.fitting import Scan, Settings, Track, fit, read
 from wsim.fitting.copies import Broken, Copies, settled
+from wsim.fitting.map import Map
 from wsim.fitting.observe import closest
-from wsim.fitting.parameter import Map, parameters
+from wsim.fitting.parameter import parameters
 
 CPU = Settings(device="cpu")
 FRAMES = 20

@@ -24,7 +24,7 @@ LAYERS = (
     ("curve", "fabric", "bulk", "bodies", "latest", "polygon", "scene", "solids", "topology", "normals", "shapes",
      "color", "check", "integrator", "stability", "apart", "check_object", "check_soft", "check_tie", "tetra", "skin",
      "locality", "kempe", "camera", "look", "png", "gif", "progress", "report", "atomic", "lock", "counts", "inventory",
-     "arguments", "interrupt", "check_varying", "masses", "check_pins"),
+     "arguments", "interrupt", "check_varying", "masses", "check_pins", "check_loads", "nodal"),
     ("kernels",),
     ("stage", "state", "order", "ties", "middles", "model", "linear", "multigrid", "cluster", "abreast", "slots", "march",
      "tape", "kernel_cache"),
@@ -34,7 +34,7 @@ LAYERS = (
     ("elastic", "elements", "fem", "plastic", "pressure", "force_adjoint", "gather", "watch", "touching_adjoint",
      "gcr", "active_set", "momentum"),
     ("adjoint", "xpbd_adjoint", "points_adjoint"),
-    ("points", "explicit", "implicit", "aero", "xpbd", "muscles", "rigid", "fluid", "pose"),
+    ("points", "explicit", "implicit", "aero", "xpbd", "muscles", "loads", "rigid", "fluid", "pose"),
     ("plan",),
     ("measure", "broken", "mend", "exceeded", "stress", "reaction", "reaction_adjoint", "reaction_law", "reaction_xpbd",
      "simulation", "parameters", "sensitivity", "growth", "reshape_adjoint", "element_gradient", "seeds", "segments", "frames",
@@ -45,7 +45,7 @@ LAYERS = (
      "drawn", "visible", "view", "picture"),
     ("cli", "bench", "new", "commands", "run", "__main__", "__init__"),
 )
-METHODS = {"points", "explicit", "implicit", "aero", "xpbd", "muscles", "rigid", "fluid", "pose"}   # never import each other
+METHODS = {"points", "explicit", "implicit", "aero", "xpbd", "muscles", "loads", "rigid", "fluid", "pose"}   # never each other
 READS_USD = {"usd", "provenance", "crate", "dependencies", "partial", "sublayer", "overs", "restart", "recorder", "drawn",
              "visible"}
 WITHOUT_WARP = {*LAYERS[0], *READS_USD, "cli", "__init__", "__main__"}

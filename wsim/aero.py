@@ -32,7 +32,7 @@ class Aero(Method):
         self.first, self.item = model.upload(starts.astype(np.int32), int), model.upload(items.astype(np.int32), int)
         self.air = kernels.air(real)()
         rho = model.scene.air_density / 6.0
-        each = [b.count if model.gradients else 1 for b in model.bodies]           # rows, as `wsim.points` has them
+        each = [b.count if model.by_point else 1 for b in model.bodies]           # rows, as `wsim.points` has them
         self.air.wind = model.upload(np.tile(np.asarray(model.scene.wind, model.dtype), (sum(each), 1)), t.vec3)
         for name in ("drag", "lift"):
             values = np.repeat([rho * getattr(b.source, name, 0.0) for b in model.bodies], each)

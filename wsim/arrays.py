@@ -7,7 +7,8 @@
     state                 every field that outlives a frame, behind each other, (fields * points, 3); `View.fields` names them
     positions, remainders, velocities      parts of it: x and e [m], the position is x + e + origin; v [m/s]
     inverse_masses        [1/kg], (points,); 0: pinned
-    gravity, air_drag     [m/s^2], [1/s]; a row for each body, or for each point with gradients=True
+    gravity, air_drag     [m/s^2], [1/s]; a row for each body, or for each point with gradients=True or loads
+                          (of what bears one it is written anew each substep, with what that adds)
     wind, drag, lift      [m/s]; air density / 6 times the coefficients; rows as gravity
     springs.stiffness, .damping, .rest     [N/m], [N s/m], [m] of entries; `View.index["springs"]`: spring of each, -1 padding
     dihedral.stiffness, .damping           [J], [s] of each hinge; membrane.stiffness, .damping [J], [s] of each triangle;
@@ -66,7 +67,7 @@ def arrays(source, world: int = 0) -> dict[str, View]:
             found[NAMES[name]] = View(whole[k * model.points:(k + 1) * model.points], index, origin)
     method: Any = plan.method("points")
     constants = method.constants
-    points = index if model.gradients else {}
+    points = index if model.by_point else {}
     found["inverse_masses"] = View(constants.w, index)
     found["gravity"], found["air_drag"] = View(constants.gravity, points), View(constants.decay, points)
     if air := getattr(plan.method("aero"), "air", None):

@@ -40,6 +40,9 @@ def check(scene: Scene) -> list[Problem]:
     for tie in scene.ties:
         from wsim import check_tie
         found += check_tie.tie(tie, scene)
+    for load in scene.loads:
+        from wsim import check_loads
+        found += check_loads.load(load, scene)
     for thing in scene.varying:
         from wsim import check_varying
         found += check_varying.varying(thing, scene)
@@ -115,7 +118,7 @@ def _paths(scene: Scene) -> Iterator[Problem]:
         yield error("/", "nothing here can move: no cloth, no spring net and no soft body", "at least one",
                     "apply PhysicsSurfaceDeformableSimAPI to a mesh, or let `wsim new cloth MESH -o SCENE` (or softbody) do it")
     skins = [skin for soft in scene.softs for skin in soft.skins]
-    named: list = [*scene.bodies(), *skins, *scene.colliders, *scene.pins, *scene.ties]
+    named: list = [*scene.bodies(), *skins, *scene.colliders, *scene.pins, *scene.ties, *scene.loads]
     for path, n in Counter(thing.path for thing in named).items():
         if n > 1:
             yield error(path, f"{n} objects have this path", "one", "give each its own")

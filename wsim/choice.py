@@ -249,11 +249,21 @@ def _hard(rows: dict[str, list[Rows]]) -> bool:
 
 def slack(model: Model, h: float) -> float:
     """By how much [m] the sweeps of a step h [s] leave the bodies longer than they are, hanging: see SOFT."""
-    g, most = float(np.linalg.norm(model.scene.gravity)), 0.0
+    most = 0.0
     for body in (b for b in model.bodies if b.world == 0 and len(b.edges)):
+        g = float(np.linalg.norm(model.scene.gravity)) + _loaded(model, body)
         springs = _extent(body) / max(edge_lengths(body).mean(), 1e-9)
         most = max(most, SOFT * g * h * h * springs**2 / model.scene.iterations)
     return most
+
+
+def _loaded(model: Model, body) -> float:
+    """Largest acceleration [m/s^2] that loads give a body as a whole."""
+    if not model.scene.loads:
+        return 0.0
+    from wsim.nodal import nodal
+    return sum(float(np.linalg.norm(load.curve.values, axis=1).max() * np.abs(nodal(load, body)[1]).sum())
+               for load in model.scene.loads if load.body == body.path) / float(body.masses.sum())
 
 
 def _size(model: Model) -> float:

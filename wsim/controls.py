@@ -1,10 +1,10 @@
-"""Controls over time as inputs of a recording: muscles, and where pins put their points. See `wsim.inputs`."""
+"""Controls over time as inputs of a recording: muscles, loads, and where pins put their points. See `wsim.inputs`."""
 
 from math import ceil
 
 import numpy as np
 
-from wsim.input import Input, Start
+from wsim.input import PART, Input, Start
 from wsim.scene import Problem, SceneError
 
 
@@ -22,6 +22,24 @@ class Actuation(Input):
 
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
         return gradient.actuation(self.path, world)
+
+
+class Loaded(Input):
+    """Force or traction of a load: (3,) where it stays, (keys, 3) of its curve over time."""
+
+    def curve(self, world: int):
+        loads = self.recording.parameters.loads
+        return loads.borne[loads.find(self.path, world)].curve
+
+    def read(self, world: int = 0) -> np.ndarray:
+        curve = self.curve(world)
+        return curve.values.copy() if curve.moves else curve.values[0].copy()
+
+    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
+        return gradient.load(self.path, world).reshape(shape)
+
+    def scale(self) -> float:
+        return PART * (float(np.abs(self.read()).max()) or 1.0)
 
 
 class Given:

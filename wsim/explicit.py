@@ -39,12 +39,13 @@ class Explicit(Method):
         self.target = None            # of the pins, as the net has it
         self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
         self.muscles = None           # the method that puts their rest lengths
+        self.loads = None             # the method that puts what loads add to gravity
         self.impacts = lambda: None   # takes impacts out of `change` before leapfrog's last half kick (`wsim.contact.bounce`)
         self.corrected: Callable | None = None        # adjoint of the last launch of a substep
         self.pull = Pull(model, points.constants, self.rows, None if pins is None else pins.columns(),
                          alone=not (steps or self.integrator.stages), staged=bool(self.integrator.stages))
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
-        self.acts = any(r.body and getattr(r.body.source, "actuation", None) for r in self.rows)
+        self.acts = int(any(r.body and getattr(r.body.source, "actuation", None) for r in self.rows)) + bool(model.scene.loads)
         self.make(clock.substeps)
         self.watch = None if self.marches and not self.steps else Watch(model, state, self.status, explicit=True)
         self.stages += self.watch.stages if self.watch else []
@@ -137,7 +138,7 @@ class Explicit(Method):
     def kick(self, clock: Clock, kick: float, drift: float, source: int) -> int:
         """From copy `source`; returns the copy that it ends in."""
         s, step = self.state, self.step(clock, kick, drift, source)
-        self.contract(clock, float(drift == 0.0))
+        self.act(clock, float(drift == 0.0))
         if self.marches:
             step.count = 1
             self.model.launch(self.march, 1, [self.net, self.pull.table, step, teams()()], [self.moving, self.pull.space])
@@ -148,10 +149,11 @@ class Explicit(Method):
                           [self.pair, s.v, self.carry], self.pull.backward)
         return 1 - source
 
-    def contract(self, clock: Clock, part: float) -> None:
-        """Muscles have the lengths of that part of the substep."""
-        if self.muscles:
-            self.muscles.act(2 * clock.k + round(2.0 * part))
+    def act(self, clock: Clock, part: float) -> None:
+        """Muscles have the lengths, and loads the forces, of that part of the substep."""
+        for method in (self.muscles, self.loads):
+            if method:
+                method.act(2 * clock.k + round(2.0 * part))
 
     def advance(self, clock: Clock, source: int) -> int:
         """One substep from copy `source`; returns the copy that it ends in. Leapfrog's velocity stays at the half step."""
@@ -164,7 +166,7 @@ class Explicit(Method):
     def stage_by_stage(self, clock: Clock, source: int) -> int:
         s, coefficients = self.state, self.integrator.stages
         for number, (c, b) in enumerate(coefficients):
-            self.contract(clock, c)
+            self.act(clock, c)
             self.pull.launch(source, s.x, self.pair)
             part = kernels.parts(self.model.real)()
             part.last = int(number == len(coefficients) - 1)

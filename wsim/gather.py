@@ -45,7 +45,7 @@ class Pull:
         self.damped = any(r.tau > 0.0 for r in rows) or any(table.damped for table in self.tables)
         self.added = bool(self.springs) and not (model.device.is_cuda or model.gradients)
         self.lengths: wp.array | None = None          # rest lengths of the entries before muscles shorten them
-        alone = alone and not any(r.body and getattr(r.body.source, "actuation", None) for r in rows)
+        alone = alone and not any(r.body and getattr(r.body.source, "actuation", None) for r in rows) and not model.scene.loads
         self.only = not (self.damped or model.scene.softs) and len(self.springs) == len(rows)
         self.whole = alone and len(self.springs) == len(rows) and not model.scene.softs
         self.alone = alone and self.only and _clusters(model.device) and not model.gradients

@@ -6,6 +6,7 @@
     /World/Net:actuation                     factors of a net's muscles, (keys, groups) of its curve
     /World/Pin:targets                       where a pin puts its points [m]: (frames, moments of a frame, n, 3), see
                                              `wsim.stage.Clock.moments`, or (n, 3) if it is still
+    /World/Load:force, :traction             of a load [N], [Pa]: (3,), or (keys, 3) of its curve
     gravity, wind                            (3,) [m/s^2], [m/s] of the whole scene
     air_drag                                 () [1/s]
     friction, restitution, colliders' shifts: `wsim.contact_inputs`
@@ -20,12 +21,12 @@ from typing import Any
 import numpy as np
 
 from wsim.contact_inputs import contact_input
-from wsim.controls import Actuation, Targets
+from wsim.controls import Actuation, Loaded, Targets
 from wsim.input import PART, Input, Start
 from wsim.masses import density_of
 from wsim.mend import STIFFENS
 from wsim.rest_inputs import Rest
-from wsim.scene import Problem, SceneError
+from wsim.scene import Problem, SceneError, Springs
 
 SCENE = {"gravity": (3,), "wind": (3,), "air_drag": ()}
 
@@ -37,8 +38,9 @@ class Whole(Input):
         p = self.recording.parameters
         if self.what == "wind" and not p.air:
             raise SceneError(Problem(self.name, "no cloth has drag or lift, so that wind does nothing; leave it out"))
-        array = {"gravity": p.points.gravity, "air_drag": p.points.decay}.get(self.what) or p.air.wind
-        rows = array.numpy().astype(np.float64)[self.model.rows("/", world)]
+        owner = p.plan.method("points")
+        array = owner.gravity() if self.what == "gravity" else (p.air.wind if self.what == "wind" else p.points.decay).numpy()
+        rows = array.astype(np.float64)[self.model.rows("/", world)]
         if (rows != rows[0]).any():
             raise SceneError(Problem(self.name, "is not the same for all bodies, and has no one value"))
         return rows[0]
@@ -62,6 +64,19 @@ class Density(Input):
 
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
         return np.array(gradient.density(self.path, world))
+
+
+class Mass(Input):
+    """Mass of a net."""
+
+    def read(self, world: int = 0) -> np.ndarray:
+        body = self.model.body(self.path, world)
+        if not isinstance(body.source, Springs):
+            raise SceneError(Problem(self.name, "is a cloth or soft body; take its density"))
+        return np.array(body.masses.sum())
+
+    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
+        return np.array(gradient.mass(self.path, world))
 
 
 class Material(Input):
@@ -115,7 +130,8 @@ class Material(Input):
         flows = any(p.body is body for table in tables if table.plastic for p in table.parts)
         return sorted({name for d in (*(r.stiffness for r in rows), *(part.values for part in tets)) for name in d}
                       - {"damping"} | set(["damping"] * damped + ["pressure"] * pressed + ["yield_strain"] * flows)
-                      | set(["density"] * (density_of(body.source) is not None)))
+                      | set(["density"] * (density_of(body.source) is not None))
+                      | set(["mass"] * isinstance(body.source, Springs)))
 
     def shapes(self) -> list[tuple[int, ...]]:
         body = self.model.body(self.path)
@@ -165,12 +181,15 @@ def _input(recording, name: str) -> Input:
         return Whole(recording, name)
     if what == "targets" and path in [p.path for p in recording.sim.scene.pins]:
         return Targets(recording, name)
+    if (load := next((each for each in recording.sim.scene.loads if each.path == path), None)) and what == load.name:
+        return Loaded(recording, name)
     if path in (others := [c.path for c in recording.sim.scene.colliders]) or what.endswith("_friction"):
         return contact_input(recording, name)
     if path not in paths:
         pins = [f"{p.path}:targets" for p in recording.sim.scene.pins]
-        raise SceneError(Problem(name, f"there is no body {path}; there are {', '.join(paths + pins + others)}"))
-    kinds: dict[str, Any] = {"positions": Start, "velocities": Start, "density": Density, "actuation": Actuation,
+        loads = [f"{load.path}:{load.name}" for load in recording.sim.scene.loads]
+        raise SceneError(Problem(name, f"there is no body {path}; there are {', '.join(paths + pins + loads + others)}"))
+    kinds: dict[str, Any] = {"positions": Start, "velocities": Start, "density": Density, "mass": Mass, "actuation": Actuation,
                              "rest_shape": Rest, "lengths": Rest}
     return kinds.get(what, Material)(recording, name)
 

@@ -12,7 +12,7 @@ def inventory(scene: Scene) -> str:
     """What a scene holds, in words."""
     kinds: dict[str, list] = {"cloth": scene.cloths, "spring net": scene.springs, "soft body": scene.softs,
                               "skin": [skin for soft in scene.softs for skin in soft.skins],
-                              "collider": scene.colliders, "pin": scene.pins}
+                              "collider": scene.colliders, "pin": scene.pins, "load": scene.loads}
     things = ", ".join(count(len(found), noun) for noun, found in kinds.items() if found)
     sizes = {"point": sum(len(body.points) for body in scene.bodies()), "tet": sum(len(soft.tets) for soft in scene.softs)}
     size = ", ".join(count(n, noun) for noun, n in sizes.items() if n)

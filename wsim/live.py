@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from wsim.simulation import Simulation
 
 VECTORS = ("gravity", "wind")
-ARRAYS = ("rest_shape", "lengths", "positions", "velocities", "actuation")          # judged by who takes them
-NAMES = ("gravity", "air_drag", "wind", "stretch", "weft", "shear", "bend", "strain_limit", "damping", "density", "stiffness",
-         "young", "poisson", "pressure", "yield_strain", "actuation", "static_friction", "dynamic_friction", "thickness",
-         "restitution", "motion", "rest_shape", "lengths", "positions", "velocities")
-POSITIVE = {"stiffness": (0.0, True, inf)}
+ARRAYS = ("rest_shape", "lengths", "positions", "velocities", "actuation", "force", "traction")      # judged by who takes them
+NAMES = ("gravity", "air_drag", "wind", "stretch", "weft", "shear", "bend", "strain_limit", "damping", "density", "mass",
+         "stiffness", "young", "poisson", "pressure", "yield_strain", "actuation", "static_friction", "dynamic_friction",
+         "thickness", "restitution", "motion", "rest_shape", "lengths", "positions", "velocities", "force", "traction")
+POSITIVE = {"stiffness": (0.0, True, inf), "mass": (0.0, True, inf)}
 BOUNDS: dict[type, dict] = {Cloth: fabric.RANGES, Soft: bulk.RANGES | {"pressure": (-inf, False, inf)}}
 ENDLESS = {"strain_limit", "yield_strain"}          # infinite in a scene where there is none
 
@@ -61,7 +61,7 @@ def set_value(sim: Simulation, path: str, name: str, value, world: int | None) -
 
 def _things(sim: Simulation) -> list:
     scene = sim.scene
-    return [*scene.bodies(), *scene.pins, *scene.colliders]
+    return [*scene.bodies(), *scene.pins, *scene.colliders, *scene.loads]
 
 
 def _paths(sim: Simulation) -> list[str]:
@@ -118,7 +118,7 @@ def _judged(sim: Simulation, thing, path: str, name: str, value, world: int | No
     if name == "motion":
         return _motion(path, value)
     if name in ARRAYS:
-        return value if name == "actuation" else _fits(sim, path, name, _floats(path, name, value))
+        return value if name in ("actuation", "force", "traction") else _fits(sim, path, name, _floats(path, name, value))
     values = _fits(sim, path, name, _floats(path, name, value))
     if name in VECTORS:
         if values.shape != (3,) or not np.isfinite(values).all():

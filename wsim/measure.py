@@ -42,7 +42,7 @@ def gather(plan: Plan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
     masses[model.gone] = 0.0
     constants = plan.methods[0].constants            # type: ignore[attr-defined]
     free = constants.w.numpy() > 0.0
-    gravity = constants.gravity.numpy().astype(np.float64)
+    gravity = plan.methods[0].gravity().astype(np.float64)            # type: ignore[attr-defined]
     strains = [edge_strain(b, x) for b in model.bodies if len(b.edges)]
     out: dict[str, float] = {}
     if strains:
@@ -51,7 +51,7 @@ def gather(plan: Plan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         out["rms_strain"] = float(np.sqrt(np.mean(strain**2))) if len(strain) else 0.0
     out["kinetic_energy"] = float(0.5 * np.sum(masses * free * np.sum(v**2, axis=1)))
     out["gravity_energy"] = float(-sum(
-        np.sum(masses[b.first:b.last, None] * (x[b.first:b.last] + b.origin) * gravity[b.number]) for b in model.bodies))
+        np.sum(masses[b.first:b.last, None] * (x[b.first:b.last] + b.origin) * gravity[b.first:b.last]) for b in model.bodies))
     for method in plan.methods:
         out |= method.indicators(x, v)
     out["energy"] = out["kinetic_energy"] + out["gravity_energy"] + out.get("elastic_energy", 0.0)
@@ -113,9 +113,9 @@ def balance(sim) -> Balance | None:
 
 
 def closed(sim) -> bool:
-    """Whether energy stays: no contacts, damping, drag, limits or pressure, and pins that hold points where they are."""
+    """Whether energy stays: no contacts, damping, drag, limits, pressure or loads, and pins that hold points where they are."""
     scene = sim.scene
-    lossy = [bool(scene.colliders), scene.air_drag, bool(scene.varying)]
+    lossy = [bool(scene.colliders), scene.air_drag, bool(scene.varying), bool(scene.loads)]
     lossy += [c.material.damping or c.drag or c.lift or c.tethers or isfinite(c.material.strain_limit) for c in scene.cloths]
     lossy += [s.damping or s.actuation for s in scene.springs] + [s.pressure for s in scene.softs]
     lossy += [m.damping or isfinite(m.yield_strain) for s in scene.softs for m in s.materials]

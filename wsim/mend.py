@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from wsim.simulation import Simulation
 
 # live parameters that bound explicit steps
-STIFFENS = ("stretch", "shear", "weft", "bend", "damping", "stiffness", "air_drag", "young", "poisson", "density", "rest_shape",
-            "lengths")
+STIFFENS = ("stretch", "shear", "weft", "bend", "damping", "stiffness", "air_drag", "young", "poisson", "density", "mass",
+            "rest_shape", "lengths")
 
 
 def begin(sim: Simulation) -> None:

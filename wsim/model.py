@@ -68,6 +68,7 @@ class Model:
     bodies: list[Body]
     modules: dict[str, int] = field(default_factory=dict)     # with blocks of their own, by name: threads of a block
     alias: np.ndarray | None = None      # place that stands for each place, (points,), where bodies share points
+    by_point: bool = False               # gravity, wind, drag of the air stand once a point, not a body: gradients, loads
     gradients: bool = False              # kernels have adjoints, and no method works in place where those cannot follow
     tape: Any = None                     # `wsim.tape.Tape` that records what is launched
     plain: set[int] = field(default_factory=set)          # addresses of arrays that change, of which a tape keeps no gradients
@@ -110,9 +111,9 @@ class Model:
         return found[0]
 
     def rows(self, path: str, world: int | None = None) -> list[int]:
-        """Rows in the tables per object (with gradients: point) of a body ("/": of all), in one world or in all (None)."""
+        """Rows in the tables per object (`by_point`: per point) of a body ("/": of all), in one world or in all (None)."""
         found = [b for b in self.bodies if path in ("/", b.path) and world in (None, b.world)]
-        return [i for b in found for i in range(b.first, b.last)] if self.gradients else [b.number for b in found]
+        return [i for b in found for i in range(b.first, b.last)] if self.by_point else [b.number for b in found]
 
     def stack(self, name: str) -> np.ndarray:
         """One field of all bodies in solver order."""
@@ -280,8 +281,7 @@ def build(scene: Scene, worlds: int, device, real, module: str = "") -> Model:
     """Bodies of all worlds; worlds are copies of one scene standing behind each other in the arrays."""
     from dataclasses import replace
     bodies: list[Body] = []
-    first = 0
-    single = []
+    first, single = 0, []
     for number, source in enumerate(scene.bodies()):
         single.append(make_body(source, 0, number, first))
         first = single[-1].last

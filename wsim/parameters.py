@@ -20,7 +20,7 @@ class Parameters:
         self.flat = [e for e in self.pull.elements if hasattr(e, "kind")] if self.pull else []       # hinges and triangles
         self.tables = self.pull.tables if self.pull else []                        # tets
         self.points = plan.method("points").constants
-        self.muscles = plan.method("muscles")
+        self.muscles, self.loads = plan.method("muscles"), plan.method("loads")
         self.pins, aero = plan.method("pins"), plan.method("aero")
         self.air, contact = aero.air if aero else None, plan.method("contact")
         self.contact, self.bounce = (contact.contacts.adjoint, contact.bounce) if contact else (None, None)
@@ -33,6 +33,8 @@ class Parameters:
             found += [getattr(data, name) for name in NAMES if getattr(data, name, None)]
         for flow in (t.plastic for t in self.tables if t.plastic):
             found += [flow.data.limit, flow.data.edge]
+        if self.loads:
+            found.append(self.loads.own)
         if self.air:
             found += [self.air.wind, self.air.drag, self.air.lift]
         if self.pins and self.pins.groups["soft"]:
@@ -48,8 +50,9 @@ class Parameters:
         return found | ({"rest": self.pull.lengths} if self.springs and self.pull.lengths else {})
 
     def targets(self) -> list[wp.array]:
-        """Of pins, and factors of muscles, of a frame."""
-        return [*(self.pins.target.values() if self.pins else ()), *([self.muscles.factor] if self.muscles else ())]
+        """Of pins, factors of muscles and values of loads, of a frame."""
+        return [*(self.pins.target.values() if self.pins else ()), *([self.muscles.factor] if self.muscles else ()),
+                *([self.loads.value] if self.loads else ())]
 
     def zero(self) -> None:
         for array in self.arrays():
@@ -59,15 +62,16 @@ class Parameters:
 
     def take_targets(self, first: bool) -> list:
         """Gradients of the pins' targets of a frame, on the device (to wait for them would cost a tenth of small runs), and by
-        the keys of muscles from those of its factors, which are zeros then. Of pins that stand still the first frame, which
-        comes last, has the sum, and others nothing."""
-        keys = [self.muscles.by_keys()] if self.muscles else []
+        the keys of muscles, then of loads, from those of their tables, which are zeros then. Of pins that stand still the first
+        frame, which comes last, has the sum, and others nothing."""
+        keys = [method.by_keys() for method in (self.muscles, self.loads) if method]
         if self.pins and not (first or keys or self.pins.moves):
             return []
-        found = [wp.clone(array.grad) for array in self.targets()]
-        for array in self.targets():
+        targets = list(self.pins.target.values()) if self.pins else []
+        found: list = [wp.clone(array.grad) for array in targets]
+        for array in targets:
             array.grad.zero_()
-        return found[:-1] + keys if keys else found
+        return found + keys
 
     def take_motions(self) -> wp.array | None:
         """Of colliders, as `wsim.contact.adjoint.ContactAdjoint.take_motion`."""

@@ -35,6 +35,7 @@ def why(scene: Scene, choice: Choice, rows: dict[str, list[Rows]]) -> dict[str, 
         "points": "there are points that move",
         "pins": f"{len(scene.pins)} pins" if scene.pins else "",
         "muscles": "springs have an actuation" if any(s.actuation for s in scene.springs) else "",
+        "loads": f"{len(scene.loads)} loads" if scene.loads else "",
         "aero": "a cloth has drag or lift" if wind else "",
         "explicit": choice.why if choice.solver == "explicit" else "",
         "implicit": choice.why if choice.solver == "implicit" else "",
@@ -46,7 +47,7 @@ def why(scene: Scene, choice: Choice, rows: dict[str, list[Rows]]) -> dict[str, 
 
 WITHOUT = {"explicit": "another solver is chosen", "implicit": "another solver is chosen",
            "xpbd": "another solver is chosen, and nothing is hard",
-           "pins": "nothing is pinned", "muscles": "no spring has an actuation",
+           "pins": "nothing is pinned", "muscles": "no spring has an actuation", "loads": "nothing is loaded",
            "aero": "no cloth has drag or lift", "contact": "there is no collider",
            "history": "backward Euler needs no earlier step", "fem": "there is no soft body",
            "rigid": "there is no rigid body", "fluid": "there is no fluid", "gradients": "not asked for"}
@@ -197,14 +198,15 @@ def _module(scene: Scene, real, reasons: dict[str, str], choice: Choice) -> str:
                      for s in scene.softs for m in s.materials}),
              sorted({bool(np.isfinite(p.stiffness)) for p in scene.pins}),
              *("bounce" for c in scene.colliders[:1] if any(k.restitution > 0.0 for k in scene.colliders)),
-             *("muscles" for s in scene.springs[:1] if any(n.actuation for n in scene.springs))]
+             *("muscles" for s in scene.springs[:1] if any(n.actuation for n in scene.springs)),
+             *("loads" for _ in scene.loads[:1])]
     return "wsim_" + hashlib.sha256(json.dumps(kinds, default=str).encode()).hexdigest()[:12]
 
 
 def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = False) -> Plan:
     """Model, state and stages of a checked scene."""
     model = models.build(scene, worlds, device, real)
-    model.gradients = gradients
+    model.gradients, model.by_point = gradients, gradients or bool(scene.loads)
     pinned = hard_places(model)
     rows = {b.path: rows_of(b, pinned) for b in model.bodies if b.world == 0}
     choice = choose(model, rows)
@@ -268,6 +270,9 @@ def _add(plan: Plan, scene: Scene, reasons: dict[str, str], rows: dict[str, list
         muscles = Muscles(model, plan.clock)
         plan.methods.append(muscles)
         muscles.drive(plan.method(plan.choice.solver), watch)
+    if reasons["loads"]:
+        from wsim.loads import Loads
+        plan.methods.append(Loads(model, plan.clock, points, plan.method("explicit")))
     if implicit := plan.method("implicit"):
         implicit.join(plan.method("contact"), pins, plan.method("xpbd"))                # type: ignore[attr-defined]
     plan.skipped += [{"stage": "membrane", "why": "no cloth has triangle strain"}] * (

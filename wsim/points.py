@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from math import isfinite
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -13,7 +14,7 @@ from wsim.kernels.real import types
 from wsim.masses import density_of
 from wsim.middles import held, spread
 from wsim.model import Body, Model, hard_places
-from wsim.scene import Motion, Pin
+from wsim.scene import Motion, Pin, Springs
 from wsim.stage import NOT_FINITE, Clock, Method, Stage
 from wsim.state import State
 
@@ -26,6 +27,7 @@ class Points(Method):
         self.model, self.state, self.status, self.struck = model, state, status, struck
         self.integrator = integrator
         self.densities: dict[int, float] = {}         # that were set, by number of the body
+        self.loads: Any = None                        # the method that adds to gravity, see `wsim.loads`
         self.constants = self.tables()
         self.kernels = {"guard": kernels.not_finite(model.real, model.module)}
         size = 3 * np.dtype(model.dtype).itemsize * model.points
@@ -63,8 +65,8 @@ class Points(Method):
         c = kernels.constants(model.real)()
         c.w = model.upload(inverse, t.scalar)
         own = np.repeat([b.number for b in bodies], [b.count for b in bodies])
-        rows = model.points if model.gradients else len(bodies)      # gradients of many points are not summed by atomics
-        c.object = model.upload((np.arange(rows) if model.gradients else own).astype(np.int32), int)
+        rows = model.points if model.by_point else len(bodies)       # gradients of many points are not summed by atomics
+        c.object = model.upload((np.arange(rows) if model.by_point else own).astype(np.int32), int)
         c.gravity = model.upload(np.tile(np.asarray(scene.gravity, model.dtype), (rows, 1)), t.vec3)
         c.decay = model.upload(np.full(rows, scene.air_drag, model.dtype), t.scalar)
         return c
@@ -104,11 +106,11 @@ class Points(Method):
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """gravity [m/s^2] and air_drag [1/s], of one body or, with path "/", of all; density [kg/m^3], rest_shape, lengths
-        [m] of a body."""
+        [m] of a body, mass [kg] of a net."""
         rows = self.model.rows(path, world)
         bodies = [b for b in self.model.bodies if b.path == path and world in (None, b.world)]
-        if name == "density":
-            return self.weigh(bodies, float(value))
+        if name in ("density", "mass"):
+            return (self.weigh if name == "density" else self.scale)(bodies, float(value))
         if name in AT_REST:
             from wsim.reshape import reshape
             reshape(self.model, name, value, bodies, self.densities)
@@ -122,6 +124,13 @@ class Points(Method):
         array.assign(values)
         return True
 
+    def gravity(self) -> np.ndarray:
+        """Of each point [m/s^2], without what loads add, (points, 3)."""
+        values = self.constants.gravity.numpy()
+        if self.loads:
+            values[self.loads.point] = self.loads.own.numpy()
+        return values[self.constants.object.numpy()]
+
     def weigh(self, bodies: list[Body], density: float) -> bool:
         """Masses follow the density; False where a body has none (`wsim.masses.density_of`), or shares points with another."""
         if not bodies or self.model.alias is not None or any(density_of(b.source) is None for b in bodies):
@@ -130,6 +139,15 @@ class Points(Method):
             before = self.densities.get(b.number) or density_of(b.source)
             assert before is not None
             b.masses, self.densities[b.number] = b.masses * (density / before), density
+        self.send(bodies)
+        return True
+
+    def scale(self, bodies: list[Body], mass: float) -> bool:
+        """Points of spring nets get this mass [kg] together, in the proportions that they have."""
+        if not bodies or self.model.alias is not None or not all(isinstance(b.source, Springs) for b in bodies):
+            return False
+        for b in bodies:
+            b.masses = b.masses * (mass / b.masses.sum())
         self.send(bodies)
         return True
 

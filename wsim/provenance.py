@@ -4,7 +4,7 @@ another now.
     {"version": "0.0.1", "settings": {"precision": "float32", "solver": "xpbd", ...}, "scene": {path: {field: digest}}}
 
 A digest is of a value as it decides the motion: names, what is only seen and where a run begins are left out. The scene itself
-stands at "/". Each body, collider, pin and tie has its own row, so that a change is told by path and field.
+stands at "/". Each body, collider, pin, tie and load has its own row, so that a change is told by path and field.
 """
 
 import hashlib
@@ -20,7 +20,7 @@ KEY = "wsim:run"
 START = {"velocities", "start", "frames"}                         # where a run begins and ends
 SEEN = {"path", "skins", "target", "up", "error", "source", "notes", "variants"}                          # no motion follows
 SETTINGS = {"solver", "integrator", "substeps", "iterations"}     # as a scene names them; what ran is told by `settings`
-LISTS = ("cloths", "springs", "softs", "colliders", "pins", "ties")
+LISTS = ("cloths", "springs", "softs", "colliders", "pins", "ties", "loads")
 MESH = {Cloth: ("counts", "indices", "weld"), Springs: ("edges",), Soft: ("tets", "quadratic")}    # other points stand there
 
 

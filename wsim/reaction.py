@@ -2,14 +2,14 @@
 
     hard    R = m (a + k v - g) - f(x, v)          soft    R = s (X - x) - c v
 
-f     elastic, damping and wind forces on the point; k v drag of the air, s and c stiffness and damping of a soft pin
+f     elastic, damping and wind forces and loads on the point; k v drag of the air, s and c stiffness and damping of a soft pin
 a     (X(t + dt) - 2 X(t) + X(t - dt)) / dt^2 of where the pin puts the point, dt a frame: of a motion that is given frame
       by frame its acceleration, to second order; past its ends a motion stands still
 
-What a hanging weight pulls is m g; summed over all pins R is what momentum does not have from gravity and air: to rounding
-for leapfrog between frames of one substep (by the trapezoid), for backward Euler as far as its residual. f is the law of the
-material at the state that is there: an unconverged solver (XPBD of few sweeps) has moved points by other forces. Contacts do
-not move what is pinned hard and take no part. Where two pins hold one point, each says all of it.
+What a hanging weight pulls is m g; summed over all pins R is what momentum does not have from gravity, air and loads: to
+rounding for leapfrog between frames of one substep (by the trapezoid), for backward Euler as far as its residual. f is the law
+of the material at the state that is there: an unconverged solver (XPBD of few sweeps) has moved points by other forces.
+Contacts do not move what is pinned hard and take no part. Where two pins hold one point, each says all of it.
 """
 
 import copy
@@ -105,6 +105,11 @@ class Reactions:
         """f at x + e with velocities v [N], (points, 3)."""
         return self.elastic(x, e, v) + self.wind(x, v)
 
+    def loads(self) -> np.ndarray | float:
+        """Of loads at that time [N], (points, 3)."""
+        method: Any = self.plan.method("loads")
+        return method.forces(self.time) if method else 0.0
+
     def elastic(self, x: wp.array, e: wp.array | None, v: wp.array) -> np.ndarray:
         """Of springs and elements [N], (points, 3), at x + e with velocities v."""
         n = self.model.points
@@ -139,12 +144,12 @@ class Reactions:
     def see(self, x: wp.array, e: wp.array | None, v: wp.array, time: float) -> None:
         """Forces at x + e with velocities v, at `time` [s]; `of` then says what each pin bears."""
         self.time = time
-        self.force = self.felt(x, e, v)
-        c, own = self.constants, self.constants.object.numpy()
+        self.force = self.felt(x, e, v) + self.loads()
+        c, own, points = self.constants, self.constants.object.numpy(), cast(Any, self.plan.method("points"))
         self.v, self.x = v.numpy().astype(np.float64), x.numpy().astype(np.float64)
         if e is not None:
             self.x = self.x + e.numpy()
-        self.drive = (c.decay.numpy()[own, None] * self.v - c.gravity.numpy()[own]).astype(np.float64)
+        self.drive = (c.decay.numpy()[own, None] * self.v - points.gravity()).astype(np.float64)
         self.masses = self.model.stack("masses")
 
     def of(self, path: str | None, world: int = 0) -> np.ndarray:

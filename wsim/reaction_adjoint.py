@@ -3,12 +3,14 @@
     hard, R = m (a + k v - g) - f(x, v):    by x and every parameter of f: -(df/d..)^T r    by v: m k r - (df/dv)^T r
                                             by m: r.(a + k v - g)    by g: -m r    by k: m r.v
     soft, R = s (X - x) - c v:              by x: -s r    by v: -c r    by X: s r    by s: r.(X - x)    by c: -r.v
+    hard, of a load F of the point: by F: -r
 
 Positions and velocities pass what they get on to the frames before. f is `wsim.reaction_law`. Not covered, and refused: by
 where a pin goes, where its own reaction is observed while it moves (a, X).
 """
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -23,7 +25,8 @@ from wsim.tape import give
 class Inertia:
     """Gradients by what is not on the device for pinned points: mass [1/kg], (points,), gravity [s^2/m], (points, 3), decay
     [s], (points,). moved: (pin, world) that did; soft: of such a pin by stiffness, damping and targets, (places, 3). tables:
-    of XPBD, by their address; muscles: by the keys of each net, as `wsim.parameters.Parameters.take_targets`."""
+    of XPBD, by their address; muscles, loads: by the keys of each net and load, as
+    `wsim.parameters.Parameters.take_targets`."""
 
     mass: np.ndarray
     gravity: np.ndarray
@@ -32,6 +35,7 @@ class Inertia:
     soft: dict[tuple[str, int], dict] = field(default_factory=dict)
     tables: dict[int, np.ndarray] = field(default_factory=dict)
     muscles: list[np.ndarray] = field(default_factory=list)
+    loads: list[np.ndarray] = field(default_factory=list)
 
 
 class ReactionAdjoint(Reactions):
@@ -91,6 +95,10 @@ class ReactionAdjoint(Reactions):
                 np.add.at(by_x, h.places, -h.pin.part * h.pin.pin.stiffness * r)
                 np.add.at(by_v, h.places, -h.pin.part * h.pin.pin.damping * r)
                 self.soft(h, r)
+        loads: Any = self.plan.method("loads")
+        if loads:
+            by = loads.transposed(p, self.time)
+            self.inertia.loads = [a + b for a, b in zip(self.inertia.loads, by, strict=True)] if self.inertia.loads else by
         of_x, of_v = self.law.transposed(p)
         for base, by in ((self.plan.state.x, by_x + of_x), (self.plan.state.v, by_v + of_v)):
             root = next(root for root in self.recording.roots if root.base.ptr == base.ptr)

@@ -45,6 +45,7 @@ def later(scene: Scene, delay: float) -> Scene:
     nets = [s if s.actuation is None else replace(s, actuation=_curve_later(s.actuation, delay)) for s in scene.springs]
     return replace(scene, springs=nets, colliders=[_collider_later(c, delay) for c in scene.colliders],
                    pins=[_pin_later(p, delay) for p in scene.pins],
+                   loads=[replace(load, curve=_curve_later(load.curve, delay)) for load in scene.loads],
                    varying=[replace(v, curve=_curve_later(v.curve, delay)) for v in scene.varying])
 
 

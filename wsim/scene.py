@@ -18,8 +18,8 @@ import numpy as np
 from wsim.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, array
 from wsim.curve import Curve, Motion
 
-__all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylinder", "Motion", "Pin", "Plane", "Problem",
-           "Scene", "SceneError", "Shape", "Skin", "Soft", "Sphere", "Springs", "Surface", "Tie", "Varying"]
+__all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylinder", "Load", "Motion", "Pin", "Plane",
+           "Problem", "Scene", "SceneError", "Shape", "Skin", "Soft", "Sphere", "Springs", "Surface", "Tie", "Varying"]
 
 
 @dataclass(frozen=True)
@@ -121,6 +121,40 @@ class Tie(Compared):
 
 
 @dataclass(eq=False)
+class Load(Compared):
+    """A force on points of a body, or a traction on triangles of a cloth or of the surface of a soft body, over time; it keeps
+    its direction in the world, whatever the body does (a dead load; what turns with a surface is `Soft.pressure`)."""
+
+    path: str
+    body: str                                # path of the cloth, spring net or soft body
+    curve: Curve                             # force [N] or traction [Pa], world, values (keys, 3), linear between keys
+    points: np.ndarray | None = None         # of a force: indices in the author's order, (k,)
+    weights: np.ndarray | None = None        # part of the force that each bears, (k,); None: 1/k, so that it is their sum
+    triangles: np.ndarray | None = None      # of a traction: points of each, (m, 3); on their area at rest
+
+    def __post_init__(self):
+        self.points, self.triangles = array(self.points, np.int32, -1), array(self.triangles, np.int32, -1, 3)
+        self.weights = array(self.weights, np.float32, -1)
+        self.curve = Curve(self.curve.times, np.asarray(self.curve.values, np.float64))
+
+    @property
+    def name(self) -> str:
+        return "force" if self.triangles is None else "traction"
+
+    @property
+    def parts(self) -> np.ndarray:
+        """Of a force: the part that each of its points bears, (k,)."""
+        assert self.points is not None
+        k = len(self.points)
+        return np.full(k, 1.0 / max(k, 1)) if self.weights is None else self.weights.astype(np.float64)
+
+
+def over_time(value) -> Curve:
+    """A vector (3,) as a curve that stays; a Curve as it is."""
+    return value if isinstance(value, Curve) else Curve(np.zeros(1), np.asarray(value, np.float64)[None])
+
+
+@dataclass(eq=False)
 class Varying(Compared):
     """A live value that varies in time: what `Simulation.set` takes under that path and name, keys of a curve, linear between
     them. A frame has the value at its middle (`wsim.varying`)."""
@@ -154,6 +188,7 @@ class Scene(Compared):
     colliders: list[Collider] = field(default_factory=list)
     pins: list[Pin] = field(default_factory=list)
     ties: list[Tie] = field(default_factory=list)
+    loads: list[Load] = field(default_factory=list)
     varying: list[Varying] = field(default_factory=list)      # the fields above have the values of these at the start
     source: str | None = field(default=None, compare=False)   # file it was loaded from
     notes: list["Problem"] = field(default_factory=list, compare=False)   # what the loader warned about
@@ -190,6 +225,19 @@ class Scene(Compared):
         names = (b if isinstance(b, str) else b.path for b in (body, other))
         self.ties.append(Tie(path, next(names), points, next(names), others))
         return self.ties[-1]
+
+    def force(self, path: str, body, points, force, weights=None) -> Load:
+        """A force [N], (3,) or a Curve over time, on points (indices) of a body: their sum, or, with `weights`, that part of it
+        on each (1 for each: all of it on every one)."""
+        weights = None if weights is None else np.broadcast_to(np.asarray(weights, np.float32), np.shape(points)).copy()
+        self.loads.append(Load(path, body if isinstance(body, str) else body.path, over_time(force), points, weights))
+        return self.loads[-1]
+
+    def traction(self, path: str, body, triangles, traction) -> Load:
+        """A traction [Pa], (3,) or a Curve over time, on triangles (m, 3) of a cloth or of the surface of a soft body;
+        `wsim.nodal.between` finds those between points."""
+        self.loads.append(Load(path, body if isinstance(body, str) else body.path, over_time(traction), triangles=triangles))
+        return self.loads[-1]
 
     def bodies(self) -> list[Cloth | Springs | Soft]:
         """Everything that has points that move, in the order of the state's arrays."""

@@ -15,7 +15,7 @@ from wsim.element_gradient import ElementGradient
 from wsim.masses import density_of
 from wsim.parameters import Parameters
 from wsim.reaction_adjoint import Inertia
-from wsim.scene import Problem, SceneError
+from wsim.scene import Problem, SceneError, Springs
 
 
 class Fetched(dict):
@@ -42,7 +42,7 @@ class Gradient(ElementGradient):
                  inertia: Inertia | None = None):
         """inertia: of what pins bear, where a loss asks for that."""
         self.parameters, self.model, self.plan = parameters, parameters.model, parameters.plan
-        self.states, self._targets, self.inertia = states, targets, inertia
+        self.states, self._targets, self.inertia, self.loads = states, targets, inertia, parameters.loads
         self.grads = Fetched({array.ptr: wp.clone(array.grad) for array in parameters.arrays()})
         for key, by in inertia.tables.items() if inertia else ():
             self.grads[key] = self.grads[key] + by
@@ -84,9 +84,18 @@ class Gradient(ElementGradient):
             raise SceneError(Problem(b.path, "its masses follow no single density; take masses()"))
         return float((self.by_mass()[b.first:b.last] * b.masses).sum()) / density
 
+    def mass(self, path: str | None = None, world: int = 0) -> float:
+        """By the mass of a net, which its points share in the proportions that they have [1/kg]."""
+        b = self.model.body(path, world)
+        if not isinstance(b.source, Springs):
+            raise SceneError(Problem(b.path, "is no spring net, which has a mass of its own; take density() or masses()"))
+        return float((self.by_mass()[b.first:b.last] * b.masses).sum() / b.masses.sum())
+
     def gravity(self, world: int = 0) -> np.ndarray:
         """[s^2/m], (3,)."""
-        found = self.of(self.parameters.points.gravity) + (self.inertia.gravity if self.inertia else 0.0)
+        found, loads = self.of(self.parameters.points.gravity) + (self.inertia.gravity if self.inertia else 0.0), self.loads
+        if loads:
+            found[loads.point] += self.of(loads.own)
         return found[self.places(world)].sum(axis=0)
 
     def air_drag(self, world: int = 0) -> float:
@@ -175,5 +184,13 @@ class Gradient(ElementGradient):
         if not self.parameters.muscles:
             raise SceneError(Problem(path or "actuation", "no net has muscles; give one an actuation"))
         number = self.parameters.muscles.find(self.model.body(path, world).path, world)
-        found = np.sum([frame[-1][number] for frame in self._targets], axis=0)
+        found = np.sum([frame[-2 if self.loads else -1][number] for frame in self._targets], axis=0)
         return found + (self.inertia.muscles[number] if self.inertia and self.inertia.muscles else 0.0)
+
+    def load(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """By the force [1/N] or traction [1/Pa] of a load (None: the only one), (keys, 3) of its curve."""
+        if not self.loads:
+            raise SceneError(Problem(path or "loads", "there is no load; give the scene one"))
+        number = self.loads.find(path, world)
+        found = np.sum([frame[-1][number] for frame in self._targets], axis=0)
+        return found + (self.inertia.loads[number] if self.inertia and self.inertia.loads else 0.0)

@@ -9,6 +9,7 @@
     rest_shape[]                  of each point of a cloth or soft body, in the world, about its mean; in steps of 1 cm
     lengths[]                     of each spring of a net
     actuation[]                   of each key and group of the muscles of a net
+    force[], traction[]           of each key of a load, in units of its size (or 10)
     /pin:motion[]                 shift of a pin or a collider in each frame after the first, on top of its own motion
 
 /World/Bar:young[] is that of one body. In the brackets stands what is believed of neighbours (`wsim.fitting.regular`):
@@ -23,16 +24,16 @@ import numpy as np
 
 from wsim.cloth import AT_REST, rows_of
 from wsim.curve import Curve
-from wsim.fitting.parameter import LOG, Map
+from wsim.fitting.map import LARGE, LOG, Map
 from wsim.fitting.regular import Belief, faces, neighbours
 from wsim.model import edge_lengths
 from wsim.reshape import rest_shape, written
-from wsim.scene import Cloth, Collider, Motion, Pin, Problem, Scene, SceneError, Soft, Springs
+from wsim.scene import Cloth, Collider, Load, Motion, Pin, Problem, Scene, SceneError, Soft, Springs
 from wsim.sensitivity import Gradient
 from wsim.simulation import Simulation
 from wsim.tetra.parted import parted
 
-WHOLE = ("velocities", "rest_shape", "actuation")         # of more than one column
+WHOLE = ("velocities", "rest_shape", "actuation", "force", "traction")         # of more than one column
 BELIEFS = ("smooth", "tv", "free")
 
 
@@ -56,15 +57,17 @@ TABLE = (
     Kind("velocities", (Cloth, Springs, Soft), "points", "m/s", Map("plain", high=1.0)),
     Kind("rest_shape", (Cloth, Soft), "points", "m", Map("plain", high=0.01), 1.0),
     Kind("lengths", (Springs,), "springs", "m", LOG, 0.05), Kind("actuation", (Springs,), "keys", "1", LOG, 0.05),
+    Kind("force", (Load,), "keys", "N", Map("plain", high=LARGE)),
+    Kind("traction", (Load,), "keys", "Pa", Map("plain", high=LARGE)),
     Kind("motion", (Pin, Collider), "frames", "m", Map("plain", high=1.0), 0.05),
 )
 FIELDS = tuple(f"{kind.name}[]" for kind in TABLE)
 _NAME = re.compile(r"(?:(?P<path>.*):)?(?P<what>\w+)\[(?P<belief>\w*)(?:=(?P<near>[^\]]*))?\]")
 
 
-def things(scene: Scene) -> list[Cloth | Springs | Soft | Pin | Collider]:
+def things(scene: Scene) -> list[Cloth | Springs | Soft | Pin | Collider | Load]:
     """All that may have fields."""
-    return [*scene.bodies(), *scene.pins, *scene.colliders]
+    return [*scene.bodies(), *scene.pins, *scene.colliders, *scene.loads]
 
 
 @dataclass(frozen=True)
@@ -101,6 +104,8 @@ class Field:
             return rest_shape(body) if what == "rest_shape" else edge_lengths(body)[:, None]
         if what == "actuation":
             return thing.actuation.values
+        if isinstance(thing, Load):
+            return thing.curve.values
         if isinstance(thing, Soft):
             which = np.zeros(len(thing.tets), np.int64) if thing.which is None else thing.which
             return np.array([getattr(m, what) for m in thing.materials], np.float64)[which][:, None]
@@ -121,7 +126,7 @@ class Field:
 
     def pairs(self, sim: Simulation, count: int) -> np.ndarray:
         """Neighbours, (k, 2)."""
-        if self.kind.name in ("motion", "actuation"):
+        if self.kind.name in ("motion", "actuation", "force", "traction"):
             return np.stack([np.arange(count - 1), np.arange(1, count)], axis=1)
         body = sim.model.body(self.path)
         if self.kind.name == "lengths":
@@ -154,6 +159,8 @@ class Field:
     def slope(self, sim: Simulation, gradient: Gradient, shape: tuple) -> np.ndarray:
         """Derivative by the values, (n, c)."""
         found = np.zeros(shape)
+        if isinstance(self.thing(sim.given), Load):
+            return gradient.load(self.path).reshape(shape)
         if self.kind.name in (*WHOLE, "lengths"):
             return getattr(gradient, self.kind.name)(self.path).reshape(shape)
         if self.kind.name == "motion" and isinstance(self.thing(sim.given), Collider):
@@ -188,6 +195,8 @@ class Field:
         thing = self.thing(scene)
         if isinstance(thing, (Pin, Collider)):
             new: object = replace(thing, motion=self.moved(scene, values))
+        elif isinstance(thing, Load):
+            new = replace(thing, curve=Curve(thing.curve.times, values))
         elif self.kind.name in AT_REST:
             new = written(thing, self.kind.name, values)
         elif self.kind.name == "velocities":
@@ -202,7 +211,7 @@ class Field:
         else:
             new = replace(thing, material=replace(thing.material, **{self.kind.name: float(np.median(values))}))
         changed: dict = {group: [new if b is thing else b for b in getattr(scene, group)]
-                         for group in ("cloths", "springs", "softs", "pins", "colliders")}
+                         for group in ("cloths", "springs", "softs", "pins", "colliders", "loads")}
         return replace(scene, **changed)
 
 
@@ -243,7 +252,8 @@ def _field(name: str, scenes: list[Scene]) -> Field:
                                  f"{', '.join(BELIEFS)}, of the first two with a number > 0 that neighbours differ by, as "
                                  "tv=0.5"))
     have = list(dict.fromkeys(b.path for s in scenes for b in things(s) if isinstance(b, kind.owners)
-                              and (kind.name != "actuation" or getattr(b, "actuation", None) is not None)))
+                              and (kind.name != "actuation" or getattr(b, "actuation", None) is not None)
+                              and (not isinstance(b, Load) or b.name == kind.name)))
     path = match["path"] or (have[0] if len(have) == 1 else "")
     if path not in have:
         what = "name one of them" if len(have) > 1 and not path else f"nothing there has {kind.name}[]"
@@ -255,4 +265,6 @@ def _field(name: str, scenes: list[Scene]) -> Field:
             raise SceneError(Problem(path, "its skins are bound to its rest shape; fit that without them"))
     if any(isinstance(b, Cloth) and b.path == path and b.model == "membrane" for s in scenes for b in s.bodies()):
         kind = replace(kind, noun="triangles" if kind.name in ("stretch", "shear", "weft") else kind.noun)
+    if sizes := [float(np.abs(load.curve.values).max()) for s in scenes for load in s.loads if load.path == path]:
+        kind = replace(kind, map=Map("plain", high=max(sizes) or LARGE))
     return Field(f"{match['path']}:{kind.name}[]" if match["path"] else f"{kind.name}[]", kind, path, belief, size)

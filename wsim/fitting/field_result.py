@@ -6,8 +6,8 @@ import numpy as np
 
 from wsim.fitting.estimate import OPEN
 from wsim.fitting.field import Field
+from wsim.fitting.map import Map
 from wsim.fitting.number import Number
-from wsim.fitting.parameter import Map
 from wsim.fitting.table import ORIGIN, number
 from wsim.scene import Scene
 

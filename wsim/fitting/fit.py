@@ -108,7 +108,7 @@ def fit(scene: Scene, observations, parameters: str | Iterable[str], *, also=(),
     """Fits parameters (`wsim.fitting.parameter`), fields such as young[] (`wsim.fitting.field`), or both, of a scene to
     observations (`wsim.fitting.observe`). Returns a `Fit`, where there are fields a `FieldFit` (`wsim.fitting.field_result`).
 
-    observations   Track, Scan and Pull objects, or a USD file with sampled points and forces under the same prim paths
+    observations   Track, Scan, Functional, Pull objects, or a USD file with sampled points and forces under the same paths
     also           further experiments [(scene, observations)] that share the parameters
     start          {name: value}; else the scene's present values
     priors         {name: (mean, sigma)}, the mean in the parameter's unit, sigma in the mapped space

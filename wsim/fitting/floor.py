@@ -24,7 +24,8 @@ def floor(experiments: list[tuple[Scene, list]]) -> float:
 
 
 def _values(o) -> np.ndarray:
-    values = np.asarray(getattr(o, "positions", o.points), np.float64).ravel()
+    values = next(getattr(o, name) for name in ("values", "positions", "points") if hasattr(o, name))
+    values = np.asarray(values, np.float64).ravel()
     return values[np.isfinite(values)]
 
 

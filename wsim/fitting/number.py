@@ -8,7 +8,8 @@ import numpy as np
 
 from wsim.fitting import parameter
 from wsim.fitting.field import Field, Kind, fields, is_field
-from wsim.fitting.parameter import STRETCHES, Map, Parameter
+from wsim.fitting.map import Map
+from wsim.fitting.parameter import STRETCHES, Parameter
 from wsim.fitting.regular import Belief
 from wsim.scene import Problem, Scene, SceneError
 from wsim.sensitivity import Gradient
@@ -58,8 +59,10 @@ class Number:
             return getattr(gradient, name)()
         if name in FRICTION:
             return gradient.friction(path)[FRICTION.index(name)]
-        if name in ("density", "restitution"):
+        if name in ("density", "mass", "restitution"):
             return getattr(gradient, name)(path)
+        if name in ("force", "traction"):
+            return gradient.load(path)[0]
         return gradient.material(name, path, elements=each)
 
     def written(self, scene: Scene, values: np.ndarray) -> Scene:

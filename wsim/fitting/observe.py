@@ -2,6 +2,7 @@
 
     Track    positions of points of a body, or of some of them, at frames; NaN: not seen
     Pull     forces of a pin (`wsim.fitting.pulls`)
+    Functional   weighted sums of positions: means, markers (`wsim.fitting.functional`)
     Scan     points on the surface of a body at one frame. Each counts by its distance to the nearest place of the simulated
              surface, along the normal there (Chen, Medioni 1992); of a spring net by the way to the nearest particle
 
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wsim.fitting.functional import Functional
 from wsim.scene import Problem, Scene
 
 NEAR = 24              # triangles by their centres, among which the nearest place is looked for
@@ -186,8 +188,9 @@ def wrong(observations: list, scene: Scene) -> list[Problem]:
             problems.append(Problem(o.path, f"is observed and is no {noun} of the scene; there are "
                                     f"{', '.join(t.path for t in things) or 'none'}"))
             continue
-        look, count = _track if isinstance(o, Track) else _scan, 1 if getattr(o, "total", False) else len(thing.points)
-        problems += [Problem(o.path, text) for text in look(o, count)]
+        count = 1 if getattr(o, "total", False) else len(thing.points)
+        texts = o.wrong(count) if isinstance(o, Functional) else _track(o, count) if isinstance(o, Track) else _scan(o, count)
+        problems += [Problem(o.path, text) for text in texts]
         if o.sigma is not None and not (np.isfinite(o.sigma) and o.sigma > 0.0):
             problems.append(Problem(o.path, f"sigma is {o.sigma}; allowed is a finite number > 0 [{o.unit}], or None"))
         if len(o.frames) and (o.frames.min() < 1 or o.frames.max() > scene.frames):

@@ -3,11 +3,12 @@
     stretch               one value for every body that has it
     /World/Cloth:stretch  of that body alone
     stretch_warp, stretch_weft    apart; stretch keeps their ratio
-    gravity               three parameters: gravity_x, gravity_y, gravity_z; each may be named alone; so with wind
+    gravity               three parameters: gravity_x, gravity_y, gravity_z; each may be named alone; so with wind, and with
+                          force and traction of loads that stay
+    mass                  of a net, whose points keep their proportions
 
-Maps: moduli, densities, times and strain limits, which are positive, by their logarithm; Poisson's ratio by a bounded map, from
-0 of soft bodies, from -1 of membranes; the rest as it is.
-A step of the fit, its priors and its error bars live in the mapped space (theta), the results in both.
+The maps: `wsim.fitting.map`. A step of the fit, its priors and its error bars live in the mapped space (theta), the
+results in both.
 """
 
 from collections.abc import Callable, Iterable
@@ -17,50 +18,12 @@ from math import isfinite
 import numpy as np
 
 from wsim.check_varying import unfit
+from wsim.curve import Curve
+from wsim.fitting.map import LARGE, LOG, PLAIN, WIDE, Map
 from wsim.masses import density_of
-from wsim.scene import Cloth, Collider, Problem, Scene, SceneError, Soft, Springs
+from wsim.scene import Cloth, Collider, Load, Problem, Scene, SceneError, Soft, Springs
 
-AXES = ("x", "y", "z")
-LARGE = 10.0           # [m/s^2, m/s, Pa] one unit of theta of a parameter that may have either sign
-
-
-@dataclass(frozen=True)
-class Map:
-    """theta of a value, the value of theta, and d value / d theta."""
-
-    kind: str                    # "log", "plain" or "bounded"
-    low: float = 0.0             # of "bounded"
-    high: float = 1.0            # of "bounded"; of "plain" the value of theta = 1
-
-    def forward(self, value):
-        """Of a number or an array. Raises ValueError, with what is allowed, outside the range."""
-        if self.kind == "plain":
-            return value / self.high
-        if self.kind == "log":
-            if not np.all(value > 0.0):
-                raise ValueError("allowed is a number > 0")
-            return np.log(value)
-        if not np.all((self.low < value) & (value < self.high)):
-            raise ValueError(f"allowed is between {self.low:g} and {self.high:g}")
-        return np.log((value - self.low) / (self.high - value))
-
-    def inverse(self, theta):
-        if self.kind == "plain":
-            return theta * self.high
-        theta = np.clip(theta, -300.0, 300.0)
-        return np.exp(theta) if self.kind == "log" else self.low + (self.high - self.low) / (1.0 + np.exp(-theta))
-
-    def slope(self, theta):
-        if self.kind == "plain":
-            return np.full_like(theta, self.high) if isinstance(theta, np.ndarray) else self.high
-        if self.kind == "log":
-            return self.inverse(theta)
-        value = self.inverse(theta)
-        return (value - self.low) * (self.high - value) / (self.high - self.low)
-
-
-LOG, PLAIN = Map("log"), Map("plain", high=LARGE)
-WIDE = Map("bounded", -1.0, 0.5)
+AXES, VECTORS = ("x", "y", "z"), ("gravity", "wind", "force", "traction")
 
 
 @dataclass(frozen=True)
@@ -80,7 +43,8 @@ TABLE = (
     Row("bend", Cloth, "N m", within="material"), Row("damping", Cloth, "s", within="material"),
     Row("density", Cloth, "kg/m^3", within="material"), Row("strain_limit", Cloth, "1", within="material"),
     Row("poisson", Cloth, "1", WIDE, "material"),
-    Row("stiffness", Springs, "N/m"), Row("damping", Springs, "s"),
+    Row("stiffness", Springs, "N/m"), Row("damping", Springs, "s"), Row("mass", Springs, "kg"),
+    Row("force", Load, "N", PLAIN), Row("traction", Load, "Pa", PLAIN),
     Row("young", Soft, "Pa", within="material"), Row("poisson", Soft, "1", Map("bounded", 0.0, 0.5), "material"),
     Row("density", Soft, "kg/m^3", within="material"), Row("damping", Soft, "s", within="material"),
     Row("pressure", Soft, "Pa", Map("plain", high=1e3)),
@@ -93,12 +57,12 @@ TABLE = (
 STRETCHES = {"stretch": ("warp", "weft"), "stretch_warp": ("warp",), "stretch_weft": ("weft",)}
 NAMES = tuple(dict.fromkeys(row.name for row in TABLE))
 FROZEN = ("thickness", "yield_strain", "drag", "lift", "weld",
-          "masses", "mass", "lengths", "rest_points", "air_density")        # of a scene, and fixed while it runs
+          "masses", "lengths", "rest_points", "air_density")        # of a scene, and fixed while it runs
 
 
-def things(scene: Scene) -> list[Cloth | Springs | Soft | Collider]:
+def things(scene: Scene) -> list[Cloth | Springs | Soft | Collider | Load]:
     """All that may have parameters."""
-    return [*scene.bodies(), *scene.colliders]
+    return [*scene.bodies(), *scene.colliders, *scene.loads]
 
 
 @dataclass(frozen=True)
@@ -135,9 +99,9 @@ class Parameter:
             if row.owner is Scene:
                 changed: dict = {self.what: value if self.axis is None else _with(getattr(scene, self.what), self.axis, value)}
             else:
-                new = _put(row, thing, value)
+                new = _put(row, thing, value, self.axis)
                 changed = {group: [new if b is thing else b for b in getattr(scene, group)]
-                           for group in ("cloths", "springs", "softs", "colliders")}
+                           for group in ("cloths", "springs", "softs", "colliders", "loads")}
             scene = replace(scene, **changed)
         return scene
 
@@ -152,6 +116,8 @@ class Parameter:
                 found += [(thing.path, name, getattr(thing.material, name)) for name in names]
             elif isinstance(thing, Springs) and self.what == "stiffness":
                 found.append((thing.path, self.what, np.asarray(thing.stiffness, np.float64)))
+            elif isinstance(thing, Load):
+                found.append((thing.path, self.what, thing.curve.values[0]))
             else:
                 found.append((thing.path, self.what, _get(row, thing, None)))            # type: ignore[attr-defined]
         return found
@@ -165,6 +131,8 @@ def _has(row: Row, thing) -> bool:
     """Poisson's ratio is of membranes, and a strain limit is where it is finite from the start."""
     if type(thing) is not row.owner:
         return False
+    if isinstance(thing, Load):
+        return thing.name == row.name
     return not isinstance(thing, Cloth) or {"poisson": thing.model == "membrane",
                                             "strain_limit": isfinite(thing.material.strain_limit)}.get(row.name, True)
 
@@ -172,12 +140,19 @@ def _has(row: Row, thing) -> bool:
 def _get(row: Row, thing, axis: int | None) -> float:
     if row.name in STRETCHES:
         return thing.material.weft or thing.material.stretch if row.name == "stretch_weft" else thing.material.stretch
+    if isinstance(thing, Load):
+        return float(thing.curve.values[0, axis or 0])
+    if row.name == "mass":
+        return float(np.broadcast_to(thing.masses, len(thing.points)).astype(np.float64).sum())
     value = getattr(getattr(thing, row.within) if row.within else thing, row.name)
     return float(value[axis]) if axis is not None else float(np.mean(np.asarray(value, np.float64)))
 
 
-def _put(row: Row, thing, value: float):
-    """A copy of a body with that value; springs of different stiffness keep their proportions."""
+def _put(row: Row, thing, value: float, axis: int | None = None):
+    """A copy of a body or load with that value; different stiffness of springs, and masses of points, keep their proportions.
+    """
+    if isinstance(thing, Load):
+        return replace(thing, curve=Curve(thing.curve.times, np.array([_with(thing.curve.values[0], axis or 0, value)])))
     if row.name in STRETCHES:
         m = thing.material
         new = {"stretch": {"stretch": value, "weft": m.weft * (value / m.stretch)}, "stretch_weft": {"weft": value},
@@ -185,10 +160,12 @@ def _put(row: Row, thing, value: float):
         return replace(thing, material=replace(m, **new))
     if row.within:
         return replace(thing, **{row.within: replace(getattr(thing, row.within), **{row.name: value})})
-    copy = replace(thing) if row.name == "stiffness" else replace(thing, **{row.name: value})
-    if isinstance(thing, Springs):
-        now = np.asarray(thing.stiffness, np.float64)         # stays in float64 from here on
-        copy.stiffness = now * (value / now.mean()) if row.name == "stiffness" else now
+    if not isinstance(thing, Springs):
+        return replace(thing, **{row.name: value})
+    copy = replace(thing, damping=value) if row.name == "damping" else replace(thing)
+    now, masses = np.asarray(thing.stiffness, np.float64), np.asarray(thing.masses, np.float64)      # stay in float64
+    copy.stiffness = now * (value / now.mean()) if row.name == "stiffness" else now
+    copy.masses = masses * (value / _get(row, thing, None)) if row.name == "mass" else masses
     return copy
 
 
@@ -228,9 +205,9 @@ def _named(name: str, scenes: list[Scene], fail: Callable[[Problem], None]) -> l
     path, _, what = name.rpartition(":")
     axes: list[int | None] = [None]
     stem, _, axis = what.rpartition("_")
-    if stem in ("gravity", "wind") and axis in AXES:
+    if stem in VECTORS and axis in AXES:
         what, axes = stem, [AXES.index(axis)]
-    elif what in ("gravity", "wind"):
+    elif what in VECTORS:
         axes = [0, 1, 2]
     if what not in NAMES:
         text = "is fixed while a scene runs and cannot be fitted" if what in FROZEN else "is no parameter"
@@ -240,7 +217,8 @@ def _named(name: str, scenes: list[Scene], fail: Callable[[Problem], None]) -> l
     if path and row.owner is Scene:
         fail(Problem(name, f"{what} is the whole scene's; write {what}"))
         return []
-    made = [Parameter(f"{what}_{AXES[k]}" if k is not None else name, what, path, row.unit, row.map, k) for k in axes]
+    own = f"{path}:" if path else ""
+    made = [Parameter(f"{own}{what}_{AXES[k]}" if k is not None else name, what, path, row.unit, row.map, k) for k in axes]
     maps = [r.map for p in made for scene in scenes for r, _ in p.rows(scene)]
     if not maps:
         have = [b.path for s in scenes for b in things(s) for r in TABLE if r.name == what and _has(r, b)]
@@ -254,7 +232,10 @@ def _named(name: str, scenes: list[Scene], fail: Callable[[Problem], None]) -> l
 
 
 def _ranged(p: Parameter, scenes: list[Scene]) -> Parameter:
-    """Poisson's ratio from (-1, 0.5) where it does not start above 0."""
+    """Poisson's ratio from (-1, 0.5) where it does not start above 0; of loads a unit of theta is their size."""
+    if p.what in ("force", "traction"):
+        size = max(float(np.abs(load.curve.values).max()) for s in scenes for _, load in p.rows(s))      # type: ignore
+        return replace(p, map=Map("plain", high=size or LARGE))
     if p.what == "poisson" and any((p.value(s) or 0.0) <= 0.0 for s in scenes if p.rows(s)):
         return replace(p, map=WIDE)
     return p
@@ -280,8 +261,11 @@ def _wrong(p: Parameter, scenes: list[Scene]) -> list[Problem]:
             elif p.what == "density" and density_of(thing) is None:
                 problems.append(Problem(path, "density changes nothing: masses are authored, or materials differ; remove the "
                                         "masses, or leave density out"))
-            elif p.what == "density" and scene.ties:
-                problems.append(Problem(path, "density is fixed where bodies share points (ties); leave it out"))
+            elif p.what in ("density", "mass") and scene.ties:
+                problems.append(Problem(path, f"{p.what} is fixed where bodies share points (ties); leave it out"))
+            elif isinstance(thing, Load) and thing.curve.moves:
+                problems.append(Problem(path, f"its {p.what} has {len(thing.curve.times)} keys, and {p.name} is one number; "
+                                        f"fit {p.what}[], which has a value for each, or give it one value"))
             elif isinstance(thing, Soft) and row.within and thing.others:
                 problems.append(Problem(path, f"has {len(thing.materials)} materials, and {p.what} is fitted as one value; "
                                         "give it one material, or leave it out"))

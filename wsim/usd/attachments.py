@@ -48,7 +48,7 @@ def load_pin(reading: Reading, prim: Usd.Prim, bodies: dict[str, Body]) -> Pin |
     pin = Pin(str(path), body.path, points)
     if not _hang(reading, prim, pin, target):
         return None
-    points = _particles(reading, prim, body, points)
+    points = particles(reading, prim, body, points, "physics:indices0")
     if points is None:
         return None
     pin.points = points
@@ -101,8 +101,8 @@ def _hang(reading: Reading, prim: Usd.Prim, pin: Pin, target: str) -> bool:
     return True
 
 
-def _particles(reading: Reading, prim: Usd.Prim, body: Body, points: np.ndarray) -> np.ndarray | None:
-    """Points of the body from vertices of its prim: a net's particle has several vertices."""
+def particles(reading: Reading, prim: Usd.Prim, body: Body, points: np.ndarray, name: str) -> np.ndarray | None:
+    """Points of the body from vertices of its prim, which the attribute `name` holds: a net's particle has several."""
     if not isinstance(body, Springs):
         return points
     numbering = read(reading.stage.GetPrimAtPath(body.path), "Springs", "particles")
@@ -110,7 +110,7 @@ def _particles(reading: Reading, prim: Usd.Prim, body: Body, points: np.ndarray)
         return points
     bad = (points < 0) | (points >= len(numbering))
     if bad.any():
-        reading.fail(prim.GetPath(), f"physics:indices0 holds {points[bad][0]}; allowed is 0 to {len(numbering) - 1} "
+        reading.fail(prim.GetPath(), f"{name} holds {points[bad][0]}; allowed is 0 to {len(numbering) - 1} "
                      f"(vertices of {body.path})")
         return None
     return numbering[points]
@@ -145,7 +145,7 @@ def author_pin(stage: Usd.Stage, pin: Pin, body: Body, units: Units, frames: int
     author(prim, "Pin", "enabled", True)
     author(prim, "Pin", "type0", "point")
     author(prim, "Pin", "type1", "xform")
-    author(prim, "Pin", "points", _vertices(pin, body))
+    author(prim, "Pin", "points", vertices(pin.points, body))
     places = author(prim, "Pin", "places", _places(pin, body) if pin.places is None else pin.places, units)
     if pin.places is None:
         places.SetCustomDataByKey(DERIVED, True)
@@ -153,8 +153,8 @@ def author_pin(stage: Usd.Stage, pin: Pin, body: Body, units: Units, frames: int
     author(prim, "Pin", "damping", pin.damping, units)
 
 
-def _vertices(pin: Pin, body: Body) -> np.ndarray:
+def vertices(points: np.ndarray, body: Body) -> np.ndarray:
     """Vertices of the body's prim: of a net, the first of each particle."""
     if not isinstance(body, Springs):
-        return pin.points
-    return np.unique(curve_vertices(body), return_index=True)[1][pin.points]
+        return points
+    return np.unique(curve_vertices(body), return_index=True)[1][points]

@@ -1,4 +1,4 @@
-"""A layer over a scene's file with what a fit has found: materials, springs, gravity and air; nothing else is touched.
+"""A layer over a scene's file with what a fit has found: materials, springs, loads, gravity and air; nothing else is touched.
 
 A material that only the fitted bodies bind is written over where it is; of one that others bind too, a copy is made under
 /fitted, and bound.
@@ -21,13 +21,14 @@ from wsim.usd import names
 from wsim.usd.attributes import author, authored
 from wsim.usd.bulk import author_bulk
 from wsim.usd.colliders import surface
+from wsim.usd.loads import author_values
 from wsim.usd.material import FRICTION, author_fabric, author_friction, bind, bound, plane_stress
 from wsim.usd.save import new_stage
 from wsim.usd.settings import author_gravity
 from wsim.usd.stage import Reading, Units, open_stage
 
 SCOPE, SAID = "/fitted", "wsim:fit"
-PLAIN = {Springs: ("stiffness", "damping"), Soft: ("pressure",), Cloth: ()}       # of the prim itself
+PLAIN = {Springs: ("stiffness", "damping", "masses"), Soft: ("pressure",), Cloth: ()}       # of the prim itself
 SCENE = ("wind", "air_drag")
 
 
@@ -60,6 +61,9 @@ def save_fitted(before: Scene, after: Scene, path, said: dict | None = None,
         units = Units.of(stage)
         _scene(stage, before, after, units)
         _bodies(stage, before, after, units)
+        for old, new in zip(before.loads, after.loads, strict=True):
+            if old != new:
+                author_values(_reached(stage.GetPrimAtPath(new.path)), new, units)
         if more:
             more(stage)
         if said:

@@ -37,6 +37,7 @@ class Found:
     simulated: list = field(default_factory=list)
     colliders: list = field(default_factory=list)
     attachments: list = field(default_factory=list)
+    loads: list = field(default_factory=list)
     meshes: list = field(default_factory=list)
     tet_meshes: list = field(default_factory=list)
     skel_roots: list = field(default_factory=list)
@@ -90,6 +91,9 @@ def _read(reading: Reading) -> Scene:
         pin = load_pin(reading, prim, by_path)
         if pin is not None:
             scene.pins.append(pin)
+    if found.loads and not failed:
+        from wsim.usd.loads import load_load
+        scene.loads += [load for prim in found.loads if (load := load_load(reading, prim, by_path)) is not None]
     _order(scene, found.scenes)
     return _finished(reading, scene, found)
 
@@ -150,6 +154,8 @@ def _walk(reading: Reading) -> Found:
             found.skel_roots.append(prim)
         elif kind in ("Mesh", "TetMesh"):
             (found.meshes if kind == "Mesh" else found.tet_meshes).append(prim)
+        if names.WSIM_LOAD in apis:
+            found.loads.append(prim)
         if names.BODY in apis:
             found.bodies.append(prim)
         if any(api in apis for api in SIMULATED):
@@ -236,7 +242,7 @@ def _order(scene: Scene, scenes: list[Usd.Prim]) -> None:
         except Tf.ErrorException:
             raise SceneError(Problem(str(relationship.GetPath()), "is an attribute in some layer; it must be a relationship: "
                                      "author it again")) from None
-        lists: list[list] = [scene.cloths, scene.springs, scene.softs, scene.colliders, scene.pins, scene.ties]
+        lists: list[list] = [scene.cloths, scene.springs, scene.softs, scene.colliders, scene.pins, scene.ties, scene.loads]
         for kind in [*lists, *(soft.skins for soft in scene.softs)]:
             kind.sort(key=lambda thing: place.get(thing.path, len(place)))
 

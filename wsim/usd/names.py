@@ -33,7 +33,7 @@ BINDING = "MaterialBindingAPI"
 # Schemas of wsim, registered from schema/.
 WSIM_SCENE, WSIM_CLOTH, WSIM_MATERIAL = "WsimSceneAPI", "WsimClothAPI", "WsimMaterialAPI"
 WSIM_SPRINGS, WSIM_COLLIDER, WSIM_SOFT = "WsimSpringsAPI", "WsimColliderAPI", "WsimSoftAPI"
-WSIM_ATTACHMENT = "WsimAttachmentAPI"
+WSIM_ATTACHMENT, WSIM_LOAD = "WsimAttachmentAPI", "WsimLoadAPI"
 
 # Fallbacks of the proposal, in SI units; the schemas are not registered, so USD cannot supply them.
 YOUNGS_MODULUS = 1.0e6      # [Pa]
@@ -172,9 +172,16 @@ TABLE = (
     Row("Pin", "reaction", WSIM_ATTACHMENT, "wsim:reaction", "vector3f[]", "N"),
     Row("Pin", "reaction_noise", WSIM_ATTACHMENT, "wsim:reactionNoise", "float", "N"),
     Row("Pin", "reaction_weights", WSIM_ATTACHMENT, "wsim:reactionWeights", "float[]"),
+
+    Row("Load", "points", WSIM_LOAD, "wsim:load:points", "int[]", uniform=True),
+    Row("Load", "weights", WSIM_LOAD, "wsim:load:weights", "float[]", uniform=True),
+    Row("Load", "triangles", WSIM_LOAD, "wsim:load:triangles", "int3[]", uniform=True),
+    Row("Load", "force", WSIM_LOAD, "wsim:load:force", "vector3d", "N"),
+    Row("Load", "traction", WSIM_LOAD, "wsim:load:traction", "vector3d", "Pa"),
 )
 SRC0, SRC1 = "physics:src0", "physics:src1"                     # relationships of an attachment
 STEPS_HINT = "newton:timeStepsPerSecond"                        # read where wsim:substeps is not authored
+LOADED = "wsim:load:body"                                        # relationship of WsimLoadAPI: the body
 ORDER = "wsim:order"                                             # relationship of WsimSceneAPI: objects in their order
 
 # Names of UsdPhysics and of the proposal that stand on such prims and are not read, or not by a row.

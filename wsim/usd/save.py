@@ -11,7 +11,7 @@ from wsim.bulk import Bulk
 from wsim.check import check
 from wsim.crate import PARTIAL
 from wsim.fabric import Fabric
-from wsim.scene import Cloth, Collider, Pin, Problem, Scene, SceneError, Skin, Soft, Springs, Tie
+from wsim.scene import Cloth, Collider, Load, Pin, Problem, Scene, SceneError, Skin, Soft, Springs, Tie
 from wsim.usd import names
 from wsim.usd.attachments import FRAME, author_pin
 from wsim.usd.cloth import author_cloth_prim
@@ -37,12 +37,13 @@ def save(scene: Scene, path) -> None:
 
 
 def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
-    objects: list[Cloth | Springs | Soft | Collider | Pin | Tie] = [*scene.bodies(), *scene.colliders, *scene.pins, *scene.ties]
+    objects: list[Cloth | Springs | Soft | Collider | Pin | Tie | Load] = [
+        *scene.bodies(), *scene.colliders, *scene.pins, *scene.ties, *scene.loads]
     taken = {thing.path for thing in [*objects, *_skins(scene)]}
     settings = author_settings(stage, _free("/physicsScene", taken), scene, units)
     materials = _Materials(_free("/materials", taken), scene)
     by_path = {thing.path: thing for thing in scene.bodies()}
-    for thing in sorted(objects, key=lambda thing: (isinstance(thing, (Pin, Tie)), thing.path.count("/"))):
+    for thing in sorted(objects, key=lambda thing: (isinstance(thing, (Pin, Tie, Load)), thing.path.count("/"))):
         _parents(stage, thing.path)
         if isinstance(thing, Cloth):
             author_cloth_prim(stage, thing, materials.of(thing), units, scene.frames)
@@ -52,6 +53,9 @@ def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
             _author_soft(stage, thing, materials, taken, units, scene.frames)
         elif isinstance(thing, Tie):
             author_tie(stage, thing)
+        elif isinstance(thing, Load):
+            from wsim.usd.loads import author_load
+            author_load(stage, thing, by_path[thing.body], units)
         elif isinstance(thing, Collider):
             author_collider(stage, thing, materials.of(thing), units, scene.frames)
         else:
@@ -127,12 +131,12 @@ def _path_problems(scene: Scene) -> list[Problem]:
         from wsim.usd.skins import skin_problems
         problems += skin_problems(scene)
     moving = {thing.path: thing.motion for thing in scene.colliders}
-    for thing in [*solid, *scene.pins, *scene.ties]:
+    for thing in [*solid, *scene.pins, *scene.ties, *scene.loads]:
         good = Sdf.Path.IsValidPathString(thing.path) and Sdf.Path(thing.path).IsAbsoluteRootOrPrimPath()
         if not good or thing.path == "/":
             problems.append(Problem(thing.path, "is not a prim path; allowed is like /World/flag (letters, digits, _)"))
         above = [other for other in geometry if thing.path.startswith(other + "/") and thing.path != other]
-        if above and not isinstance(thing, (Pin, Tie)):
+        if above and not isinstance(thing, (Pin, Tie, Load)):
             problems.append(Problem(thing.path, f"lies below {above[0]}, which is geometry; give it a place of its "
                                                 "own"))
     for pin in scene.pins:

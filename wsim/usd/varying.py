@@ -16,7 +16,7 @@ from wsim.scene import Scene, Varying
 from wsim.usd.stage import Reading
 
 OWN = ("physics:", "wsim:")        # namespaces whose samples are looked at
-CURVES = ("wsim:actuation", "wsim:reaction")                     # sampled by their nature, and read elsewhere
+CURVES = ("wsim:actuation", "wsim:reaction", "wsim:load:force", "wsim:load:traction")     # sampled by nature, read elsewhere
 
 
 def steady(reading: Reading, prim: Usd.Prim, *names: str) -> bool:

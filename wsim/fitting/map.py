@@ -1,0 +1,50 @@
+"""Maps of parameters to a line without ends.
+
+Maps: moduli, densities, times and strain limits, which are positive, by their logarithm; Poisson's ratio by a bounded map, from
+0 of soft bodies, from -1 of membranes; the rest as it is.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+LARGE = 10.0           # [m/s^2, m/s, Pa, N] one unit of theta of a parameter that may have either sign
+
+
+@dataclass(frozen=True)
+class Map:
+    """theta of a value, the value of theta, and d value / d theta."""
+
+    kind: str                    # "log", "plain" or "bounded"
+    low: float = 0.0             # of "bounded"
+    high: float = 1.0            # of "bounded"; of "plain" the value of theta = 1
+
+    def forward(self, value):
+        """Of a number or an array. Raises ValueError, with what is allowed, outside the range."""
+        if self.kind == "plain":
+            return value / self.high
+        if self.kind == "log":
+            if not np.all(value > 0.0):
+                raise ValueError("allowed is a number > 0")
+            return np.log(value)
+        if not np.all((self.low < value) & (value < self.high)):
+            raise ValueError(f"allowed is between {self.low:g} and {self.high:g}")
+        return np.log((value - self.low) / (self.high - value))
+
+    def inverse(self, theta):
+        if self.kind == "plain":
+            return theta * self.high
+        theta = np.clip(theta, -300.0, 300.0)
+        return np.exp(theta) if self.kind == "log" else self.low + (self.high - self.low) / (1.0 + np.exp(-theta))
+
+    def slope(self, theta):
+        if self.kind == "plain":
+            return np.full_like(theta, self.high) if isinstance(theta, np.ndarray) else self.high
+        if self.kind == "log":
+            return self.inverse(theta)
+        value = self.inverse(theta)
+        return (value - self.low) * (self.high - value) / (self.high - self.low)
+
+
+LOG, PLAIN = Map("log"), Map("plain", high=LARGE)
+WIDE = Map("bounded", -1.0, 0.5)
