@@ -24,7 +24,7 @@ LAYERS = (
     ("curve", "fabric", "bulk", "bodies", "latest", "polygon", "scene", "solids", "topology", "normals", "shapes",
      "color", "check", "integrator", "stability", "apart", "check_object", "check_soft", "check_tie", "tetra", "skin",
      "locality", "kempe", "camera", "look", "png", "gif", "progress", "report", "atomic", "lock", "counts", "inventory",
-     "arguments", "interrupt", "check_varying", "masses", "check_pins"),
+     "arguments", "interrupt", "check_varying", "masses", "check_pins", "check_contact", "signed", "chord", "barrier"),
     ("kernels",),
     ("stage", "state", "order", "ties", "middles", "model", "linear", "multigrid", "cluster", "abreast", "slots", "march",
      "tape", "kernel_cache"),

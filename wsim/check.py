@@ -47,6 +47,9 @@ def check(scene: Scene) -> list[Problem]:
         found += [*_support(scene), *_damping(scene)]
         for body in scene.bodies():
             found += _held(body, [p for p in scene.pins if p.body == body.path and p.stiffness == inf])
+        if scene.colliders:
+            from wsim import check_contact
+            found += check_contact.contacts(scene)
     return sorted(found, key=lambda p: not p.fatal)
 
 

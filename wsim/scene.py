@@ -84,7 +84,8 @@ class Collider(Compared):
     motion: Motion = field(default_factory=Motion.still)
     static_friction: float = 0.5
     dynamic_friction: float = 0.5
-    thickness: float = 0.0                   # [m] kept free around it, besides the cloth's half thickness
+    thickness: float | None = None           # [m] kept free around it, besides the cloth's half thickness; None: what hides
+                                             # chords of the cloth's mesh, see `wsim.chord`
     restitution: float = 0.0                 # part of the speed along its normal that a point leaves with, 0 to 1
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
+from wsim import chord
 from wsim.contact.contacts import FRICTION, Bodies, Contacts
 from wsim.scene import Motion, Problem, SceneError
 from wsim.stage import OVERFLOW, Clock, Method, Stage
@@ -14,6 +15,11 @@ from wsim.stage import OVERFLOW, Clock, Method, Stage
 if TYPE_CHECKING:
     from wsim.model import Model
     from wsim.state import State
+
+
+def faces(body) -> np.ndarray:
+    """Places of the corners of a body's triangles, (t, 3); a spring is a triangle (i, j, j)."""
+    return (body.triangles if len(body.triangles) else body.edges[:, [0, 1, 1]]).astype(np.int32)
 
 
 class Contact(Method):
@@ -28,9 +34,13 @@ class Contact(Method):
         own = points.constants.object
         if model.gradients:                              # there each point has a row of its own
             own = np.repeat(np.arange(len(model.bodies)), [b.count for b in model.bodies]).astype(np.int32)
+        each = [faces(b) for b in model.bodies]
         bodies = Bodies([colliders] * len(model.bodies), np.stack([b.origin for b in model.bodies]), own,
                         points.constants.w, model.stack("reach"),
-                        np.repeat([b.friction for b in model.bodies], [b.count for b in model.bodies], axis=0))
+                        np.repeat([b.friction for b in model.bodies], [b.count for b in model.bodies], axis=0),
+                        model.shared(np.concatenate(each)),
+                        np.array([chord.breadth(b.rest, f - b.first) for b, f in zip(model.bodies, each, strict=True)]),
+                        np.array([b.reach.min() for b in model.bodies]))
         self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
                                  substeps=clock.substeps, dt=clock.dt, wanted=status, struck=struck)
         self.contacts.launch = model.launch
@@ -52,6 +62,17 @@ class Contact(Method):
             from wsim.contact.bounce import Bounce
             self.bounce = Bounce(model, state, points, self.contacts)
             self.stages += self.bounce.stages
+
+    def kept(self) -> list[dict]:
+        """Distances [m] that colliders keep from the bodies of world 0, besides half of their thickness, where the scene leaves
+        them open and chords need some."""
+        rows, bodies, found = self.contacts.rows, [b for b in self.model.bodies if b.world == 0], []
+        for body in bodies:
+            for r in range(rows.first[body.number], rows.first[body.number + 1]):
+                c, gap = rows.colliders[rows.collider[r]], float(self.contacts.gap[r])
+                if c.thickness is None and gap > 0.0:
+                    found.append({"collider": c.path, "body": body.path, "thickness": gap})
+        return found
 
     def search(self, clock: Clock) -> None:
         self.contacts.search(clock.k, self.state.x, self.state.d, self.anchor)
