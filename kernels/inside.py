@@ -182,7 +182,7 @@ def gauge(kinds: tuple[str, ...], real, module):
                     r = points.reach[i] + c.gap[row]
                     kind = c.kind[row]
                     size = c.size[row]
-                    C, n, p, s0, slip = meet(kind, size, c.mesh[row], 0, q, q, r, size[0])
+                    C, n, p, s0, slip = meet(kind, size, c.mesh[row], 0, q, q, r, t.vec2(size[0], real(0.0)))
                     kept = wp.max(kept, -C)
                     if kind != SHEET:
                         solid = wp.max(solid, -C - r)
@@ -227,7 +227,7 @@ def sink(kinds: tuple[str, ...], real, module):
                     q = wp.quat_rotate_inv(wp.transform_get_rotation(T), X[corner] - wp.transform_get_translation(T))
                     Y[corner] = q
                     if points.w[corners[j, corner]] == real(0.0):
-                        C, n, p, s0, slip = meet(kind, size, c.mesh[row], 0, q, q, real(0.0), size[0])
+                        C, n, p, s0, slip = meet(kind, size, c.mesh[row], 0, q, q, real(0.0), t.vec2(size[0], real(0.0)))
                         put |= int(C < real(0.0))
                 if put != 0:
                     continue

@@ -90,8 +90,9 @@ def search(kinds: tuple[str, ...], real, module):
                 T1 = c.pose[k + 1, row]
                 q0, q1 = inside(T0, T1, x0 + carried, d0)
                 margin = wp.length(q1 - q0) + c.skin + c.stride[k, row]
-                r = points.reach[i] + c.gap[row]
-                C, m, p, s0, slip = touch(c.kind[row], c.size[row], c.mesh[row], deep, q0, q1, r, margin)
+                r = points.reach[i] + c.gap[row] - c.width           # the hard contact behind a potential
+                C, m, p, s0, slip = touch(c.kind[row], c.size[row], c.mesh[row], deep, q0, q1, r,
+                                           t.vec2(margin, c.width))
                 if C < margin:
                     n, way = outside(T0, T1, c.step[k, row], m, p, slip)
                     over = wp.max(-s0, real(0.0))

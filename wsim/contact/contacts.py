@@ -28,7 +28,7 @@ from wsim.kernels import contact as kernels
 from wsim.kernels import search
 from wsim.kernels.collide import KINDS
 from wsim.kernels.real import types
-from wsim.scene import Collider, Motion, Surface
+from wsim.scene import Collider, Motion, Problem, Scene, SceneError, Surface
 
 SKIN = 2e-3            # [m] least margin of the search: what constraints may move a point that predicts no motion
 RECOVERY = 0.5         # [m/s] at which points leave an overlap: 10 cm in 0.2 s; faster tears at the cloth around them
@@ -104,6 +104,19 @@ class Contacts:
         self.table = row_type()
         self.table.deep, self.deep = wp.ones(1, dtype=int, device=self.device), True
         self.table.skin, self.table.recovery = SKIN, RECOVERY
+
+    def smooth(self, scene: Scene, explicit: bool) -> None:
+        """Puts a potential of the scene's `contact_width` in front of contacts, where that is > 0. Raises SceneError where an
+        open mesh keeps less than that."""
+        if scene.contact_width > 0.0:
+            from wsim.barrier import energy
+            c, reach = self.table, float(self.points.reach.numpy().min(initial=np.inf))
+            for gap, number in zip(self.gap, self.rows.collider, strict=True):
+                if self.rows.kind[number] == "sheet" and gap + reach < 2.0 * scene.contact_width:
+                    raise SceneError(Problem(self.rows.colliders[number].path, f"is an open mesh and keeps {gap + reach:g} m, "
+                                             f"contact_width is {scene.contact_width:g} m; allowed is up to half of what it "
+                                             "keeps: give it a larger wsim:thickness, or a smaller wsim:contactWidth"))
+            c.width, c.energy, c.lead, c.skin = scene.contact_width, energy(scene), int(explicit), SKIN + scene.contact_width
 
     def _frame(self, substeps: int, dt: float) -> None:
         """Everything that depends on rows or on the number of substeps."""

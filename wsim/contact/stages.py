@@ -44,7 +44,7 @@ class Contact(Method):
         self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
                                  substeps=clock.substeps, dt=clock.dt, wanted=status, struck=struck)
         self.contacts.launch = model.launch
-        self.contacts.table.width = model.scene.contact_width
+        self.contacts.smooth(model.scene, points.integrator.explicit)
         if model.gradients:
             from wsim.contact.adjoint import ContactAdjoint
             self.contacts.grow(self.contacts.rows.most)              # lists do not grow while they are recorded
