@@ -78,7 +78,7 @@ class Contact(Method):
         self.contacts.search(clock.k, self.state.x, self.state.d, self.anchor)
 
     def project(self, clock: Clock) -> None:
-        if not (self.solved and self.contacts.recorded) or (self.after and clock.i == clock.iterations - 1):
+        if self.after or not (self.solved and self.contacts.recorded):
             self.contacts.project(clock.g, self.state.d, self.anchor)
 
     def settle(self, clock: Clock) -> None:
