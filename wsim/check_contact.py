@@ -38,7 +38,8 @@ def kept(scene: Scene) -> list[tuple[str, str, float, float]]:
 def taken(scene: Scene) -> list[dict]:
     """Of `kept`, what the scene leaves open and is not 0, as a report has it."""
     free = {c.path for c in scene.colliders if c.thickness is None}
-    return [{"collider": path, "body": body, "thickness": gap} for path, body, gap, _ in kept(scene) if path in free and gap > 0.0]
+    return [{"collider": path, "body": body, "thickness": gap} for path, body, gap, _ in kept(scene)
+            if path in free and gap > 0.0]
 
 
 def _buried(scene: Scene, body) -> Iterator[Problem]:
