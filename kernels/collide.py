@@ -51,14 +51,16 @@ def onward(tau: Any, s: Any, fall: Any):
 
 @cache
 def touch_convex(kinds: tuple[str, ...], real):
-    """Function (kind, size, q0, q1, r, margin) -> (C, n, p, s0): the plane that the point must stay outside of.
+    """Function (kind, size, q0, q1, r, margin, width) -> (C, n, p, s0): the plane that the point must stay outside of.
+
+    A point that starts within `width` has the plane of where it starts: the force of a potential there is along its normal.
 
     C    gap [m] of q1 to that plane, r taken off; larger than margin: no contact       n   its outward unit normal
     p    where the collider's surface is touched       s0  gap at the start, negative: the point started too near"""
     formula = distance(kinds)
 
     @wp.func
-    def touch_convex(kind: int, size: Any, q0: Any, q1: Any, r: Any, margin: Any):
+    def touch_convex(kind: int, size: Any, q0: Any, q1: Any, r: Any, margin: Any, width: Any):
         dq = q1 - q0
         length = wp.length(dq)
         tau = real(0.0)
@@ -73,7 +75,7 @@ def touch_convex(kinds: tuple[str, ...], real):
             s = phi - r
             if i == 0:
                 s0 = s
-            if done(tau, s, length, margin):
+            if done(tau, s, length, margin) or s0 < width:
                 break
             tau = onward(tau, s, -wp.dot(n, dq))
             i += 1
@@ -84,14 +86,14 @@ def touch_convex(kinds: tuple[str, ...], real):
 
 @cache
 def touch(kinds: tuple[str, ...], real):
-    """Function (kind, size, mesh, deep, q0, q1, r, margin) -> (C, n, p, s0, slip) over all of `kinds`."""
+    """Function (kind, size, mesh, deep, q0, q1, r, reach: margin and width) -> (C, n, p, s0, slip) over all of `kinds`."""
     t = types(real)
     convex, surface = any(k in kinds for k in KINDS[:SOLID]), any(k in kinds for k in KINDS[SOLID:])
     of_convex = touch_convex(tuple(k for k in kinds if k in KINDS[:SOLID]), real)
     of_mesh = touch_mesh(tuple(k for k in kinds if k in KINDS[SOLID:]), real)
 
     @wp.func
-    def touch(kind: int, size: t.vec3, mesh: wp.uint64, deep: int, q0: t.vec3, q1: t.vec3, r: real, margin: real):
+    def touch(kind: int, size: t.vec3, mesh: wp.uint64, deep: int, q0: t.vec3, q1: t.vec3, r: real, reach: t.vec2):
         C = real(1.0e30)
         s0 = real(0.0)
         n = t.vec3()
@@ -99,10 +101,10 @@ def touch(kinds: tuple[str, ...], real):
         slip = t.vec3()
         if convex:
             if kind < SOLID:
-                C, n, p, s0 = of_convex(kind, size, q0, q1, r, margin)
+                C, n, p, s0 = of_convex(kind, size, q0, q1, r, reach[0], reach[1])
         if surface:
             if kind >= SOLID:
-                C, n, p, s0, slip = of_mesh(kind, mesh, deep, size[0], q0, q1, r, margin)
+                C, n, p, s0, slip = of_mesh(kind, mesh, deep, size[0], q0, q1, r, reach[0])
         return C, n, p, s0, slip
 
     return touch

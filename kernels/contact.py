@@ -16,8 +16,17 @@ so friction stops the velocity relative to the surface or slides: Coulomb's law,
 are the mean of the point's and the collider's. A point's contacts are taken in the order of the colliders and no
 atomic touches a float: results are bitwise the same from run to run. kernels/search.py finds the contacts.
 
-A width w > 0 smoothes max(u, 0) to (u + sqrt(u^2 + w^2)) / 2, so that lam C = w^2 / 4 where iterations end (Chen, Harker 1993;
-Kanzow 1996): contacts push a little before they are met, and begin without a kink.
+A width w > 0 moves the hard contact back by w, and puts a potential in front of it that knows no substep (E: wsim/barrier.py):
+
+    U = m E z^3,  z = 1 - C / w  in 0 < C < w,  so that  lam' = max(A z^2, what C >= 0 wants),  A = 3 E g^2 / w
+
+C is counted from the hard contact: what just touches has C = w and no energy.
+
+U has two continuous derivatives where it begins. Explicit integrators take z where the substep began, C0 = b + n.(a + g u), as
+their other forces (leapfrog: order 2; the others order 1 in it); implicit ones where it ends, with c = C - lam the gap without
+this contact:  A z^2 / w + z = 1 - c / w,  z = 2 q / (1 + sqrt(1 + 4 A q / w)),  q = 1 - c / w. As w goes to 0 a point at rest
+is where hard contacts hold it, and one that falls is thrown back with all of its speed (restitution 1), but for what the
+integrator damps.
 """
 
 # Device code: int(0) makes a variable of what would be a constant.
@@ -29,6 +38,7 @@ import warp as wp
 
 from wsim.kernels.real import differentiable, types
 
+HELD = 1e-3            # of a width: gaps so small are those of the hard contact behind it
 TOUCHED, SUNK = 1, 2                   # bits of a point's mark: in contact in this substep, started it in an overlap
 
 
@@ -54,6 +64,8 @@ def tables(real):
         skin: t.scalar                            # least margin [m]
         recovery: t.scalar                        # speed out of an overlap [m/s]
         width: t.scalar                           # [m]; 0: hard
+        energy: t.scalar                          # E [m^2/s^2]
+        lead: int                                 # 1: the potential pushes by the gap where a substep begins
 
     @wp.struct
     class Points:
@@ -86,16 +98,27 @@ def slots(real):
 
 @cache
 def meeting(real):
-    """Function: d and P after one contact, and how hard it presses (lam'); gu: g times u."""
-    vec3, vec2 = types(real).vec3, types(real).vec2
+    """Function: d and P after one contact, and how hard it presses (lam'); gu: g times u; soft: `softness`."""
+    t = types(real)
+    vec3, vec2 = t.vec3, t.vec2
 
     @wp.func
-    def meet(n: vec3, b: real, a: vec3, gu: vec3, P: vec3, d: vec3, mu: vec2, width: real):
+    def leaning(soft: vec3, C0: real, c: real):
+        """A z^2, see above."""
+        q = real(1.0) - C0 / soft[0]
+        if soft[2] == real(0.0):
+            q = wp.max(real(1.0) - c / soft[0], real(0.0))
+            q = real(2.0) * q / (real(1.0) + wp.sqrt(real(1.0) + real(4.0) * q * soft[1] / soft[0]))
+        z = wp.clamp(q, real(0.0), real(1.0))
+        return soft[1] * z * z
+
+    @wp.func
+    def meet(n: vec3, b: real, a: vec3, gu: vec3, P: vec3, d: vec3, mu: vec2, soft: vec3):
         lam = wp.dot(P, n)
         T = P - lam * n
         pressed = lam - (b + wp.dot(n, d))
-        if width > real(0.0):
-            pressed = real(0.5) * (pressed + wp.sqrt(pressed * pressed + width * width))
+        if soft[0] > real(0.0):
+            pressed = wp.max(pressed, leaning(soft, b + wp.dot(n, a + gu), -pressed))
         pressed = wp.max(pressed, real(0.0))
         moved = d + (pressed - lam) * n
         stop = vec3()
@@ -113,11 +136,27 @@ def meeting(real):
 
 
 @cache
+def softness(real):
+    """Function: width, A [m] and lead of a launch with the effective step g, as a vector."""
+    t = types(real)
+    Rows, _ = tables(real)
+
+    @wp.func
+    def softness(c: Rows, g: real):
+        A = real(0.0)
+        if c.width > real(0.0):
+            A = real(3.0) * c.energy * g * g / c.width
+        return t.vec3(c.width, A, real(c.lead))
+
+    return softness
+
+
+@cache
 def project(real, module):
     """Kernel over points: one iteration of all contacts of a point, in order."""
     t = types(real)
     Rows, Points = tables(real)
-    Slots, meet = slots(real), meeting(real)
+    Slots, meet, soften = slots(real), meeting(real), softness(real)
 
     def project(c: Rows, points: Points, s: Slots, d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3),
                 push: wp.array(dtype=t.vec3), g: real,
@@ -128,13 +167,14 @@ def project(real, module):
             return
         d1 = d[i]
         anchor = a[i]
+        soft = soften(c, g)
         touched = int(0)
         for slot in range(count):
             j = slot * s.points + i
             n = s.n[j]
             mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
-            d1, P, pressed = meet(n, s.b[j], anchor, g * s.u[j], push[j], d1, mu, c.width)
-            if pressed > c.width:
+            d1, P, pressed = meet(n, s.b[j], anchor, g * s.u[j], push[j], d1, mu, soft)
+            if pressed > real(0.0):
                 touched = TOUCHED
             push_out[j] = P
         d_out[i] = d1
@@ -154,13 +194,14 @@ def settle(real, module):
     (Rows, _), Slots, vectors = tables(real), slots(real), wp.array(dtype=t.vec3)
 
     @wp.func
-    def pushing(c: Rows, s: Slots, push: vectors, i: int):
-        """(slot of the last contact that pushes, how many do)."""
+    def pushing(c: Rows, s: Slots, push: vectors, i: int, d: t.vec3):
+        """(slot of the last contact that pushes, how many do); a potential alone leaves the history as it is."""
         last = int(0)
         count = int(0)
         for slot in range(s.count[i]):
             j = slot * s.points + i
-            if wp.dot(push[j], s.n[j]) > c.width:
+            if wp.dot(push[j], s.n[j]) > real(0.0) and (c.width == real(0.0)
+                                                       or s.b[j] + wp.dot(s.n[j], d) < real(HELD) * c.width):
                 last = j
                 count += 1
         return last, count
@@ -168,7 +209,7 @@ def settle(real, module):
     def settle(c: Rows, s: Slots, push: vectors, e: vectors, d: vectors, a: vectors, v: vectors, g: real,
                a_out: vectors, v_out: vectors):
         i = wp.tid()
-        j, count = pushing(c, s, push, i)
+        j, count = pushing(c, s, push, i, d[i])
         if count == 0:
             return
         n = s.n[j]

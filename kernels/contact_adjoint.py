@@ -10,7 +10,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact import meeting, slots, tables
+from wsim.kernels.contact import meeting, slots, softness, tables
 from wsim.kernels.real import types
 
 
@@ -67,8 +67,8 @@ def product(real):
     vec3 = t.vec3
 
     @wp.func
-    def pushed(n: vec3, gap: t.vec2, w: vec3, P: vec3, d: vec3, mu: t.vec2, D: vec3, Q: vec3):
-        moved, push, pressed = meet(n, gap[0], w, vec3(), P, d, mu, gap[1])
+    def pushed(n: vec3, gap: t.vec4, w: vec3, P: vec3, d: vec3, mu: t.vec2, D: vec3, Q: vec3):
+        moved, push, pressed = meet(n, gap[0], w, vec3(), P, d, mu, vec3(gap[1], gap[2], gap[3]))
         return wp.dot(D, moved) + wp.dot(Q, push)
 
     return pushed
@@ -82,7 +82,7 @@ def need(real, module) -> None:
 
     def called(b: real, out: wp.array(dtype=real)):
         o = vec3()
-        out[0] = pushed(o, t.vec2(b, b), o, o, o, t.vec2(), o, o)
+        out[0] = pushed(o, t.vec4(b, b, b, b), o, o, o, t.vec2(), o, o)
 
     wp.kernel(called, name=f"need_contact_{t.name}", module=module, enable_backward=True)
 
@@ -91,7 +91,7 @@ def need(real, module) -> None:
 def project_adjoint(real, module):
     """Kernel over points: the adjoint of an iteration; takes the gradients by what it has written away. Arguments: rows,
     points, slots, what was read (d, a, push), gradients, g."""
-    t, pushed, meet = types(real), product(real), meeting(real)
+    t, pushed, meet, soften = types(real), product(real), meeting(real), softness(real)
     (Rows, Points), Slots, Read, Grads = tables(real), slots(real), read(real), grads(real)
 
     @wp.func
@@ -106,15 +106,17 @@ def project_adjoint(real, module):
         a = at.a[i]
         D = o.d_out[i]
         by_a = t.vec3()
+        soft = soften(c, g)
         for back in range(count):
             last = count - 1 - back
             d = at.d[i]
             for slot in range(last):
                 j = slot * s.points + i
-                d, P, _pressed = meet(s.n[j], s.b[j], a, g * s.u[j], at.push[j], d, friction(c, points, s, i, j), c.width)
+                d, P, _pressed = meet(s.n[j], s.b[j], a, g * s.u[j], at.push[j], d, friction(c, points, s, i, j), soft)
             j = last * s.points + i
+            gap = t.vec4(s.b[j], soft[0], soft[1], soft[2])
             gn, gb, gw, gP, gd, gmu, _D, _Q = wp.grad(pushed)(
-                s.n[j], t.vec2(s.b[j], c.width), a + g * s.u[j], at.push[j], d, friction(c, points, s, i, j), D, o.push_out[j])
+                s.n[j], gap, a + g * s.u[j], at.push[j], d, friction(c, points, s, i, j), D, o.push_out[j])
             o.n[j] = o.n[j] + gn
             o.b[j] = o.b[j] + gb[0]
             o.u[j] = o.u[j] + g * gw

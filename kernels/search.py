@@ -20,8 +20,7 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels import collide
-from wsim.kernels.contact import SUNK, TOUCHED, slots, tables
-from wsim.kernels.mesh import SHEET
+from wsim.kernels.contact import SUNK, slots, tables
 from wsim.kernels.real import types
 
 SUNK_FROM = 0.01       # part of the skin: overlaps under it are rounding and no reason to look deeper
@@ -91,8 +90,9 @@ def search(kinds: tuple[str, ...], real, module):
                 T1 = c.pose[k + 1, row]
                 q0, q1 = inside(T0, T1, x0 + carried, d0)
                 margin = wp.length(q1 - q0) + c.skin + c.stride[k, row]
-                r = points.reach[i] + c.gap[row]
-                C, m, p, s0, slip = touch(c.kind[row], c.size[row], c.mesh[row], deep, q0, q1, r, margin)
+                r = points.reach[i] + c.gap[row] - c.width           # the hard contact behind a potential
+                C, m, p, s0, slip = touch(c.kind[row], c.size[row], c.mesh[row], deep, q0, q1, r,
+                                           t.vec2(margin, c.width))
                 if C < margin:
                     n, way = outside(T0, T1, c.step[k, row], m, p, slip)
                     over = wp.max(-s0, real(0.0))
@@ -119,41 +119,6 @@ def search(kinds: tuple[str, ...], real, module):
             struck_out[i] = real(mark & SUNK)
 
     return wp.kernel(search, name=name, module=module, enable_backward=False)
-
-
-@cache
-def gauge(kinds: tuple[str, ...], real, module):
-    """Kernel over lanes, each taking every `lanes`-th point: how deep points are at pose k inside of the distance
-    kept and of the solid itself [m], and how many are in contact. The host takes the greatest, so no atomics."""
-    t, name = types(real), f"gauge_{'_'.join(kinds)}_{types(real).name}"
-    Rows, Points = tables(real)
-    Slots, touch = slots(real), collide.touch(kinds, real)
-
-    def gauge(c: Rows, points: Points, s: Slots, x: wp.array(dtype=t.vec3), k: int, lanes: int,
-              inside_out: wp.array(dtype=t.vec2), count_out: wp.array(dtype=int)):
-        lane = wp.tid()
-        kept = real(0.0)
-        solid = real(0.0)
-        count = int(0)
-        for i in range(lane, s.points, lanes):
-            if points.w[i] > real(0.0):
-                count += s.mark[i] & TOUCHED
-                o = points.object[i]
-                x0 = x[i]
-                for row in range(c.first[o], c.first[o + 1]):
-                    T = c.pose[k, row]
-                    q = wp.quat_rotate_inv(wp.transform_get_rotation(T), x0 - wp.transform_get_translation(T))
-                    r = points.reach[i] + c.gap[row]
-                    kind = c.kind[row]
-                    size = c.size[row]
-                    C, n, p, s0, slip = touch(kind, size, c.mesh[row], 0, q, q, r, size[0])
-                    kept = wp.max(kept, -C)
-                    if kind != SHEET:
-                        solid = wp.max(solid, -C - r)
-        inside_out[lane] = t.vec2(kept, solid)
-        count_out[lane] = count
-
-    return wp.kernel(gauge, name=name, module=module, enable_backward=False)
 
 
 @wp.func_native("""

@@ -81,18 +81,19 @@ def need(kinds: tuple[str, ...], real, module) -> None:
 @cache
 def convex_adjoint(kinds: tuple[str, ...], real):
     """Function: gradients by q0, q1 and r (first of the last row) of `collide.touch_convex` from those by C and s0 (`by`), n
-    and p (rows of G). ends: q0 and q1; how: r, margin."""
+    and p (rows of G). ends: q0 and q1; how: r, margin, width."""
     t, formula, (bent, _) = types(real), distance(kinds), products(kinds, real)
     vec3, path = t.vec3, wp.types.vector(NEWTON_LIMIT + 1, real)
 
     @wp.func
-    def iterates(kind: int, size: vec3, q0: vec3, dq: vec3, r: real, margin: real):
+    def iterates(kind: int, size: vec3, q0: vec3, dq: vec3, how: vec3):
         """tau_0 .. tau_k, and k."""
+        r = how[0]
         taus = path()
         k = int(0)
         while k < NEWTON_LIMIT:
             phi, n = formula(kind, size, q0 + taus[k] * dq)
-            if done(taus[k], phi - r, wp.length(dq), margin):
+            if done(taus[k], phi - r, wp.length(dq), how[1]) or (k == 0 and phi - r < how[2]):
                 break
             taus[k + 1] = onward(taus[k], phi - r, -wp.dot(n, dq))
             k += 1
@@ -105,7 +106,7 @@ def convex_adjoint(kinds: tuple[str, ...], real):
         r = how[0]
         gC = by[0]
         gp = G[1]
-        taus, k = iterates(kind, size, q0, dq, r, how[1])
+        taus, k = iterates(kind, size, q0, dq, how)
         tau = taus[k]
         q = q0 + tau * dq
         phi, n = formula(kind, size, q)
@@ -166,8 +167,8 @@ def met(kinds: tuple[str, ...], real):
         T1 = c.pose[k + 1, row]
         q0, q1 = inside(T0, T1, x, d)
         margin = wp.length(q1 - q0) + c.skin + c.stride[k, row]
-        r = points.reach[i] + c.gap[row]
-        C, m, p, s0, slip = touch(c.kind[row], c.size[row], c.mesh[row], 1, q0, q1, r, margin)
+        r = points.reach[i] + c.gap[row] - c.width
+        C, m, p, s0, slip = touch(c.kind[row], c.size[row], c.mesh[row], 1, q0, q1, r, t.vec2(margin, c.width))
         n, way = outside(T0, T1, c.step[k, row], m, p, vec3())
         out = wp.min(wp.max(-s0, real(0.0)), c.recovery * c.h)
         return wp.matrix_from_rows(q0, q1), t.vec4(r, margin, -s0, out), wp.matrix_from_rows(n, p, slip)
@@ -227,7 +228,7 @@ def search_adjoint(kinds: tuple[str, ...], real, module):
             g = t.mat33()
             if convex:                                        # not in a function: see `convex_adjoint`
                 if kind < SOLID:
-                    g = of_convex(kind, c.size[row], ends, vec3(how[0], how[1], real(0.0)), by, G)
+                    g = of_convex(kind, c.size[row], ends, vec3(how[0], how[1], c.width), by, G)
             if meshes:
                 if kind >= SOLID:
                     g = of_mesh(kind, c.mesh[row], ends, vec3(how[0], how[1], c.size[row][0]), by, G)

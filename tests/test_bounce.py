@@ -130,7 +130,8 @@ def thrown_sheet(e, solver, integrator, substeps=32, fps=60.0):
     flat = np.insert(flat[:, np.ptp(flat, axis=0) > 0], 1, 0.0, axis=1)
     scene.cloth("/cloth", flat, counts, indices, model="springs", velocities=np.tile([0.3, -2.0, 0.1], (len(flat), 1)),
                 material=Fabric(stretch=50.0, shear=20.0, bend=1e-5, static_friction=0.0, dynamic_friction=0.0))
-    scene.collider("/ball", Sphere(0.15), at=(0.02, -0.16, 0.01), restitution=e, static_friction=0.0, dynamic_friction=0.0)
+    scene.collider("/ball", Sphere(0.15), at=(0.02, -0.16, 0.01), thickness=0.0, restitution=e, static_friction=0.0,
+                   dynamic_friction=0.0)
     return scene
 
 

@@ -20,7 +20,7 @@ def scaled(x: float, y: float = 1.0, z: float = 1.0) -> Motion:
 def test_a_sound_scene_has_no_problem(scene):
     scene.collider("/floor", Plane(), at=(0, -2, 0))
     scene.collider("/pill", Capsule(0.2, 0.0))
-    scene.net("/net", [[0, 0, 0], [0, 0, 1]], [[0, 1]], [10.0], [1.0])
+    scene.net("/net", [[0, 0, 0.5], [0, 0, 1]], [[0, 1]], [10.0], [1.0])
     assert check(scene) == []
 
 

@@ -143,7 +143,7 @@ def sweeper(real):
     def sweep(kind: int, size: t.vec3, q0: wp.array(dtype=t.vec3), q1: wp.array(dtype=t.vec3), r: real, margin: real,
               C: wp.array(dtype=real), n: wp.array(dtype=t.vec3), p: wp.array(dtype=t.vec3), s0: wp.array(dtype=real)):
         i = wp.tid()
-        c, m, touch, start = formula(kind, size, q0[i], q1[i], r, margin)
+        c, m, touch, start = formula(kind, size, q0[i], q1[i], r, margin, real(0.0))
         C[i] = c
         n[i] = m
         p[i] = touch

@@ -33,7 +33,7 @@ class Driver:
         self.x[:], self.v[:], self.bdf2 = x, v, bdf2
         self.s, self.u = np.zeros_like(self.x), np.zeros_like(self.x)       # step and velocity before this one
         bodies = Bodies([list(colliders)], np.array([origin], float), np.zeros(n, np.int32), self.w, np.full(n, reach),
-                        np.tile(mu, (n, 1)))
+                        np.tile(mu, (n, 1)), np.zeros((0, 3)), np.zeros(1), np.zeros(1))
         self.struck = wp.zeros(n, dtype=real, device="cpu")
         self.contacts = Contacts(bodies, device="cpu", real=real, substeps=substeps, dt=self.dt,
                                  struck=self.struck if bdf2 else None)

@@ -257,9 +257,11 @@ def test_beyond_the_limit_is_refused_with_the_step_that_it_needs():
     Simulation(mass_on_spring(100.0, 0.0199, "leapfrog", 1.0), device="cpu")
 
 
-def test_auto_is_explicit_where_gradients_are_asked_for_and_says_so():
-    scene = mass_on_spring(100.0, 0.01, "auto", 0.9)
-    assert "gradients are asked for; 1 substeps keep" in Simulation(scene, gradients=True, **DOUBLE).plan.choice.why
+def test_auto_takes_with_gradients_what_it_takes_without():
+    """Of a scene that it steps by XPBD, too: the derivative is that of what runs."""
+    scene = mass_on_spring(1e9, 0.01, "auto", 0.9)
+    plain, recorded = (Simulation(scene, gradients=g, **DOUBLE).plan.choice for g in (False, True))
+    assert plain == recorded and plain.solver == "xpbd"
     scene.solver = "explicit"
     assert "the scene names explicit" in Simulation(scene, gradients=True, **DOUBLE).plan.choice.why
 

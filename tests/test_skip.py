@@ -63,14 +63,15 @@ RUN = {"wsim.simulation", "wsim.plan", "wsim.stage", "wsim.state", "wsim.model",
 XPBD = {"wsim.xpbd", "wsim.kernels.xpbd", "wsim.kernels.xpbd_terms", "wsim.kernels.constraint", "wsim.kernels.matrix",
         "wsim.kernels.stream"}
 AERO = {"wsim.aero", "wsim.kernels.aero"}
-CONTACT = {"wsim.contact", "wsim.contact.contacts", "wsim.contact.rows", "wsim.contact.stages", "wsim.contact.surfaces",
+CONTACT = {"wsim.check_contact", "wsim.signed", "wsim.chord",
+           "wsim.contact", "wsim.contact.contacts", "wsim.contact.rows", "wsim.contact.stages", "wsim.contact.surfaces",
            "wsim.kernels.contact", "wsim.kernels.search", "wsim.kernels.collide", "wsim.kernels.distance", "wsim.kernels.mesh"}
 MODULES = {
     "hanging_cloth": SCENE | RUN | XPBD,
     "flag": SCENE | RUN | XPBD | AERO,
     "cape": SCENE | RUN | XPBD | AERO | CONTACT,
     "tablecloth": SCENE | RUN | XPBD | CONTACT,
-    "shirt": SCENE | RUN | XPBD | CONTACT,
+    "shirt": SCENE | RUN | XPBD | CONTACT | {"wsim.tetra", "wsim.tetra.lattice"},       # of what starts inside a mesh
 }
 scenes = pytest.mark.parametrize("name", KERNELS)
 

@@ -6,9 +6,8 @@ preconditioner is the solver of `wsim.linear` for the positive part. Among conta
 are those of the active set, with Coulomb's law, by the same products and residuals; simulations, which project contacts between
 Newton steps instead, end there too when they take many.
 
-Tethers and strain limits are projected once, behind the solve (`wsim.xpbd_adjoint`), and contacts once more behind those, from
-the pushes of the solve, which have an adjoint then (kernels/holding_adjoint.py). Simulations do so after every Newton step; the
-last has nearly forgotten those before, and ends 0.1 to 0.3 % of what limits change from there (a cord, three Newton steps).
+Tethers and strain limits are projected behind the solve (`wsim.xpbd_adjoint`), as many sweeps as simulations take, which do so
+too; contacts once more behind each, from the pushes of the solve, which have an adjoint then (kernels/holding_adjoint.py).
 
 What is left is measured:
 
@@ -72,8 +71,6 @@ class ImplicitAdjoint(Forces):
 
     def join(self, hard) -> None:
         """Takes what the method has taken into its system. hard: what is projected once behind a solve, or None."""
-        if hard:
-            hard.after = True
         if self.method.pins:
             self.pins = PinsAdjoint(self.model, self.method.pins, self.method.soft)
         if self.method.contact:

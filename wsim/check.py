@@ -50,6 +50,9 @@ def check(scene: Scene) -> list[Problem]:
         found += [*_support(scene), *_damping(scene)]
         for body in scene.bodies():
             found += _held(body, [p for p in scene.pins if p.body == body.path and p.stiffness == inf])
+        if scene.colliders:
+            from wsim import check_contact
+            found += check_contact.contacts(scene)
     return sorted(found, key=lambda p: not p.fatal)
 
 
@@ -65,6 +68,10 @@ def _settings(scene: Scene) -> Iterator[Problem]:
     yield from number("/", "air_density", scene.air_density, 0.0)
     yield from number("/", "air_drag", scene.air_drag, 0.0)
     yield from number("/", "contact_width", scene.contact_width, 0.0)
+    if scene.contact_width > 0.0:
+        for path in [c.path for c in scene.colliders if c.restitution > 0.0][:1]:
+            yield error(path, f"it has a restitution, and contact_width is {scene.contact_width:g} m: a smoothed contact gives "
+                        "back all energy", "one of the two", "leave out the restitution, or wsim:contactWidth")
     yield from number("/", "error", scene.error, 0.0, True, mend="give 0.01 for 1 % of the scene's size")
     yield from _method(scene)
     if scene.up not in ("Y", "Z"):

@@ -219,7 +219,7 @@ def muscles(net: Springs) -> Iterator[Problem]:
 def collider(thing: Collider) -> list[Problem]:
     path, shape = thing.path, thing.shape
     found: list[Problem] = []
-    for name in ("static_friction", "dynamic_friction", "thickness"):
+    for name in ("static_friction", "dynamic_friction", *["thickness"] * (thing.thickness is not None)):
         found += number(path, name, getattr(thing, name), 0.0)
     if not 0.0 <= thing.restitution <= 1.0:
         found.append(error(path, f"restitution is {thing.restitution:g}", "0 to 1", "author another restitution"))

@@ -96,9 +96,7 @@ def choose(model: Model, rows: dict[str, list[Rows]]) -> Choice:
     """The choice for a checked scene. Raises SceneError where a named explicit integrator is beyond its limit."""
     scene = model.scene
     method = TABLE.get(scene.integrator)
-    sheets = model.gradients and scene.solver == "auto" and not (method or scene.softs)         # whatever XPBD would cost
-    solver = "explicit" if sheets else scene.solver
-    if solver == "explicit" or (method and method.explicit):
+    if scene.solver == "explicit" or (method and method.explicit):
         return _explicit(model, rows, method)
     if scene.softs:
         return _soft(model, rows, method)
@@ -151,8 +149,7 @@ def _explicit(model: Model, rows: dict[str, list[Rows]], method: Integrator | No
     least = needed(scene, chosen, omega, c)
     if method is None:
         return Choice("explicit", chosen, max(least, scene.substeps), 1,
-                      f"{'the scene names explicit' if scene.solver == 'explicit' else 'gradients are asked for'}; {least} "
-                      f"substeps keep {omega:.4g} rad/s stable")
+                      f"the scene names explicit; {least} substeps keep {omega:.4g} rad/s stable")
     if scene.substeps < least:
         estimate = frequency.estimate(model, rows)             # the bound is cautious: refuse what is certain to grow
         step, h = limit(method, estimate, c * (estimate / omega)**2 if omega else c), 1.0 / scene.fps / scene.substeps

@@ -218,6 +218,10 @@ def check(args) -> int:
         return FAILED if fatal else DONE
     for problem in problems:
         print(problem)
+    if scene and not fatal:
+        from wsim.check_contact import taken
+        for text in reports.kept(taken(scene)):
+            print(text)
     counts = f"{args.scene}: {count(fatal, 'error')}, {count(len(problems) - fatal, 'warning')}"
     print(f"{counts}; {inventory(scene)}" if scene else counts)
     return FAILED if fatal else DONE

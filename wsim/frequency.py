@@ -7,7 +7,8 @@
     estimate    the highest eigenvalue of M^-1 K at rest by power iteration (von Mises 1929), from below
     gradients   G of every constraint at rest, as kernels/constraint.py has them
 
-K keeps the material part G^T alpha^-1 G; what tension adds is not in it. Points that are pinned do not count.
+K keeps the material part G^T alpha^-1 G, and what smoothed contacts add (`wsim.barrier`); what tension adds is not in it.
+Points that are pinned do not count.
 """
 
 from collections.abc import Iterator
@@ -140,7 +141,15 @@ def bound(model: Model, rows: dict[str, list[Rows]], parts: list | None = None) 
         tops.append(float((w * sums).max(initial=0.0)) + square)
         decays.append(float((w * damped).max(initial=0.0)) + rate)
     most = max if model.alias is None else sum                         # a point that two share has the forces of both
-    return most(tops)**0.5, most(decays) + model.scene.air_drag
+    return (most(tops) + _contacts(model))**0.5, most(decays) + model.scene.air_drag
+
+
+def _contacts(model: Model) -> float:
+    """What smoothed contacts add [1/s^2]."""
+    if model.scene.contact_width == 0.0 or not model.scene.colliders:
+        return 0.0
+    from wsim.barrier import stiffness
+    return stiffness(model.scene)
 
 
 def estimate(model: Model, rows: dict[str, list[Rows]], iterations: int = ITERATIONS) -> float:
@@ -161,4 +170,4 @@ def estimate(model: Model, rows: dict[str, list[Rows]], iterations: int = ITERAT
                     f[:, k] += np.bincount(s.ids.ravel(), force[:, :, k].ravel(), body.count)
             value, y = float(np.linalg.norm(root * f)), root * f
         top = max(top, value)
-    return top**0.5
+    return (top + _contacts(model))**0.5

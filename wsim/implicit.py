@@ -6,8 +6,8 @@ substep began (bodies that nothing holds go on with their momentum from there, s
 standing still costs, and backward Euler cannot gain energy, however few steps are taken. Every body is a system of its own
 with its own steps: worlds do not see each other.
 
-Contacts and soft pins enter the system (`wsim.active_set`, kernels/pinned.py); tethers and strain limits are projected after
-each step, and contacts behind them (`wsim.adjoint`: what recordings of gradients do instead).
+Contacts and soft pins enter the system (`wsim.active_set`, kernels/pinned.py); tethers and strain limits are projected behind
+the last step, as many sweeps as there were steps, contacts behind each (so do recordings of gradients, `wsim.adjoint`).
 """
 
 from typing import Any
@@ -45,7 +45,7 @@ class Implicit(Method):
         self.every = every = in_worlds(model, rows)
         self.tables = {kind: Table(kind, [r for r in every if r.kind == kind], model)
                        for kind in KINDS if any(r.kind == kind for r in every)}
-        self.contact = self.pins = self.adjoint = None
+        self.contact = self.pins = self.adjoint = self.hard = None
         self.free: Any = None                      # `wsim.momentum.Momentum`
         self.active: Any = None                    # `wsim.active_set.ActiveSet`
         self.solids, self.present = [], list        # present: rows with rest lengths as they are now (`wsim.muscles`)
@@ -127,10 +127,9 @@ class Implicit(Method):
             self.judge = judge(real, module)
 
     def join(self, contact, pins, hard) -> None:
-        """Takes contacts (the method, or None) and soft pins into the system. hard: what projects tethers and strain limits
-        after it."""
+        """Takes contacts (or None) and soft pins into the system. hard: what projects tethers and strain limits behind it."""
         real, module, model = self.model.real, self.model.module, self.model
-        self.contact, self.pins = contact, pins if pins and pins.groups["soft"] else None
+        self.hard, self.contact, self.pins = hard, contact, pins if pins and pins.groups["soft"] else None
         w, starts = self.rows.w.numpy(), self.system.starts
         free = [int(not contact and w[i:j].all()) for i, j in zip(starts[:-1], starts[1:], strict=True)]
         if any(free):
@@ -139,7 +138,7 @@ class Implicit(Method):
         if self.contact:
             from wsim.active_set import ActiveSet
             self.active = ActiveSet(self, contact)
-            contact.within, contact.press = True, self.active.press if hard else None
+            contact.within = not hard
         if self.pins:
             self.pinned = pinned.pinned(real, module)
             first, item = topology.incident(self.pins.place["soft"].numpy()[:, None], model.points)
@@ -149,11 +148,17 @@ class Implicit(Method):
             self.adjoint.join(hard)
 
     def iterate(self, clock: Clock) -> None:
-        """A Newton step; of recorded gradients all, to a residual."""
-        if not (self.adjoint and self.model.tape):
+        """A Newton step; all of them where tethers or limits are projected behind them; of recorded gradients to a residual."""
+        if self.adjoint and self.model.tape:
+            if clock.i == 0:
+                self.model.tape.solve(self.adjoint, clock)
+        elif not self.hard:
             self.newton(clock)
         elif clock.i == 0:
-            self.model.tape.solve(self.adjoint, clock)
+            for i in range(clock.iterations):
+                clock.i = i
+                self.newton(clock)
+            clock.i = 0
 
     def newton(self, clock: Clock) -> None:
         """One Newton step; after the last of a frame, or of any substep of the midpoint, its residual."""
@@ -262,15 +267,13 @@ class Implicit(Method):
     @property
     def launches(self) -> int:
         """Of a Newton step; conjugate gradients by several blocks take two more an iteration."""
-        return (8 + 3 * (self.free is not None) + 2 * len(self.tables) + 3 * len(self.solids) + bool(self.hinges)
-                + bool(self.triangles))
+        return 8 + 3 * (self.free is not None) + 3 * (len(self.tables) + len(self.solids)) - self.springs
 
     @property
     def bytes(self) -> int:
         """Moved by one assembly and one iteration of conjugate gradients, when every gather hits the cache once."""
-        real = np.dtype(self.model.dtype).itemsize
         entries = 2 * (self.A.link.capacity if self.springs else 0) + 2 * (self.A.block.capacity if self.elements else 0)
-        return entries + self.model.points * (8 * self.springs + 8 * self.elements + 50 * real)
+        return entries + self.model.points * (8 * self.springs + 8 * self.elements + 50 * np.dtype(self.model.dtype).itemsize)
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """A frame that is repeated starts from the same c."""

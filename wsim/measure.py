@@ -184,5 +184,6 @@ def report(sim, with_profile: bool = True) -> dict:
         "seconds": dict(sim.seconds), "error": error,
         "stages": [{k: r[k] for k in ("name", "phase", "launches", "bytes")} | {"ms": spent.get(r["name"])}
                    for r in plan.table()],
+        "kept": [k for method in plan.methods for k in getattr(method, "kept", list)()],
         "skipped": plan.skipped, "warnings": sim.warnings,
     }

@@ -154,6 +154,7 @@ class Plan:
 
     def describe(self) -> str:
         """The plan in words: what `wsim plan` prints."""
+        from wsim.report import kept
         c, m = self.clock, self.model
         rows = self.table()
         bodies = f"{len(m.bodies)} {'bodies' if len(m.bodies) > 1 else 'body'}"
@@ -169,6 +170,7 @@ class Plan:
         a_substep = [r for r in rows if r["rate"] != "frame"]
         lines.append(f"a substep: {sum(r['launches'] for r in a_substep)} launches, "
                      f"{sum(r['bytes'] for r in a_substep) / 1e6:.2f} MB moved; state {self.state.bytes / 1e6:.2f} MB")
+        lines += kept([k for method in self.methods for k in getattr(method, "kept", list)()])
         return "\n".join(lines + [f"left out: {s['stage']}: {s['why']}" for s in self.skipped])
 
 

@@ -9,6 +9,7 @@ substeps, or several frames.
 from dataclasses import dataclass
 from math import ceil
 
+import numpy as np
 import warp as wp
 
 from wsim import kernel_cache
@@ -27,6 +28,7 @@ from wsim.slots import Slots
 from wsim.tape import Root, Tape
 
 POOR = 1e-4            # residual of an implicit solve from which a warning is due
+APART = 1e-3           # of how far points move: what a simulation of the same frames may end from here without a warning
 
 
 @dataclass
@@ -72,6 +74,7 @@ class Recording(Frames):
             self.prepare()
             self.allot()
         self.recorded, self.growth = self.shape, Growth(frames, sim.device, sim.model.real)
+        self.apart: float | None = None               # [m] from what a simulation does, after the first run; see `compare`
         self.residuals: dict[str, float] = {}         # of implicit solves, after `backward`
         self.rewind()
 
@@ -175,6 +178,31 @@ class Recording(Frames):
             self.keep(frame + 1)
         self.sim.frame, self.plan.clock.starting, self.ran = self.start + self.frames, False, True
         judge(self, f"an edge is more than twice its rest length: {EXPLICIT}")
+        if self.apart is None and self.plan.method("implicit"):
+            self.apart = self.compare()
+
+    def compare(self) -> float:
+        """How far a simulation of the same frames ends from here [m]: implicit solves of recordings go on to their residual,
+        its own take so many Newton steps. Warns where that is much; costs such a run, once."""
+        kept = [self.every, self.plan.status, *(array for array, _ in self.flowed),
+                *(array for method in self.plan.methods for array in method.fields.values())]
+        ends = [wp.clone(array) for array in kept]
+        here = self.state.x.numpy() + self.state.e.numpy()
+        self.rewind()
+        begun = self.state.x.numpy() + self.state.e.numpy()
+        for frame in range(self.frames):
+            self.pose(frame)
+            self.plan.frame()
+            self.plan.clock.starting = False
+        plain = self.state.x.numpy() + self.state.e.numpy()
+        for array, end in zip(kept, ends, strict=True):
+            wp.copy(array, end)
+        away, way = (float(np.linalg.norm(x - here, axis=1).max()) for x in (plain, begun))
+        if not away <= APART * way:
+            self.warn(f"/: gradients: a simulation of these frames ends up to {away:.2g} m from where the recording does, "
+                      f"which solves each step to its residual ({100.0 * away / max(way, 1e-300):.2g} % of how far points "
+                      "move); take more iterations or substeps")
+        return away
 
     def misses(self) -> list[wp.array]:
         """What the worst forward and the worst adjoint solve of implicit steps have left."""

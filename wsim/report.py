@@ -22,7 +22,8 @@ def seconds(value: float) -> str:
 
 def text(report: dict) -> str:
     """What ran, how fast, how wrong, what was left out, what to look at. Missing keys leave out their line."""
-    return "\n".join([*_what(report), *_speed(report), *_error(report), *_left_out(report), *_warnings(report)])
+    return "\n".join([*_what(report), *_speed(report), *_error(report), *kept(report.get("kept", [])), *_left_out(report),
+                      *_warnings(report)])
 
 
 def _what(report: dict) -> list[str]:
@@ -67,6 +68,12 @@ def _error(report: dict) -> list[str]:
         what = "numerical damping" if change <= 0.0 else "error"
         rows.append(f"energy {100.0 * change:+.2g} % in {time:.3g} s ({what} of {report.get('integrator', 'the integrator')})")
     return [f"error     {rows[0]}", *(f"          {row}" for row in rows[1:])]
+
+
+def kept(taken: list[dict]) -> list[str]:
+    """What colliders keep from bodies where no thickness is authored: collider, body, thickness [m]."""
+    return [f"contact   {k['collider']} keeps {k['thickness']:.3g} m from {k['body']}, half of whose thickness comes to that: "
+            "less would show between its points (wsim:thickness)" for k in taken]
 
 
 def _left_out(report: dict) -> list[str]:

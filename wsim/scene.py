@@ -84,7 +84,8 @@ class Collider(Compared):
     motion: Motion = field(default_factory=Motion.still)
     static_friction: float = 0.5
     dynamic_friction: float = 0.5
-    thickness: float = 0.0                   # [m] kept free around it, besides the cloth's half thickness
+    thickness: float | None = None           # [m] kept free around it, besides the cloth's half thickness; None: what hides
+                                             # chords of the cloth's mesh, see `wsim.chord`
     restitution: float = 0.0                 # part of the speed along its normal that a point leaves with, 0 to 1
 
 
@@ -180,7 +181,7 @@ class Scene(Compared):
     iterations: int = 4                      # solver iterations a substep
     solver: str = "auto"                     # of the elastic forces; "auto": `wsim.choice` weighs cost against error
     integrator: str = "auto"                 # see `wsim.integrator`; "auto": what suits the solver
-    contact_width: float = 0.0               # [m] over which contacts are smoothed, for gradients; 0: hard
+    contact_width: float = 0.0               # [m] that points sink in before contacts are hard, see `wsim.barrier`; 0: hard
     error: float = 0.01                      # wanted RMS error of positions over the scene's size, for "auto"
     cloths: list[Cloth] = field(default_factory=list)
     springs: list[Springs] = field(default_factory=list)

@@ -128,7 +128,6 @@ class Xpbd(Method):
         super().__init__("xpbd")
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
         self.watched: list[Batch] = []
-        self.after = False                # one sweep behind an implicit solve, which is all iterations: in a recording
         self.lengthen = lambda: None      # puts rest lengths of the end of a frame (`wsim.muscles`)
         every = in_worlds(model, {path: colored(found) for path, found in rows.items()})
         self.batches = [Batch(kind, [r for r in every if r.kind == kind], model, clock)
@@ -220,8 +219,7 @@ class Xpbd(Method):
     def project(self, batch: Batch, clock: Clock) -> None:
         s, a = self.state, self.points.anchor if batch.damped else None
         if self.model.tape and batch.adjoint:
-            if not (self.after and clock.i < clock.iterations - 1):
-                batch.adjoint.record(self.model.tape, s.x, a, s.d, clock)
+            batch.adjoint.record(self.model.tape, s.x, a, s.d, clock)
             return
         omega = batch.omega(clock)
         if batch.fused:

@@ -28,7 +28,7 @@ from wsim.kernels import contact as kernels
 from wsim.kernels import search
 from wsim.kernels.collide import KINDS
 from wsim.kernels.real import types
-from wsim.scene import Collider, Motion, Surface
+from wsim.scene import Collider, Motion, Problem, Scene, SceneError, Surface
 
 SKIN = 2e-3            # [m] least margin of the search: what constraints may move a point that predicts no motion
 RECOVERY = 0.5         # [m/s] at which points leave an overlap: 10 cm in 0.2 s; faster tears at the cloth around them
@@ -46,6 +46,9 @@ class Bodies:
     w: object                            # inverse mass [1/kg], (points,)
     reach: object                        # distance kept by each point [m], (points,)
     friction: object                     # static, dynamic, (points, 2)
+    faces: np.ndarray                    # points of triangles, of springs (i, j, j), (t, 3): what `indicators` measures
+    breadth: np.ndarray                  # of each object's faces [m], (objects,), see `wsim.chord`
+    thin: np.ndarray                     # least `reach` of each object's points [m], (objects,)
 
 
 class Contacts:
@@ -63,7 +66,7 @@ class Contacts:
         self.meshes = {key: Mesh.build(c) for key, c in surfaces.items()}
         self.rows = Rows.build(bodies.colliders, bodies.origins, self.meshes)
         self.kinds = tuple(k for k in KINDS if k in self.rows.kind)
-        self.gap, self.friction = self.rows.live()
+        self.gap, self.friction = self.rows.live(bodies.breadth, bodies.thin)
         self.wanted = wp.zeros(1, dtype=int, device=self.device) if wanted is None else wanted
         self.struck = struck
         self.substeps, self.dt = 0, dt
@@ -80,8 +83,6 @@ class Contacts:
         self.search_kernel = search.search(self.kinds, self.real, module)
         self.project_kernel = kernels.project(self.real, module)
         self.settle_kernel = kernels.settle(self.real, module) if multistep else None
-        report = module if module == "unique" else f"{module}_report"        # compiled when first asked for
-        self.gauge_kernel = search.gauge(self.kinds, self.real, report)
         moving = any(m.moves for m in self.meshes.values())
         self.pose_kernel = search.pose_mesh(module) if moving else None
         self.refit_kernel = search.refit(module) if moving and self.device.is_cpu else None
@@ -97,12 +98,25 @@ class Contacts:
         p = self.points = point_type()
         p.object, p.w = self._array(bodies.object, int), self._array(bodies.w, t.scalar)
         p.reach, p.friction = self._array(bodies.reach, t.scalar), self._array(bodies.friction, t.vec2)
-        self.count = len(p.object)
+        self.count, self.faces = len(p.object), self._array(bodies.faces, int)
         self.mark = wp.zeros(self.count, dtype=int, device=self.device)
         self.saved = wp.zeros(self.count, dtype=int, device=self.device)
         self.table = row_type()
         self.table.deep, self.deep = wp.ones(1, dtype=int, device=self.device), True
         self.table.skin, self.table.recovery = SKIN, RECOVERY
+
+    def smooth(self, scene: Scene, explicit: bool) -> None:
+        """Puts a potential of the scene's `contact_width` in front of contacts, where that is > 0. Raises SceneError where an
+        open mesh keeps less than that."""
+        if scene.contact_width > 0.0:
+            from wsim.barrier import energy
+            c, reach = self.table, float(self.points.reach.numpy().min(initial=np.inf))
+            for gap, number in zip(self.gap, self.rows.collider, strict=True):
+                if self.rows.kind[number] == "sheet" and gap + reach < 2.0 * scene.contact_width:
+                    raise SceneError(Problem(self.rows.colliders[number].path, f"is an open mesh and keeps {gap + reach:g} m, "
+                                             f"contact_width is {scene.contact_width:g} m; allowed is up to half of what it "
+                                             "keeps: give it a larger wsim:thickness, or a smaller wsim:contactWidth"))
+            c.width, c.energy, c.lead, c.skin = scene.contact_width, energy(scene), int(explicit), SKIN + scene.contact_width
 
     def _frame(self, substeps: int, dt: float) -> None:
         """Everything that depends on rows or on the number of substeps."""
@@ -240,16 +254,23 @@ class Contacts:
     # measuring
 
     def indicators(self, x: wp.array) -> dict[str, float]:
-        """penetration: greatest depth of a point inside a solid [m]; too_near: inside the distance kept [m]; contacts:
-        points in contact. At the end of the frame prepared last."""
+        """penetration: greatest depth of a point, a triangle or a spring inside a solid [m], see kernels/inside.py; too_near:
+        of a point inside the distance kept [m]; contacts: points in contact. At the end of the frame prepared last."""
+        from wsim.kernels import inside
+        module = f"wsim_inside_{'_'.join(self.kinds)}_{types(self.real).name}"            # compiled when first asked for
+        gauge, sink = (make(self.kinds, self.real, module) for make in (inside.gauge, inside.sink))
         lanes = min(LANES, max(self.count, 1))
-        inside = wp.zeros(lanes, dtype=self.types.vec2, device=self.device)
+        near = wp.zeros(lanes, dtype=self.types.vec2, device=self.device)
         count = wp.zeros(lanes, dtype=int, device=self.device)
-        kernel_cache.load(self.gauge_kernel.module, self.device)
-        wp.launch(self.gauge_kernel, lanes, [self.table, self.points, self.slots, x, self.substeps, lanes],
-                  [inside, count], device=self.device)
-        kept, solid = inside.numpy().max(axis=0)
-        return {"penetration": float(solid), "too_near": float(kept), "contacts": int(count.numpy().sum())}
+        deep = wp.zeros(lanes, dtype=self.real, device=self.device)
+        kernel_cache.load(gauge.module, self.device)
+        wp.launch(gauge, lanes, [self.table, self.points, self.slots, x, self.substeps, lanes],
+                  [near, count], device=self.device)
+        wp.launch(sink, lanes, [self.table, self.points, self.faces, x, self.substeps, lanes], [deep],
+                  device=self.device)
+        kept, solid = near.numpy().max(axis=0)
+        return {"penetration": float(max(solid, deep.numpy().max())), "too_near": float(kept),
+                "contacts": int(count.numpy().sum())}
 
     def impulses(self, g: float) -> dict[str, np.ndarray]:
         """Impulse [N s], (3,), that each collider received in the last substep, by path, in float64."""

@@ -10,6 +10,7 @@ from math import inf
 
 import numpy as np
 
+from wsim import chord
 from wsim.contact.surfaces import Mesh
 from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Problem, SceneError, Sphere, Surface
 
@@ -63,7 +64,7 @@ def check(collider: Collider) -> None:
     """Raises SceneError where friction, thickness, restitution or motion of a collider make no sense."""
     for name in ("static_friction", "dynamic_friction", "thickness"):
         value = getattr(collider, name)
-        if not (np.isfinite(value) and value >= 0.0):
+        if value is not None and not (np.isfinite(value) and value >= 0.0):
             raise SceneError(Problem(collider.path, f"{name} is {value}; allowed is a finite number >= 0"))
     if not 0.0 <= collider.restitution <= 1.0:
         raise SceneError(Problem(collider.path, f"restitution is {collider.restitution}; allowed is a number from 0 to 1"))
@@ -105,12 +106,18 @@ class Rows:
                     [s[0] for s in shapes], np.array([s[1] for s in shapes]).reshape(-1, 3),
                     np.array([s[2] for s in shapes], np.float64))
 
-    def live(self) -> tuple[np.ndarray, np.ndarray]:
-        """Distance kept [m], (rows,), and friction, (rows, 2), which may change while a scene runs."""
-        gap = [c.thickness if m is None else max(c.thickness, m.least_gap)
-               for c, m in zip(self.colliders, self.meshes, strict=True)]
+    def live(self, breadth: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance kept [m], (rows,), and friction, (rows, 2), which may change while a scene runs. breadth and reach [m] of
+        objects, (objects,): what `wsim.chord` takes where no thickness is authored."""
+        radius = [chord.radius(c) if c.thickness is None else inf for c in self.colliders]
+        least = [0.0 if m is None else m.least_gap for m in self.meshes]
+        objects = np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
+        gap = []
+        for o, k in zip(objects, self.collider, strict=True):
+            own = self.colliders[k].thickness
+            gap.append(max(least[k], chord.hidden(breadth[o], radius[k]) - reach[o] if own is None else own))
         friction = np.array([(c.static_friction, c.dynamic_friction) for c in self.colliders]).reshape(-1, 2)
-        return np.array(gap, np.float64)[self.collider], friction[self.collider]
+        return np.array(gap, np.float64), friction[self.collider]
 
     def of(self, path: str, objects: list[int]) -> list[int]:
         """Rows of the collider of that path among these objects."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 
+from wsim import chord
 from wsim.contact.contacts import FRICTION, Bodies, Contacts
 from wsim.scene import Motion, Problem, SceneError
 from wsim.stage import OVERFLOW, Clock, Method, Stage
@@ -17,6 +17,11 @@ if TYPE_CHECKING:
     from wsim.state import State
 
 
+def faces(body) -> np.ndarray:
+    """Places of the corners of a body's triangles, (t, 3); a spring is a triangle (i, j, j)."""
+    return (body.triangles if len(body.triangles) else body.edges[:, [0, 1, 1]]).astype(np.int32)
+
+
 class Contact(Method):
     """Points of every body against every collider. Raises SceneError for a collider that makes no sense."""
 
@@ -24,20 +29,23 @@ class Contact(Method):
         """points: the method that owns inverse masses and objects (`constants`) and the anchor."""
         super().__init__("contact")
         self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
-        self.within = False                              # Newton steps have contacts in their system
-        self.press: Callable[[Clock], None] | None = None        # what is done about others that move points after such a step
+        self.within = False                              # of a Newton step, after which nothing else moves points
         self.model, self.state, self.anchor = model, state, points.anchor
         colliders = model.scene.colliders
         own = points.constants.object
         if model.gradients:                              # there each point has a row of its own
             own = np.repeat(np.arange(len(model.bodies)), [b.count for b in model.bodies]).astype(np.int32)
+        each = [faces(b) for b in model.bodies]
         bodies = Bodies([colliders] * len(model.bodies), np.stack([b.origin for b in model.bodies]), own,
                         points.constants.w, model.stack("reach"),
-                        np.repeat([b.friction for b in model.bodies], [b.count for b in model.bodies], axis=0))
+                        np.repeat([b.friction for b in model.bodies], [b.count for b in model.bodies], axis=0),
+                        model.shared(np.concatenate(each)),
+                        np.array([chord.breadth(b.rest, f - b.first) for b, f in zip(model.bodies, each, strict=True)]),
+                        np.array([b.reach.min() for b in model.bodies]))
         self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
                                  substeps=clock.substeps, dt=clock.dt, wanted=status, struck=struck)
         self.contacts.launch = model.launch
-        self.contacts.table.width = model.scene.contact_width
+        self.contacts.smooth(model.scene, points.integrator.explicit)
         if model.gradients:
             from wsim.contact.adjoint import ContactAdjoint
             self.contacts.grow(self.contacts.rows.most)              # lists do not grow while they are recorded
@@ -56,14 +64,22 @@ class Contact(Method):
             self.bounce = Bounce(model, state, points, self.contacts)
             self.stages += self.bounce.stages
 
+    def kept(self) -> list[dict]:
+        """Distances [m] that colliders keep from the bodies of world 0, besides half of their thickness, where the scene leaves
+        them open and chords need some."""
+        rows, bodies, found = self.contacts.rows, [b for b in self.model.bodies if b.world == 0], []
+        for body in bodies:
+            for r in range(rows.first[body.number], rows.first[body.number + 1]):
+                c, gap = rows.colliders[rows.collider[r]], float(self.contacts.gap[r])
+                if c.thickness is None and gap > 0.0:
+                    found.append({"collider": c.path, "body": body.path, "thickness": gap})
+        return found
+
     def search(self, clock: Clock) -> None:
         self.contacts.search(clock.k, self.state.x, self.state.d, self.anchor)
 
     def project(self, clock: Clock) -> None:
-        if self.within and not self.contacts.recorded:
-            if self.press:
-                self.press(clock)
-        elif not (self.solved and self.contacts.recorded) or (self.after and clock.i == clock.iterations - 1):
+        if not self.within and (self.after or not (self.solved and self.contacts.recorded)):
             self.contacts.project(clock.g, self.state.d, self.anchor)
 
     def settle(self, clock: Clock) -> None:

@@ -13,22 +13,9 @@ import numpy as np
 
 from wsim import topology
 from wsim.scene import Collider, Problem, SceneError, Surface
+from wsim.signed import closed
 
-WELD = 1e-6            # of a mesh's extent: points nearer than this are one when its edges are counted
 SHEET_GAP = 2e-6       # part of a sheet's radius kept free at least: a point exactly on it would have no side (float32)
-
-
-def closed(points: np.ndarray, triangles: np.ndarray) -> bool:
-    """Whether every edge is passed as often in one direction as in the other; points that coincide but for the
-    rounding of float32 are one (seams, poles)."""
-    corners = topology.weld(points, WELD * float(np.ptp(points, axis=0).max(initial=0.0)))[triangles]
-    ends = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
-    ends = ends[ends[:, 0] != ends[:, 1]]
-    if len(ends) == 0:
-        return False
-    keys = np.sort(ends, axis=1) @ np.array([len(points), 1], np.int64)
-    _, edge = np.unique(keys, return_inverse=True)
-    return not np.bincount(edge.reshape(-1), np.where(ends[:, 0] < ends[:, 1], 1.0, -1.0)).any()
 
 
 def volume(points: np.ndarray, triangles: np.ndarray) -> float:

@@ -245,7 +245,7 @@ def author_collider(stage: Usd.Stage, collider: Collider, material: str, units: 
     prim.AddAppliedSchema(names.COLLISION)
     if isinstance(collider.shape, Surface):
         prim.AddAppliedSchema(names.MESH_COLLISION)
-    if collider.thickness:
+    if collider.thickness is not None:
         prim.AddAppliedSchema(names.WSIM_COLLIDER)
         author(prim, "Collider", "thickness", collider.thickness, units)
     existing = stage.GetPrimAtPath(material)
