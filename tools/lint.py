@@ -29,7 +29,7 @@ LAYERS = (
      "march", "tape"),
     ("contact",),
     ("cloth", "soft", "reshape"),
-    ("frequency", "choice", "covered"),
+    ("frequency", "cost", "choice", "covered"),
     ("elastic", "elements", "fem", "plastic", "pressure", "force_adjoint", "gather", "watch", "touching_adjoint",
      "gcr"),
     ("adjoint", "xpbd_adjoint", "points_adjoint"),
