@@ -56,7 +56,8 @@ SCENE = {"wsim", "wsim.bodies", "wsim.bulk", "wsim.curve", "wsim.fabric", "wsim.
          "wsim.latest", "wsim.check", "wsim.check_object"}
 LOADER = {"wsim.solids", "wsim.atomic", "wsim.crate"}     # read with wsim.usd, whose own modules are not told apart by scene
 RUN = {"wsim.simulation", "wsim.plan", "wsim.stage", "wsim.state", "wsim.model", "wsim.masses", "wsim.middles", "wsim.order",
-       "wsim.locality", "wsim.color", "wsim.kempe", "wsim.choice", "wsim.cost", "wsim.integrator", "wsim.mend", "wsim.cloth", "wsim.apart",
+       "wsim.locality", "wsim.color", "wsim.kempe", "wsim.choice", "wsim.cost", "wsim.integrator", "wsim.mend", "wsim.cloth",
+       "wsim.apart",
        "wsim.points", "wsim.measure", "wsim.kernels", "wsim.kernels.real", "wsim.kernels.points"}
 XPBD = {"wsim.xpbd", "wsim.kernels.xpbd", "wsim.kernels.xpbd_terms", "wsim.kernels.constraint", "wsim.kernels.matrix",
         "wsim.kernels.stream"}

@@ -27,14 +27,20 @@ from wsim.scene import Problem, Scene, SceneError
 
 DRIFT = 2.0            # RMS error of converged backward Euler over h sqrt(g L). 1 m cloth at 0.5 s, h of 1/240 to 1/960 s: 1.5
                        # to 2.1 (at 0.25 s 0.26: it grows with time)
-HIT = 1.5              # as DRIFT, of leapfrog on colliders: cubes that fall on a floor 0.6 to 1.4, a cloth on a ball 0.8
+HIT = 1.0              # as DRIFT, of leapfrog on colliders: cubes that fall on a floor 0.1 to 1.4, a cloth on a ball 0.8
 SWEPT = 0.084          # error over L (h / tau)^1.5 N^2 / M, tau = sqrt(L / g), that M sweeps leave to a cloth that swings, N
-                       # springs a side: 16 and 32, 1 kN/m and 100 kN/m, 10 x 4 to 40 x 1: within 15 % of it at 0.5 s
+                       # springs a side: 16 and 32, 1 kN/m and 100 kN/m, 10 x 4 to 40 x 4: within 15 % of it at 0.5 s
+ONE = 1.5              # times that where one sweep is all, which is not over-relaxed
 SOFT = 0.4             # a sweep moves a mass by half of what a spring lacks: N springs in a row lack 2 N g h^2 / M at the top,
                        # N^2 g h^2 / M in all. Chains of 20 and 40 springs, M 4 and 8: 0.30 to 0.36 of that, M 1 0.50; cloths
                        # of 32 and 64 points a side 0.24 to 0.40 (over-relaxed sweeps)
 FALL = 9.81            # [m/s^2] where a scene has no gravity: something else moves it, of which nothing is known
 STRETCHED = 1.5        # far from rest stiffness is not what the bound took it for
+EULER = 4.0            # as DRIFT, of backward Euler on colliders: a soft cloth on a ball 1, a soft cube that falls on a floor
+                       # 4; a stiff one, which it does not let rebound, and a cloth that wrinkles 13 to 20, whatever the step
+SURE = 1.5             # time over that of XPBD or Newton's method that leapfrog may take: the table is good to 1.3, and it errs
+                       # by a hundredth of theirs or less
+STRUCK = 3.0           # the same where colliders are, for what EULER leaves
 MARGIN = 1.02          # substeps over the limit's: the frequency is that of the rest shape, and `limit` is good to 0.1 %
 FINER = 1.02           # ratio of substeps that are tried one after the other for the wanted error
 SOLVED = 2             # Newton steps a substep of soft bodies
@@ -111,7 +117,7 @@ def _soft(model: Model, rows: dict[str, list[Rows]], method: Integrator | None) 
     implicit = cost.seconds(model, cost.newton(model, newton.substeps, iterations))
     said = (f"{n} substeps of leapfrog keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; Newton steps "
             f"would take {1e3 * implicit:.3g} ms for {newton.steps} of {newton.integrator.name}")
-    if explicit <= implicit:
+    if explicit <= _worth(scene) * implicit:
         return Choice("explicit", leapfrog, max(n, scene.substeps), 1, said, euler)
     return replace(newton, why=said)
 
@@ -151,12 +157,12 @@ def _auto(model: Model, rows: dict[str, list[Rows]]) -> Choice:
     n = _struck(model, needed(scene, leapfrog, omega, c))
     explicit = cost.seconds(model, cost.explicit(model, rows, n))
     sweeps = cost.seconds(model, cost.sweeps(model, rows, xpbd.substeps, xpbd.iterations))
-    if explicit <= sweeps:
+    if explicit <= _worth(scene) * sweeps:
         return Choice("explicit", leapfrog, max(n, scene.substeps), 1,
                       f"{n} substeps keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; XPBD would take "
                       f"{1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}", xpbd)
     return replace(xpbd, why=f"leapfrog would need {n} substeps ({omega:.4g} rad/s), about {1e3 * explicit:.3g} ms a frame; "
-                   + (stall or f"XPBD takes {1e3 * sweeps:.3g} ms"))
+                   + (stall or f"XPBD takes {1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}"))
 
 
 def _sweeps(model: Model, rows: dict[str, list[Rows]]) -> Choice:
@@ -166,17 +172,24 @@ def _sweeps(model: Model, rows: dict[str, list[Rows]]) -> Choice:
         return _euler(model, rows, "implicit", min(scene.iterations, 3))
     if _hard(rows):                                      # limits and tethers carry loads past the sweeps
         return _euler(model, rows, "xpbd", scene.iterations)
-    tried = [_euler(model, rows, "xpbd", m) for m in sorted({1, scene.iterations}, reverse=True)]
+    damped = any(r.tau for found in rows.values() for r in found)         # which slows sweeps, the more the shorter the step
+    tried = [_euler(model, rows, "xpbd", m) for m in {scene.iterations, scene.iterations if damped else 1}]
     return min(tried, key=lambda c: cost.seconds(model, cost.sweeps(model, rows, c.substeps, c.iterations)))
 
 
 def _euler(model: Model, rows: dict[str, list[Rows]], solver: str, iterations: int) -> Choice:
     """Backward Euler by that solver, of as many substeps as the wanted error takes, and no fewer than the scene names."""
     sweeps, bodies = iterations if solver == "xpbd" and not _hard(rows) else 0, falls(model)
+    factor = EULER if model.scene.colliders else DRIFT
 
     def error(h: float) -> float:
-        return drift(bodies, h) + (swept(bodies, h, sweeps) if sweeps else 0.0)
+        return drift(bodies, h, factor) + (swept(bodies, h, sweeps) if sweeps else 0.0)
     return Choice(solver, TABLE["backward_euler"], _within(model, model.scene.substeps, error), iterations, "")
+
+
+def _worth(scene: Scene) -> float:
+    """Times the time of another solver that leapfrog is worth."""
+    return STRUCK if scene.colliders else SURE
 
 
 def _struck(model: Model, n: int) -> int:
@@ -240,13 +253,14 @@ def falls(model: Model) -> list[Fall]:
 
 
 def drift(bodies: list[Fall], h: float, factor: float = DRIFT) -> float:
-    """RMS error [m] of steps h [s] of a method of order 1, after T: see DRIFT and HIT."""
+    """RMS error [m] of steps h [s] of a method of order 1, after T: see DRIFT, EULER and HIT."""
     return max((factor * h * (b.g * b.size)**0.5 for b in bodies), default=0.0)
 
 
 def swept(bodies: list[Fall], h: float, iterations: int) -> float:
     """What unfinished sweeps add to it [m]: bodies that hang longer than they are, and swing slower."""
-    swings = (SWEPT * b.size * (h * (b.g / b.size)**0.5)**1.5 * b.row**2 / iterations for b in bodies)
+    factor = SWEPT * (ONE if iterations == 1 else 1.0)
+    swings = (factor * b.size * (h * (b.g / b.size)**0.5)**1.5 * b.row**2 / iterations for b in bodies)
     return max(slack(bodies, h, iterations), *swings, 0.0)
 
 

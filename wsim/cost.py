@@ -20,13 +20,13 @@ from wsim.scene import Surface
 # at 8k); XPBD 14 colours of 2 us, 2.1e-11 s a spring (choice_h200.json). Corotational tets: leapfrog 12 us a substep of 25k,
 # 112 of 976k; a Newton step 0.27 to 0.36 ms of 2560 tets, 4.3 to 8 of 976k (soft_h200.json). Contacts: 19 to 25 us to find
 # and 7 to project a million points that touch nothing (contact_h200.json), in launches of 2 us
-# CPU: one thread
+# CPU: one core of an EPYC (choice_epyc_2_cores.json)
 COSTS = {
     "cuda": {"step": 4.5e-6, "spring": 1.3e-11, "element": 1.3e-11, "block": 9.4e-6, "tet": 1.05e-10, "rest": 9e-6,
              "sweep": 2.5e-5, "projection": 2.1e-11, "newton": 3.5e-4, "solved": 5e-9, "touch": 4e-6, "near": 3e-11,
              "cluster": 3.5e-7, "clustered": 9e-11},
-    "cpu": {"step": 2e-6, "spring": 1.2e-9, "element": 6.7e-9, "block": 2e-5, "tet": 1.3e-7, "rest": 4e-6, "sweep": 1e-6,
-            "projection": 1.45e-8, "newton": 1e-4, "solved": 1e-6, "touch": 2e-6, "near": 1e-8}}
+    "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "block": 1.8e-6, "tet": 1.12e-7, "rest": 4.5e-6,
+            "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6, "touch": 1e-6, "near": 1.6e-8}}
 WEIGHT = {"distance": 1.0, "membrane": 4.0, "dihedral": 4.4}     # work of a projection over that of a spring (CPU)
 TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
 MESH = 20.0            # a point beside a mesh over one beside a convex shape (H200: 0.4 to 1.5 ns a point)
