@@ -1,5 +1,6 @@
 """What `auto` takes: within the wanted error, colliders or not, and by constants that measured frames give back."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +11,11 @@ from tools.bench.choice_fit import fitted, ratios
 from tools.bench.choice_scenes import Case
 from wsim import choice, cost
 from wsim.bench.track import distance, size
-from wsim.scene import Surface
-from wsim.shapes import sphere
+from wsim.cloth import LOOKS
+from wsim.fabric import Fabric
+from wsim.report import text
+from wsim.scene import Scene, Surface
+from wsim.shapes import sheet, sphere
 from wsim.simulation import Simulation
 
 FRAMES = 11                                   # of 1/24 s: a metre's fall
@@ -58,6 +62,23 @@ def test_a_mesh_that_moves_costs_more_than_a_ball():
     scene.colliders[0].shape = Surface(*sphere(0.3, 8))
     mesh = cost.explicit(Simulation(scene, device="cpu").model, {}, 7)
     assert ball["near"] == 7 * 144 and mesh["near"] == cost.MESH * ball["near"] and mesh["touch"] == ball["touch"] == 14
+
+
+def test_a_report_says_how_many_limits_act_and_that_they_are_looks():
+    """A strip, 8 edges down, that would stretch by 5 % under its weight, the most at the top, and may by 1 %; and so with tethers,
+    which let no point come lower than its rest: all are taut, and no edge is near its limit."""
+    said = []
+    for tethers in (False, True):
+        scene = Scene(solver="xpbd", substeps=40, iterations=2, air_drag=5.0)
+        fabric = Fabric(stretch=20.0, shear=10.0, bend=0.0, strain_limit=0.01, density=200.0, thickness=1e-3)
+        cloth = scene.cloth("/cloth", *sheet(0.5, 1.0, 4, 8), tethers=tethers, material=fabric)
+        scene.pin("/pins", cloth, range(5))
+        sim = Simulation(scene, device="cpu")
+        sim.run(24)
+        said.append(sim.report(profile=False)["limits"])
+        assert f"tethers and strain limits are {LOOKS}" in sim.plan.describe() and said[-1] in text(sim.report(profile=False))
+    edges = [int(re.findall(r"(\d+) of 108 edges at their strain limit", s)[0]) for s in said]
+    assert edges[0] > 10 > edges[1] and "40 of 40 tethers taut" in said[1] and "tether" not in said[0]
 
 
 def test_measured_frames_give_back_their_constants():

@@ -17,7 +17,7 @@ import warp as wp
 from wsim import model as models
 from wsim.apart import apart
 from wsim.choice import Choice, choose
-from wsim.cloth import HARD, Rows, rows_of
+from wsim.cloth import HARD, LOOKS, Rows, rows_of
 from wsim.kernels.real import ADJOINT, types
 from wsim.model import Model, edge_lengths, hard_places
 from wsim.scene import Cloth, Problem, Scene, SceneError
@@ -86,6 +86,11 @@ class Plan:
 
     def method(self, name: str) -> Method | None:
         return next((m for m in self.methods if m.name == name), None)
+
+    @property
+    def hard(self) -> bool:
+        """Whether tethers or strain limits hold something."""
+        return any(batch.kind in HARD for batch in getattr(self.method("xpbd"), "batches", []))
 
     @property
     def solids(self) -> list:
@@ -165,6 +170,8 @@ class Plan:
         a_substep = [r for r in rows if r["rate"] != "frame"]
         lines.append(f"a substep: {sum(r['launches'] for r in a_substep)} launches, "
                      f"{sum(r['bytes'] for r in a_substep) / 1e6:.2f} MB moved; state {self.state.bytes / 1e6:.2f} MB")
+        if self.hard:
+            lines.append(f"tethers and strain limits are {LOOKS}")
         return "\n".join(lines + [f"left out: {s['stage']}: {s['why']}" for s in self.skipped])
 
 

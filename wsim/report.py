@@ -44,7 +44,8 @@ def inventory(scene: "Scene") -> str:
 
 def text(report: dict) -> str:
     """What ran, how fast, how wrong, what was left out, what to look at. Missing keys leave out their line."""
-    return "\n".join([*_what(report), *_speed(report), *_error(report), *_left_out(report), *_warnings(report)])
+    held = [f"limits    {report['limits']}"] if report.get("limits") else []
+    return "\n".join([*_what(report), *_speed(report), *_error(report), *held, *_left_out(report), *_warnings(report)])
 
 
 def _what(report: dict) -> list[str]:

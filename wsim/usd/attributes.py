@@ -56,8 +56,9 @@ def _si(attribute, value, entry: Row, units: Units, through):
     factor = units.factor(entry.unit)
     if entry.type in _ARRAYS:
         _, dtype, shape = _ARRAYS[entry.type]
-        array = np.array(value, dtype).reshape(-1, *shape)
-        return array if factor == 1.0 else (array.astype(np.float64) * factor).astype(dtype)
+        doubles = np.issubdtype(dtype, np.floating) and np.asarray(value).dtype == np.float64       # authored as such
+        array = np.array(value, np.float64 if doubles else dtype).reshape(-1, *shape)
+        return array if factor == 1.0 else array.astype(np.float64) * factor
     if entry.type == "vector3d":
         return tuple(float(v) * factor for v in value)
     if entry.type == "vector3f":
