@@ -98,7 +98,7 @@ def bear() -> str:
     return scene("A bear of jelly falls on the floor, askew, and bounces.", [
         settings(comment=STEPS, substeps=8, iterations=2),
         material("Jelly", Bulk(young=2e5, poisson=0.4, density=1000.0, static_friction=0.6, dynamic_friction=0.5), "E = 200 "
-                 "kPa: a firm jelly sweet. Nothing damps it but the time steps, backward Euler with colliders."),
+                 "kPa: a firm jelly sweet. Nothing damps it: it bounces and trembles on."),
         mesh, ground(),
     ], frames=96)
 
