@@ -65,8 +65,8 @@ def test_a_mesh_that_moves_costs_more_than_a_ball():
 
 
 def test_a_report_says_how_many_limits_act_and_that_they_are_looks():
-    """A strip, 8 edges down, that would stretch by 5 % under its weight, the most at the top, and may by 1 %; and so with tethers,
-    which let no point come lower than its rest: all are taut, and no edge is near its limit."""
+    """A strip, 8 edges down, that would stretch by 5 % under its weight, the most at the top, and may by 1 %; and so with
+    tethers, which let no point come lower than its rest: all are taut, and no edge is near its limit."""
     said = []
     for tethers in (False, True):
         scene = Scene(solver="xpbd", substeps=40, iterations=2, air_drag=5.0)
