@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+import time
 from dataclasses import replace
 from math import inf
 
@@ -19,6 +20,7 @@ from wsim.bench.study import looked_at
 from wsim.bench.track import Look, distance, run, size
 from wsim.fabric import Fabric
 from wsim.scene import Scene, SceneError, Surface
+from wsim.simulation import Simulation
 from wsim.usd import save
 
 G = 9.81
@@ -30,8 +32,8 @@ def row(ms, largest, precision="float32", **more) -> Row:
 
 def report(rows, error=0.0, **more) -> Report:
     known = {"setting": "explicit rk4 64 x 1 float64", "error": error, "ratio": 16.0, "seconds": 1.0, "notes": []}
-    return Report("a.usda", 16, 1.0, 24.0, 2, "cpu", "cpu", {"wsim": "1"}, known, [1.0, 2.0], [1, 2],
-                  more.pop("refused", ""), rows, **more)
+    return Report("a.usda", 16, 1.0, 24.0, 2, "cpu", "cpu", "CPU seconds of all threads", {"wsim": "1"}, known, [1.0, 2.0],
+                  [1, 2], more.pop("refused", ""), rows, **more)
 
 
 def spring_scene(**more) -> Scene:
@@ -211,6 +213,15 @@ def test_what_the_budget_does_not_pay_for_is_named(few):
     found = bench(spring_scene(), device="cpu", budget=1e-6)
     assert "no refinement" in found.refused and len(found.rows) == 1
     assert any("xpbd backward_euler 8 x 4" in d["setting"] and "budget" in d["why"] for d in found.left_out)
+
+
+def test_a_frame_on_a_cpu_is_timed_by_what_it_takes_of_it(monkeypatch):
+    """A frame that waits for 20 ms, as for others on the machine, takes none of them; `seconds`, for the budget, has them."""
+    replay = Simulation._replay
+    monkeypatch.setattr(Simulation, "_replay", lambda sim: (time.sleep(0.02), replay(sim))[1])
+    found = run(spring_scene(), Setting("xpbd", "backward_euler", 8, 4), Look("cpu", 4))
+    assert found.ms < 1e3 * found.seconds / 4 - 15.0
+    assert "times of frames are CPU seconds of all threads" in report([row(1, 0.1)]).text()
 
 
 def test_a_scene_in_which_nothing_moves_is_an_error(few):

@@ -69,7 +69,7 @@ def test_three_bounces_follow_the_parabolas_to_rounding(integrator):
     exact = np.array([bounced((k + 1) / 60, 1.0, 0.25, 0.8) for k in range(118)])
     assert exact[-1, 2] == 3
     np.testing.assert_allclose(found, exact[:, :2], atol=1e-12)
-    assert sim.positions()[0, 0] == pytest.approx(float(np.float32(0.3)) * 118 / 60, abs=1e-12)
+    assert sim.positions()[0, 0] == pytest.approx(0.3 * 118 / 60, abs=1e-12)
 
 
 @pytest.mark.parametrize("shape", [Box((4.0, 4.0, 4.0)), cube(4.0)])

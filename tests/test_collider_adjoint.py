@@ -177,7 +177,7 @@ def test_a_sheet_that_slides_down_a_mesh_as_the_formula_says():
 
 def test_a_bounce_by_restitution_and_by_where_the_floor_is():
     """v = e S - g (t - S / g), S^2 = 2 g H: dv/de = S, dv/dH = (1 + e) g / S; leapfrog is exact between impacts."""
-    scene, S = ball(e=0.6, height=0.2), np.sqrt(2 * G * float(np.float32(0.2)))
+    scene, S = ball(e=0.6, height=0.2), np.sqrt(2 * G * 0.2)
     recording = Recording(Simulation(scene, device="cpu", precision="float64", gradients=True), 20)
     assert recording.velocities(20)[0, 1] == pytest.approx(0.6 * S - G * (20 / 60 - S / G), rel=1e-10)
     seed = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0]])

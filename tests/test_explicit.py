@@ -315,24 +315,30 @@ def test_a_hanging_chain_is_longer_by_what_sweeps_leave(springs, sweeps):
     sim = Simulation(scene, **DOUBLE)
     sim.run(150)
     longer = -sim.positions()[-1, 1] - 0.05 * springs
-    assert 0.5 < longer / choice.slack(sim.model, 1.0 / 600.0) < 1.0
+    assert 0.5 < longer / choice.slack(choice.falls(sim.model), 1.0 / 600.0, sweeps) < 1.0
 
 
-def test_auto_takes_the_substeps_that_leave_xpbd_no_longer_than_asked():
+def test_auto_takes_the_substeps_with_which_xpbd_errs_by_no_more_than_asked():
     sim = Simulation(replace(reference.spring_cloth(40, stretch=1e9, diagonal=1e9), error=1e-3, substeps=1), device="cpu")
-    h = 1.0 / 60.0 / sim.plan.clock.substeps
-    assert sim.plan.choice.solver == "xpbd" and choice.slack(sim.model, h) <= 1e-3 < choice.slack(sim.model, 1.2 * h)
+    chosen, bodies, h = sim.plan.choice, choice.falls(sim.model), 1.0 / 60.0 / sim.plan.clock.substeps
+
+    def error(h: float) -> float:
+        return choice.drift(bodies, h) + choice.swept(bodies, h, chosen.iterations)
+    assert chosen.solver == "xpbd" and error(h) <= 1e-3 < error(1.03 * h)
 
 
 def test_auto_goes_on_with_xpbd_when_an_edge_is_torn_apart():
     scene = reference.spring_cloth(8, stretch=10.0, diagonal=10.0)
     sim = Simulation(scene, device="cpu")
+    other = sim.plan.choice.other
+    assert other is not None
     sim.step()
     thrown = np.zeros((64, 3))
     thrown[40] = (0.0, 500.0, 0.0)
     sim.set("/cloth", "velocities", thrown)
     sim.step()
     assert sim.plan.choice.solver == "xpbd" and "from here on XPBD" in sim.warnings[-1]
+    assert sim.plan.clock.substeps == other.substeps > scene.substeps        # those of the wanted error
     sim.run(5)
     assert np.isfinite(sim.positions()).all() and sim.frame == 7
 

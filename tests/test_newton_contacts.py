@@ -90,7 +90,7 @@ def truss(speed: float, friction: float, frames: int, **more) -> Scene:
 
 def test_what_slides_loses_momentum_by_coulombs_law():
     """P_x + mu P_z changes by -mu m g T whatever the springs do, which gives every derivative of it."""
-    mu, T, m = 0.25, 10 / 60, np.array([0.05, 0.1, 0.2], np.float32).astype(float)
+    mu, T, m = 0.25, 10 / 60, np.array([0.05, 0.1, 0.2])
     recording = Recording(Simulation(truss(2.0, mu, 10), device="cpu", precision="float64", gradients=True), 10)
     way = np.array([1.0, 0.0, mu])
     gradient, v0, v = recording.backward(velocities={10: m[:, None] * way}), recording.velocities(0), recording.velocities(10)
@@ -107,7 +107,7 @@ def test_what_slides_loses_momentum_by_coulombs_law():
 
 def test_what_stands_on_its_feet_gives_way_by_statics():
     """2 k (L / l - 1) z = m g at rest, with feet that stick: z by k, m and g."""
-    frames, k, m = 120, 400.0, np.float64(np.float32(0.2))
+    frames, k, m = 120, 400.0, 0.2
     recording = Recording(Simulation(truss(0.0, 1.5, frames), device="cpu", precision="float64", gradients=True), frames)
     seed = np.zeros((3, 3))
     seed[2, 2] = 1.0

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdValidation
 
+from wsim.bodies import same
 from wsim.curve import Curve, Motion, rotation
 from wsim.fabric import Fabric
 from wsim.scene import (
@@ -138,8 +139,7 @@ def _difference(a, b, where="scene") -> str:
     if isinstance(a, list) and isinstance(b, list) and len(a) == len(b):
         pairs = enumerate(zip(a, b, strict=True))
         return next(filter(None, (_difference(x, y, f"{where}[{i}]") for i, (x, y) in pairs)), "")
-    same = np.array_equal(a, b) if isinstance(a, np.ndarray) or isinstance(b, np.ndarray) else a == b
-    return "" if same else f"{where}: {a!r} is not {b!r}"
+    return "" if same(a, b) else f"{where}: {a!r} is not {b!r}"
 
 
 @pytest.mark.parametrize("suffix", ["usda", "usdc"])

@@ -24,8 +24,8 @@ def test_centimetres_and_grams_become_si(read):
                        'uniform token[] xformOpOrder = ["xformOp:translate"]\nfloat physics:mass = 30')
                  + fabric(values), header='metersPerUnit = 0.01\nkilogramsPerUnit = 0.001\nupAxis = "Z"')
     sheet = scene.cloths[0]
-    assert np.array_equal(sheet.points[2], np.float32([0.01, 0.01, 0.0]))
-    assert sheet.velocities[0, 0] == np.float32(0.01) and sheet.motion.at(0.0)[2, 3] == 0.5
+    assert np.array_equal(sheet.points[2], [0.01, 0.01, 0.0])
+    assert sheet.velocities[0, 0] == 0.01 and sheet.motion.at(0.0)[2, 3] == 0.5
     assert sheet.material.stretch == pytest.approx(2.0, rel=1e-12)          # 2000 g/s^2
     assert sheet.material.bend == pytest.approx(500e-7, rel=1e-12)          # g cm^2/s^2
     assert sheet.material.density == pytest.approx(400.0, rel=1e-12)        # 0.4 g/cm^3
@@ -34,7 +34,7 @@ def test_centimetres_and_grams_become_si(read):
 
 
 def test_a_stage_that_authors_no_units_is_in_centimetres(read):
-    assert read(cloth(), header='doc = ""').cloths[0].points.max() == np.float32(0.01)
+    assert read(cloth(), header='doc = ""').cloths[0].points.max() == 0.01
 
 
 @pytest.mark.parametrize("attributes", [

@@ -150,7 +150,7 @@ def test_centimetres_and_grams_become_si(read, all_of_it):
     assert material.young == pytest.approx(2e4, rel=1e-12) and material.density == pytest.approx(1100.0, rel=1e-12)
     assert material == replace(material, poisson=0.4, yield_strain=0.2, damping=0.01, static_friction=0.7,
                                dynamic_friction=0.0, model="neo_hookean")
-    assert np.array_equal(soft.points[4], np.float32([0.01] * 3)) and soft.velocities[0, 0] == np.float32(0.01)
+    assert np.array_equal(soft.points[4], [0.01] * 3) and soft.velocities[0, 0] == 0.01
     assert soft.motion.at(0.0)[2, 3] == 0.5 and soft.pressure == pytest.approx(5.0)
     assert soft.mass == pytest.approx(0.003) and soft.masses is None and soft.filled.tolist() == [1.0, 0.25]
     assert scene.gravity == (0.0, 0.0, -9.81)

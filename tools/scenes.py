@@ -24,9 +24,8 @@ def hanging_cloth() -> str:
     surface = shapes.sheet(1.0, 1.0, n, n, horizontal=True, at=(0.0, 1.2, 0.0))
     return scene("A square metre of cotton, held by two corners, swings down from the horizontal.", [
         settings(substeps=40, iterations=2, air_drag=0.5, comment=SHORT),
-        material("cotton", fabric("cotton"), strain_limit=0.03),
-        cloth("Cloth", surface, "cotton", (0.75, 0.2, 0.16), "Simulated and drawn: one Mesh does both. Tethers carry "
-              "the weight to the pins at once, where a few iterations would let it stretch.", tethers=True),
+        material("cotton", fabric("cotton")),
+        cloth("Cloth", surface, "cotton", (0.75, 0.2, 0.16), "Simulated and drawn: one Mesh does both."),
         block("Xform", "Rail", "", comment="What the corners hang on. Animate it, and they follow."),
         pin("Corners", "/World/Cloth", [0, n], "/World/Rail", "indices0 are points of the mesh in their order."),
     ], frames=96)
@@ -40,7 +39,7 @@ def flag() -> str:
     return scene("A silk flag on a pole, in a wind of 6 m/s that comes a little from the side.", [
         settings(comment="The wind is the velocity of the air; what is at rest in it feels it all.",
                  substeps=40, iterations=2, wind=(6.0, 0.0, 0.5), air_density=1.2),
-        material("silk", fabric("silk"), strain_limit=0.03),
+        material("silk", fabric("silk")),
         cloth("Flag", surface, "silk", (0.1, 0.3, 0.65), "drag acts along the relative wind, lift across it; without "
               "them wind does nothing. Lift makes it flutter: of a thin plate it is 2 pi times the sine of the angle, "
               "less where the plate is short.", drag=0.3, lift=3.0),
@@ -76,11 +75,10 @@ def cape() -> str:
                  "keep 4 mm from it, so that flat triangles between them do not cut into it.", keep=0.004)
     return scene("A cape of cotton on an animated ball that walks and turns.", [
         settings(substeps=40, iterations=2, air_density=1.2, comment=SHORT),
-        material("cotton", fabric("cotton"), strain_limit=0.03),
+        material("cotton", fabric("cotton")),
         block("Xform", "Wearer", walk + "\n" + ball, comment="Rests for a second, then walks and turns half round."),
         cloth("Cape", surface, "cotton", (0.45, 0.08, 0.12), "A cone that opens in front. Air resistance keeps it from "
-              "fluttering like a sheet in vacuum; a flat plate has a drag of 1.2 (Hoerner 1965).", drag=1.2, lift=0.6,
-              tethers=True),
+              "fluttering like a sheet in vacuum; a flat plate has a drag of 1.2 (Hoerner 1965).", drag=1.2, lift=0.6),
         pin("Collar", "/World/Cape", np.arange(columns + 1), "/World/Wearer", "The upper edge moves with the wearer."),
     ], frames=120)
 
@@ -118,8 +116,9 @@ def shirt() -> str:
     there = "prepend references = @assets/unisex_shirt.usd@</root/shirt>\n    "
     mesh = mesh.replace("prepend apiSchemas", there + "prepend apiSchemas", 1)
     return scene("A shirt drops on a tailor's dummy. Everything is in centimetres.", [
-        settings(metres, substeps=96, iterations=1, air_drag=1.0, comment=SHORT),
-        material("cotton", f, metres, strain_limit=0.02), mesh,
+        settings(metres, substeps=96, iterations=1, error=0.025, air_drag=1.0, comment=SHORT + " An error of 2.5 % of its "
+                 "size may be, where 1 % is the default: half the substeps."),
+        material("cotton", f, metres), mesh,
         solid("Mesh", "Dummy", dummy, (0.62, 0.52, 0.43), "A closed mesh is solid; its faces are wound outward. "
               "Points keep 4 mm from it.", ', "PhysicsMeshCollisionAPI"', keep=0.004, metres=metres),
     ], frames=72, metres=metres)

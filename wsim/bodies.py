@@ -16,8 +16,17 @@ def array(value, dtype, *shape):
     return None if value is None else np.ascontiguousarray(value, dtype).reshape(shape)
 
 
+def reals(value, *shape):
+    """value as a contiguous array of that shape, float32 where it is float32, as files hold it, else float64: nobody's doubles
+    are rounded. None stays None."""
+    if value is None:
+        return None
+    kept = np.asarray(value)
+    return np.array(kept, np.float32 if kept.dtype in (np.float16, np.float32) else np.float64, order="C").reshape(shape)
+
+
 class Compared:
-    """Dataclasses with arrays, equal when every field is."""
+    """Dataclasses with arrays, equal when every field is: doubles and what a file holds of them, float32, are."""
 
     def __eq__(self, other):
         return type(self) is type(other) and all(
@@ -27,7 +36,11 @@ class Compared:
 
 def same(a, b) -> bool:
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
-        return a is not None and b is not None and np.array_equal(a, b)
+        if a is None or b is None:
+            return False
+        a, b = np.asarray(a), np.asarray(b)
+        narrow = np.float32 if {a.dtype, b.dtype} == {np.dtype(np.float32), np.dtype(np.float64)} else None
+        return np.array_equal(a.astype(narrow or a.dtype), b.astype(narrow or b.dtype))
     if isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)):
         return len(a) == len(b) and all(same(x, y) for x, y in zip(a, b, strict=True))
     return bool(a == b)
@@ -38,7 +51,7 @@ class Cloth(Compared):
     """A surface that deforms. Polygons as authored; they are cut into triangles by `wsim.topology`."""
 
     path: str
-    points: np.ndarray                       # [m] own frame, (n, 3) float32
+    points: np.ndarray                       # [m] own frame, (n, 3), float32 or float64
     counts: np.ndarray                       # corners of each polygon, (faces,)
     indices: np.ndarray                      # point of each corner, (sum of counts,)
     material: Fabric = field(default_factory=Fabric)
@@ -56,11 +69,11 @@ class Cloth(Compared):
     lift: float = 0.0                        # aerodynamic lift coefficient (across the relative wind)
 
     def __post_init__(self):
-        self.points = array(self.points, np.float32, -1, 3)
+        self.points = reals(self.points, -1, 3)
         self.counts, self.indices = array(self.counts, np.int32, -1), array(self.indices, np.int32, -1)
-        self.velocities = array(self.velocities, np.float32, -1, 3)
-        self.rest_points = array(self.rest_points, np.float32, -1, 3)
-        self.masses, self.thicknesses = array(self.masses, np.float32, -1), array(self.thicknesses, np.float32, -1)
+        self.velocities = reals(self.velocities, -1, 3)
+        self.rest_points = reals(self.rest_points, -1, 3)
+        self.masses, self.thicknesses = reals(self.masses, -1), reals(self.thicknesses, -1)
 
 
 @dataclass(eq=False)
@@ -69,7 +82,7 @@ class Springs(Compared):
     factor of their group, which changes over time."""
 
     path: str
-    points: np.ndarray                       # [m] own frame, (n, 3) float32
+    points: np.ndarray                       # [m] own frame, (n, 3), float32 or float64
     edges: np.ndarray                        # points of each spring, (m, 2)
     stiffness: np.ndarray                    # [N/m], (m,) or (1,) for all
     masses: np.ndarray                       # [kg], (n,) or (1,) for all
@@ -88,9 +101,9 @@ class Springs(Compared):
         if self.actuation is not None:
             values = np.asarray(self.actuation.values, np.float64)
             self.actuation = Curve(self.actuation.times, values.reshape(len(values), -1))
-        self.points, self.edges = array(self.points, np.float32, -1, 3), array(self.edges, np.int32, -1, 2)
-        self.stiffness, self.masses = array(self.stiffness, np.float32, -1), array(self.masses, np.float32, -1)
-        self.lengths, self.velocities = array(self.lengths, np.float32, -1), array(self.velocities, np.float32, -1, 3)
+        self.points, self.edges = reals(self.points, -1, 3), array(self.edges, np.int32, -1, 2)
+        self.stiffness, self.masses = reals(self.stiffness, -1), reals(self.masses, -1)
+        self.lengths, self.velocities = reals(self.lengths, -1), reals(self.velocities, -1, 3)
 
 
 @dataclass(eq=False)
@@ -112,7 +125,7 @@ class Soft(Compared):
     """A solid of tetrahedra that deforms. Volumes are positive: `wsim.tetra.mend` turns others."""
 
     path: str
-    points: np.ndarray                       # [m] own frame, (n, 3) float32
+    points: np.ndarray                       # [m] own frame, (n, 3), float32 or float64
     tets: np.ndarray                         # corners of each tet, (t, 4)
     material: Bulk = field(default_factory=Bulk)
     others: list[Bulk] = field(default_factory=list)       # further materials of some tets
@@ -128,11 +141,11 @@ class Soft(Compared):
     skins: list[Skin] = field(default_factory=list)
 
     def __post_init__(self):
-        self.points, self.tets = array(self.points, np.float32, -1, 3), array(self.tets, np.int32, -1, 4)
-        self.which, self.filled = array(self.which, np.int32, -1), array(self.filled, np.float32, -1)
-        self.velocities = array(self.velocities, np.float32, -1, 3)
-        self.rest_points = array(self.rest_points, np.float32, -1, 3)
-        self.masses = array(self.masses, np.float32, -1)
+        self.points, self.tets = reals(self.points, -1, 3), array(self.tets, np.int32, -1, 4)
+        self.which, self.filled = array(self.which, np.int32, -1), reals(self.filled, -1)
+        self.velocities = reals(self.velocities, -1, 3)
+        self.rest_points = reals(self.rest_points, -1, 3)
+        self.masses = reals(self.masses, -1)
 
     @property
     def materials(self) -> list[Bulk]:

@@ -1,73 +1,51 @@
-"""Which solver and integrator a scene is stepped with: what it names, and where it leaves that open, what costs least.
+"""Which solver and integrator a scene is stepped with: what it names, and where it leaves that open, what costs least of what
+errs by no more than `Scene.error` of the scene's size over the time T = sqrt(2 L / g) of a fall through a body's size L.
 
     explicit    leapfrog needs n = dt / limit substeps a frame (`wsim.frequency`, `wsim.stability`), a launch or less each;
-                where it is stable it errs by less than any of the others at any price they are run at
+                where it is stable it errs by less than any of the others at any price they are run at, 1e-5 of the size at
+                most where nothing is hit, and by about HIT h sqrt(g L) where colliders are, met at some time of a step
     implicit    Newton steps, where neighbouring masses differ so much that sweeps would not carry a load from one to the
-                other (stress rows "heavy last": XPBD at 10 x 4 left a strain of 12, bound 3.4)
-    xpbd        backward Euler errs by about DRIFT h on a cloth that falls (order 1), whatever its sweeps cost, and M sweeps
-                leave it longer by SOFT g h^2 N^2 / M where load hangs on N springs in a row (`slack`); to err by no more than
-                `Scene.error` it needs so many substeps, or those that the scene names if they are more
+                other (stress rows "heavy last": XPBD at 10 x 4 left a strain of 12, bound 3.4), and of soft bodies
+    xpbd        backward Euler errs by DRIFT h sqrt(g L) on what falls and swings (order 1), whatever its sweeps cost, and M
+                sweeps over N springs in a row by `swept` besides; it takes so many substeps that this is no more than wanted,
+                or those that the scene names if they are more, and the scene's sweeps or one, whichever costs less
 
-`COSTS` is a table by device, fitted to what tools/bench/choice.py measured (tools/results/choice_*.json); nothing is timed at
-build.
+What a frame costs: `wsim.cost`. How often the choice misses: tools/bench/choice.py (tools/results/choice_*.json).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil
 
 import numpy as np
 
+from wsim import cost
 from wsim.cloth import HARD, Rows
 from wsim.integrator import TABLE, Integrator
 from wsim.model import Body, Model, edge_lengths, hard_places
 from wsim.scene import Problem, Scene, SceneError
 
-DRIFT = 0.8            # [m/s]: RMS error over h of converged backward Euler, 1 m cloth at 0.25 s (1.3e-2 at 1/60 s)
+DRIFT = 2.0            # RMS error of converged backward Euler over h sqrt(g L). 1 m cloth at 0.5 s, h of 1/240 to 1/960 s: 1.5
+                       # to 2.1 (at 0.25 s 0.26: it grows with time)
+HIT = 1.0              # as DRIFT, of leapfrog on colliders: cubes that fall on a floor 0.1 to 1.4, a cloth on a ball 0.8
+SWEPT = 0.084          # error over L (h / tau)^1.5 N^2 / M, tau = sqrt(L / g), that M sweeps leave to a cloth that swings, N
+                       # springs a side: 16 and 32, 1 kN/m and 100 kN/m, 10 x 4 to 40 x 4: within 15 % of it at 0.5 s
+ONE = 1.5              # times that where one sweep is all, which is not over-relaxed
 SOFT = 0.4             # a sweep moves a mass by half of what a spring lacks: N springs in a row lack 2 N g h^2 / M at the top,
                        # N^2 g h^2 / M in all. Chains of 20 and 40 springs, M 4 and 8: 0.30 to 0.36 of that, M 1 0.50; cloths
                        # of 32 and 64 points a side 0.24 to 0.40 (over-relaxed sweeps)
+FALL = 9.81            # [m/s^2] where a scene has no gravity: something else moves it, of which nothing is known
 STRETCHED = 1.5        # far from rest stiffness is not what the bound took it for
+EULER = 4.0            # as DRIFT, of backward Euler on colliders: a soft cloth on a ball 1, a soft cube that falls on a floor
+                       # 4; a stiff one, which it does not let rebound, and a cloth that wrinkles 13 to 20, whatever the step
+SURE = 1.5             # time over that of XPBD or Newton's method that leapfrog may take: the table is good to 1.3, and it errs
+                       # by a hundredth of theirs or less
+STRUCK = 3.0           # the same where colliders are, for what EULER leaves
 MARGIN = 1.02          # substeps over the limit's: the frequency is that of the rest shape, and `limit` is good to 0.1 %
-
-
-@dataclass(frozen=True)
-class Cost:
-    """Seconds: of a substep of leapfrog, of each spring in it and of each element over its weight, of a sweep over a kind of
-    constraint and of each constraint in it, of what XPBD launches a substep besides."""
-
-    step: float
-    pull: float
-    element: float
-    sweep: float
-    projection: float
-    rest: float
-
-
-# H200: leapfrog 4.5 us at 1k points, 12 us at 0.6M springs (nets that a cluster takes: 0.42 us at 1k points, 0.74 at 4k, 1.06
-# at 8k); XPBD 14 colours of 2 us, 2.1e-11 s a spring. CPU: 2.8e-9 s a spring of leapfrog (one thread), 1.9e-8 s a projection.
-COSTS = {"cuda": Cost(4.5e-6, 1.3e-11, 1.3e-11, 2.5e-5, 2.1e-11, 9e-6),
-         "cpu": Cost(2e-6, 2.8e-9, 6.7e-9, 1e-6, 1.9e-8, 4e-6)}
-CLUSTER = 3.5e-7, 9e-11      # [s] a substep of a net that a cluster takes, and of each point in it: springs, no damping
-WEIGHT = {"distance": 1.0, "membrane": 4.0, "dihedral": 4.4}     # work of a projection over that of a spring (CPU)
+FINER = 1.02           # ratio of substeps that are tried one after the other for the wanted error
 SOLVED = 2             # Newton steps a substep of soft bodies
 STIFFENED = 1.7        # materials that stiffen under strain need shorter steps than at rest, where the bound is close
-TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
 UNEVEN = 1e3           # ratio of two masses that hold each other, from which sweeps stall
-
-
-@dataclass(frozen=True)
-class Solid:
-    """Seconds: of a substep of leapfrog and of each tet in it, of a Newton step and of each tet in it."""
-
-    step: float
-    tet: float
-    newton: float
-    solved: float
-
-
-# H200, corotational (tools/results/soft_h200.json): leapfrog 12 us a substep of 25k tets, 112 of 976k; a Newton step
-# 0.27 to 0.36 ms of 2560 tets, 4.3 to 8 of 976k. CPU: 0.17 us a tet of leapfrog, 1.6 to 1.9 of a Newton step (25k tets)
-SOLID = {"cuda": Solid(9.4e-6, 1.05e-10, 3.5e-4, 5e-9), "cpu": Solid(2e-5, 1.7e-7, 1e-4, 1.8e-6)}
 
 
 @dataclass(frozen=True)
@@ -79,6 +57,7 @@ class Choice:
     substeps: int                            # systems of an implicit integrator a frame: sdirk3 takes two a step
     iterations: int
     why: str
+    other: "Choice | None" = None            # what goes on where explicit steps that nobody named tear an edge
 
     @property
     def steps(self) -> int:
@@ -112,8 +91,9 @@ def _named(scene: Scene, solver: str, method: Integrator, why: str) -> Choice:
 
 
 def _soft(model: Model, rows: dict[str, list[Rows]], method: Integrator | None) -> Choice:
-    """Soft bodies: leapfrog where its steps cost less, nothing is hit and nothing else is named; else Newton's method, of which
-    a step of a frame is stable, and which solves to a residual: sdirk3 of half as many steps, or backward Euler of contacts."""
+    """Soft bodies: leapfrog where its steps cost less and nothing else is named; else Newton's method, of which a step of a
+    frame is stable, and which solves to a residual: sdirk3 of half as many steps, or backward Euler of contacts, of as many as
+    the wanted error takes."""
     scene, leapfrog = model.scene, TABLE["leapfrog"]
     iterations = scene.iterations if scene.solver == "implicit" else min(scene.iterations, SOLVED)
     solved = iterations >= SOLVED and not (_hard(rows) or scene.air_drag)      # drag leaves order 1, and sdirk3 fewer steps
@@ -122,21 +102,21 @@ def _soft(model: Model, rows: dict[str, list[Rows]], method: Integrator | None) 
     newton = Choice("implicit", chosen, steps * chosen.solves, iterations, "the scene names it")
     if scene.solver == "implicit" or method:
         return newton
+    euler = _euler(model, rows, "implicit", iterations)
+    newton = euler if scene.colliders else newton
     reason = _unfit(model, rows, "Newton's method")
     if reason:
         return replace(newton, why=reason)
     from wsim.frequency import bound
-    cost = SOLID["cuda" if model.device.is_cuda else "cpu"]
-    pulled, weighed = (sum(len(b.tets) * (1.0 if b.tets.shape[1] == 4 else ten) for b in model.bodies) for ten in TEN)
     omega, c = bound(model, rows)
     stiffens = any(m.model not in ("corotational", "linear") for s in scene.softs for m in s.materials)
-    n = ceil(needed(scene, leapfrog, omega, c) * (STIFFENED if stiffens else 1.0))
-    explicit = n * (cost.step + cost.tet * pulled)
-    implicit = newton.substeps * iterations * (cost.newton + cost.solved * weighed)
+    n = _struck(model, ceil(needed(scene, leapfrog, omega, c) * (STIFFENED if stiffens else 1.0)))
+    explicit = cost.seconds(model, cost.explicit(model, rows, n))
+    implicit = cost.seconds(model, cost.newton(model, newton.substeps, iterations))
     said = (f"{n} substeps of leapfrog keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; Newton steps "
-            f"would take {1e3 * implicit:.3g} ms for {steps} of {chosen.name}")
-    if explicit <= implicit:
-        return Choice("explicit", leapfrog, max(n, scene.substeps), 1, said)
+            f"would take {1e3 * implicit:.3g} ms for {newton.steps} of {newton.integrator.name}")
+    if explicit <= _worth(scene) * implicit:
+        return Choice("explicit", leapfrog, max(n, scene.substeps), 1, said, euler)
     return replace(newton, why=said)
 
 
@@ -163,55 +143,64 @@ def _explicit(model: Model, rows: dict[str, list[Rows]], method: Integrator | No
 
 def _auto(model: Model, rows: dict[str, list[Rows]]) -> Choice:
     """The cheaper of leapfrog and coloured XPBD at the wanted error; Newton where sweeps would stall."""
-    scene, leapfrog = model.scene, TABLE["leapfrog"]
-    xpbd = _named(scene, "xpbd", TABLE["backward_euler"], "")
-    if _uneven(model, rows):
-        xpbd = replace(xpbd, solver="implicit", iterations=min(scene.iterations, 3))
-        stall = f"masses that hold each other differ by more than {UNEVEN:g}: sweeps would stall"
-    else:
-        stall = ""
+    scene, leapfrog, xpbd = model.scene, TABLE["leapfrog"], _sweeps(model, rows)
+    stall = f"masses that hold each other differ by more than {UNEVEN:g}: sweeps would stall"
+    stall = stall if xpbd.solver == "implicit" else ""
     reason = _unfit(model, rows, "XPBD")
     if reason:
         return replace(xpbd, why=stall or reason)
     from wsim.frequency import bound
     omega, c = bound(model, rows)
-    n = needed(scene, leapfrog, omega, c)
-    substeps = max(scene.substeps, ceil(DRIFT / scene.fps / (scene.error * _size(model))))
-    if not stall:
-        substeps = max(substeps, ceil((slack(model, 1.0 / scene.fps) / (scene.error * _size(model)))**0.5))
-    explicit, sweeps = _costs(model, rows, n, substeps)
-    if explicit <= sweeps:
+    n = _struck(model, needed(scene, leapfrog, omega, c))
+    explicit = cost.seconds(model, cost.explicit(model, rows, n))
+    sweeps = cost.seconds(model, cost.sweeps(model, rows, xpbd.substeps, xpbd.iterations))
+    if explicit <= _worth(scene) * sweeps:
         return Choice("explicit", leapfrog, max(n, scene.substeps), 1,
                       f"{n} substeps keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; XPBD would take "
-                      f"{1e3 * sweeps:.3g} ms for {substeps} x {scene.iterations}")
-    return replace(xpbd, substeps=substeps, why=f"leapfrog would need {n} substeps ({omega:.4g} rad/s), about "
-                   f"{1e3 * explicit:.3g} ms a frame; " + (stall or f"XPBD takes {1e3 * sweeps:.3g} ms"))
+                      f"{1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}", xpbd)
+    return replace(xpbd, why=f"leapfrog would need {n} substeps ({omega:.4g} rad/s), about {1e3 * explicit:.3g} ms a frame; "
+                   + (stall or f"XPBD takes {1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}"))
 
 
-def _costs(model: Model, rows: dict[str, list[Rows]], n: int, substeps: int) -> tuple[float, float]:
-    """Seconds a frame of n substeps of leapfrog, and of XPBD with the scene's sweeps."""
-    cost, soft = COSTS["cuda" if model.device.is_cuda else "cpu"], [r for found in rows.values() for r in found]
-    springs, work = (model.worlds * sum(WEIGHT[r.kind] * len(r.ids) for r in found)
-                     for found in ([r for r in soft if r.kind == "distance"], soft))
-    kinds = {r.kind for r in soft}
-    plain = kinds == {"distance"} and not any(r.tau for r in soft)
-    if model.device.is_cuda and model.device.arch >= 90 and plain and model.points <= 8192:
-        step = CLUSTER[0] + CLUSTER[1] * model.points
-    else:
-        step = cost.step * (1 + len(kinds - {"distance"})) + cost.pull * springs + cost.element * (work - springs)
-    sweep = cost.sweep * len(kinds) + cost.projection * work
-    return n * step, substeps * (cost.rest + model.scene.iterations * sweep)
+def _sweeps(model: Model, rows: dict[str, list[Rows]]) -> Choice:
+    """XPBD with the scene's sweeps or one, whichever costs less at the wanted error; Newton steps where sweeps would stall."""
+    scene = model.scene
+    if _uneven(model, rows):
+        return _euler(model, rows, "implicit", min(scene.iterations, 3))
+    if _hard(rows):                                      # limits and tethers carry loads past the sweeps
+        return _euler(model, rows, "xpbd", scene.iterations)
+    damped = any(r.tau for found in rows.values() for r in found)         # which slows sweeps, the more the shorter the step
+    tried = [_euler(model, rows, "xpbd", m) for m in {scene.iterations, scene.iterations if damped else 1}]
+    return min(tried, key=lambda c: cost.seconds(model, cost.sweeps(model, rows, c.substeps, c.iterations)))
 
 
-def seconds(model: Model, rows: dict[str, list[Rows]], choice: Choice) -> float:
-    """About how long a frame takes of a choice, by the same table."""
-    n, explicit = choice.substeps, choice.solver == "explicit"
-    rows = {path: [r for r in found if r.kind not in HARD] for path, found in rows.items()}
-    if not model.scene.softs:
-        return _costs(model, rows, n, 0)[0] if explicit else _costs(model, rows, 0, n)[1]
-    cost, ten = SOLID["cuda" if model.device.is_cuda else "cpu"], TEN[0] if explicit else TEN[1]
-    tets = sum(len(b.tets) * (1.0 if b.tets.shape[1] == 4 else ten) for b in model.bodies)
-    return n * (cost.step + cost.tet * tets if explicit else choice.iterations * (cost.newton + cost.solved * tets))
+def _euler(model: Model, rows: dict[str, list[Rows]], solver: str, iterations: int) -> Choice:
+    """Backward Euler by that solver, of as many substeps as the wanted error takes, and no fewer than the scene names."""
+    sweeps, bodies = iterations if solver == "xpbd" and not _hard(rows) else 0, falls(model)
+    factor = EULER if model.scene.colliders else DRIFT
+
+    def error(h: float) -> float:
+        return drift(bodies, h, factor) + (swept(bodies, h, sweeps) if sweeps else 0.0)
+    return Choice(solver, TABLE["backward_euler"], _within(model, model.scene.substeps, error), iterations, "")
+
+
+def _worth(scene: Scene) -> float:
+    """Times the time of another solver that leapfrog is worth."""
+    return STRUCK if scene.colliders else SURE
+
+
+def _struck(model: Model, n: int) -> int:
+    """Substeps of leapfrog, n or more where colliders are."""
+    bodies = falls(model) if model.scene.colliders else []
+    return _within(model, n, lambda h: drift(bodies, h, HIT))
+
+
+def _within(model: Model, n: int, error: Callable[[float], float]) -> int:
+    """Substeps a frame, n or more, with which error(h) [m] is no more than wanted."""
+    wanted = model.scene.error * _size(model)
+    while wanted > 0.0 and error(1.0 / model.scene.fps / n) > wanted:
+        n = max(n + 1, int(n * FINER))
+    return n
 
 
 def _uneven(model: Model, rows: dict[str, list[Rows]]) -> bool:
@@ -229,8 +218,6 @@ def _uneven(model: Model, rows: dict[str, list[Rows]]) -> bool:
 
 def _unfit(model: Model, rows: dict[str, list[Rows]], other: str) -> str:
     """Why a scene should not be stepped explicitly unless it asks to be, or ""."""
-    if model.scene.colliders:
-        return f"colliders: {other} solves contacts and forces together"
     if _hard(rows):
         return f"tethers or strain limits: {other} solves them and forces together"
     for body in model.bodies:
@@ -244,14 +231,40 @@ def _hard(rows: dict[str, list[Rows]]) -> bool:
     return any(r.kind in HARD for found in rows.values() for r in found)
 
 
-def slack(model: Model, h: float) -> float:
-    """By how much [m] the sweeps of a step h [s] leave the bodies longer than they are, hanging: see SOFT."""
-    most = 0.0
+@dataclass(frozen=True)
+class Fall:
+    """A body that falls and swings."""
+
+    size: float                              # L, its largest extent [m]
+    row: float                               # N, springs one behind the other through it
+    g: float                                 # [m/s^2]
+
+
+def falls(model: Model) -> list[Fall]:
+    """Of every body with edges."""
+    found = []
     for body in (b for b in model.bodies if b.world == 0 and len(b.edges)):
-        g = float(np.linalg.norm(model.scene.gravity)) + _loaded(model, body)
-        springs = _extent(body) / max(edge_lengths(body).mean(), 1e-9)
-        most = max(most, SOFT * g * h * h * springs**2 / model.scene.iterations)
-    return most
+        g = float(np.linalg.norm(model.scene.gravity)) + _loaded(model, body) or FALL
+        size = max(_extent(body), 1e-9)
+        found.append(Fall(size, size / max(float(edge_lengths(body).mean()), 1e-9), g))
+    return found
+
+
+def drift(bodies: list[Fall], h: float, factor: float = DRIFT) -> float:
+    """RMS error [m] of steps h [s] of a method of order 1, after T: see DRIFT, EULER and HIT."""
+    return max((factor * h * (b.g * b.size)**0.5 for b in bodies), default=0.0)
+
+
+def swept(bodies: list[Fall], h: float, iterations: int) -> float:
+    """What unfinished sweeps add to it [m]: bodies that hang longer than they are, and swing slower."""
+    factor = SWEPT * (ONE if iterations == 1 else 1.0)
+    swings = (factor * b.size * (h * (b.g / b.size)**0.5)**1.5 * b.row**2 / iterations for b in bodies)
+    return max(slack(bodies, h, iterations), *swings, 0.0)
+
+
+def slack(bodies: list[Fall], h: float, iterations: int) -> float:
+    """By how much [m] so many sweeps of a step h [s] leave bodies longer than they are, hanging: see SOFT."""
+    return max((SOFT * b.g * h * h * b.row**2 / iterations for b in bodies), default=0.0)
 
 
 def _loaded(model: Model, body) -> float:

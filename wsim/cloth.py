@@ -18,6 +18,7 @@ from wsim.order import color
 from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
 
 HARD = ("tether", "limit")           # kinds without compliance and multiplier
+LOOKS = "looks, not accuracy: where they act the result is not that of the authored material"
 AT_REST = ("rest_shape", "lengths")  # live values of bodies, see `wsim.reshape`
 LEAST = 1e-6                         # shear over stretch that a membrane has at least: without shear it still has a direction
 

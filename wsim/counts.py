@@ -13,7 +13,7 @@ def refuse(what: str, count: int, mend: str) -> None:
 
 
 def long(plan) -> list[str]:
-    """Warnings, with the time that a plan's frames are expected to take (`wsim.choice.seconds`)."""
+    """Warnings, with the time that a plan's frames are expected to take (`wsim.cost`)."""
     scene, each, found = plan.model.scene, plan.seconds, []
     for what, count in (("substeps a frame", plan.choice.steps), ("iterations a substep", plan.choice.iterations)):
         if count > MANY:

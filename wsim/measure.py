@@ -165,12 +165,19 @@ def rows(plan: Plan) -> tuple[int, int]:
     return swept + newton + pulled, (swept + newton) * clock.iterations + pulled * integrator.forces
 
 
+def _limits(sim) -> str:
+    """How many tethers and strain limits act now, in words."""
+    from wsim.limits import acting, told
+    return told(acting(sim.plan, sim.state.x.numpy().astype(np.float64)))
+
+
 def report(sim, with_profile: bool = True) -> dict:
     """What ran and how well, ready for JSON. ms of a stage are those of single launches, without the graph's saving."""
     plan, times = sim.plan, sim.milliseconds
     later = times[1:] or times
     ms = float(np.mean(later)) if later else 0.0
     error = sim.indicators() | (sim.balance.change(sim) if sim.balance else {})          # of the state before it is profiled
+    limits = {"limits": _limits(sim)} if plan.hard else {}
     spent = profile(plan) if with_profile and sim.frame else {}
     constraints, a_substep = rows(plan)
     a_second = 1e3 * plan.clock.substeps / ms if ms else 0.0
@@ -185,5 +192,5 @@ def report(sim, with_profile: bool = True) -> dict:
         "stages": [{k: r[k] for k in ("name", "phase", "launches", "bytes")} | {"ms": spent.get(r["name"])}
                    for r in plan.table()],
         "kept": [k for method in plan.methods for k in getattr(method, "kept", list)()],
-        "skipped": plan.skipped, "warnings": sim.warnings,
+        "skipped": plan.skipped, "warnings": sim.warnings, **limits,
     }

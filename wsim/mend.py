@@ -90,13 +90,15 @@ def _switch(sim: Simulation) -> bool:
     """Goes on with XPBD (soft bodies: Newton's method) where an edge has more than doubled under an explicit integrator that
     nobody asked for by name: its step may have thrown it. Live parameters are set again."""
     scene = sim.scene
-    if (scene.solver, scene.integrator) != ("auto", "auto"):
+    if (scene.solver, scene.integrator) != ("auto", "auto") or sim.plan.choice.other is None:
         return False
     sim.state.restore()
     kept = {name: sim.state.arrays[name].numpy() for name in ("x", "e", "v")}
     flowed = {name: kept.array.numpy() for name, kept in sim.state.elements.items()}
-    solver = "implicit" if scene.softs else "xpbd"
-    sim.scene = replace(scene, solver=solver, integrator="backward_euler")
+    other = sim.plan.choice.other
+    assert other is not None
+    sim.scene = replace(scene, solver=other.solver, integrator="backward_euler", substeps=other.substeps,
+                        iterations=other.iterations)
     sim.plan = plans.build(sim.scene, device=sim.device, real=sim.model.real, worlds=sim.worlds)
     sim.model, sim.state, sim.graph = sim.plan.model, sim.plan.state, None
     for name, values in kept.items():
@@ -109,9 +111,9 @@ def _switch(sim: Simulation) -> bool:
     sim.seconds.pop("compile", None)
     sim.load()
     sim.state.snapshot()
-    other = "Newton steps" if scene.softs else "XPBD"
+    name = "Newton steps" if other.solver == "implicit" else "XPBD"
     sim.warnings.append(f"frame {sim.frame + 1}: an edge stretched to more than twice its length under leapfrog; from here on "
-                        f"{other}, {scene.substeps} substeps of {scene.iterations} iterations")
+                        f"{name}, {other.substeps} substeps of {other.iterations} iteration{'s' * (other.iterations > 1)}")
     return True
 
 

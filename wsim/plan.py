@@ -14,43 +14,17 @@ from math import inf
 import numpy as np
 import warp as wp
 
-from wsim import counts
+from wsim import cost, counts
 from wsim import model as models
 from wsim.apart import apart
-from wsim.choice import Choice, choose, seconds
-from wsim.cloth import HARD, Rows, rows_of
+from wsim.choice import Choice, choose
+from wsim.cloth import HARD, LOOKS, Rows, rows_of
 from wsim.kernels.real import ADJOINT, types
 from wsim.model import Model, edge_lengths, hard_places
+from wsim.reasons import WITHOUT, why
 from wsim.scene import Cloth, Problem, Scene, SceneError
 from wsim.stage import EACH, PHASES, Clock, Method, Stage
 from wsim.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, STAGED, State
-
-
-def why(scene: Scene, choice: Choice, rows: dict[str, list[Rows]]) -> dict[str, str]:
-    """For each method: why the scene needs it, or "" and it is not even imported."""
-    hard = any(r.kind in HARD for found in rows.values() for r in found)
-    wind = any(c.drag or c.lift for c in scene.cloths)
-    kinds = sorted({type(c.shape).__name__.lower() for c in scene.colliders})
-    return {
-        "points": "there are points that move",
-        "pins": f"{len(scene.pins)} pins" if scene.pins else "",
-        "muscles": "springs have an actuation" if any(s.actuation for s in scene.springs) else "",
-        "loads": f"{len(scene.loads)} loads" if scene.loads else "",
-        "aero": "a cloth has drag or lift" if wind else "",
-        "explicit": choice.why if choice.solver == "explicit" else "",
-        "implicit": choice.why if choice.solver == "implicit" else "",
-        "xpbd": choice.why if choice.solver == "xpbd" else "tethers or strain limits" if hard else "",
-        "fem": f"{sum(len(s.tets) for s in scene.softs)} tets" if scene.softs else "",
-        "contact": f"colliders: {', '.join(kinds)}" if kinds else "",
-    }
-
-
-WITHOUT = {"explicit": "another solver is chosen", "implicit": "another solver is chosen",
-           "xpbd": "another solver is chosen, and nothing is hard",
-           "pins": "nothing is pinned", "muscles": "no spring has an actuation", "loads": "nothing is loaded",
-           "aero": "no cloth has drag or lift", "contact": "there is no collider",
-           "history": "backward Euler needs no earlier step", "fem": "there is no soft body",
-           "rigid": "there is no rigid body", "fluid": "there is no fluid", "gradients": "not asked for"}
 
 
 @dataclass
@@ -65,7 +39,7 @@ class Plan:
     choice: Choice
     skipped: list[dict] = field(default_factory=list)
     words: np.ndarray = field(init=False)
-    seconds: float = 0.0                     # that a frame is expected to take, see `wsim.choice`
+    seconds: float = 0.0                     # that a frame is expected to take, see `wsim.cost`
     followed: dict = field(default_factory=dict)       # what varies in time, as set last, by path and name
     host: wp.array | None = None             # pinned memory that a frame on a GPU copies its status to
 
@@ -90,6 +64,11 @@ class Plan:
 
     def method(self, name: str) -> Method | None:
         return next((m for m in self.methods if m.name == name), None)
+
+    @property
+    def hard(self) -> bool:
+        """Whether tethers or strain limits hold something."""
+        return any(batch.kind in HARD for batch in getattr(self.method("xpbd"), "batches", []))
 
     @property
     def solids(self) -> list:
@@ -171,6 +150,8 @@ class Plan:
         lines.append(f"a substep: {sum(r['launches'] for r in a_substep)} launches, "
                      f"{sum(r['bytes'] for r in a_substep) / 1e6:.2f} MB moved; state {self.state.bytes / 1e6:.2f} MB")
         lines += kept([k for method in self.methods for k in getattr(method, "kept", list)()])
+        if self.hard:
+            lines.append(f"tethers and strain limits are {LOOKS}")
         return "\n".join(lines + [f"left out: {s['stage']}: {s['why']}" for s in self.skipped])
 
 
@@ -223,7 +204,7 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
     clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator.name == "bdf2",
                   choice.integrator.beyond, choice.integrator.solves > 1)
     status = wp.zeros(EACH + 2 * len(model.bodies), dtype=int, device=device)
-    plan = Plan(model, state, clock, [], status, choice, seconds=seconds(model, rows, choice))
+    plan = Plan(model, state, clock, [], status, choice, seconds=cost.seconds(model, cost.frame(model, rows, choice)))
     plan.skipped = [{"stage": name, "why": text} for name, text in WITHOUT.items()
                     if not reasons.get(name) and not (name == "history" and clock.multistep)
                     and not (name == "gradients" and gradients)]

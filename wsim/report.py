@@ -22,8 +22,9 @@ def seconds(value: float) -> str:
 
 def text(report: dict) -> str:
     """What ran, how fast, how wrong, what was left out, what to look at. Missing keys leave out their line."""
-    return "\n".join([*_what(report), *_speed(report), *_error(report), *kept(report.get("kept", [])), *_left_out(report),
-                      *_warnings(report)])
+    held = [f"limits    {report['limits']}"] if report.get("limits") else []
+    return "\n".join([*_what(report), *_speed(report), *_error(report), *held, *kept(report.get("kept", [])),
+                      *_left_out(report), *_warnings(report)])
 
 
 def _what(report: dict) -> list[str]:

@@ -1,8 +1,8 @@
 """What exists: plain data in SI units (m, kg, s, rad), NumPy only, one to one with what a USD stage can say.
 
-A scene holds objects, each named by its prim path: cloths, spring nets, soft bodies, colliders, pins. Points are kept as USD
-keeps them, float32 in the object's own frame [m], beside a local-to-world `motion` in float64, so that nothing is lost far from
-the origin and a save followed by a load gives the same scene.
+A scene holds objects, each named by its prim path: cloths, spring nets, soft bodies, colliders, pins. Points are kept in
+the object's own frame [m], beside a local-to-world `motion` in float64, so that nothing is lost far from the origin: float32
+where they are given or authored so, as most of USD is, else float64. A save followed by a load gives the same, to float32.
 
     scene = Scene(gravity=(0, -9.81, 0))
     flag = scene.cloth("/flag", *shapes.sheet(1.0, 1.0, 32, 32), material=Fabric(stretch=500.0))
@@ -15,7 +15,7 @@ from math import inf
 
 import numpy as np
 
-from wsim.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, array
+from wsim.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, array, reals
 from wsim.curve import Curve, Motion
 
 __all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylinder", "Load", "Motion", "Pin", "Plane",
@@ -104,7 +104,7 @@ class Pin(Compared):
 
     def __post_init__(self):
         self.points = array(list(self.points) if isinstance(self.points, range) else self.points, np.int32, -1)
-        self.places = array(self.places, np.float32, -1, 3)
+        self.places = reals(self.places, -1, 3)
 
 
 @dataclass(eq=False)

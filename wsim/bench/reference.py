@@ -12,7 +12,7 @@ Where only springs, membranes, hinges, tets and pins act the reference is Runge-
 short substeps is that of coloured XPBD too (33 x 33 hanging cloth with tethers and strain limits, 7 frames: they meet within
 1.3e-4 of its size, box and cloth within 4e-5). Collisions, tethers and limits make it order 1, and are iterated: what twice the
 iterations change is added to the estimate. Scenes too stiff for explicit steps are refined with Newton's method or XPBD,
-soft bodies with Newton's alone; of those the cost of explicit steps is known from `wsim.choice` before any is taken.
+soft bodies with Newton's alone; of those the cost of explicit steps is known from `wsim.cost` before any is taken.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ from wsim.bench.budget import Budget
 from wsim.bench.front import AMPLIFIES, PERTURBED
 from wsim.bench.setting import NEWTON, Setting, first_substeps, smooth
 from wsim.bench.track import LONGEST, Look, Track, distance, fine, size
-from wsim.choice import SOLID
+from wsim.cost import COSTS
 from wsim.integrator import TABLE
 from wsim.model import hard_places
 from wsim.scene import Problem, Scene, SceneError
@@ -89,9 +89,9 @@ def leapfrog(scene: Scene, look: Look) -> tuple[int, float]:
     """Substeps a frame with which leapfrog is stable, and a guess of its seconds a frame, known beforehand of soft bodies only
     (of others 0: a trial costs little)."""
     auto = Simulation(replace(scene, solver="explicit", integrator="auto", substeps=1), device=look.device)
-    stable, cost = auto.plan.choice.substeps, SOLID["cuda" if auto.device.is_cuda else "cpu"]
+    stable, costs = auto.plan.choice.substeps, COSTS["cuda" if auto.device.is_cuda else "cpu"]
     tets = sum(len(s.tets) for s in scene.softs)
-    return stable, stable * (cost.step + cost.tet * tets) if tets else 0.0
+    return stable, stable * (costs["block"] + costs["tet"] * tets) if tets else 0.0
 
 
 def candidates(scene: Scene, stable: int) -> list[tuple[Setting, int]]:

@@ -20,6 +20,7 @@ class Report:
     frames: int                        # looked at
     device: str
     hardware: str
+    clock: str                         # by which frames are timed: "CPU seconds of all threads", "wall clock"
     versions: dict[str, str]
     reference: dict                    # setting, error, ratio, seconds, notes
     growth: list[float]                # of a perturbation, by sampled frame
@@ -78,6 +79,7 @@ class Report:
         lines = [f"{self.scene}: {self.points} points, {self.frames} frames of 1/{self.fps:g} s ({self.frames / self.fps:.3g} "
                  f"s) on {where}, {versions}",
                  f"errors are RMS distances over the scene's size, {self.size:.4g} m, after the last frame and the largest",
+                 f"times of frames are {self.clock}",
                  f"reference {r['setting']}: {known}{ratio}; {r['seconds']:.3g} s",
                  f"  {PERTURBED:g} of the size, put in at the start, {grown}"]
         lines += [f"  {note}" for note in r["notes"]]

@@ -69,6 +69,6 @@ def bench(scene: Scene, *, device: str | None = None, frames: int | None = None,
     known = {"setting": str(reference.track.setting), "error": reference.error, "seconds": reference.seconds,
              "ratio": reference.ratio if isfinite(reference.ratio) else None, "notes": reference.notes}
     return Report(scene.source or "scene", len(reference.track.start), size(scene), scene.fps, look.frames, str(where),
-                  hardware(where), versions(), known,
+                  hardware(where), "wall clock" if where.is_cuda else "CPU seconds of all threads", versions(), known,
                   [float(g) for g in reference.growth], look.sampled, reference.refused, sweep.rows, sweep.left_out,
                   clock.spent)

@@ -2,10 +2,13 @@
 
     size       largest extent of a body at the start [m], at least 1 mm: errors are over it
     distance   RMS over the points of |x - y|, at every sampled frame, (samples,) [m]
+    ms         of a warm frame, the median: on a CPU its seconds in all threads of this process, so that others on the machine
+               do not count; on a GPU wall clock
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from time import perf_counter, process_time
 
 import numpy as np
 
@@ -16,6 +19,7 @@ from wsim.simulation import Simulation
 
 SAMPLES = 12           # frames whose positions are kept
 WARM, LASTING = 3, 0.1 # frames that are timed at least, and [s] that they last together; frames may go on for it
+MOST = 64              # to so many
 LONGEST = 256          # substeps of one graph in a reference; more are taken as shorter frames
 
 
@@ -78,23 +82,27 @@ def run(scene: Scene, setting: Setting, look: Look, prepare: Callable[[Simulatio
     sim = Simulation(setting.applied(scene), device=look.device, precision=setting.precision)
     if prepare:
         prepare(sim)
-    choice, start, kept = sim.plan.choice, places(sim), []
+    choice, start, kept, spent = sim.plan.choice, places(sim), list[np.ndarray](), list[float]()
     while sim.frame < look.frames:
-        sim.step()
+        spent.append(_step(sim))
         if sim.frame in look.sampled:
             kept.append(places(sim))
     found = measure(sim) if measured else {}
     notes = _notes(sim, choice)
-    warm = _warm(sim) if timed else sim.milliseconds[2:] or sim.milliseconds[-1:]
+    wall = sim.milliseconds[2:] or sim.milliseconds[-1:]
+    while timed and (len(spent) < 2 + WARM or (sum(spent[2:]) < 1e3 * LASTING and len(spent) < MOST)):
+        spent.append(_step(sim))
+    ms, seconds = float(np.median(spent[2:] or spent)), 1e-3 * float(np.mean(wall)) * look.frames
     ran = Setting(choice.solver, choice.integrator.name, choice.steps, choice.iterations, setting.precision)
-    return Track(ran, np.stack(kept), start, float(np.median(warm)), 1e-3 * float(np.mean(warm)) * look.frames, notes, found)
+    return Track(ran, np.stack(kept), start, ms, seconds, notes, found)
 
 
-def _warm(sim: Simulation) -> list[float]:
-    """[ms] of frames after the first two, which compile, capture, and start BDF2."""
-    while len(sim.milliseconds) < 2 + WARM or (sum(sim.milliseconds[2:]) < 1e3 * LASTING and len(sim.milliseconds) < 64):
-        sim.step()
-    return sim.milliseconds[2:]
+def _step(sim: Simulation) -> float:
+    """A frame, and its time [ms]; the first two compile, capture, and start BDF2."""
+    clock = perf_counter if sim.device.is_cuda else process_time
+    began = clock()
+    sim.step()
+    return 1e3 * (clock() - began)
 
 
 def _notes(sim: Simulation, choice: Choice) -> list[str]:

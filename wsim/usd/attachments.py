@@ -96,7 +96,7 @@ def _hang(reading: Reading, prim: Usd.Prim, pin: Pin, target: str) -> bool:
     if np.abs(S - S[0]).max() > 1e-6 * np.abs(S).max():
         reading.warn(target, "its scale is animated and points are pinned to it; the scale at its first key is held")
     if pin.places is not None and not np.array_equal(S[0], np.eye(3)):
-        pin.places = (pin.places @ S[0].T).astype(np.float32)
+        pin.places = pin.places @ S[0].T
     pin.motion = Motion(place.times, frames)
     return True
 

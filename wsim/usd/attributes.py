@@ -100,8 +100,10 @@ def _numbers(value, dtype, shape: tuple[int, ...], factor: float) -> np.ndarray:
         raise TypeError
     if whole and len(found) and (found.min() < -2**31 or found.max() >= 2**31):
         raise TypeError
+    if whole or (factor == 1.0 and found.dtype != np.float64):           # doubles, authored or of other units, stay such
+        return found.astype(dtype)
     with np.errstate(over="ignore"):                           # what overflows float32 is infinite, and reported as that
-        return found.astype(dtype) if factor == 1.0 else (found.astype(np.float64) * factor).astype(dtype)
+        return found.astype(np.float64) * factor
 
 
 def _real(attribute, value, entry: Row, factor: float, through) -> float:

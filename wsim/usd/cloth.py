@@ -105,7 +105,7 @@ def _thicknesses(reading: Reading, mesh: Usd.Prim, cloth: Cloth) -> tuple[np.nda
     if kind == "face":
         total, faces = _spread(cloth, values), _spread(cloth, np.ones(len(values)))
         mean = float(np.mean(values))
-        return np.where(faces > 0, total / np.maximum(faces, 1), mean).astype(np.float32), mean
+        return np.where(faces > 0, total / np.maximum(faces, 1), mean), mean
     if kind == "point":
         own = read(mesh, "Fabric", "thickness", reading.units)
         return values, own or float(np.mean(values.astype(np.float64)))
@@ -115,9 +115,9 @@ def _thicknesses(reading: Reading, mesh: Usd.Prim, cloth: Cloth) -> tuple[np.nda
 def _refined(reading: Reading, mesh: Usd.Prim, values: np.ndarray) -> float:
     """A constant thickness [m]: the double beside it (`author_cloth`), if that still rounds to it; else its decimal."""
     exact = read(mesh, "Fabric", "thickness", reading.units)
-    if exact and np.float32(exact) == values[0]:
+    if exact and np.float32(exact) == np.float32(values[0]):
         return exact
-    return float(str(values[0]))
+    return float(str(np.float32(values[0])))
 
 
 def _spread(cloth: Cloth, of_faces: np.ndarray) -> np.ndarray:

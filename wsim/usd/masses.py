@@ -33,9 +33,9 @@ def shared(corners: np.ndarray, of_corners: np.ndarray, n: int) -> np.ndarray:
 
 
 def at_least_the_lightest(masses: np.ndarray) -> np.ndarray:
-    """Masses [kg] in which points of no element have that of the lightest other, (n,) float32."""
+    """Masses [kg] in which points of no element have that of the lightest other, (n,)."""
     lightest = masses[masses > 0].min(initial=np.inf)
-    return np.where(masses > 0, masses, lightest).astype(np.float32)
+    return np.where(masses > 0, masses, lightest)
 
 
 def body_mass(reading: Reading, body: Usd.Prim) -> float | None:
