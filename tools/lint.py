@@ -21,17 +21,17 @@ ROOT = Path(__file__).resolve().parent.parent
 # From the bottom up; a module imports from its own row and the rows below it. A name stands for a module of wsim and
 # for everything in a folder of that name.
 LAYERS = (
-    ("curve", "fabric", "bulk", "bodies", "latest", "polygon", "scene", "solids", "topology", "normals", "shapes", "color",
-     "check", "integrator", "stability", "apart", "check_object", "check_soft", "check_tie", "tetra", "skin",
+    ("bending", "curve", "fabric", "bulk", "bodies", "latest", "polygon", "scene", "solids", "topology", "normals", "shapes",
+     "color", "check", "integrator", "stability", "apart", "check_object", "check_soft", "check_tie", "tetra", "skin",
      "locality", "kempe", "camera", "look", "png", "gif", "progress", "report"),
     ("kernels",),
     ("stage", "state", "order", "ties", "masses", "middles", "model", "linear", "multigrid", "cluster", "abreast", "slots",
-     "march", "tape"),
+     "march", "tape", "curvature"),
     ("contact",),
     ("cloth", "soft", "reshape"),
     ("frequency", "choice", "covered"),
-    ("elastic", "elements", "fem", "plastic", "pressure", "force_adjoint", "gather", "watch", "touching_adjoint",
-     "gcr"),
+    ("elastic", "elements", "newton_curvature", "fem", "plastic", "pressure", "force_adjoint", "gather", "watch",
+     "touching_adjoint", "gcr"),
     ("adjoint", "xpbd_adjoint", "points_adjoint"),
     ("points", "explicit", "implicit", "aero", "xpbd", "muscles", "rigid", "fluid", "pose"),
     ("plan",),
