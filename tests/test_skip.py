@@ -43,12 +43,13 @@ for path in sys.argv[1:]:
 # what every scene of cloth needs
 POINTS = {"predict_euler", "finish_euler", "not_finite"}
 PINS, AIR = {"move_pins"}, {"press", "blow"}
-CLOTH, LIMIT, TETHER = {"membrane", "dihedral"}, {"limit"}, {"tether"}
+BEND, LIMIT, TETHER = {"dihedral", "angle", "curvature", "target"}, {"limit"}, {"tether"}
+CLOTH = {"membrane"} | BEND
 KERNELS = {
     "hanging_cloth": POINTS | PINS | CLOTH | LIMIT | TETHER,
     "flag": POINTS | PINS | AIR | CLOTH | LIMIT,
     "cape": POINTS | PINS | AIR | CLOTH | LIMIT | TETHER | {"search_sphere", "contact"},
-    "tablecloth": POINTS | CLOTH | {"search_plane_box", "contact"},
+    "tablecloth": POINTS | CLOTH - {"angle"} | {"angle_damped", "search_plane_box", "contact"},
     "shirt": POINTS | CLOTH | LIMIT | {"search_solid", "contact"},
 }
 
@@ -59,7 +60,7 @@ RUN = {"wsim.simulation", "wsim.plan", "wsim.stage", "wsim.state", "wsim.model",
        "wsim.locality", "wsim.color", "wsim.kempe", "wsim.choice", "wsim.integrator", "wsim.mend", "wsim.cloth", "wsim.apart",
        "wsim.points", "wsim.measure", "wsim.kernels", "wsim.kernels.real", "wsim.kernels.points"}
 XPBD = {"wsim.xpbd", "wsim.kernels.xpbd", "wsim.kernels.xpbd_terms", "wsim.kernels.constraint", "wsim.kernels.matrix",
-        "wsim.kernels.stream"}
+        "wsim.kernels.stream", "wsim.bending", "wsim.curvature", "wsim.kernels.curvature", "wsim.kernels.corner"}
 AERO = {"wsim.aero", "wsim.kernels.aero"}
 CONTACT = {"wsim.contact", "wsim.contact.contacts", "wsim.contact.rows", "wsim.contact.stages", "wsim.contact.surfaces",
            "wsim.kernels.contact", "wsim.kernels.search", "wsim.kernels.collide", "wsim.kernels.distance", "wsim.kernels.mesh"}
@@ -140,7 +141,7 @@ def test_an_empty_cache_ends_with_one_module_and_nothing_else(tmp_path):
     assert "_cpu_kernel_backward(" not in text
 
 
-CHANGES = {"bend": CLOTH - {"dihedral"}, "springs": {"distance", "dihedral"}, "bdf2": CLOTH | {"residual", "judge"},
+CHANGES = {"bend": CLOTH - BEND, "springs": {"distance"} | BEND, "bdf2": CLOTH | {"residual", "judge"},
            "limit": CLOTH | {"limit"}, "tethers": CLOTH | {"tether"}, "nothing": CLOTH}
 
 

@@ -48,7 +48,7 @@ class Cost:
 COSTS = {"cuda": Cost(4.5e-6, 1.3e-11, 1.3e-11, 2.5e-5, 2.1e-11, 9e-6),
          "cpu": Cost(2e-6, 2.8e-9, 6.7e-9, 1e-6, 1.9e-8, 4e-6)}
 CLUSTER = 3.5e-7, 9e-11      # [s] a substep of a net that a cluster takes, and of each point in it: springs, no damping
-WEIGHT = {"distance": 1.0, "membrane": 4.0, "dihedral": 4.4}     # work of a projection over that of a spring (CPU)
+WEIGHT = {"distance": 1.0, "membrane": 4.0, "dihedral": 9.5}     # work of a projection over that of a spring (CPU)
 SOLVED = 2             # Newton steps a substep of soft bodies
 STIFFENED = 1.7        # materials that stiffen under strain need shorter steps than at rest, where the bound is close
 TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
