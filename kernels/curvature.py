@@ -168,11 +168,7 @@ def targets(real, module):
 
     def targets(batch: Batch, rest: wp.array(dtype=real), cur: Curvatures, target_out: wp.array(dtype=real)):
         c = wp.tid()
-        alpha = batch.alpha[c]
-        target = rest[c]
-        if inverse(alpha) > real(0.0):                   # else it is slack, and its compliance no number
-            target += wp.sqrt(alpha) * (cur.z[c] - moment(cur, cur.C, c))
-        target_out[c] = target
+        target_out[c] = rest[c] + wp.sqrt(batch.alpha[c]) * (cur.z[c] - moment(cur, cur.C, c))
 
     return wp.kernel(targets, name="target", module=module, enable_backward=False)
 

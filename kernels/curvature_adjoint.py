@@ -192,12 +192,9 @@ def seeds(real, module, damped: bool):
         _X, V, C, G = hinge(batch, s.rest, x, d, a, c)
         if wp.static(damped):
             C += rate * batch.tau[c] * wp.ddot(G, V)
-        k = inverse(batch.alpha[c])
-        cur.z[c] = wp.sqrt(k) * C
-        y = real(0.0)
-        if k > real(0.0):
-            y = wp.sqrt(batch.alpha[c]) * s.by_target[c]
-        cur.y[c] = y
+        root = wp.sqrt(batch.alpha[c])
+        cur.z[c] = inverse(root) * C
+        cur.y[c] = root * s.by_target[c]
 
     return wp.kernel(seeds, name="adjoint_target_hinge" + "_damped" * damped, module=module, enable_backward=False)
 
@@ -215,8 +212,6 @@ def targets(real, module, damped: bool):
         u = moment(cur, cur.C, c)
         y = moment(cur, cur.Y, c)
         p = s.by_target[c]
-        if root == real(0.0):
-            p = real(0.0)
         r = p - root * y
         by_X = r * G
         by_V = t.mat33()
@@ -227,7 +222,7 @@ def targets(real, module, damped: bool):
             by_X += (r * gamma) * bent(X, G, V)
             by_V = (r * gamma) * G
             by.tau[c] = by.tau[c] + rate * r * b
-        s.by_rest[c] = s.by_rest[c] + s.by_target[c] - r
+        s.by_rest[c] = s.by_rest[c] + p - r
         by.alpha[c] = by.alpha[c] + real(0.5) * root * (C * root * root * y - p * u)
         sum = t.vec3()
         moved = t.vec3()

@@ -20,6 +20,7 @@ from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
 
 HARD = ("tether", "limit")           # kinds without compliance and multiplier
 AT_REST = ("rest_shape", "lengths")  # live values of bodies, see `wsim.reshape`
+SLACK = 1e-20                        # bend [N m] that is none, whose root still has a derivative
 LEAST = 1e-6                         # shear over stretch that a membrane has at least: without shear it still has a direction
 
 
@@ -48,6 +49,8 @@ class Rows:
             return self.shape[:, None] * one
         if self.kind in HARD:
             return self.shape
+        if self.kind == "dihedral":
+            return self.shape / np.maximum(self.stiffness["bend"], SLACK)
         with np.errstate(divide="ignore"):               # of what was slackened live
             return self.shape / next(iter(self.stiffness.values()))
 

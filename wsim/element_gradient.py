@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.cloth import LEAST, Rows
+from wsim.cloth import LEAST, SLACK, Rows
 from wsim.parameters import Parameters
 from wsim.reshape_adjoint import RestShape, by_masses
 from wsim.scene import Problem, SceneError, Springs
@@ -199,7 +199,7 @@ def _by_stiffness(r: Rows, name: str, kind: str, parts: np.ndarray) -> np.ndarra
     value = r.stiffness[name]
     assert r.body is not None
     if kind != "membrane":
-        return parts / value
+        return parts / (np.maximum(value, SLACK) if kind == "dihedral" else value)
     same = r.stiffness["weft"] <= 0.0
     if name == "weft" and same.any():
         raise SceneError(Problem(r.body.path, "its weft is 0 and follows stretch: it has no derivative of its own"))
