@@ -1,4 +1,5 @@
-"""Forces of membranes and hinges on their points, element by element; points gather them (kernels/explicit.py).
+"""Forces of membranes on their points, element by element; points gather them (kernels/explicit.py). Hinges, which stand in the
+same tables: kernels/curvature.py.
 
     f_k = -G_k^T s,   s = S C + tau S dC/dt,   S = alpha^-1,   dC/dt = sum_k G_k v_k
 
@@ -10,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.constraint import TABLE
+from wsim.kernels.constraint import TABLE, membrane
 from wsim.kernels.real import types
 
 
@@ -37,11 +38,11 @@ def stress(S: Any, C: Any):
 
 
 @cache
-def corners(constraint: str, *, real, module, damped: bool):
-    """Kernel over the constraints of a kind: force on each of their points, f[first + points c + k] [N]."""
-    row, t, Elements = TABLE[constraint], types(real), elements(constraint, real)
-    vec3, formula, n, block = t.vec3, row.formula, row.points - 1, row.rows == 3
-    rows = wp.types.matrix((n, 3), real)
+def corners(*, real, module, damped: bool):
+    """Kernel over triangles: force on each of their points, f[first + 3 c + k] [N]."""
+    t, Elements = types(real), elements("membrane", real)
+    vec3 = t.vec3
+    rows = wp.types.matrix((2, 3), real)
 
     def corners(batch: Elements, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), source: int, first: int,
                 f_out: wp.array(dtype=vec3)):
@@ -53,33 +54,21 @@ def corners(constraint: str, *, real, module, damped: bool):
         d0 = d[source * m + i]
         X = rows()
         V = rows()
-        for k in range(n):
+        for k in range(2):
             j = p[k + 1]
             X[k] = (x[j] - x0) + (d[source * m + j] - d0)
             if wp.static(damped):
                 V[k] = d[(2 + source) * m + j] - d[(2 + source) * m + i]
-        F0 = vec3()
-        out = first + (n + 1) * c
-        if wp.static(block):
-            C, G1, G2 = formula(X, batch.rest[c])
-            if wp.static(damped):
-                C += batch.tau[c] * (G1 * V[0] + G2 * V[1])
-            s = stress(batch.stiffness[c], C)
-            f1 = -(wp.transpose(G1) * s)
-            f2 = -(wp.transpose(G2) * s)
-            f_out[out] = -(f1 + f2)
-            f_out[out + 1] = f1
-            f_out[out + 2] = f2
-        else:
-            C, G = formula(X, batch.rest[c])
-            if wp.static(damped):
-                for k in range(n):
-                    C += batch.tau[c] * wp.dot(G[k], V[k])
-            for k in range(n):
-                fk = -(batch.stiffness[c] * C) * G[k]
-                F0 -= fk
-                f_out[out + k + 1] = fk
-            f_out[out] = F0
+        out = first + 3 * c
+        C, G1, G2 = membrane(X, batch.rest[c])
+        if wp.static(damped):
+            C += batch.tau[c] * (G1 * V[0] + G2 * V[1])
+        s = stress(batch.stiffness[c], C)
+        f1 = -(wp.transpose(G1) * s)
+        f2 = -(wp.transpose(G2) * s)
+        f_out[out] = -(f1 + f2)
+        f_out[out + 1] = f1
+        f_out[out + 2] = f2
 
-    name = "_".join(["corners", constraint, *(["damped"] if damped else []), t.name])
+    name = "_".join(["corners_membrane", *(["damped"] if damped else []), t.name])
     return wp.kernel(corners, name=name, module=module, enable_backward=False)

@@ -1,4 +1,4 @@
-"""Adjoint of the forces of membranes and hinges (kernels/corner.py), by hand and gathered.
+"""Adjoint of the forces of membranes (kernels/corner.py), by hand and gathered; of hinges: kernels/curvature_adjoint.py.
 
 With p_k the gradients by the forces of the points, P_k = p_k - p_0, V_k velocities, a = G P and b = G V (sums over k):
 
@@ -12,8 +12,7 @@ C has symmetric second derivatives H, whose products with a motion are how G cha
 Of a membrane C, G and H are those of F = X B, and so are V and P: with g, the gradient by F, that by B is
 X^T g - P^T G_F^T s - V^T tau G_F^T sigma.
 
-Warp's own adjoint takes 5.7 times as long as the forces of hinges, and 2.4 times as long as those of membranes; this takes 2.2
-and 1.4 times as long (CPU, float32).
+Warp's own adjoint takes 2.4 times as long as the forces; this takes 1.4 times as long (CPU, float32).
 """
 
 from functools import cache
@@ -21,39 +20,10 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.constraint import FLAT, TABLE, dihedral, inverse, polar
+from wsim.kernels.constraint import inverse, polar
 from wsim.kernels.corner import elements, stress
 from wsim.kernels.gather_adjoint import reader, works
 from wsim.kernels.real import types
-
-
-@wp.func
-def bent(X: Any, G: Any, Q: Any):
-    """How G of `dihedral` changes along Q: G_k = -|E| N_k / |N_k|^2, k = 2, 3, and G_1 = -(t_2 G_2 + t_3 G_3)."""
-    E = X[0]
-    N2 = wp.cross(E, X[1])
-    N3 = wp.cross(X[2], E)
-    n2 = wp.dot(N2, N2)
-    n3 = wp.dot(N3, N3)
-    LL = wp.dot(E, E)
-    q = inverse(LL)
-    two = type(q)(2.0)
-    longer = q * wp.dot(E, Q[0])                         # of |E|, over it
-    dG1 = type(E)()
-    dG2 = type(E)()
-    dG3 = type(E)()
-    if (q * n2) * (q * n3) > type(q)(wp.static(FLAT)):
-        L = wp.sqrt(LL)
-        dN2 = wp.cross(Q[0], X[1]) + wp.cross(E, Q[1])
-        dN3 = wp.cross(Q[2], E) + wp.cross(X[2], Q[0])
-        dG2 = (longer - two * wp.dot(N2, dN2) / n2) * G[1] - (L / n2) * dN2
-        dG3 = (longer - two * wp.dot(N3, dN3) / n3) * G[2] - (L / n3) * dN3
-        t2 = q * wp.dot(E, X[1])
-        t3 = q * wp.dot(E, X[2])
-        dt2 = q * (wp.dot(Q[0], X[1]) + wp.dot(E, Q[1])) - two * t2 * longer
-        dt3 = q * (wp.dot(Q[0], X[2]) + wp.dot(E, Q[2])) - two * t3 * longer
-        dG1 = -(dt2 * G[1] + t2 * dG2) - (dt3 * G[2] + t3 * dG3)
-    return wp.matrix_from_rows(dG1, dG2, dG3)
 
 
 @wp.func
@@ -86,25 +56,6 @@ def pulled(s: Any, dU: Any, turn: Any, ru: Any, rv: Any, n: Any, U: Any, q: Any)
     drv = turn[2] * n - turn[0] * ru
     return (s[0] * dru + (de + db * U[1] + b * dU[1]) * rv + u * drv,
             s[1] * drv + (db * U[0] + b * dU[0] - de) * ru + v * dru)
-
-
-@cache
-def hinge(real, damped: bool):
-    """Function of one hinge: gradients by X, by V, and by stiffness, angle at rest and tau."""
-    rows = types(real).mat33
-
-    @wp.func
-    def hinge(X: rows, V: rows, P: rows, rest: real, S: real, tau: real):
-        C, G = dihedral(X, rest)
-        a = wp.ddot(G, P)
-        b = real(0.0)
-        Q = C * P
-        if wp.static(damped):
-            b = wp.ddot(G, V)
-            Q += (tau * a) * V + (tau * b) * P
-        return -S * (a * G + bent(X, G, Q)), -(S * tau * a) * G, -(C + tau * b) * a, S * a, -S * a * b
-
-    return hinge
 
 
 @cache
@@ -151,27 +102,27 @@ def membrane(real, damped: bool):
 
 
 @cache
-def corners(constraint: str, real, module, damped: bool, parameters: bool, direct: bool):
-    """Kernel over the constraints of a kind: at the places of the points' forces the gradients by their positions, and those by
-    their velocities at `rates`; direct: of p, else of what stands at those places; parameters: adds by stiffness, rest, tau.
+def corners(real, module, damped: bool, parameters: bool, direct: bool):
+    """Kernel over triangles: at the places of the points' forces the gradients by their positions, and those by their
+    velocities at `rates`; direct: of p, else of what stands at those places; parameters: adds by stiffness, rest, tau.
     Arguments: those of the kernel of the forces but these, work, by."""
-    row, t, Elements, Work = TABLE[constraint], types(real), elements(constraint, real), works(real)
-    n, vec3, by_force = row.points - 1, wp.array(dtype=t.vec3), reader(real, direct)
-    rows, formula = wp.types.matrix((n, 3), real), (membrane if row.rows == 3 else hinge)(real, damped)
+    t, Elements, Work = types(real), elements("membrane", real), works(real)
+    vec3, by_force = wp.array(dtype=t.vec3), reader(real, direct)
+    rows, formula = wp.types.matrix((2, 3), real), membrane(real, damped)
 
     def back(batch: Elements, x: vec3, d: vec3, source: int, first: int, w: Work, by: Elements):
         c = wp.tid()
         m = x.shape[0]
         p = batch.point[c]
         i = p[0]
-        at = first + (n + 1) * c
+        at = first + 3 * c
         X = rows()
         V = rows()
         P = rows()
         x0 = x[i]
         d0 = d[source * m + i]
         p0 = by_force(w, i, at)
-        for k in range(n):
+        for k in range(2):
             j = p[k + 1]
             X[k] = (x[j] - x0) + (d[source * m + j] - d0)
             P[k] = by_force(w, j, at + k + 1) - p0
@@ -183,7 +134,7 @@ def corners(constraint: str, real, module, damped: bool, parameters: bool, direc
         by_X, by_V, by_S, by_rest, by_tau = formula(X, V, P, batch.rest[c], batch.stiffness[c], tau)
         sum = t.vec3()
         rate = t.vec3()
-        for k in range(n):
+        for k in range(2):
             sum += by_X[k]
             rate += by_V[k]
             w.corners[at + k + 1] = by_X[k]
@@ -198,5 +149,5 @@ def corners(constraint: str, real, module, damped: bool, parameters: bool, direc
             if wp.static(damped):
                 by.tau[c] = by.tau[c] + by_tau
 
-    name = "_".join(["adjoint", constraint, *["damped"] * damped, *["parameters"] * parameters, *["direct"] * direct, t.name])
+    name = "_".join(["adjoint_membrane", *["damped"] * damped, *["parameters"] * parameters, *["direct"] * direct, t.name])
     return wp.kernel(back, name=name, module=module, enable_backward=False)

@@ -2,6 +2,7 @@
 
     inertia    own (t y.p + t^2 |p|^2 / 2),  y = d - b
     energy     1/2 (C_t - C_0) alpha^-1 (C_t + C_0)
+    bending    kernels/curvature_trial.py
     damping    (tau / g) (t r s + t^2 s^2 / 2) / alpha,  r = G.(d - a), s = G.p, with G at d: what the force there comes from
 
 In float64 from the bits that d and p have, in differences, so that near the solution, where Phi hardly changes, the sign is
@@ -74,7 +75,7 @@ def stored_row(C: wp.float64, alpha: wp.float64, before: wp.float64, gamma: wp.f
 
 @cache
 def elastic(constraint: str, real, module):
-    """Kernel over bodies times lanes: adds the change of the energy and damping of springs, hinges or triangles."""
+    """Kernel over bodies times lanes: adds the change of the energy and damping of springs or triangles."""
     row_, t, Batch = TABLE[constraint], types(real), batch_of(constraint, real)
     n, formula, block, membrane = row_.points - 1, row_.formula, row_.rows == 3, TABLE["membrane"].formula
     rows = wp.types.matrix((n, 3), wp.float64)

@@ -11,7 +11,7 @@
 What is kept of the Jacobian is never negative, so that conjugate gradients apply and every step goes downhill:
 
     spring     k (1 + tau/g) n n^T + k max(0, 1 - l0/l) (I - n n^T): exact but for the negative part across (Choi, Ko 2002)
-    hinge, membrane     see kernels/tangent.py
+    bending, membrane   see kernels/tangent.py
 
 Springs pressed together in a plane balance there, though Phi falls across it. Where the exact block of a point with itself is
 not positive, a substep begins with the force on a point that stands off by ASIDE of its longest spring: the saddle is left.
@@ -54,7 +54,7 @@ def structs(real) -> SimpleNamespace:
         pair: wp.array(dtype=int)            # blocks of a point: pair[i] .. pair[i + 1]
         column: wp.array(dtype=int)          # the other point of a block, (blocks,)
         part: wp.array(dtype=int)            # what a block is the sum of: part[b] .. part[b + 1]
-        item: wp.array(dtype=wp.vec2i)       # rows of J of two corners, or a triangle's block and WHOLE or TURNED
+        item: wp.array(dtype=wp.vec2i)       # rows of J of two spans, or a triangle's block and WHOLE or TURNED
         corner: wp.array(dtype=int)          # corners at a point: corner[i] .. corner[i + 1]
         pull: wp.array(dtype=int)            # place of a corner's force
 
@@ -144,7 +144,8 @@ def gathered(rows: Any, el: Any, e: int):
     for k in range(rows.part[e], rows.part[e + 1]):
         at = rows.item[k]
         if at[1] >= 0:
-            A += wp.outer(el.J[at[0]], el.J[at[1]])
+            for r in range(3):
+                A += wp.outer(el.J[at[0] + r], el.J[at[1] + r])
         elif at[1] == wp.static(WHOLE):
             A += el.block[at[0]]
         else:

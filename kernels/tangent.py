@@ -4,12 +4,14 @@
 
 What is kept of the Jacobian:
 
-    hinge      (1 + tau/g) G^T alpha^-1 G: exact where it is unbent (Gauss-Newton)
+    sheet      (1 + tau/g) J^T J of the curvatures of its triangles (kernels/curvature.py): exact where it is unbent
+               (Gauss-Newton)
     membrane   (1 + tau/g) G^T alpha^-1 G, and of the stress Sigma = [[s0, s2], [s2, s1]], s = alpha^-1 C, what stiffens
                motion across the triangle and turns in its plane, where that is positive; see `tension`
 
-A hinge keeps alpha^-1/2 G (12 numbers; its blocks are outer products), a triangle its blocks of pairs (27). Blocks sum to
-zero along a row, so those of a point with itself are not stored.
+A hinge keeps alpha^-1/2 G (12 numbers), and of these each point of a curvature its rows of J (9 numbers; blocks are sums of
+three outer products); a membrane keeps its blocks of pairs (27). Blocks sum to zero along a row, so those of a point with
+itself are not stored.
 """
 
 from functools import cache
@@ -17,11 +19,12 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.constraint import across, dihedral, inverse, membrane
+from wsim.kernels.constraint import across, inverse, membrane
+from wsim.kernels.curvature import curvatures, hinge_of, moment
 from wsim.kernels.real import types
 from wsim.kernels.xpbd_terms import batch_of
 
-WHOLE, TURNED = -1, -2         # second number of a part of a block: that of a triangle or tet, or its transpose; >= 0: hinges
+WHOLE, TURNED = -1, -2         # second number of a part of a block: that of a triangle or tet, or its transpose; >= 0: spans
 
 
 @cache
@@ -31,7 +34,8 @@ def elements_of(real):
 
     @wp.struct
     class Elements:
-        J: wp.array(dtype=t.vec3)            # alpha^-1/2 G of each corner of a hinge, (4 hinges,)
+        G: wp.array(dtype=t.vec3)            # (1 + tau/g)^1/2 alpha^-1/2 G of each corner of a hinge, (4 hinges,)
+        J: wp.array(dtype=t.vec3)            # rows of the curvature of a triangle by a point, (3 spans,)
         block: wp.array(dtype=t.mat33)       # A_01, A_02, A_12 of each triangle, then of tets as kernels/fem.py says
         force: wp.array(dtype=t.vec3)        # [N] on each corner: of hinges, then of triangles, then of tets
 
@@ -97,36 +101,58 @@ def frame(X: Any, B: Any):
 
 @cache
 def hinges(real, module):
-    """Kernel over hinges: forces on corners and alpha^-1/2 G."""
-    t, Batch, Elements = types(real), batch_of("dihedral", real), elements_of(real)
-    rows = wp.types.matrix((3, 3), real)
+    """Kernel over hinges: z and alpha^-1/2 G."""
+    t, Batch, Elements, Curvatures, hinge = (types(real), batch_of("dihedral", real), elements_of(real), curvatures(real),
+                                             hinge_of(real, True))
+    vec3 = wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def hinges(batch: Batch, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3), rate: real,
-               out: Elements):
+    def hinges(batch: Batch, x: vec3, d: vec3, a: vec3, rate: real, cur: Curvatures, out: Elements):
         c = wp.tid()
-        p = batch.point[c]
-        i = p[0]
-        X = rows()
-        V = rows()
-        for k in range(3):
-            moved = d[p[k + 1]] - d[i]
-            X[k] = (x[p[k + 1]] - x[i]) + moved
-            V[k] = moved - (a[p[k + 1]] - a[i])
-        C, G = dihedral(X, batch.rest[c])
+        _X, V, C, G = hinge(batch, batch.rest, x, d, a, c)
         gamma = rate * batch.tau[c]
+        root = wp.sqrt(inverse(batch.alpha[c]))
+        cur.z[c] = root * (C + gamma * wp.ddot(G, V))
+        root *= wp.sqrt(real(1.0) + gamma)
+        out.G[4 * c] = -root * (G[0] + G[1] + G[2])
         for k in range(3):
-            C += gamma * wp.dot(G[k], V[k])
-        stiffness = inverse(batch.alpha[c])
-        root = wp.sqrt((real(1.0) + gamma) * stiffness)
-        G0 = -(G[0] + G[1] + G[2])
-        out.J[4 * c] = root * G0
-        out.force[4 * c] = -(stiffness * C) * G0
-        for k in range(3):
-            out.J[4 * c + k + 1] = root * G[k]
-            out.force[4 * c + k + 1] = -(stiffness * C) * G[k]
+            out.G[4 * c + k + 1] = root * G[k]
 
     return hinges
+
+
+@cache
+def moments(real, module):
+    """Kernel over hinges: forces on corners, from C."""
+    Batch, Elements, Curvatures = batch_of("dihedral", real), elements_of(real), curvatures(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def moments(batch: Batch, rate: real, cur: Curvatures, out: Elements):
+        c = wp.tid()
+        s = -moment(cur, cur.C, c) / wp.sqrt(real(1.0) + rate * batch.tau[c])
+        for k in range(4):
+            out.force[4 * c + k] = s * out.G[4 * c + k]
+
+    return moments
+
+
+@cache
+def spans(real, module):
+    """Kernel over the points of curvatures: rows of J. Those of span s are sums over part[s] .. part[s + 1] of value[slot]
+    times G of a corner of a hinge, item = (slot, corner)."""
+    t, Elements, Curvatures = types(real), elements_of(real), curvatures(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def spans(cur: Curvatures, part: wp.array(dtype=int), item: wp.array(dtype=wp.vec2i), out: Elements):
+        s = wp.tid()
+        J = t.mat33()
+        for k in range(part[s], part[s + 1]):
+            at = item[k]
+            J += wp.outer(cur.value[at[0]], out.G[at[1]])
+        for r in range(3):
+            out.J[3 * s + r] = J[r]
+
+    return spans
 
 
 @cache

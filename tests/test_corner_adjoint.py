@@ -1,10 +1,10 @@
-"""The adjoints of membranes and hinges by hand: each kernel alone, against differences of the forces."""
+"""The adjoints of membranes and of bending by hand: each kernel alone, against differences of the forces."""
 
 import numpy as np
 import pytest
 import warp as wp
 
-from wsim.kernels import corner, corner_adjoint
+from wsim.kernels import corner, corner_adjoint, curvature, curvature_adjoint
 from wsim.kernels.constraint import TABLE
 from wsim.kernels.gather_adjoint import works
 
@@ -29,7 +29,12 @@ class Case:
             self.values |= {"rest": rng.normal(size=count), "stiffness": rng.uniform(1.0, 3.0, count)}
         self.p = rng.normal(size=(n, 3))
         self.module = f"test_corner_{constraint}_{damped}"
-        self.forces = corner.corners(constraint, real=wp.float64, module=self.module, damped=damped)
+        if row.rows == 3:
+            self.forces = corner.corners(real=wp.float64, module=self.module, damped=damped)
+        else:                                                       # curvatures of twenty triangles of any six hinges
+            self.forces = curvature.corners(wp.float64, self.module)
+            self.slot = rng.integers(0, count, (20, 9)).astype(np.int32)
+            self.values["value"] = rng.normal(size=(180, 3)) * (np.arange(180) % 9 < 6)[:, None]
 
     def batch(self, values: dict):
         data = corner.elements(self.constraint, wp.float64)()
@@ -40,6 +45,24 @@ class Case:
             setattr(data, name, wp.array(values[name], dtype=types.get(name, wp.float64), device="cpu"))
         return data
 
+    def curvatures(self, values: dict):
+        cur = curvature.curvatures(wp.float64)()
+        used = np.flatnonzero(np.arange(180) % 9 < 6)
+        hinge = self.slot.ravel()[used]
+        ends = np.cumsum(np.bincount(hinge, minlength=self.count))
+        ints = {"slot": self.slot.ravel(), "count": np.full(20, 6), "begin": np.r_[0, ends[:-1]], "end": ends,
+                "item": used[np.argsort(hinge, kind="stable")]}
+        for name, found in ints.items():
+            setattr(cur, name, wp.array(found.astype(np.int32), dtype=int, device="cpu"))
+        cur.value = wp.array(values["value"], dtype=wp.vec3d, device="cpu")
+        for name, dtype, size in (("z", wp.float64, 40), ("y", wp.float64, 40), ("C", wp.vec3d, 20), ("Y", wp.vec3d, 20),
+                                  ("G", wp.vec3d, 120)):
+            setattr(cur, name, wp.zeros(size, dtype=dtype, device="cpu"))
+        return cur
+
+    def launch(self, kernel, *inputs, count: int = 0) -> None:
+        wp.launch(kernel, count or self.count, list(inputs), device="cpu")
+
     def inputs(self, values: dict) -> list:
         pair = np.zeros((4, *values["d"].shape))
         pair[1], pair[3] = values["d"], values["v"]                     # source 1
@@ -48,7 +71,13 @@ class Case:
 
     def loss(self, values: dict) -> float:
         f = wp.zeros(len(self.p), dtype=wp.vec3d, device="cpu")
-        wp.launch(self.forces, self.count, self.inputs(values), [f], device="cpu")
+        inputs = self.inputs(values)
+        if self.corners == 4:
+            cur = self.curvatures(values)
+            self.launch(curvature.strained(wp.float64, self.module, self.damped), *inputs[:4], cur)
+            self.launch(curvature.sums(wp.float64, self.module), cur, count=20)
+            inputs.append(cur)
+        self.launch(self.forces, *inputs, f)
         assert np.isfinite(f.numpy()).all()
         return float((f.numpy() * self.p).sum())
 
@@ -58,7 +87,6 @@ class Case:
         return sum(w * (at(k * STEP) - at(-k * STEP)) for k, w in enumerate(WEIGHTS, 1)) / STEP
 
     def gradients(self, direct: bool) -> dict:
-        kernel = corner_adjoint.corners(self.constraint, wp.float64, self.module, self.damped, True, direct)
         by, work = self.batch({k: np.zeros_like(a) for k, a in self.values.items()}), works(wp.float64)()
         p = wp.array(self.p, dtype=wp.vec3d, device="cpu")
         work.corners, work.rates = (wp.zeros(len(self.p), dtype=wp.vec3d, device="cpu") for _ in range(2))
@@ -66,10 +94,19 @@ class Case:
             work.p = p
         else:
             wp.copy(work.corners, p)
-        wp.launch(kernel, self.count, [*self.inputs(self.values), work, by], device="cpu")
+        inputs, how, more = self.inputs(self.values), (wp.float64, self.module, self.damped), {}
+        if self.corners == 4:
+            cur, by_cur = (self.curvatures(self.values | {"value": v}) for v in (self.values["value"], np.zeros((180, 3))))
+            self.launch(curvature_adjoint.products(*how, direct), *inputs, cur, work)
+            self.launch(curvature.sums(*how[:2], both=True), cur, count=20)
+            self.launch(curvature_adjoint.corners(*how, True, direct), *inputs, cur, work, by)
+            self.launch(curvature_adjoint.values(*how[:2]), cur, by_cur, count=20)
+            more = {"value": by_cur.value.numpy()}
+        else:
+            self.launch(corner_adjoint.corners(*how, True, direct), *inputs, work, by)
         positions = work.corners.numpy()
         return {"x": positions, "d": positions, "v": work.rates.numpy(),
-                **{name: getattr(by, name).numpy() for name in ("rest", "stiffness", "tau")}}
+                **{name: getattr(by, name).numpy() for name in ("rest", "stiffness", "tau")}, **more}
 
 
 @pytest.mark.parametrize("damped", [False, True])
@@ -77,7 +114,7 @@ class Case:
 def test_gradients_are_those_of_differences(constraint, damped):
     case, rng = Case(constraint, damped), np.random.default_rng(6)
     direct, placed = case.gradients(True), case.gradients(False)
-    for name in ("x", "d", "rest", "stiffness", *(("v", "tau") if damped else ())):
+    for name in ("x", "d", "rest", "stiffness", *(("v", "tau") if damped else ()), *(("value",) * (constraint == "dihedral"))):
         way = rng.normal(size=case.values[name].shape)
         assert np.array_equal(direct[name], placed[name])
         assert (direct[name] * way).sum() == pytest.approx(case.slope(name, way), rel=1e-9)
@@ -98,8 +135,8 @@ def test_momentum_has_no_gradient():
 def test_what_has_no_angle_or_no_area_has_gradients_that_are_numbers():
     """A triangle without height, one shrunk to a point, and one folded onto itself."""
     for constraint, damped in (("membrane", True), ("dihedral", True)):
-        case = Case(constraint, damped, count=3)
-        x = case.values["x"].reshape(3, case.corners, 3)
+        case = Case(constraint, damped)
+        x = case.values["x"].reshape(case.count, case.corners, 3)
         x[0, 2] = 0.5 * (x[0, 0] + x[0, 1])
         x[1] = x[1, 0]
         x[2, -1] = x[2, 2] if case.corners == 4 else x[2, 1]

@@ -180,6 +180,20 @@ def test_a_sheet_that_stretches_shears_and_bends(model):
     everything_of_a_sheet(Run(sheet(model, damping=2e-4)))
 
 
+def test_bending_slackened_to_nothing_still_has_a_derivative():
+    """One-sided: what a little bending would do, which its hinges' roots, all 0, do not hide."""
+    scene, losses = sheet("membrane", damping=2e-4), []
+    w = np.random.default_rng(5).normal(size=(25, 3))
+    for bend in (0.0, 1e-8):
+        sim = Simulation(scene, device="cpu", precision="float64", gradients=True)
+        sim.set("/cloth", "bend", bend)
+        recording = Recording(sim, 3)
+        losses.append((recording.positions(3) * w).sum())
+        if not bend:
+            found = recording.backward({3: w}).material("bend")
+    assert found == pytest.approx((losses[1] - losses[0]) / 1e-8, rel=1e-3) and found != 0.0
+
+
 def everything_of_a_sheet(run: Run) -> None:
     """By its material, its start, its density and the world."""
     cloth = run.scene.cloths[0]

@@ -83,12 +83,12 @@ def test_strain_limits_and_tethers(limit, tethers, monkeypatch):
     """They are on and off from sweep to sweep: differences would meet the kinks. Against Warp's own adjoint."""
     scene = crooked("springs", 0.2, **SOLVERS["xpbd"])
     scene.cloths[0].tethers = tethers
-    scene.cloths[0].material = replace(scene.cloths[0].material, strain_limit=limit, stretch=4.0)
+    scene.cloths[0].material = replace(scene.cloths[0].material, strain_limit=limit, stretch=4.0, bend=0.0)
     ours = Run(scene, 5)
     monkeypatch.setattr(xpbd_adjoint, "SweepAdjoint", Fresh)
     a, b = ours.gradient.rest_shape(), Run(scene, 5).gradient.rest_shape()
     assert np.abs(a - b).max() < 1e-11 * np.abs(b).max()
-    hard = [by for r, by, _ in ours.gradient.at_rest(ours.sim.model.body(None)) if r.kind in ("limit", "tether")]
+    hard = [by for r, by, *_ in ours.gradient.at_rest(ours.sim.model.body(None)) if r.kind in ("limit", "tether")]
     assert len(hard) == 1 and np.abs(hard[0]).max() > 1e-3
 
 
@@ -105,12 +105,14 @@ def test_what_constraints_are_at_rest():
         way, rows = rng.normal(size=body.rest.shape), rows_of(body, pins)
         assert {r.kind for r in rows} >= {"dihedral", "limit", "tether", {"membrane": "membrane", "springs": "distance"}[model]}
         for k, r in enumerate(rows):
-            by = rng.normal(size=r.rest.shape), rng.normal(size=len(r.ids)) * (r.shape.any() > 0.0)
+            by = [rng.normal(size=r.rest.shape), rng.normal(size=len(r.ids)) * (r.shape.any() > 0.0)]
+            by += [rng.normal(size=r.coupling.value.shape)] if r.coupling else []
 
             def loss(s: float, k=k, by=by, body=body, way=way, pins=pins) -> float:
                 r = rows_of(replace(body, rest=body.rest + s * way), pins)[k]
-                return (r.rest * by[0]).sum() + (r.shape * by[1]).sum()
-            step = 2e-6 if r.kind == "tether" else 2e-5
+                parts = [r.rest, r.shape, *([r.coupling.value] if r.coupling else [])]
+                return sum((part * each).sum() for part, each in zip(parts, by, strict=True))
+            step = 2e-6 if r.kind in ("tether", "dihedral") else 2e-5
             slope = sum(w * (loss(j * step) - loss(-j * step)) for j, w in enumerate(WEIGHTS, 1)) / step
             shape = RestShape(body)
             shape.rows(r, *by)

@@ -44,7 +44,8 @@ for path in sys.argv[1:]:
 POINTS = {"predict_euler", "finish_euler", "not_finite", "stretched"}
 LEAPS = {"begin", "leap", "commit", "correct", "settle", "stretched", "not_finite"}
 PINS, AIR = {"move_pins"}, {"press", "blow"}
-CLOTH = {"membrane", "dihedral"}
+BEND = {"dihedral", "angle", "curvature", "target"}
+CLOTH = {"membrane"} | BEND
 KERNELS = {
     "hanging_cloth": POINTS | PINS | CLOTH,
     "flag": POINTS | PINS | AIR | CLOTH,
@@ -62,7 +63,7 @@ RUN = {"wsim.simulation", "wsim.plan", "wsim.stage", "wsim.state", "wsim.model",
        "wsim.kernels", "wsim.kernels.real", "wsim.kernels.points", "wsim.watch", "wsim.exceeded",
        "wsim.kernels.spring"}
 XPBD = {"wsim.xpbd", "wsim.kernels.xpbd", "wsim.kernels.xpbd_terms", "wsim.kernels.constraint", "wsim.kernels.matrix",
-        "wsim.kernels.stream"}
+        "wsim.kernels.stream", "wsim.bending", "wsim.curvature", "wsim.kernels.curvature", "wsim.kernels.corner"}
 AERO = {"wsim.aero", "wsim.kernels.aero"}
 CONTACT = {"wsim.check_contact", "wsim.signed", "wsim.chord",
            "wsim.contact", "wsim.contact.contacts", "wsim.contact.rows", "wsim.contact.stages", "wsim.contact.surfaces",
@@ -148,7 +149,7 @@ def test_an_empty_cache_ends_with_one_module_and_nothing_else(tmp_path):
     assert "_cpu_kernel_backward(" not in text
 
 
-CHANGES = {"bend": CLOTH - {"dihedral"}, "springs": {"distance", "dihedral"}, "bdf2": CLOTH | {"residual", "judge"},
+CHANGES = {"bend": CLOTH - BEND, "springs": {"distance"} | BEND, "bdf2": CLOTH | {"residual", "judge"},
            "limit": CLOTH | {"limit"}, "tethers": CLOTH | {"tether"}, "nothing": CLOTH}
 
 

@@ -87,7 +87,8 @@ def test_soft_pins(more):
 
 
 class Fresh(xpbd_adjoint.SweepAdjoint):
-    """The reference: each colour writes a buffer of its own, and Warp differentiates it."""
+    """The reference: each colour writes a buffer of its own, and Warp differentiates it. Hinges, whose angles at rest follow
+    their neighbours, are left as they are: differences hold them."""
 
     def __init__(self, batch, model):
         super().__init__(batch, model)
@@ -96,6 +97,9 @@ class Fresh(xpbd_adjoint.SweepAdjoint):
 
     def record(self, tape, x, a, d, clock):
         b = self.batch
+        if self.aimed:
+            super().record(tape, x, a, d, clock)
+            return
         if clock.i == 0:
             tape.zero(b.lam)
         for first, last in zip(b.starts[:-1], b.starts[1:], strict=True):

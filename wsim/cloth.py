@@ -2,13 +2,14 @@
 
 Springs along the edges of a cloth carry k = stretch * A / l^2, A the area of the triangles at the edge (Van Gelder 1998,
 Approximate simulation of elastic membranes by triangulated spring meshes); the two diagonals of an authored quad of area A,
-each strained by half the shear angle, carry 2 shear A / l^2 instead. Hinges carry bend * l^2 / A: on a cylinder, sheets of
-right-angled or equilateral triangles then store 1/2 bend kappa^2 per area (Seung, Nelson 1988; Grinspun et al. 2003 differ
-by a constant). Free right-angled sheets relax from the cylinder and are a seventh softer.
+each strained by half the shear angle, carry 2 shear A / l^2 instead. Sheets store 1/2 bend |S|^2 per area, S the curvature that
+the angles of hinges make of each triangle: the same on every mesh that is fine enough (`wsim.bending`). A hinge's compliance is
+that of one alone which is at least as stiff as what the sheet has there.
 """
 
 from dataclasses import dataclass, replace
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
 HARD = ("tether", "limit")           # kinds without compliance and multiplier
 LOOKS = "looks, not accuracy: where they act the result is not that of the authored material"
 AT_REST = ("rest_shape", "lengths")  # live values of bodies, see `wsim.reshape`
+SLACK = 1e-20                        # bend [N m] that is none, whose root still has a derivative
 LEAST = 1e-6                         # shear over stretch that a membrane has at least: without shear it still has a direction
 
 
@@ -35,6 +37,7 @@ class Rows:
                                   # (membrane); strain_limit of a limit, which makes its rest of the length of its edge
     tau: float = 0.0              # relaxation time [s]
     body: Body | None = None
+    coupling: Any = None          # `wsim.bending.Coupling` of hinges
     colors: np.ndarray | None = None
 
     @property
@@ -47,6 +50,8 @@ class Rows:
             return self.shape[:, None] * one
         if self.kind in HARD:
             return self.shape
+        if self.kind == "dihedral":
+            return self.shape / np.maximum(self.stiffness["bend"], SLACK)
         with np.errstate(divide="ignore"):               # of what was slackened live
             return self.shape / next(iter(self.stiffness.values()))
 
@@ -66,7 +71,7 @@ def rows_of(body: Body, pinned: np.ndarray | None = None) -> list[Rows]:
     source, pinned = body.source, np.zeros(0, np.int64) if pinned is None else pinned
     if isinstance(source, Soft):
         return []                    # its tets: `wsim.elements`
-    made = [*(_net(body, source) if isinstance(source, Springs) else _cloth(body, source)),
+    made = [*(_net(body, source) if isinstance(source, Springs) else _cloth(body, source, pinned)),
             *tethers(body, pinned[(pinned >= body.first) & (pinned < body.last)])]
     for r in made:
         r.body = body
@@ -101,12 +106,12 @@ def _net(body: Body, net: Springs) -> list[Rows]:
                  net.damping)]
 
 
-def _cloth(body: Body, cloth: Cloth) -> list[Rows]:
+def _cloth(body: Body, cloth: Cloth, pinned: np.ndarray) -> list[Rows]:
     fabric = cloth.material
     hinges = topology.hinges(body.triangles)
     rows = _membrane(body, cloth) if cloth.model == "membrane" else _edges(body, cloth, hinges)
     if fabric.bend > 0.0 and len(hinges):
-        rows.append(_hinges(body, cloth, hinges))
+        rows.append(_hinges(body, cloth, hinges, pinned))
     if isfinite(fabric.strain_limit):
         limit = {"strain_limit": np.array([fabric.strain_limit])}
         rows.append(Rows("limit", body.edges, longest(body, body.edges, limit), np.zeros(len(body.edges)), limit))
@@ -232,7 +237,7 @@ def _same_polygon(body: Body, hinges: np.ndarray) -> np.ndarray:
     return (left == right) & (size[left] == 2)
 
 
-def _hinges(body: Body, cloth: Cloth, hinges: np.ndarray) -> Rows:
+def _hinges(body: Body, cloth: Cloth, hinges: np.ndarray, pinned: np.ndarray) -> Rows:
     p = body.rest[hinges - body.first]
     n2, n3 = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), np.cross(p[:, 3] - p[:, 0], p[:, 1] - p[:, 0])
     area = 0.5 * (np.linalg.norm(n2, axis=1) + np.linalg.norm(n3, axis=1))
@@ -241,8 +246,13 @@ def _hinges(body: Body, cloth: Cloth, hinges: np.ndarray) -> Rows:
     sine = -((p[:, 3] - p[:, 0]) * n2).sum(1) * length
     rest = np.zeros(len(p)) if cloth.flat else np.arctan2(sine, (n2 * n3).sum(1))
     good = (length > 0.0) & (area > 0.0)
-    return Rows("dihedral", hinges[good], rest[good], area[good] / length[good]**2,
-                {"bend": np.array([cloth.material.bend])}, cloth.material.damping)
+    from wsim import bending
+    held = np.zeros(body.count, bool)
+    held[pinned[(pinned >= body.first) & (pinned < body.last)] - body.first] = True
+    patches = bending.patches(body.rest, body.triangles - body.first, hinges[good] - body.first, held)
+    coupling, shape = bending.coupling(body.rest, patches)
+    return Rows("dihedral", hinges[good], rest[good], shape, {"bend": np.array([cloth.material.bend])}, cloth.material.damping,
+                body, coupling)
 
 
 def changed(model: Model, rows: list[Rows], path: str, name: str, value, world: int | None, damped: bool = True) -> list[Rows]:
@@ -286,6 +296,6 @@ def renew(r: Rows, pinned: np.ndarray) -> None:
     """Rest values and shapes as the body is now."""
     assert r.body is not None
     same = next(s for s in rows_of(r.body, pinned) if s.kind == r.kind and np.array_equal(s.ids, r.ids))
-    r.rest, r.shape = same.rest, same.shape
+    r.rest, r.shape, r.coupling = same.rest, same.shape, same.coupling
     if r.kind == "limit":                                # a live one
         r.rest = longest(r.body, r.ids, r.stiffness)

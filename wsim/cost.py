@@ -27,7 +27,7 @@ COSTS = {
              "cluster": 3.5e-7, "clustered": 9e-11},
     "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "block": 1.8e-6, "tet": 1.12e-7, "rest": 4.5e-6,
             "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6, "touch": 1e-6, "near": 1.6e-8}}
-WEIGHT = {"distance": 1.0, "membrane": 4.0, "dihedral": 4.4}     # work of a projection over that of a spring (CPU)
+WEIGHT = {"distance": 1.0, "membrane": 4.0, "dihedral": 9.5}     # work of a projection over that of a spring (CPU)
 TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
 MESH = 20.0            # a point beside a mesh over one beside a convex shape (H200: 0.4 to 1.5 ns a point)
 CLUSTERED = 8192       # points of a net, up to which a cluster takes it

@@ -1,4 +1,5 @@
-"""Elastic energy of constraints, whichever method solves for them: float64 sums of 1/2 C alpha^-1 C."""
+"""Elastic energy of constraints, whichever method solves for them: float64 sums of 1/2 C alpha^-1 C; of hinges that of the
+curvatures of triangles."""
 
 import numpy as np
 import warp as wp
@@ -26,6 +27,10 @@ def energy(model: Model, rows: list[Rows], state: State) -> float:
         data.point = model.upload(ids, wp.types.vector(ids.shape[1], int))
         data.rest = model.upload(rest, t.mat22 if rest.ndim == 3 else t.scalar)
         data.alpha = model.upload(alpha, t.vec4 if alpha.ndim == 2 else t.scalar)
+        if kind == "dihedral":
+            from wsim.curvature import Curvature
+            total += Curvature(model, same).energy(data, data.rest, state.x, state.e, f"{model.module}_report")
+            continue
         out = wp.zeros(min(LANES, len(ids)), dtype=wp.vec3d, device=model.device)
         kernel = statistics(kind, real=model.real, module=f"{model.module}_report")
         kernel_cache.ready(kernel, model)

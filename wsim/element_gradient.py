@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.cloth import LEAST, Rows
+from wsim.cloth import LEAST, SLACK, Rows
 from wsim.parameters import Parameters
 from wsim.reshape_adjoint import RestShape, by_masses
 from wsim.scene import Problem, SceneError, Springs
@@ -78,8 +78,8 @@ class ElementGradient:
         by = self.by_mass()[np.concatenate([body.index, body.middles])]
         return shape.points() + by_masses(body, by, self.plan.method("points").densities.get(body.number))
 
-    def at_rest(self, body) -> Iterator[tuple[Rows, np.ndarray, np.ndarray]]:
-        """Constraints of a body, and gradients by their rest values and shapes."""
+    def at_rest(self, body) -> Iterator[tuple]:
+        """Constraints of a body, and gradients by their rest values, shapes and, of hinges, curvatures."""
         for r, part in _parts(self.parameters.springs):
             if r.body is body:
                 yield r, self.entries["rest"][part], -self.by_k(r, part) / (r.alpha * r.shape)
@@ -87,14 +87,20 @@ class ElementGradient:
             by = self.of(e.data.stiffness) * e.stiffness()
             for r, part in _parts(e.rows):
                 if r.body is body:
-                    yield r, self.of(e.data.rest)[part], -by[part].reshape(len(r.ids), -1).sum(axis=1) / r.shape
+                    yield (r, self.of(e.data.rest)[part], -by[part].reshape(len(r.ids), -1).sum(axis=1) / r.shape,
+                           self.by_curvature(e, r))
         for batch in self.parameters.batches:
             by, rest = (self.by_rows(batch, a) for a in (batch.data.alpha, batch.lengths or batch.data.rest))
             by = by * batch.values()[0]
             for r, part in _parts(batch.rows):
                 if r.body is body:
                     shape = np.where(r.shape > 0.0, r.shape, 1.0)
-                    yield r, rest[part], by[part].reshape(len(r.ids), -1).sum(axis=1) / shape
+                    yield r, rest[part], by[part].reshape(len(r.ids), -1).sum(axis=1) / shape, self.by_curvature(batch, r)
+
+    def by_curvature(self, table, r: Rows) -> np.ndarray | None:
+        """By `Coupling.value` of the rows r of a table of hinges."""
+        cur = table.curvature
+        return cur.by_rows(self.of(cur.data.value))[[row is r for row in table.rows].index(True)] if cur else None
 
     def by_k(self, r: Rows, part: slice) -> np.ndarray:
         """By the stiffness of springs, with their damping."""
@@ -193,7 +199,7 @@ def _by_stiffness(r: Rows, name: str, kind: str, parts: np.ndarray) -> np.ndarra
     value = r.stiffness[name]
     assert r.body is not None
     if kind != "membrane":
-        return parts / value
+        return parts / (np.maximum(value, SLACK) if kind == "dihedral" else value)
     same = r.stiffness["weft"] <= 0.0
     if name == "weft" and same.any():
         raise SceneError(Problem(r.body.path, "its weft is 0 and follows stretch: it has no derivative of its own"))

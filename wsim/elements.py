@@ -1,5 +1,7 @@
 """Constraints of cloths and nets on the device, a table for each kind: what an implicit solver reads."""
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -29,6 +31,10 @@ class Table:
         alpha, tau = self.values()
         self.data.alpha = model.upload(alpha, t.vec4 if alpha.ndim == 2 else t.scalar)
         self.data.tau = model.upload(tau, t.scalar)
+        self.curvature: Any = None
+        if kind == "dihedral":
+            from wsim.curvature import Curvature
+            self.curvature = Curvature(model, rows)
 
     def values(self) -> tuple[np.ndarray, np.ndarray]:
         """Compliance and relaxation time [s] of each constraint."""
@@ -42,4 +48,14 @@ class Table:
             (self.lengths or self.data.rest).assign(np.concatenate([r.rest for r in self.rows]).astype(self.model.dtype))
             self.data.alpha.assign(alpha.astype(self.model.dtype))
             self.data.tau.assign(tau.astype(self.model.dtype))
+            if self.curvature:
+                self.curvature.refresh()
             self.stale = False
+
+
+def bending_of(model: Model, table: Table | None) -> Any:
+    """`wsim.newton_curvature.NewtonCurvature` of a table of hinges, or None."""
+    if table is None:
+        return None
+    from wsim.newton_curvature import NewtonCurvature
+    return NewtonCurvature(model, table)

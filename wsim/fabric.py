@@ -2,12 +2,13 @@
 
 Energy of a deformed sheet, per rest area (plane stress; e_u, e_v stretches, g shear of warp and weft):
 
-    psi = 1/2 stretch/(1 - nu^2) (e_u^2 + e_v^2 + 2 nu e_u e_v) + 1/2 shear g^2 + 1/2 bend kappa^2
+    psi = 1/2 stretch/(1 - nu^2) (e_u^2 + e_v^2 + 2 nu e_u e_v) + 1/2 shear g^2 + 1/2 bend |S|^2
 
 and with a weft of its own, psi = 1/2 (stretch e_u^2 + weft e_v^2 + 2 nu sqrt(stretch weft) e_u e_v)/(1 - nu^2) + ...
 
 so `stretch` = E t is the stiffness of a strip, force per width and strain [N/m], `shear` = G t [N/m],
-`bend` = E t^3 / (12 (1 - nu^2)) [N m] for a homogeneous sheet of thickness t.
+`bend` = E t^3 / (12 (1 - nu^2)) [N m] for a homogeneous sheet of thickness t. S is its curvature (2 x 2; kappa^2 where it is
+rolled up one way), and has no Poisson's ratio of its own: see `wsim.bending`.
 """
 
 from dataclasses import dataclass, fields

@@ -2,8 +2,9 @@
 
 import warp as wp
 
-from wsim.kernels import adjoint
+from wsim.kernels import adjoint, curvature
 from wsim.kernels import corner_adjoint as flat
+from wsim.kernels import curvature_adjoint as bent
 from wsim.kernels import force_adjoint as kernels
 from wsim.kernels import gather_adjoint as gathers
 from wsim.kernels import plastic_adjoint as maths
@@ -129,12 +130,12 @@ class CornerAdjoint:
 
 
 class FlatAdjoint:
-    """Of the forces of membranes or hinges."""
+    """Of the forces of membranes."""
 
     def __init__(self, model: Model, elements, pull):
         """elements, pull: of `wsim.gather`."""
         self.elements, self.gathering = elements, Gathering(model, pull, elements, elements.damped)
-        self.kernels = [flat.corners(elements.kind, model.real, model.module, elements.damped, parameters, pull.direct)
+        self.kernels = [flat.corners(model.real, model.module, elements.damped, parameters, pull.direct)
                         for parameters in (False, True)]
 
     def backward(self, read: list, wrote: list) -> None:
@@ -143,6 +144,31 @@ class FlatAdjoint:
         corners = g.corners(wrote[0])
         inputs = [*read, g.work(corners), adjoint_of(data)]
         g.model.launch(self.kernels[x.grad is not None], len(self.elements.ids), inputs, [])
+        rows = [pair.grad[k * n:(k + 1) * n] for k in (source, 2 + source)]
+        g.gather(first, corners, rows[0], x.grad, rows[1])
+
+
+class BentAdjoint:
+    """Of the forces of hinges."""
+
+    def __init__(self, model: Model, elements, pull):
+        """elements, pull: of `wsim.gather`."""
+        how = model.real, model.module, elements.damped
+        self.elements, self.gathering = elements, Gathering(model, pull, elements, elements.damped)
+        self.products, self.sums = bent.products(*how, pull.direct), curvature.sums(model.real, model.module, both=True)
+        self.kernels = [bent.corners(*how, parameters, pull.direct) for parameters in (False, True)]
+        self.values = bent.values(model.real, model.module)
+
+    def backward(self, read: list, wrote: list) -> None:
+        """As that of `CornerAdjoint`."""
+        (data, x, pair, source, first, cur), g, e = read, self.gathering, self.elements
+        model, n, whole, corners = g.model, g.model.points, x.grad is not None, g.corners(wrote[0])
+        work = g.work(corners)
+        model.launch(self.products, len(e.ids), [*read, work], [])
+        model.launch(self.sums, e.curvature.triangles, [cur], [])
+        model.launch(self.kernels[whole], len(e.ids), [*read, work, adjoint_of(data)], [])
+        if whole:
+            model.launch(self.values, e.curvature.triangles, [cur, adjoint_of(cur)], [])
         rows = [pair.grad[k * n:(k + 1) * n] for k in (source, 2 + source)]
         g.gather(first, corners, rows[0], x.grad, rows[1])
 

@@ -5,7 +5,7 @@
                 of tets: the highest eigenvalue of any one with its share of its points' masses (Irons, Treharne 1971), as
                 safe, and less cautious: by 20 to 30 %, against 80 % by row sums (linear), 210 % (quadratic)
     estimate    the highest eigenvalue of M^-1 K at rest by power iteration (von Mises 1929), from below
-    gradients   G of every constraint at rest, as kernels/constraint.py has them
+    gradients   G of every constraint at rest, as kernels/constraint.py has them; of hinges, curvatures of triangles have J
 
 K keeps the material part G^T alpha^-1 G, and what smoothed contacts add (`wsim.barrier`); what tension adds is not in it.
 Points that are pinned do not count.
@@ -64,9 +64,8 @@ def _membrane(r: Rows, p: np.ndarray) -> np.ndarray:
     return np.stack([b[:, :, :1] * u, b[:, :, 1:] * v, b[:, :, :1] * v + b[:, :, 1:] * u], axis=1)
 
 
-def stiffness(rows: list[Rows], body: Body) -> list[Stiffness]:
-    """Every soft constraint of a body at rest."""
-    found = []
+def stiffness(rows: list[Rows], body: Body) -> Iterator[Stiffness]:
+    """Every soft constraint of a body at rest, of sheets some triangles at a time."""
     for r in rows:
         if r.kind in HARD:
             continue
@@ -80,8 +79,33 @@ def stiffness(rows: list[Rows], body: Body) -> list[Stiffness]:
             J = np.einsum("mrs,mrki->mski", root, G)
         else:
             J = G / np.sqrt(np.broadcast_to(alpha, len(G)))[:, None, None, None]
-        found.append(Stiffness(r.ids - body.first, J, r.tau))
-    return found
+        ids = r.ids - body.first
+        if r.coupling is None:
+            yield Stiffness(ids, J, r.tau)
+            continue
+        for first in range(0, len(r.coupling.slot), SOME):
+            some = slice(first, first + SOME)
+            yield Stiffness(*curvature(r.coupling.slot[some], r.coupling.value[some], ids, J[:, 0]), r.tau)
+
+
+def curvature(slot: np.ndarray, value: np.ndarray, ids: np.ndarray, J: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points of triangles (t, k), and J (t, 3, k, 3) of C, from those of hinges, (m, 4) and (m, 4, 3); slot, value: of
+    `wsim.bending.Coupling`. A point that several hinges of a triangle have stands once; places that are left have J = 0."""
+    there, slot = (slot >= 0)[..., None], np.maximum(slot, 0)
+    value, points = np.where(there, value, 0.0), np.where(there, ids[slot], ids[slot[:, :1]]).reshape(len(slot), -1)
+    order = np.argsort(points, axis=1, kind="stable")
+    points = np.take_along_axis(points, order, axis=1)
+    new = np.diff(points, axis=1, prepend=-1) != 0
+    place = np.empty_like(order)
+    np.put_along_axis(place, order, np.cumsum(new, axis=1) - 1, axis=1)
+    width = int(place.max(initial=0)) + 1
+    found, whole = np.zeros((len(slot), 3, width, 3)), np.zeros((len(slot), width), points.dtype)
+    np.put_along_axis(whole, np.cumsum(new, axis=1) - 1, points, axis=1)
+    each, at = np.arange(len(slot)), place.reshape(*slot.shape, 4)
+    for s in range(slot.shape[1]):
+        for k in range(4):
+            found[each, :, at[:, s, k]] += value[:, s, :, None] * J[slot[:, s], None, k]
+    return whole, found
 
 
 def solids(body: Body, parts: list | None) -> Iterator[Stiffness]:
@@ -125,6 +149,14 @@ def in_world(model: Model, world: int) -> Model:
     return replace(model, bodies=[replace(b, masses=masses[b.path]) if b.world == 0 else b for b in model.bodies])
 
 
+def _sizes(J: np.ndarray) -> np.ndarray:
+    """Norms of the parts of J (m, rows, k, 3) of each point, (m, k); of curvatures, which a sheet that is flat has of one
+    direction only, Frobenius', which costs little."""
+    if J.shape[1] == 1 or J.shape[2] > 3:
+        return np.sqrt(np.einsum("mrki,mrki->mk", J, J))
+    return np.linalg.norm(J.swapaxes(1, 2), 2, (2, 3))
+
+
 def bound(model: Model, rows: dict[str, list[Rows]], parts: list | None = None) -> tuple[float, float]:
     """Highest frequency omega [rad/s] and highest decay rate c [1/s] of the points of world 0, from above. parts: `solids`."""
     pinned, tops, decays = np.setdiff1d(hard_places(model), model.gone), [0.0], [0.0]
@@ -132,7 +164,7 @@ def bound(model: Model, rows: dict[str, list[Rows]], parts: list | None = None) 
         w = _inverse(model, body, pinned)
         sums, damped = np.zeros(body.count), np.zeros(body.count)
         for s in stiffness(rows[body.path], body):
-            g = np.linalg.norm(s.J[:, 0], axis=2) if s.J.shape[1] == 1 else np.linalg.norm(s.J.swapaxes(1, 2), 2, (2, 3))
+            g = _sizes(s.J)
             g = np.where(w[s.ids] > 0.0, g, 0.0)
             each = np.bincount(s.ids.ravel(), (g * g.sum(1, keepdims=True)).ravel(), body.count)
             sums += each

@@ -6,6 +6,7 @@ much, and are gathered by a few threads; else on a CPU every spring stands once,
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -186,7 +187,7 @@ class Pull:
 
     @property
     def launches(self) -> int:
-        return len(self.elements) + self.added
+        return len(self.elements) + self.added + 2 * any(getattr(e, "curvature", None) is not None for e in self.elements)
 
     @property
     def bytes(self) -> int:
@@ -209,6 +210,10 @@ def _lanes(n: int, most: int) -> int:
     return min(few, 1 << max(most - 1, 0).bit_length())
 
 
+def _nothing(read: list, wrote: list) -> None:
+    """Adjoint of launches that another's adjoint takes along."""
+
+
 class Elements:
     """Membranes or hinges of every body, on the device."""
 
@@ -222,6 +227,10 @@ class Elements:
         self.data.rest = model.upload(np.concatenate([r.rest for r in rows]), t.mat22 if kind == "membrane" else real)
         self.data.stiffness = model.upload(self.stiffness(), t.vec4 if kind == "membrane" else real)
         self.data.tau = model.upload(self.tau(), real)
+        self.curvature: Any = None
+        if kind == "dihedral":
+            from wsim.curvature import Curvature
+            self.curvature = Curvature(model, rows, stored=True)
 
     def stiffness(self) -> np.ndarray:
         """alpha^-1, (m,); of a membrane (m, 4): (uu, uv, shear, vv) of plane stress."""
@@ -239,17 +248,29 @@ class Elements:
         self.data.rest.assign(np.concatenate([r.rest for r in self.rows]).astype(self.model.dtype))
         self.data.stiffness.assign(self.stiffness().astype(self.model.dtype))
         self.data.tau.assign(self.tau().astype(self.model.dtype))
+        if self.curvature:
+            self.curvature.refresh()
 
     def make(self, damped: bool) -> None:
-        self.damped = damped
-        self.kernel = corner.corners(self.kind, real=self.model.real, module=self.model.module, damped=damped)
+        self.damped, real, module = damped, self.model.real, self.model.module
+        if self.curvature:
+            from wsim.kernels import curvature
+            self.strained, self.kernel = curvature.strained(real, module, damped), curvature.corners(real, module)
+        else:
+            self.kernel = corner.corners(real=real, module=module, damped=damped)
 
     def differentiate(self, pull: Pull) -> None:
-        from wsim.force_adjoint import FlatAdjoint
-        self.backward = FlatAdjoint(self.model, self, pull).backward
+        from wsim.force_adjoint import BentAdjoint, FlatAdjoint
+        self.backward = (BentAdjoint if self.curvature else FlatAdjoint)(self.model, self, pull).backward
 
     def launch(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> None:
-        self.model.launch(self.kernel, len(self.ids), [self.data, x, pair, source, self.first], [force], self.backward)
+        read: list = [self.data, x, pair, source, self.first]
+        if self.curvature:
+            cur = self.curvature
+            self.model.launch(self.strained, cur.hinges, [self.data, x, pair, source, cur.data], [], _nothing)
+            cur.launch_sums(_nothing)
+            read.append(cur.data)
+        self.model.launch(self.kernel, len(self.ids), read, [force], self.backward)
 
 
 class Solid:

@@ -17,7 +17,7 @@ import warp as wp
 
 from wsim import linear, topology
 from wsim.cloth import Rows, changed, in_worlds
-from wsim.elements import Table
+from wsim.elements import Table, bending_of
 from wsim.kernels import descent, newton, pinned, tangent
 from wsim.kernels.real import types
 from wsim.model import Model
@@ -54,9 +54,11 @@ class Implicit(Method):
             self.solids = tables_of(model)
         self.springs = "distance" in self.tables
         self.elements = bool(self.solids or self.tables.keys() - {"distance"})
+        self.bending = bending_of(model, self.tables.get("dihedral"))
         coarse, why = self.coarse()
         self.system = linear.System(model, points.constants.w, self.ids("distance", 2), self.ids("dihedral", 4),
-                                    [self.ids("membrane", 3), *(s.ids for s in self.solids)], coarse)
+                                    [self.ids("membrane", 3), *(s.ids for s in self.solids)], coarse,
+                                    self.bending.spans if self.bending else None)
         self.rows, self.A, self.v = self.system.rows, self.system.A, self.system.v
         self.work()
         self.make()
@@ -94,8 +96,9 @@ class Implicit(Method):
             table.place(force, block)
             corners = table.ids.shape[1]
             force, block = force + corners * table.size, block + corners * (corners - 1) // 2 * table.size
-        self.element.J, self.element.block = over(4 * hinges, t.vec3), over(block, t.mat33)
-        self.element.force = over(force, t.vec3)
+        self.element.block, self.element.force = over(block, t.mat33), over(force, t.vec3)
+        if self.bending:
+            self.bending.room(self.element)
         self.residual, self.step = over(bodies, model.real), over(bodies, wp.float64)
         most = max([int(np.diff(model.starts).max())] + [t.most for t in self.tables.values()]
                    + [s.most for s in self.solids])
@@ -103,6 +106,7 @@ class Implicit(Method):
         self.change = wp.zeros((bodies * self.lanes, 1 + descent.HALVINGS), dtype=wp.float64, device=model.device)
         self.trials = {kind: [self.trial(first, begin, end) for begin, end in ((0, 1), (1, 1 + descent.HALVINGS))]
                        for kind, first in [("", self.system.first), *((k, b.first) for k, b in self.tables.items()),
+                                           *(("curvature", b.first) for b in [self.bending] if b),
                                            *((s.name, s.first) for s in self.solids)]}
 
     def trial(self, first: wp.array, begin: int, end: int):
@@ -115,11 +119,10 @@ class Implicit(Method):
         """Kernels."""
         real, module, block = self.model.real, self.model.module, self.model.sweep_module
         self.begin, self.stay, self.end = (f(real, module) for f in (newton.begin, newton.stay, newton.end))
-        self.hinges = tangent.hinges(real, module) if "dihedral" in self.tables else None
         self.triangles = tangent.triangles(real, module) if "membrane" in self.tables else None
         self.assemble = newton.assemble(real, module, self.springs, self.elements)
         self.inertia, self.move = descent.inertia(real, module), descent.move(real, module)
-        self.elastic = {kind: descent.elastic(kind, real, module) for kind in self.tables}
+        self.elastic = {kind: descent.elastic(kind, real, module) for kind in self.tables if kind != "dihedral"}
         self.stressed = {s.name: s.kernels() for s in self.solids}
         self.choose, self.left, self.unmet = descent.choose(real, block), descent.left(real, block), descent.unmet(real, module)
         if self.clock.watched:
@@ -235,9 +238,8 @@ class Implicit(Method):
     def linearise(self, rate: float) -> None:
         """Forces and Jacobian at d, without contacts."""
         s, a, launch = self.state, self.points.anchor, self.model.launch
-        if self.hinges:
-            hinges = self.tables["dihedral"]
-            launch(self.hinges, hinges.size, [hinges.data, s.x, s.d, a, rate], [self.element])
+        if self.bending:
+            self.bending.linearise(s.x, s.d, a, rate, self.element)
         if self.triangles:
             triangles, offset = self.tables["membrane"], 4 * len(self.ids("dihedral", 4))
             launch(self.triangles, triangles.size, [triangles.data, s.x, s.d, a, rate, offset], [self.element])
@@ -256,8 +258,10 @@ class Implicit(Method):
             launch(self.inertia, rows, [self.trials[""][which], self.A, s.d, self.b, y], [])
             if rubbed:
                 self.active.rub(self.trials[""][which], 1.0 / rate, rows)
-            for kind, table in self.tables.items():
-                launch(self.elastic[kind], rows, [self.trials[kind][which], table.data, s.x, s.d, a, y, rate], [])
+            for kind, kernel in self.elastic.items():
+                launch(kernel, rows, [self.trials[kind][which], self.tables[kind].data, s.x, s.d, a, y, rate], [])
+            if self.bending:
+                self.bending.search(*(self.trials[kind][which] for kind in ("dihedral", "curvature")), [s.x, s.d, a, y, rate])
             for solid in self.solids:
                 launch(self.stressed[solid.name][1], rows,
                        [self.trials[solid.name][which], solid.data, s.x, s.d, a, y, solid.q, rate], [])
@@ -267,7 +271,8 @@ class Implicit(Method):
     @property
     def launches(self) -> int:
         """Of a Newton step; conjugate gradients by several blocks take two more an iteration."""
-        return 8 + 3 * (self.free is not None) + 3 * (len(self.tables) + len(self.solids)) - self.springs
+        return (8 + 3 * (self.free is not None) + 2 * len(self.tables) + 3 * len(self.solids)
+                + 6 * bool(self.bending) + bool(self.triangles))
 
     @property
     def bytes(self) -> int:

@@ -1,13 +1,14 @@
 """Sparse systems over points: their structure, from who touches whom, and their solution. See kernels/pcg.py.
 
     springs     (m, 2) points of each spring; row i of the system has an entry for each spring end at point i
-    hinges      (h, 4): row i has a block for each other point that shares one with i
+    spans       `wsim.curvature.Spans` or None: row i has a block for each other point that a curvature depends on with i
     elements    (m, k) each, triangles and tets say, which leave a block of each pair of their points (0 1), (0 2) .. (1 2) ..
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, permutations
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -48,7 +49,7 @@ class Blocks:
     """Blocks by point, and what each is the sum of.
 
     first, column     blocks first[i] .. first[i + 1] of point i, each with its other point
-    part, item        items part[b] .. part[b + 1] of block b: places of two hinge corners (4 hinge + corner), or of an
+    part, item        items part[b] .. part[b + 1] of block b: first rows of J of two spans (3 span), or of an
                       element's block (pairs element + pair, one kind after the other) and WHOLE or TURNED
     corner, pull      places pull[corner[i] .. corner[i + 1]] of the corners at point i: 4 hinge + corner, then elements
     """
@@ -61,17 +62,29 @@ class Blocks:
     pull: np.ndarray
 
 
-def blocks(hinges: np.ndarray, elements: list[np.ndarray], n: int) -> Blocks:
-    """Blocks of n points; their items in the order hinges, elements, ascending."""
+def beside(group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All pairs (a, b), a != b, of the members of each group; group (m,) ascends."""
+    first = np.searchsorted(group, group)
+    size = np.searchsorted(group, group, side="right") - first
+    a = np.repeat(np.arange(len(group)), size)
+    b = first[a] + np.arange(len(a)) - np.repeat(np.cumsum(size) - size, size)
+    return a[a != b], b[a != b]
+
+
+def blocks(hinges: np.ndarray, spans: Any, elements: list[np.ndarray], n: int) -> Blocks:
+    """Blocks of n points; their items in the order spans, elements, ascending. hinges (h, 4): whose corners have forces."""
     keys, items, begin = [np.zeros(0, np.int64)], [np.zeros((0, 2), np.int64)], 0
-    for kind, ids in enumerate([hinges, *elements]):
+    if spans:
+        both = np.stack(beside(spans.triangle), axis=1)
+        keys.append(spans.point[both[:, 0]] * n + spans.point[both[:, 1]])
+        items.append(3 * both)
+    for ids in elements:
         every, pairs = np.arange(len(ids)), {pair: k for k, pair in enumerate(combinations(range(ids.shape[1]), 2))}
         for a, b in permutations(range(ids.shape[1]), 2):
             keys.append(ids[:, a].astype(np.int64) * n + ids[:, b])
-            found = (4 * every + a, 4 * every + b) if kind == 0 else \
-                (begin + len(pairs) * every + pairs[min(a, b), max(a, b)], np.full(len(ids), WHOLE if a < b else TURNED))
-            items.append(np.stack(found, axis=1))
-        begin += len(pairs) * len(ids) * (kind > 0)
+            items.append(np.stack([begin + len(pairs) * every + pairs[min(a, b), max(a, b)],
+                                   np.full(len(ids), WHOLE if a < b else TURNED)], axis=1))
+        begin += len(pairs) * len(ids)
     key, item = np.concatenate(keys), np.concatenate(items)
     order = topology.order_of(key)
     key, item = key[order], item[order]
@@ -85,7 +98,7 @@ class System:
     """A y = f over the points of all bodies, each body a system of its own, or each world (`Model.starts`)."""
 
     def __init__(self, model: Model, w: wp.array, springs: np.ndarray, hinges: np.ndarray, elements: list[np.ndarray],
-                 coarse: Sequence[Body] = ()):
+                 coarse: Sequence[Body] = (), spans: Any = None):
         """w: inverse masses [1/kg]; the others as above, empty (0, k) where there are none. coarse: bodies with a coarse
         space."""
         self.model, n, t, s = model, model.points, types(model.real), newton.structs(model.real)
@@ -97,7 +110,7 @@ class System:
             self.A.link = self.zeros(len(e.other), t.vec4)
         paired = len(hinges) + sum(map(len, elements)) > 0
         if paired:
-            b = blocks(hinges, elements, n)
+            b = blocks(hinges, spans, elements, n)
             self.put(self.rows, pair=b.first, column=b.column, part=b.part, corner=b.corner, pull=b.pull)
             self.rows.item = model.upload(b.item.astype(np.int32), wp.vec2i)
             self.A.block = self.zeros(len(b.column), t.mat33)

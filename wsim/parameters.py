@@ -29,6 +29,7 @@ class Parameters:
         """Everything that is differentiated by, of one kind each."""
         c = self.points
         found = [c.w, c.gravity, c.decay, *self.net().values(), *(b.lengths for b in self.batches if b.lengths)]
+        found += [e.curvature.data.value for e in (*self.flat, *self.batches) if e.curvature]
         for data in (source.data for source in (*self.flat, *self.tables, *self.batches)):
             found += [getattr(data, name) for name in NAMES if getattr(data, name, None)]
         for flow in (t.plastic for t in self.tables if t.plastic):

@@ -35,6 +35,7 @@ class Beside:
         """What gets gradients."""
         net, tables = self.pull.net, [e.data for e in self.elements.values()]
         found = [self.pull.lengths, *(getattr(net, name) for name in ("k", "rest", "damping"))] if self.pull.springs else []
+        found += [e.curvature.data.value for e in self.elements.values() if e.curvature]
         return [a for a in (*found, *(getattr(d, name) for d in tables for name in ("rest", "stiffness", "tau"))) if a]
 
     def zero(self) -> None:
@@ -50,6 +51,9 @@ class Beside:
             for array, by in ((data.alpha, alpha), (batch.lengths or data.rest, rest), (data.tau, tau)):
                 if array:
                     found[array.ptr] = by[batch.order]
+            if batch.curvature:                          # slots of a triangle stand in both tables alike
+                by = self.elements[batch.kind].curvature.data.value.grad
+                found[batch.curvature.data.value.ptr] = by.numpy().astype(np.float64)
         return found
 
     def springs(self, batch) -> tuple[np.ndarray, ...]:

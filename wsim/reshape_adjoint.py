@@ -2,7 +2,8 @@
 `wsim.fem` and `wsim.masses`, in float64 NumPy.
 
     length |r|       n.dr,  n = r / |r|              area with unit normal n     1/2 (n x e_k).dr_k,  e_k the edge across from k
-    angle            G.dr, see `wsim.frequency`      tet                         by its edges from corner 0
+    angle            G.dr, see `wsim.frequency`      curvature of triangles      `wsim.bending.by_points`
+    tet              by its edges from corner 0
 
 Of B = Dm^-1, the edges e_b of a triangle in its frame (u, v), where u is the axis a in its plane, and Q the gradient by B: with
 P = -B^T Q B^T, that by Dm, and dn.e_b = -n.de_b, the frame turns by  t sum_b B_bv n.de_b,  t = n.a / |a - n n.a|,  and so
@@ -12,6 +13,7 @@ P = -B^T Q B^T, that by Dm, and dn.e_b = -n.de_b, the frame turns by  t sum_b B_
 
 import numpy as np
 
+from wsim.bending import by_points
 from wsim.cloth import Rows, frame, nets
 from wsim.frequency import gradients
 from wsim.masses import soft_masses, soft_weights
@@ -48,8 +50,8 @@ class RestShape:
 
     # elements
 
-    def rows(self, r: Rows, by_rest: np.ndarray, by_shape: np.ndarray) -> None:
-        """by_rest, by_shape: of `Rows.rest` and `Rows.shape`."""
+    def rows(self, r: Rows, by_rest: np.ndarray, by_shape: np.ndarray, by_value: np.ndarray | None = None) -> None:
+        """by_rest, by_shape: of `Rows.rest` and `Rows.shape`; by_value: of `Coupling.value`."""
         source, body = self.body.source, self.body
         if r.kind == "membrane":
             self.membrane(r, by_rest, by_shape)
@@ -57,8 +59,8 @@ class RestShape:
             assert isinstance(source, Cloth)
             if not source.flat:
                 self.add(r.ids, by_rest[:, None, None] * gradients(r, body)[:, 0])
-            self.ratio(r, np.concatenate([r.ids[:, [0, 1, 2]], r.ids[:, [1, 0, 3]]]), np.tile(np.arange(len(r.ids)), 2), 1.0,
-                       -by_shape * r.shape**2)
+            assert by_value is not None
+            self.by += by_points(body.rest, r.coupling.patches, by_value, by_shape)
         elif r.kind == "tether":
             self.tethers(r, by_rest)
         elif r.kind == "limit":
@@ -76,9 +78,8 @@ class RestShape:
         """by: of l^2 / A, l the length between the first two points and A `times` the areas of the triangles of each."""
         p = self.body.rest[r.ids[:, :2] - self.body.first]
         square = ((p[:, 1] - p[:, 0])**2).sum(axis=1)
-        shape = 1.0 / r.shape if r.kind == "dihedral" else r.shape
-        self.lengths(r.ids[:, :2], by * 2.0 * shape / np.sqrt(square))
-        self.areas(triangles, (-times * by * shape**2 / square)[owner])
+        self.lengths(r.ids[:, :2], by * 2.0 * r.shape / np.sqrt(square))
+        self.areas(triangles, (-times * by * r.shape**2 / square)[owner])
 
     def membrane(self, r: Rows, by_rest: np.ndarray, by_shape: np.ndarray) -> None:
         p = self.body.rest[r.ids - self.body.first]

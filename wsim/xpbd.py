@@ -6,6 +6,7 @@ substep and kept through its iterations; with one iteration they do not exist.
 """
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -48,7 +49,7 @@ class Batch:
         alpha, tau = self.values()
         paths = {r.body.path for r in rows if r.body is not None}
         self.uniform = len(paths) == model.worlds == 1 and bool(np.all(alpha == alpha[0]) and np.all(tau == tau[0])) \
-            and not model.gradients
+            and not model.gradients and kind != "dihedral"
         self.fused = FUSE > 0 and (not model.device.is_cuda or int(np.diff(self.starts).max()) <= FUSE)
         self.remade = False
         table, self.kernel = self.make()
@@ -63,11 +64,32 @@ class Batch:
         self.data.tau = self.send(tau, t.scalar) if self.damped else None
         self.lam = wp.zeros(self.size if self.multipliers else 0, dtype=t.vec3 if alpha.ndim == 2 else t.scalar,
                             device=model.device)
-        self.lengths: wp.array | None = None          # rest lengths before muscles shorten them
+        self.lengths: wp.array | None = None          # rest values before muscles or curvatures change them
+        self.curvature: Any = None                    # of hinges
+        if kind == "dihedral":
+            self.bend()
         self.adjoint = None
         if model.gradients:
             from wsim.xpbd_adjoint import SweepAdjoint
             self.adjoint = SweepAdjoint(self, model)
+
+    def bend(self) -> None:
+        """Hinges get angles at rest from the curvatures of their sheets, each time that they are swept."""
+        from wsim.curvature import Curvature
+        from wsim.kernels import curvature
+        model, data = self.model, self.data
+        self.lengths, data.rest = data.rest, wp.zeros_like(data.rest)
+        self.curvature = Curvature(model, self.rows, self.order)
+        self.angles = curvature.angles(model.real, model.module, self.damped)
+        self.targets = curvature.targets(model.real, model.module)
+
+    def aim(self, x: wp.array, d: wp.array, a: wp.array | None, rate: float) -> None:
+        """Angles at rest for what stands at x + d now: see kernels/curvature.py."""
+        launch, cur = self.model.launch, self.curvature
+        if cur:
+            launch(self.angles, self.size, [self.data, self.lengths, x, d, a, rate, cur.data], [])
+            cur.launch_sums()
+            launch(self.targets, self.size, [self.data, self.lengths, cur.data], [self.data.rest])
 
     def make(self) -> tuple:
         """Struct of the table, and the kernel."""
@@ -99,6 +121,8 @@ class Batch:
             return
         self.stale = self.remade = False
         (self.lengths or self.data.rest).assign(self.rest().astype(self.model.dtype))
+        if self.curvature:
+            self.curvature.refresh()
         if self.adjoint:
             self.adjoint.refresh()
         alpha, tau = self.values()
@@ -138,8 +162,9 @@ class Xpbd(Method):
         for batch in self.batches:
             batch.data.w = points.constants.w
             colours = len(batch.starts) - 1
+            launches = (1 if batch.fused else colours) + 3 * (batch.curvature is not None)
             self.stages.append(Stage(
-                batch.kind, "solve", partial(self.project, batch), 1 if batch.fused else colours, batch.bytes, "iteration",
+                batch.kind, "solve", partial(self.project, batch), launches, batch.bytes, "iteration",
                 f"{batch.size} constraints in {colours} colours"))
         if clock.watched and any(b.kind not in HARD for b in self.batches):
             self.watch()
@@ -183,6 +208,7 @@ class Xpbd(Method):
     def measure(self, kernels_: list, x: wp.array, d: wp.array, lam: list[wp.array], largest: wp.array) -> None:
         soft = [b for b in self.batches if b.kind not in HARD]
         for row, (batch, kernel, own) in enumerate(zip(soft, kernels_, lam, strict=True)):
+            batch.aim(x, d, x, 0.0)                      # what damping asks for is left out
             self.model.launch(kernel, batch.size, [batch.data, x, d, own, 1.0 / self.clock.g, row], [largest])
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
@@ -206,6 +232,8 @@ class Xpbd(Method):
     def energy(self, batch: Batch, module: str) -> float:
         """1/2 C alpha^-1 C [J] of a batch, summed in float64."""
         from wsim.kernels.strain import statistics
+        if batch.curvature:
+            return batch.curvature.energy(batch.data, batch.lengths, self.state.x, self.state.e, module)
         out = wp.zeros(min(LANES, batch.size), dtype=wp.vec3d, device=self.model.device)
         kernel = statistics(batch.kind, real=self.model.real, module=module, uniform=batch.uniform)
         kernel_cache.ready(kernel, self.model)
@@ -222,6 +250,7 @@ class Xpbd(Method):
             batch.adjoint.record(self.model.tape, s.x, a, s.d, clock)
             return
         omega = batch.omega(clock)
+        batch.aim(s.x, s.d, a, 1.0 / clock.g)
         if batch.fused:
             self.model.sweep(batch.kernel,
                              [batch.data, s.x, a, batch.first, 1.0 / clock.g, omega, s.d, batch.lam],

@@ -7,7 +7,42 @@ from wsim.cloth import HARD
 from wsim.kernels import xpbd_adjoint as kernels
 from wsim.kernels.real import types
 from wsim.model import Model
-from wsim.tape import Tape, adjoint_of
+from wsim.tape import Tape, adjoint_of, without
+from wsim.topology import incident
+
+
+class TargetAdjoint:
+    """Of the angles at rest that hinges are swept to: see kernels/curvature_adjoint.py."""
+
+    def __init__(self, batch, model: Model):
+        """batch: as that of `SweepAdjoint`, of hinges."""
+        from wsim.kernels import curvature
+        from wsim.kernels import curvature_adjoint as bent
+        self.batch, self.model, real, module, vec3 = batch, model, model.real, model.module, types(model.real).vec3
+        ids = np.concatenate([r.ids for r in batch.rows])[batch.order]
+        begin, item = incident(ids.reshape(-1, 1), model.points)
+        self.begin, self.item = model.upload(begin.astype(np.int32), int), model.upload(item, int)
+        self.swept = s = bent.swept(real)()
+        s.rest, s.by_rest, s.by_target = batch.lengths, batch.lengths.grad, batch.data.rest.grad
+        s.corners, s.rates = (wp.zeros(ids.size, dtype=vec3, device=model.device) for _ in range(2))
+        how = real, module, batch.damped
+        self.seeds, self.back, self.moved = bent.seeds(*how), bent.targets(*how), bent.moved(*how)
+        self.sums, self.values = curvature.sums(real, module, both=True), bent.values(real, module)
+
+    def backward(self, x: wp.array, d: wp.array, a: wp.array | None, rate: float, by_d: wp.array) -> None:
+        """From the gradients by the targets of what stands at x + d to all others, to which it adds."""
+        batch, cur, s = self.batch, self.batch.curvature, self.swept
+        read = [batch.data, without(x), d, None if a is None else without(a), rate, cur.data, s]
+        by_a = None if a is None else a.grad
+        self.launch(self.seeds, batch.size, read)
+        self.launch(self.sums, cur.triangles, [cur.data])
+        self.launch(self.back, batch.size, [*read, adjoint_of(batch.data)])
+        self.launch(self.values, cur.triangles, [cur.data, adjoint_of(cur.data)])
+        self.launch(self.moved, self.model.points, [self.begin, self.item, s.corners, s.rates, x.grad, by_d, by_a])
+
+    def launch(self, kernel, dim: int, inputs: list) -> None:
+        how: dict = {"block_dim": self.model.block} if self.model.device.is_cuda else {}
+        wp.launch(kernel, dim, inputs, device=self.model.device, **how)
 
 
 class SweepAdjoint:
@@ -29,6 +64,7 @@ class SweepAdjoint:
         if batch.rest().ndim == 1 and not self.kept and model.real is wp.float32:
             self.left = batch.data.left = wp.empty(batch.size, dtype=model.real, device=model.device)
             self.refresh()
+        self.aimed = TargetAdjoint(batch, model) if batch.curvature else None
         self.last = self.zero                   # multipliers of the sweep before, while a tape records
 
     def refresh(self) -> None:
@@ -47,22 +83,34 @@ class SweepAdjoint:
         s.lam_out = tape.slots.plain.take(batch.lam.dtype, batch.lam.shape)
         if self.kept:
             s.kept = tape.slots.plain.take(self.vec3, (self.points, batch.size))
+        targets = batch.data.rest
+        kept = tape.slots.plain.take(targets.dtype, targets.shape) if self.aimed else None
         g.x, g.a, g.lam = x.grad, None if a is None else a.grad, self.back
         self.last = self.zero if batch.kind in HARD else s.lam_out
 
         def forward(version: wp.array) -> None:
             s.d = version
+            if kept:
+                before, self.model.tape = self.model.tape, None
+                batch.aim(x, version, a, rate)
+                self.model.tape = before
+                wp.copy(kept, without(targets))
             self.launch(self.kernels[0], [batch.data, s], rate, omega)
 
         def backward(work: wp.array, grad: wp.array) -> None:
             if final:
                 self.back.zero_()
             s.d, g.d = work, grad
+            if kept:
+                wp.copy(without(targets), kept)
+                targets.grad.zero_()
             if self.apart:
                 self.gain(grad, -1.0, x.grad)
             self.launch(self.kernels[1], [batch.data, adjoint_of(batch.data), s, g], rate, omega, -1)
             if self.apart:
                 self.gain(grad, 1.0, x.grad)
+            if self.aimed:
+                self.aimed.backward(x, work, a, rate, grad)
         tape.within(d, forward, backward)
 
     def gain(self, grad: wp.array, sign: float, into: wp.array) -> None:

@@ -3,7 +3,7 @@
     kinetic    1/2 sum m v^2 of the points that no hard pin holds [J]
     gravity    -sum m g.(x - level) [J], level a place below everything that the scene reaches
     elastic    springs 1/2 k (l - L)^2; membrane triangles A psi of `wsim.fabric` with U = sqrt(F^T F);
-               hinges 1/2 bend l^2 / A theta^2 of `wsim.cloth` [J]
+               bending 1/2 |C_t|^2 of the curvatures that `wsim.bending` makes of the angles of hinges [J]
 
 Of a constraint much stiffer than a substep resolves, only a part of 1/2 C^2 / alpha can turn into motion: one implicit
 step of h on effective inverse mass S = sum w |G|^2 frees 1/2 C^2 / (alpha + h^2 S). `elastic(x, h)` is that part, with
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tools.stress.solids import Solid, solid
-from wsim import topology
+from wsim import bending, topology
 from wsim.cloth import flat
 from wsim.model import Body, make_body
 from wsim.scene import Cloth, Scene, Soft, Springs
@@ -33,10 +33,11 @@ class Elastic:
     areas: np.ndarray            # [m^2], (t,)
     moduli: tuple[float, float, float]       # stretch, shear [N/m], poisson
     hinges: np.ndarray           # (q, 4)
-    bends: np.ndarray            # [N m], (q,)
+    bends: np.ndarray            # of hinges alone that are at least as stiff [J], (q,)
     heights: np.ndarray          # of the free corners over the hinge at rest [m], (q, 2)
     weights: np.ndarray          # inverse masses [1/kg], (n,); 0 where a hard pin holds
     masses: np.ndarray           # [kg], (n,)
+    coupling: bending.Coupling | None = None
 
     def strain(self, x: np.ndarray) -> np.ndarray:
         """Signed strain of every edge, (m,)."""
@@ -50,8 +51,10 @@ class Elastic:
             total += float(np.sum(0.5 * C**2 * self.stiffness / (1.0 + h * h * self.stiffness * w)))
         if len(self.triangles):
             total += self._membranes(x, h)
-        if len(self.hinges):
-            total += float(np.sum(0.5 * self.bends * _angles(x, self.hinges)**2))
+        if self.coupling:
+            slot, value = self.coupling.slot, self.coupling.value
+            z = np.where(slot >= 0, (np.sqrt(self.bends) * _angles(x, self.hinges))[slot], 0.0)
+            total += float(0.5 * ((z[..., None] * value).sum(axis=1)**2).sum())
         return total
 
     def _membranes(self, x: np.ndarray, h: float) -> float:
@@ -121,10 +124,13 @@ def _elastic(source: Cloth | Springs, body: Body, held: np.ndarray) -> Elastic:
     double = np.stack([np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, k] - p[:, 0]), axis=1) for k in (2, 3)], axis=1)
     sound = (double > 0.0).all(axis=1)
     hinges, base, double = hinges[sound], base[sound], double[sound]
-    bends = fabric.bend * base**2 / (0.5 * double.sum(1))
+    pinned = np.zeros(len(rest), bool)
+    pinned[held] = True
+    coupling, inverse = bending.coupling(rest, bending.patches(rest, triangles, hinges, pinned))
+    bends = fabric.bend / inverse
     return Elastic(edges[kept], lengths[kept], np.zeros(int(kept.sum())), triangles[good], np.linalg.inv(Dm[good]),
                    areas[good], (fabric.stretch, fabric.shear, fabric.poisson), hinges, bends,
-                   double / base[:, None], weights, masses)
+                   double / base[:, None], weights, masses, coupling if len(hinges) else None)
 
 
 def fastest(scene: Scene) -> float:

@@ -2,7 +2,7 @@
 
     young[], poisson[]            of each tet of a soft body
     stiffness[]                   of each spring of a net
-    bend[]                        of each hinge of a cloth
+    bend[]                        of each hinge of a cloth; two of a triangle that differ are coupled by the root of both
     stretch[], shear[], weft[]    of each triangle of a membrane; of the model "springs" stretch[] of each edge, shear[] of each
                                   diagonal. A weft of 0 follows stretch; one that is not stays while stretch[] changes
     velocities[]                  of each point of any body at the start, in the world
