@@ -8,6 +8,7 @@ nu^2).
 
 import math
 from dataclasses import fields
+from typing import Any
 
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
@@ -80,10 +81,10 @@ def load_restitution(reading: Reading, prim: Usd.Prim) -> float:
     return value or 0.0
 
 
-def load_contact(reading: Reading, prim: Usd.Prim) -> dict[str, float | None]:
+def load_contact(reading: Reading, prim: Usd.Prim) -> dict[str, Any]:
     """What contacts with a collider know of it, by its fields: friction, restitution and thickness [m] (None where open)."""
-    return rubs(reading, prim) | {"restitution": load_restitution(reading, prim),
-                                  "thickness": read(prim, "Collider", "thickness", reading.units)}
+    return {**rubs(reading, prim), "restitution": load_restitution(reading, prim),
+            "thickness": read(prim, "Collider", "thickness", reading.units)}
 
 
 def load_fabric(reading: Reading, prim: Usd.Prim, body_density: float | None, thickness: float | None) -> Fabric:
