@@ -33,7 +33,7 @@ LAYERS = (
     ("cloth", "soft", "reshape"),
     ("frequency", "choice", "reasons", "covered", "cost"),
     ("elastic", "elements", "fem", "plastic", "pressure", "force_adjoint", "gather", "watch", "touching_adjoint", "gcr",
-     "active_set", "momentum", "newton_curvature"),
+     "line_search", "active_set", "momentum", "newton_curvature"),
     ("adjoint", "xpbd_adjoint", "points_adjoint"),
     ("points", "explicit", "implicit", "aero", "xpbd", "muscles", "loads", "rigid", "fluid", "pose"),
     ("plan",),

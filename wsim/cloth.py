@@ -3,8 +3,7 @@
 Springs along the edges of a cloth carry k = stretch * A / l^2, A the area of the triangles at the edge (Van Gelder 1998,
 Approximate simulation of elastic membranes by triangulated spring meshes); the two diagonals of an authored quad of area A,
 each strained by half the shear angle, carry 2 shear A / l^2 instead. Sheets store 1/2 bend |S|^2 per area, S the curvature that
-the angles of hinges make of each triangle: the same on every mesh that is fine enough (`wsim.bending`). A hinge's compliance is
-that of one alone which is at least as stiff as what the sheet has there.
+the angles of hinges make of each triangle, the same on every fine mesh (`wsim.bending`). A hinge alone is at least as stiff.
 """
 
 from dataclasses import dataclass, replace

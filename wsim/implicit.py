@@ -20,6 +20,7 @@ from wsim.cloth import Rows, changed, in_worlds
 from wsim.elements import Table, bending_of
 from wsim.kernels import descent, newton, pinned, tangent
 from wsim.kernels.real import types
+from wsim.line_search import LineSearch
 from wsim.model import Model
 from wsim.stage import EACH, RESIDUAL, Clock, Method, Stage
 from wsim.state import State
@@ -86,7 +87,7 @@ class Implicit(Method):
     def work(self) -> None:
         """Vectors over points, and numbers of each body."""
         model, t = self.model, types(self.model.real)
-        bodies, cuda, over = self.system.systems, model.device.is_cuda, self.system.zeros
+        over = self.system.zeros
         self.b, self.c, self.saved, self.f = (over(model.points, t.vec3) for _ in range(4))
         self.fields, self.time = {"c": self.c}, -1.0
         self.element = tangent.elements_of(model.real)()
@@ -99,21 +100,7 @@ class Implicit(Method):
         self.element.block, self.element.force = over(block, t.mat33), over(force, t.vec3)
         if self.bending:
             self.bending.room(self.element)
-        self.residual, self.step = over(bodies, model.real), over(bodies, wp.float64)
-        most = max([int(np.diff(model.starts).max())] + [t.most for t in self.tables.values()]
-                   + [s.most for s in self.solids])
-        self.lanes = int(np.clip(most // 8, 32, 2**16)) if cuda else 1
-        self.change = wp.zeros((bodies * self.lanes, 1 + descent.HALVINGS), dtype=wp.float64, device=model.device)
-        self.trials = {kind: [self.trial(first, begin, end) for begin, end in ((0, 1), (1, 1 + descent.HALVINGS))]
-                       for kind, first in [("", self.system.first), *((k, b.first) for k, b in self.tables.items()),
-                                           *(("curvature", b.first) for b in [self.bending] if b),
-                                           *((s.name, s.first) for s in self.solids)]}
-
-    def trial(self, first: wp.array, begin: int, end: int):
-        trial = descent.Trial()
-        trial.first, trial.lanes, trial.begin, trial.end = first, self.lanes, begin, end
-        trial.step, trial.change = self.step, self.change
-        return trial
+        self.residual = over(self.system.systems, model.real)
 
     def make(self) -> None:
         """Kernels."""
@@ -121,10 +108,9 @@ class Implicit(Method):
         self.begin, self.stay, self.end = (f(real, module) for f in (newton.begin, newton.stay, newton.end))
         self.triangles = tangent.triangles(real, module) if "membrane" in self.tables else None
         self.assemble = newton.assemble(real, module, self.springs, self.elements)
-        self.inertia, self.move = descent.inertia(real, module), descent.move(real, module)
-        self.elastic = {kind: descent.elastic(kind, real, module) for kind in self.tables if kind != "dihedral"}
         self.stressed = {s.name: s.kernels() for s in self.solids}
-        self.choose, self.left, self.unmet = descent.choose(real, block), descent.left(real, block), descent.unmet(real, module)
+        self.left, self.unmet = descent.left(real, block), descent.unmet(real, module)
+        self.line = LineSearch(self)
         if self.clock.watched:
             from wsim.kernels.residual import judge
             self.judge = judge(real, module)
@@ -180,7 +166,7 @@ class Implicit(Method):
         else:
             self.system.solve(self.f, TOLERANCE, CAP, (self.state.x, self.state.d))
             self.carry()
-        self.search(rate, 0, 1, rubbed=self.active is not None)
+        self.line.search(rate, 0, 1, rubbed=self.active is not None)
         if clock.i == clock.iterations - 1:
             self.model.launch(self.end, self.model.points, [self.state.d, self.b], [self.c])
             if clock.k == clock.substeps - 1 or clock.beyond:      # one unsolved step of the midpoint can gain energy
@@ -199,14 +185,14 @@ class Implicit(Method):
         self.system.drop.zero_()
         self.A.aside.fill_(newton.ASIDE)
         self.prepare(s.d, clock)
-        self.search(rate, 0)
+        self.line.search(rate, 0)
         if self.active:
             self.active.press(clock)
         self.model.launch(self.stay, self.model.points, [self.rows, s.e, s.d], [self.v.y])
         self.carry()
         if self.active:
             self.active.clip(clock.g)
-        self.search(rate, 0)
+        self.line.search(rate, 0)
 
     def prepare(self, d: wp.array, clock: Clock) -> None:
         """own and b of the prediction d, with soft pins."""
@@ -248,25 +234,6 @@ class Implicit(Method):
         springs = self.tables["distance"].data if self.springs else tangent.batch_of("distance", self.model.real)()
         launch(self.assemble, self.model.points, [self.rows, springs, self.element, s.x, s.d, a, self.b, rate],
                [self.f, self.A])
-
-    def search(self, rate: float, *passes: int, rubbed: bool = False) -> None:
-        """d goes along y as far as Phi says: all the way or, after pass 1, a part, or nowhere. rubbed: Phi with friction."""
-        s, a, y = self.state, self.points.anchor, self.v.y
-        rows, launch = self.system.systems * self.lanes, self.model.launch
-        self.step.fill_(-1.0)
-        for which in passes:
-            launch(self.inertia, rows, [self.trials[""][which], self.A, s.d, self.b, y], [])
-            if rubbed:
-                self.active.rub(self.trials[""][which], 1.0 / rate, rows)
-            for kind, kernel in self.elastic.items():
-                launch(kernel, rows, [self.trials[kind][which], self.tables[kind].data, s.x, s.d, a, y, rate], [])
-            if self.bending:
-                self.bending.search(*(self.trials[kind][which] for kind in ("dihedral", "curvature")), [s.x, s.d, a, y, rate])
-            for solid in self.solids:
-                launch(self.stressed[solid.name][1], rows,
-                       [self.trials[solid.name][which], solid.data, s.x, s.d, a, y, solid.q, rate], [])
-            self.system.launch(self.choose, [self.trials[""][which], self.system.drop], [self.step])
-        launch(self.move, self.model.points, [self.system.of, self.step, y, s.d], [s.d])
 
     @property
     def launches(self) -> int:
