@@ -26,7 +26,7 @@ from wsim.tape import without
 from wsim.touching_adjoint import ContactsAdjoint, PinsAdjoint
 
 CLOSE = {"float32": 1e-5, "float64": 1e-13}     # forces left over those of inertia, |own (d - a)|
-AMONG = {"float32": 1e-5, "float64": 1e-14}     # among contacts, of which the last steps are not as much nearer as elsewhere
+AMONG = {"float32": 1e-5, "float64": 1e-15}     # among contacts, whose steps gain less: to where rounding ends it
 EXACT = {"float32": 1e-6, "float64": 1e-12}     # of the adjoint solve, over its right side
 MOST = 60              # full Newton steps, and iterations of the adjoint solve, at most
 INNER, CAP = 1e-2, 300
