@@ -317,7 +317,7 @@ def test_more_contacts_than_room_repeat_the_frame():
 
 def test_what_a_scene_lacks_is_neither_planned_nor_allocated():
     sim = Simulation(chain(3), **CPU)
-    assert [m.name for m in sim.plan.methods] == ["points", "pins", "xpbd"]
+    assert [m.name for m in sim.plan.methods] == ["points", "pins", "xpbd", "watch"]
     assert not sim.state.has("a") and not sim.state.has("s")
     left_out = {s["stage"] for s in sim.plan.skipped}
     assert {"aero", "contact", "history", "gradients"} <= left_out

@@ -16,6 +16,7 @@ EXPLICIT = ("if the motion is not meant to be that violent, explicit steps are t
             "auto")
 OTHERS = "nothing holds it to its material there; give more substeps or iterations, or slower motion"
 BEHIND = "tethers and strain limits are projected behind its steps, which undo a part of it; solver xpbd takes both together"
+CAP = 1e9              # percent: no more is told, see kernels/spring.py and kernels/descent.py
 UNSOLVED = "1 is as if nothing had been solved; give more substeps or iterations, or less stiffness"
 
 
@@ -37,11 +38,11 @@ def note(sim) -> None:
     if explicit and status[RESIDUAL] and not percent.any():       # a march, which does not say where
         percent = np.concatenate([_stretches(sim), np.zeros(len(bodies), int)])
     for place in np.flatnonzero(percent).tolist():
-        value, strained = percent[place] / 100.0, place < len(bodies)
+        value, strained = float(percent[place]) / 100.0, place < len(bodies)
         body = bodies[place if strained else _first(sim.model, place - len(bodies))]
         where = body.path + f" (world {body.world})" * (sim.worlds > 1)
-        said = (f"an edge of {where} is {{worst:.3g}} times as long as at rest: {EXPLICIT if explicit else OTHERS}" if strained
-                else f"Newton's method left a residual of {{worst:.3g}} on {where}: {unsolved}")
+        said = (f"an edge of {where} is {{worst}} times as long as at rest: {EXPLICIT if explicit else OTHERS}" if strained
+                else f"Newton's method left a residual of {{worst}} on {where}: {unsolved}")
         _add(sim, (bool(strained), where), value, said)
 
 
@@ -55,7 +56,8 @@ def _add(sim, key: tuple, value: float, text: str) -> None:
         if value > found.worst:
             found.worst, found.frame = value, sim.frame
     frames = f"frame {found.first}" + (f" and {found.count - 1} later, worst in frame {found.frame}" if found.count > 1 else "")
-    sim.warnings[found.place] = f"{frames}: {text.format(worst=found.worst)}"
+    worst = f"{found.worst:.3g}" + " or more" * (found.worst >= 0.01 * CAP)
+    sim.warnings[found.place] = f"{frames}: {text.format(worst=worst)}"
 
 
 def _first(model, system: int) -> int:
@@ -70,5 +72,5 @@ def _stretches(sim) -> np.ndarray:
         rest, ends = edge_lengths(b), x[sim.model.shared(b.edges)]
         over = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[rest > 0.0] / rest[rest > 0.0]
         most = float(over.max(initial=0.0))
-        found.append(0 if most <= MOST else int(min(100.0 * most, 1e9)))
+        found.append(0 if most <= MOST else int(min(100.0 * most, CAP)))
     return np.array(found)
