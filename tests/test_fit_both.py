@@ -163,7 +163,7 @@ def test_a_field_and_a_density_are_found_by_sweeps():
     x[body.index - body.first] = scene.cloths[0].points
     truth = np.where(x[body.triangles - body.first].mean(axis=1)[:, 2] < 0.0, 30.0, 90.0)
     sets = [("stretch", truth), ("density", 220.0)]
-    observed = seen(scene, [4, 6, 8], 1e-4, 1e-4, sets=sets) + pulled(scene, [4, 6, 8], 0.02, 0.02, sets)
+    observed = seen(scene, [4, 6, 8], 8e-5, 8e-5, sets=sets) + pulled(scene, [4, 6, 8], 0.015, 0.015, sets)
     found = wsim.fit(scene, observed, "density,stretch[tv]", settings=CPU)
     assert found.converged and found.unit == "sigma" and 0.8 < found.misfit < 1.2
     assert abs(found.values["density"][0] - 220.0) < 3.5 * found.errors["density"] < 10.0

@@ -66,12 +66,13 @@ def test_what_a_pin_bears_by_poisson_s_ratio(solver):
 @pytest.mark.parametrize("model", ["springs", "membrane"])
 def test_by_a_strain_limit(solver, model):
     """2 frames of 4 substeps of 2 iterations (leapfrog 20, Newton 2 of BDF2); steps of 2e-6, so that what pulls goes on
-    pulling: at least every eighth edge does, and those that never do have a derivative of 0."""
+    pulling: at least every eighth edge does, and those that never do have a derivative of 0. Leapfrog meets a kink within
+    1e-6, and of steps of 5e-7 rounding leaves 2e-8."""
     run, free = Run(limited(solver, 0.01, model), 2), Run(limited(solver, 10.0, model), 2)
     assert np.abs(run.recording.positions(2) - free.recording.positions(2)).max() > 1e-3
     each = run.gradient.material("strain_limit", elements=True)
     assert (each != 0.0).sum() >= len(each) // 8 and not free.gradient.material("strain_limit", elements=True).any()
-    check(run, "strain_limit", 2e-6, 5e-9)
+    check(run, "strain_limit", *((5e-7, 5e-8) if solver == "leapfrog" else (2e-6, 5e-9)))
 
 
 @pytest.mark.parametrize("name, values, make", [

@@ -105,7 +105,7 @@ def test_lengths_at_rest_are_what_limits_and_tethers_allow(what, integrator):
     scene = hard(crooked("springs", 0.2, solver="implicit", integrator=integrator, substeps=2), what, strain_limit=(
         0.002 if what == "limit" else np.inf))
     run = Run(scene, 3)
-    hard_ones = [by for r, by, _ in run.gradient.at_rest(run.sim.model.body(None)) if r.kind in ("limit", "tether")]
+    hard_ones = [by for r, by, *_ in run.gradient.at_rest(run.sim.model.body(None)) if r.kind in ("limit", "tether")]
     assert len(hard_ones) == 1 and np.abs(hard_ones[0]).max() > 1e-3
     by_rest_shape(run, 2e-7, 2e-8)
 
