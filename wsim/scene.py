@@ -243,7 +243,7 @@ class Scene(Compared):
     def single(self) -> "Scene":
         """Doubles rounded to float32, for a run in float32: rest lengths are then those of the points that it begins with."""
         found = {name: [single(thing) for thing in getattr(self, name)] for name in ("cloths", "springs", "softs", "pins")}
-        return replace(self, **found)
+        return replace(self, **found)  # type: ignore[arg-type]
 
     def bodies(self) -> list[Cloth | Springs | Soft]:
         """Everything that has points that move, in the order of the state's arrays."""
