@@ -1,6 +1,6 @@
 """Bodies of a scene: what has points that move. Plain data in SI units, NumPy only; see `wsim.scene`."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -22,7 +22,16 @@ def reals(value, *shape):
     if value is None:
         return None
     kept = np.asarray(value)
-    return np.array(kept, np.float32 if kept.dtype in (np.float16, np.float32) else np.float64, order="C").reshape(shape)
+    if kept.dtype in (np.float16, np.float32):
+        return array(kept, np.float32, *shape)
+    return np.array(kept, np.float64, order="C").reshape(shape)              # apart from the caller's
+
+
+def single(thing):
+    """A body or pin with its doubles rounded to float32, itself where it has none."""
+    values = {f.name: getattr(thing, f.name) for f in fields(thing)}
+    doubles = {name: v.astype(np.float32) for name, v in values.items() if isinstance(v, np.ndarray) and v.dtype == np.float64}
+    return replace(thing, **doubles) if doubles else thing
 
 
 class Compared:

@@ -10,12 +10,12 @@ where they are given or authored so, as most of USD is, else float64. A save fol
     scene.sphere("/ball", 0.3, at=(0, -0.5, 0))
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 
 import numpy as np
 
-from wsim.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, array, reals
+from wsim.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, array, reals, single
 from wsim.curve import Curve, Motion
 
 __all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylinder", "Load", "Motion", "Pin", "Plane",
@@ -239,6 +239,11 @@ class Scene(Compared):
         `wsim.nodal.between` finds those between points."""
         self.loads.append(Load(path, body if isinstance(body, str) else body.path, over_time(traction), triangles=triangles))
         return self.loads[-1]
+
+    def single(self) -> "Scene":
+        """Doubles rounded to float32, for a run in float32: rest lengths are then those of the points that it begins with."""
+        found = {name: [single(thing) for thing in getattr(self, name)] for name in ("cloths", "springs", "softs", "pins")}
+        return replace(self, **found)  # type: ignore[arg-type]
 
     def bodies(self) -> list[Cloth | Springs | Soft]:
         """Everything that has points that move, in the order of the state's arrays."""

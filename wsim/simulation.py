@@ -59,6 +59,8 @@ class Simulation:
         self.balance: measure.Balance | None = None
         # a live motion changes a collider: the given scene stays as it is, for reset
         self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])
+        if self.precision == "float32":
+            self.scene = self.scene.single()
         self.notes: dict[tuple, Note] = {}     # frames that were beyond a bound, see `wsim.exceeded`
         self.changes: list[tuple] = []         # live parameters that were set, for another plan of the same scene
         try:
