@@ -262,6 +262,7 @@ def test_auto_takes_with_gradients_what_it_takes_without():
     scene = mass_on_spring(1e9, 0.01, "auto", 0.9)
     plain, recorded = (Simulation(scene, gradients=g, **DOUBLE).plan.choice for g in (False, True))
     assert plain == recorded and plain.solver == "xpbd"
+    scene = mass_on_spring(1e3, 0.01, "auto", 0.9)
     scene.solver = "explicit"
     assert "the scene names explicit" in Simulation(scene, gradients=True, **DOUBLE).plan.choice.why
 
@@ -337,7 +338,7 @@ def test_auto_goes_on_with_xpbd_when_an_edge_is_torn_apart():
     thrown[40] = (0.0, 500.0, 0.0)
     sim.set("/cloth", "velocities", thrown)
     sim.step()
-    assert sim.plan.choice.solver == "xpbd" and "from here on XPBD" in sim.warnings[-1]
+    assert sim.plan.choice.solver == "xpbd" and any("from here on XPBD" in w for w in sim.warnings)
     assert sim.plan.clock.substeps == other.substeps > scene.substeps        # those of the wanted error
     sim.run(5)
     assert np.isfinite(sim.positions()).all() and sim.frame == 7

@@ -63,8 +63,8 @@ class Probe:
         """Phi(d + p) - Phi(d)."""
         self.m.v.y.assign(np.asarray(p).reshape(-1, 3))
         self.m.system.drop.fill_(1e30)                                     # nothing is good enough: nothing moves
-        self.m.search(self.rate, 0)
-        return self.m.change.numpy()[:, 0].sum()
+        self.m.line.search(self.rate, 0)
+        return self.m.line.change.numpy()[:, 0].sum()
 
 
 @pytest.mark.parametrize("size", [1.0, 0.01])

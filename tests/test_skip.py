@@ -49,8 +49,9 @@ CLOTH = {"membrane"} | BEND
 KERNELS = {
     "hanging_cloth": POINTS | PINS | CLOTH,
     "flag": POINTS | PINS | AIR | CLOTH,
-    "cape": LEAPS | AIR | {"corners_membrane", "corners_dihedral", "search_sphere", "contact"},
-    "tablecloth": LEAPS | {"corners_membrane_damped", "corners_dihedral_damped", "search_plane_box", "contact"},
+    "cape": LEAPS | AIR | {"corners_membrane", "corners_dihedral", "hinge", "curvature", "search_sphere", "contact"},
+    "tablecloth": LEAPS | {"corners_membrane_damped", "corners_dihedral", "hinge_damped", "curvature", "search_plane_box",
+                           "contact"},
     "shirt": POINTS | CLOTH | {"search_solid", "contact"},
 }
 
@@ -58,7 +59,8 @@ SCENE = {"wsim", "wsim.bodies", "wsim.bulk", "wsim.curve", "wsim.fabric", "wsim.
          "wsim.latest", "wsim.check", "wsim.check_object"}
 LOADER = {"wsim.solids", "wsim.atomic", "wsim.crate"}     # read with wsim.usd, whose own modules are not told apart by scene
 RUN = {"wsim.simulation", "wsim.plan", "wsim.stage", "wsim.state", "wsim.model", "wsim.masses", "wsim.middles", "wsim.order",
-       "wsim.locality", "wsim.color", "wsim.kempe", "wsim.choice", "wsim.cost", "wsim.integrator", "wsim.mend", "wsim.cloth",
+       "wsim.locality", "wsim.color", "wsim.kempe", "wsim.choice", "wsim.reasons",
+       "wsim.cost", "wsim.integrator", "wsim.mend", "wsim.cloth",
        "wsim.apart", "wsim.points", "wsim.measure", "wsim.kernel_cache", "wsim.counts", "wsim.progress", "wsim.interrupt",
        "wsim.kernels", "wsim.kernels.real", "wsim.kernels.points", "wsim.watch", "wsim.exceeded",
        "wsim.kernels.spring"}
@@ -70,7 +72,8 @@ CONTACT = {"wsim.check_contact", "wsim.signed", "wsim.chord",
            "wsim.kernels.contact", "wsim.kernels.search", "wsim.kernels.collide", "wsim.kernels.distance", "wsim.kernels.mesh"}
 LEAP = {"wsim.explicit", "wsim.gather", "wsim.watch", "wsim.abreast", "wsim.cluster", "wsim.march", "wsim.kernels.abreast",
         "wsim.kernels.cluster", "wsim.kernels.constraint", "wsim.kernels.corner", "wsim.kernels.explicit", "wsim.kernels.lots",
-        "wsim.kernels.march", "wsim.kernels.spring", "wsim.kernels.stream"}
+        "wsim.kernels.march", "wsim.kernels.spring", "wsim.kernels.stream", "wsim.bending", "wsim.curvature",
+        "wsim.kernels.curvature", "wsim.kernels.xpbd_terms"}
 WEIGHED = {"wsim.frequency", "wsim.stability"}         # where leapfrog comes into question
 MODULES = {
     "hanging_cloth": SCENE | RUN | WEIGHED | XPBD,
