@@ -1,12 +1,23 @@
 """What several test files share: a small cloth as arrays, a scene that holds one; how kernels are compiled."""
 
+import os
+
 import numpy as np
 import pytest
 import warp as wp
 
-from tests.processes import pytest_addoption, pytest_configure, pytest_runtestloop  # noqa: F401   hooks of pytest
 from wsim.model import Model
 from wsim.scene import Scene
+
+FEW = 6               # files: below, one process is enough
+
+
+def pytest_xdist_auto_num_workers(config):
+    """Of `-n auto`, which pyproject.toml asks for: one process for a few files, else one for each core."""
+    named = {str(word).partition("::")[0] for word in config.args}
+    if config.args_source != pytest.Config.ArgsSource.TESTPATHS and all(n.endswith(".py") for n in named) and len(named) < FEW:
+        return 0
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @pytest.fixture(scope="session", autouse=True)
