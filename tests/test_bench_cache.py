@@ -15,7 +15,7 @@ from wsim.bench import cache
 from wsim.bulk import Bulk
 from wsim.curve import Curve, Motion
 from wsim.fabric import Fabric
-from wsim.scene import Cloth, Collider, Pin, Scene, Skin, Soft, Springs, Surface, Tie
+from wsim.scene import Cloth, Collider, Load, Pin, Scene, Skin, Soft, Springs, Surface, Tie, Varying
 
 
 @pytest.fixture
@@ -38,6 +38,8 @@ def full() -> Scene:
     scene.pin("/pin", cloth, [0], places=[[0.0, 0.0, 0.0]])
     scene.pin("/soft", net, [0], stiffness=5.0)
     scene.collider("/ball", Surface(*grid(), poses=Curve([0.0, 1.0], np.zeros((2, 16, 3)))))
+    scene.force("/pull", net, [1, 2], Curve([0.0, 1.0], np.ones((2, 3))), weights=[0.5, 1.0])
+    scene.varying = [Varying("/cloth", "damping", Curve([0.0, 1.0], np.ones(2)))]
     return scene
 
 
@@ -76,7 +78,8 @@ def places(kinds, ignored):
     return [(kind, f.name) for kind in kinds for f in fields(kind) if (f.name in cache.NAMES) == ignored]
 
 
-THINGS = {Scene: "", Cloth: "cloths", Springs: "springs", Soft: "softs", Pin: "pins", Tie: "ties", Collider: "colliders"}
+THINGS = {Scene: "", Cloth: "cloths", Springs: "springs", Soft: "softs", Pin: "pins", Tie: "ties", Collider: "colliders",
+          Load: "loads", Varying: "varying"}
 
 
 def changed(kind, field) -> Scene:
@@ -98,14 +101,26 @@ def test_the_key_changes_with_every_thing(field):
     scene = full()
     getattr(scene, field).pop()
     paths = {b.path for b in scene.bodies()}
-    scene.pins, scene.ties = ([t for t in things if {t.body, getattr(t, "other", t.body)} <= paths]
-                              for things in (scene.pins, scene.ties))
+    scene.pins, scene.ties, scene.loads = ([t for t in things if {t.body, getattr(t, "other", t.body)} <= paths]
+                                           for things in (scene.pins, scene.ties, scene.loads))
+    scene.varying = [t for t in scene.varying if t.path in paths]
     assert name(scene) != name(full())
+
+
+def test_the_key_changes_with_the_thing_of_which_a_value_varies():
+    keys = set()
+    for path in ("/", "/cloth", "/net", "/cube", "/ball"):
+        scene = full()
+        scene.varying[0].path = path
+        keys.add(name(scene))
+    assert len(keys) == 5
 
 
 def test_the_key_does_not_change_with_names_notes_and_later_frames():
     scene = full()
-    scene.cloths[0].path = scene.pins[0].body = scene.ties[0].body = "/Other"
+    scene.cloths[0].path = scene.pins[0].body = scene.ties[0].body = scene.varying[0].path = "/Other"
+    scene.springs[0].path = scene.loads[0].body = scene.pins[1].body = "/Net"
+    scene.loads[0].path = "/l"
     scene.pins[0].path, scene.pins[0].target, scene.colliders[0].path = "/a", "/b", "/c"
     scene.softs[0].skins.append(Skin("/cube/skin", np.eye(3), np.array([3]), np.arange(3)))     # follows, and moves nothing
     scene.source, scene.notes, scene.variants, scene.start = "b.usda", ["odd"], {"/a": {"b": "c"}}, 7.0

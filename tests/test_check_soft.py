@@ -14,6 +14,7 @@ from wsim.scene import Plane, Scene, Skin
 
 N, T = 125, 320                    # points and tets of a block of 4 x 4 x 4 cells
 FACE = ([3], [0, 1, 2])
+FLOOR = np.array([[1.0, 0, 0, 0], [0, 0, 1, -1], [0, -1, 0, 0], [0, 0, 0, 1]])      # a plane's z is +y, at y = -1
 
 
 @pytest.fixture
@@ -21,7 +22,7 @@ def scene() -> Scene:
     """A block 1 m wide, 4 cells across, over a floor, with a skin."""
     scene = Scene()
     scene.soft("/body/sim", *shapes.block((1, 1, 1), 4), skins=[Skin("/body/skin", np.eye(3) / 2, *FACE)])
-    scene.collider("/floor", Plane(), at=(0, -1, 0))
+    scene.collider("/floor", Plane(), motion=Motion.still(FLOOR))
     return scene
 
 

@@ -117,7 +117,8 @@ def bear() -> str:
 
 
 def test_the_bear_loads_checks_saves_and_loads_equal(read, tmp_path):
-    scene = read(bear() + 'def Plane "floor" (prepend apiSchemas = ["PhysicsCollisionAPI"]) {}\n')
+    scene = read(bear() + 'def Plane "floor" (prepend apiSchemas = ["PhysicsCollisionAPI"]) '
+                 f'{{\nuniform token axis = "Y"\n{place("double3 xformOp:translate", "(0, -1, 0)")}\n}}\n')
     soft = scene.softs[0]
     assert (soft.path, len(soft.points), len(soft.tets)) == ("/zoo/bear", 961, 3008)
     assert meshes.volumes(soft.points, soft.tets).sum() == pytest.approx(98.4285, rel=1e-5)       # as its mesher had it

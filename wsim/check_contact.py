@@ -49,6 +49,8 @@ def _buried(scene: Scene, body) -> Iterator[Problem]:
         if pin.body == body.path and pin.stiffness == inf:
             free[pin.points] = False
     which = np.flatnonzero(free)
+    if not len(which):                                                  # what is pinned everywhere, nothing pushes
+        return
     points = body.motion.points(body.points)[which]
     near = NEAR * float(np.ptp(points, axis=0).max(initial=0.0))
     for collider in scene.colliders:

@@ -1,9 +1,9 @@
 """Reports of benches, kept for each user, so that `wsim run --error` need not measure again.
 
 A report counts for one scene on one device in one version of wsim and Warp: the name of its file is a hash of these. Of the
-scene counts all that changes the motion or what a bench looks at. Not counted are the names of things (a pin knows its body by
-number), meshes that only follow a soft body, where it was loaded from, what was warned of, and the frames after those looked
-at.
+scene counts all that changes the motion or what a bench looks at. Not counted are the names of things (a pin, a load or a value
+that varies knows by number whose it is), meshes that only follow a soft body, where it was loaded from, what was warned of, and
+the frames after those looked at.
 """
 
 import hashlib
@@ -19,7 +19,7 @@ from wsim.atomic import replace_text
 from wsim.bench.report import Report
 from wsim.curve import Curve
 from wsim.report import as_json
-from wsim.scene import Scene
+from wsim.scene import Scene, Varying
 
 FORMAT = 1
 NAMES = {"path", "skins", "source", "notes", "variants", "target", "start", "up"}       # change no motion, or say so otherwise
@@ -47,18 +47,20 @@ def plain(value, scene: Scene):
         return [type(value).__name__, plain(value.times, scene), plain(value.values, scene)]
     if is_dataclass(value):
         return [type(value).__name__, *([f.name, plain(_field(value, f.name, scene), scene)] for f in fields(value)
-                                        if f.name not in NAMES)]
+                                        if f.name not in NAMES or isinstance(value, Varying))]
     if isinstance(value, (list, tuple)):
         return [plain(v, scene) for v in value]
     return repr(value.item() if hasattr(value, "item") else value)
 
 
 def _field(thing, name: str, scene: Scene):
-    """A field; for the bodies that a pin or a tie names their numbers, for frames those that a bench looks at."""
+    """A field; for what a pin, tie, load or value that varies names its number, for frames those that a bench looks at."""
     from wsim.bench.study import looked_at
     value = getattr(thing, name)
     if name in ("body", "other"):
         return [body.path for body in scene.bodies()].index(value)
+    if isinstance(thing, Varying) and name == "path":
+        return ["/", *(t.path for t in [*scene.bodies(), *scene.colliders])].index(value)
     return looked_at(scene) if name == "frames" and thing is scene else value
 
 
