@@ -70,7 +70,7 @@ def test_a_fit_says_it_too(names, monkeypatch):
     track, step = Track("/chain", [1], np.zeros((1, 12, 3)), sigma=1e-3), Simulation.set
 
     def breaks(self, path, name, *rest):
-        step(self, "/pin", "motion", lost("explicit").pins[0].motion)
+        self.plan.method("pins").set("/pin", "motion", lost("explicit").pins[0].motion)        # which `set` would refuse
         step(self, path, name, *rest)
     monkeypatch.setattr(Simulation, "set", breaks)
     from wsim.fitting.copies import Copies
