@@ -40,6 +40,7 @@ def test_a_simulation_says_what_first_went_bad(solver, stage):
     assert "of point 0 of /chain" in str(said.value)
 
 
+@pytest.mark.slow
 def test_steps_of_sdirk3_are_counted_and_not_the_systems_of_both_stages():
     """Of step 183 of 640 the first stage looks at 182.79 and the second at 182.21 and at the end, 183: points hang on what is
     nowhere from 16 x 11.43 = 182.88 on."""

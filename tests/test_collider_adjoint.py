@@ -79,6 +79,7 @@ SCENES = [pytest.param(shape, solver, id=f"{shape}-{solver}") for shape in TRIED
           if solver == "xpbd" or shape in ("plane", "deforming")]        # sweeps on a ball are ragged, in steps as short
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape, solver", SCENES)
 def test_a_sheet_that_slides_on_a_mesh(shape, solver):
     run = recorded(shape, solver)

@@ -26,6 +26,7 @@ def test_a_cloth_is_thrown_into_the_frame():
     assert found["converged"] and found["missed"].max() < 0.03 and (found["velocity"] > found["without_air"])[:2].all()
 
 
+@pytest.mark.slow
 def test_the_walker_learns_to_walk(tmp_path):
     """A few gradients; where it begins they are trustworthy, through contacts and friction."""
     found = walker.run(limit=12, frames=24, later=24, samples=8, out=str(tmp_path / "walk"))

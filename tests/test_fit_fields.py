@@ -143,6 +143,7 @@ def test_without_a_belief_noise_is_what_is_found(bent):
     assert max(apart(found, scene)) > 0.7 and not found.converged and "NOT converged" in found.text()
 
 
+@pytest.mark.slow
 def test_the_noise_is_estimated_where_it_is_not_given(bent):
     scene = bent[0]
     side = bar(gravity=(0.0, 0.0, -9.81))

@@ -38,6 +38,7 @@ def check(run: Slid, within: float = 3e-9) -> None:
     run.check(run.gradient.material("stretch"), lambda s: ("/cloth", "stretch", 40.0 + s), 1e-3, 10.0 * within)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape, integrator", [("plane", "backward_euler"), ("sphere", "bdf2")])
 def test_a_sheet_that_falls_on_a_turning_collider_and_slides(shape, integrator):
     run = Slid(dropped(shape, friction=(0.4, 0.4), spin=3.0, **NEWTON | {"integrator": integrator}), frames=4)

@@ -65,6 +65,7 @@ def check(run: Run) -> None:
     run.check(run.gradient.air_drag(), lambda s: ("/", "air_drag", run.scene.air_drag + s), 1e-3, 2e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator, what", [*((name, "both") for name in INTEGRATORS), ("bdf2", "limit"),
                                               ("sdirk3", "tethers")])
 def test_a_sheet_that_is_pulled(integrator, what):
@@ -143,6 +144,7 @@ def landed(shape: str, integrator: str, mu: float, what: str = "limit", **more) 
     return hard(scene, what, **{"strain_limit": 0.002} if what != "none" else {})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape, integrator, mu", [("sphere", "backward_euler", 0.4), ("plane", "bdf2", 1.5)])
 def test_among_contacts(shape, integrator, mu):
     """What sticks in the solve may slide where a limit pulls at it: the pushes of the solve say how much friction there is."""

@@ -35,19 +35,16 @@ def under(folder: str) -> set[str]:
             if p.is_file() and "__pycache__" not in p.parts and p.name != ".gitkeep"}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("folder", ["kernels", "scenes"])
 def test_root_folders_are_inside_the_package(names, folder):
     wanted = {name for name in under(folder) if not name.startswith("pictures/")}      # those are the documentation's
     assert {f"wsim/{folder}/{name}" for name in wanted} <= names
 
 
-@pytest.mark.slow
 def test_schemas_are_inside(names):
     assert {f"wsim/usd/schema/{name}" for name in under("wsim/usd/schema")} <= names
     assert "wsim/usd/schema/plugInfo.json" in names
 
 
-@pytest.mark.slow
 def test_nothing_else_is_installed(names):
     assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == {"wsim"}

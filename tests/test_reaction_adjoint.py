@@ -153,6 +153,7 @@ def test_looking_changes_nothing_and_gradients_repeat_to_the_bit(scene):
     assert np.array_equal(recording.reactions(3), seen[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model, more, step", [("corotational", LEAPFROG, 1e-7), ("neo_hookean", NEWTON, 2e-6),
                                                ("corotational", {"integrator": "rk4", "substeps": 60}, 1e-7)])
 def test_a_bar_that_flows(model, more, step):

@@ -51,6 +51,7 @@ def recorded(shape: str, integrator: str) -> Slid:
     return Slid(thrown(shape, integrator), frames=FRAMES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape, integrator", CASES)
 def test_a_bar_that_lands_and_slides(shape, integrator):
     """By its start, gravity, what it is made of, and friction and thickness of both."""

@@ -53,6 +53,7 @@ def everything_of_wind(made: type[Run], **more) -> Run:
     return run
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("more", [SWEEPS | {"integrator": "backward_euler"}, {"integrator": "rk4"}, {"integrator": "leapfrog"},
                                   {"solver": "implicit", "integrator": "bdf2", "substeps": 2}])
 def test_wind(more):
