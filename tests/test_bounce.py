@@ -123,13 +123,13 @@ def test_the_floor_receives_the_impulse_of_the_bounce():
     np.testing.assert_allclose(push, (0, -2 * 0.25 * 1.5 * 3.0, 0), atol=1e-12)
 
 
-def thrown_sheet(e, solver, integrator, substeps=32, fps=60.0):
+def thrown_sheet(e, solver, integrator, substeps=32, fps=60.0, bend=1e-5):
     scene = Scene(fps=fps, substeps=substeps, solver=solver, integrator=integrator, gravity=(0, 0, 0))
     points, counts, indices = shapes.sheet(0.4, 0.4, 8, 8)
     flat = np.array(points, float) - np.mean(points, axis=0)
     flat = np.insert(flat[:, np.ptp(flat, axis=0) > 0], 1, 0.0, axis=1)
     scene.cloth("/cloth", flat, counts, indices, model="springs", velocities=np.tile([0.3, -2.0, 0.1], (len(flat), 1)),
-                material=Fabric(stretch=50.0, shear=20.0, bend=1e-5, static_friction=0.0, dynamic_friction=0.0))
+                material=Fabric(stretch=50.0, shear=20.0, bend=bend, static_friction=0.0, dynamic_friction=0.0))
     scene.collider("/ball", Sphere(0.15), at=(0.02, -0.16, 0.01), thickness=0.0, restitution=e, static_friction=0.0,
                    dynamic_friction=0.0)
     return scene
@@ -148,9 +148,10 @@ def energies(scene, frames):
 
 @pytest.mark.parametrize("solver, integrator, swing", [("explicit", "leapfrog", 5e-3), *((s, i, 0.0) for s, i, _ in IMPLICIT)])
 def test_a_sheet_thrown_at_a_sphere_never_gains_energy(solver, integrator, swing):
-    """Leapfrog's energy swings by parts of (h omega)^2 and comes back; the others damp."""
+    """Leapfrog's energy swings by parts of (h omega)^2 and comes back; the others damp. So stiff in bending that no hinge folds
+    through itself, where the energy of bending steps (`wsim.bending`)."""
     for e in (0.5, 1.0):
-        found = energies(thrown_sheet(e, solver, integrator), 40)
+        found = energies(thrown_sheet(e, solver, integrator, bend=1e-3), 40)
         assert found.max() <= 1.0 + 0.2 * swing and np.diff(found).max() <= swing
         assert found[-1] > 0.99 or e < 1.0 or solver != "explicit"         # nothing is lost by e = 1
 

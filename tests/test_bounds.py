@@ -66,7 +66,7 @@ def test_products_and_verdicts_by_where_a_collider_is(solver):
     f, name = rollout(solver, 0.3), "/floor:shift"
     y, rng = f.run(), np.random.default_rng(4)
     s, d = rng.normal(size=y.shape), 1e-5 * rng.normal(size=(4, 3))
-    found = f.jvp({name: d}, step=0.1)
+    found = f.jvp({name: d}, step=0.03)                  # at 0.1 its steps reach over a kink: its own error, 4e-4, tells
     assert (s * found.value).sum() == pytest.approx((f.vjp(s)[name] * d).sum(), rel=1e-6)
     assert found.said == "from both sides" and np.abs(f.run() - y).max() == 0.0
     one = Rollout(f.recording, [name], [2, 3])

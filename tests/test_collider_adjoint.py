@@ -88,7 +88,7 @@ def test_a_sheet_that_slides_on_a_mesh(shape, solver):
     assert plain.indicators()["contacts"] >= 4
     assert np.abs(plain.positions() - run.recording.positions(FRAMES)).max() < 1e-11
     run.by("positions", 1e-8)
-    run.by("velocities", 1e-6)
+    run.by("velocities", 1e-7)                  # at 1e-6 the plane's differences reach a kink: 2e-6 off, 1e-4 at 2e-6
 
 
 @pytest.mark.parametrize("shape, solver", SCENES)

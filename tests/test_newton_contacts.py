@@ -28,11 +28,11 @@ def tilted(axis: int, angle: float, height: float) -> Motion:
     return Motion.still(M)
 
 
-def check(run: Slid, within: float = 3e-9) -> None:
+def check(run: Slid, within: float = 3e-9, step: float = 1e-5) -> None:
     """By positions, velocities, gravity and stiffness; the solves were ones."""
     assert run.recording.residuals["forward"] < 1e-12 and run.recording.residuals["adjoint"] < 1e-11
     run.by("positions", 1e-6, within)
-    run.by("velocities", 1e-5, within)
+    run.by("velocities", step, within)
     g, way = np.asarray(run.scene.gravity), np.array([0.3, -0.5, 0.8])
     run.check(run.gradient.gravity() @ way, lambda s: ("/", "gravity", g + s * way), 1e-4, within)
     run.check(run.gradient.material("stretch"), lambda s: ("/cloth", "stretch", 40.0 + s), 1e-3, 10.0 * within)
@@ -66,7 +66,7 @@ def test_a_sheet_that_slides_on_a_floor_along_a_wall():
     run.recording.run()
     pushes = run.sim.plan.method("contact").contacts.push.numpy().reshape(2, -1, 3)
     assert ((np.linalg.norm(pushes, axis=-1) > 0).all(axis=0)).sum() >= 2
-    check(run, 2e-8)                           # that by velocities is a thousandth of the others
+    check(run, 2e-8, 3e-5)      # that by velocities is a thousandth of the others: in steps of 1e-5 rounding is 2e-8 of it
 
 
 def test_a_sheet_that_sticks_to_a_turning_plane_is_carried():

@@ -25,7 +25,8 @@ size of triangles (tools/results/bending.json). The free border of a sheet bears
 E least. A triangle whose three points are pinned hard is a clamp: it does not bend, and a hinge beside it belongs to the other
 triangle, so that a strip begins where its pins end. S has no Poisson's ratio: a strip of any width bends with `bend`. Hinges of
 an edge with three triangles and more, or of a triangle without height, stand alone: E = 1/2 bend l^2 / A theta^2, A the area of
-both.
+both. A hinge
+that folds through itself, from pi to -pi, keeps its own energy, but what it shares with another changes sign: E steps there.
 
     F   (triangles, SLOTS, 3): A_t^1/2 S_t = sum_s F_ts theta_s, by (tt, 2^1/2 nt, nn) of the axes of edge 0
     D   (hinges,): E <= 1/2 bend sum D theta^2. The eigenvalues of B = sum_s F_s F_s^T / |F_s| of one triangle are at most
