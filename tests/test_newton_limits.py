@@ -252,7 +252,9 @@ def test_a_recording_says_how_far_it_is_from_a_simulation(make):
         off, way = (float(np.linalg.norm(x - y, axis=1).max()) for y in (here, found.positions(0)))
         assert found.plan.choice.solver == plain.plan.choice.solver
         if scene.solver == "implicit":
-            assert found.apart == pytest.approx(off, rel=1e-6) and off < (1e-2 if iterations == 2 else 1e-4) * way
+            # a sheet that slides: the bound of its friction is that of the step before, so that a Newton step comes about
+            # 1.7 times nearer (0.11 of the way after 2, 0.007 after 6; without friction 1e-8)
+            assert found.apart == pytest.approx(off, rel=1e-6) and off < (0.2 if iterations == 2 else 0.02) * way
             assert any("a simulation of these frames ends up to" in w for w in found.sim.warnings) == (off > 1e-3 * way)
         else:
             assert found.apart is None and off < 1e-12
