@@ -2,8 +2,8 @@
 on the ground and stays within a centimetre at first. How much each muscle pulls, at six times of a stride of half a second, is
 found by the gradient of where the body is after three strides, through contacts and friction: 24 numbers, a run forward and one
 backward for each gradient. Then it walks on, for strides that it was not trained for. Where it stood the gradient foresees what
-changes of the controls do; at the best gait, where every step is a branch, it no longer does: that, and not the number of
-gradients, ends the search.
+changes of the controls do; at the best gait, where every step is a branch, it does less surely. The search ends where steps
+gain next to nothing, and not by the number of gradients.
 
     python scenes/examples/walker.py [OUT]          # OUT_before.usdc, OUT_after.usdc: result layers, and pictures of both
 """
