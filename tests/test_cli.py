@@ -90,7 +90,12 @@ def test_help_takes_less_than_a_tenth_of_a_second():
     ["run", "a.usda", "-o", "b.usdc", "--png", "no/such/folder/b.png"],
     ["picture", "a.usda", "-o", "b.png", "--size", "big"],
     ["run", "a.usda", "-o", "b.usdc", "--restart", "c.usdc", "--preroll", "3"],
-    ["new", "cloth", "a.usd", "-o", "b.usda", "--weld", "-1"],
+    ["new", "cloth", "a.usd", "-o", "b.usda", "--weld", "-1"], ["new", "cloth", "a.usd", "-o", "b.usda", "--ground", "1e300"],
+    ["run", "a.usda", "-o", "b.usdc", "--frames", "99999999999"], ["run", "a.usda", "-o", "b.usdc", "--preroll", "1000001"],
+    ["run", "a.usda", "-o", "b.usdc", "--restart", ""], ["bench", "a.usda", "--frames", "99999999999"],
+    ["fit", "a.usda", "--to", "b.usda", "--parameters", "stretch", "-o", " "],
+    ["fit", "a.usda", "--to", "b.usda", "--parameters", "stretch", "--noise", "1e300"],
+    ["fit", "a.usda", "--to", "b.usda", "--parameters", "stretch", "--restart", "no/such/folder/b"],
 ])
 def test_a_wrong_question_exits_with_2(arguments, capsys):
     assert wsim(*arguments) == 2

@@ -8,7 +8,7 @@ from pxr import Sdf
 
 from tests.conftest import grid
 from tests.test_cli import run, samples
-from wsim import provenance
+from wsim import __version__, provenance
 from wsim.fabric import Fabric
 from wsim.restart import load_restart
 from wsim.scene import Scene, SceneError
@@ -50,6 +50,14 @@ def test_other_settings_are_said_and_the_restart_is_not_exact(half, tmp_path, ca
     assert run(half[0], str(tmp_path / "o.usdc"), "--restart", half[1], "--quiet", *words) == 0
     assert f"({said})" in (err := capsys.readouterr().err) and "not bit for bit" in err
     assert list(samples(tmp_path / "o.usdc")) == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(("was", "said"), [
+    ({"version": "0.0.0"}, "wsim 0.0.0 then"), ({"settings": {"device": "cuda"}}, "device cuda then, cpu now")])
+def test_another_version_or_device_is_said_too(was, said):
+    now = {"device": "cpu", "precision": "float32"}
+    (found,) = provenance.differences({"version": __version__, "settings": now} | was, now)
+    assert found.startswith(said) and provenance.differences({"version": __version__, "settings": now}, now) == []
 
 
 def changed(scene: Scene, **fields) -> Scene:

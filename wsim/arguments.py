@@ -3,37 +3,50 @@
 import argparse
 import os
 
+from wsim.counts import MOST
+
+TINY, HUGE = 1e-30, 1e30
+FAR = 1e5                     # [m] as `wsim.check_object.FAR`
+
 
 def whole(text: str) -> int:
-    """An argument that counts: 1, 2, 3 ..."""
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is too small; it must be 1 or more")
-    return value
+    """An argument that counts: 1, 2, 3 ..., up to what ends in time."""
+    return _counted(text, 1)
 
 
 def whole_or_none(text: str) -> int:
     """An argument that counts and may be 0."""
+    return _counted(text, 0)
+
+
+def _counted(text: str, least: int) -> int:
     value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{text} is negative; it must be 0 or more")
+    if not least <= value <= MOST:
+        raise argparse.ArgumentTypeError(f"{text} is too {'small' if value < least else 'large'}; it must be {least} to {MOST}")
     return value
 
 
 def length(text: str) -> float:
     """A length [m] >= 0."""
     value = float(text)
-    if not 0.0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is no length; it must be a finite number of metres, 0 or more")
+    if not 0.0 <= value <= FAR:
+        raise argparse.ArgumentTypeError(f"{text} is no length; it must be a number of metres, 0 to {FAR:g}")
     return value
 
 
 def positive(text: str) -> float:
-    """A finite number > 0."""
+    """A number > 0, of which squares and quotients are finite too."""
     value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is out of range; it must be finite and above 0")
+    if not TINY <= value <= HUGE:
+        raise argparse.ArgumentTypeError(f"{text} is out of range; it must be {TINY:g} to {HUGE:g}")
     return value
+
+
+def named(text: str) -> str:
+    """The name of a file, a prim or a device: not an empty one, as of a variable that a shell does not know."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("it is empty; give a name, or leave the option out")
+    return text
 
 
 def fraction(text: str) -> float:
@@ -49,7 +62,12 @@ def _file(text: str, *endings: str) -> str:
     """A file to write, in a folder that is there: found out now and not after the simulation."""
     if not text.lower().endswith(endings):
         raise argparse.ArgumentTypeError(f"{text} has another ending; allowed is {', '.join(endings)}")
-    folder = os.path.dirname(os.path.abspath(text))
+    return kept(text)
+
+
+def kept(text: str) -> str:
+    """A file, in a folder that is there."""
+    folder = os.path.dirname(os.path.abspath(named(text)))
     if not os.path.isdir(folder):
         raise argparse.ArgumentTypeError(f"{text}: there is no folder {folder}; make it first")
     return text

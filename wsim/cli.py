@@ -11,8 +11,8 @@ import os
 import signal
 import sys
 
-from wsim import __version__, interrupt
-from wsim.arguments import drawing, fraction, image, length, pixels, positive, report, variant, whole, whole_or_none
+from wsim import __version__, arguments, interrupt
+from wsim.arguments import drawing, fraction, image, length, named, pixels, positive, report, variant, whole, whole_or_none
 from wsim.bulk import MODELS
 from wsim.integrator import INTEGRATORS, SOLVERS
 
@@ -33,7 +33,7 @@ def parser() -> argparse.ArgumentParser:
 
 def _solver(command) -> None:
     """Options that change what is simulated."""
-    command.add_argument("--device", help="cpu, cuda:0 ... (default: the GPU if there is one)")
+    command.add_argument("--device", type=named, help="cpu, cuda:0 ... (default: the GPU if there is one)")
     command.add_argument("--precision", choices=("float32", "float64"), help="default: float32")
     command.add_argument("--substeps", type=whole, metavar="N", help="substeps a frame (default: the scene's)")
     command.add_argument("--iterations", type=whole, metavar="N", help="iterations a substep (default: the scene's)")
@@ -50,7 +50,7 @@ def _choices(command) -> None:
 def _run(commands) -> None:
     run = commands.add_parser("run", help="simulate a scene into a result layer over it")
     run.add_argument("scene")
-    run.add_argument("-o", "--output", required=True, metavar="OUT",
+    run.add_argument("-o", "--output", type=named, required=True, metavar="OUT",
                      help="result: .usdc, .usda or .usd; an earlier one stays until this one is whole")
     run.add_argument("--frames", type=whole_or_none, metavar="N", help="default: the scene's")
     _solver(run)
@@ -59,7 +59,8 @@ def _run(commands) -> None:
     run.add_argument("--preroll", type=whole_or_none, default=0, metavar="N",
                      help="frames simulated before the first one and not written, to settle")
     run.add_argument("--samples", type=whole, default=1, metavar="N", help="samples written a frame, for motion blur")
-    run.add_argument("--restart", metavar="RESULT", help="go on from an earlier result, or the .partial.usdc of a run")
+    run.add_argument("--restart", type=named, metavar="RESULT",
+                     help="go on from an earlier result, or the .partial.usdc of a run")
     run.add_argument("--flatten", action="store_true", help="one file that holds the scene too")
     run.add_argument("--stress", action="store_true",
                      help="write von Mises stress and strain of soft bodies as primvars vonMises and strain")
@@ -75,9 +76,9 @@ def _new(commands) -> None:
     _new_cloth(new)
     _new_softbody(new)
     for kind in new.choices.values():
-        kind.add_argument("-o", "--output", required=True, metavar="SCENE")
+        kind.add_argument("-o", "--output", type=named, required=True, metavar="SCENE")
         kind.add_argument("--force", action="store_true", help="replace SCENE if it is there")
-        kind.add_argument("--prim", metavar="PATH", help="which mesh, by path or name (default: the only one)")
+        kind.add_argument("--prim", type=named, metavar="PATH", help="which mesh, by path or name (default: the only one)")
         kind.add_argument("--ground", type=length, metavar="METRES", help="a ground plane so far below it (default: none)")
         kind.add_argument("--meters-per-unit", type=positive, metavar="X", help="unit of the mesh (default: its file's)")
         kind.add_argument("--frames", type=whole, metavar="N", help="frames to simulate (default: the file's)")
@@ -121,7 +122,7 @@ def _plan(commands) -> None:
 def _bench(commands) -> None:
     bench = commands.add_parser("bench", help="measure time against error of a scene, and recommend settings")
     bench.add_argument("scene")
-    bench.add_argument("--device", help="cpu, cuda:0 ... (default: the GPU if there is one)")
+    bench.add_argument("--device", type=named, help="cpu, cuda:0 ... (default: the GPU if there is one)")
     bench.add_argument("--frames", type=whole, dest="look", metavar="N",
                        help="frames looked at (default: the scene's, at most about half a second)")
     bench.add_argument("--budget", type=positive, metavar="SECONDS",
@@ -135,10 +136,11 @@ def _bench(commands) -> None:
 def _fit(commands) -> None:
     fit = commands.add_parser("fit", help="find parameters of a scene from an observed motion, and how sure they are")
     fit.add_argument("scene")
-    fit.add_argument("--to", action="append", required=True, metavar="OBSERVED", help="USD file with sampled points")
-    fit.add_argument("--parameters", required=True, metavar="A,B",
+    fit.add_argument("--to", type=named, action="append", required=True, metavar="OBSERVED",
+                     help="USD file with sampled points")
+    fit.add_argument("--parameters", type=named, required=True, metavar="A,B",
                      help="stretch,bend, say, or /World/Cloth:stretch; young[]: of each tet")
-    fit.add_argument("-o", "--output", metavar="FITTED", help="layer over the scene with what was found")
+    fit.add_argument("-o", "--output", type=named, metavar="FITTED", help="layer over the scene with what was found")
     fit.add_argument("--frames", type=whole, metavar="N", help="frames that are used (default: the scene's)")
     fit.add_argument("--noise", type=positive, metavar="METRES", help="standard deviation (default: estimated)")
     fit.add_argument("--force-noise", type=positive, metavar="NEWTON", help="of wsim:reaction (default: wsim:reactionNoise)")
@@ -146,8 +148,8 @@ def _fit(commands) -> None:
     fit.add_argument("--prior", action="append", default=[], metavar="NAME=MEAN:SIGMA", help="sigma 0.1 of a modulus: 10 %%")
     fit.add_argument("--accuracy", type=fraction, metavar="E", help="1%%, say: stop where two error bars are that small")
     fit.add_argument("--limit", type=positive, default=200.0, metavar="N", help="simulations at most (default: 200)")
-    fit.add_argument("--restart", metavar="FILE", help="keeps its state there, and goes on from it")
-    fit.add_argument("--device", help="cpu, cuda:0 ... (default: the GPU if there is one)")
+    fit.add_argument("--restart", type=arguments.kept, metavar="FILE", help="keeps its state there, and goes on from it")
+    fit.add_argument("--device", type=named, help="cpu, cuda:0 ... (default: the GPU if there is one)")
     fit.add_argument("--json", action="store_true", help="print the result as JSON")
     _choices(fit)
 
@@ -155,7 +157,7 @@ def _fit(commands) -> None:
 def _view(commands) -> None:
     view = commands.add_parser("view", help="show a result (needs the extra `view`)")
     view.add_argument("result")
-    view.add_argument("-o", "--output", "--save", dest="save", metavar="FILE",
+    view.add_argument("-o", "--output", "--save", type=named, dest="save", metavar="FILE",
                       help="write a .rrd file instead, for: rerun FILE")
 
 
@@ -168,8 +170,8 @@ def _picture(commands) -> None:
     what.add_argument("--sheet", type=whole, metavar="N", help="contact sheet of N frames")
     what.add_argument("--animate", action="store_true", help="all frames: an animated PNG, or a GIF")
     picture.add_argument("--size", type=pixels, default=(960, 540), metavar="WxH")
-    picture.add_argument("--camera", metavar="PATH", help="a camera of the stage, or auto (default: its first)")
-    picture.add_argument("--device", help="cpu, cuda:0 ... (default: the GPU if there is one)")
+    picture.add_argument("--camera", type=named, metavar="PATH", help="a camera of the stage, or auto (default: its first)")
+    picture.add_argument("--device", type=named, help="cpu, cuda:0 ... (default: the GPU if there is one)")
 
 
 def explain(error: BaseException) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from wsim import kernel_cache
 from wsim.bending import SLOTS
 from wsim.kernels import curvature as kernels
 from wsim.kernels.real import types
@@ -109,9 +110,11 @@ class Curvature:
         """[J] at x + d. table: struct of the hinges' points and compliances; rest: their angles at rest."""
         real, launch = self.model.real, self.model.launch
         out = wp.zeros(min(LANES, self.triangles), dtype=wp.float64, device=self.model.device)
-        launch(kernels.angles(real, module, False), self.hinges, [table, rest, x, d, x, 0.0, self.data], [])
-        launch(kernels.sums(real, module), self.triangles, [self.data], [])
-        launch(kernels.energy(real, module), out.size, [self.data, self.triangles], [out])
+        angles, sums, energy = kernels.angles(real, module, False), kernels.sums(real, module), kernels.energy(real, module)
+        kernel_cache.ready(energy, self.model)
+        launch(angles, self.hinges, [table, rest, x, d, x, 0.0, self.data], [])
+        launch(sums, self.triangles, [self.data], [])
+        launch(energy, out.size, [self.data, self.triangles], [out])
         return float(out.numpy().sum())
 
 

@@ -101,6 +101,8 @@ def match(path: str, made: Mapping, scene: Scene) -> list[Problem]:
 
 
 def differences(made: Mapping, settings: Mapping) -> list[str]:
-    """What of the settings is another now, in words; of a result that does not say, nothing."""
-    then = made.get("settings", {})
-    return [f"{name} {then[name]} then, {now} now" for name, now in settings.items() if then.get(name, now) != now]
+    """What of the settings, or of wsim, is another now, in words; of a result that does not say, nothing."""
+    from wsim import __version__
+    then = made.get("settings", {}) | ({"wsim": made["version"]} if "version" in made else {})
+    here = {**settings, "wsim": __version__}
+    return [f"{name} {then[name]} then, {now} now" for name, now in here.items() if then.get(name, now) != now]

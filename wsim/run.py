@@ -18,6 +18,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from wsim import interrupt
+from wsim.counts import long_run, refuse
 from wsim.curve import Curve, Motion
 from wsim.interrupt import whole
 from wsim.inventory import count
@@ -165,7 +166,10 @@ def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"]
         if earlier and earlier.frame >= scene.frames:
             raise SceneError(Problem(earlier.path, f"holds {earlier.frame} frames, {scene.frames} are asked for; give "
                                      "--frames a larger number: it counts from the scene's start"))
+        for what, each in (("--samples times frames", samples * scene.frames), ("--preroll times samples", preroll * samples)):
+            refuse(what, each, "give fewer of either")
         sim = simulate(later(finer(scene, samples), preroll / scene.fps))
+        sim.warnings += long_run(sim.plan, (preroll + scene.frames - (earlier.frame if earlier else 0)) * samples)
         if earlier:
             _go_on(sim, earlier, samples)
 
@@ -185,8 +189,9 @@ def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"]
 
 def settings(sim: "Simulation", samples: int) -> dict:
     """How a run is stepped now: what its result says, and what one that goes on from it is held against."""
-    return {"precision": sim.precision, "solver": sim.plan.choice.solver, "integrator": sim.plan.integrator,
-            "substeps": sim.plan.clock.steps * samples, "iterations": sim.plan.clock.iterations}
+    return {"device": "cuda" if sim.device.is_cuda else "cpu", "precision": sim.precision, "solver": sim.plan.choice.solver,
+            "integrator": sim.plan.integrator, "substeps": sim.plan.clock.steps * samples,
+            "iterations": sim.plan.clock.iterations}
 
 
 def _go_on(sim: "Simulation", earlier: "Restart", samples: int) -> None:

@@ -26,14 +26,19 @@ NAMES = {"path", "skins", "source", "notes", "variants", "target", "start", "up"
 
 
 def folder() -> Path:
-    """Where this user's reports are: the system's place for caches."""
-    home = Path.home()
+    """Where this user's reports are: the system's place for caches. Raises OSError where there is no home folder."""
+    named = os.environ.get("XDG_CACHE_HOME", "")
+    try:
+        home = Path.home()
+    except RuntimeError:
+        if not os.path.isabs(named) or sys.platform in ("win32", "darwin"):
+            raise FileNotFoundError("there is no home folder to keep reports of benches in") from None
+        home = Path(named)
     if sys.platform == "win32":
         base = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
     elif sys.platform == "darwin":
         base = home / "Library" / "Caches"
     else:
-        named = os.environ.get("XDG_CACHE_HOME", "")
         base = Path(named) if os.path.isabs(named) else home / ".cache"          # a relative one is to be ignored
     return base / "wsim" / "bench"
 
@@ -79,8 +84,9 @@ def write(name: str, report: Report) -> Path:
 
 def read(name: str) -> tuple[Report | None, str]:
     """The report of that name, or None; and what to warn of where a file is there that is no report."""
-    place = folder() / f"{name}.json"
+    place = Path(f"{name}.json")
     try:
+        place = folder() / place
         data = json.loads(place.read_text(encoding="utf-8"))
         if data["format"] != FORMAT or data["key"] != name:
             raise ValueError("it is of another scene or version")
