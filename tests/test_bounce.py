@@ -204,7 +204,6 @@ def test_sensitivities_of_xpbd_are_of_first_order():
     np.testing.assert_allclose(found, expected, rtol=0.03)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("solver, integrator", [("explicit", "leapfrog"), ("xpbd", "backward_euler"), ("xpbd", "bdf2")])
 def test_a_sheet_thrown_at_a_sphere_has_the_gradients_of_its_scheme(solver, integrator):
     """Differences of steps of 1e-8 m, within which no list and no branch changes."""

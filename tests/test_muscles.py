@@ -113,7 +113,6 @@ def crawler(**more) -> Scene:
     return scene
 
 
-@pytest.mark.slow
 def test_muscles_move_a_soft_body_over_the_ground():
     """By friction alone; light springs tied to a soft body cost it no substeps; gradients through all of it."""
     scene = crawler()

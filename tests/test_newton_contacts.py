@@ -106,7 +106,6 @@ def test_what_slides_loses_momentum_by_coulombs_law():
     assert gradient.friction() == pytest.approx([0.0, 0.5 * lost], rel=1e-10)          # the mean of both is mu
 
 
-@pytest.mark.slow
 def test_what_stands_on_its_feet_gives_way_by_statics():
     """2 k (L / l - 1) z = m g at rest, with feet that stick: z by k, m and g."""
     frames, k, m = 120, 400.0, 0.2

@@ -74,7 +74,6 @@ def test_a_sheet_that_is_pulled(integrator, what):
     check(run)
 
 
-@pytest.mark.slow
 def test_triangles_and_a_soft_pin():
     """The membrane with a strain limit; a soft pin holds a corner beside the hard ones."""
     scene = pulled("bdf2", "limit", "membrane")
@@ -166,7 +165,6 @@ def test_among_contacts(shape, integrator, mu):
         run.check(run.gradient.friction(path)[1], lambda s, path=path: (path, "dynamic_friction", mu + s), 1e-5, 1e-7)
 
 
-@pytest.mark.slow
 def test_what_is_thrown_back():
     """Restitution acts behind the contacts, and those behind the limits."""
     scene = landed("plane", "bdf2", 0.4)
@@ -201,7 +199,6 @@ def test_checkpoints_and_worlds_give_the_same(make):
     assert np.array_equal(run.gradient.positions(), again.gradient.positions())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("make", [lambda: pulled("sdirk3", "limit"), lambda: landed("sphere", "bdf2", 0.4)])
 def test_float32_is_near_float64(make):
     found = []

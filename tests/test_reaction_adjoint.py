@@ -76,7 +76,6 @@ def test_a_soft_bar(solver):
     run.state("velocities")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("solver", [{"integrator": "rk4"}, SWEEPS | {"integrator": "backward_euler"},
                                     {"solver": "implicit", "integrator": "backward_euler", "substeps": 2}])
 def test_a_soft_pin(solver):
@@ -170,7 +169,6 @@ def test_a_bar_that_flows(model, more, step):
     assert np.abs(kept - run.gradient.positions()).max() < 1e-12 * np.abs(kept).max()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("more", [SWEEPS | {"integrator": "backward_euler"}, {"integrator": "rk4"},
                                   {"solver": "implicit", "integrator": "bdf2", "substeps": 2}])
 def test_wind(more):

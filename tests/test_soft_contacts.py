@@ -99,7 +99,6 @@ def test_by_the_motion_of_a_collider(shape, integrator):
     assert (by * ways).sum() == pytest.approx(np.reshape(losses, (4, 2)) @ (1, -1) @ WEIGHTS / step, rel=1e-7)
 
 
-@pytest.mark.slow
 def test_a_bar_of_quadratic_tets_under_pressure():
     """Middles touch too; by bdf2 on a mesh."""
     scene = thrown("sheet", "bdf2")
