@@ -20,6 +20,13 @@ def pytest_xdist_auto_num_workers(config):
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def first_and_slow(rows) -> list:
+    """Rows of a parametrised test of which every run takes the first, and `pytest -m slow` the others."""
+    first, *others = (row if hasattr(row, "values") and not isinstance(row, dict) else
+                      pytest.param(*(row if isinstance(row, tuple) else (row,))) for row in rows)
+    return [first, *(pytest.param(*row.values, marks=pytest.mark.slow, id=row.id) for row in others)]
+
+
 @pytest.fixture(scope="session", autouse=True)
 def compiling():
     """A process of the tests makes hundreds of modules, so that they are compiled as is soonest done. Kernels land under other

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import wsim
+from tests.conftest import first_and_slow
 from tests.test_bounce import ball, cube
 from tests.test_contact_adjoint import SHAPES, SOLVERS, TOP, Slid, dropped
 from tests.test_gradients import WEIGHTS, Run
@@ -79,8 +80,7 @@ SCENES = [pytest.param(shape, solver, id=f"{shape}-{solver}") for shape in TRIED
           if solver == "xpbd" or shape in ("plane", "deforming")]        # sweeps on a ball are ragged, in steps as short
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("shape, solver", SCENES)
+@pytest.mark.parametrize("shape, solver", first_and_slow(SCENES))
 def test_a_sheet_that_slides_on_a_mesh(shape, solver):
     run = recorded(shape, solver)
     plain = Simulation(run.scene, device="cpu", precision="float64")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.conftest import first_and_slow
 from tests.test_contact_adjoint import Slid, dropped
 from tests.test_gradients import Run
 from wsim.curve import Motion
@@ -38,8 +39,7 @@ def check(run: Slid, within: float = 3e-9, step: float = 1e-5) -> None:
     run.check(run.gradient.material("stretch"), lambda s: ("/cloth", "stretch", 40.0 + s), 1e-3, 10.0 * within)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("shape, integrator", [("plane", "backward_euler"), ("sphere", "bdf2")])
+@pytest.mark.parametrize("shape, integrator", first_and_slow([("plane", "backward_euler"), ("sphere", "bdf2")]))
 def test_a_sheet_that_falls_on_a_turning_collider_and_slides(shape, integrator):
     run = Slid(dropped(shape, friction=(0.4, 0.4), spin=3.0, **NEWTON | {"integrator": integrator}), frames=4)
     check(run)

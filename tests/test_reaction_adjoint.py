@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.conftest import first_and_slow
 from tests.test_gradients import WEIGHTS, bar, everything_of_a_sheet, net, sheet
 from tests.test_gradients import Run as Positions
 from tests.test_muscles import FACTORS, SOLVERS, muscled
@@ -153,9 +154,8 @@ def test_looking_changes_nothing_and_gradients_repeat_to_the_bit(scene):
     assert np.array_equal(recording.reactions(3), seen[0])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("model, more, step", [("corotational", LEAPFROG, 1e-7), ("neo_hookean", NEWTON, 2e-6),
-                                               ("corotational", {"integrator": "rk4", "substeps": 60}, 1e-7)])
+@pytest.mark.parametrize("model, more, step", first_and_slow([("corotational", LEAPFROG, 1e-7), ("neo_hookean", NEWTON, 2e-6),
+                                               ("corotational", {"integrator": "rk4", "substeps": 60}, 1e-7)]))
 def test_a_bar_that_flows(model, more, step):
     """Its tets have the shapes at rest of that frame, and do not flow because one looks (after rk4's last stage)."""
     run = Run(yielding(model, **more))

@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from tests.conftest import first_and_slow
 from tests.test_collider_adjoint import HIGH, TRIED, below, led
 from tests.test_contact_adjoint import SHAPES, Slid
 from tests.test_gradients import WEIGHTS, bar
@@ -51,8 +52,7 @@ def recorded(shape: str, integrator: str) -> Slid:
     return Slid(thrown(shape, integrator), frames=FRAMES)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("shape, integrator", CASES)
+@pytest.mark.parametrize("shape, integrator", first_and_slow(CASES))
 def test_a_bar_that_lands_and_slides(shape, integrator):
     """By its start, gravity, what it is made of, and friction and thickness of both."""
     run = recorded(shape, integrator)

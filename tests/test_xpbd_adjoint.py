@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.conftest import first_and_slow
 from tests.test_gradients import Run, everything_of_a_sheet, net, sheet
 from wsim import xpbd, xpbd_adjoint
 from wsim.kernels.xpbd import projection
@@ -53,9 +54,9 @@ def everything_of_wind(made: type[Run], **more) -> Run:
     return run
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("more", [SWEEPS | {"integrator": "backward_euler"}, {"integrator": "rk4"}, {"integrator": "leapfrog"},
-                                  {"solver": "implicit", "integrator": "bdf2", "substeps": 2}])
+@pytest.mark.parametrize("more", first_and_slow([
+    SWEEPS | {"integrator": "backward_euler"}, {"integrator": "rk4"}, {"integrator": "leapfrog"},
+    {"solver": "implicit", "integrator": "bdf2", "substeps": 2}]))
 def test_wind(more):
     everything_of_wind(Run, **more)
 
