@@ -127,7 +127,7 @@ class Implicit(Method):
         if self.contact:
             from wsim.active_set import ActiveSet
             self.active = ActiveSet(self, contact)
-            contact.within = not hard
+            contact.within, contact.press = True, self.active.press if hard else None
         if self.pins:
             self.pinned = pinned.pinned(real, module)
             first, item = topology.incident(self.pins.place["soft"].numpy()[:, None], model.points)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,7 +30,8 @@ class Contact(Method):
         """points: the method that owns inverse masses and objects (`constants`) and the anchor."""
         super().__init__("contact")
         self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
-        self.within = False                              # of a Newton step, after which nothing else moves points
+        self.within = False                              # of a Newton step
+        self.press: Callable[[Clock], None] | None = None        # behind what moves points after Newton steps, if something does
         self.model, self.state, self.anchor = model, state, points.anchor
         colliders = model.scene.colliders
         own = points.constants.object
@@ -79,7 +81,10 @@ class Contact(Method):
         self.contacts.search(clock.k, self.state.x, self.state.d, self.anchor)
 
     def project(self, clock: Clock) -> None:
-        if not self.within and (self.after or not (self.solved and self.contacts.recorded)):
+        if self.within and not self.contacts.recorded:
+            if self.press:
+                self.press(clock)
+        elif self.after or not (self.solved and self.contacts.recorded):
             self.contacts.project(clock.g, self.state.d, self.anchor)
 
     def settle(self, clock: Clock) -> None:
