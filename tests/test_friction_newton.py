@@ -44,8 +44,8 @@ def test_a_cloth_on_a_ball_is_strained_as_little_with_friction_as_without(integr
 
 
 def test_a_limited_sheet_stays_bounded_where_it_rubs():
-    """A strain limit moves points behind each Newton step; contacts that take them back over any distance add energy (strains of
-    1e4 within a second), and those that are bounded by gap and slip do not."""
+    """A strain limit moves points behind each Newton step; contacts that take them back over any distance add energy (strains
+    of 1e4 within a second), and those that are bounded by gap and slip do not."""
     scene = draped(0.5, 4, 1)
     scene.cloths[0].material = replace(scene.cloths[0].material, strain_limit=0.05)
     sim = Simulation(scene, device="cpu")

@@ -31,7 +31,7 @@ class Contact(Method):
         super().__init__("contact")
         self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
         self.within = False                              # of a Newton step
-        self.press: Callable[[Clock], None] | None = None        # behind what moves points after Newton steps, if something does
+        self.press: Callable[[Clock], None] | None = None        # behind what moves points after Newton steps
         self.model, self.state, self.anchor = model, state, points.anchor
         colliders = model.scene.colliders
         own = points.constants.object
