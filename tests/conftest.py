@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from wsim.model import Model
+from wsim.model.model import Model
 from wsim.scene import Scene
 
 FEW = 6               # files: below, one process is enough

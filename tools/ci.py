@@ -15,8 +15,9 @@ from time import perf_counter
 
 ROOT = Path(__file__).resolve().parents[1]
 LITTER = shutil.ignore_patterns(".git", ".venv", "__pycache__", "*.egg-info", ".*_cache", "build", "dist")
-EXTRAS = ("tests/test_view.py tests/test_reference.py tests/test_cloth.py tests/test_order.py tests/test_implicit.py "
-          "tests/test_bench.py tests/test_suite.py")                 # need rerun, SciPy or matplotlib in parts
+EXTRAS = ("tests/show/test_view.py tests/tools/test_reference.py tests/physics/cloth/test_constraints.py "
+          "tests/geometry/test_sheet_ordering.py tests/physics/solver/test_newton.py tests/bench/test_bench.py "
+          "tests/tools/test_suite.py")                 # need rerun, SciPy or matplotlib in parts
 CHECKS = (".venv/bin/pip install -q -e '.[dev,view,plot]'", f".venv/bin/pytest -q {EXTRAS}", ".venv/bin/ruff check .",
           ".venv/bin/mypy", ".venv/bin/python tools/lint.py")
 CLOSING = re.compile(r"\b(passed|failed|errors?)\b.* in [\d.]+s")

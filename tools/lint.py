@@ -1,65 +1,44 @@
 """House rules that no ready-made linter knows, held by reading the sources (ast). Run: python tools/lint.py
 
-    layers      who may import whom; every module of wsim has a place in the table below
+    layers      who may import whom, by folder; every folder of wsim has a place in the table below
+    entries     of a folder
     cycles      no module imports itself by way of others
     size        files, functions, arguments
     words       no place of one machine, nothing unfinished
 
-Each rule is a function from sources to complaints, `file:line: what is wrong`; tests/test_layers.py shows each of them
+Each rule is a function from sources to complaints, `file:line: what is wrong`; tests/tools/test_lint.py shows each of them
 catch a planted fault.
 """
 
 import ast
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 TEXTS = (".md", ".toml", ".usda", ".json", ".csv", ".txt", "")
 ROOT = Path(__file__).resolve().parent.parent
 
-# From the bottom up; a module imports from its own row and the rows below it. A name stands for a module of wsim and
-# for everything in a folder of that name.
-LAYERS = (
-    ("curve", "fabric", "bulk", "bodies", "latest", "polygon", "scene", "solids", "topology", "normals", "shapes",
-     "color", "check", "integrator", "stability", "apart", "check_object", "check_soft", "check_tie", "tetra", "skin",
-     "locality", "kempe", "camera", "look", "png", "gif", "progress", "report", "atomic", "lock", "counts", "inventory",
-     "arguments", "interrupt", "check_varying", "masses", "check_pins", "check_loads", "nodal", "check_contact",
-     "barrier", "chord", "signed", "bending"),
-    ("kernels",),
-    ("stage", "state", "order", "ties", "middles", "model", "linear", "multigrid", "cluster", "abreast", "slots", "march",
-     "tape", "kernel_cache", "curvature"),
-    ("contact",),
-    ("cloth", "soft", "reshape"),
-    ("frequency", "choice", "reasons", "covered", "cost"),
-    ("elastic", "elements", "fem", "plastic", "pressure", "force_adjoint", "gather", "watch", "touching_adjoint", "gcr",
-     "line_search", "active_set", "momentum", "newton_curvature"),
-    ("adjoint", "xpbd_adjoint", "points_adjoint"),
-    ("points", "explicit", "implicit", "aero", "xpbd", "muscles", "loads", "rigid", "fluid", "pose"),
-    ("plan",),
-    ("measure", "broken", "mend", "exceeded", "stress", "reaction", "reaction_adjoint", "reaction_law", "reaction_xpbd",
-     "simulation", "parameters", "sensitivity", "growth", "reshape_adjoint", "element_gradient", "seeds", "segments",
-     "frames", "recording", "live", "varying", "limits"),
-    ("input", "rest_inputs", "controls", "contact_inputs", "inputs", "arrays", "differences", "products", "trust",
-     "layer", "layer_jax"),
-    ("usd", "provenance", "crate", "dependencies", "partial", "sublayer", "overs", "restart", "recorder", "fitting",
-     "drawn", "visible", "view", "picture"),
-    ("cli", "bench", "new", "commands", "run", "__main__", "__init__"),
-)
-METHODS = {"points", "explicit", "implicit", "aero", "xpbd", "muscles", "loads", "rigid", "fluid", "pose"}   # never each other
-READS_USD = {"usd", "provenance", "crate", "dependencies", "partial", "sublayer", "overs", "restart", "recorder", "drawn",
-             "visible"}
-WITHOUT_WARP = {*LAYERS[0], *READS_USD, "cli", "__init__", "__main__"}
-ONLY = {"rerun": {"view"}, "pxr": {*READS_USD, "view", "picture"}, "matplotlib": {"bench"}, "torch": {"layer"},
-        "jax": {"layer_jax"}}   # who may import these packages
+# Folders of wsim from the bottom up: a module imports from its own folder and the folders below. A new file needs no
+# place here, a new folder does.
+LAYERS = ("kernels", "geometry", "scene", "usd", "model", "physics", "simulation", "gradient", "show", "fitting", "bench",
+          "cli", "__init__", "__main__")
+METHODS = {"physics.motion.points", "physics.motion.explicit", "physics.motion.loads", "physics.solver.newton",
+           "physics.solver.xpbd", "physics.cloth.air", "physics.cloth.muscles"}                  # never each other
+WITHOUT_WARP = ("geometry", "scene", "usd", "simulation.duration", "simulation.interrupt", "simulation.report", "show.camera",
+                "show.gif", "show.png", "show.prim", "show.shading", "show.visible", "cli.arguments", "cli.inventory",
+                "cli.progress")
+ONLY = {"rerun": ("show.viewer", "show.rerun_log"), "pxr": ("usd", "show"), "matplotlib": ("bench",),
+        "torch": ("gradient.rollout.torch",), "jax": ("gradient.rollout.jax",)}     # who may import these packages
 
+ENTRIES = 15                     # files and folders in a folder
 FILE_LINES, TEST_LINES, FUNCTION_LINES, ARGUMENTS = 300, 400, 45, 8
 WORDS = re.compile(r"(?<![\w.:/$}<])/(?:tmp|root|home|opt|mnt|srv)/[\w.-]+|(?<!\w)share[d]/"
                    r"|\bTO[D]O\b|\bFIX[M]E\b|\bXX[X]\b|NotImplemented[E]rror|assert Tru[e]\b")
 
 
 def name_of(path: Path) -> str:
-    """wsim/usd/load.py -> usd.load; kernels/xpbd.py -> kernels.xpbd; wsim/__init__.py -> __init__."""
+    """wsim/usd/load.py -> usd.load; kernels/solver/xpbd.py -> kernels.xpbd; wsim/__init__.py -> __init__."""
     parts = list(path.with_suffix("").parts)
     if parts[0] == "wsim":
         parts = parts[1:]
@@ -108,15 +87,16 @@ def target(dotted: str, modules) -> str | None:
     return name or ("__init__" if dotted.count(".") < 2 else None)
 
 
-def layer(name: str) -> int | None:
-    return next((k for k, row in enumerate(LAYERS) if name.split(".")[0] in row), None)
+def within(name: str, places: Iterable[str]) -> bool:
+    """Whether a module is one of `places` or stands in one."""
+    return any(name == place or name.startswith(place + ".") for place in places)
 
 
 def layers(files: dict[Path, str]) -> Iterator[str]:
     modules = product(files)
     for name, (path, tree) in modules.items():
-        if layer(name) is None:
-            yield f"{path}:1: '{name}' has no place in LAYERS (tools/lint.py): give it one"
+        if name.split(".")[0] not in LAYERS:
+            yield f"{path}:1: '{name.split('.')[0]}' has no place in LAYERS (tools/lint.py): give it one"
             continue
         for line, dotted in imports(tree):
             wrong = forbidden(name, dotted, modules)
@@ -131,10 +111,10 @@ def forbidden(name: str, dotted: str, modules) -> str:
         return f"relative import {dotted}: write wsim.…"
     if package == "kernels":
         return "import kernels as wsim.kernels: a global `kernels` would load every kernel twice"
-    if package == "warp" and own in WITHOUT_WARP:
+    if package == "warp" and (within(name, WITHOUT_WARP) or name in ("cli", "__init__", "__main__")):
         return f"'{name}' works without a device: it may not import warp"
-    if package in ONLY and own not in ONLY[package]:
-        return f"only {', '.join(sorted(ONLY[package]))} may import {package}"
+    if package in ONLY and not within(name, ONLY[package]):
+        return f"only {', '.join(ONLY[package])} may import {package}"
     if own == "kernels" and package not in ("warp", "wsim", *sys.stdlib_module_names):
         return f"kernels import warp and each other only, not {package}"
     other = target(dotted, modules)
@@ -143,12 +123,22 @@ def forbidden(name: str, dotted: str, modules) -> str:
     there = other.split(".")[0]
     if own == "kernels" and there != "kernels":
         return f"kernels import warp and each other only, not wsim.{other}"
-    if own in METHODS and there in METHODS and own != there:
+    if {name, other} <= METHODS:
         return f"methods meet in State and contact: {name} may not import {other}"
-    here, below = layer(name), layer(other)
-    if here is not None and below is not None and below > here:
+    if there in LAYERS and LAYERS.index(there) > LAYERS.index(own):
         return f"{name} stands below {other} and may not import it"
     return ""
+
+
+def entries(root: Path = ROOT, folders=("wsim", "kernels", "tests", "tools")) -> Iterator[str]:
+    """Folders of sources with more files and folders than one sees at a glance; figures and schemas are not counted."""
+    for top in folders:
+        for folder in [root / top, *sorted((root / top).rglob("*"))]:
+            if not folder.is_dir() or folder.is_symlink() or folder.name == "__pycache__" or not any(folder.glob("*.py")):
+                continue
+            found = [entry for entry in folder.iterdir() if entry.is_file() or any(entry.glob("*.*"))]
+            if len(found) > ENTRIES:
+                yield f"{folder.relative_to(root)}: {len(found)} entries, at most {ENTRIES}: make a room"
 
 
 def cycles(files: dict[Path, str]) -> Iterator[str]:
@@ -216,7 +206,7 @@ def texts(root: Path = ROOT) -> dict[Path, str]:
 
 def main() -> int:
     files = sources()
-    complaints = [*layers(files), *cycles(files), *size(files), *words(files), *words(texts())]
+    complaints = [*layers(files), *entries(), *cycles(files), *size(files), *words(files), *words(texts())]
     print("\n".join(complaints) if complaints else f"house rules hold in {len(files)} files")
     return 1 if complaints else 0
 

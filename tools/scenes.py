@@ -1,7 +1,8 @@
 """Writes the example scenes, small commented .usda files. Run: python -m tools.scenes [FOLDER]   (default: scenes)
 
-Numbers come from `wsim.shapes` and `wsim.fabric`; attribute names and units from the table of `wsim.usd.names` (tools/usda.py).
-The comments are for people who author such files themselves. tests/test_scenes.py holds the files equal to what is written.
+Numbers come from `wsim.shapes` and `wsim.scene.fabric`; attribute names and units from the table of `wsim.usd.names`
+(tools/usda.py). The comments are for people who author such files themselves. tests/simulation/test_scenes.py holds the files
+equal to what is written.
 """
 
 import sys
@@ -13,8 +14,8 @@ import numpy as np
 from tools.scenes_cloth import SOFT, cloth, looks, material, thickness
 from tools.scenes_soft import SOFT_SCENES
 from tools.usda import block, ground, listed, moved, number, pin, scene, settings, solid
-from wsim import shapes
-from wsim.fabric import fabric
+from wsim.scene import shapes
+from wsim.scene.fabric import fabric
 
 SHORT = "Many short substeps of few iterations: a fine cloth's stretch goes with h^2 / iterations."
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from tools.usda import block, listed, number, said
-from wsim.fabric import Fabric, fabric
+from wsim.scene.fabric import Fabric, fabric
 
 SOFT = '["PhysicsDeformableBodyAPI", "PhysicsSurfaceDeformableSimAPI", "PhysicsCollisionAPI", "WsimClothAPI", ' \
        '"MaterialBindingAPI"]'
@@ -16,7 +16,7 @@ def material(name: str, f: Fabric, metres: float = 1.0, **more) -> str:
                   dynamic_friction=f.dynamic_friction, **more)
     return block("Material", name.capitalize(), values,
                  '["PhysicsMaterialAPI", "PhysicsSurfaceDeformableMaterialAPI", "WsimMaterialAPI"]',
-                 f"The preset \"{name}\" of wsim.fabric, where the sources of its figures are.")
+                 f"The preset \"{name}\" of wsim.scene.fabric, where the sources of its figures are.")
 
 
 def cloth(name: str, surface, fabric_name: str, color, comment: str, metres: float = 1.0, **own) -> str:

@@ -6,10 +6,10 @@ import numpy as np
 
 from tools import scenes_cloth
 from tools.usda import block, ground, listed, moved, number, pin, said, scene, settings, solid
-from wsim import shapes
-from wsim.bulk import Bulk
-from wsim.fabric import fabric
-from wsim.tetra.tets import surface
+from wsim.geometry.tetra.tets import surface
+from wsim.scene import shapes
+from wsim.scene.fabric import fabric
+from wsim.scene.solid import Bulk
 
 BODY = '["PhysicsDeformableBodyAPI", "PhysicsVolumeDeformableSimAPI", "PhysicsCollisionAPI", "WsimSoftAPI", ' \
        '"MaterialBindingAPI"]'

@@ -12,12 +12,7 @@ never starts Warp.
 
 TYPE_CHECKING = False            # as typing's, without importing typing
 if TYPE_CHECKING:
-    from wsim import shapes
-    from wsim.bulk import Bulk
-    from wsim.curve import Curve, Motion
-    from wsim.fabric import Fabric
     from wsim.fitting.fit import fit
-    from wsim.recorder import Recorder
     from wsim.scene import (
         Box,
         Capsule,
@@ -35,18 +30,24 @@ if TYPE_CHECKING:
         Sphere,
         Springs,
         Surface,
+        shapes,
     )
-    from wsim.simulation import Simulation
+    from wsim.scene.curve import Curve, Motion
+    from wsim.scene.fabric import Fabric
+    from wsim.scene.solid import Bulk
+    from wsim.simulation.simulation import Simulation
     from wsim.usd import load, save  # type: ignore[no-redef]  # wsim.usd.load is a module too
+    from wsim.usd.result.recorder import Recorder
 
 __version__ = "0.0.1"
 
 _HOME = {
     **dict.fromkeys(("Scene", "Cloth", "Springs", "Collider", "Pin", "Plane", "Sphere", "Box", "Capsule", "Cylinder",
                      "Cone", "Surface", "Soft", "Skin", "Problem", "SceneError"), "wsim.scene"),
-    "Curve": "wsim.curve", "Motion": "wsim.curve", "Fabric": "wsim.fabric", "Bulk": "wsim.bulk", "shapes": "wsim.shapes",
-    "load": "wsim.usd", "save": "wsim.usd", "Simulation": "wsim.simulation", "fit": "wsim.fitting.fit",
-    "Recorder": "wsim.recorder",
+    "Curve": "wsim.scene.curve", "Motion": "wsim.scene.curve", "Fabric": "wsim.scene.fabric", "Bulk": "wsim.scene.solid",
+    "shapes": "wsim.scene.shapes",
+    "load": "wsim.usd", "save": "wsim.usd", "Simulation": "wsim.simulation.simulation", "fit": "wsim.fitting.fit",
+    "Recorder": "wsim.usd.result.recorder",
 }
 __all__ = [  # noqa: F822  (names of __getattr__)
     "Box", "Bulk", "Capsule", "Cloth", "Collider", "Cone", "Curve", "Cylinder", "Fabric", "Motion", "Pin", "Plane",
@@ -62,7 +63,7 @@ def __getattr__(name: str):
     from importlib import import_module
 
     module = import_module(home)
-    value = module if home == f"wsim.{name}" else getattr(module, name)
+    value = module if name == "shapes" else getattr(module, name)
     globals()[name] = value
     return value
 

@@ -2,7 +2,7 @@
 
 import sys
 
-from wsim import interrupt
+from wsim.simulation import interrupt
 
 
 def main() -> int:

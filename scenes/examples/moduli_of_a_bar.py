@@ -6,8 +6,9 @@
 import numpy as np
 
 import wsim
-from wsim import Bulk, Scene, Simulation, shapes
+from wsim import Bulk, Scene, Simulation
 from wsim.fitting import Settings, Track
+from wsim.scene import shapes
 
 TRUTH = {"young": 1e5, "poisson": 0.3}                      # [Pa], [1]
 NOISE = 1e-4                                                # [m]

@@ -7,8 +7,9 @@ one each (`wsim.fit`), with error bars.
 import numpy as np
 
 import wsim
-from wsim import Fabric, Scene, Simulation, shapes
+from wsim import Fabric, Scene, Simulation
 from wsim.fitting import Settings, Track
+from wsim.scene import shapes
 
 TRUTH = {"stretch": 200.0, "bend": 1e-3}                    # [N/m], [N m]
 NOISE = 1e-3                                                # [m]

@@ -8,8 +8,9 @@ some sharp edges (total variation). The free end carries nothing, and the fit sa
 import numpy as np
 
 import wsim
-from wsim import Bulk, Scene, Simulation, shapes
+from wsim import Bulk, Scene, Simulation
 from wsim.fitting import Settings, Track
+from wsim.scene import shapes
 
 SOFT, STIFF = 5e4, 2e5         # [Pa]
 NOISE = 1e-4                   # [m]

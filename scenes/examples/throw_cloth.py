@@ -7,8 +7,9 @@ the start is found by the adjoint (`velocities[]` of `wsim.fit`). It starts flat
 import numpy as np
 
 import wsim
-from wsim import Fabric, Scene, Simulation, shapes
+from wsim import Fabric, Scene, Simulation
 from wsim.fitting import Settings, Track
+from wsim.scene import shapes
 
 AWAY = (1.5, 0.3, 0.0)         # [m] from the cloth's middle at the start to that of the frame
 COARSE = 0.5                   # [m/s] that neighbours' velocities differ by

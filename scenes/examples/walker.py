@@ -12,12 +12,13 @@ import sys
 
 import numpy as np
 
-from wsim import Bulk, Curve, Motion, Plane, Recorder, Scene, Simulation, shapes
-from wsim.fitting.lbfgs import Descent, Place
-from wsim.picture import Camera, picture
-from wsim.products import Rollout
-from wsim.recording import Recording
-from wsim.trust import Trust, trust
+from wsim import Bulk, Curve, Motion, Plane, Recorder, Scene, Simulation
+from wsim.fitting.fields.lbfgs import Descent, Place
+from wsim.gradient.recording import Recording
+from wsim.gradient.rollout.products import Rollout
+from wsim.gradient.rollout.smoothed import Trust, trust
+from wsim.scene import shapes
+from wsim.show.picture import Camera, picture
 
 CELL, FPS = 0.05, 24.0         # [m], frames a second
 STRIDE, KEYS = 12, 6           # frames of a stride, and keys of the muscles in one

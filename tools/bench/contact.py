@@ -17,9 +17,18 @@ import warp as wp
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from tools.bench.speed import hardware, show, timed  # noqa: E402
-from wsim import shapes  # noqa: E402
-from wsim.scene import Box, Capsule, Cone, Cylinder, Plane, Scene, Sphere, Surface  # noqa: E402
-from wsim.simulation import Simulation  # noqa: E402
+from wsim.scene import (  # noqa: E402
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    Plane,
+    Scene,
+    Sphere,
+    Surface,
+    shapes,  # noqa: E402
+)
+from wsim.simulation.simulation import Simulation  # noqa: E402
 
 SHAPES = {"plane": Plane(), "sphere": Sphere(0.3), "box": Box((0.3, 0.3, 0.3)), "capsule": Capsule(0.2, 0.1),
           "cylinder": Cylinder(0.3, 0.3), "cone": Cone(0.3, 0.3), "mesh": Surface(*shapes.sphere(0.3, 144))}

@@ -31,13 +31,17 @@ import warp as wp
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
-from tools.bench import reference  # noqa: E402
+from tools.bench.nets import reference  # noqa: E402
 from tools.bench.speed import hardware  # noqa: E402
-from wsim import Scene, Simulation, shapes  # noqa: E402
-from wsim.bulk import Bulk  # noqa: E402
-from wsim.fabric import Fabric  # noqa: E402
-from wsim.recording import Recording  # noqa: E402
-from wsim.scene import Sphere, Surface  # noqa: E402
+from wsim import Scene, Simulation  # noqa: E402
+from wsim.gradient.recording import Recording  # noqa: E402
+from wsim.scene import (  # noqa: E402
+    Sphere,
+    Surface,
+    shapes,  # noqa: E402
+)
+from wsim.scene.fabric import Fabric  # noqa: E402
+from wsim.scene.solid import Bulk  # noqa: E402
 
 FRAMES = 16
 STEPS = (2e-5, 2e-6, 2e-7)           # of |way| = 1 [m]

@@ -23,12 +23,11 @@ from math import cos, exp, pi, radians, sin, sqrt
 
 import numpy as np
 
-from tools.bench import reference
-from wsim import shapes
-from wsim.fabric import Fabric
-from wsim.integrator import GAMMA
-from wsim.scene import Plane, Scene, Sphere
-from wsim.simulation import Simulation
+from tools.bench.nets import reference
+from wsim.scene import Plane, Scene, Sphere, shapes
+from wsim.scene.fabric import Fabric
+from wsim.scene.integrator import GAMMA
+from wsim.simulation.simulation import Simulation
 
 FPS, GRAVITY = 60.0, 9.81
 Judged = dict[str, float]                    # "error", and whatever else was measured

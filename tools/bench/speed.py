@@ -23,7 +23,7 @@ import warp as wp
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 from wsim.scene import Scene  # noqa: E402
-from wsim.simulation import Simulation  # noqa: E402
+from wsim.simulation.simulation import Simulation  # noqa: E402
 
 
 def grid_net(n: int, seed: int = 0):
@@ -164,7 +164,7 @@ wp.config.log_level = 40
 used = lambda: sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
 began, spent = time.perf_counter(), used()
 from wsim.usd import load
-from wsim.simulation import Simulation
+from wsim.simulation.simulation import Simulation
 sim = Simulation(load(sys.argv[1]), device=sys.argv[2])
 sim.step()
 sim.positions()

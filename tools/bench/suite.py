@@ -32,11 +32,12 @@ import warp as wp
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 import wsim  # noqa: E402
-from tools.bench import problems, soft_problems  # noqa: E402
+from tools.bench import problems  # noqa: E402
 from tools.bench.problems import Problem  # noqa: E402
+from tools.bench.soft import problems as soft_problems  # noqa: E402
 from tools.bench.speed import hardware  # noqa: E402
 from wsim.scene import SceneError  # noqa: E402
-from wsim.simulation import Simulation  # noqa: E402
+from wsim.simulation.simulation import Simulation  # noqa: E402
 
 PROBLEMS = (*problems.PROBLEMS, *soft_problems.PROBLEMS)
 WARM = 3

@@ -18,10 +18,11 @@ ROOT = Path(__file__).resolve().parents[2]
 PYTHON, DEVICE = sys.executable, "cuda:0"
 # name: (seconds at most, command; {json} is the job's file)
 JOBS = {
-    "tests": (300, ["-m", "pytest", "-q", "-p", "no:cacheprovider", "--tb=short", "tests/test_gpu.py", "tests/test_exact.py",
-                    "tests/test_gpu_reactions.py", "tests/test_implicit.py", "-k", "test_gpu or cpu_and_gpu or cuda"]),
-    "cluster": (120, ["tools/bench/cluster.py", "--device", DEVICE, "--json", "{json}"]),
-    "choice": (240, ["tools/bench/choice.py", "--device", DEVICE, "--json", "{json}"]),
+    "tests": (300, ["-m", "pytest", "-q", "-p", "no:cacheprovider", "--tb=short", "tests/gpu",
+                    "tests/physics/motion/test_compensated.py", "tests/physics/solver/test_newton.py", "-k",
+                    "gpu or cuda"]),
+    "cluster": (120, ["tools/bench/nets/cluster.py", "--device", DEVICE, "--json", "{json}"]),
+    "choice": (240, ["tools/bench/choice/misses.py", "--device", DEVICE, "--json", "{json}"]),
     "speed": (240, ["tools/bench/speed.py", "--device", DEVICE, "--json", "{json}"]),
     "bench": (120, ["-m", "wsim", "bench", "scenes/hanging_cloth.usda", "--device", DEVICE, "--quick", "--json", "{json}"]),
     "stress": (240, ["-m", "tools.stress", "--device", DEVICE, "--solvers", "auto", "--json", "{json}"]),
@@ -29,7 +30,7 @@ JOBS = {
                           "--json", "{json}"]),
     "gradients": (480, ["tools/bench/gradients.py", "--device", DEVICE, "--million", "--json", "{json}"]),
     "contact": (120, ["tools/bench/contact.py", "--device", DEVICE, "--json", "{json}"]),
-    "soft": (120, ["tools/bench/soft.py", "--device", DEVICE, "--json", "{json}"]),
+    "soft": (120, ["tools/bench/soft/substeps.py", "--device", DEVICE, "--json", "{json}"]),
 }
 PEERS = {
     "peers_32": (400, ["--sides", "32"]),
@@ -43,7 +44,7 @@ def jobs(args: argparse.Namespace) -> dict[str, tuple[int, list[str]]]:
     found = dict(JOBS)
     if args.peer_python:
         more = ["--peer-python", args.peer_python, *(["--cache", args.cache] if args.cache else [])]
-        found |= {name: (limit, ["tools/bench/peers.py", "--device", DEVICE, *words, *more, "--json", "{json}"])
+        found |= {name: (limit, ["tools/bench/nets/peers.py", "--device", DEVICE, *words, *more, "--json", "{json}"])
                   for name, (limit, words) in PEERS.items()}
     names = args.only.split(",") if args.only else list(found)
     if unknown := set(names) - set(found):

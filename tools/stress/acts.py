@@ -9,7 +9,7 @@ from math import sqrt
 import numpy as np
 
 from tools.stress.scenes import SIDE, G
-from wsim.curve import Motion
+from wsim.scene.curve import Motion
 
 LAST = 59                             # frame before which abuse of 60 frames ends
 NEAR = 1e-6                           # [m] out of a plane or a heap in which forces would balance for ever

@@ -2,8 +2,8 @@
 
     kinetic    1/2 sum m v^2 of the points that no hard pin holds [J]
     gravity    -sum m g.(x - level) [J], level a place below everything that the scene reaches
-    elastic    springs 1/2 k (l - L)^2; membrane triangles A psi of `wsim.fabric` with U = sqrt(F^T F);
-               bending 1/2 |C_t|^2 of the curvatures that `wsim.bending` makes of the angles of hinges [J]
+    elastic    springs 1/2 k (l - L)^2; membrane triangles A psi of `wsim.scene.fabric` with U = sqrt(F^T F);
+               bending 1/2 |C_t|^2 of the curvatures that `wsim.physics.cloth.bending` makes of the angles of hinges [J]
 
 Of a constraint much stiffer than a substep resolves, only a part of 1/2 C^2 / alpha can turn into motion: one implicit
 step of h on effective inverse mass S = sum w |G|^2 frees 1/2 C^2 / (alpha + h^2 S). `elastic(x, h)` is that part, with
@@ -15,9 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tools.stress.solids import Solid, solid
-from wsim import bending, topology
-from wsim.cloth import flat
-from wsim.model import Body, make_body
+from wsim.geometry import topology
+from wsim.model.model import Body, make_body
+from wsim.physics.cloth import bending
+from wsim.physics.cloth.constraints import flat
 from wsim.scene import Cloth, Scene, Soft, Springs
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from tools.stress.judge import Verdict
 from tools.stress.solvers import MOST, Solver
 from wsim.scene import Scene, SceneError
-from wsim.simulation import Simulation
+from wsim.simulation.simulation import Simulation
 from wsim.usd import load
 
 FOLDER = Path(__file__).resolve().parents[2] / "scenes"
@@ -79,10 +79,11 @@ def steps(scene: Scene, solver: Solver) -> int:
     """Substeps a frame that an explicit integrator needs, by the frequency that bounds the scene."""
     import warp as wp
 
-    from wsim import frequency, model
-    from wsim.choice import needed
-    from wsim.cloth import rows_of
-    from wsim.integrator import TABLE
+    from wsim.model import model
+    from wsim.physics.cloth.constraints import rows_of
+    from wsim.physics.motion import frequency
+    from wsim.scene.integrator import TABLE
+    from wsim.simulation.choice import needed
     built = model.build(scene, 1, wp.get_device("cpu"), wp.float64)
     pinned = model.hard_places(built)
     omega, c = frequency.bound(built, {b.path: rows_of(b, pinned) for b in built.bodies})

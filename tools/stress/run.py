@@ -21,7 +21,7 @@ from tools.stress.solids import Solid
 from tools.stress.solvers import MOST, Solver, given, limit
 from tools.stress.table import ROWS
 from wsim.scene import Scene, SceneError
-from wsim.simulation import Simulation
+from wsim.simulation.simulation import Simulation
 
 START = 120.0          # [s] for imports and compilation in a fresh process, on top of the limit of a row
 

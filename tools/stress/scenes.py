@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from wsim import shapes
-from wsim.curve import Motion
-from wsim.fabric import Fabric
-from wsim.scene import Box, Scene, Sphere, Surface
+from wsim.scene import Box, Scene, Sphere, Surface, shapes
+from wsim.scene.curve import Motion
+from wsim.scene.fabric import Fabric
 
 SIDE, CELLS, DENSITY = 0.5, 8, 0.2                # [m], cells a side, [kg/m^2]
 EDGE = SIDE / CELLS                               # [m]

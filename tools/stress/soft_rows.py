@@ -13,10 +13,9 @@ from tools.stress import acts
 from tools.stress.acts import away, ball, once, placed, thrown
 from tools.stress.rows import DEFORMED, Row
 from tools.stress.scenes import G, moving
-from wsim import shapes
-from wsim.bulk import Bulk
-from wsim.curve import Motion
-from wsim.scene import Plane, Scene, Sphere
+from wsim.scene import Plane, Scene, Sphere, shapes
+from wsim.scene.curve import Motion
+from wsim.scene.solid import Bulk
 
 SIDE, HEIGHT, CELLS = 0.2, 0.4, (2, 4, 2)         # [m], [m], of the bar
 DENSITY, YOUNG = 1e3, 1e6                         # [kg/m^3], [Pa] where a row does not say

@@ -1,6 +1,6 @@
 """What a soft body's state holds, in float64 NumPy, independent of the solvers: the counterpart of `energy.Elastic` for tets.
 
-    stored   sum of V Psi(F), energies of tools/bench/soft_material.py
+    stored   sum of V Psi(F), energies of tools/bench/soft/material.py
     strain   |S - 1| of every tet, S the stretch in F = R S with R a rotation, so that what is turned inside out is strained
 """
 
@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tools.bench.soft_material import density, signed_svd
-from wsim.model import Body
+from tools.bench.soft.material import density, signed_svd
+from wsim.geometry.tetra.tets import gradients, volumes
+from wsim.model.model import Body
 from wsim.scene import Soft
-from wsim.tetra.tets import gradients, volumes
 
 
 @dataclass

@@ -6,8 +6,8 @@ from importlib.util import find_spec
 from math import ceil
 
 from tools.stress.energy import fastest
-from wsim.integrator import INTEGRATORS
 from wsim.scene import Scene
+from wsim.scene.integrator import INTEGRATORS
 
 MOST = 20_000         # substeps a second beyond which an explicit solver may refuse
 GROWTH = 2e-3         # [1/s] at which the amplitude of an undamped spring may grow: 1 % of its energy in five seconds

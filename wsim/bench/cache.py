@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from wsim.atomic import replace_text
 from wsim.bench.report import Report
-from wsim.curve import Curve
-from wsim.report import as_json
 from wsim.scene import Scene, Varying
+from wsim.scene.curve import Curve
+from wsim.usd.result.as_json import as_json
+from wsim.usd.result.atomic import replace_text
 
 FORMAT = 1
 NAMES = {"path", "skins", "source", "notes", "variants", "target", "start", "up"}       # change no motion, or say so otherwise

@@ -3,10 +3,10 @@
 import os
 from typing import TYPE_CHECKING
 
-from wsim.atomic import replacing
 from wsim.bench.front import Row
 from wsim.bench.report import GOALS, Report
 from wsim.scene import Problem, SceneError
+from wsim.usd.result.atomic import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,7 +12,7 @@ Where only springs, membranes, hinges, tets and pins act the reference is Runge-
 short substeps is that of coloured XPBD too (33 x 33 hanging cloth with tethers and strain limits, 7 frames: they meet within
 1.3e-4 of its size, box and cloth within 4e-5). Collisions, tethers and limits make it order 1, and are iterated: what twice the
 iterations change is added to the estimate. Scenes too stiff for explicit steps are refined with Newton's method or XPBD,
-soft bodies with Newton's alone; of those the cost of explicit steps is known from `wsim.cost` before any is taken.
+soft bodies with Newton's alone; of those the cost of explicit steps is known from `wsim.simulation.cost` before any is taken.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,11 +25,11 @@ from wsim.bench.budget import Budget
 from wsim.bench.front import AMPLIFIES, PERTURBED
 from wsim.bench.setting import NEWTON, Setting, first_substeps, smooth
 from wsim.bench.track import LONGEST, Look, Track, distance, fine, size
-from wsim.cost import COSTS
-from wsim.integrator import TABLE
-from wsim.model import hard_places
+from wsim.model.model import hard_places
 from wsim.scene import Problem, Scene, SceneError
-from wsim.simulation import Simulation
+from wsim.scene.integrator import TABLE
+from wsim.simulation.cost import COSTS
+from wsim.simulation.simulation import Simulation
 
 HOPELESS = 1e3         # growth in coarse steps, which exaggerate it, beyond which nothing is refined
 TARGET = 1e-4          # estimated error at which refinement ends: a tenth of the smallest error of interest, 0.1 %

@@ -7,14 +7,15 @@ from pathlib import Path
 
 import warp as wp
 
-from wsim import __version__, kernel_cache
+from wsim import __version__
 from wsim.bench.budget import Budget
 from wsim.bench.reference import make
 from wsim.bench.report import Report
 from wsim.bench.sweep import Sweep
 from wsim.bench.track import Look, size
-from wsim.check import check
+from wsim.model import kernel_cache
 from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.check.scene import check
 
 WINDOW = 0.5           # [s] looked at unless frames are named
 BUDGET, QUICK = 120.0, 30.0      # [s]

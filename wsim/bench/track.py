@@ -13,9 +13,9 @@ from time import perf_counter, process_time
 import numpy as np
 
 from wsim.bench.setting import Setting
-from wsim.choice import Choice
 from wsim.scene import Scene
-from wsim.simulation import Simulation
+from wsim.simulation.choice import Choice
+from wsim.simulation.simulation import Simulation
 
 SAMPLES = 12           # frames whose positions are kept
 WARM, LASTING = 3, 0.1 # frames that are timed at least, and [s] that they last together; frames may go on for it

@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from wsim import mend
+from wsim.fitting.memory import Room, held
 from wsim.fitting.parameter import Parameter
-from wsim.fitting.room import Room, held
-from wsim.reaction import every
 from wsim.scene import Problem, Scene, SceneError
-from wsim.simulation import Simulation
+from wsim.simulation import retry
+from wsim.simulation.measure.reaction import every
+from wsim.simulation.simulation import Simulation
 
 
 class Broken(Exception):
@@ -101,9 +101,9 @@ class Copies:
                 if not any([m.set(path, name, value, world) for m in sim.plan.methods]):
                     raise SceneError(Problem(path, f"{name} is fixed while solver {sim.plan.choice.solver} runs; leave it out, "
                                              "or name another solver"))
-        stiffens = [name for _, name in given if name in mend.STIFFENS]
+        stiffens = [name for _, name in given if name in retry.STIFFENS]
         if stiffens:
-            mend.keep_stable(sim, stiffens[0])
+            retry.keep_stable(sim, stiffens[0])
         self.substeps = sim.plan.clock.substeps
 
     def to(self, frame: int) -> None:

@@ -17,15 +17,15 @@ from time import perf_counter
 
 import numpy as np
 
-from wsim.fitting import doubt
 from wsim.fitting import parameter as table
-from wsim.fitting.estimate import Estimate, estimate
-from wsim.fitting.field import is_field
-from wsim.fitting.field_fit import fit_fields
-from wsim.fitting.levenberg_marquardt import Prior
-from wsim.fitting.misfit import Misfit, experiments_of
+from wsim.fitting.fields.field import is_field
+from wsim.fitting.fields.fit import fit_fields
+from wsim.fitting.least_squares import goodness
+from wsim.fitting.least_squares.levenberg_marquardt import Prior
+from wsim.fitting.least_squares.search import Search
+from wsim.fitting.least_squares.uncertainty import Estimate, estimate
+from wsim.fitting.observations.residuals import Misfit, experiments_of
 from wsim.fitting.parameter import Parameter
-from wsim.fitting.search import Search
 from wsim.scene import Problem, Scene, SceneError
 
 
@@ -98,15 +98,16 @@ class Fit:
 
     def text(self) -> str:
         """The result as a table."""
-        from wsim.fitting.table import text
+        from wsim.fitting.report import text
         return text(self)
 
 
 def fit(scene: Scene, observations, parameters: str | Iterable[str], *, also=(), start: dict[str, float] | None = None,
         priors: dict[str, tuple[float, float]] | None = None, each: Callable[[dict], None] | None = None,
         settings: Settings | None = None):
-    """Fits parameters (`wsim.fitting.parameter`), fields such as young[] (`wsim.fitting.field`), or both, of a scene to
-    observations (`wsim.fitting.observe`). Returns a `Fit`, where there are fields a `FieldFit` (`wsim.fitting.field_result`).
+    """Fits parameters (`wsim.fitting.parameter`), fields such as young[] (`wsim.fitting.fields.field`), or both, of a scene to
+    observations (`wsim.fitting.observations.observe`). Returns a `Fit`, where there are fields a `FieldFit`
+    (`wsim.fitting.fields.result`).
 
     observations   Track, Scan, Functional, Pull objects, or a USD file with sampled points and forces under the same paths
     also           further experiments [(scene, observations)] that share the parameters
@@ -175,11 +176,11 @@ def _result(search: Search, found: list[Parameter], scenes: list[Scene], seconds
     assert best is not None
     noise = search.noise(best, best.misfit)
     left = sqrt(best.misfit / max(best.count - len(found), 1) / noise)
-    doubts = doubt.notes(search, noise, left)
+    doubts = goodness.notes(search, noise, left)
     e = estimate(found, best.theta, search.spectrum(best), noise * max(1.0, left)**2, search.prior.weight)
     for p, value in zip(found, e.values, strict=True):
         scenes = [p.written(s, float(value)) for s in scenes]
     sigma = misfit.sigma * sqrt(noise) if search.known else sqrt(noise)
     return Fit(found, e, scenes[0], scenes, search.converged, sigma, left, search.steps, misfit.walked, misfit.launches,
                1 + len(found) * (1 + misfit.central), best.frame, seconds, best.rows,
-               [*search.notes, *doubts, *misfit.notes()], misfit.unit, doubt.origin(search, noise))
+               [*search.notes, *doubts, *misfit.notes()], misfit.unit, goodness.origin(search, noise))

@@ -7,8 +7,8 @@
                           force and traction of loads that stay
     mass                  of a net, whose points keep their proportions
 
-The maps: `wsim.fitting.map`. A step of the fit, its priors and its error bars live in the mapped space (theta), the
-results in both.
+The maps: `wsim.fitting.least_squares.bounds`. A step of the fit, its priors and its error bars live in the mapped space
+(theta), the results in both.
 """
 
 from collections.abc import Callable, Iterable
@@ -17,11 +17,11 @@ from math import isfinite
 
 import numpy as np
 
-from wsim.check_varying import unfit
-from wsim.curve import Curve
-from wsim.fitting.map import LARGE, LOG, PLAIN, WIDE, Map
-from wsim.masses import density_of
+from wsim.fitting.least_squares.bounds import LARGE, LOG, PLAIN, WIDE, Map
 from wsim.scene import Cloth, Collider, Load, Problem, Scene, SceneError, Soft, Springs
+from wsim.scene.check.varying import unfit
+from wsim.scene.curve import Curve
+from wsim.scene.masses import density_of
 
 AXES, VECTORS = ("x", "y", "z"), ("gravity", "wind", "force", "traction")
 

@@ -4,8 +4,8 @@ import json
 from contextlib import contextmanager
 from pathlib import Path
 
-from wsim.atomic import replace_text
 from wsim.scene import Problem, SceneError
+from wsim.usd.result.atomic import replace_text
 
 
 def write(path, of: list[str], found: dict) -> None:

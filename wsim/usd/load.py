@@ -11,19 +11,19 @@ from math import inf
 import numpy as np
 from pxr import Tf, Usd, UsdGeom
 
-from wsim.check import check
 from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.check.scene import check
 from wsim.usd import names
-from wsim.usd.attachments import load_pin
 from wsim.usd.attributes import read
-from wsim.usd.cloth import load_cloth
-from wsim.usd.colliders import load_collider
+from wsim.usd.load_varying import finish
+from wsim.usd.prims.cloth import load_cloth
+from wsim.usd.prims.colliders import load_collider
+from wsim.usd.prims.pins import load_pin
+from wsim.usd.prims.springs import load_springs
+from wsim.usd.prims.ties import is_tie, load_tie
 from wsim.usd.settings import frames_of, load_settings
 from wsim.usd.spelling import spelling
-from wsim.usd.springs import load_springs
 from wsim.usd.stage import Reading, Units, applied, open_stage, quiet
-from wsim.usd.ties import is_tie, load_tie
-from wsim.usd.varying import finish
 
 SIMULATED = (names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM, names.WSIM_SPRINGS)
 
@@ -92,7 +92,7 @@ def _read(reading: Reading) -> Scene:
         if pin is not None:
             scene.pins.append(pin)
     if found.loads and not failed:
-        from wsim.usd.loads import load_load
+        from wsim.usd.prims.loads import load_load
         scene.loads += [load for prim in found.loads if (load := load_load(reading, prim, by_path)) is not None]
     _order(scene, found.scenes)
     return _finished(reading, scene, found)
@@ -118,7 +118,7 @@ def _load_body(reading: Reading, scene: Scene, prim: Usd.Prim, body: Usd.Prim) -
         reading.fail(prim.GetPath(), f"is to be simulated and lies in the instance {root.GetPath()}, whose contents "
                      f"cannot be written over; author instanceable = false on {root.GetPath()}")
     elif names.VOLUME_SIM in apis:
-        from wsim.usd.soft import load_soft
+        from wsim.usd.prims.soft import load_soft
         soft = load_soft(reading, prim, body)
         if soft is not None:
             scene.softs.append(soft)
@@ -251,7 +251,7 @@ def _finished(reading: Reading, scene: Scene, found: Found) -> Scene:
     """The scene with its warnings. Raises SceneError if anything fatal was found."""
     finish(reading, scene)
     if found.skel_roots:
-        from wsim.usd.skeletons import skinned
+        from wsim.usd.prims.skeletons import skinned
         solid = [*scene.bodies(), *(skin for soft in scene.softs for skin in soft.skins), *scene.colliders]
         skinned(reading, found.skel_roots, [reading.stage.GetPrimAtPath(thing.path) for thing in solid])
     fatal = [problem for problem in reading.problems if problem.fatal]

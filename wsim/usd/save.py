@@ -6,20 +6,20 @@ from pathlib import Path
 
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
-from wsim.atomic import replacing
-from wsim.bulk import Bulk
-from wsim.check import check
-from wsim.crate import PARTIAL
-from wsim.fabric import Fabric
 from wsim.scene import Cloth, Collider, Load, Pin, Problem, Scene, SceneError, Skin, Soft, Springs, Tie
+from wsim.scene.check.scene import check
+from wsim.scene.fabric import Fabric
+from wsim.scene.solid import Bulk
 from wsim.usd import names
-from wsim.usd.attachments import FRAME, author_pin
-from wsim.usd.cloth import author_cloth_prim
-from wsim.usd.colliders import author_collider, surface
+from wsim.usd.prims.cloth import author_cloth_prim
+from wsim.usd.prims.colliders import author_collider, surface
+from wsim.usd.prims.pins import FRAME, author_pin
+from wsim.usd.prims.springs import author_springs
+from wsim.usd.prims.ties import author_tie
+from wsim.usd.result.atomic import replacing
+from wsim.usd.result.crate import PARTIAL
 from wsim.usd.settings import author_settings
-from wsim.usd.springs import author_springs
 from wsim.usd.stage import SUFFIXES, Units, reason
-from wsim.usd.ties import author_tie
 
 
 def save(scene: Scene, path) -> None:
@@ -54,7 +54,7 @@ def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
         elif isinstance(thing, Tie):
             author_tie(stage, thing)
         elif isinstance(thing, Load):
-            from wsim.usd.loads import author_load
+            from wsim.usd.prims.loads import author_load
             author_load(stage, thing, by_path[thing.body], units)
         elif isinstance(thing, Collider):
             author_collider(stage, thing, materials.of(thing), units, scene.frames)
@@ -63,7 +63,7 @@ def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
                 _parents(stage, thing.target)
             author_pin(stage, thing, by_path[thing.body], units, scene.frames)
     if scene.varying:
-        from wsim.usd.author_varying import author_varying
+        from wsim.usd.save_varying import author_varying
         author_varying(stage, scene, settings, units)
     settings.CreateRelationship(names.ORDER, False).SetTargets(
         [Sdf.Path(thing.path) for thing in [*objects, *_skins(scene)]])
@@ -71,7 +71,7 @@ def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
 
 
 def _author_soft(stage: Usd.Stage, soft: Soft, materials: "_Materials", taken: set[str], units: Units, frames: int) -> None:
-    from wsim.usd.soft import author_soft
+    from wsim.usd.prims.soft import author_soft
     for skin in soft.skins:
         _parents(stage, skin.path)
     paths = [materials.of_value(bulk, soft.path) for bulk in soft.materials]
@@ -128,7 +128,7 @@ def _path_problems(scene: Scene) -> list[Problem]:
     problems: list[Problem] = []
     geometry = [thing.path for thing in solid]
     if scene.softs:
-        from wsim.usd.skins import skin_problems
+        from wsim.usd.prims.skins import skin_problems
         problems += skin_problems(scene)
     moving = {thing.path: thing.motion for thing in scene.colliders}
     for thing in [*solid, *scene.pins, *scene.ties, *scene.loads]:

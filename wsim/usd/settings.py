@@ -11,9 +11,9 @@ from pxr import Gf, Usd
 
 from wsim.scene import Scene
 from wsim.usd.attributes import EXACT, author, decimal, read
+from wsim.usd.load_varying import attributes_of, vary
 from wsim.usd.names import GRAVITY, PHYSICS_SCENE, STEPS_HINT, WSIM_SCENE, row
 from wsim.usd.stage import Reading, Units
-from wsim.usd.varying import attributes_of, vary
 
 FIELDS = ("substeps", "iterations", "solver", "integrator", "error", "wind", "air_density", "air_drag", "contact_width")
 

@@ -7,13 +7,13 @@ from difflib import get_close_matches
 from pxr import Usd
 
 from wsim.usd import names
+from wsim.usd.load_varying import CURVES, sampled
 from wsim.usd.names import FOREIGN_ATTRIBUTES, FOREIGN_PREFIXES, FOREIGN_SCHEMAS, FOREIGN_TYPES, TABLE, UNREAD, row
 from wsim.usd.stage import Reading, applied
-from wsim.usd.varying import CURVES, sampled
 
 WSIM, PRIMVAR, RESTART = "wsim:", "primvars:wsim:", "wsim:restart:"
 FIELDS = {"young": names.VOLUME_SIM, "poisson": names.VOLUME_SIM, "stretch": names.SURFACE_SIM, "shear": names.SURFACE_SIM,
-          "weft": names.SURFACE_SIM, "bend": names.SURFACE_SIM}                  # `wsim.usd.fields`
+          "weft": names.SURFACE_SIM, "bend": names.SURFACE_SIM}                  # `wsim.usd.result.fields`
 # what must be the type of a prim, or applied to it, for the attributes of a schema of wsim to be read
 PLACES = {names.WSIM_SCENE: names.PHYSICS_SCENE, names.WSIM_MATERIAL: "Material", names.WSIM_CLOTH: names.SURFACE_SIM,
           names.WSIM_SPRINGS: names.WSIM_SPRINGS, names.WSIM_SOFT: names.VOLUME_SIM, names.WSIM_COLLIDER: names.COLLISION,

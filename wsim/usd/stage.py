@@ -13,9 +13,9 @@ from pathlib import Path
 
 from pxr import Plug, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
-from wsim import crate
 from wsim.scene import Problem, SceneError
 from wsim.usd.names import UNITS
+from wsim.usd.result import crate
 
 SUFFIXES = (".usda", ".usdc", ".usd")
 _COMPOSING = re.compile(r" \([^()]*stage on stage .*\)$")       # addresses in memory say nothing to a reader
@@ -92,8 +92,8 @@ def open_stage(path, variants: dict | None = None, notes: list | None = None) ->
     variants    {prim path: {variant set: variant}}, chosen in the session layer: the file is not touched
     notes       receives a warning for each reference, payload or asset that cannot be resolved
 
-    What a run writes or left unfinished is read as it was saved last (`wsim.crate.read`). Raises SceneError if the file is
-    missing, is no USD, or cannot be read, or if a variant does not exist.
+    What a run writes or left unfinished is read as it was saved last (`wsim.usd.result.crate.read`). Raises SceneError if the
+    file is missing, is no USD, or cannot be read, or if a variant does not exist.
     """
     path, found = os.fspath(path), [] if notes is None else notes
     if not os.path.exists(path):

@@ -1,0 +1,260 @@
+"""Adjoint of bending (kernels/cloth/curvature.py), by hand and gathered: of forces at corners, and of the targets of XPBD.
+
+Forces. With p_k the gradients by the forces of the points, P_k = p_k - p_0, a = G P and b = G V (sums over k), u of C and w of
+the curvatures Y that y_e = k^1/2 a makes, m = k^1/2 u and s = k^1/2 w, the loss is -sum z w = -sum C.Y, and the gradients are
+
+    by positions  -(s G + H (m P + tau s V))       by velocities  -tau s G       by theta_0  s       by tau  -s b
+    by k          -((C + tau b) w + a u) / (2 k^1/2)                             by value_ts  -(z_s Y_t + y_s C_t)
+
+C has symmetric second derivatives H, whose products with a motion are how G changes along it.
+
+Targets theta_0 + q - alpha^1/2 u, q = C + gamma b, gamma = tau / h: with p the gradient by a target, y_e = alpha^1/2 p, w of Y,
+
+    by q  r = p - alpha^-1/2 w      by theta_0  p - r      by alpha  (q w / alpha - p u) / (2 alpha^1/2)      by value: as above
+    by positions  r (G + gamma H V)       by displacements since the anchor  r gamma G       by tau  r b / h
+"""
+
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels.cloth.constraint import FLAT, dihedral, inverse
+from wsim.kernels.cloth.curvature import SLOTS, curvatures, hinge_of, moment
+from wsim.kernels.cloth.element import elements
+from wsim.kernels.cloth.gather_adjoint import reader, works
+from wsim.kernels.cloth.terms import batch_of
+from wsim.kernels.math.real import types
+
+
+@wp.func
+def bent(X: Any, G: Any, Q: Any):
+    """How G of `dihedral` changes along Q: G_k = -|E| N_k / |N_k|^2, k = 2, 3, and G_1 = -(t_2 G_2 + t_3 G_3)."""
+    E = X[0]
+    N2 = wp.cross(E, X[1])
+    N3 = wp.cross(X[2], E)
+    n2 = wp.dot(N2, N2)
+    n3 = wp.dot(N3, N3)
+    LL = wp.dot(E, E)
+    q = inverse(LL)
+    two = type(q)(2.0)
+    longer = q * wp.dot(E, Q[0])                         # of |E|, over it
+    dG1 = type(E)()
+    dG2 = type(E)()
+    dG3 = type(E)()
+    if (q * n2) * (q * n3) > type(q)(wp.static(FLAT)):
+        L = wp.sqrt(LL)
+        dN2 = wp.cross(Q[0], X[1]) + wp.cross(E, Q[1])
+        dN3 = wp.cross(Q[2], E) + wp.cross(X[2], Q[0])
+        dG2 = (longer - two * wp.dot(N2, dN2) / n2) * G[1] - (L / n2) * dN2
+        dG3 = (longer - two * wp.dot(N3, dN3) / n3) * G[2] - (L / n3) * dN3
+        t2 = q * wp.dot(E, X[1])
+        t3 = q * wp.dot(E, X[2])
+        dt2 = q * (wp.dot(Q[0], X[1]) + wp.dot(E, Q[1])) - two * t2 * longer
+        dt3 = q * (wp.dot(Q[0], X[2]) + wp.dot(E, Q[2])) - two * t3 * longer
+        dG1 = -(dt2 * G[1] + t2 * dG2) - (dt3 * G[2] + t3 * dG3)
+    return wp.matrix_from_rows(dG1, dG2, dG3)
+
+
+@cache
+def _here(real, damped: bool, direct: bool):
+    """Function of hinge c of an explicit step: X, V, P (to its first point), and C + tau b, b, G, a."""
+    t, Elements, Work = types(real), elements("dihedral", real), works(real)
+    vec3, by_force = wp.array(dtype=t.vec3), reader(real, direct)
+
+    @wp.func
+    def here(batch: Elements, x: vec3, d: vec3, source: int, first: int, w: Work, c: int):
+        m = x.shape[0]
+        p = batch.point[c]
+        i = p[0]
+        at = first + 4 * c
+        X = t.mat33()
+        V = t.mat33()
+        P = t.mat33()
+        x0 = x[i]
+        d0 = d[source * m + i]
+        p0 = by_force(w, i, at)
+        for k in range(3):
+            j = p[k + 1]
+            X[k] = (x[j] - x0) + (d[source * m + j] - d0)
+            P[k] = by_force(w, j, at + k + 1) - p0
+            if wp.static(damped):
+                V[k] = d[(2 + source) * m + j] - d[(2 + source) * m + i]
+        C, G = dihedral(X, batch.rest[c])
+        b = real(0.0)
+        if wp.static(damped):
+            b = wp.ddot(G, V)
+            C += batch.tau[c] * b
+        return X, V, P, C, b, G, wp.ddot(G, P)
+
+    return here
+
+
+@cache
+def products(real, module, damped: bool, direct: bool):
+    """Kernel over hinges: z and y. direct: of p, else of what stands at the places of corners."""
+    t, Elements, Work, Curvatures = types(real), elements("dihedral", real), works(real), curvatures(real)
+    vec3, here = wp.array(dtype=t.vec3), _here(real, damped, direct)
+
+    def products(batch: Elements, x: vec3, d: vec3, source: int, first: int, cur: Curvatures, w: Work):
+        c = wp.tid()
+        _X, _V, _P, C, _b, _G, a = here(batch, x, d, source, first, w, c)
+        root = wp.sqrt(batch.stiffness[c])
+        cur.z[c] = root * C
+        cur.y[c] = root * a
+
+    name = "_".join(["adjoint_hinge", *["damped"] * damped, *["direct"] * direct])
+    return wp.kernel(products, name=name, module=module, enable_backward=False)
+
+
+@cache
+def corners(real, module, damped: bool, parameters: bool, direct: bool):
+    """Kernel over hinges: at the places of the points' forces the gradients by their positions, and those by their velocities
+    at `rates`; parameters: adds by stiffness, angle at rest, tau. Arguments: those of the kernel of the forces but these, work,
+    by."""
+    t, Elements, Work, Curvatures = types(real), elements("dihedral", real), works(real), curvatures(real)
+    vec3, here = wp.array(dtype=t.vec3), _here(real, damped, direct)
+
+    def back(batch: Elements, x: vec3, d: vec3, source: int, first: int, cur: Curvatures, w: Work, by: Elements):
+        c = wp.tid()
+        at = first + 4 * c
+        X, V, P, C, b, G, a = here(batch, x, d, source, first, w, c)
+        root = wp.sqrt(batch.stiffness[c])
+        u = moment(cur, cur.C, c)
+        y = moment(cur, cur.Y, c)
+        s = root * y
+        Q = (root * u) * P
+        if wp.static(damped):
+            Q += (batch.tau[c] * s) * V
+        by_X = s * G + bent(X, G, Q)
+        sum = t.vec3()
+        rate = t.vec3()
+        for k in range(3):
+            sum += by_X[k]
+            w.corners[at + k + 1] = -by_X[k]
+            if wp.static(damped):
+                by_V = (batch.tau[c] * s) * G[k]
+                rate += by_V
+                w.rates[at + k + 1] = -by_V
+        w.corners[at] = sum
+        if wp.static(damped):
+            w.rates[at] = rate
+        if wp.static(parameters):
+            by.stiffness[c] = by.stiffness[c] - real(0.5) * inverse(root) * (C * y + a * u)
+            by.rest[c] = by.rest[c] + s
+            if wp.static(damped):
+                by.tau[c] = by.tau[c] - s * b
+
+    name = "_".join(["adjoint_dihedral", *["damped"] * damped, *["parameters"] * parameters, *["direct"] * direct, t.name])
+    return wp.kernel(back, name=name, module=module, enable_backward=False)
+
+
+@cache
+def values(real, module):
+    """Kernel over triangles: adds the gradients by `value`."""
+    Curvatures = curvatures(real)
+
+    def values(cur: Curvatures, by: Curvatures):
+        c = wp.tid()
+        C = cur.C[c]
+        Y = cur.Y[c]
+        for s in range(SLOTS * c, SLOTS * c + cur.count[c]):
+            e = cur.slot[s]
+            by.value[s] = by.value[s] - (cur.z[e] * Y + cur.y[e] * C)
+
+    return wp.kernel(values, name="adjoint_curvature", module=module, enable_backward=False)
+
+
+@cache
+def swept(real):
+    """Struct of what hinges of XPBD have besides their table."""
+    t = types(real)
+
+    @wp.struct
+    class Swept:
+        rest: wp.array(dtype=t.scalar)           # angles at rest
+        by_rest: wp.array(dtype=t.scalar)        # gradients by them, added to
+        by_target: wp.array(dtype=t.scalar)      # and by targets, read
+        corners: wp.array(dtype=t.vec3)          # by the places of corners, written, (4 hinges,)
+        rates: wp.array(dtype=t.vec3)            # by their displacements since the anchor
+
+    return Swept
+
+
+@cache
+def seeds(real, module, damped: bool):
+    """Kernel over hinges of XPBD: z, and y from the gradients by targets."""
+    t, Batch, Curvatures, hinge = types(real), batch_of("dihedral", real), curvatures(real), hinge_of(real, damped)
+    vec3, Swept = wp.array(dtype=t.vec3), swept(real)
+
+    def seeds(batch: Batch, x: vec3, d: vec3, a: vec3, rate: real, cur: Curvatures, s: Swept):
+        c = wp.tid()
+        _X, V, C, G = hinge(batch, s.rest, x, d, a, c)
+        if wp.static(damped):
+            C += rate * batch.tau[c] * wp.ddot(G, V)
+        root = wp.sqrt(batch.alpha[c])
+        cur.z[c] = inverse(root) * C
+        cur.y[c] = root * s.by_target[c]
+
+    return wp.kernel(seeds, name="adjoint_target_hinge" + "_damped" * damped, module=module, enable_backward=False)
+
+
+@cache
+def targets(real, module, damped: bool):
+    """Kernel over hinges of XPBD: adds the gradients by angles at rest, compliance and tau; writes those at corners."""
+    t, Batch, Curvatures, hinge = types(real), batch_of("dihedral", real), curvatures(real), hinge_of(real, damped)
+    vec3, Swept = wp.array(dtype=t.vec3), swept(real)
+
+    def back(batch: Batch, x: vec3, d: vec3, a: vec3, rate: real, cur: Curvatures, s: Swept, by: Batch):
+        c = wp.tid()
+        X, V, C, G = hinge(batch, s.rest, x, d, a, c)
+        root = wp.sqrt(inverse(batch.alpha[c]))
+        u = moment(cur, cur.C, c)
+        y = moment(cur, cur.Y, c)
+        p = s.by_target[c]
+        r = p - root * y
+        by_X = r * G
+        by_V = t.mat33()
+        if wp.static(damped):
+            b = wp.ddot(G, V)
+            gamma = rate * batch.tau[c]
+            C += gamma * b
+            by_X += (r * gamma) * bent(X, G, V)
+            by_V = (r * gamma) * G
+            by.tau[c] = by.tau[c] + rate * r * b
+        s.by_rest[c] = s.by_rest[c] + p - r
+        by.alpha[c] = by.alpha[c] + real(0.5) * root * (C * root * root * y - p * u)
+        sum = t.vec3()
+        moved = t.vec3()
+        for k in range(3):
+            sum -= by_X[k]
+            moved -= by_V[k]
+            s.corners[4 * c + k + 1] = by_X[k]
+            s.rates[4 * c + k + 1] = by_V[k]
+        s.corners[4 * c] = sum
+        s.rates[4 * c] = moved
+
+    return wp.kernel(back, name="adjoint_target" + "_damped" * damped, module=module, enable_backward=False)
+
+
+@cache
+def moved(real, module, damped: bool):
+    """Kernel over points: adds what stands at their corners to the gradients by place and displacement; damped: and what stands
+    at `rates` to that by displacement, and takes it from that by the anchor. begin, item: corners of each point."""
+    t = types(real)
+    vec3, ints = wp.array(dtype=t.vec3), wp.array(dtype=int)
+
+    def moved(begin: ints, item: ints, corners: vec3, rates: vec3, by_x: vec3, by_d: vec3, by_a: vec3):
+        i = wp.tid()
+        sum = t.vec3()
+        rate = t.vec3()
+        for k in range(begin[i], begin[i + 1]):
+            sum += corners[item[k]]
+            if wp.static(damped):
+                rate += rates[item[k]]
+        by_x[i] = by_x[i] + sum
+        by_d[i] = by_d[i] + sum + rate
+        if wp.static(damped):
+            by_a[i] = by_a[i] - rate
+
+    return wp.kernel(moved, name="adjoint_target_points" + "_damped" * damped, module=module, enable_backward=False)

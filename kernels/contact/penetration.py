@@ -1,0 +1,242 @@
+"""How deep points, triangles and edges are inside of colliders at one time; asked for by reports, never by a step.
+
+    phi   signed distance to a collider [m], negative inside        depth of a triangle: max of -phi over all of it, or 0
+
+Convex shapes. phi is convex, so on a triangle A B C the function G(s) = min over t of phi(A + s (B - A) + t s (C - B)) is
+convex in s, 0 <= s, t <= 1 (partial minimum over slices): golden sections in s, bisection of the slope n.e in t. phi has
+slope 1, so the depth is right to 5e-4 (GOLDEN^16 + 2^-14) of the longest edge, and never too great. Tangents lie below phi: a
+triangle where one at a corner or at the centre stays above what was found before is left out.
+
+Meshes. phi at the places of a lattice of PLACES along each edge, then a compass search (Hooke, Jeeves 1961) from the
+deepest of them, in steps halved down to 1e-3 of an edge: a local maximum, never too great. Open meshes have no inside.
+
+Triangles (of springs: A B B) with a pinned corner inside a collider are left out for that collider: they were put there.
+"""
+
+# Device code: int(0) makes a variable of what would be a constant, and an outer `if` on a Python bool drops its branch
+# before it is compiled.
+# ruff: noqa: SIM102, UP018
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.contact.collide import KINDS, touch
+from wsim.kernels.contact.mesh import SHEET, SOLID, touch_mesh
+from wsim.kernels.contact.project import TOUCHED, slots, tables
+from wsim.kernels.contact.shape import distance
+from wsim.kernels.math.real import types
+
+GOLDEN, LESS = 0.6180339887498949, 0.3819660112501051
+SECTIONS, HALVINGS = 16, 14            # of s and of t; loops of so few turns are unrolled
+PLACES, PACE = 5, 0.25                 # of the lattice along an edge, and the part of it between them
+SHORTER, TRIES = 8, 64                 # how often the compass is halved, and turned at most
+
+
+@cache
+def convex_least(kinds: tuple[str, ...], real):
+    """Function (kind, size, X, most) -> least phi of a triangle (corners in rows), or some value >= most where it is."""
+    t, formula = types(real), distance(kinds)
+    vec3 = t.vec3
+
+    @wp.func
+    def above(kind: int, size: vec3, X: t.mat33, q: vec3):
+        """A bound of phi on the triangle from below, by the tangent at q."""
+        phi, n = formula(kind, size, q)
+        return phi + wp.min(wp.dot(n, X[0] - q), wp.min(wp.dot(n, X[1] - q), wp.dot(n, X[2] - q)))
+
+    @wp.func
+    def along(kind: int, size: vec3, a: vec3, e: vec3):
+        """Least phi of a + t e."""
+        phi, n = formula(kind, size, a)
+        least = phi
+        if wp.dot(n, e) < real(0.0):
+            phi, n = formula(kind, size, a + e)
+            least = wp.min(least, phi)
+            if wp.dot(n, e) > real(0.0):
+                low = real(0.0)
+                high = real(1.0)
+                for _ in range(HALVINGS):
+                    middle = real(0.5) * (low + high)
+                    phi, n = formula(kind, size, a + middle * e)
+                    least = wp.min(least, phi)
+                    if wp.dot(n, e) < real(0.0):
+                        low = middle
+                    else:
+                        high = middle
+        return least
+
+    @wp.func
+    def convex_least(kind: int, size: vec3, X: t.mat33, most: real):
+        bound = above(kind, size, X, (X[0] + X[1] + X[2]) / real(3.0))
+        for k in range(3):
+            bound = wp.max(bound, above(kind, size, X, X[k]))
+        least = most
+        if bound < most:
+            b = X[1] - X[0]
+            e = X[2] - X[1]
+            low = real(0.0)
+            high = real(1.0)
+            s1 = real(LESS)
+            s2 = real(GOLDEN)
+            g1 = along(kind, size, X[0] + s1 * b, s1 * e)
+            g2 = along(kind, size, X[0] + s2 * b, s2 * e)
+            least = wp.min(along(kind, size, X[0], real(0.0) * e), along(kind, size, X[1], e))
+            for _ in range(SECTIONS):
+                least = wp.min(least, wp.min(g1, g2))
+                if g1 < g2:
+                    high = s2
+                    s2 = s1
+                    g2 = g1
+                    s1 = high - real(GOLDEN) * (high - low)
+                    g1 = along(kind, size, X[0] + s1 * b, s1 * e)
+                else:
+                    low = s1
+                    s1 = s2
+                    g1 = g2
+                    s2 = low + real(GOLDEN) * (high - low)
+                    g2 = along(kind, size, X[0] + s2 * b, s2 * e)
+        return least
+
+    return convex_least
+
+
+@cache
+def mesh_least(real):
+    """Function (mesh, depth, X, most) -> least phi found on a triangle, inside of a closed mesh; 1e30 where it is far."""
+    t, of_mesh = types(real), touch_mesh(("solid",), real)
+    vec3 = t.vec3
+
+    @wp.func
+    def phi(mesh: wp.uint64, q: vec3, far: real):
+        C, n, p, s0, slip = of_mesh(SOLID, mesh, 0, far, q, q, real(0.0), far)
+        return C
+
+    @wp.func
+    def mesh_least(mesh: wp.uint64, depth: real, X: t.mat33, most: real):
+        b = X[1] - X[0]
+        e = X[2] - X[0]
+        edge = wp.max(wp.length(b), wp.max(wp.length(e), wp.length(e - b)))
+        far = depth + edge
+        least = real(1.0e30)
+        u = real(0.0)
+        v = real(0.0)
+        if phi(mesh, X[0] + (b + e) / real(3.0), far) < most + edge:        # slope 1: else none of it is below
+            for place in range(PLACES * PLACES):
+                u1 = real(place // PLACES) * real(PACE)
+                v1 = real(place % PLACES) * real(PACE)
+                if u1 + v1 < real(1.0) + real(0.5) * real(PACE):
+                    found = phi(mesh, X[0] + u1 * b + v1 * e, far)
+                    if found < least:
+                        least = found
+                        u = u1
+                        v = v1
+            step = real(0.5) * real(PACE)
+            halved = int(0)
+            tries = int(0)
+            if least > most + real(PACE) * edge:
+                halved = SHORTER
+            while halved < SHORTER and tries < TRIES:
+                tries += 1
+                better = int(0)
+                for way in range(6):                         # (1, 0) (0, 1) (-1, 1) (-1, 0) (0, -1) (1, -1)
+                    u1 = u + step * (real(way == 0 or way == 5) - real(way == 2 or way == 3))
+                    v1 = v + step * (real(way == 1 or way == 2) - real(way == 4 or way == 5))
+                    if u1 >= real(0.0) and v1 >= real(0.0) and u1 + v1 <= real(1.0):
+                        found = phi(mesh, X[0] + u1 * b + v1 * e, far)
+                        if found < least:
+                            least = found
+                            u = u1
+                            v = v1
+                            better = 1
+                if better == 0:
+                    step = real(0.5) * step
+                    halved += 1
+        return least
+
+    return mesh_least
+
+
+@cache
+def gauge(kinds: tuple[str, ...], real, module):
+    """Kernel over lanes, each taking every `lanes`-th point: how deep points are at pose k inside of the distance
+    kept and of the solid itself [m], and how many are in contact. The host takes the greatest, so no atomics."""
+    t, name = types(real), f"gauge_{'_'.join(kinds)}_{types(real).name}"
+    Rows, Points = tables(real)
+    Slots, meet = slots(real), touch(kinds, real)
+
+    def gauge(c: Rows, points: Points, s: Slots, x: wp.array(dtype=t.vec3), k: int, lanes: int,
+              inside_out: wp.array(dtype=t.vec2), count_out: wp.array(dtype=int)):
+        lane = wp.tid()
+        kept = real(0.0)
+        solid = real(0.0)
+        count = int(0)
+        for i in range(lane, s.points, lanes):
+            if points.w[i] > real(0.0):
+                count += s.mark[i] & TOUCHED
+                o = points.object[i]
+                x0 = x[i]
+                for row in range(c.first[o], c.first[o + 1]):
+                    T = c.pose[k, row]
+                    q = wp.quat_rotate_inv(wp.transform_get_rotation(T), x0 - wp.transform_get_translation(T))
+                    r = points.reach[i] + c.gap[row]
+                    kind = c.kind[row]
+                    size = c.size[row]
+                    C, n, p, s0, slip = meet(kind, size, c.mesh[row], 0, q, q, r, t.vec2(size[0], real(0.0)))
+                    kept = wp.max(kept, -C)
+                    if kind != SHEET:
+                        solid = wp.max(solid, -C - r)
+        inside_out[lane] = t.vec2(kept, solid)
+        count_out[lane] = count
+
+    return wp.kernel(gauge, name=name, module=module, enable_backward=False)
+
+
+@cache
+def sink(kinds: tuple[str, ...], real, module):
+    """Kernel over lanes, each taking every `lanes`-th triangle (corners: places of its points, (t, 3)): the greatest depth at
+    pose k [m]."""
+    t, name = types(real), f"sink_{'_'.join(kinds)}_{types(real).name}"
+    Rows, Points = tables(real)
+    shapes = tuple(k for k in kinds if k in KINDS[:SOLID])
+    convex, meshes = bool(shapes), "solid" in kinds
+    of_convex, of_mesh, meet = convex_least(shapes, real), mesh_least(real), touch(kinds, real)
+
+    @wp.func
+    def near(ball: t.vec4, X: t.mat33):
+        centre = (X[0] + X[1] + X[2]) / real(3.0)
+        r = wp.max(wp.length(X[0] - centre), wp.max(wp.length(X[1] - centre), wp.length(X[2] - centre)))
+        return wp.length(centre - t.vec3(ball[0], ball[1], ball[2])) < ball[3] + r
+
+    def sink(c: Rows, points: Points, corners: wp.array2d(dtype=int), x: wp.array(dtype=t.vec3), k: int, lanes: int,
+             depth_out: wp.array(dtype=real)):
+        lane = wp.tid()
+        worst = real(0.0)
+        for j in range(lane, corners.shape[0], lanes):
+            o = points.object[corners[j, 0]]
+            X = wp.matrix_from_rows(x[corners[j, 0]], x[corners[j, 1]], x[corners[j, 2]])
+            for row in range(c.first[o], c.first[o + 1]):
+                kind = c.kind[row]
+                if kind == SHEET or not near(c.ball[k - 1, row], X):
+                    continue
+                T = c.pose[k, row]
+                size = c.size[row]
+                Y = t.mat33()
+                put = int(0)
+                for corner in range(3):
+                    q = wp.quat_rotate_inv(wp.transform_get_rotation(T), X[corner] - wp.transform_get_translation(T))
+                    Y[corner] = q
+                    if points.w[corners[j, corner]] == real(0.0):
+                        C, n, p, s0, slip = meet(kind, size, c.mesh[row], 0, q, q, real(0.0), t.vec2(size[0], real(0.0)))
+                        put |= int(C < real(0.0))
+                if put != 0:
+                    continue
+                if convex:
+                    if kind < SOLID:
+                        worst = wp.max(worst, -of_convex(kind, size, Y, -worst))
+                if meshes:
+                    if kind == SOLID:
+                        worst = wp.max(worst, -of_mesh(c.mesh[row], size[0], Y, -worst))
+        depth_out[lane] = worst
+
+    return wp.kernel(sink, name=name, module=module, enable_backward=False)

@@ -1,0 +1,229 @@
+"""Projection of contacts between points and colliders with Coulomb friction, in every iteration.
+
+    d  displacement, the unknown [m]                n  unit normal of a contact plane
+    a  anchor: velocity v = (d - a) / g [m/s]       C  gap, C = b + n.d >= 0 [m]
+    e  what d started from [m]                      u  velocity of the surface there [m/s]
+    P  accumulated push of a contact [m]: lam = n.P >= 0 along the normal, T = P - lam n across it. A point of
+       mass m has received the impulse m P / g [N s], the collider its opposite
+
+Projected Gauss-Seidel on accumulated impulses (as Tonge, Benevolenski, Voroshilov 2012), in displacements:
+
+    lam' = max(lam - C, 0)                     d += (lam' - lam) n
+    T* = T - [(d - a) - g u]_t                 T' = T* where |T*| <= mu_s lam', else mu_d lam' T* / |T*|
+                                               d += T' - T
+
+so friction stops the velocity relative to the surface or slides: Coulomb's law, exact for one contact. Coefficients
+are the mean of the point's and the collider's. A point's contacts are taken in the order of the colliders and no
+atomic touches a float: results are bitwise the same from run to run. kernels/contact/search.py finds the contacts.
+
+A width w > 0 moves the hard contact back by w, and puts a potential in front of it that knows no substep (E:
+wsim/scene/barrier.py):
+
+    U = m E z^3,  z = 1 - C / w  in 0 < C < w,  so that  lam' = max(A z^2, what C >= 0 wants),  A = 3 E g^2 / w
+
+C is counted from the hard contact: what just touches has C = w and no energy.
+
+U has two continuous derivatives where it begins. Explicit integrators take z where the substep began, C0 = b + n.(a + g u), as
+their other forces (leapfrog: order 2; the others order 1 in it); implicit ones where it ends, with c = C - lam the gap without
+this contact:  A z^2 / w + z = 1 - c / w,  z = 2 q / (1 + sqrt(1 + 4 A q / w)),  q = 1 - c / w. As w goes to 0 a point at rest
+is where hard contacts hold it, and one that falls is thrown back with all of its speed (restitution 1), but for what the
+integrator damps.
+"""
+
+# Device code: int(0) makes a variable of what would be a constant.
+# ruff: noqa: UP018
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import differentiable, types
+
+HELD = 1e-3            # of a width: gaps so small are those of the hard contact behind it
+TOUCHED, SUNK = 1, 2                   # bits of a point's mark: in contact in this substep, started it in an overlap
+
+
+@cache
+def tables(real):
+    """(Rows, Points): structs of what collides, written by the host before a frame, read by kernels."""
+    t = types(real)
+
+    @wp.struct
+    class Rows:
+        first: wp.array(dtype=int)                # rows of object o: first[o] .. first[o + 1], (objects + 1,)
+        kind: wp.array(dtype=int)                 # number in collide.KINDS, (rows,)
+        size: wp.array(dtype=t.vec3)              # [m], see distance; meshes: greatest depth inside, (rows,)
+        mesh: wp.array(dtype=wp.uint64)           # Warp's mesh, (rows,)
+        gap: wp.array(dtype=t.scalar)             # distance that the collider keeps [m], (rows,)
+        friction: wp.array(dtype=t.vec2)          # static, dynamic, (rows,)
+        pose: wp.array2d(dtype=t.transform)       # to the object's origin, at substep k, (substeps + 1, rows)
+        step: wp.array2d(dtype=t.transform)       # translation and turn during substep k, (substeps, rows)
+        ball: wp.array2d(dtype=t.vec4)            # centre, radius [m] that hold it during substep k, (substeps, rows)
+        stride: wp.array2d(dtype=t.scalar)        # greatest motion in its own frame in substep k [m], (substeps, rows)
+        deep: wp.array(dtype=int)                 # 1: points may have started inside of meshes, (1,)
+        h: t.scalar                               # substep [s]
+        skin: t.scalar                            # least margin [m]
+        recovery: t.scalar                        # speed out of an overlap [m/s]
+        width: t.scalar                           # [m]; 0: hard
+        energy: t.scalar                          # E [m^2/s^2]
+        lead: int                                 # 1: the potential pushes by the gap where a substep begins
+
+    @wp.struct
+    class Points:
+        object: wp.array(dtype=int)               # (points,)
+        w: wp.array(dtype=t.scalar)               # inverse mass [1/kg]; 0: the point has no contacts
+        reach: wp.array(dtype=t.scalar)           # distance that the point keeps [m]
+        friction: wp.array(dtype=t.vec2)          # static, dynamic
+
+    return Rows, Points
+
+
+@cache
+def slots(real):
+    """Struct of contacts: slot j of point i stands at j * points + i."""
+    t = types(real)
+
+    @wp.struct
+    class Slots:
+        points: int
+        capacity: int                             # slots of a point
+        count: wp.array(dtype=int)                # contacts of each point, (points,)
+        mark: wp.array(dtype=int)                 # bits TOUCHED, SUNK, (points,)
+        row: wp.array(dtype=int)                  # (slots,)
+        n: wp.array(dtype=t.vec3)                 # (slots,)
+        b: wp.array(dtype=t.scalar)               # [m]
+        u: wp.array(dtype=t.vec3)                 # [m/s]
+
+    return Slots
+
+
+@cache
+def meeting(real):
+    """Function: d and P after one contact, and how hard it presses (lam'); gu: g times u; soft: `softness`."""
+    t = types(real)
+    vec3, vec2 = t.vec3, t.vec2
+
+    @wp.func
+    def leaning(soft: vec3, C0: real, c: real):
+        """A z^2, see above."""
+        q = real(1.0) - C0 / soft[0]
+        if soft[2] == real(0.0):
+            q = wp.max(real(1.0) - c / soft[0], real(0.0))
+            q = real(2.0) * q / (real(1.0) + wp.sqrt(real(1.0) + real(4.0) * q * soft[1] / soft[0]))
+        z = wp.clamp(q, real(0.0), real(1.0))
+        return soft[1] * z * z
+
+    @wp.func
+    def meet(n: vec3, b: real, a: vec3, gu: vec3, P: vec3, d: vec3, mu: vec2, soft: vec3):
+        lam = wp.dot(P, n)
+        T = P - lam * n
+        pressed = lam - (b + wp.dot(n, d))
+        if soft[0] > real(0.0):
+            pressed = wp.max(pressed, leaning(soft, b + wp.dot(n, a + gu), -pressed))
+        pressed = wp.max(pressed, real(0.0))
+        moved = d + (pressed - lam) * n
+        stop = vec3()
+        if pressed > real(0.0):
+            slide = (moved - a) - gu
+            onward = T - (slide - wp.dot(slide, n) * n)
+            size = wp.length(onward)
+            share = real(1.0)
+            if size > mu[0] * pressed:
+                share = wp.min(mu[1] * pressed, size) / size
+            stop = share * onward
+        return moved + (stop - T), pressed * n + stop, pressed
+
+    return meet
+
+
+@cache
+def softness(real):
+    """Function: width, A [m] and lead of a launch with the effective step g, as a vector."""
+    t = types(real)
+    Rows, _ = tables(real)
+
+    @wp.func
+    def softness(c: Rows, g: real):
+        A = real(0.0)
+        if c.width > real(0.0):
+            A = real(3.0) * c.energy * g * g / c.width
+        return t.vec3(c.width, A, real(c.lead))
+
+    return softness
+
+
+@cache
+def project(real, module):
+    """Kernel over points: one iteration of all contacts of a point, in order."""
+    t = types(real)
+    Rows, Points = tables(real)
+    Slots, meet, soften = slots(real), meeting(real), softness(real)
+
+    def project(c: Rows, points: Points, s: Slots, d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3),
+                push: wp.array(dtype=t.vec3), g: real,
+                d_out: wp.array(dtype=t.vec3), push_out: wp.array(dtype=t.vec3)):
+        i = wp.tid()
+        count = s.count[i]
+        if count == 0:
+            return
+        d1 = d[i]
+        anchor = a[i]
+        soft = soften(c, g)
+        touched = int(0)
+        for slot in range(count):
+            j = slot * s.points + i
+            n = s.n[j]
+            mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
+            d1, P, pressed = meet(n, s.b[j], anchor, g * s.u[j], push[j], d1, mu, soft)
+            if pressed > real(0.0):
+                touched = TOUCHED
+            push_out[j] = P
+        d_out[i] = d1
+        s.mark[i] = (s.mark[i] & SUNK) | touched
+
+    return wp.kernel(project, name=f"contact_{types(real).name}", module=module, enable_backward=False)
+
+
+@cache
+def settle(real, module):
+    """Kernel over points, after the last iteration of a multistep integrator: no history across a contact plane.
+
+    A multistep formula takes the velocity before an impact for a part of the one after it and bounces. So along the
+    normal of a contact that pushes, velocity is the step over h, n.(d - e) / h, by a new anchor, and the velocity
+    before this one is the same; motion across the normal keeps its order. Two and more normals: all components."""
+    t = types(real)
+    (Rows, _), Slots, vectors = tables(real), slots(real), wp.array(dtype=t.vec3)
+
+    @wp.func
+    def pushing(c: Rows, s: Slots, push: vectors, i: int, d: t.vec3):
+        """(slot of the last contact that pushes, how many do); a potential alone leaves the history as it is."""
+        last = int(0)
+        count = int(0)
+        for slot in range(s.count[i]):
+            j = slot * s.points + i
+            if wp.dot(push[j], s.n[j]) > real(0.0) and (c.width == real(0.0)
+                                                       or s.b[j] + wp.dot(s.n[j], d) < real(HELD) * c.width):
+                last = j
+                count += 1
+        return last, count
+
+    def settle(c: Rows, s: Slots, push: vectors, e: vectors, d: vectors, a: vectors, v: vectors, g: real,
+               a_out: vectors, v_out: vectors):
+        i = wp.tid()
+        j, count = pushing(c, s, push, i, d[i])
+        if count == 0:
+            return
+        n = s.n[j]
+        a0 = a[i]
+        v0 = v[i]
+        d1 = d[i]
+        w = (d1 - e[i]) / c.h
+        da = d1 - a0 - g * w
+        dv = w - v0
+        if count < 2:
+            da = wp.dot(n, da) * n
+            dv = wp.dot(n, dv) * n
+        a_out[i] = a0 + da
+        v_out[i] = v0 + dv
+
+    return wp.kernel(settle, name=f"settle_{types(real).name}", module=module, enable_backward=differentiable(module))

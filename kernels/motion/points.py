@@ -1,0 +1,225 @@
+"""Motion of free points over one substep, in displacement form.
+
+    x   position at the start [m], relative to the origin of its object     e   rounding remainder of x: the position is x + e
+    v   velocity [m/s]          s   step before this one [m]                u   velocity before this one [m/s]
+    d   displacement [m], the unknown; it starts at e and a substep ends with x + d
+    a   anchor [m]: the velocity is v = (d - a) / g                         w   inverse mass [1/kg]; 0 is moved by its pin only
+
+Backward Euler (order 1):  a = e,        g = h,      d = a + g (v + g f)
+BDF2 (order 2):            a = e + s/3,  g = 2h/3,   d = a + g (v + (v - u)/3 + g f)
+midpoint (order 2):        a = e,        g = h/2,    as backward Euler; the substep ends with x + 2 d - e, 2 (d - a)/g - v
+sdirk3 (order 3):          kernels/motion/sdirk3.py, twice backward Euler of another step
+
+BDF2 is x' = x + s/3 + (2/3) h v', v' = v + (v - u)/3 + (2/3) h f, written in differences so that nothing cancels
+(Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, III.1). f is gravity [m/s^2]; a decay rate k [1/s] of the
+velocity (drag of the air) is taken implicitly: v' = v~ / (1 + g k) + g f, exact at rest, a relative error of g k in the
+terminal velocity. All are stable for every h.
+
+The remainder (Kahan 1965): x' = fl(x + d), e' = d - (x' - x). Without it 256 substeps a frame lose a factor of 45 in float32.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import differentiable, types
+
+
+@cache
+def constants(real):
+    """Struct of what each point and object keeps for the whole run: reads only."""
+    t = types(real)
+
+    @wp.struct
+    class Constants:
+        w: wp.array(dtype=t.scalar)          # inverse mass [1/kg], (points,)
+        object: wp.array(dtype=int)          # object of each point, (points,)
+        gravity: wp.array(dtype=t.vec3)      # [m/s^2], (objects,)
+        decay: wp.array(dtype=t.scalar)      # [1/s], (objects,)
+
+    return Constants
+
+
+@cache
+def predict_euler(real, module):
+    """Kernel: anchor and unconstrained displacement of backward Euler."""
+    t, Constants = types(real), constants(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def predict_euler(c: Constants, e: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), g: real,
+                      a_out: wp.array(dtype=t.vec3), d_out: wp.array(dtype=t.vec3)):
+        i = wp.tid()
+        a = e[i]
+        o = c.object[i]
+        free = wp.where(c.w[i] > real(0.0), real(1.0), real(0.0))
+        rate = real(1.0) / (real(1.0) + g * c.decay[o])
+        a_out[i] = a
+        d_out[i] = a + (free * g) * (rate * v[i] + g * c.gravity[o])
+
+    return predict_euler
+
+
+@cache
+def predict_bdf2(real, module):
+    """Kernel: anchor and unconstrained displacement of BDF2."""
+    t, Constants = types(real), constants(real)
+
+    @wp.kernel(module=module, enable_backward=differentiable(module))
+    def predict_bdf2(c: Constants, e: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), s: wp.array(dtype=t.vec3),
+                     u: wp.array(dtype=t.vec3), g: real,
+                     a_out: wp.array(dtype=t.vec3), d_out: wp.array(dtype=t.vec3)):
+        i = wp.tid()
+        third = real(1.0) / real(3.0)
+        o = c.object[i]
+        free = wp.where(c.w[i] > real(0.0), real(1.0), real(0.0))
+        a = e[i] + third * s[i]
+        vt = v[i] + third * (v[i] - u[i])
+        rate = real(1.0) / (real(1.0) + g * c.decay[o])
+        a_out[i] = a
+        d_out[i] = a + (free * g) * (rate * vt + g * c.gravity[o])
+
+    return predict_bdf2
+
+
+@cache
+def finish_euler(real, module):
+    """Kernel: velocity, new position and its remainder."""
+    t = types(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def finish_euler(a: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3), g: real,
+                     x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3)):
+        i = wp.tid()
+        x0 = x[i]
+        step = d[i]
+        v_out[i] = (step - a[i]) / g
+        x1 = x0 + step
+        x_out[i] = x1
+        e_out[i] = step - (x1 - x0)
+
+    return finish_euler
+
+
+@cache
+def finish_beyond(real, module):
+    """Kernel: as finish_euler, from the middle of the substep to its end."""
+    t = types(real)
+
+    @wp.kernel(module=module, enable_backward=differentiable(module))
+    def finish_beyond(e: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
+                      v: wp.array(dtype=t.vec3), g: real,
+                      x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3)):
+        i = wp.tid()
+        x0 = x[i]
+        half = d[i] - e[i]
+        step = d[i] + half
+        v_out[i] = real(2.0) * (half / g) - v[i]
+        x1 = x0 + step
+        x_out[i] = x1
+        e_out[i] = step - (x1 - x0)
+
+    return finish_beyond
+
+
+@cache
+def finish_bdf2(real, module):
+    """Kernel: as finish_euler, and the history. A point that leaves an overlap (struck = 1) forgets its history and goes
+    on as if it had always moved with its new velocity; at other contacts the `settle` kernel of contact.py has already
+    made the normal part of a step one of backward Euler, since a multistep formula across an impact bounces."""
+    t = types(real)
+
+    @wp.kernel(module=module, enable_backward=differentiable(module))
+    def finish_bdf2(a: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
+                    e: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), struck: wp.array(dtype=real), h: real, g: real,
+                    x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3),
+                    s_out: wp.array(dtype=t.vec3), u_out: wp.array(dtype=t.vec3)):
+        i = wp.tid()
+        x0 = x[i]
+        step = d[i]
+        e0 = e[i]
+        v0 = v[i]
+        v1 = (step - a[i]) / g
+        x1 = x0 + step
+        s1 = step - e0
+        if struck:
+            if struck[i] != real(0.0):
+                s1 = h * v1
+                v0 = v1
+        x_out[i] = x1
+        e_out[i] = step - (x1 - x0)
+        v_out[i] = v1
+        s_out[i] = s1
+        u_out[i] = v0
+
+    return finish_bdf2
+
+
+@cache
+def move_pins(real, module):
+    """Kernel: a hard-pinned point goes where its frame is at the end of substep k, or to that part of the way from where it
+    is. target [m], (substeps, pins)."""
+    t = types(real)
+
+    @wp.kernel(module=module, enable_backward=differentiable(module))
+    def move_pins(point: wp.array(dtype=int), target: wp.array2d(dtype=t.vec3), x: wp.array(dtype=t.vec3),
+                  e: wp.array(dtype=t.vec3), k: int, part: real, d_out: wp.array(dtype=t.vec3)):
+        p = wp.tid()
+        i = point[p]
+        d_out[i] = e[i] + part * ((target[k, p] - x[i]) - e[i])
+
+    return move_pins
+
+
+@cache
+def soft_pins(real):
+    """Struct of the soft pins: reads only."""
+    t = types(real)
+
+    @wp.struct
+    class SoftPins:
+        point: wp.array(dtype=int)           # (pins,)
+        alpha: wp.array(dtype=t.scalar)      # compliance [m/N], (pins,)
+        damping: wp.array(dtype=t.scalar)    # [N s/m], (pins,)
+        w: wp.array(dtype=t.scalar)          # inverse mass [1/kg], (points,)
+
+    return SoftPins
+
+
+@cache
+def hold_pins(real, module):
+    """Kernel: a soft pin, C = x + d - target (three rows), as a spring with damping (XPBD, eq. 18 and 26)."""
+    t, SoftPins = types(real), soft_pins(real)
+
+    @wp.kernel(module=module, enable_backward=differentiable(module))
+    def hold_pins(pins: SoftPins, target: wp.array2d(dtype=t.vec3), x: wp.array(dtype=t.vec3),
+                  a: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), lam: wp.array(dtype=t.vec3), k: int, g: real,
+                  d_out: wp.array(dtype=t.vec3), lam_out: wp.array(dtype=t.vec3)):
+        p = wp.tid()
+        i = pins.point[p]
+        d0 = d[i]
+        l0 = lam[p]
+        c = pins.alpha[p] / (g * g)
+        gamma = c * pins.damping[p] * g
+        wi = pins.w[i]
+        K = (real(1.0) + gamma) * wi + c
+        if K > real(0.0):
+            dlam = -((x[i] - target[k, p]) + d0 + c * l0 + gamma * (d0 - a[i])) / K
+            lam_out[p] = l0 + dlam
+            d_out[i] = d0 + wi * dlam
+
+    return hold_pins
+
+
+@cache
+def not_finite(real, module):
+    """Kernel: status becomes at least 1 + i for the highest point i whose position or velocity is not finite."""
+    t = types(real)
+
+    @wp.kernel(module=module, enable_backward=differentiable(module))
+    def not_finite(x: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), status: wp.array(dtype=int)):
+        i = wp.tid()
+        zero = (x[i] - x[i]) + (v[i] - v[i])              # no number minus itself is no number: a seventh of isfinite's time
+        if zero[0] + zero[1] + zero[2] != real(0.0):
+            wp.atomic_max(status, 0, i + 1)
+
+    return not_finite

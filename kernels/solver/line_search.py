@@ -1,0 +1,222 @@
+"""How far to go along a Newton correction p: what Phi (kernels/solver/newton.py) changes by from d to d + t p, at several t at
+once.
+
+    inertia    own (t y.p + t^2 |p|^2 / 2),  y = d - b
+    energy     1/2 (C_t - C_0) alpha^-1 (C_t + C_0)
+    bending    kernels/cloth/curvature_line_search.py
+    damping    (tau / g) (t r s + t^2 s^2 / 2) / alpha,  r = G.(d - a), s = G.p, with G at d: what the force there comes from
+
+In float64 from the bits that d and p have, in differences, so that near the solution, where Phi hardly changes, the sign is
+right in float32 too. The full step is taken where it brings FULL of what the quadratic model of Phi promises; else
+halved ones are tried together and the best is taken; where none goes down, the body stays where it is
+(Nocedal, Wright 2006, section 3.1). Each body decides for itself.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.cloth.constraint import TABLE, inverse
+from wsim.kernels.cloth.hessian import plane_stiffness
+from wsim.kernels.cloth.terms import batch_of
+from wsim.kernels.math.block import BLOCK
+from wsim.kernels.math.real import types
+from wsim.kernels.motion.points import constants
+from wsim.kernels.solver.newton import structs
+from wsim.kernels.solver.pcg import total
+
+FULL = 0.05            # of f.y / 2: Newton's step brings all of it on a quadratic, none where it has jumped over the minimum
+HALVINGS = 8           # steps 1/2 ... 1/256
+D = types(wp.float64)
+
+
+@wp.struct
+class Trial:
+    """Which step each lane of each body looks at, and what it finds."""
+
+    first: wp.array(dtype=int)                   # points of a body, or elements of one kind, (bodies + 1,)
+    lanes: int                                   # of a body
+    begin: int                                   # steps 2^-begin ... 2^-(end - 1)
+    end: int
+    step: wp.array(dtype=wp.float64)             # t of each body; < 0: undecided, (bodies,)
+    change: wp.array2d(dtype=wp.float64)         # of Phi [J], (bodies lanes, 1 + HALVINGS)
+
+
+@cache
+def inertia(real, module):
+    """Kernel over bodies times lanes: writes the change of the inertia's part."""
+    t, s = types(real), structs(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def inertia(trial: Trial, A: s.Matrix, d: wp.array(dtype=t.vec3), b: wp.array(dtype=t.vec3), p: wp.array(dtype=t.vec3)):
+        row = wp.tid()
+        body = row // trial.lanes
+        if trial.step[body] >= wp.float64(0.0):
+            return
+        slope = wp.float64(0.0)
+        curve = wp.float64(0.0)
+        for i in range(trial.first[body] + row - body * trial.lanes, trial.first[body + 1], trial.lanes):
+            own = wp.float64(A.own[i])
+            pi = D.vec3(p[i])
+            slope += own * wp.dot(D.vec3(d[i]) - D.vec3(b[i]), pi)
+            curve += own * wp.dot(pi, pi)
+        part = wp.float64(1.0)
+        for k in range(trial.end):
+            if k >= trial.begin:
+                trial.change[row, k] = part * (slope + wp.float64(0.5) * part * curve)
+            part *= wp.float64(0.5)
+
+    return inertia
+
+
+@wp.func
+def stored_row(C: wp.float64, alpha: wp.float64, before: wp.float64, gamma: wp.float64, r: wp.float64, s: wp.float64):
+    return inverse(alpha) * (wp.float64(0.5) * (C - before) * (C + before) + gamma * s * (r + wp.float64(0.5) * s))
+
+
+@cache
+def elastic(constraint: str, real, module):
+    """Kernel over bodies times lanes: adds the change of the energy and damping of springs or triangles."""
+    row_, t, Batch = TABLE[constraint], types(real), batch_of(constraint, real)
+    n, formula, block, membrane = row_.points - 1, row_.formula, row_.rows == 3, TABLE["membrane"].formula
+    rows = wp.types.matrix((n, 3), wp.float64)
+    vec3 = wp.array(dtype=t.vec3)
+
+    @wp.func
+    def relative(ids: wp.types.vector(n + 1, int), x: vec3):
+        X = rows()
+        x0 = D.vec3(x[ids[0]])
+        for k in range(n):
+            X[k] = D.vec3(x[ids[k + 1]]) - x0
+        return X
+
+    @wp.func
+    def change_row(batch: Batch, c: int, X: rows, V: rows, p: rows, rate: wp.float64, part: wp.float64):
+        rest = wp.float64(batch.rest[c])
+        C0, G = formula(X, rest)
+        C, H = formula(X + part * p, rest)
+        r = wp.float64(0.0)
+        s = wp.float64(0.0)
+        for k in range(n):
+            r += wp.dot(G[k], V[k])
+            s += part * wp.dot(G[k], p[k])
+        return stored_row(C, wp.float64(batch.alpha[c]), C0, rate * wp.float64(batch.tau[c]), r, s)
+
+    @wp.func
+    def change_block(batch: Batch, c: int, X: rows, V: rows, p: rows, rate: wp.float64, part: wp.float64):
+        B = D.mat22(batch.rest[c])
+        C0, G1, G2 = membrane(X, B)
+        C, H1, H2 = membrane(X + part * p, B)
+        S = plane_stiffness(D.vec4(batch.alpha[c]))
+        r = G1 * V[0] + G2 * V[1]
+        s = part * (G1 * p[0] + G2 * p[1])
+        half = wp.float64(0.5)
+        return half * wp.dot(C - C0, S * (C + C0)) + rate * wp.float64(batch.tau[c]) * wp.dot(s, S * (r + half * s))
+
+    change = change_block if block else change_row
+
+    def elastic(trial: Trial, batch: Batch, x: vec3, d: vec3, a: vec3, p: vec3, rate: wp.float64):
+        row = wp.tid()
+        body = row // trial.lanes
+        if trial.step[body] >= wp.float64(0.0):
+            return
+        for c in range(trial.first[body] + row - body * trial.lanes, trial.first[body + 1], trial.lanes):
+            ids = batch.point[c]
+            M = relative(ids, d)
+            X = relative(ids, x) + M
+            V = M - relative(ids, a)
+            Y = relative(ids, p)
+            part = wp.float64(1.0)
+            for k in range(trial.end):
+                if k >= trial.begin:
+                    trial.change[row, k] = trial.change[row, k] + change(batch, c, X, V, Y, rate, part)
+                part *= wp.float64(0.5)
+
+    return wp.kernel(elastic, name=f"change_{constraint}_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def choose(real, module):
+    """Kernel over bodies times a block of threads: the step of each body that has none yet."""
+
+    def choose(trial: Trial, drop: wp.array(dtype=wp.float64), step_out: wp.array(dtype=wp.float64)):
+        body = wp.tid() // wp.block_dim()
+        lane = wp.tid() - body * wp.block_dim()
+        if step_out[body] >= wp.float64(0.0):            # the same for every thread of the block
+            return
+        best = wp.float64(0.0)
+        step = wp.float64(0.0)
+        part = wp.float64(1.0)
+        for k in range(trial.end):
+            sum = wp.float64(0.0)
+            for row in range(body * trial.lanes + lane, (body + 1) * trial.lanes, wp.block_dim()):
+                sum += trial.change[row, k]
+            sum = total(sum)
+            if sum < best:
+                best = sum
+                step = part
+            part *= wp.float64(0.5)
+        if trial.end == 1 and not best <= wp.float64(-0.5 * FULL) * drop[body]:
+            step = wp.float64(-1.0)
+        if lane == 0:
+            step_out[body] = step
+
+    return wp.kernel(choose, name=f"choose_{types(real).name}", module=module, enable_backward=False, grid_stride=False,
+                     launch_bounds=BLOCK)
+
+
+@cache
+def move(real, module):
+    """Kernel over points: d goes its body's step along p. object (points,): body of a point."""
+    t = types(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def move(object: wp.array(dtype=int), step: wp.array(dtype=wp.float64), p: wp.array(dtype=t.vec3),
+             d: wp.array(dtype=t.vec3), d_out: wp.array(dtype=t.vec3)):
+        i = wp.tid()
+        part = step[object[i]]
+        if part > wp.float64(0.0):                       # 0 times a p that is no number would be none either
+            d_out[i] = d[i] + real(part) * p[i]
+
+    return move
+
+
+@cache
+def left(real, module):
+    """Kernel over bodies times a block of threads: |f| over the size of own (d - b) and of the weights, root mean squares.
+
+    1 where nothing was solved and elasticity matters, 0 where d is the solution. A body without any force: 0.
+    """
+    t, s, Constants = types(real), structs(real), constants(real)
+
+    def left(c: Constants, A: s.Matrix, first: wp.array(dtype=int), f: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3),
+             b: wp.array(dtype=t.vec3), part_out: wp.array(dtype=real)):
+        body = wp.tid() // wp.block_dim()
+        lane = wp.tid() - body * wp.block_dim()
+        above = wp.float64(0.0)
+        below = wp.float64(0.0)
+        for i in range(first[body] + lane, first[body + 1], wp.block_dim()):
+            if c.w[i] > real(0.0):
+                above += wp.float64(wp.length_sq(f[i]))
+                below += wp.float64(wp.length_sq(A.own[i] * (d[i] - b[i]))) + wp.float64(
+                    wp.length_sq(c.gravity[c.object[i]]) / (c.w[i] * c.w[i]))
+        above = total(above)
+        below = total(below)
+        if lane == 0:
+            part_out[body] = real(wp.sqrt(above * inverse(below)))
+
+    return wp.kernel(left, name=f"left_{t.name}", module=module, enable_backward=False, grid_stride=False,
+                     launch_bounds=BLOCK)
+
+
+@cache
+def unmet(real, module):
+    """Kernel over bodies: status[each + body] becomes at least the residual, in percent, where that is above 1."""
+
+    @wp.kernel(module=module, enable_backward=False)
+    def unmet(residual: wp.array(dtype=real), each: int, status: wp.array(dtype=int)):
+        body = wp.tid()
+        if not residual[body] <= real(1.0):
+            status[each + body] = wp.max(status[each + body], int(wp.min(real(100.0) * residual[body], real(1.0e9))))
+
+    return unmet

@@ -1,0 +1,92 @@
+"""Runs in parts of frames and with a delay: what the simulated scene becomes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.test_cli import run, samples
+from wsim.cli.run import finer, later
+from wsim.scene import Scene, Surface
+from wsim.scene.curve import Curve, Motion
+from wsim.simulation.simulation import Simulation
+from wsim.usd import save
+
+
+def test_later_moves_every_curve():
+    scene = Scene()
+    motion = Motion([0.0, 1.0], np.stack([np.eye(4), np.diag([1.0, 1.0, 1.0, 1.0])]))
+    motion.values[1, 0, 3] = 1.0
+    poses = Curve([0.0, 1.0], np.arange(18.0).reshape(2, 3, 3))
+    scene.collider("/a", Surface(np.zeros((3, 3)), [3], [0, 1, 2], poses=poses), motion=motion)
+    scene.pin("/p", "/cloth", [0], motion=motion)
+    moved = later(scene, 0.5)
+    for t in (0.0, 0.3, 1.0):
+        assert np.allclose(moved.colliders[0].motion.at(t + 0.5), motion.at(t), atol=1e-15)
+        assert np.allclose(moved.colliders[0].shape.poses.at(t + 0.5), poses.at(t), atol=1e-14)
+        assert np.allclose(moved.pins[0].motion.at(t + 0.5), motion.at(t), atol=1e-15)
+    assert scene.colliders[0].motion.times[0] == 0.0                   # the scene that is written stays
+
+
+@pytest.mark.parametrize(("substeps", "count", "each"), [(10, 2, 5), (10, 3, 4), (2, 4, 1)])
+def test_finer_keeps_the_substep_or_makes_it_shorter(substeps, count, each):
+    scene = finer(Scene(substeps=substeps, fps=24.0, frames=10), count)
+    assert (scene.substeps, scene.fps, scene.frames) == (each, 24.0 * count, 10 * count)
+
+
+@pytest.fixture(params=["xpbd", "explicit"])
+def solved(request, scene, tmp_path):
+    """The scene as a file, once with each: 2 substeps of XPBD, 32 of leapfrog."""
+    scene.frames, scene.solver = 4, request.param
+    scene.integrator, scene.substeps = ("backward_euler", 2) if request.param == "xpbd" else ("leapfrog", 32)
+    path = str(tmp_path / "scene.usda")
+    save(scene, path)
+    return path
+
+
+def test_a_restart_goes_on_bit_for_bit(solved, tmp_path):
+    half, rest, all_ = (str(tmp_path / f"{name}.usdc") for name in ("half", "rest", "all"))
+    assert run(solved, half, "--frames", "2") == 0
+    assert run(solved, rest, "--restart", half) == 0
+    assert run(solved, all_) == 0
+    rest_samples, all_samples = samples(rest), samples(all_)
+    assert list(rest_samples) == list(all_samples) == [0, 1, 2, 3, 4]
+    assert all(np.array_equal(rest_samples[code], all_samples[code]) for code in all_samples)
+
+
+def test_subframe_samples_are_the_substeps_between(solved, tmp_path):
+    """An even number of substeps a frame, two samples a frame: whole frames are the same, and there is one between."""
+    plain, blurred = str(tmp_path / "plain.usdc"), str(tmp_path / "blurred.usdc")
+    assert run(solved, plain, "--frames", "2") == 0
+    assert run(solved, blurred, "--frames", "2", "--samples", "2") == 0
+    expected, found = samples(plain), samples(blurred)
+    assert list(found) == [0, 0.5, 1, 1.5, 2]
+    assert all(np.allclose(found[code], expected[code], rtol=0.0, atol=2e-7) for code in expected)
+
+
+@pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt, 130), (ValueError("lost"), 1)])
+def test_a_run_that_does_not_end_keeps_its_frames_and_an_old_result(solved, tmp_path, monkeypatch, capsys, error, code):
+    out, step = str(tmp_path / "out.usdc"), Simulation.step
+    assert run(solved, out) == 0
+    earlier = Path(out).read_bytes()
+
+    def third_interrupted(self):
+        if self.frame == 2:
+            raise error
+        step(self)
+
+    with monkeypatch.context() as change:
+        change.setattr(Simulation, "step", third_interrupted)
+        assert run(solved, out) == code
+    kept = out.replace(".usdc", ".partial.usdc")
+    said = capsys.readouterr().err
+    assert f"{kept} holds the 2 frames so far (go on with --restart {kept}); {out} is as it was before" in said
+    assert list(samples(kept)) == [0, 1, 2] and Path(out).read_bytes() == earlier
+    with monkeypatch.context() as change:                       # no frame more: the file has its name back
+        change.setattr(Simulation, "step", third_interrupted)
+        assert run(solved, out, "--restart", kept) == code
+    assert list(samples(kept)) == [0, 1, 2] and f"no frame was written; {kept} holds those" in capsys.readouterr().err
+    assert run(solved, out, "--restart", kept) == 0
+    whole = samples(out)
+    run(solved, tmp_path / "one.usdc")
+    assert all(np.array_equal(points, whole[k]) for k, points in samples(tmp_path / "one.usdc").items())

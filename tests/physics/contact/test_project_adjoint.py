@@ -1,0 +1,108 @@
+"""Gradients through contacts with friction: exact for the scheme that ran, away from kinks. Differences take steps of 1e-8 m,
+so short that no list and no branch changes; they are right to about 1e-7 then."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.gradient.test_gradients import Run, sheet
+from wsim.scene import Box, Capsule, Cone, Cylinder, Plane, Sphere
+from wsim.scene.barrier import energy
+from wsim.scene.curve import Motion
+from wsim.simulation.simulation import Simulation
+
+SHAPES = {"plane": Plane(), "sphere": Sphere(0.12), "box": Box((0.05, 0.06, 0.05)), "capsule": Capsule(0.06, 0.05),
+          "cylinder": Cylinder(0.08, 0.05), "cone": Cone(0.1, 0.06)}
+TOP = {"plane": 0.0, "sphere": 0.12, "box": 0.05, "capsule": 0.11, "cylinder": 0.05, "cone": 0.06}
+SOLVERS = {"xpbd": {"solver": "xpbd", "integrator": "backward_euler", "substeps": 6, "iterations": 3},
+           "leapfrog": {"integrator": "leapfrog", "substeps": 50}}
+
+
+def dropped(shape="plane", friction=(0.5, 0.4), spin=0.0, gap=0.006, **more):
+    """A free sheet that falls on a collider and slides; its corner is lowest. spin [rad/s] of the collider."""
+    scene = sheet("springs", damping=2e-4, **more)
+    scene.pins, scene.gravity, cloth = [], (1.0, 0.5, -9.8), scene.cloths[0]
+    cloth.material = replace(cloth.material, static_friction=friction[0], dynamic_friction=friction[1])
+    times = np.arange(5) / 60
+    places = np.stack([np.eye(4)] * 5)
+    places[:, 2, 3] = -TOP[shape] - gap + 0.1 * times
+    places[:, 0, 0] = places[:, 1, 1] = np.cos(spin * times)
+    places[:, 1, 0], places[:, 0, 1] = np.sin(spin * times), -np.sin(spin * times)
+    scene.collider("/floor", SHAPES[shape], motion=Motion(times, places), static_friction=friction[0],
+                   dynamic_friction=friction[1], thickness=0.0)
+    return scene
+
+
+class Slid(Run):
+    """With the steps that contacts allow."""
+
+    def by(self, name, step, within=3e-7):
+        start = getattr(self.recording, name)(0, self.path)
+        way = np.random.default_rng(6).normal(size=start.shape)
+        found = (getattr(self.gradient, name)(self.path) * way).sum()
+        self.check(found, lambda s: (self.path, name, start + s * way), step, within)
+
+
+@pytest.mark.parametrize("shape, solver", [*((shape, "leapfrog") for shape in SHAPES), ("sphere", "xpbd"), ("box", "xpbd")])
+def test_a_sheet_that_falls_on_a_turning_collider_and_slides(shape, solver):
+    run = Slid(dropped(shape, spin=3.0, **SOLVERS[solver]), frames=4)
+    plain = Simulation(run.scene, device="cpu", precision="float64")
+    plain.run(4)
+    assert plain.indicators()["contacts"] >= 1
+    assert np.abs(plain.positions() - run.recording.positions(4)).max() < 1e-11
+    within = 5e-5 if (shape, solver) == ("box", "leapfrog") else 3e-7     # at its edges sweeps end after so many steps, or one
+    run.by("positions", 1e-8, within)                                     # more: a ragged function, right to 1e-4 of the way
+    run.by("velocities", 1e-6, within)
+    g, way = np.asarray(run.scene.gravity), np.array([0.3, -0.5, 0.8])
+    run.check(run.gradient.gravity() @ way, lambda s: ("/", "gravity", g + s * way), 1e-5, within)
+
+
+def test_a_sheet_that_starts_in_an_overlap():
+    """It is carried out, without velocity, by what is left at most of the overlap."""
+    run = Slid(dropped(gap=-0.0031, **SOLVERS["xpbd"]), frames=2)
+    run.by("positions", 1e-8)
+    run.by("velocities", 1e-6)
+
+
+@pytest.mark.parametrize("more", [{"spin": 3.0}, {"gap": -0.0031}])
+def test_bdf2_forgets_what_was_before_a_contact(more):
+    """Along the normals of contacts; of points that are carried out of an overlap altogether."""
+    run = Slid(dropped(**more, solver="xpbd", integrator="bdf2", substeps=8, iterations=12), frames=3)
+    plain = Simulation(run.scene, device="cpu", precision="float64")
+    plain.run(3)
+    assert plain.plan.integrator == "bdf2" and plain.indicators()["contacts"] >= 1
+    assert np.abs(plain.positions() - run.recording.positions(3)).max() < 1e-11
+    run.by("positions", 1e-8)
+    run.by("velocities", 1e-6)
+
+
+def test_checkpoints_find_the_same_contacts_again():
+    kept, again = (Run(dropped(spin=3.0, **SOLVERS["leapfrog"]), frames=4, keep=keep) for keep in ("all", "checkpoints"))
+    assert again.recording.bytes < 0.5 * kept.recording.bytes
+    for name in ("positions", "velocities", "masses"):
+        a, b = (getattr(run.gradient, name)() for run in (kept, again))
+        assert np.abs(a - b).max() < 1e-12 * np.abs(a).max()
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_smoothed_contact_has_no_kink_where_it_begins(solver):
+    """Differences may take steps that are ten times as long, across the place where a hard contact begins."""
+    scene = dropped("sphere", spin=3.0, friction=(0.0, 0.0), **SOLVERS[solver])
+    scene.contact_width = 1e-3
+    run = Slid(scene, frames=3)
+    run.by("positions", 1e-7)
+    run.by("velocities", 1e-5)
+
+
+def test_a_sheet_rests_where_the_potential_bears_it():
+    """So far in that 3 E s^2 / w^3 = g, whatever the substep."""
+    scene = dropped(friction=(0.0, 0.0), gap=-0.0005, **SOLVERS["xpbd"] | {"iterations": 40})
+    scene.colliders[0].motion = Motion.at_place((0.0, 0.0, -0.0005))
+    scene.gravity, scene.contact_width, scene.cloths[0].points[:, 2] = (0.0, 0.0, -9.8), 2e-4, 0.0
+    scene.cloths[0].rest_points = scene.cloths[0].points.copy()
+    for substeps in (2, 6):
+        sim = Simulation(replace(scene, substeps=substeps), device="cpu", precision="float64")
+        sim.run(60)
+        gap = sim.positions()[:, 2] - (-0.0005) - scene.cloths[0].material.thickness / 2
+        assert gap == pytest.approx(-2e-4 * np.sqrt(9.8 * 2e-4 / (3.0 * energy(scene))), rel=1e-3)

@@ -1,0 +1,97 @@
+"""What `auto` takes: within the wanted error, colliders or not, and by constants that measured frames give back."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tools.bench.choice.costs import fitted, ratios
+from tools.bench.choice.scenes import Case
+from tools.bench.nets import reference
+from wsim.bench.track import distance, size
+from wsim.physics.cloth.constraints import LOOKS
+from wsim.scene import Scene, Surface
+from wsim.scene.fabric import Fabric
+from wsim.scene.shapes import sheet, sphere
+from wsim.simulation import choice, cost
+from wsim.simulation.report import text
+from wsim.simulation.simulation import Simulation
+
+FRAMES = 11                                   # of 1/24 s: a metre's fall
+
+
+@pytest.mark.parametrize("stiffness, most", [(1e5, 1.5e-5), (1e7, 1e-2)])
+def test_auto_errs_by_no_more_than_the_scene_asks(stiffness, most):
+    """A net of 16 x 16 that swings: of 1e5 N/m leapfrog costs what sweeps cost and errs by less; of 1e7 XPBD does, with more
+    substeps than the 10 x 4 of the scene, which err by 1.8 %. The truth: leapfrog, whose own error is 1e-6 and less."""
+    scene = replace(reference.spring_cloth(16, stretch=stiffness), fps=24.0)
+    runs = [Simulation(replace(scene, **how), device="cpu") for how in ({"solver": "explicit"}, {}, {"solver": "xpbd"})]
+    ends: list[list] = [[], [], []]
+    for sim, found in zip(runs, ends, strict=True):
+        sim.run(FRAMES, lambda s, found=found: found.append(s.positions()))
+    ours, named = (float(distance(np.array(found), np.array(ends[0])).max()) / size(scene) for found in ends[1:])
+    assert ours <= most and named > 1.5 * scene.error
+    assert runs[1].plan.choice.solver == ("explicit" if stiffness < 1e6 else "xpbd")
+
+
+@pytest.mark.parametrize("kind, size, stiffness", [("above a floor", 2, 1e6), ("on a floor", 3, 1e5), ("on a ball", 12, 50.0)])
+def test_a_collider_keeps_nothing_from_explicit_steps_that_cost_less(kind, size, stiffness):
+    sim = Simulation(Case(kind, size, stiffness).scene, device="cpu")
+    assert sim.plan.choice.solver == "explicit" and "ms" in sim.plan.choice.why and sim.plan.method("contact")
+
+
+def test_what_is_too_stiff_for_them_takes_the_substeps_that_contacts_need():
+    """Backward Euler, of order 1: EULER h sqrt(g L) is no more than wanted; the scene's 10 steps would leave 14 %."""
+    sim = Simulation(Case("on a floor", 3, 1e12).scene, device="cpu")
+    bodies, n = choice.falls(sim.model), sim.plan.choice.substeps
+    assert sim.plan.choice.solver == "implicit" and sim.plan.choice.integrator.name == "backward_euler"
+    left = [choice.drift(bodies, 1.0 / 24.0 / k, choice.EULER) / 0.3 for k in (n, n / 1.03, 10)]
+    assert left[0] <= 0.01 < left[1] and left[2] == pytest.approx(0.095, rel=0.02)
+
+
+def test_one_sweep_of_more_substeps_is_taken_where_it_costs_less():
+    sim = Simulation(reference.spring_cloth(16, stretch=1e9, diagonal=1e9), device="cpu")
+    assert (sim.plan.choice.solver, sim.plan.clock.iterations) == ("xpbd", 1)
+    assert f"for {sim.plan.clock.substeps} x 1" in sim.plan.choice.why and sim.plan.clock.substeps > 10
+
+
+def test_a_mesh_that_moves_costs_more_than_a_ball():
+    scene = Case("on a ball", 12, 50.0).scene
+    ball = cost.explicit(Simulation(scene, device="cpu").model, {}, 7)
+    scene.colliders[0].shape = Surface(*sphere(0.3, 8))
+    mesh = cost.explicit(Simulation(scene, device="cpu").model, {}, 7)
+    assert ball["near"] == 7 * 144 and mesh["near"] == cost.MESH * ball["near"] and mesh["touch"] == ball["touch"] == 14
+
+
+def test_a_report_says_how_many_limits_act_and_that_they_are_looks():
+    """A strip, 8 edges down, that would stretch by 5 % under its weight, the most at the top, and may by 1 %; and so with
+    tethers, which let no point come lower than its rest: all are taut, and no edge is near its limit."""
+    said = []
+    for tethers in (False, True):
+        scene = Scene(solver="xpbd", substeps=40, iterations=2, air_drag=5.0)
+        fabric = Fabric(stretch=20.0, shear=10.0, bend=0.0, strain_limit=0.01, density=200.0, thickness=1e-3)
+        cloth = scene.cloth("/cloth", *sheet(0.5, 1.0, 4, 8), tethers=tethers, material=fabric)
+        scene.pin("/pins", cloth, range(5))
+        sim = Simulation(scene, device="cpu")
+        sim.run(24)
+        said.append(sim.report(profile=False)["limits"])
+        assert f"tethers and strain limits are {LOOKS}" in sim.plan.describe() and said[-1] in text(sim.report(profile=False))
+    edges = [int(re.findall(r"(\d+) of 108 edges at their strain limit", s)[0]) for s in said]
+    assert edges[0] > 10 > edges[1] and "40 of 40 tethers taut" in said[1] and "tether" not in said[0]
+
+
+def test_measured_frames_give_back_their_constants():
+    """Five constants, twelve frames of 5 % noise; one that no frame has stays away."""
+    rng = np.random.default_rng(3)
+    true = {"step": 3e-7, "spring": 1.2e-9, "rest": 4e-6, "projection": 1.4e-8, "tet": 1e-7}
+    rows = []
+    for _ in range(12):
+        n, size = rng.uniform(10, 1000), 10.0**rng.uniform(2, 5)
+        for counts in ({"step": n, "spring": n * size}, {"rest": n, "projection": n * size}, {"tet": n * size}):
+            exact = sum(times * true[name] for name, times in counts.items())
+            rows.append({"counts": counts, "seconds": exact * rng.uniform(0.95, 1.05)})
+    found = fitted(rows, {name: 2.0 * value for name, value in true.items()} | {"near": 1.0})
+    assert found.keys() == true.keys()
+    assert all(found[name] == pytest.approx(true[name], rel=0.1) for name in ("spring", "projection", "tet"))
+    assert np.abs(ratios(rows, found) - 1.0).max() < 0.1

@@ -1,0 +1,232 @@
+"""The example scenes: what is in them, that they are valid USD, and that they run sensibly."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tools.scenes import SCENES
+from wsim.geometry.tetra.tets import volumes
+from wsim.scene import Box, Plane, Sphere, Surface, shapes
+from wsim.scene.check.scene import check
+from wsim.scene.fabric import FABRICS
+from wsim.usd import load
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "scenes"
+
+# points, area [m^2], fabric, pinned points, colliders, whether the pins move
+CONTENT = {
+    "hanging_cloth": (33 * 33, 1.0, "cotton", 2, (), False),
+    "flag": (37 * 25, 1.5, "silk", 25, (), False),
+    "cape": (37 * 21, None, "cotton", 37, (Sphere,), True),
+    "tablecloth": (33 * 33, 2.25, "denim", 0, (Box, Plane), False),
+    "shirt": (6436, 0.706, "cotton", 0, (Surface,), False),
+}
+# points, tets, volume [m^3], model, pinned points, colliders
+SOFT = {
+    "cantilever": (17 * 5 * 5, 5 * 16 * 4 * 4, 4.0, "corotational", 25, ()),
+    "twist": (17 * 5 * 5, 5 * 16 * 4 * 4, 0.032, "neo_hookean", 50, ()),
+    "bear": (961, 3008, 0.0984285, "corotational", 0, (Plane,)),
+    "squeezed_cube": (343, 5 * 6 ** 3, 0.125, "corotational", 0, (Box, Box, Plane)),
+    "trampoline": (125, 5 * 4 ** 3, 0.064, "corotational", 64, ()),
+}
+scenes = pytest.mark.parametrize("name", CONTENT)
+soft_scenes = pytest.mark.parametrize("name", SOFT)
+every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT])
+
+
+def area(cloth) -> float:
+    a, b, c = cloth.motion.points(cloth.points)[cloth.indices.reshape(-1, 3)].transpose(1, 0, 2)
+    return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+
+
+def solid_angle(points, triangles, places) -> np.ndarray:
+    """Of a closed surface as seen from places, over 4 pi: 1 inside, 0 outside (van Oosterom, Strackee 1983)."""
+    inside = np.empty(len(places))
+    for k, place in enumerate(places):
+        a, b, c = (points[triangles] - place).transpose(1, 0, 2)
+        la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+        above = np.einsum("ij,ij->i", a, np.cross(b, c))
+        below = (la * lb * lc + np.einsum("ij,ij->i", a, b) * lc + np.einsum("ij,ij->i", b, c) * la
+                 + np.einsum("ij,ij->i", c, a) * lb)
+        inside[k] = np.sum(np.arctan2(above, below)) / (2.0 * np.pi)
+    return inside
+
+
+@every_scene
+def test_files_are_what_the_generator_writes(name):
+    text = (FOLDER / f"{name}.usda").read_text()
+    assert text == SCENES[name](), "run: python -m tools.scenes"
+    assert len(text) < 70_000
+
+
+def test_every_scene_file_is_generated():
+    assert {path.stem for path in FOLDER.glob("*.usda")} == set(SCENES) == {*CONTENT, *SOFT}
+
+
+@scenes
+def test_scenes_hold_what_they_say(name):
+    points, size, fabric_name, pinned, colliders, moving = CONTENT[name]
+    scene = load(FOLDER / f"{name}.usda")
+    (cloth,) = scene.cloths
+    assert not scene.notes and np.allclose(scene.gravity, (0.0, -9.81, 0.0), rtol=1e-6)
+    assert len(cloth.points) == points and np.all(cloth.counts == 3)
+    if size is not None:
+        assert area(cloth) == pytest.approx(size, rel=1e-3)
+    assert tuple(type(c.shape) for c in scene.colliders) == colliders
+    assert sum(len(pin.points) for pin in scene.pins) == pinned
+    assert all(pin.body == cloth.path and pin.motion.moves == moving for pin in scene.pins)
+    preset = FABRICS[fabric_name]
+    for field in ("stretch", "shear", "bend", "thickness", "density", "poisson", "static_friction", "dynamic_friction"):
+        assert getattr(cloth.material, field) == pytest.approx(getattr(preset, field), rel=1e-5), field   # six digits
+    assert 2.0 <= scene.frames / scene.fps <= 5.0 and 24.0 <= scene.fps <= 60.0
+
+
+@soft_scenes
+def test_soft_scenes_hold_what_they_say(name):
+    points, tets, volume, model, pinned, colliders = SOFT[name]
+    scene = load(FOLDER / f"{name}.usda")
+    (soft,) = scene.softs
+    assert not scene.notes and not check(scene)
+    assert (len(soft.points), len(soft.tets), soft.material.model) == (points, tets, model)
+    assert volumes(soft.motion.points(soft.points), soft.tets).sum() == pytest.approx(volume, rel=1e-4)
+    assert tuple(type(c.shape) for c in scene.colliders) == colliders and sum(len(pin.points) for pin in scene.pins) == pinned
+
+
+@every_scene
+def test_scenes_pass_the_validators_of_usd(name):
+    from pxr import Usd, UsdValidation
+    stage = Usd.Stage.Open(str(FOLDER / f"{name}.usda"))
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    errors = UsdValidation.ValidationContext(validators).Validate(stage)
+    assert [f"{e.GetName()}: {e.GetMessage()}" for e in errors] == []
+
+
+def test_the_shirt_is_worn_in_metres_and_clear_of_the_dummy():
+    """64 cm tall although its file says nothing of units; at the start no point is inside the dummy."""
+    scene = load(FOLDER / "shirt.usda")
+    points = scene.cloths[0].motion.points(scene.cloths[0].points)
+    assert np.ptp(points[:, 1]) == pytest.approx(0.646, abs=0.001)
+    dummy = scene.colliders[0]
+    body = dummy.motion.points(dummy.shape.points)
+    inside = solid_angle(body, dummy.shape.indices.reshape(-1, 3), points[::7])
+    assert np.max(np.abs(inside)) < 1e-6
+    assert solid_angle(body, dummy.shape.indices.reshape(-1, 3), body.mean(axis=0)[None])[0] == pytest.approx(1.0)
+
+
+def test_the_tablecloth_keeps_far_enough_from_the_edges_of_its_table():
+    """A thread of length l whose ends keep r from both faces of a right angle passes its edge if r >= l / sqrt(8)."""
+    scene = load(FOLDER / "tablecloth.usda")
+    thread = 1.5 / 32
+    table = next(c for c in scene.colliders if isinstance(c.shape, Box))
+    assert table.thickness > thread / np.sqrt(8.0)
+
+
+def test_pictures_of_the_readme_are_there_and_small():
+    named = {f"{s}.png" for s in SCENES} | {"cape.gif", "tablecloth_wide.png"}
+    learned = {"walker.png"}                                      # of an example, shown by the README of those
+    files = {path.name: path.stat().st_size for path in (FOLDER / "pictures").iterdir()}
+    text = (FOLDER / "README.md").read_text()
+    measured = {"error_against_time.png"}                         # of a bench, shown by the README above
+    assert set(files) == named | measured | learned and sum(files.values()) < 1_700_000
+    assert all(f"pictures/{name}" in text for name in named)
+    assert all(f"pictures/{name}" in (FOLDER.parent / "README.md").read_text() for name in measured)
+    assert all(f"pictures/{name}" in (FOLDER / "examples" / "README.md").read_text() for name in learned)
+
+
+def test_the_cape_clears_the_ball_and_its_collar_lies_on_it():
+    scene = load(FOLDER / "cape.usda")
+    cape, ball = scene.cloths[0], scene.colliders[0]
+    gap = np.linalg.norm(cape.motion.points(cape.points) - ball.motion.at(0.0)[:3, 3], axis=1) - ball.shape.radius
+    assert gap.min() > 0.5 * cape.material.thickness
+    assert np.allclose(gap[scene.pins[0].points], 0.006, atol=1e-5)
+
+
+def test_the_torso_is_as_wide_as_it_says():
+    points, _, _ = shapes.torso(0.85)
+    chest = points[np.abs(points[:, 2] - 0.5 * 0.85) < 1e-9]
+    ring = np.linalg.norm(chest - np.roll(chest, 1, axis=0), axis=1).sum()
+    assert ring == pytest.approx(0.75, abs=0.01)
+
+
+@scenes
+def test_scenes_run(name):
+    """A third of a second: what is free has fallen no farther than free fall, pins hold their points, nothing tears."""
+    from wsim.simulation.simulation import Simulation
+    scene = load(FOLDER / f"{name}.usda")
+    cloth, time = scene.cloths[0], 1.0 / 3.0
+    start = cloth.motion.points(cloth.points)
+    simulation = Simulation(scene, device="cpu")
+    simulation.run(round(time * scene.fps))
+    points = simulation.positions(cloth.path)
+    assert np.all(np.isfinite(points))
+    assert -1e-3 < start[:, 1].mean() - points[:, 1].mean() <= 0.5 * 9.81 * time ** 2
+    for pin in scene.pins:                                          # both held Xforms rest for the first second
+        assert np.max(np.abs(points[pin.points] - start[pin.points])) < 1e-5
+    assert simulation.indicators()["rms_strain"] < 0.05
+
+
+def after(name: str, frames: int):
+    """The scene, its soft body, and where that is at the start and after so many frames."""
+    from wsim.simulation.simulation import Simulation
+    scene = load(FOLDER / f"{name}.usda")
+    simulation = Simulation(scene, device="cpu")
+    simulation.run(frames)
+    return scene, scene.softs[0], scene.softs[0].motion.points(scene.softs[0].points), simulation.positions()
+
+
+def test_the_cantilever_sinks_by_its_weight():
+    """By 86 % of what the theory of beams says (Timoshenko: rho g A L^4 / 8 E I + rho g L^2 / 2 k G, k = 10 (1 + nu) /
+    (12 + 11 nu)), as the scene says, to the percent that is left of the swing."""
+    scene, soft, start, end = after("cantilever", 72)
+    E, nu, w, L = soft.material.young, soft.material.poisson, 9.81 * soft.material.density, 4.0
+    shape = 10.0 * (1.0 + nu) / (12.0 + 11.0 * nu)
+    theory = w * L**4 / (8.0 * E / 12.0) + w * L**2 / (2.0 * shape * E / (2.0 * (1.0 + nu)))
+    assert theory == pytest.approx(0.40, abs=0.005)
+    assert (start - end)[-25:, 1].mean() / theory == pytest.approx(0.86, abs=0.01)
+    assert np.array_equal(end[scene.pins[0].points], start[scene.pins[0].points])
+
+
+def test_the_bar_is_twisted_by_a_full_turn_and_keeps_its_volume():
+    """The middle has turned by half of it, by the symmetry of the bar, (y, z) -> (-y, -z), about an axis that its weight has
+    lowered by 4 mm (w L^4 / 384 E I + w L^2 / 8 k G): weight bends the turned section by as much. Shear of 2 pi r / L at a
+    distance r from the axis, 0.41 in the mean square, presses with G times that at most, and K is 9.7 G at nu = 0.45."""
+    _, soft, start, end = after("twist", 72)
+    middle = np.abs(start[:, 0]) < 1e-6
+    off = 0.5 * (start + end)[middle][:, 1:] - (0.5, 0.0)
+    assert off.mean(axis=0) == pytest.approx((-0.004, 0.0), abs=0.001) and np.abs(off - off.mean(axis=0)).max() < 0.004
+    assert volumes(end, soft.tets).sum() == pytest.approx(0.032, rel=0.41 / 9.7)
+
+
+def test_the_squeezed_cube_is_carried_by_friction():
+    """At rest 35 cm up, between plates 30 cm apart: nothing else holds it. The plates end 5 cm above the floor where they take
+    it, and what they touch has slipped by 2 to 3 mm."""
+    scene, _, start, end = after("squeezed_cube", 57)
+    left, right, _ = scene.colliders
+    gap = right.motion.at(57 / 24)[0, 3] - left.motion.at(57 / 24)[0, 3] - 0.06
+    held = (np.abs(start[:, 0]) > 0.25 - 1e-6) & (start[:, 1] > 0.1)
+    assert gap == pytest.approx(0.302) and np.ptp(end[held, 0]) <= gap + 1e-6
+    assert np.abs((end - start)[held, 1] - 0.35).max() < 0.004
+
+
+def test_the_cube_on_the_trampoline_bounces_and_loses_nothing():
+    """Explicit steps, as wsim chooses: of the energy that gravity has turned over a thousandth at most comes or goes in two
+    bounces (leapfrog errs by (h omega)^2, and keeps it)."""
+    from wsim import Simulation
+    simulation = Simulation(load(FOLDER / "trampoline.usda"), device="cpu")
+    before, low, energy = simulation.indicators(), [], []
+    for _ in range(36):
+        simulation.step()
+        low.append(simulation.positions("/World/Jelly")[:, 1].min())
+        energy.append(simulation.indicators()["energy"])
+    turned = 0.064 * 300.0 * 9.81 * (0.8 - min(low))
+    assert simulation.plan.choice.solver == "explicit" and 0.3 < 0.8 - min(low) < 0.6 and low[-1] > min(low) + 0.02
+    assert np.abs(np.array(energy) - before["energy"]).max() < 1e-3 * turned
+
+
+def test_the_generator_writes_into_the_folder_it_is_given(tmp_path):
+    done = subprocess.run([sys.executable, "-m", "tools.scenes", str(tmp_path)], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0 and len(list(tmp_path.glob("*.usda"))) == len(SCENES), done.stderr

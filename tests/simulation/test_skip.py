@@ -1,0 +1,185 @@
+"""Skip by construction: what an example scene lacks is neither imported, compiled, planned nor allocated.
+
+Each scene is loaded, built and stepped once in a process of its own, which then tells what it imported and compiled; scenes of
+which only the kernels are looked at share a process.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from wsim.scene import Scene, shapes
+from wsim.scene.fabric import Fabric
+from wsim.usd import save
+
+ROOT = Path(__file__).resolve().parents[2]
+
+STEP = """
+import json, sys
+import warp as wp
+from wsim.usd import load
+from wsim.simulation.simulation import Simulation
+for path in sys.argv[1:]:
+    sim = Simulation(load(path), device="cpu")
+    sim.step()
+    modules = [m for name in {sim.model.module, getattr(sim.model, "sweep_module", sim.model.module)}
+               for m in [wp.get_module(name)]]
+    kernels = [k for m in modules for k in m.kernels.values()]
+    adjoint = [k.key for k in kernels if k.options.get("enable_backward", k.module.options["enable_backward"])]
+    print(json.dumps({"kernels": sorted(k.key for k in kernels), "adjoint": adjoint,
+                      "modules": [m for m in sys.modules if m.partition(".")[0] in ("wsim", "kernels", "rerun", "pxr")],
+                      "methods": [m.name for m in sim.plan.methods],
+                      "fields": [f.name for f in sim.state.fields],
+                      "skipped": [s["stage"] for s in sim.plan.skipped]}))
+"""
+
+# what every scene of cloth needs, by XPBD or by explicit steps among contacts
+POINTS = {"predict_euler", "finish_euler", "not_finite", "stretched"}
+LEAPS = {"begin", "leap", "commit", "correct", "settle", "stretched", "not_finite"}
+PINS, AIR = {"move_pins"}, {"press", "blow"}
+BEND = {"dihedral", "angle", "curvature", "target"}
+CLOTH = {"membrane"} | BEND
+KERNELS = {
+    "hanging_cloth": POINTS | PINS | CLOTH,
+    "flag": POINTS | PINS | AIR | CLOTH,
+    "cape": LEAPS | AIR | {"corners_membrane", "corners_dihedral", "hinge", "curvature", "search_sphere", "contact"},
+    "tablecloth": LEAPS | {"corners_membrane_damped", "corners_dihedral", "hinge_damped", "curvature", "search_plane_box",
+                           "contact"},
+    "shirt": POINTS | CLOTH | {"search_solid", "contact"},
+}
+
+
+def room(place: str, names: str) -> set[str]:
+    return {f"wsim.{place}.{name}" for name in names.split()}
+
+
+SCENE = room("scene", "scene bodies solid curve fabric") | room("geometry", "triangulate topology memo") | room(
+    "scene.check", "scene objects mesh")
+LOADER = room("geometry", "primitives")       # read with wsim.usd, whose own modules are not told apart by scene
+RUN = (room("simulation", "simulation plan choice reasons cost retry duration interrupt measure.indicators measure.exceeded")
+       | room("model", "stage state model midnodes separate kernel_cache") | room("scene", "masses integrator")
+       | room("scene.check", "counts") | room("geometry", "sheet_ordering ordering color color_chains")
+       | room("physics.motion", "points overstretch stability") | room("physics.cloth", "constraints")
+       | room("kernels", "math.real motion.points cloth.spring"))
+XPBD = (room("physics", "solver.xpbd cloth.bending cloth.curvature") | room("kernels", "solver.xpbd math.matrix math.block")
+        | room("kernels.cloth", "terms constraint curvature element"))
+AERO = {"wsim.physics.cloth.air", "wsim.kernels.cloth.air"}
+CONTACT = (room("scene.check", "contact signed_distance chord") | room("physics.contact", "contacts colliders method mesh")
+           | room("kernels.contact", "project search collide shape mesh"))
+LEAP = (room("physics.motion", "explicit forces threads cluster packets") | room("physics.cloth", "bending curvature")
+        | room("kernels.motion", "threads cluster explicit packets march_cpu") | {"wsim.kernels.math.block"}
+        | room("kernels.cloth", "constraint element curvature terms"))
+WEIGHED = room("physics.motion", "frequency")                  # where leapfrog comes into question
+MODULES = {
+    "hanging_cloth": SCENE | RUN | WEIGHED | XPBD,
+    "flag": SCENE | RUN | WEIGHED | XPBD | AERO,
+    "cape": SCENE | RUN | WEIGHED | LEAP | AERO | CONTACT,
+    "tablecloth": SCENE | RUN | WEIGHED | LEAP | CONTACT,
+    "shirt": SCENE | RUN | WEIGHED | XPBD | CONTACT | room("geometry", "tetra.lattice"),      # of what starts inside a mesh
+}
+scenes = pytest.mark.parametrize("name", KERNELS)
+
+
+def step(*paths: Path, **environment) -> list[dict]:
+    done = subprocess.run([sys.executable, "-c", STEP, *map(str, paths)], cwd=ROOT, capture_output=True, text=True,
+                          check=False, env=os.environ | environment)
+    assert done.returncode == 0, done.stderr
+    return [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+
+
+@cache
+def stepped(name: str) -> dict:
+    return step(ROOT / "scenes" / f"{name}.usda")[0]
+
+
+def subject(kernel: str) -> str:
+    """A kernel without its precision, its variant and how its colours are launched: project_dihedral_lam_f32 is dihedral."""
+    bare = re.sub(r"_f(32|64)$", "", kernel.partition("__locals__")[0])
+    return re.sub(r"^(?:project|sweep)_([a-z]+).*$", r"\1", bare)
+
+
+@scenes
+def test_exactly_the_kernels_of_the_scene_are_compiled(name):
+    found = [subject(k) for k in stepped(name)["kernels"]]
+    assert len(found) == len(set(found)) and set(found) == KERNELS[name]
+
+
+@scenes
+def test_exactly_the_modules_of_the_scene_are_imported(name):
+    found = {m for m in stepped(name)["modules"] if m.startswith("wsim") and not m.startswith("wsim.usd")}
+    rooms = {m.rpartition(".")[0] for m in found}
+    assert found - rooms - LOADER - {"wsim.scene", "wsim.kernels"} == MODULES[name]
+
+
+@scenes
+def test_no_viewer_no_writer_and_no_second_copy_of_the_kernels(name):
+    modules = set(stepped(name)["modules"])
+    assert not any(m.partition(".")[0] in ("rerun", "kernels") for m in modules) and "pxr" in modules
+    assert not any(m.startswith(("wsim.show", "wsim.cli", "wsim.fitting", "wsim.bench", "wsim.gradient")) for m in modules)
+    assert not modules & room("usd.result", "recorder restart")
+
+
+@scenes
+def test_no_adjoint_is_compiled(name):
+    assert stepped(name)["adjoint"] == []
+
+
+@scenes
+def test_methods_arrays_and_reasons_agree(name):
+    found = stepped(name)
+    wanted = {"points", "explicit"} if KERNELS[name] >= LEAPS else {"points", "xpbd", "watch"}
+    wanted |= {"pins"} if KERNELS[name] >= PINS or name == "cape" else set()          # of which leaps take care there
+    wanted |= {"aero"} if KERNELS[name] >= AIR else set()
+    wanted |= {"contact"} if "contact" in KERNELS[name] else set()
+    assert set(found["methods"]) == wanted
+    assert set(found["skipped"]) == {"pins", "muscles", "loads", "aero", "contact", "history", "explicit", "implicit", "xpbd",
+                                     "fem", "rigid", "fluid", "gradients"} - wanted
+    assert ("a" in found["fields"]) == ("contact" in wanted) and not {"s", "u"} & set(found["fields"])
+
+
+def test_an_empty_cache_ends_with_one_module_and_nothing_else(tmp_path):
+    """Sources that Warp wrote: one module, a forward function for each kernel, no backward one."""
+    (found,) = step(ROOT / "scenes" / "hanging_cloth.usda", WARP_CACHE_PATH=str(tmp_path))
+    (source,) = tmp_path.rglob("wp_wsim_*.cpp")
+    compiled = {p.parent.name for p in tmp_path.rglob("*.o")} | {p.parent.name for p in tmp_path.rglob("*.cpp")}
+    assert compiled == {source.parent.name}
+    text = source.read_text()
+    forward = re.findall(r"static void (\w+?)_[0-9a-f]+_cpu_kernel_forward\(", text)
+    assert sorted(subject(k) for k in forward) == sorted(KERNELS["hanging_cloth"]) and len(found["kernels"]) == len(forward)
+    assert "_cpu_kernel_backward(" not in text
+
+
+CHANGES = {"bend": CLOTH - BEND, "springs": {"distance"} | BEND, "bdf2": CLOTH | {"residual", "judge"},
+           "limit": CLOTH | {"limit"}, "tethers": CLOTH | {"tether"}, "nothing": CLOTH}
+
+
+def changed(change: str) -> Scene:
+    fabric = Fabric(bend=0.0 if change == "bend" else 1e-4, strain_limit=0.1 if change == "limit" else float("inf"))
+    scene = Scene(frames=1, substeps=2, solver="xpbd", integrator="bdf2" if change == "bdf2" else "auto")
+    cloth = scene.cloth("/cloth", *shapes.sheet(1.0, 1.0, 3, 3, cut="quads"), material=fabric, tethers=change == "tethers",
+                        model="springs" if change == "springs" else "membrane")
+    scene.pin("/pin", cloth, [0, 3])
+    return scene
+
+
+def test_a_change_of_the_scene_changes_just_its_kernels(tmp_path):
+    for change in CHANGES:
+        save(changed(change), str(tmp_path / f"{change}.usda"))
+    all_ = step(*(tmp_path / f"{change}.usda" for change in CHANGES))
+    for (change, kernels), told in zip(CHANGES.items(), all_, strict=True):
+        moves = {"predict_bdf2", "finish_bdf2", "predict_euler"} if change == "bdf2" else {"predict_euler", "finish_euler"}
+        found = {re.sub("^residual_.*", "residual", subject(k)) for k in told["kernels"]}
+        assert found - {"finish_euler"} == (kernels | PINS | {"not_finite", "stretched"} | moves) - {"finish_euler"}, change
+
+
+def test_a_soft_body_compiles_its_own_material_and_no_constraint():
+    found = stepped("cantilever")
+    kernels = {subject(k) for k in found["kernels"]}
+    assert {k[4:] for k in kernels if k.startswith("fem")} == {"linearise_corotational_damped", "change_corotational_damped"}
+    assert not kernels & (CLOTH | {"distance", "contact"}) and found["adjoint"] == [] and "xpbd" in found["skipped"]

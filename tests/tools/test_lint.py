@@ -1,0 +1,137 @@
+"""The house rules hold in every file, each rule catches a planted fault, and imports cost what they should."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tools import lint
+
+FILES = lint.sources()
+
+
+@pytest.mark.parametrize("rule", [lint.layers, lint.cycles, lint.size, lint.words])
+def test_the_sources_keep(rule):
+    assert list(rule(FILES)) == []
+
+
+def test_no_folder_is_full():
+    assert list(lint.entries()) == []
+
+
+def test_documents_and_scenes_name_no_place_of_one_machine():
+    assert list(lint.words(lint.texts())) == []
+
+
+def planted(**modules: str) -> dict[Path, str]:
+    """Sources by dotted name with __ for the dot, beside the modules that they may name."""
+    base = dict.fromkeys(("scene__curve", "model__state", "physics__solver__xpbd", "physics__cloth__air", "simulation__plan",
+                          "simulation__simulation", "show__viewer"), "")
+    found = {}
+    for name, text in {**base, **modules}.items():
+        place = Path(f"{name.replace('__', '/')}.py")
+        found[place if name.startswith("kernels") else Path("wsim") / place] = text
+    return found
+
+
+@pytest.mark.parametrize(("module", "source", "words"), [
+    ("scene__curve", "from wsim.model.state import State", "scene.curve stands below model.state"),
+    ("scene__curve", "def f():\n    import warp", "may not import warp"),
+    ("model__state", "from wsim.simulation import plan", "model.state stands below simulation.plan"),
+    ("physics__solver__xpbd", "import wsim.physics.cloth.air", "methods meet"),
+    ("simulation__plan", "import kernels", "twice"),
+    ("simulation__plan", "from kernels.solver.xpbd import project", "twice"),
+    ("simulation__simulation", "import rerun as rr", "only show.viewer, show.rerun_log may import rerun"),
+    ("physics__solver__xpbd", "from pxr import Usd", "may import pxr"),
+    ("simulation__plan", "from .state import State", "relative"),
+    ("kernels__solver__xpbd", "from wsim.model.state import State", "kernels import warp"),
+    ("kernels__solver__xpbd", "import numpy", "kernels import warp"),
+    ("newcomer__file", "", "no place in LAYERS"),
+])
+def test_a_forbidden_import_is_caught(module, source, words):
+    found = list(lint.layers(planted(**{module: source})))
+    assert len(found) == 1 and words in found[0], found
+
+
+@pytest.mark.parametrize(("module", "source"), [
+    ("simulation__simulation", "from wsim.simulation import plan\nimport warp"),
+    ("physics__solver__xpbd", "from wsim.kernels.solver import xpbd\nfrom wsim.model.state import State"),
+    ("physics__solver__newcomer", "from wsim.physics.solver import xpbd"),
+    ("kernels__solver__xpbd", "import warp as wp\nfrom functools import cache\nfrom wsim.kernels.motion import points"),
+    ("scene__curve", "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from wsim.model.state import State"),
+])
+def test_an_allowed_import_is_not(module, source):
+    assert list(lint.layers(planted(**{"kernels__motion__points": "", module: source}))) == []
+
+
+def test_a_cycle_is_caught():
+    found = list(lint.cycles(planted(model__state="import wsim.scene.curve",
+                                     scene__curve="from wsim.model.state import State")))
+    assert found == ["wsim/model/state.py:1: cycle model.state -> scene.curve -> model.state"]
+
+
+def test_a_full_folder_is_caught(tmp_path):
+    for k in range(lint.ENTRIES):
+        tmp_path.joinpath("wsim", "room").mkdir(parents=True, exist_ok=True)
+        tmp_path.joinpath("wsim", "room", f"m{k}.py").touch()
+    assert list(lint.entries(tmp_path)) == []
+    tmp_path.joinpath("wsim", "room", "one_more.py").touch()
+    (found,) = lint.entries(tmp_path)
+    assert found == f"wsim/room: {lint.ENTRIES + 1} entries, at most {lint.ENTRIES}: make a room"
+
+
+def test_length_counts_neither_the_docstring_nor_inner_functions():
+    source = 'def outer():\n    """One.\n\n    Two."""\n    def inner():\n        return 1\n    return inner\n'
+    assert lint.length(lint.ast.parse(source).body[0]) == 2
+
+
+@pytest.mark.parametrize(("source", "words"), [
+    ("x = 1\n" * (lint.FILE_LINES + 1), "split it"),
+    ("def f():\n" + "    x = 1\n" * lint.FUNCTION_LINES, "f has"),
+    (f"def f({', '.join(f'a{k}' for k in range(lint.ARGUMENTS + 1))}):\n    pass\n", "group them"),
+])
+def test_what_is_too_large_is_caught(source, words):
+    found = list(lint.size({Path("wsim/scene/__init__.py"): source}))
+    assert len(found) == 1 and words in found[0]
+
+
+@pytest.mark.parametrize("line", ["path = '/" + "tmp/x'", "# TO" + "DO: later", "raise NotImplemented" + "Error",
+                                  "see share" + "d/x"])
+def test_a_word_that_does_not_belong_is_caught(line):
+    assert len(list(lint.words({Path("a.py"): line}))) == 1
+
+
+def run(code: str) -> str:
+    """What a fresh interpreter prints in the repository's root."""
+    done = subprocess.run([sys.executable, "-c", code], cwd=lint.ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_import_wsim_starts_nothing_heavy():
+    heavy = "('numpy', 'warp', 'pxr', 'rerun', 'kernels', 'argparse')"
+    assert run(f"import wsim, sys; print([m for m in {heavy} if m in sys.modules])") == "[]\n"
+
+
+def test_scenes_and_stages_work_without_warp():
+    code = "import wsim, sys; wsim.Scene(), wsim.load, wsim.shapes, wsim.Recorder; print('warp' in sys.modules)"
+    assert run(code) == "False\n"
+
+
+def test_there_is_no_global_kernels_module():
+    """The root is on sys.path here, so that a bare `import kernels` anywhere would succeed."""
+    code = "import wsim, sys; wsim.Simulation; print('wsim.kernels' in sys.modules, 'kernels' in sys.modules)"
+    assert run(code) == "True False\n"
+
+
+def test_import_wsim_takes_a_few_milliseconds():
+    """About one; ten times that is allowed, for a busy machine. The least of five fresh interpreters."""
+    code = "import time; t = time.perf_counter(); import wsim; print(time.perf_counter() - t)"
+    assert min(float(run(code)) for _ in range(5)) < 0.010
+
+
+def test_every_public_name_is_there():
+    wrong = "[n for n in wsim.__all__ if getattr(wsim, n).__name__.split('.')[-1] != n]"
+    names, count = run(f"import wsim; print({wrong}, len(wsim.__all__))").rsplit(" ", 1)
+    assert names == "[]" and int(count) <= 25

@@ -1,0 +1,70 @@
+"""What a further substep costs a cluster of blocks, by size and threads to a point: the figures behind
+`wsim.physics.motion.cluster`.
+
+    python tools/bench/nets/cluster.py [--device cuda:0] [--sides 16,32,45,64,80,90] [--json FILE]
+
+The cloth is `reference.spring_cloth`, stepped by leapfrog. `us` is the time of a frame over its substeps; `further_us` what
+twice as many substeps more take, each: without a frame's start. `error` as in choice.py. A GPU of compute capability 9.0.
+"""
+
+import argparse
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import warp as wp
+
+ROOT = Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(ROOT))
+from tools.bench.choice.misses import error, frame_ms  # noqa: E402
+from tools.bench.nets import reference  # noqa: E402
+from tools.bench.speed import hardware, show  # noqa: E402
+from wsim.physics.motion import cluster, forces  # noqa: E402
+from wsim.simulation.simulation import Simulation  # noqa: E402
+
+
+def plans(n: int, most: int) -> list:
+    """The chosen cluster, the others of 16 blocks that fit, and none: launches."""
+    chosen, found = cluster.cluster_of(n * n, most), []
+    for lanes in (8, 4, 2, 1):
+        whole = 32 // lanes
+        plan = cluster.Cluster(lanes, -(-most // lanes), -(-n * n // (16 * whole)) * whole, 16)
+        if plan.threads <= cluster.THREADS and plan.entries <= cluster.ENTRIES and plan != chosen:
+            found.append(plan)
+    return ([chosen] if chosen else []) + found + [None]
+
+
+def row(n: int, plan, device, first: bool) -> dict:
+    """One run with that plan; `chosen` says whether it is the one that a scene gets."""
+    forces.cluster_of = lambda *_: plan
+    scene = replace(reference.spring_cloth(n), solver="explicit")
+    sim = Simulation(scene, device=device)
+    substeps, ms = sim.plan.clock.substeps, frame_ms(sim)
+    longer = frame_ms(Simulation(replace(scene, substeps=3 * substeps), device=device))
+    shape = {"lanes": plan.lanes, "threads": plan.threads, "blocks": plan.size} if plan else {}
+    return {"n": n, "chosen": first, **shape, "substeps": substeps, "us": 1e3 * ms / substeps,
+            "further_us": 0.5e3 * (longer - ms) / substeps, "error_025": error(scene, sim) if first else None}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default=None)
+    parser.add_argument("--sides", default="16,32,45,64,80,90", help="points a side")
+    parser.add_argument("--json", default=None)
+    args = parser.parse_args()
+    device, rows, kept = wp.get_device(args.device), [], forces.cluster_of
+    if not device.is_cuda or device.arch < 90:
+        sys.exit(f"--device: {device} forms no clusters; a GPU of compute capability 9.0 or more does")
+    print(f"{hardware(device)}, warp {wp.config.version}")
+    for n in (int(s) for s in args.sides.split(",")):
+        for number, plan in enumerate(plans(n, 12)):
+            show(rows, row(n, plan, device, number == 0))
+    forces.cluster_of = kept
+    if args.json:
+        head = {"hardware": hardware(device), "warp": wp.config.version}
+        Path(args.json).write_text(json.dumps(head | {"rows": rows}, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,106 @@
+"""Arguments of the command line: what a text stands for, or why it stands for nothing."""
+
+import argparse
+import os
+
+TINY, HUGE = 1e-30, 1e30
+FAR = 1e5                     # [m] as `wsim.scene.check.objects.FAR`
+
+
+def whole(text: str) -> int:
+    """An argument that counts: 1, 2, 3 ..., up to what ends in time."""
+    return _counted(text, 1)
+
+
+def whole_or_none(text: str) -> int:
+    """An argument that counts and may be 0."""
+    return _counted(text, 0)
+
+
+def _counted(text: str, least: int) -> int:
+    value = int(text)
+    from wsim.scene.check.counts import MOST
+    if not least <= value <= MOST:
+        raise argparse.ArgumentTypeError(f"{text} is too {'small' if value < least else 'large'}; it must be {least} to {MOST}")
+    return value
+
+
+def length(text: str) -> float:
+    """A length [m] >= 0."""
+    value = float(text)
+    if not 0.0 <= value <= FAR:
+        raise argparse.ArgumentTypeError(f"{text} is no length; it must be a number of metres, 0 to {FAR:g}")
+    return value
+
+
+def positive(text: str) -> float:
+    """A number > 0, of which squares and quotients are finite too."""
+    value = float(text)
+    if not TINY <= value <= HUGE:
+        raise argparse.ArgumentTypeError(f"{text} is out of range; it must be {TINY:g} to {HUGE:g}")
+    return value
+
+
+def named(text: str) -> str:
+    """The name of a file, a prim or a device: not an empty one, as of a variable that a shell does not know."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("it is empty; give a name, or leave the option out")
+    return text
+
+
+def fraction(text: str) -> float:
+    """An error over the scene's size: 1% or 0.01."""
+    number, percent, rest = text.partition("%")
+    value = float(number) / (100.0 if percent else 1.0)
+    if rest or not 0.0 < value <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is no error; it must be above 0 and at most 100 %: write 1% or 0.01")
+    return value
+
+
+def _file(text: str, *endings: str) -> str:
+    """A file to write, in a folder that is there: found out now and not after the simulation."""
+    if not text.lower().endswith(endings):
+        raise argparse.ArgumentTypeError(f"{text} has another ending; allowed is {', '.join(endings)}")
+    return kept(text)
+
+
+def kept(text: str) -> str:
+    """A file, in a folder that is there."""
+    folder = os.path.dirname(os.path.abspath(named(text)))
+    if not os.path.isdir(folder):
+        raise argparse.ArgumentTypeError(f"{text}: there is no folder {folder}; make it first")
+    return text
+
+
+def image(text: str) -> str:
+    return _file(text, ".png", ".gif", ".apng")
+
+
+def drawing(text: str) -> str:
+    return _file(text, ".png", ".svg")
+
+
+def report(text: str) -> str:
+    return text if text == "-" else _file(text, ".json")
+
+
+def pixels(text: str) -> tuple[int, int]:
+    """960x540"""
+    width, _, height = text.lower().partition("x")
+    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
+        raise argparse.ArgumentTypeError(f"{text} is no size; write it as 960x540")
+    return int(width), int(height)
+
+
+def variant(text: str) -> tuple[str, str, str]:
+    """/prim:set=variant"""
+    prim, _, rest = text.partition(":")
+    name, _, value = rest.partition("=")
+    if not (prim.startswith("/") and name and value):
+        raise argparse.ArgumentTypeError(f"{text} is no variant; write it as /prim:set=variant")
+    return prim, name, value
+
+
+for _kind, _name in ((whole, "number"), (whole_or_none, "number"), (length, "length"), (positive, "number"),
+                     (fraction, "error")):
+    _kind.__name__ = _name                      # argparse says "invalid number value"

@@ -1,0 +1,33 @@
+"""What `wsim new` makes of a bare mesh, by its options. Everything heavy is imported inside, when it is needed."""
+
+import os
+
+from wsim.scene import Problem, SceneError
+from wsim.simulation import interrupt
+
+
+def make(args) -> list:
+    """Writes the scene; returns its notes. Raises SceneError where a file stands in the way, or the mesh does not serve."""
+    if os.path.lexists(args.output) and not args.force:
+        raise SceneError(Problem(args.output, "is there already; give --force to replace it, or choose another name"))
+    return (_cloth if args.kind == "cloth" else _softbody)(args, {
+        "ground": args.ground, "meters_per_unit": args.meters_per_unit, "frames": args.frames})
+
+
+def _cloth(args, more: dict) -> list:
+    from wsim.usd.new.cloth import author_cloth
+
+    interrupt.begin("wait")
+    return author_cloth(args.mesh, args.output, args.fabric, args.prim, weld=args.weld, **more)
+
+
+def _softbody(args, more: dict) -> list:
+    from wsim.scene.solid import Bulk
+    from wsim.usd.new.softbody import author_softbody
+
+    try:
+        material = Bulk(young=args.young, poisson=args.poisson, density=args.density, model=args.model)
+    except ValueError as error:
+        raise SceneError(Problem("material", str(error))) from None
+    interrupt.begin("wait")
+    return author_softbody(args.mesh, args.output, material, args.prim, cells=args.cells, **more)

@@ -1,0 +1,212 @@
+"""The main job: a scene simulated into a result layer, frame by frame.
+
+    preroll     frames before the first one, simulated and not written, in which cloth settles: every curve is moved
+                later, so that the scene's own start stays where it was
+    samples     written a frame: the scene is simulated with so many times its frame rate and as many substeps less,
+                and every such short frame is written, at a fraction of a time code
+
+An interruption or a failure keeps the frames that were written, in a file of their own beside an earlier result; Ctrl-C waits
+while a frame is being written.
+"""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from shlex import quote
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+from wsim.cli.inventory import count
+from wsim.scene import Collider, Pin, Problem, Scene, SceneError, Surface
+from wsim.scene.check.counts import refuse
+from wsim.scene.curve import Curve, Motion
+from wsim.simulation import interrupt
+from wsim.simulation.duration import long_run
+from wsim.simulation.interrupt import whole
+from wsim.usd.result.provenance import differences
+
+if TYPE_CHECKING:
+    from wsim.simulation.simulation import Simulation
+    from wsim.usd.result.recorder import Recorder
+    from wsim.usd.result.restart import Restart
+
+
+def finer(scene: Scene, samples: int) -> Scene:
+    """The scene with `samples` frames for each of its own, and substeps of the same length or a little shorter."""
+    if samples == 1:
+        return scene
+    return replace(scene, fps=scene.fps * samples, frames=scene.frames * samples,
+                   substeps=-(-scene.substeps // samples))
+
+
+def later(scene: Scene, delay: float) -> Scene:
+    """The scene with every curve `delay` [s] later, so that simulating begins that long before its start."""
+    if delay == 0.0:
+        return scene
+    nets = [s if s.actuation is None else replace(s, actuation=_curve_later(s.actuation, delay)) for s in scene.springs]
+    return replace(scene, springs=nets, colliders=[_collider_later(c, delay) for c in scene.colliders],
+                   pins=[_pin_later(p, delay) for p in scene.pins],
+                   loads=[replace(load, curve=_curve_later(load.curve, delay)) for load in scene.loads],
+                   varying=[replace(v, curve=_curve_later(v.curve, delay)) for v in scene.varying])
+
+
+def _motion_later(motion: Motion, delay: float) -> Motion:
+    return Motion(motion.times + delay, motion.values)
+
+
+def _curve_later(curve: Curve, delay: float) -> Curve:
+    return Curve(curve.times + delay, curve.values)
+
+
+def _pin_later(pin: Pin, delay: float) -> Pin:
+    return replace(pin, motion=_motion_later(pin.motion, delay))
+
+
+def _collider_later(collider: Collider, delay: float) -> Collider:
+    shape = collider.shape
+    if isinstance(shape, Surface) and shape.poses is not None:
+        shape = replace(shape, poses=_curve_later(shape.poses, delay))
+    return replace(collider, shape=shape, motion=_motion_later(collider.motion, delay))
+
+
+@dataclass
+class Run:
+    """A simulation and the recorder that its frames go to; `scene` is the one that is written.
+
+    `shown` is called with (short frames done), each of `watchers` with (simulation) after every written one.
+    """
+
+    scene: Scene
+    simulation: "Simulation"
+    recorder: "Recorder"
+    samples: int = 1
+    preroll: int = 0
+    first: int = 0                                # frames that an earlier run has done and written
+    stress: bool = False                          # written with the points of soft bodies, see `wsim.simulation.measure.stress`
+    reactions: bool = False                       # of every pin, written with it, see `wsim.simulation.measure.reaction`
+    shown: Callable[[int], None] = lambda done: None
+    watchers: list[Callable] = field(default_factory=list)
+    seconds: dict[str, float] = field(default_factory=lambda: {"simulate": 0.0, "write": 0.0})
+    written: int = 0                              # whole frames, counted from the scene's start
+    result: str | None = None                     # the finished file; None while there is none
+
+    @property
+    def steps(self) -> int:
+        """Short frames of the whole run."""
+        return (self.preroll + self.scene.frames - self.first) * self.samples
+
+    def kept(self) -> str:
+        """What a run that did not come to its end has left, in words."""
+        kept, output = self.recorder.kept, self.recorder.path
+        text = "no frame was written" + (f"; {kept} holds those of an earlier run" if kept else "")
+        if kept and self.recorder.count:
+            text = f"{kept} holds the {count(self.written, 'frame')} so far (go on with --restart {quote(kept)})"
+        return text + (f"; {output} is as it was before" if os.path.exists(output) else "")
+
+    def frames(self) -> None:
+        """All frames. Where it does not come to the end, `recorder.kept` holds what was written before."""
+        ended = False
+        try:
+            for done in range(self.preroll * self.samples):
+                self._step(done + 1)
+            if not self.first:
+                self._write(0)
+            for k in range(1, (self.scene.frames - self.first) * self.samples + 1):
+                self._step(self.preroll * self.samples + k)
+                self._write(k)
+            interrupt.check()
+            ended = True
+        finally:
+            with whole(), self._timed("write"):
+                self.result = self.recorder.close(interrupted=not ended)
+
+    @contextmanager
+    def _timed(self, name: str) -> Iterator[None]:
+        began = perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] += perf_counter() - began
+
+    def _step(self, done: int) -> None:
+        with self._timed("simulate"):
+            self.simulation.step()
+        self.shown(done)
+
+    def _write(self, k: int) -> None:
+        """The state after k short frames of this run, at its time code."""
+        sim, paths = self.simulation, [body.path for body in self.scene.bodies()]
+        code = self.recorder.time_code(self.first + k / self.samples)
+        with whole(), self._timed("write"):
+            stress = {s.path: sim.stress(s.path).at_points() for s in self.scene.softs if self.stress}
+            forces = {p.path: sim.reactions(p.path) for p in self.scene.pins if self.reactions}
+            self.recorder.append(code, {p: sim.positions(p) for p in paths}, {p: sim.velocities(p) for p in paths},
+                                 sim.poses(), stress, forces)
+        self.written = self.first + k // self.samples
+        for watch in self.watchers:
+            watch(sim)
+
+
+def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"], *, samples: int = 1, preroll: int = 0,
+            flatten: bool = False, restart: str | None = None, stress: bool = False) -> Run:
+    """Everything that comes before the first frame, so that what cannot work fails before it has cost time.
+
+    simulate    makes the simulation of a scene (device and precision are its matter)
+    restart     an earlier result of this scene to go on from; frames are still counted from the scene's start
+    stress      writes von Mises stress and strain of soft bodies as primvars; a warning where there is none
+
+    Raises SceneError, and OSError where the output cannot be written.
+    """
+    from wsim.usd.result.recorder import Recorder, check_result
+    from wsim.usd.result.restart import load_restart
+
+    try:
+        check_result(scene, output, restart)
+        earlier = load_restart(restart, scene) if restart else None
+        if earlier and earlier.frame >= scene.frames:
+            raise SceneError(Problem(earlier.path, f"holds {earlier.frame} frames, {scene.frames} are asked for; give "
+                                     "--frames a larger number: it counts from the scene's start"))
+        for what, each in (("--samples times frames", samples * scene.frames), ("--preroll times samples", preroll * samples)):
+            refuse(what, each, "give fewer of either")
+        sim = simulate(later(finer(scene, samples), preroll / scene.fps))
+        sim.warnings += long_run(sim.plan, (preroll + scene.frames - (earlier.frame if earlier else 0)) * samples)
+        if earlier:
+            _go_on(sim, earlier, samples)
+
+        def fields() -> dict:
+            """What an exact restart needs, of whole frames."""
+            return {} if sim.frame % samples else {body.path: sim.fields(body.path) for body in scene.bodies()}
+
+        interrupt.begin("wait")                   # from here on there is a file
+        recorder = Recorder(scene, output, flatten=flatten, restart_fields=fields, continues=earlier,
+                            settings=lambda: settings(sim, samples))
+        if stress and not scene.softs:
+            recorder.notes.append(Problem("--stress", "there is no soft body whose stress could be written", fatal=False))
+    except ValueError as error:                   # the recorder's word for an output that would be a mistake
+        raise SceneError(Problem(output, str(error).removeprefix(f"{output}: "))) from error
+    return Run(scene, sim, recorder, samples, preroll, earlier.frame if earlier else 0, stress)
+
+
+def settings(sim: "Simulation", samples: int) -> dict:
+    """How a run is stepped now: what its result says, and what one that goes on from it is held against."""
+    return {"device": "cuda" if sim.device.is_cuda else "cpu", "precision": sim.precision, "solver": sim.plan.choice.solver,
+            "integrator": sim.plan.integrator, "substeps": sim.plan.clock.steps * samples,
+            "iterations": sim.plan.clock.iterations}
+
+
+def _go_on(sim: "Simulation", earlier: "Restart", samples: int) -> None:
+    """Puts the simulation where an earlier run was, bit for bit where the result holds what that takes and this run is stepped
+    as that one was."""
+    fields = earlier.fields
+    if others := differences(earlier.made, settings(sim, samples)):
+        fields = {}
+        earlier.notes.append(Problem(earlier.path, f"was run otherwise ({'; '.join(others)}): the run goes on from positions "
+                                     "and velocities, to the order of accuracy, not bit for bit", fatal=False))
+    if not fields:
+        for path, positions in earlier.positions.items():
+            sim.set(path, "positions", positions)
+            if path in earlier.velocities:
+                sim.set(path, "velocities", earlier.velocities[path])
+    sim.restart(earlier.frame * samples, fields)
+    sim.warnings += [str(note) for note in earlier.notes]

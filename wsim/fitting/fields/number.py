@@ -1,0 +1,115 @@
+"""Numbers among fields: a parameter (`wsim.fitting.parameter`) as a field of one value, and both from their names.
+
+Live values of a body are linear in the parameter (a stretch with its weft, springs in proportion), so that one difference of
+them is their derivative; the chain rule does the rest.
+"""
+
+import numpy as np
+
+from wsim.fitting import parameter
+from wsim.fitting.fields.field import Field, Kind, fields, is_field
+from wsim.fitting.fields.prior import Belief
+from wsim.fitting.least_squares.bounds import Map
+from wsim.fitting.parameter import STRETCHES, Parameter
+from wsim.gradient.gradient import Gradient
+from wsim.scene import Problem, Scene, SceneError
+from wsim.simulation.simulation import Simulation
+
+FRICTION = ("static_friction", "dynamic_friction")
+
+
+class Number:
+    """As `Field`, of values (1, 1)."""
+
+    belief, near = "free", 1.0
+
+    def __init__(self, parameter: Parameter):
+        self.parameter, self.name, self.path = parameter, parameter.name, parameter.path
+        self.kind = Kind(parameter.what, (), "number", parameter.unit, parameter.map)
+        self.now = np.nan
+
+    @property
+    def map(self) -> Map:
+        return self.kind.map
+
+    def belongs(self, scene: Scene) -> bool:
+        return bool(self.parameter.rows(scene))
+
+    def values(self, sim: Simulation, last: int) -> np.ndarray:
+        return np.array([[self.parameter.value(sim.given)]])
+
+    def belief_at(self, sim: Simulation, theta: np.ndarray) -> Belief:
+        return Belief(np.zeros((0, 2), np.int64), "free", self.near, theta.copy())
+
+    def live(self, scene: Scene, value: float) -> list[tuple[str, str, object]]:
+        return self.parameter.live(self.parameter.written(scene, value))
+
+    def slope(self, sim: Simulation, gradient: Gradient, shape: tuple) -> np.ndarray:
+        """Derivative by the value, (1, 1)."""
+        step, total = -0.5 * self.now or 1.0, 0.0
+        ends = (self.live(sim.given, self.now + s) for s in (0.0, step))
+        for (path, name, before), (_, _, after) in zip(*ends, strict=True):
+            by = (np.asarray(after, np.float64) - np.asarray(before, np.float64)) / step
+            if by.any():
+                total += float((by * self.derivative(gradient, path, name, by.ndim > 0)).sum())
+        return np.array([[total]])
+
+    def derivative(self, gradient: Gradient, path: str, name: str, each: bool):
+        if path == "/":
+            return getattr(gradient, name)()
+        if name in FRICTION:
+            return gradient.friction(path)[FRICTION.index(name)]
+        if name in ("density", "mass", "restitution"):
+            return getattr(gradient, name)(path)
+        if name in ("force", "traction"):
+            return gradient.load(path)[0]
+        return gradient.material(name, path, elements=each)
+
+    def written(self, scene: Scene, values: np.ndarray) -> Scene:
+        return self.parameter.written(scene, float(values[0, 0]))
+
+
+def give(sim: Simulation, given: list[tuple[Field | Number, np.ndarray]]) -> None:
+    """Values of fields and numbers; several numbers may be parts of one value (of a vector, of warp and weft)."""
+    scene, numbers = sim.given, []
+    for thing, values in given:
+        if isinstance(thing, Number):
+            thing.now = float(values[0, 0])
+            scene = thing.written(scene, values)
+            numbers.append(thing)
+        else:
+            thing.give(sim, values)
+    for path, name, value in {(p, n): (p, n, v) for number in numbers for p, n, v in number.parameter.live(scene)}.values():
+        sim.set(path, name, value)
+    sim.changes.clear()
+
+
+def several(names: list[str], scenes: list[Scene], start: dict) -> tuple[list[Field | Number], list[Scene]]:
+    """Numbers, then fields, of these names, and the scenes with the start values of the numbers. Raises SceneError with
+    everything that is wrong."""
+    plain = [n for n in names if not is_field(n)]
+    problems: list[Problem] = []
+    found: list[Field | Number] = []
+    try:
+        if plain:
+            given = {p: v for p, v in start.items() if not is_field(p) and np.ndim(v) == 0}
+            numbers, scenes = parameter.parameters(plain, scenes, given)
+            found += [Number(p) for p in numbers]
+    except SceneError as error:
+        problems += error.problems
+    try:
+        found += fields([n for n in names if is_field(n)], scenes)
+    except SceneError as error:
+        problems += error.problems
+    problems += [Problem(n.name, f"and {f.name} are of one body ({f.path}); name one of them") for n in found for f in found
+                 if isinstance(n, Number) and isinstance(f, Field) and _same(n, f, scenes)]
+    if problems:
+        raise SceneError(problems)
+    return found, scenes
+
+
+def _same(n: Number, f: Field, scenes: list[Scene]) -> bool:
+    """Whether both say what one body has."""
+    kinds = STRETCHES.get(n.kind.name, (n.kind.name,))
+    other = {"stretch": "warp", "weft": "weft"}.get(f.kind.name, f.kind.name)
+    return other in kinds and any(getattr(thing, "path", "/") == f.path for s in scenes for _, thing in n.parameter.rows(s))

@@ -1,0 +1,126 @@
+"""What a fit of fields has found, and in words."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wsim.fitting.fields.field import Field
+from wsim.fitting.fields.number import Number
+from wsim.fitting.least_squares.bounds import Map
+from wsim.fitting.least_squares.uncertainty import OPEN
+from wsim.fitting.report import ORIGIN, number
+from wsim.scene import Scene
+
+
+@dataclass
+class Bar:
+    """Of a number: one error bar, and two of them below and above. inf: not identifiable."""
+
+    error: float
+    low: float
+    high: float
+
+    @staticmethod
+    def of(map: Map, theta: float, sigma: float) -> "Bar":
+        if sigma >= OPEN:
+            return Bar(np.inf, -np.inf, np.inf)
+        low, high = (float(map.inverse(theta + s * sigma)) for s in (-2.0, 2.0))
+        return Bar(float(map.slope(theta)) * sigma, low, high)
+
+
+@dataclass
+class FieldFit:
+    """Values of each field by its name, (n,), of vectors (n, 3), in the author's order; of a number (1,).
+
+    sensitivity   what a unit of theta of each value moves of all that was observed, over the noise: the value is known to about
+                  1 / sensitivity, were all others given. Below 1 the data do not see it: there it is as was believed
+    """
+
+    parameters: list[Field | Number]       # numbers first
+    values: dict[str, np.ndarray]
+    sensitivity: dict[str, np.ndarray]
+    scene: Scene                           # the first scene, with what was found
+    scenes: list[Scene]
+    converged: bool
+    sigma: float                           # noise [unit]: estimated, or as given
+    misfit: float                          # rms of the residuals at the end over sigma
+    slope: float                           # norm of the gradient at the end, by theta
+    steps: int
+    simulations: float                     # gradients of the whole horizon (a run forward and one backward each)
+    launches: int                          # of any horizon
+    frames: int                            # last frame that was used
+    seconds: float
+    history: list[tuple] = field(default_factory=list)       # step, horizon [s], rms [m or sigma], F, |gradient|, gradients
+    notes: list[str] = field(default_factory=list)
+    bars: dict[str, Bar] = field(default_factory=dict)       # of the numbers
+    unit: str = "m"                        # of sigma; where positions and forces have one each, "sigma" and 1
+    origin: str = "given"                  # of sigma: "given", "estimated", or "floor", below which none is claimed
+
+    @property
+    def fields(self) -> list[Field]:
+        return [f for f in self.parameters if isinstance(f, Field)]
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Standard deviations of the numbers, whatever the fields are; inf: not identifiable."""
+        return {name: bar.error for name, bar in self.bars.items()}
+
+    def unseen(self, name: str) -> np.ndarray:
+        """Elements of which the data say nothing, (n,) bool."""
+        return _size(self.sensitivity[name]) < 1.0 / OPEN
+
+    def as_dict(self) -> dict:
+        """For JSON."""
+        return {"parameters": [{"name": f.name, "value": float(self.values[f.name][0]), "unit": f.kind.unit,
+                                "identifiable": bool(np.isfinite(self.bars[f.name].error)), **vars(self.bars[f.name])}
+                               for f in self.parameters if f.name in self.bars],
+                "fields": [{"name": f.name, "path": f.path, "of": f.kind.noun, "unit": f.kind.unit, "belief": f.belief,
+                            "neighbours": f.near, "values": self.values[f.name].tolist(),
+                            "sensitivity": self.sensitivity[f.name].tolist(), "unseen": int(self.unseen(f.name).sum())}
+                           for f in self.fields],
+                "converged": self.converged, "sigma": self.sigma, "sigma_unit": self.unit, "sigma_is": self.origin,
+                "misfit_over_sigma": self.misfit, "gradient": self.slope,
+                "frames": self.frames, "steps": self.steps, "simulations": self.simulations, "launches": self.launches,
+                "seconds": self.seconds, "history": self.history, "notes": self.notes}
+
+    def text(self) -> str:
+        """Quantiles of each field, what is unseen, progress, cost."""
+        lines = self.numbers()
+        rows: list[tuple[str, ...]] = [("field", "of", "lowest", "median", "highest", "unit", "unseen")]
+        for f in self.fields:
+            v, unseen = self.values[f.name], int(self.unseen(f.name).sum())
+            middle = [f"{q:.4g}" for q in np.quantile(v if f.kind.unit == "1" else _size(v), (0.0, 0.5, 1.0))]
+            rows.append((f.name, f"{len(v)} {f.kind.noun} of {f.path}", *middle, f.kind.unit, str(unseen)))
+        wide = [max(len(r[k]) for r in rows) for k in range(7)]
+        lines += ["  ".join(cell.ljust(w) for cell, w in zip(r, wide, strict=True)).rstrip() for r in rows]
+        for f in self.fields:
+            count = int(self.unseen(f.name).sum())
+            if count:
+                lines.append(f"{count} of {len(self.values[f.name])} {f.kind.noun} change nothing that was observed by more "
+                             f"than the noise: their {f.kind.name} is what was believed, not what was seen")
+        lines += ["step  frames [s]  rms         F           |gradient|  gradients"]
+        lines += [f"{s:4d}  {t:10.3g}  {r:<10.4g}  {v:<10.4g}  {g:<10.3g}  {w:.4g}" for s, t, r, v, g, w in self.shown()]
+        lines.append(f"noise {self.sigma:.3g} {self.unit}, residuals over it {self.misfit:.3g}; noise {ORIGIN[self.origin]}")
+        end = "converged" if self.converged else "NOT converged"
+        lines.append(f"{end} after {self.steps} steps, {self.simulations:.3g} gradients ({self.launches} runs), "
+                     f"{self.seconds:.3g} s, frames to {self.frames}")
+        return "\n".join([*lines, *(f"warning: {n}" for n in self.notes)])
+
+    def numbers(self) -> list[str]:
+        lines = []
+        for name, bar in self.bars.items():
+            f = next(f for f in self.parameters if f.name == name)
+            value = f"{name}  {number(float(self.values[name][0]), bar.error)} {f.kind.unit}"
+            lines.append(f"{value}, error bar {bar.error:.2g}, two of them {number(bar.low, bar.error)} to "
+                         f"{number(bar.high, bar.error)}" if np.isfinite(bar.error) else
+                         f"{value}, not identifiable: with the fields open these data do not say what it is; give a prior")
+        return lines
+
+    def shown(self) -> list[tuple]:
+        """A dozen steps of the history, with the first and the last."""
+        n = len(self.history)
+        return [self.history[k] for k in sorted(set(np.linspace(0, n - 1, min(n, 12)).astype(int).tolist()))] if n else []
+
+
+def _size(values: np.ndarray) -> np.ndarray:
+    return values if values.ndim == 1 else np.linalg.norm(values, axis=1)

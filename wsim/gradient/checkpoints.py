@@ -1,0 +1,165 @@
+"""What a recording keeps at a time, and whether there is memory for it.
+
+    bytes(L) = L each + over + ceil(N / L) point + fixed        of segments of L substeps, N = frames x substeps
+    least where L = sqrt(N point / each)                        (Griewank, Walther 2000)
+
+each    versions of a substep and their gradients               point    arrays with which a segment begins
+over    of a segment, whatever its length                       fixed    positions and velocities after every frame
+
+A frame is measured before it is recorded; where that would not fit, its first substep.
+"""
+
+import os
+from collections.abc import Callable
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from math import ceil, sqrt
+
+import warp as wp
+
+from wsim.scene import Problem, SceneError
+
+FULL = 1 << 30         # bytes up to which everything is kept, or so much of what is free on a GPU: segments run twice
+PART = 0.25
+
+
+@dataclass
+class Segments:
+    """Cost of a recording; `where` is the device's name."""
+
+    frames: int
+    substeps: int          # of a frame; as `wsim.model.stage.Clock` has them
+    each: float
+    over: float
+    point: int
+    fixed: int
+    room: float            # bytes that are free
+    where: str
+    solves: int = 1        # substeps of a step: of sdirk3 two
+
+    @property
+    def total(self) -> int:
+        return self.frames * self.substeps
+
+    def bytes(self, length: int) -> int:
+        """Of checkpoints and segments of so many substeps."""
+        return int(length * self.each + self.over) + ceil(self.total / length) * self.point + self.fixed
+
+    @property
+    def full(self) -> int:
+        """Of keeping everything."""
+        return int(self.total * self.each) + self.fixed
+
+    @property
+    def best(self) -> int:
+        """Substeps of a segment with which least is kept: a part of a frame, or several frames."""
+        parts = sqrt(self.substeps * self.each / (self.frames * max(self.point, 1)))
+        if parts >= 1.0:
+            return ceil(self.substeps / round(parts))
+        return min(self.frames, round(1.0 / parts)) * self.substeps
+
+    def longest(self) -> int:
+        """Substeps of the longest segment that fits; 0: none does."""
+        free = self.room - self.fixed - self.over
+        square = free * free - 4.0 * self.each * self.total * self.point
+        found = int((free + sqrt(square)) / (2.0 * self.each)) if free > 0.0 and square >= 0.0 else 0
+        while found and self.bytes(found) > self.room:            # the number of checkpoints is a whole one
+            found -= 1
+        return min(found, self.total)
+
+    def most(self) -> int:
+        """Frames for which there is room with the best segments; 0: for none."""
+        least, most = 0, self.frames
+        while least < most:
+            middle = (least + most + 1) // 2
+            part = replace(self, frames=middle, fixed=int(self.fixed * middle / self.frames))
+            least, most = (middle, most) if part.bytes(part.best) <= self.room else (least, middle - 1)
+        return least
+
+    @property
+    def ample(self) -> float:
+        """Bytes up to which everything is kept unasked."""
+        return min(self.room, max(FULL, PART * self.room if self.where.startswith("cuda") else 0.0))
+
+    def choose(self, keep: str) -> int:
+        """Substeps of a segment, 0: everything is kept. Raises SceneError where that does not fit."""
+        wanted = 0 if keep == "all" or (keep == "auto" and self.full <= self.ample) else self.best
+        need = self.bytes(wanted) if wanted else self.full
+        if need > self.room:
+            raise SceneError(self.problem(need))
+        return wanted
+
+    def problem(self, need: int) -> Problem:
+        """What is needed, what is there, and what would fit, in steps as a scene counts them."""
+        longest, best, frames = self.longest() // self.solves, self.best // self.solves, self.most()
+        if longest:
+            mend = f"keep=\"checkpoints\" fits, in segments of up to {longest} substeps (of {best} it keeps " \
+                   f"{size(self.bytes(self.best))})"
+        elif frames:
+            mend = f"record {frames} frames at most, or take fewer substeps or float32"
+        else:
+            mend = "not even one frame fits: take fewer points, fewer substeps or float32"
+        return Problem("memory", f"recording {self.frames} frames of {self.substeps // self.solves} substeps keeps {need} "
+                       f"bytes ({size(need)}), and {size(self.room)} are free on {self.where}; {mend}")
+
+
+def measured(recording) -> tuple[Segments, tuple[float, ...]]:
+    """The cost of a `wsim.gradient.recording.Recording`, and scalars of each kind that a substep takes (`Slots.used`)."""
+    sim, slots, S, F = recording.sim, recording.slots, recording.plan.clock.substeps, recording.frames
+    room, real = free(sim.device), wp.types.type_size_in_bytes(sim.model.real)
+    recording.plan.before_frame(sim.time)
+    one, entries = 0, {}
+
+    def record(first: int, last: int) -> int:
+        slots.drop()
+        entries.update((id(root), root.base.capacity) for root, _ in recording.record(first, last).entries)
+        return slots.bytes
+    for first in (0, S - 1, 0):                  # again: what is read before it is written is known from then on
+        begin = record(first, first + 1)
+        one = max(one, begin)
+    last = S if S * one <= room else min(S, 2)
+    whole = record(0, last)
+    each = whole / last if last == S else float(whole - begin)
+    scalars = tuple(n * each / whole for n in slots.used)
+    slots.drop()
+    fixed = 6 * (F + 1) * sim.model.points * real
+    return Segments(F, S, each, max(one - each, 0.0), sum(entries.values()), fixed, room, str(sim.device),
+                    1 + recording.plan.clock.staged), scalars
+
+
+def size(count: float) -> str:
+    """Bytes in words."""
+    for unit in ("bytes", "KiB", "MiB", "GiB"):
+        if count < 1024.0 or unit == "GiB":
+            break
+        count /= 1024.0
+    return f"{count:.4g} {unit}"
+
+
+def free(device) -> float:
+    """Bytes that are free on a device; inf where nobody knows."""
+    if device.is_cuda:
+        return float(device.free_memory)
+    try:
+        with open("/proc/meminfo", encoding="ascii") as file:
+            return 1024.0 * next(float(line.split()[1]) for line in file if line.startswith("MemAvailable"))
+    except (OSError, StopIteration, ValueError):
+        pages = getattr(os, "sysconf", lambda name: -1)("SC_AVPHYS_PAGES") if os.name == "posix" else -1
+        return float("inf") if pages < 0 else float(pages * os.sysconf("SC_PAGE_SIZE"))
+
+
+@contextmanager
+def in_words(cost: Callable[[], "tuple[Segments, int, int] | None"], where: str):
+    """An allocation that fails within becomes a SceneError. cost(): segments, what is needed and what was got [bytes]; None
+    where that is not known yet."""
+    try:
+        yield
+    except RuntimeError as error:
+        if "alloc" not in str(error).lower() and "memory" not in str(error).lower():
+            raise
+        known = cost()
+        if known is None:
+            raise SceneError(Problem("memory", f"{where} has too little for a recording of one frame ({error}); take fewer "
+                                     "substeps, fewer points or float32")) from None
+        segments, need, got = known
+        raise SceneError(replace(segments, room=min(segments.room, float(got))).problem(need)) from None

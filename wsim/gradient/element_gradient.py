@@ -1,0 +1,220 @@
+"""Gradients by what elements are made of and where they are at rest, from those of their tables: the half of
+`wsim.gradient.gradient.Gradient` that knows constraints and tets."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.gradient.rest_shape import RestShape, by_masses
+from wsim.gradient.tables import Parameters
+from wsim.physics.cloth.constraints import LEAST, SLACK, Rows
+from wsim.scene import Problem, SceneError, Springs
+
+
+class ElementGradient:
+    """By lengths, rest shapes and materials."""
+
+    parameters: Parameters
+    model: Any
+    plan: Any
+    grads: dict[int, np.ndarray]          # by the address of an array
+    entries: dict[str, np.ndarray]        # of springs
+
+    def of(self, array: wp.array) -> np.ndarray:
+        return self.grads[array.ptr]
+
+    def by_mass(self) -> np.ndarray:
+        """By the masses of the particles [1/kg], (points,); of pinned ones 0."""
+        w = self.parameters.points.w
+        return -self.of(w) * w.numpy().astype(np.float64)**2
+
+    def lengths(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """By the rest lengths of a spring net [1/m], (edges,), in the author's order."""
+        body = self.model.body(path, world)
+        if not isinstance(body.source, Springs):
+            raise SceneError(Problem(body.path, "is no spring net: it has no rest lengths of its own"))
+        found = [self.entries["rest"][part] for r, part in _parts(self.parameters.springs) if r.body is body]
+        for batch in self.parameters.batches:
+            rest = batch.lengths or batch.data.rest
+            found += [self.by_rows(batch, rest)[part] for r, part in _parts(batch.rows) if r.body is body]
+        return np.concatenate(found)
+
+    def material(self, name: str, path: str | None = None, world: int = 0, elements: bool = False):
+        """By stretch, weft, shear [N/m], bend [N m], strain_limit, and poisson of a membrane, of a cloth, stiffness of springs
+        [N/m], young [Pa], poisson, pressure [Pa], yield_strain of a soft body, or damping [s]. elements: of each element by
+        itself, in the order of the solver (strain_limit: of each edge); else the sum."""
+        body = self.model.body(path, world)
+        found = [f(name, body) for f in (self.rows, self.flat, self.projected, self.solid)]
+        parts = [each for some in found for each in some]
+        if not parts:
+            raise SceneError(Problem(body.path, f"has no {name!r} with a derivative; there are {', '.join(self.names(body))}"))
+        every = np.concatenate(parts)
+        return every if elements else float(every.sum())
+
+    def names(self, body) -> list[str]:
+        """What `material` knows of a body."""
+        p = self.parameters
+        rows = [r for r in (*p.springs, *(r for source in (*p.flat, *p.batches) for r in source.rows)) if r.body is body]
+        values = [part.values for t in p.tables for part in t.parts if part.body is body]
+        damped = any(r.tau > 0.0 for r in rows) or any(v["damping"].any() for v in values)
+        pressed = any(b is body for t in p.tables for b in getattr(t, "bodies", ()))
+        flows = any(part.body is body for t in p.tables if t.plastic for part in t.parts)
+        return sorted({name for d in (*(r.stiffness for r in rows), *values) for name in d} - {"damping"}
+                      | set(["damping"] * damped + ["pressure"] * pressed + ["yield_strain"] * flows))
+
+    def rest_shape(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """By where its points are at rest [1/m], (n, 3), by all that follows from it: lengths, angles, areas, volumes, and
+        masses where those follow a density. In world space; of a weld its first point says where it is at rest."""
+        body = self.model.body(path, world)
+        shape = RestShape(body)
+        for each in self.at_rest(body):
+            shape.rows(*each)
+        for table in self.parameters.tables:
+            for p, part in _parts(table.parts):
+                if p.body is body:
+                    shape.tets(p.rows, self.of((table.plastic or table).data.edge)[part])
+        by = self.by_mass()[np.concatenate([body.index, body.middles])]
+        return shape.points() + by_masses(body, by, self.plan.method("points").densities.get(body.number))
+
+    def at_rest(self, body) -> Iterator[tuple]:
+        """Constraints of a body, and gradients by their rest values, shapes and, of hinges, curvatures."""
+        for r, part in _parts(self.parameters.springs):
+            if r.body is body:
+                yield r, self.entries["rest"][part], -self.by_k(r, part) / (r.alpha * r.shape)
+        for e in self.parameters.flat:
+            by = self.of(e.data.stiffness) * e.stiffness()
+            for r, part in _parts(e.rows):
+                if r.body is body:
+                    yield (r, self.of(e.data.rest)[part], -by[part].reshape(len(r.ids), -1).sum(axis=1) / r.shape,
+                           self.by_curvature(e, r))
+        for batch in self.parameters.batches:
+            by, rest = (self.by_rows(batch, a) for a in (batch.data.alpha, batch.lengths or batch.data.rest))
+            by = by * batch.values()[0]
+            for r, part in _parts(batch.rows):
+                if r.body is body:
+                    shape = np.where(r.shape > 0.0, r.shape, 1.0)
+                    yield r, rest[part], by[part].reshape(len(r.ids), -1).sum(axis=1) / shape, self.by_curvature(batch, r)
+
+    def by_curvature(self, table, r: Rows) -> np.ndarray | None:
+        """By `Coupling.value` of the rows r of a table of hinges."""
+        cur = table.curvature
+        return cur.by_rows(self.of(cur.data.value))[[row is r for row in table.rows].index(True)] if cur else None
+
+    def by_k(self, r: Rows, part: slice) -> np.ndarray:
+        """By the stiffness of springs, with their damping."""
+        return self.entries["k"][part] + (r.tau * self.entries["damping"][part] if "damping" in self.entries else 0.0)
+
+    def rows(self, name: str, body) -> list[np.ndarray]:
+        """Of springs."""
+        found = []
+        for r, part, damping in _having(name, body, self.parameters.springs):
+            k = np.broadcast_to(1.0 / r.alpha, len(r.ids))
+            found.append(self.entries["damping"][part] * k if damping else self.by_k(r, part) / r.shape)
+        return found
+
+    def flat(self, name: str, body) -> list[np.ndarray]:
+        """Of hinges and triangles."""
+        found = []
+        for e in self.parameters.flat:
+            for r, part, damping in _having(name, body, e.rows):
+                by = self.of(e.data.tau if damping else e.data.stiffness)[part]
+                if name == "poisson":
+                    by = _by_poisson(r, by)
+                elif not damping:
+                    by = by / r.shape if e.kind != "membrane" else _by_stiffness(r, name, e.kind, by * e.stiffness()[part])
+                found.append(by)
+        return found
+
+    def projected(self, name: str, body) -> list[np.ndarray]:
+        """Of constraints of XPBD, whose compliances are inverse stiffnesses, and of the longest lengths."""
+        found = []
+        for b in self.parameters.batches:
+            for r, part, damping in _having(name, body, b.rows):
+                limit = name == "strain_limit"
+                by = self.by_rows(b, b.data.tau if damping else b.data.rest if limit else b.data.alpha)[part]
+                if limit:
+                    by = by * r.rest / (1.0 + r.stiffness[name])
+                elif name == "poisson":
+                    by = -by[:, 1] * r.shape / np.sqrt(np.prod(r.threads(), axis=0))
+                elif not damping:
+                    by = _by_stiffness(r, name, b.kind, -by * b.values()[0][part])
+                found.append(by)
+        return found
+
+    def by_rows(self, batch, array: wp.array) -> np.ndarray:
+        """A gradient of a batch's table in the order of its rows."""
+        by = np.empty(self.of(array).shape)
+        by[batch.order] = self.of(array)
+        return by
+
+    def solid(self, name: str, body) -> list[np.ndarray]:
+        """Of tets, by Hooke's constants of each, and of the triangles of a pressure."""
+        found = []
+        for table in self.parameters.tables:
+            first = 0
+            for b, weights in zip(getattr(table, "bodies", ()), getattr(table, "weights", ()), strict=True):
+                part = slice(first, first + len(weights))
+                first = part.stop
+                if b is body and name == "pressure":
+                    found.append(self.of(table.data.pressure)[part] * weights)
+            for p in table.parts:
+                part = slice(first, first + len(p.rows))
+                first = part.stop
+                if p.body is body and name == "yield_strain" and table.plastic:
+                    found.append(self.of(table.plastic.data.limit)[part])
+                if p.body is not body or name not in p.values:
+                    continue
+                by_mu, by_lam, by_tau = (self.of(a)[part] for a in (table.data.mu, table.data.lam, table.data.tau))
+                young, nu = p.values["young"], p.values["poisson"]
+                mu, lam, _ = p.lame()
+                if name == "young":
+                    found.append((by_mu * mu + by_lam * lam) / young)
+                elif name == "poisson":
+                    found.append((2.0 * by_lam * (1.0 + 2.0 * nu**2) / (1.0 - 2.0 * nu)**2 - by_mu) * mu / (1.0 + nu))
+                elif table.damped:
+                    found.append(by_tau)
+        return found
+
+
+def _parts(rows: list) -> list[tuple[Any, slice]]:
+    """Where each, of constraints or tets, stands in a table of all."""
+    ends = np.cumsum([0, *(len(r.ids if isinstance(r, Rows) else r.rows) for r in rows)])
+    return [(r, slice(*ends[k:k + 2])) for k, r in enumerate(rows)]
+
+
+def _having(name: str, body, rows: list[Rows]) -> Iterator[tuple[Rows, slice, bool]]:
+    """Constraints of a body that have a stiffness of that name, where they stand in a table of `rows`, and False; of "damping"
+    those that are damped, and True."""
+    for r, part in _parts(rows):
+        damping = name == "damping" and r.tau > 0.0
+        if r.body is body and (damping or name in r.stiffness):
+            yield r, part, damping
+
+
+def _by_stiffness(r: Rows, name: str, kind: str, parts: np.ndarray) -> np.ndarray:
+    """Of each element by one of its stiffnesses, from those by the logarithms of its table. That of a membrane is (uu, uv,
+    shear, vv); uu is in proportion to stretch, vv to weft, uv to the root of both; a weft of 0 stands for stretch."""
+    value = r.stiffness[name]
+    assert r.body is not None
+    if kind != "membrane":
+        return parts / (np.maximum(value, SLACK) if kind == "dihedral" else value)
+    same = r.stiffness["weft"] <= 0.0
+    if name == "weft" and same.any():
+        raise SceneError(Problem(r.body.path, "its weft is 0 and follows stretch: it has no derivative of its own"))
+    clamped = r.stiffness["shear"] < LEAST * r.stiffness["stretch"]
+    if name == "shear" and clamped.any():
+        raise SceneError(Problem(r.body.path, f"its shear is below {LEAST:g} of stretch, and taken as that: no derivative"))
+    powers = np.array({"shear": (0.0, 0.0, 1.0, 0.0), "weft": (0.0, 0.5, 0.0, 1.0), "stretch": (1.0, 0.5, 0.0, 0.0)}[name])
+    if name == "stretch":
+        powers = np.where(same[:, None], (1.0, 1.0, 0.0, 1.0), powers) + (0.0, 0.0, 1.0, 0.0) * clamped[:, None]
+    return (parts * powers).sum(axis=1) / value
+
+
+def _by_poisson(r: Rows, by: np.ndarray) -> np.ndarray:
+    """Of each triangle, from those by its stiffness: uu, uv, vv are (s, nu sqrt(s t), t) / (shape (1 - nu^2)), s and t those of
+    warp and weft. Where nu is 0 uv has no logarithm."""
+    nu, (warp, weft) = r.stiffness["poisson"], r.threads()
+    straight, across = by[:, 0] * warp + by[:, 3] * weft, by[:, 1] * np.sqrt(warp * weft)
+    return (2.0 * nu * straight + (1.0 + nu**2) * across) / (r.shape * (1.0 - nu**2)**2)

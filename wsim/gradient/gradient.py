@@ -1,0 +1,196 @@
+"""From gradients of what kernels read to those of what a scene says: the chain rule of parameters, in float64.
+
+Kernels read a number for each spring, hinge, triangle, tet and point, and each has a gradient of its own: sums over many
+elements are taken here and not by atomics in float32 (a parameter that 2e7 threads share would be 2.6 % off). Gravity and drag
+of the air stand once a point for the same reason.
+"""
+
+from functools import cached_property
+
+import numpy as np
+import warp as wp
+
+from wsim.gradient.element_gradient import ElementGradient
+from wsim.gradient.reactions.adjoint import Inertia
+from wsim.gradient.tables import Parameters
+from wsim.physics.contact.gradient import ContactGradient
+from wsim.scene import Problem, SceneError, Springs
+from wsim.scene.masses import density_of
+
+
+class Fetched(dict):
+    """Device arrays by their key, which come to the host in float64 when they are asked for: a million springs have many."""
+
+    def __init__(self, arrays: dict[int, wp.array]):
+        super().__init__()
+        self.arrays = arrays
+
+    def __missing__(self, key: int) -> np.ndarray:
+        self[key] = found = self.arrays[key].numpy().astype(np.float64)
+        return found
+
+
+class Gradient(ElementGradient):
+    """Derivatives of a loss, in SI units, by what a scene says.
+
+    Bodies by path, None: the only one; worlds as ever. Arrays over points are float64, (n, 3) or (n,), in the author's order;
+    where an author's points are one particle (a weld), each has the sum. Raises SceneError where a path or name is none, or has
+    no derivative.
+    """
+
+    def __init__(self, parameters: Parameters, states: dict[int, np.ndarray], targets: list, motions: list,
+                 inertia: Inertia | None = None):
+        """inertia: of what pins bear, where a loss asks for that."""
+        self.parameters, self.model, self.plan = parameters, parameters.model, parameters.plan
+        self.states, self._targets, self.inertia, self.loads = states, targets, inertia, parameters.loads
+        self.grads = Fetched({array.ptr: wp.clone(array.grad) for array in parameters.arrays()})
+        for key, by in inertia.tables.items() if inertia else ():
+            self.grads[key] = self.grads[key] + by
+        self.contacts = ContactGradient(parameters.plan.method("contact"), motions) if parameters.contact else None
+
+    @cached_property
+    def entries(self) -> dict[str, np.ndarray]:                       # type: ignore[override]
+        return {name: self.parameters.ends(self.of(array)) for name, array in self.parameters.net().items()}
+
+    # points
+
+    def positions(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """By the positions at the start [1/m], (n, 3)."""
+        return self.by_point(self.plan.state.x, path, world)
+
+    def velocities(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """By the velocities at the start [s/m], (n, 3)."""
+        return self.by_point(self.plan.state.v, path, world)
+
+    def by_point(self, array: wp.array, path: str | None, world: int) -> np.ndarray:
+        body, every = self.model.body(path, world), self.states[array.ptr].astype(np.float64)
+        found = every[body.index]
+        for end in body.ends.T:                          # middles of quadratic tets start between two points
+            np.add.at(found, end, 0.5 * every[body.middles])
+        return found
+
+    def masses(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """By the masses of the points [1/kg], (n,); of pinned ones by what their pins bear, else 0."""
+        return self.by_mass()[self.model.body(path, world).index]
+
+    def by_mass(self) -> np.ndarray:
+        return super().by_mass() + (self.inertia.mass if self.inertia else 0.0)
+
+    def density(self, path: str | None = None, world: int = 0) -> float:
+        """By the density that all masses of a body follow [m^3/kg]."""
+        b = self.model.body(path, world)
+        density = self.plan.method("points").densities.get(b.number) or density_of(b.source)
+        if density is None:
+            raise SceneError(Problem(b.path, "its masses follow no single density; take masses()"))
+        return float((self.by_mass()[b.first:b.last] * b.masses).sum()) / density
+
+    def mass(self, path: str | None = None, world: int = 0) -> float:
+        """By the mass of a net, which its points share in the proportions that they have [1/kg]."""
+        b = self.model.body(path, world)
+        if not isinstance(b.source, Springs):
+            raise SceneError(Problem(b.path, "is no spring net, which has a mass of its own; take density() or masses()"))
+        return float((self.by_mass()[b.first:b.last] * b.masses).sum() / b.masses.sum())
+
+    def gravity(self, world: int = 0) -> np.ndarray:
+        """[s^2/m], (3,)."""
+        found, loads = self.of(self.parameters.points.gravity) + (self.inertia.gravity if self.inertia else 0.0), self.loads
+        if loads:
+            found[loads.point] += self.of(loads.own)
+        return found[self.places(world)].sum(axis=0)
+
+    def air_drag(self, world: int = 0) -> float:
+        """[s]."""
+        found = self.of(self.parameters.points.decay) + (self.inertia.decay if self.inertia else 0.0)
+        return float(found[self.places(world)].sum())
+
+    def wind(self, world: int = 0) -> np.ndarray:
+        """[s/m], (3,); zero where no cloth has drag or lift."""
+        air = self.parameters.air
+        return self.of(air.wind)[self.places(world)].sum(axis=0) if air else np.zeros(3)
+
+    def air_coefficient(self, name: str, path: str | None = None, world: int = 0) -> float:
+        """By "drag" or "lift" of a cloth."""
+        body, air = self.model.body(path, world), self.parameters.air
+        if name not in ("drag", "lift") or not (air and (body.source.drag or body.source.lift)):
+            raise SceneError(Problem(body.path, f"has no coefficient {name!r} with a derivative; drag and lift have one where "
+                                     "one of both is not 0"))
+        return float(self.of(getattr(air, name))[body.first:body.last].sum()) * self.model.scene.air_density / 6.0
+
+    def friction(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """By the static and the dynamic friction of a body or a collider, (2,)."""
+        return self.touched(path).friction(path, world)
+
+    def restitution(self, path: str, world: int = 0) -> float:
+        """By the restitution of a collider."""
+        return self.touched(path).restitution(path, world)
+
+    def thickness(self, path: str, world: int = 0) -> float:
+        """By the thickness of a collider [1/m]."""
+        return self.touched(path).thickness(path, world)
+
+    def motion(self, path: str, world: int = 0) -> np.ndarray:
+        """By what may be added to a collider's motion, (frames + 1, 2, 3): at each frame a shift [1/m] and a small turn about
+        its origin [1/rad], both in the world and linear in time between frames."""
+        return self.touched(path).motion(path, world)
+
+    def touched(self, path: str | None) -> ContactGradient:
+        if self.contacts is None:
+            raise SceneError(Problem(path or "/", "there is no collider, so that nothing touches"))
+        return self.contacts
+
+    def pin(self, path: str, name: str, world: int = 0) -> float:
+        """By the stiffness [N/m] or damping [N s/m] of a soft pin."""
+        pins, first = self.parameters.pins, 0
+        for p in pins.groups["soft"] if pins else ():
+            part = slice(first, first + len(p.places))
+            first = part.stop
+            if p.pin.path != path or p.body.world != world:
+                continue
+            own = self.borne(path, world, name)
+            if name == "stiffness":
+                return float(-(self.of(pins.soft.alpha)[part]).sum() / (p.part * p.pin.stiffness**2)) + own
+            if name == "damping":
+                return float(self.of(pins.soft.damping)[part].sum()) * p.part + own
+        raise SceneError(Problem(path, f"is no soft pin with a derivative by {name!r}; soft pins have stiffness and damping"))
+
+    def borne(self, path: str, world: int, name: str):
+        """What a pin bears adds to the gradients by it. Raises SceneError where that is not known."""
+        if self.inertia and (path, world) in self.inertia.moved:
+            raise SceneError(Problem(path, f"moves, and what it bears is in the loss: by its {name} that has no derivative "
+                                     "yet; hold it still, or leave its reaction out"))
+        return self.inertia.soft.get((path, world), {}).get(name, 0.0) if self.inertia else 0.0
+
+    def places(self, world: int) -> np.ndarray:
+        return np.concatenate([np.arange(b.first, b.last) for b in self.model.bodies if b.world == world])
+
+    def targets(self, path: str, world: int = 0) -> np.ndarray:
+        """By where a pin puts its points, or pulls them to [1/m]: (frames, moments of a frame, points, 3) of a moving one, see
+        `wsim.model.stage.Clock.moments`, (points, 3) of one that stands still."""
+        pins = self.parameters.pins
+        own = self.borne(path, world, "targets")
+        for number, kind in enumerate(pins.target if pins else ()):
+            at = 0
+            for p in pins.groups[kind]:
+                if p.pin.path == path and p.body.world == world:
+                    each = np.stack([frame[number].numpy()[:, at:at + len(p.places)] for frame in self._targets if frame])
+                    each = each.astype(np.float64)
+                    return each if pins.moves else each.sum(axis=(0, 1)) + own
+                at += len(p.places)
+        every = ", ".join(p.path for p in self.model.scene.pins)
+        raise SceneError(Problem(path, f"is no pin; there are {every or 'none'}"))
+
+    def actuation(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """By the factors of a net's muscles, (keys, groups) of its curve."""
+        if not self.parameters.muscles:
+            raise SceneError(Problem(path or "actuation", "no net has muscles; give one an actuation"))
+        number = self.parameters.muscles.find(self.model.body(path, world).path, world)
+        found = np.sum([frame[-2 if self.loads else -1][number] for frame in self._targets], axis=0)
+        return found + (self.inertia.muscles[number] if self.inertia and self.inertia.muscles else 0.0)
+
+    def load(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """By the force [1/N] or traction [1/Pa] of a load (None: the only one), (keys, 3) of its curve."""
+        if not self.loads:
+            raise SceneError(Problem(path or "loads", "there is no load; give the scene one"))
+        number = self.loads.find(path, world)
+        found = np.sum([frame[-1][number] for frame in self._targets], axis=0)
+        return found + (self.inertia.loads[number] if self.inertia and self.inertia.loads else 0.0)

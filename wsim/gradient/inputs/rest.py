@@ -1,0 +1,27 @@
+"""Rest shapes and rest lengths as inputs of a recording. See `wsim.gradient.inputs.by_name`."""
+
+import numpy as np
+
+from wsim.gradient.inputs.base import PART, Input
+from wsim.model.model import edge_lengths
+from wsim.physics.cloth.rest_shape import rest_shape
+from wsim.scene import Problem, SceneError, Springs
+
+
+class Rest(Input):
+    """rest_shape of a body, or lengths of a spring net."""
+
+    def read(self, world: int = 0) -> np.ndarray:
+        body = self.model.body(self.path, world)
+        if self.what == "rest_shape":
+            return rest_shape(body)
+        if not isinstance(body.source, Springs):
+            raise SceneError(Problem(self.name, "is no spring net: it has no rest lengths of its own; take rest_shape"))
+        return edge_lengths(body)
+
+    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
+        return getattr(gradient, self.what)(self.path, world)
+
+    def scale(self) -> float:
+        """A part of a mean edge."""
+        return 0.2 * PART * float(edge_lengths(self.model.body(self.path)).mean())

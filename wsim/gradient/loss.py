@@ -1,0 +1,64 @@
+"""Derivatives of a loss by a motion and by what pins bear, as they are given."""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.gradient.reactions.adjoint import Inertia
+from wsim.model.tape import give
+from wsim.scene import Problem, SceneError
+
+
+class Seeds:
+    """What a loss adds to the gradients of the states of a recording, frame by frame on the way back."""
+
+    def __init__(self, recording, positions: dict | None, velocities: dict | None, reactions: dict | None):
+        self.recording, state = recording, recording.state
+        self.arrays = [(state.x, dense(recording, positions, "positions")),
+                       (state.v, dense(recording, velocities, "velocities"))]
+        self.pulls = recording.pulls.begin(reactions) if reactions else None
+
+    def add(self, frame: int) -> None:
+        """The loss's own derivatives after so many frames."""
+        if self.pulls:
+            self.pulls.back(frame)
+        for base, given in self.arrays:
+            if frame in given:
+                root = next((r for r in self.recording.roots if r.base.ptr == base.ptr), None)
+                assert root is not None
+                values = given[frame]                    # to give clears what is given
+                give(wp.clone(values) if isinstance(values, wp.array) else
+                     wp.array(values, dtype=base.dtype, device=base.device), root.carried)
+
+    def end(self) -> Inertia | None:
+        """What is known of reactions after the last frame."""
+        return self.pulls.end() if self.pulls else None
+
+
+def dense(recording, given: dict | None, what: str) -> dict[int, Any]:
+    """Derivatives over all points in solver order, by frame: arrays of NumPy, or of the device where such were given."""
+    model = recording.sim.model
+    found: dict[int, Any] = {}
+    for frame, values in (given or {}).items():
+        if not 0 <= frame <= recording.frames:
+            raise SceneError(Problem(what, f"found frame {frame}; allowed are 0 to {recording.frames}"))
+        if isinstance(values, wp.array):
+            x = recording.state.x
+            if (values.dtype, values.shape, values.device) != (x.dtype, x.shape, x.device):
+                each_, allowed = (f"{a.dtype.__name__}, {a.shape}, on {a.device}" for a in (values, x))
+                raise SceneError(Problem(what, f"found an array of {each_}; allowed is {allowed}, in the solver's order"))
+            found[frame] = values
+            continue
+        found[frame] = np.zeros((model.points, 3), model.dtype)
+        for key, each in (values if isinstance(values, dict) else {None: values}).items():
+            path, world = key if isinstance(key, tuple) else (key, 0)
+            index, each = model.body(path, world).index, np.asarray(each, np.float64)
+            if each.shape != (len(index), 3) or not np.isfinite(each).all():
+                raise SceneError(Problem(path or what, f"derivatives must be finite with shape ({len(index)}, 3); found "
+                                         f"{each.shape}"))
+            if model.alias is None:
+                found[frame][index] += each
+            for k in range(3 if model.alias is not None else 0):            # a tenth of np.add.at's time
+                found[frame][:, k] += np.bincount(index, each[:, k], model.points)
+    return found

@@ -1,0 +1,299 @@
+"""A run that can be differentiated: frames forward, and the adjoint of all that they did backward.
+
+Frames are recorded once (`wsim.model.tape`) and replayed as graphs, forward and backward. What the backward pass reads of a
+frame is either kept for all frames, or for a segment at a time: then each segment leaves the arrays with which it began, and
+runs once more before it is differentiated (checkpoints; Griewank, Walther 2000, Algorithm 799). A segment is a part of a
+frame's substeps, or several frames.
+"""
+
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+import warp as wp
+
+from wsim.gradient.amplification import Growth
+from wsim.gradient.checkpoints import Segments, in_words, measured
+from wsim.gradient.gradient import Fetched, Gradient
+from wsim.gradient.loss import Seeds
+from wsim.gradient.tables import Parameters
+from wsim.gradient.trajectory import Frames
+from wsim.model import kernel_cache
+from wsim.model.arena import Slots
+from wsim.model.kernel_cache import GATE
+from wsim.model.tape import Root, Tape
+from wsim.scene import Problem, SceneError
+from wsim.simulation.measure.diagnose import judge
+from wsim.simulation.measure.exceeded import EXPLICIT
+from wsim.simulation.simulation import Simulation
+
+POOR = 1e-4            # residual of an implicit solve from which a warning is due
+APART = 1e-3           # of how far points move: what a simulation of the same frames may end from here without a warning
+
+
+@dataclass
+class Stretch:
+    """A part of a frame, recorded, and graphs of both directions."""
+
+    tape: Tape
+    forward: wp.Graph | None = None
+    backward: wp.Graph | None = None
+
+
+class Recording(Frames):
+    """So many frames of a simulation from where it stands now, forward by `run` and backward by `backward`. Every run begins
+    there; live parameters may change in between, but for what changes the number of substeps or the start.
+
+    keep   "all": memory for every frame; "checkpoints": for a segment, which runs twice; "auto": by bytes
+    Raises SceneError where the simulation has no gradients, or a method of the scene has none.
+    """
+
+    @GATE.alone()
+    def __init__(self, sim: Simulation, frames: int, keep: str = "auto"):
+        if not sim.model.gradients:
+            raise SceneError(Problem("gradients", "found False; a recording needs Simulation(scene, gradients=True)"))
+        if frames < 1:
+            raise SceneError(Problem("frames", f"found {frames}; allowed is 1 or more"))
+        if keep not in ("auto", "all", "checkpoints"):
+            raise SceneError(Problem("keep", f"found {keep!r}; allowed are auto, all, checkpoints"))
+        if sim.scene.varying:
+            from wsim.simulation import varying
+            varying.refuse(sim)
+        sim.load()
+        self.sim, self.frames, self.plan, self.state = sim, frames, sim.plan, sim.state
+        self.start, self.begins, self.jumps = sim.frame, self.plan.clock.starting, self.plan.starts
+        self.roots: list[Root] = []
+        self.slots, self.parameters = Slots(sim.device, sim.model.real), Parameters(self.plan)
+        assert self.state.every is not None
+        self.every, self.initial = self.state.every, wp.clone(self.state.every)
+        self.flowed = [(kept.array, wp.clone(kept.array)) for kept in self.state.elements.values()]
+        self.stretches: dict[tuple, Stretch] = {}
+        self.cost: Segments | None = None
+        with in_words(self.known, str(sim.device)):
+            self.choose(keep)
+            self.prepare()
+            self.allot()
+        self.recorded, self.growth = self.shape, Growth(frames, sim.device, sim.model.real)
+        self.apart: float | None = None               # [m] from what a simulation does, after the first run; see `compare`
+        self.residuals: dict[str, float] = {}         # of implicit solves, after `backward`
+        self.rewind()
+
+    # what is recorded and kept
+
+    def choose(self, keep: str) -> None:
+        """Measures a frame, and chooses how many are kept at a time."""
+        S, F = self.plan.clock.substeps, self.frames
+        self.cost, scalars = measured(self)
+        length = self.cost.choose(keep)
+        self.checkpoints = length > 0
+        self.group, self.cuts = max(length // S, 1) if length else F, [0, S]
+        if 0 < length < S:
+            length += length % 2 * self.plan.clock.staged        # a step is not cut
+            self.cuts = [*range(0, S, length), S]
+        count = length if len(self.cuts) > 2 else S * min(F, self.group + self.jumps)
+        share = 1.0 + self.cost.over / (count * self.cost.each)
+        self.slots.reserve(tuple(ceil(n * count * share) for n in scalars))
+
+    def prepare(self) -> None:
+        """Records every stretch once; allocates what checkpoints need."""
+        self.rewind()
+        for frame in range(min(self.frames, self.group + self.jumps)):
+            self.pose(frame)
+            for part in range(len(self.cuts) - 1):
+                if len(self.cuts) > 2:
+                    self.slots.rewind()
+                self.stretches[self.key(frame, part)] = Stretch(self.record(*self.cuts[part:part + 2]))
+            self.plan.clock.starting = False
+        found = {id(r) for stretch in self.stretches.values() for r, _ in stretch.tape.entries}
+        self.carried = [r for r in self.roots if id(r) in found]
+        count = ceil(self.frames / self.group) * (len(self.cuts) - 1) if self.checkpoints else 0
+        self.saved = [[wp.empty_like(r.base) for r in self.carried] for _ in range(count)]
+
+    @property
+    def shape(self) -> tuple:
+        """What of a simulation may not change after it was recorded."""
+        clock, explicit = self.plan.clock, self.plan.method("explicit")
+        stride = explicit.stride if explicit else 0                                       # type: ignore[attr-defined]
+        return clock.substeps, clock.scheme, stride, *(array.ptr for array in self.parameters.targets())
+
+    def key(self, frame: int, part: int) -> tuple:
+        return frame % self.group, part, self.jumps and frame == 0
+
+    def record(self, first: int, last: int) -> Tape:
+        """Runs substeps first .. last once, recording."""
+        model = self.sim.model
+        tape = model.tape = Tape(self.slots, self.roots, model.plain)
+        try:
+            tape.begin()
+            for table in self.plan.solids:               # run once more, it begins as it did
+                table.forget()
+            self.plan.stretch(first, last)
+            tape.finish()
+        except ValueError as error:
+            raise SceneError(Problem("gradients", f"{error}; leave out what needs it, or choose another solver")) from None
+        finally:
+            model.tape = None
+        return tape
+
+    def rewind(self) -> None:
+        """The state that the recording began with."""
+        for array, initial in ((self.every, self.initial), *self.flowed):
+            wp.copy(array, initial)
+        self.plan.clock.starting = self.begins
+
+    def pose(self, frame: int) -> None:
+        self.plan.before_frame((self.start + frame) / self.sim.scene.fps)
+
+    def known(self) -> tuple[Segments, int, int] | None:
+        """The cost, bytes that are needed and those that were got, where the first are known."""
+        cost = self.cost
+        return None if cost is None else (cost, cost.bytes(cost.best) if self.checkpoints else cost.full, self.slots.bytes)
+
+    @property
+    def bytes(self) -> int:
+        """Device memory of versions, their gradients and checkpoints."""
+        return self.slots.bytes + sum(a.capacity for arrays in self.saved for a in arrays)
+
+    # forward
+
+    @GATE.shared()
+    def run(self) -> None:
+        """All frames from the beginning. Raises SceneError when a position is no number, or frames are not those recorded."""
+        self.rewind()
+        self.pose(0)
+        if self.sim.plan is not self.plan or self.shape != self.recorded:
+            raise SceneError(Problem("recording", "the simulation now has other substeps or another integrator, or pins that "
+                                     "move where they stood still; make another Recording"))
+        self.plan.status.zero_()
+        for array in self.misses():
+            array.zero_()
+        self.keep(0)
+        for frame in range(self.frames):
+            self.pose(frame)
+            for part in range(len(self.cuts) - 1):
+                if self.checkpoints and (frame % self.group == 0):
+                    for array, root in zip(self.saved[self.segment(frame, part)], self.carried, strict=True):
+                        wp.copy(array, root.base)
+                self.forward(frame, part)
+            self.keep(frame + 1)
+        self.sim.frame, self.plan.clock.starting, self.ran = self.start + self.frames, False, True
+        judge(self, f"an edge is more than twice its rest length: {EXPLICIT}")
+        if self.apart is None and self.plan.method("implicit"):
+            self.apart = self.compare()
+
+    def compare(self) -> float:
+        """How far a simulation of the same frames ends from here [m]: implicit solves of recordings go on to their residual,
+        its own take so many Newton steps. Warns where that is much; costs such a run, once."""
+        kept = [self.every, self.plan.status, *(array for array, _ in self.flowed),
+                *(array for method in self.plan.methods for array in method.fields.values())]
+        ends = [wp.clone(array) for array in kept]
+        here = self.state.x.numpy() + self.state.e.numpy()
+        self.rewind()
+        begun = self.state.x.numpy() + self.state.e.numpy()
+        for frame in range(self.frames):
+            self.pose(frame)
+            self.plan.frame()
+            self.plan.clock.starting = False
+        plain = self.state.x.numpy() + self.state.e.numpy()
+        for array, end in zip(kept, ends, strict=True):
+            wp.copy(array, end)
+        away, way = (float(np.linalg.norm(x - here, axis=1).max()) for x in (plain, begun))
+        if not away <= APART * way:
+            self.warn(f"/: gradients: a simulation of these frames ends up to {away:.2g} m from where the recording does, "
+                      f"which solves each step to its residual ({100.0 * away / max(way, 1e-300):.2g} % of how far points "
+                      "move); take more iterations or substeps")
+        return away
+
+    def misses(self) -> list[wp.array]:
+        """What the worst forward and the worst adjoint solve of implicit steps have left."""
+        implicit = self.plan.method("implicit")
+        return [implicit.adjoint.missed, implicit.adjoint.left] if implicit else []       # type: ignore[attr-defined]
+
+    def warn(self, text: str) -> None:
+        if text not in self.sim.warnings:
+            self.sim.warnings.append(text)
+
+    def segment(self, frame: int, part: int) -> int:
+        return frame // self.group * (len(self.cuts) - 1) + part
+
+    def forward(self, frame: int, part: int) -> None:
+        stretch = self.stretches[self.key(frame, part)]
+        if stretch.forward is None:
+            stretch.forward = self.graph(stretch.tape.forward)
+        wp.capture_launch(stretch.forward)
+
+    def graph(self, launch) -> wp.Graph:
+        with kernel_cache.capture(self.sim.device) as capture:
+            launch()
+        return capture.graph
+
+    # backward
+
+    @GATE.shared()
+    def backward(self, positions: dict | None = None, velocities: dict | None = None,
+                 reactions: dict | None = None) -> Gradient:
+        """Gradient of a loss whose derivatives by positions [1/m] and velocities [s/m] after some frames are given:
+        {frame: (n, 3) in the author's order, or {path: (n, 3)}, or {(path, world): (n, 3)}, or an array of the device over all
+        points in the solver's order, which must be finite}; so by reactions of pins [1/N], by path. Raises SceneError for
+        frames and shapes that are none.
+        """
+        if not self.ran:
+            self.run()
+        seeds = Seeds(self, positions, velocities, reactions)
+        for root in self.roots:
+            root.carried.zero_()
+        self.parameters.zero()
+        for array in (*self.misses()[1:], self.growth.sums):
+            array.zero_()
+        targets, motions = [], []
+        for frame in reversed(range(self.frames)):
+            seeds.add(frame + 1)
+            self.note(frame, False)
+            if self.checkpoints and (frame + 1 == self.frames or (frame + 1) % self.group == 0) and len(self.cuts) == 2:
+                self.again(frame)
+            self.pose(frame)
+            for part in reversed(range(len(self.cuts) - 1)):
+                if len(self.cuts) > 2:
+                    self.restore(frame, part)
+                    self.forward(frame, part)
+                self.reverse(frame, part)
+            targets.append(self.parameters.take_targets(frame == 0))
+            motions.append(self.parameters.take_motions())
+            self.note(frame, True)
+        seeds.add(0)
+        self.look()
+        states = Fetched({r.base.ptr: wp.clone(r.carried) for r in self.roots})
+        return Gradient(self.parameters, states, targets[::-1], motions[::-1], seeds.end())
+
+    def look(self) -> None:
+        """What implicit solves have left, in `residuals`: gradients are as right as those are small."""
+        self.residuals = dict(zip(("forward", "adjoint"), [float(a.numpy()[0]) for a in self.misses()], strict=False))
+        for name, value in self.residuals.items():
+            if not value < POOR:
+                self.warn(f"/: gradients: the worst {name} solve has left {value:.1e} of its right side; they are no better "
+                          "than that. Take smaller substeps")
+        if said := self.growth.check(self.start, self.sim.scene.fps, self.sim.precision):
+            self.warn(said)
+
+    def note(self, frame: int, after: bool) -> None:
+        """The norm of the gradient by the positions at the end of a frame, or (after its adjoint) at its begin."""
+        root = next(r for r in self.roots if r.base.ptr == self.state.x.ptr)
+        self.growth.note(root.carried, frame, after)
+
+    def again(self, last: int) -> None:
+        """The segment that ends with frame `last`, from its checkpoint."""
+        first = last // self.group * self.group
+        self.restore(first, 0)
+        for frame in range(first, last + 1):
+            self.pose(frame)
+            self.forward(frame, 0)
+
+    def restore(self, frame: int, part: int) -> None:
+        for array, root in zip(self.saved[self.segment(frame, part)], self.carried, strict=True):
+            wp.copy(root.base, array)
+
+    def reverse(self, frame: int, part: int) -> None:
+        stretch = self.stretches[self.key(frame, part)]
+        if stretch.backward is None:
+            stretch.backward = self.graph(stretch.tape.backward)
+        wp.capture_launch(stretch.backward)

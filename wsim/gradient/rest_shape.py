@@ -1,0 +1,195 @@
+"""From gradients by what elements are at rest to those by where points are at rest: the chain rule of
+`wsim.physics.cloth.constraints`, `wsim.physics.soft.fem` and `wsim.scene.masses`, in float64 NumPy.
+
+    length |r|       n.dr,  n = r / |r|              area with unit normal n     1/2 (n x e_k).dr_k,  e_k the edge across from k
+    angle            G.dr, see `wsim.physics.motion.frequency`      curvature of triangles
+                     `wsim.physics.cloth.bending.by_points`
+    tet              by its edges from corner 0
+
+Of B = Dm^-1, the edges e_b of a triangle in its frame (u, v), where u is the axis a in its plane, and Q the gradient by B: with
+P = -B^T Q B^T, that by Dm, and dn.e_b = -n.de_b, the frame turns by  t sum_b B_bv n.de_b,  t = n.a / |a - n n.a|,  and so
+
+    by e_b:   P_ub u + P_vb v + t (sum_c P_uc Dm_vc - P_vc Dm_uc) B_bv n
+"""
+
+import numpy as np
+
+from wsim.geometry.tetra.tets import quadratic
+from wsim.geometry.topology import geodesic, hinges
+from wsim.model.midnodes import HRZ
+from wsim.model.model import Body
+from wsim.physics.cloth.bending import by_points
+from wsim.physics.cloth.constraints import Rows, frame, nets
+from wsim.physics.cloth.rest_shape import rest_shape, triangles_of
+from wsim.physics.motion.frequency import gradients
+from wsim.scene import Cloth, Soft, Springs
+from wsim.scene.masses import soft_masses, soft_weights
+
+
+class RestShape:
+    """Gathers a gradient by the rest positions of a body: `by`, (points, 3), of particles. Raises SceneError where there is
+    none."""
+
+    def __init__(self, body: Body):
+        rest_shape(body)
+        self.body, self.by = body, np.zeros((body.count, 3))
+
+    # what shapes are made of
+
+    def add(self, ids: np.ndarray, values: np.ndarray) -> None:
+        """values (m, k, 3) by the points ids (m, k) of the arrays."""
+        np.add.at(self.by, ids - self.body.first, values)
+
+    def lengths(self, ids: np.ndarray, by: np.ndarray) -> None:
+        p = self.body.rest[ids - self.body.first]
+        r = p[:, 1] - p[:, 0]
+        n = r * (by / np.linalg.norm(r, axis=1))[:, None]
+        self.add(ids, np.stack([-n, n], axis=1))
+
+    def areas(self, ids: np.ndarray, by: np.ndarray) -> None:
+        self.add(ids, by_area(self.body.rest[ids - self.body.first], by))
+
+    # elements
+
+    def rows(self, r: Rows, by_rest: np.ndarray, by_shape: np.ndarray, by_value: np.ndarray | None = None) -> None:
+        """by_rest, by_shape: of `Rows.rest` and `Rows.shape`; by_value: of `Coupling.value`."""
+        source, body = self.body.source, self.body
+        if r.kind == "membrane":
+            self.membrane(r, by_rest, by_shape)
+        elif r.kind == "dihedral":
+            assert isinstance(source, Cloth)
+            if not source.flat:
+                self.add(r.ids, by_rest[:, None, None] * gradients(r, body)[:, 0])
+            assert by_value is not None
+            self.by += by_points(body.rest, r.coupling.patches, by_value, by_shape)
+        elif r.kind == "tether":
+            self.tethers(r, by_rest)
+        elif r.kind == "limit":
+            self.lengths(r.ids, by_rest * (1.0 + r.stiffness["strain_limit"]))
+        elif isinstance(source, Cloth):
+            self.lengths(r.ids, by_rest)
+            net = next(n for n in nets(body, hinges(body.triangles)) if n.parameter in r.stiffness)
+            good = net.good(body)
+            place, used = np.cumsum(good) - 1, good[net.owner]
+            self.ratio(r, net.triangles[used], place[net.owner[used]], net.times, by_shape)
+        elif isinstance(source, Springs) and source.lengths is None:
+            self.lengths(r.ids, by_rest)
+
+    def ratio(self, r: Rows, triangles: np.ndarray, owner: np.ndarray, times: float, by: np.ndarray) -> None:
+        """by: of l^2 / A, l the length between the first two points and A `times` the areas of the triangles of each."""
+        p = self.body.rest[r.ids[:, :2] - self.body.first]
+        square = ((p[:, 1] - p[:, 0])**2).sum(axis=1)
+        self.lengths(r.ids[:, :2], by * 2.0 * r.shape / np.sqrt(square))
+        self.areas(triangles, (-times * by * r.shape**2 / square)[owner])
+
+    def membrane(self, r: Rows, by_rest: np.ndarray, by_shape: np.ndarray) -> None:
+        p = self.body.rest[r.ids - self.body.first]
+        self.areas(r.ids, -by_shape * r.shape**2)
+        B, Dm = r.rest, np.linalg.inv(r.rest)
+        P = -np.einsum("tji,tjk,tlk->til", B, by_rest, B)
+        n, u, v, tilt = frame(p)
+        turn = np.einsum("tb,tb->t", P[:, 0], Dm[:, 1]) - np.einsum("tb,tb->t", P[:, 1], Dm[:, 0])
+        e = (P[:, 0, :, None] * u[:, None] + P[:, 1, :, None] * v[:, None]
+             + (turn * tilt)[:, None, None] * B[:, :, 1, None] * n[:, None])
+        self.add(r.ids, np.concatenate([-e.sum(axis=1, keepdims=True), e], axis=1))
+
+    def tethers(self, r: Rows, by_rest: np.ndarray) -> None:
+        """Along the way that each goes: from the farthest point on, a point hands on what it has to the one before it."""
+        body = self.body
+        edges, sources = body.edges - body.first, np.unique(r.ids[:, 0] - body.first)
+        way, _ = geodesic(body.rest, edges, sources)
+        both = np.concatenate([edges, edges[:, ::-1]])
+        length = np.linalg.norm(body.rest[both[:, 0]] - body.rest[both[:, 1]], axis=1)
+        last = both[np.isfinite(way[both[:, 1]]) & (way[both[:, 0]] + length == way[both[:, 1]]) & (length > 0.0)]
+        before = np.full(body.count, -1)
+        before[last[:, 1]] = last[:, 0]
+        by = np.zeros(body.count)
+        by[r.ids[:, 1] - body.first] = by_rest
+        each = []
+        for i in np.argsort(-np.where(np.isfinite(way), way, -1.0)):
+            if before[i] >= 0 and by[i] != 0.0:
+                each.append((before[i], i, by[i]))
+                by[before[i]] += by[i]
+        if each:
+            ids = np.array([e[:2] for e in each]) + body.first
+            self.lengths(ids, np.array([e[2] for e in each]))
+
+    def tets(self, rows: np.ndarray, by_edge: np.ndarray) -> None:
+        """by_edge: of edges from corner 0 (t, 3, 3)."""
+        ids = self.body.tets[rows, :4]
+        self.add(ids, np.concatenate([-by_edge.sum(axis=1, keepdims=True), by_edge], axis=1))
+
+    # of the author's points
+
+    def points(self) -> np.ndarray:
+        """What particles have, (n, 3) by the author's points; of a weld it is the first that says where they are at rest."""
+        own, found = self.body.own - self.body.first, np.zeros((len(self.body.own), 3))
+        first = np.unique(own, return_index=True)[1]
+        found[first] = self.by[own[first]]
+        return found
+
+
+def by_area(corners: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """Gradient by the corners of triangles, (t, 3, 3), from those by their areas."""
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    n = normal * (0.5 * by / np.linalg.norm(normal, axis=1))[:, None]
+    return np.stack([np.cross(n, corners[:, (k + 2) % 3] - corners[:, (k + 1) % 3]) for k in range(3)], axis=1)
+
+
+def by_volume(corners: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """As `by_area`, of tets, (t, 4, 3)."""
+    a, b, c = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
+    each = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1) * (by / 6.0)[:, None, None]
+    return np.concatenate([-each.sum(axis=1, keepdims=True), each], axis=1)
+
+
+def by_masses(body: Body, by: np.ndarray, density: float | None) -> np.ndarray:
+    """Gradient by the author's points at rest, (n, 3), from those by the masses of the points, then of middles (n + m,).
+    density: that was set, or None."""
+    source, n, rest = body.source, len(body.own), rest_shape(body)
+    if isinstance(source, Springs) or (source.masses is not None and not len(body.middles)):
+        return np.zeros((n, 3))
+    if density is not None:
+        by = by * (density / source.material.density)
+    if isinstance(source, Cloth):
+        ids = triangles_of(source)
+        thick = np.full(n, source.material.thickness) if source.thicknesses is None else source.thicknesses.astype(np.float64)
+        weights, shares = thick[ids].mean(axis=1) * source.material.density, np.full(3, 1.0 / 3.0)
+        each = by_area(rest[ids], np.ones(len(ids)))
+        areas = np.einsum("tki,tki->t", each, rest[ids]) / 2.0                   # Euler: an area is of degree 2
+    else:
+        ids, weights, shares = source.tets, soft_weights(source), np.full(4, 0.25)
+        each = by_volume(rest[ids], np.ones(len(ids)))
+        areas = np.einsum("tki,tki->t", each, rest[ids]) / 3.0
+    assert isinstance(source, (Cloth, Soft))
+    own = weights * areas                                                       # mass of each element
+    by_own = np.zeros(len(ids))
+    if len(body.middles):
+        by, by_own = _by_lumped(body, by, own, rest)
+        if source.masses is not None:
+            return _spread(ids, each, by_own * weights, n)
+    if source.mass is not None:
+        shared = np.bincount(ids.ravel(), np.outer(own, shares).ravel(), n)
+        by = source.mass / shared.sum() * (by - (by * shared).sum() / shared.sum())
+    return _spread(ids, each, (by_own + (by[ids] * shares).sum(axis=1)) * weights, n)
+
+
+def _spread(ids: np.ndarray, each: np.ndarray, by: np.ndarray, n: int) -> np.ndarray:
+    found = np.zeros((n, 3))
+    np.add.at(found, ids, each * by[:, None, None])
+    return found
+
+
+def _by_lumped(body: Body, by: np.ndarray, own: np.ndarray, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Adjoint of `wsim.model.midnodes.lumped`: gradients by the masses of the author's points, and by those of tets (t,)."""
+    source, n = body.source, len(body.own)
+    assert isinstance(source, Soft)
+    tets, (_, ten) = source.tets, quadratic(rest, source.tets)
+    masses, _ = soft_masses(source, rest)
+    total = np.bincount(tets.ravel(), np.repeat(own, 4), n)
+    held = total > 0.0
+    total = np.where(held, total, 1.0)
+    part = (by[ten] * HRZ).sum(axis=1)                                          # by the mass that a tet gets
+    ratio = np.bincount(tets.ravel(), np.repeat(part * own, 4), n)              # by masses / total
+    by_total = -ratio * masses / total**2
+    return np.where(held, ratio / total, by[:n]), part * (masses / total)[tets].sum(axis=1) + by_total[tets].sum(axis=1)

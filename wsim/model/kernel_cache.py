@@ -1,0 +1,253 @@
+"""Kernels are compiled, kept in Warp's cache on disk, loaded and captured behind one guard and one lock.
+
+    cache     a module is a folder of the cache: binary, table of kernels (.meta), source. Warp trusts what lies there, and a
+              cut or garbled file fails every later run, or crashes it. So a module that was loaded leaves the digests of its
+              files beside them (RECORD); what does not agree with those, or has none and is not just being made, is removed
+              and compiled once more. What fails then too is said with the cache and the way out, WARP_CACHE_PATH.
+    lock      Warp compiles and captures for the whole process: launches of another thread would go into the graph that this
+              one captures. Threads that step share the gate; who builds, compiles or captures has it alone.
+"""
+
+import errno
+import hashlib
+import json
+import os
+import re
+import shutil
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import warp as wp
+
+from wsim.scene import Problem, SceneError
+
+RECORD = "wsim.json"     # {file: digest} of a module's folder
+FRESH = 60.0             # [s] for which a folder without a record may be the work of a process that is about to leave one
+SEEN: set[tuple] = set()         # (cache, module) that this process has looked at
+PROBE = 8 << 20          # bytes that a cache must take before a module is compiled: on a full disk LLVM ends the process
+
+
+class Gate:
+    """Many share it, or one has it alone. A thread that shares may have it alone inside: it lets go meanwhile."""
+
+    def __init__(self):
+        self.changed, self.own = threading.Condition(), threading.local()
+        self.owner: int | None = None
+        self.sharing, self.waiting = 0, 0
+
+    @contextmanager
+    def shared(self) -> Iterator[None]:
+        if self.owner == threading.get_ident() or getattr(self.own, "shares", False):
+            yield
+            return
+        with self.changed:
+            while self.owner is not None or self.waiting:
+                self.changed.wait()
+            self.sharing += 1
+            self.own.shares = True
+        try:
+            yield
+        finally:
+            with self.changed:
+                self.sharing -= 1
+                self.own.shares = False
+                self.changed.notify_all()
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        if self.owner == threading.get_ident():
+            yield
+            return
+        shares = int(getattr(self.own, "shares", False))
+        with self.changed:
+            self.sharing, self.waiting = self.sharing - shares, self.waiting + 1
+            try:
+                while self.owner is not None or self.sharing:
+                    self.changed.wait()
+                self.owner = threading.get_ident()
+            except BaseException:
+                self.sharing += shares
+                raise
+            finally:
+                self.waiting -= 1
+                self.changed.notify_all()
+        try:
+            yield
+        finally:
+            with self.changed:
+                self.owner, self.sharing = None, self.sharing + shares
+                self.changed.notify_all()
+
+
+GATE = Gate()
+
+
+def start() -> None:
+    """Starts Warp. Raises SceneError where its cache of kernels cannot be."""
+    named = wp.config.kernel_cache_dir or os.environ.keys() & {"WARP_CACHE_PATH", "XDG_CACHE_HOME"}
+    if not named and os.path.expanduser("~") == "~":
+        raise SceneError(Problem("kernel cache", "there is no home folder to keep compiled kernels in; set WARP_CACHE_PATH to "
+                                 "a folder that can be written"))
+    with GATE.alone():
+        try:
+            wp.init()
+        except OSError as error:
+            raise _refused(error) from error
+
+
+def device(name):
+    """The Warp device of that name; None: the first GPU, else the CPU. Raises SceneError with those there are."""
+    start()
+    try:
+        return wp.get_device(name)
+    except Exception:
+        have = ", ".join(str(d) for d in wp.get_devices())
+        raise SceneError(Problem("device", f"there is no device {name!r}; allowed are {have}")) from None
+
+
+def load(module, device, block_dim: int | None = None) -> None:
+    """Compiles and loads a module (of Warp, of Python, or a name) on a device, once more from its source where what lies in
+    the cache is damaged. Raises SceneError where the cache takes or gives nothing; errors of the code itself as they are."""
+    module = module if isinstance(module, wp.Module) else wp.get_module(getattr(module, "__name__", module))
+    with GATE.alone():
+        known, place = dict(module.execs), (wp.config.kernel_cache_dir, module.name)
+        try:
+            if place not in SEEN:
+                _remove(_unsound(module.name))
+                SEEN.add(place)
+            if not Path(str(place[0]), module.get_module_identifier(1 if device.is_cpu else block_dim)).exists():
+                _probe()
+            wp.load_module(module, device=device, block_dim=block_dim)
+        except SceneError:
+            raise
+        except Exception:
+            _again(module, device, block_dim)
+        if module.execs != known:
+            _record(module.name)
+
+
+def ready(kernel, model) -> None:
+    """Loads a kernel that a `wsim.model.model.Model` launches only when asked, outside of frames."""
+    load(kernel.module, model.device, model.block if model.device.is_cuda else None)
+
+
+@contextmanager
+def without_header() -> Iterator[None]:
+    """Warp's precompiled header costs more than it saves where one module is compiled."""
+    headers = wp.config.use_precompiled_headers
+    wp.config.use_precompiled_headers = False
+    try:
+        yield
+    finally:
+        wp.config.use_precompiled_headers = headers
+
+
+@contextmanager
+def capture(device) -> Iterator[Any]:
+    """Captures what is launched inside as a graph, `capture.graph`. Kernels must be loaded before."""
+    with GATE.alone(), wp.ScopedCapture(device=device, force_module_load=False) as capture:
+        yield capture
+
+
+def _again(module, device, block_dim: int | None) -> None:
+    """A second time from nothing: without the folders, and without Warp's memory of the failure."""
+    try:
+        _remove(_folders(module.name))
+        module.mark_modified()
+        wp.load_module(module, device=device, block_dim=block_dim)
+    except Exception as error:
+        fault = _fault(error)
+        if fault is None:
+            raise
+        raise _refused(fault) from error
+
+
+def _fault(error: Exception) -> Exception | None:
+    """What the cache did wrong; None: it is not to blame."""
+    text = str(error)
+    if isinstance(error, OSError) or "Failed to load C" in text:
+        return error
+    return None
+
+
+def _probe() -> None:
+    """Raises SceneError where the cache does not take what is about to be compiled."""
+    probe = Path(str(wp.config.kernel_cache_dir), f"probe_{os.getpid()}")
+    try:
+        try:
+            probe.write_bytes(bytes(PROBE))
+        finally:
+            probe.unlink(missing_ok=True)
+    except OSError as error:
+        raise _refused(error) from error
+
+
+def _refused(error: Exception) -> SceneError:
+    """The cache and the way out, in words."""
+    place, code = wp.config.kernel_cache_dir, getattr(error, "errno", None)
+    way = "set WARP_CACHE_PATH to a folder that can be written"
+    if code in (errno.ENOSPC, errno.EDQUOT):
+        text = f"the disk that compiled kernels are kept on is full; free space there, or {way} elsewhere"
+    elif isinstance(error, OSError):
+        text = f"compiled kernels cannot be kept there ({error.strerror or error}); make it writable, or {way}"
+    else:
+        text = f"compiled kernels cannot be loaded from there ({error}); remove the folder, or {way}"
+    return SceneError(Problem(f"kernel cache {place}", text))
+
+
+# the folders of a module
+
+def _folders(name: str) -> list[Path]:
+    """Of a module, in the versions that it had; a file may stand where one should be."""
+    place, form = str(wp.config.kernel_cache_dir), re.compile(rf"wp_{re.escape(name)}_[0-9a-f]{{7}}\Z")
+    try:
+        return [Path(place, each) for each in os.listdir(place) if form.match(each)]
+    except OSError:
+        return []
+
+
+def _digests(folder: Path) -> dict[str, str]:
+    """Of what is loaded from a folder, by file."""
+    return {f.name: hashlib.blake2b(f.read_bytes(), digest_size=16).hexdigest() for f in sorted(folder.iterdir())
+            if f.is_file() and f.name != RECORD and f.suffix not in (".cpp", ".cu")}
+
+
+def _unsound(name: str) -> list[Path]:
+    """Folders with files that are not those that were loaded, or of which nobody knows."""
+    found = []
+    for folder in _folders(name):
+        try:
+            now = _digests(folder)
+            known = json.loads((folder / RECORD).read_bytes()) if (folder / RECORD).exists() else {}
+            differs = any(now.get(file, digest) != digest for file, digest in known.items())
+            if differs or (now.keys() - known.keys() and time.time() - folder.stat().st_mtime > FRESH):
+                found.append(folder)
+        except FileNotFoundError:                          # gone meanwhile
+            pass
+        except (OSError, ValueError, AttributeError):      # no folder, or no record
+            found.append(folder)
+    return found
+
+
+def _remove(folders: list[Path]) -> None:
+    """As far as that is allowed: who may not write has to trust."""
+    for folder in folders:
+        with suppress(OSError):
+            shutil.rmtree(folder) if folder.is_dir() and not folder.is_symlink() else folder.unlink()
+
+
+def _record(name: str) -> None:
+    """Leaves the digests of folders that have none, or to which a file came."""
+    for folder in _folders(name):
+        try:
+            kept, now = folder / RECORD, _digests(folder)
+            if not kept.exists() or json.loads(kept.read_bytes()).keys() != now.keys():
+                part = folder / f"{RECORD}.{os.getpid()}"
+                part.write_text(json.dumps(now))
+                os.replace(part, kept)
+        except (OSError, ValueError):                      # a cache that only gives
+            pass

@@ -1,0 +1,300 @@
+"""A scene made ready for one device and precision: which point is where in the arrays, and what never changes in a run.
+
+Points of all bodies of all worlds stand in one set of arrays, in locality order inside each body; `Body.index` leads from the
+author's points to the arrays (welded duplicates share a place). Positions are relative to an origin per body.
+"""
+
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from wsim.geometry import topology
+from wsim.geometry.sheet_ordering import order_of_points
+from wsim.geometry.triangulate import triangulate
+from wsim.model.midnodes import held, links, spread, with_middles
+from wsim.scene import Cloth, Scene, Soft, Springs
+from wsim.scene.masses import cloth_masses, loose, soft_masses, soft_weights
+
+
+@dataclass
+class Body:
+    """One cloth or spring net of one world, in solver order."""
+
+    world: int
+    source: Cloth | Springs | Soft
+    number: int                          # row of this body in the tables per object
+    first: int                           # first of its points in the arrays
+    index: np.ndarray                    # author's point -> place in the arrays, (n,)
+    origin: np.ndarray                   # [m] world, (3,), float64
+    places: np.ndarray                   # initial positions [m] relative to origin, solver order, (points, 3)
+    velocities: np.ndarray               # initial [m/s] world, (points, 3)
+    rest: np.ndarray                     # rest positions [m], any frame of the same size, (points, 3)
+    masses: np.ndarray                   # [kg], (points,)
+    reach: np.ndarray                    # half thickness [m], (points,)
+    friction: tuple[float, float]        # static, dynamic
+    triangles: np.ndarray                # places in the arrays, (t, 3); empty for springs
+    polygon: np.ndarray                  # author's polygon of each triangle, (t,)
+    edges: np.ndarray                    # places in the arrays, (m, 2)
+    tets: np.ndarray                     # places in the arrays, (t, 4), quadratic (t, 10); empty for all but soft bodies
+    idle: np.ndarray                     # places of points that nothing holds and that stay where they are
+    middles: np.ndarray                  # places of the middles of edges of quadratic tets, (m,); see `wsim.model.midnodes`
+    ends: np.ndarray                     # author's points that each is between, (m, 2)
+    own: np.ndarray                      # as index, but the idle places of points that are another body's (`shared_points`)
+
+    @property
+    def path(self) -> str:
+        return self.source.path
+
+    @property
+    def count(self) -> int:
+        return len(self.masses)
+
+    @property
+    def last(self) -> int:
+        return self.first + self.count
+
+
+@dataclass
+class Model:
+    """Bodies of every world, and the tables over points and objects that every method reads."""
+
+    scene: Scene
+    worlds: int
+    device: Any                          # warp device
+    real: Any                            # wp.float32 or wp.float64
+    module: str                          # name of the Warp module that holds the plan's kernels
+    bodies: list[Body]
+    modules: dict[str, int] = field(default_factory=dict)     # with blocks of their own, by name: threads of a block
+    alias: np.ndarray | None = None      # place that stands for each place, (points,), where bodies share points
+    by_point: bool = False               # gravity, wind, drag of the air stand once a point, not a body: gradients, loads
+    gradients: bool = False              # kernels have adjoints, and no method works in place where those cannot follow
+    tape: Any = None                     # `wsim.model.tape.Tape` that records what is launched
+    plain: set[int] = field(default_factory=set)          # addresses of arrays that change, of which a tape keeps no gradients
+
+    @property
+    def points(self) -> int:
+        return self.bodies[-1].last if self.bodies else 0
+
+    def shared(self, places: np.ndarray) -> np.ndarray:
+        """Places with those of points that bodies share in one body's arrays only."""
+        return places if self.alias is None else self.alias[places].astype(places.dtype)
+
+    @property
+    def gone(self) -> np.ndarray:
+        """Places that another stands for, (k,)."""
+        return np.zeros(0, np.int64) if self.alias is None else np.flatnonzero(self.alias != np.arange(self.points))
+
+    @property
+    def starts(self) -> np.ndarray:
+        """First place of each system and the end, (systems + 1,). A system shares no force with others: a body, or, where
+        bodies share points, all of a world."""
+        each = 1 if self.alias is None else len(self.bodies) // self.worlds
+        return np.array([*(b.first for b in self.bodies[::each]), self.points])
+
+    def system(self, number):
+        """System of the body of that number, or of each of an array of numbers."""
+        return number if self.alias is None else number // (len(self.bodies) // self.worlds)
+
+    @property
+    def dtype(self):
+        return np.float32 if self.real.__name__ == "float32" else np.float64
+
+    def body(self, path: str | None, world: int = 0) -> Body:
+        """The body of that path (None: the only one). Raises KeyError that lists the paths there are."""
+        found = [b for b in self.bodies if b.world == world and path in (None, b.path)]
+        if len(found) != 1:
+            paths = sorted({b.path for b in self.bodies})
+            raise KeyError(f"path={path!r}, world={world} names {len(found)} bodies; there are {paths} in worlds 0 to "
+                           f"{self.worlds - 1}")
+        return found[0]
+
+    def rows(self, path: str, world: int | None = None) -> list[int]:
+        """Rows in the tables per object (`by_point`: per point) of a body ("/": of all), in one world or in all (None)."""
+        found = [b for b in self.bodies if path in ("/", b.path) and world in (None, b.world)]
+        return [i for b in found for i in range(b.first, b.last)] if self.by_point else [b.number for b in found]
+
+    def stack(self, name: str) -> np.ndarray:
+        """One field of all bodies in solver order."""
+        return np.concatenate([getattr(b, name) for b in self.bodies])
+
+    @property
+    def block(self) -> int:
+        """Threads of a block on CUDA: small scenes end sooner in small blocks (10k points, 8 colours: 18.2 us with 64,
+        18.8 with 128, 20.2 with 256), a million points do not care. One size for a plan: each is compiled apart."""
+        return 64 if self.points < 100_000 else 128
+
+    def launch(self, kernel, dim: int | tuple[int, ...], inputs: list, outputs: list, backward=None) -> None:
+        """Launches a kernel of this model's module; backward: what a tape takes for its adjoint, see `Tape.launch`."""
+        import warp as wp
+        how = {"device": self.device, **({"block_dim": self.block} if self.device.is_cuda else {})}
+        (self.tape or wp).launch(kernel, dim, inputs, outputs, **how, **({"backward": backward} if self.tape else {}))
+
+    def copy(self, into, source, *parts: int) -> None:
+        """As `wp.copy`, of arrays of vectors."""
+        import warp as wp
+        (self.tape or wp).copy(into, source, *parts)
+
+    @property
+    def sweep_module(self) -> str:
+        """Module of the kernels that one block runs. CUDA compiles a module for each block size, so they stand apart."""
+        return f"{self.module}_sweep" if self.device.is_cuda else self.module
+
+    def sweep(self, kernel, inputs: list, outputs: list) -> None:
+        """Launches a kernel of one block; on the CPU of one thread."""
+        import warp as wp
+
+        from wsim.kernels.math.block import BLOCK
+        if self.device.is_cuda:
+            self.launch_blocks(kernel, 1, BLOCK, inputs, outputs)
+        else:
+            wp.launch(kernel, 1, inputs, outputs, device=self.device)
+
+    def module_of(self, threads: int) -> str:
+        """Module of kernels with blocks of so many threads, on CUDA."""
+        name = f"{self.module}_{threads}"
+        self.modules[name] = threads
+        return name
+
+    def launch_blocks(self, kernel, blocks: int, threads: int, inputs: list, outputs: list) -> None:
+        """Launches so many blocks of a kernel on CUDA."""
+        import warp as wp
+        wp.launch(kernel, blocks * threads, inputs, outputs, device=self.device, block_dim=threads)
+
+    def load(self) -> None:
+        """Compiles the kernels that the plan has made, once: before the first launch, since a capture cannot."""
+        import warp as wp
+
+        from wsim.kernels.math.block import BLOCK
+        from wsim.model import kernel_cache
+        cuda = self.device.is_cuda
+        kernel_cache.load(self.module, self.device, self.block if cuda else None)
+        if cuda and wp.get_module(self.sweep_module).kernels:
+            kernel_cache.load(self.sweep_module, self.device, BLOCK)
+        for name, threads in self.modules.items():
+            kernel_cache.load(name, self.device, threads)
+
+    def upload(self, values, dtype):
+        """Device array of NumPy values, of the model's precision where dtype is a real type; with gradients if asked for."""
+        import warp as wp
+        real = getattr(dtype, "_wp_scalar_type_", dtype) in (wp.float32, wp.float64)
+        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device, requires_grad=self.gradients and real)
+
+
+def edge_lengths(body: Body) -> np.ndarray:
+    """Rest length of every edge of a body [m], (m,): the author's, or that of the rest shape."""
+    lengths = getattr(body.source, "lengths", None)
+    if lengths is not None:
+        return lengths.astype(np.float64)
+    p = body.rest[body.edges - body.first]
+    return np.linalg.norm(p[:, 1] - p[:, 0], axis=1)
+
+
+def hard_places(model: Model) -> np.ndarray:
+    """Places in the arrays of every point that is pinned hard, or idle."""
+    places = [b.idle for b in model.bodies] + [held(b, p.points)[0] for p in model.scene.pins for b in model.bodies
+              if b.path == p.body and not isfinite(p.stiffness)]
+    return np.concatenate([np.zeros(0, np.int64), *places])
+
+
+def _surface(cloth: Cloth) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles and their polygons, rest positions [m] in world size, masses of the author's points."""
+    triangles, polygon = triangulate(cloth.points, cloth.counts, cloth.indices)
+    rest = cloth.motion.points(cloth.points if cloth.rest_points is None else cloth.rest_points, 0.0)
+    return triangles, polygon, rest - rest.mean(axis=0), cloth_masses(cloth, triangles, rest)
+
+
+@dataclass
+class _Shape:
+    """What a source is made of, by the author's points."""
+
+    rest: np.ndarray                         # [m], (n, 3)
+    masses: np.ndarray                       # [kg], (n,)
+    reach: np.ndarray                        # [m], (n,)
+    material: Any                            # has static_friction and dynamic_friction
+    particle: np.ndarray                     # of each point, (n,)
+    triangles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.int32))
+    polygon: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
+    edges: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int32))
+    tets: np.ndarray = field(default_factory=lambda: np.zeros((0, 4), np.int32))
+    idle: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    ends: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int32))     # of middles, which follow the points
+
+
+def _shape(source: Cloth | Springs | Soft, places: np.ndarray) -> _Shape:
+    n = len(places)
+    if isinstance(source, Cloth):
+        triangles, polygon, rest, masses = _surface(source)
+        particle = topology.weld(places, source.weld) if source.weld > 0.0 else np.arange(n)
+        thick = np.full(n, source.material.thickness) if source.thicknesses is None else source.thicknesses
+        return _Shape(rest, masses, 0.5 * thick, source.material, particle, triangles, polygon)
+    if isinstance(source, Springs):
+        masses = np.broadcast_to(source.masses, n).astype(np.float64)
+        return _Shape(places - places.mean(axis=0), masses, np.full(n, source.radius), source, np.arange(n), edges=source.edges)
+    rest = source.motion.points(source.points if source.rest_points is None else source.rest_points, 0.0)
+    from wsim.geometry.tetra import tets
+    rest, triangles = rest - rest.mean(axis=0), tets.surface(source.tets)
+    masses, idle = soft_masses(source, rest)
+    shape = _Shape(rest, masses, np.zeros(n), source.material, np.arange(n), triangles, np.arange(len(triangles)),
+                   tets.edges(source.tets), source.tets, idle)
+    return with_middles(shape, soft_weights(source)) if source.quadratic else shape
+
+
+def make_body(source: Cloth | Springs | Soft, world: int, number: int, first: int) -> Body:
+    """Welds, orders and measures one body. Every field but the motion is independent of the device."""
+    places = source.motion.points(source.points, 0.0)
+    n, shape = len(places), _shape(source, places)
+    particle, places = shape.particle, spread(places, shape.ends)
+    count = int(particle.max()) + 1 if n else 0
+    one = np.zeros(count, np.int64)
+    one[particle[::-1]] = np.arange(len(places))[::-1]             # first author's point of each particle
+    order = order_of_points(shape.rest[one], particle[links(shape)])       # order[new] = old
+    place = np.empty(count, np.int64)
+    place[order] = np.arange(count)
+    index = first + place[particle]
+    one = one[order]
+    spin = source.motion.at(0.0)[:3, :3]
+    velocities = spread(np.zeros((n, 3)) if source.velocities is None else source.velocities @ spin.T, shape.ends)[one]
+    origin = 0.5 * (places.min(axis=0) + places.max(axis=0)) if n else np.zeros(3)
+    origin = np.round(origin)                                      # whole metres: the origin itself is exact
+    whole = _distinct(index[shape.triangles])
+    triangles, polygon = index[shape.triangles[whole]], shape.polygon[whole]
+    edges = topology.edges(triangles) if isinstance(source, Cloth) else index[shape.edges]
+    friction = (shape.material.static_friction, shape.material.dynamic_friction)
+    masses, idle = np.bincount(place[particle], shape.masses, count), index[shape.idle] - first
+    if isinstance(source, Cloth):
+        masses, idle = loose(masses, triangles - first)
+    velocities[idle] = 0.0
+    return Body(world, source, number, first, index[:n], origin, places[one] - origin, velocities, shape.rest[one], masses,
+                shape.reach[one], friction, triangles.astype(np.int32), polygon, edges.astype(np.int32),
+                index[shape.tets].astype(np.int32), first + idle, index[n:], shape.ends, index[:n])
+
+
+def _distinct(triangles: np.ndarray) -> np.ndarray:
+    """Whether the corners of each triangle are three different points: a weld may have joined some."""
+    a, b, c = triangles.T
+    return (a != b) & (b != c) & (c != a)
+
+
+def build(scene: Scene, worlds: int, device, real, module: str = "") -> Model:
+    """Bodies of all worlds; worlds are copies of one scene standing behind each other in the arrays."""
+    from dataclasses import replace
+    bodies: list[Body] = []
+    first, single = 0, []
+    for number, source in enumerate(scene.bodies()):
+        single.append(make_body(source, 0, number, first))
+        first = single[-1].last
+    alias = None
+    if scene.ties:
+        from wsim.model.shared_points import join
+        alias = join(single, scene.ties)
+    for world in range(worlds):
+        shift, rows = world * first, world * len(single)
+        bodies += [replace(b, world=world, number=b.number + rows, first=b.first + shift, index=b.index + shift,
+                           triangles=b.triangles + shift, edges=b.edges + shift, tets=b.tets + shift, idle=b.idle + shift,
+                           middles=b.middles + shift, own=b.own + shift)
+                   for b in single]
+    if alias is not None:
+        alias = np.concatenate([alias + world * first for world in range(worlds)])
+    return Model(scene, worlds, device, real, module, bodies, alias=alias)

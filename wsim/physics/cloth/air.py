@@ -1,0 +1,61 @@
+"""Wind on cloth: two launches a substep, after prediction. See kernels/cloth/air.py for the law."""
+
+import numpy as np
+import warp as wp
+
+from wsim.geometry import topology
+from wsim.kernels.cloth import air as kernels
+from wsim.kernels.math.real import types
+from wsim.model.model import Model
+from wsim.model.stage import Clock, Method, Stage
+from wsim.model.state import State
+from wsim.scene import Cloth, Scene
+
+
+def wants(scene: Scene) -> str:
+    """Why this method is needed, or ""."""
+    return "" if not any(c.drag or c.lift for c in scene.cloths) else "a cloth has drag or lift"
+
+
+class Aero(Method):
+    """Drag and lift on the triangles of every cloth that has some."""
+
+    def __init__(self, model: Model, state: State, points):
+        """points: the method that owns the tables of points and the anchor."""
+        super().__init__("aero")
+        self.model, self.state, self.points, self.constants = model, state, points, points.constants
+        real, module, t = model.real, model.module, types(model.real)
+        cloths = [b for b in model.bodies if isinstance(b.source, Cloth) and (b.source.drag or b.source.lift)]
+        triangles = model.shared(np.concatenate([b.triangles for b in cloths]))
+        starts, items = topology.incident(triangles, model.points)
+        self.triangle = model.upload(triangles, wp.vec3i)
+        self.first, self.item = model.upload(starts.astype(np.int32), int), model.upload(items.astype(np.int32), int)
+        self.air = kernels.air(real)()
+        rho = model.scene.air_density / 6.0
+        each = [b.count if model.by_point else 1 for b in model.bodies]        # rows, as of points
+        self.air.wind = model.upload(np.tile(np.asarray(model.scene.wind, model.dtype), (sum(each), 1)), t.vec3)
+        for name in ("drag", "lift"):
+            values = np.repeat([rho * getattr(b.source, name, 0.0) for b in model.bodies], each)
+            setattr(self.air, name, model.upload(values, t.scalar))
+        self.force = wp.zeros(len(triangles), dtype=t.vec3, device=model.device)
+        self.k = wp.zeros(len(triangles), dtype=t.scalar, device=model.device)
+        self.press, self.blow = kernels.press(real, module), kernels.blow(real, module)
+        size = np.dtype(model.dtype).itemsize
+        self.stages = [Stage("wind", "predict", self.launch, 2, len(triangles) * (12 + 22 * size)
+                             + model.points * 11 * size, what=f"{len(triangles)} triangles")]
+
+    def launch(self, clock: Clock) -> None:
+        s, c = self.state, self.constants
+        self.model.launch(self.press, self.k.size, [self.triangle, c.object, self.air, s.x, self.points.anchor, s.d, clock.g],
+                          [self.force, self.k])
+        self.model.launch(self.blow, self.model.points, [self.first, self.item, self.force, self.k, c.w, s.d, clock.g], [s.d])
+
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+        """wind [m/s] over one cloth or, with path "/", over all."""
+        rows = self.model.rows(path, world)
+        if name != "wind" or not rows:
+            return False
+        values = self.air.wind.numpy()
+        values[rows] = value
+        self.air.wind.assign(values)
+        return True

@@ -1,0 +1,246 @@
+"""Muscles of spring nets: factors of rest lengths over time, put where forces are evaluated. See kernels/cloth/muscle.py.
+
+A table holds the factors of a frame at every half of a substep, of sdirk3 at every stage, so that each evaluation has those of
+its own time: leapfrog's kicks the beginning of a substep, stages of a Runge-Kutta step theirs, implicit steps and sweeps the
+time that they solve for.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.cloth import muscle as kernels
+from wsim.model.model import Body, Model
+from wsim.model.stage import Clock, Method, Stage
+from wsim.physics.cloth.constraints import Rows
+from wsim.scene import Problem, SceneError
+from wsim.scene.bodies import Springs
+from wsim.scene.curve import Curve
+
+
+class _Muscle:
+    """The muscles of one net of one world: their curve, and columns of the table."""
+
+    def __init__(self, body: Body, first: int):
+        assert isinstance(body.source, Springs) and body.source.actuation is not None
+        self.body, self.source, self.curve = body, body.source, body.source.actuation
+        self.columns = slice(first, first + self.curve.values.shape[1])
+
+    def edges(self, last: int) -> np.ndarray:
+        """Column of each spring, `last` of passive ones, (m,)."""
+        own = np.zeros(len(self.source.edges), np.int64) if self.source.muscles is None else self.source.muscles
+        return np.where(own < 0, last, self.columns.start + own)
+
+    def taken(self, value) -> Curve:
+        """A given value as a curve: another one, values of the present keys (keys, groups), or those of all times (groups,)."""
+        groups, path = self.curve.values.shape[1], self.body.path
+        try:
+            times = value.times if isinstance(value, Curve) else self.curve.times
+            values = np.asarray(value.values if isinstance(value, Curve) else value, np.float64)
+            if values.ndim < 2:
+                times, values = np.zeros(1), np.broadcast_to(values, (1, groups))
+            new = Curve(times, values.reshape(len(values), -1))
+        except ValueError as error:
+            raise SceneError(Problem(path, f"actuation: {error}; allowed are a Curve, values (keys, groups) or "
+                                     "(groups,)")) from None
+        if new.values.shape[1] != groups or not (np.isfinite(new.values).all() and new.values.min() > 0.0):
+            raise SceneError(Problem(path, f"actuation has {new.values.shape[1]} groups and values from "
+                                     f"{new.values.min():g} to {new.values.max():g}; allowed are {groups} groups and finite "
+                                     "factors > 0"))
+        return new
+
+
+class _Site:
+    """A table of springs on the device. length: what kernels read; rest: without muscles; column: of each entry."""
+
+    def __init__(self, model: Model, length: wp.array, column: np.ndarray, groups: int):
+        self.length, self.rest, self.size = length, wp.clone(length), max(length.size, groups)
+        self.column = model.upload(column.astype(np.int32), int)
+        if model.gradients:
+            order = np.argsort(column, kind="stable")
+            first = np.searchsorted(column[order], np.arange(groups + 1))
+            self.item, self.first = model.upload(order.astype(np.int32), int), model.upload(first.astype(np.int32), int)
+            self.share = wp.zeros(groups * kernels.LANES, dtype=model.real, device=model.device)
+
+
+class Muscles(Method):
+    """Rest lengths of the springs of every table that `join` is given. `act` puts those of a row of the factors."""
+
+    def __init__(self, model: Model, clock: Clock):
+        super().__init__("muscles")
+        self.model, self.clock, self.muscles, last = model, clock, [], 0
+        for b in model.bodies:
+            if isinstance(b.source, Springs) and b.source.actuation is not None:
+                self.muscles.append(_Muscle(b, last))
+                last = self.muscles[-1].columns.stop
+        self.groups, self.sites, self.changed, self.time = last, [], True, -clock.dt
+        self.watch: Any = None               # how long edges may become
+        self.contract = kernels.contract(model.real, model.module)
+        if model.gradients:
+            self.shares, self.release = kernels.shares(model.real, model.module), kernels.release(model.real, model.module)
+        self.make(clock)
+
+    def make(self, clock: Clock) -> None:
+        self.factor = wp.ones((len(self.moments(clock)), self.groups + 1), dtype=self.model.real, device=self.model.device,
+                              requires_grad=self.model.gradients)
+
+    def join(self, rows: list[Rows], length: wp.array, entry: np.ndarray) -> wp.array:
+        """Takes a table of springs: `length` holds their rest lengths, of number `entry` in the rows, -1: padding. Returns
+        where the lengths without muscles are."""
+        self.sites.append(self.site(rows, length, entry))
+        return self.sites[-1].rest
+
+    def site(self, rows: list[Rows], length: wp.array, entry: np.ndarray) -> _Site:
+        """Of such a table; one that `join` has taken is found again."""
+        known = next((s for s in self.sites if s.length.ptr == length.ptr), None)
+        return known or _Site(self.model, length, np.where(entry < 0, self.groups, self.columns(rows)[entry]), self.groups)
+
+    def drive(self, solver, watch) -> None:
+        """Takes the springs of the method that solves for them, and who watches those
+        (`wsim.physics.motion.overstretch.Watch`), or None."""
+        self.watch = solver.watch if solver.name == "explicit" else watch
+        if self.watch:
+            self.watch.follow(self.longest)
+        if solver.name == "xpbd":
+            batch = next(b for b in solver.batches if b.kind == "distance")
+            batch.lengths, solver.lengthen = self.join(batch.rows, batch.data.rest, batch.order), self.finish
+            if batch.adjoint:
+                batch.adjoint.refresh()
+            self.stage(batch.size)
+            return
+        pull = solver.pull if solver.name == "explicit" else solver.adjoint.pull if solver.adjoint else None
+        if pull:
+            pull.lengths = self.join(pull.springs, pull.table.rest, pull.entry)
+            pull.values(again=True)
+        if solver.name == "explicit":
+            solver.muscles = self
+            return
+        springs, solver.present = solver.tables["distance"], self.present
+        springs.lengths = self.join(springs.rows, springs.data.rest, np.arange(springs.size))
+        self.stage(springs.size)
+
+    def columns(self, rows: list[Rows]) -> np.ndarray:
+        """Column of each spring of the rows."""
+        own = {m.body.number: m.edges(self.groups) for m in self.muscles}
+        return np.concatenate([own.get(r.body.number, np.full(len(r.ids), self.groups)) if r.body else
+                               np.full(len(r.ids), self.groups) for r in rows])
+
+    def stage(self, springs: int) -> None:
+        """For solvers whose forces of a substep are at one time."""
+        size = np.dtype(self.model.dtype).itemsize
+
+        def act(clock: Clock) -> None:
+            self.act(clock.k if clock.staged else 2 * clock.k + round(2.0 * clock.part))
+        self.stages.append(Stage("muscles", "pose", act, len(self.sites), springs * (4 + 2 * size),
+                                 what=f"{self.groups} groups"))
+
+    def act(self, row: int) -> None:
+        """Rest lengths of a row: a half of a substep, or a stage."""
+        if self.model.tape:
+            self.model.tape.put(self.name, lambda: self.put(row), lambda: self.take(row))
+        else:
+            self.put(row)
+
+    def put(self, row: int) -> None:
+        for s in self.sites:
+            self.shorten(s, self.factor, row)
+
+    def take(self, row: int) -> None:
+        """From the derivatives by the lengths that `put` has left."""
+        for s in self.sites:
+            self.hand(s, self.factor, row)
+
+    def shorten(self, s: _Site, factor: wp.array, row: int) -> None:
+        """A table of springs gets the lengths of a row of factors."""
+        self.launch(self.contract, s.length.size, [s.column, s.rest, factor, row], [s.length])
+
+    def hand(self, s: _Site, factor: wp.array, row: int) -> None:
+        """The adjoint of `shorten`."""
+        self.launch(self.shares, s.share.size, [s.first, s.item, s.rest, s.length.grad], [s.share])
+        self.launch(self.release, s.size, [s.column, factor, s.share, row], [s.length.grad, s.rest.grad, factor.grad])
+
+    def launch(self, kernel, dim: int, inputs: list, outputs: list) -> None:
+        """Not by the model, whose tape would give lengths in structs another version."""
+        how: dict = {"block_dim": self.model.block} if self.model.device.is_cuda else {}
+        wp.launch(kernel, dim, inputs, outputs, device=self.model.device, **how)
+
+    # around a frame
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        moves = any(m.curve.moves for m in self.muscles)
+        self.time = time
+        if self.factor.shape[0] != len(self.moments(clock)):
+            self.make(clock)
+            self.changed = True
+        if not (moves or self.changed):
+            return
+        self.changed, table = False, np.ones(self.factor.shape)
+        for m in self.muscles:
+            table[:, m.columns] = m.curve.weights(self.times) @ m.curve.values
+        self.factor.assign(table.astype(self.model.dtype))
+
+    @property
+    def times(self) -> np.ndarray:
+        """[s] of the rows."""
+        return self.time + self.moments(self.clock)
+
+    def moments(self, clock: Clock) -> np.ndarray:
+        """[s] of the rows in a frame."""
+        return clock.moments(False) if clock.staged else 0.5 * clock.h * np.arange(2 * clock.substeps + 1)
+
+    def by_keys(self) -> list[np.ndarray]:
+        """Derivatives by the curves' values, (keys, groups) of each net, from those by the factors of this frame, which are
+        zeros then."""
+        return self.keyed(self.factor, self.times)
+
+    def keyed(self, factor: wp.array, times) -> list[np.ndarray]:
+        """As `by_keys`, of a table whose rows are at these times [s]."""
+        by = factor.grad.numpy().astype(np.float64)
+        factor.grad.zero_()
+        return [m.curve.weights(times).T @ by[:, m.columns] for m in self.muscles]
+
+    def find(self, path: str, world: int = 0) -> int:
+        """Number of the muscles of a net. Raises SceneError."""
+        for number, m in enumerate(self.muscles):
+            if (m.body.path, m.body.world) == (path, world):
+                return number
+        have = ", ".join(dict.fromkeys(m.body.path for m in self.muscles))
+        raise SceneError(Problem(path, f"has no muscles in world {world}; there are {have}"))
+
+    def present(self, rows: list[Rows], time: float | None = None) -> list[Rows]:
+        """The rows with their rest lengths at a time [s]; None: at the end of the last frame."""
+        factor = self.factors(time)
+        return [r if r.kind != "distance" else replace(r, rest=r.rest * factor[self.columns([r])]) for r in rows]
+
+    def factors(self, time: float | None = None) -> np.ndarray:
+        """Of each column, as `present`."""
+        found = np.ones(self.groups + 1)
+        for m in self.muscles:
+            found[m.columns] = m.curve.at(self.time + self.clock.dt if time is None else time)
+        return found
+
+    def finish(self) -> None:
+        """Puts the lengths at the end of the last frame; its last stage may have had others."""
+        for s in self.sites:
+            s.length.assign(s.rest.numpy() * self.factors()[s.column.numpy()].astype(self.model.dtype))
+
+    def longest(self, body: Body) -> np.ndarray | float:
+        """Largest factor, but at least 1, that each edge of a body ever has, (m,)."""
+        for m in self.muscles:
+            if m.body is body:
+                return np.maximum(1.0, np.append(m.curve.values.max(axis=0), 1.0)[m.edges(m.columns.stop) - m.columns.start])
+        return 1.0
+
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+        """actuation: a `Curve`, values of the present keys (keys, groups), or those of all times (groups,)."""
+        hit = [m for m in self.muscles if m.body.path == path and world in (None, m.body.world)]
+        if name != "actuation" or not hit:
+            return False
+        for m in hit:
+            m.curve = m.taken(value)
+        self.changed = True
+        if self.watch:
+            self.watch.follow(self.longest)
+        return True

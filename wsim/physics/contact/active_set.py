@@ -1,0 +1,72 @@
+"""Contacts in Newton steps: an active set of planes and of points that stick, with friction. Equations:
+kernels/contact/active_set.py, kernels/contact/newton_friction.py."""
+
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels.contact import active_set as kernels
+from wsim.kernels.contact import newton_friction
+from wsim.model.stage import Clock
+
+
+class ActiveSet:
+    """Of the contacts (`wsim.physics.contact.Contact`) that `wsim.physics.solver.newton.Implicit.join` takes."""
+
+    def __init__(self, method, contact):
+        """method: `wsim.physics.solver.newton.Implicit`."""
+        self.method, self.contacts, model = method, contact.contacts, method.model
+        self.kernels: dict[str, Any] = {f.__name__: f(model.real, model.module) for f in (
+            kernels.hold, kernels.clip, newton_friction.rub, newton_friction.press)}
+        self.kernels["remain"] = kernels.remain(model.real, model.module, method.springs, method.elements)
+        self.held = kernels.structs(model.real).Held()
+        self.held.f, self.held.start, self.r = (wp.zeros_like(method.f) for _ in range(3))
+        self.held.own = wp.zeros_like(method.A.own)
+        self.A = type(method.A)()                        # with friction's drag
+        for name in method.A._cls.vars:
+            setattr(self.A, name, getattr(method.A, name))
+        self.A.own = self.held.own
+
+    def run(self, name: str, inputs: list, outputs: list, rows: int = 0) -> None:
+        model = self.method.model
+        model.launch(self.kernels[name], rows or model.points, inputs, outputs)
+
+    def at(self, g: float):
+        where, m = kernels.structs(self.method.model.real).Where(), self.method
+        where.d, where.a, where.g = m.state.d, m.points.anchor, g
+        return where
+
+    @property
+    def tables(self) -> list:
+        c = self.contacts
+        self.held.push = c.push                          # another array where there was not enough room
+        return [c.table, c.points, c.slots]
+
+    def hold(self, g: float, fresh: bool) -> None:
+        """After an assembly. fresh: of forces, not of the Newton step before."""
+        m = self.method
+        self.run("hold", [*self.tables, self.at(g), int(fresh), m.f], [m.A, self.held])
+
+    def solve(self, clock: Clock, tolerance: float, cap: int) -> None:
+        """The way y of a Newton step, which ends outside of colliders."""
+        m, held = self.method, self.held
+        self.run("remain", [m.rows, self.A, held.start, held.f, held.f, held.f], [self.r])
+        m.system.solve(self.r, tolerance, cap, (m.state.x, m.state.d), self.A)
+        self.run("remain", [m.rows, self.A, m.v.y, m.f, self.r, held.f], [self.r])
+        self.clip(clock.g, solved=True)
+
+    def clip(self, g: float, solved: bool = False) -> None:
+        """Of the way y, what colliders leave."""
+        m = self.method
+        slots = self.tables[-1]
+        self.run("clip", [slots, self.at(g), int(solved), m.A, self.held, self.r, m.v.y], [m.v.y])
+
+    def rub(self, trial, g: float, rows: int) -> None:
+        """Adds friction to what a line search looks at."""
+        m = self.method
+        c = self.contacts
+        self.run("rub", [trial, c.slots, m.A.own, c.push, g, m.state.d, m.points.anchor, m.v.y], [], rows)
+
+    def press(self, clock: Clock) -> None:
+        """What moved d without a look at contacts."""
+        self.run("press", [*self.tables, clock.g, self.method.points.anchor], [self.method.state.d, self.contacts.push])

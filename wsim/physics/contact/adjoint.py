@@ -1,0 +1,159 @@
+"""Adjoints of a recorded search for contacts and of their projections. See kernels/contact/project_adjoint.py,
+search_adjoint.py."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.contact import project_adjoint as kernels
+from wsim.kernels.contact.collider_adjoint import sums
+from wsim.kernels.contact.project import slots
+from wsim.kernels.contact.search_adjoint import search_adjoint
+from wsim.kernels.math.real import types
+from wsim.model.model import Model
+from wsim.model.tape import Tape, adjoint_of, without
+
+LANES = 256            # threads that sum what an object gives a collider, at most
+EACH = 64              # points that one of them takes at least
+
+
+@dataclass
+class Found:
+    """A recorded search: substep, the arrays that it has read, and how often its contacts were projected since."""
+
+    k: int
+    read: list[wp.array]
+    projected: int = 0
+
+
+class ContactAdjoint:
+    """Of colliders. Lists are not kept: the search runs once more, of the same arrays, before the first adjoint that wants
+    them. The side of a closed mesh that a point is on is always told by the winding number, whatever was before, so that the
+    same is found."""
+
+    def __init__(self, contacts, model: Model):
+        """contacts: `wsim.physics.contact.contacts.Contacts`."""
+        self.contacts, self.model, self.real = contacts, model, model.real
+        self.search_kernel = search_adjoint(contacts.kinds, model.real, model.module)
+        self.project_kernel, self.sum_kernel = (make(model.real, model.module) for make in (kernels.project_adjoint, sums))
+        t, n = types(model.real), model.points
+        size = contacts.push.size
+
+        def zeros(count, dtype):
+            return wp.zeros(count, dtype=dtype, device=model.device)
+        self.n, self.b, self.u, self.push = zeros(size, t.vec3), zeros(size, t.scalar), zeros(size, t.vec3), zeros(size, t.vec3)
+        self.d, self.a = zeros(n, t.vec3), zeros(n, t.vec3)
+        self.friction, self.gap, self.motion = zeros(size, t.vec2), zeros(size, t.scalar), zeros(size, kernels.ways(model.real))
+        starts = [*(b.first for b in model.bodies), n]
+        lanes = int(np.clip(np.diff(starts).max() // EACH, 1, LANES))
+        self.starts = wp.array(starts, dtype=int, device=model.device)
+        self.sums = wp.zeros((len(model.bodies), contacts.rows.most, lanes), dtype=self.motion.dtype, device=model.device)
+        self.wanted = zeros(1, int)
+        self.found: Found | None = None
+
+    def shaped(self, k: int) -> None:
+        """The shapes of meshes that the next search works on."""
+        model = self.model
+
+        def shape() -> None:
+            before, model.tape = model.tape, None            # Warp's meshes have one place
+            self.contacts.shape(k)
+            model.tape = before
+        model.tape.do(shape)
+
+    def searched(self, k: int, x: wp.array, d: wp.array, a: wp.array):
+        """What a tape takes as the adjoint of the search that is launched next."""
+        tape: Tape = self.model.tape
+        found = self.found = Found(k, [tape.read(x), tape.read(d), tape.read(a)])
+
+        def backward(read: list, wrote: list) -> None:
+            if not found.projected:
+                self.again(found)
+            (_, points, x, d, _, k), (slots, d_out, a_out, push_out, *_) = read, wrote
+            push_out.grad.zero_()                            # pushes begin at zero
+            o = self.gradients()
+            o.x, o.d, o.d_out, o.a_out = x.grad, d.grad, d_out.grad, a_out.grad
+            at = kernels.read(self.real)()
+            at.x, at.d = x, d
+            self.model.launch(self.search_kernel, self.contacts.count, [self.contacts.table, points, slots, at, o, k], [])
+        return backward
+
+    def projected(self):
+        """What a tape takes as the adjoint of the projection that is launched next."""
+        ready = self.reader()
+
+        def backward(read: list, wrote: list) -> None:
+            ready()
+            (table, points, slots, d, a, push, g), (d_out, push_out) = read, wrote
+            o = self.gradients()
+            o.d_out, o.push_out, o.d, o.a, o.push = d_out.grad, push_out.grad, d.grad, a.grad, push.grad
+            at = kernels.read(self.real)()
+            at.d, at.a, at.push = d, a, push
+            self.model.launch(self.project_kernel, self.contacts.count, [table, points, slots, at, o, g], [])
+        return backward
+
+    def reader(self):
+        """Of a launch to come that reads the contacts found last: what its adjoint calls first. The last to read them is the
+        first to find them again."""
+        found = self.found
+        assert found is not None
+        found.projected += 1
+        number = found.projected
+        return lambda: self.again(found) if number == found.projected else None
+
+    def reading(self, kernel):
+        """What a tape takes as the adjoint of a launch that reads contacts: Warp's, with the gradients of contacts where those
+        of the search want them."""
+        model, ready = self.model, self.reader()
+        how = {"device": model.device, **({"block_dim": model.block} if model.device.is_cuda else {})}
+
+        def back(read: list, wrote: list) -> None:
+            ready()
+            read = [self.slots(value) if value is self.contacts.slots else value for value in read]
+            wp.launch(kernel, self.contacts.count, read, wrote, adj_inputs=[adjoint_of(value) for value in read],
+                      adj_outputs=[adjoint_of(value) for value in wrote], adjoint=True, **how)
+        return back
+
+    def slots(self, given):
+        """Contacts whose arrays have the gradients that the search's adjoint reads: Warp finds those of structs there only."""
+        found = slots(self.model.real)()
+        for name in found._cls.vars:
+            setattr(found, name, getattr(given, name))
+        for name in ("n", "b", "u"):
+            array = without(getattr(given, name))
+            array.grad = getattr(self, name)
+            setattr(found, name, array)
+        return found
+
+    def gradients(self):
+        o = kernels.grads(self.real)()
+        o.n, o.b, o.u = self.n, self.b, self.u
+        o.friction, o.gap, o.motion = self.friction, self.gap, self.motion
+        return o
+
+    def again(self, found: Found) -> None:
+        """The contacts of that search, with gradients that are zero."""
+        c = self.contacts
+        c.shape(found.k)
+        self.model.launch(c.search_kernel, c.count, [c.table, c.points, *found.read, found.k],
+                          [c.slots, self.d, self.a, self.push, None, self.wanted])
+        for array in (self.n, self.b, self.u):
+            array.zero_()
+
+    # by colliders
+
+    def zero(self) -> None:
+        for array in (self.friction, self.gap, self.motion):
+            array.zero_()
+
+    def take_motion(self) -> wp.array:
+        """By the motions of an object's colliders in a frame, (objects, rows, lanes, 4, 3), which are zeros then: shift
+        and turn where it begins, and where it ends."""
+        self.model.launch(self.sum_kernel, self.sums.shape, [self.starts, self.contacts.count, self.motion], [self.sums])
+        return wp.clone(self.sums)
+
+    def by_rows(self, array: wp.array) -> np.ndarray:
+        """A gradient of the points by the rows of their objects, (rows, points, ...) in float64."""
+        found = array.numpy().astype(np.float64)
+        return found.reshape(-1, self.contacts.count, *found.shape[1:])[:self.contacts.rows.most]

@@ -1,0 +1,153 @@
+"""The table of colliders: one row for each object and collider that may touch, in float64 on the host. NumPy only.
+
+Objects are the bodies of all worlds, each with an origin of its own [m]; a row holds its collider relative to the
+origin of its object, so that nothing is lost far from the scene's origin. Rows of an object stand together, in the
+order of the colliders: the order of contacts follows from it.
+"""
+
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+
+from wsim.physics.contact.mesh import Mesh
+from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Problem, SceneError, Sphere, Surface
+from wsim.scene.check import chord
+
+RIGID = 1e-4           # how far a collider's axes may be from orthonormal: float32 matrices of a stage reach 1e-6
+
+
+def quaternions(R: np.ndarray) -> np.ndarray:
+    """(x, y, z, w) with w >= 0 of rotations (..., 3, 3), from the largest of the four squares (Shepperd 1978)."""
+    xx, yy, zz = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
+    s = np.stack([1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz, 1 + xx + yy + zz], axis=-1)
+    a, b, c = R[..., 2, 1], R[..., 0, 2], R[..., 1, 0]
+    p, q, r = R[..., 1, 2], R[..., 2, 0], R[..., 0, 1]
+    products = np.stack([np.stack([s[..., 0], c + r, b + q, a - p], -1),       # rows of 4 (x, y, z, w)^T (x, y, z, w)
+                         np.stack([c + r, s[..., 1], a + p, b - q], -1),
+                         np.stack([b + q, a + p, s[..., 2], c - r], -1),
+                         np.stack([a - p, b - q, c - r, s[..., 3]], -1)], axis=-2)
+    row = np.take_along_axis(products, np.argmax(s, axis=-1)[..., None, None], axis=-2)[..., 0, :]
+    row = row / np.linalg.norm(row, axis=-1, keepdims=True)
+    return np.where(row[..., 3:] < 0, -row, row)
+
+
+def sizes(collider: Collider, mesh: Mesh | None) -> tuple[str, tuple[float, float, float], float]:
+    """Kind, sizes as the kernels have them and radius of the bounding ball about the shape's own origin [m].
+    Raises SceneError naming the collider whose size is not positive and finite."""
+    shape = collider.shape
+    if isinstance(shape, Surface):
+        assert mesh is not None
+        return ("solid" if mesh.closed else "sheet"), (mesh.depth, 0.0, 0.0), mesh.radius
+    if isinstance(shape, Plane):
+        return "plane", (0.0, 0.0, 0.0), inf
+    if isinstance(shape, Box):
+        found = [float(v) for v in shape.half]
+    elif isinstance(shape, Sphere):
+        found = [float(shape.radius)]
+    else:
+        found = [float(shape.radius), float(shape.half_height)]
+    least = 1 if isinstance(shape, Capsule) else len(found)          # a capsule without a straight part is a ball
+    if not (np.isfinite(found).all() and min(found[:least]) > 0.0 and min(found) >= 0.0):
+        raise SceneError(Problem(collider.path, f"the {type(shape).__name__.lower()} has sizes {found} m; every one "
+                                 "must be finite and positive; give it a size, or remove the collider"))
+    if isinstance(shape, Box):
+        return "box", (found[0], found[1], found[2]), float(np.linalg.norm(found))
+    if isinstance(shape, Sphere):
+        return "sphere", (found[0], 0.0, 0.0), found[0]
+    radius = sum(found) if isinstance(shape, Capsule) else float(np.linalg.norm(found))
+    names = {Capsule: "capsule", Cylinder: "cylinder", Cone: "cone"}
+    return names[type(shape)], (found[0], found[1], 0.0), radius
+
+
+def check(collider: Collider) -> None:
+    """Raises SceneError where friction, thickness, restitution or motion of a collider make no sense."""
+    for name in ("static_friction", "dynamic_friction", "thickness"):
+        value = getattr(collider, name)
+        if value is not None and not (np.isfinite(value) and value >= 0.0):
+            raise SceneError(Problem(collider.path, f"{name} is {value}; allowed is a finite number >= 0"))
+    if not 0.0 <= collider.restitution <= 1.0:
+        raise SceneError(Problem(collider.path, f"restitution is {collider.restitution}; allowed is a number from 0 to 1"))
+    R = collider.motion.values[:, :3, :3]
+    off = np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).max(initial=0.0)
+    if not np.isfinite(collider.motion.values).all() or off > RIGID or (np.linalg.det(R) < 0).any():
+        raise SceneError(Problem(collider.path, f"the collider's motion is not rigid (its axes are {off:.2g} from "
+                                 "orthonormal, or mirrored); put scale and mirror into the shape's sizes or points"))
+
+
+@dataclass
+class Rows:
+    """Columns of the table; `collider[r]` numbers `colliders`, the distinct ones."""
+
+    colliders: list[Collider]            # copies: a live parameter does not change the scene
+    meshes: list[Mesh | None]            # of each distinct collider
+    first: np.ndarray                    # (objects + 1,) int32
+    collider: np.ndarray                 # (rows,) int
+    origin: np.ndarray                   # of each row's object [m], (rows, 3)
+    kind: list[str]                      # of each distinct collider
+    size: np.ndarray                     # [m], (distinct, 3)
+    radius: np.ndarray                   # of the bounding ball [m], (distinct,)
+
+    @staticmethod
+    def build(of_objects: list[list[Collider]], origins: np.ndarray, meshes: dict[int, Mesh]) -> "Rows":
+        """of_objects: colliders of each object; origins [m], (objects, 3); meshes by id of their Surface."""
+        number: dict[int, int] = {}
+        distinct: list[Collider] = []
+        for collider in (c for group in of_objects for c in group):
+            if number.setdefault(id(collider), len(distinct)) == len(distinct):
+                check(collider)
+                distinct.append(replace(collider))
+        counts = [len(group) for group in of_objects]
+        found = [meshes.get(id(c.shape)) for c in distinct]
+        shapes = [sizes(c, m) for c, m in zip(distinct, found, strict=True)]
+        return Rows(distinct, found, np.concatenate([[0], np.cumsum(counts)]).astype(np.int32),
+                    np.array([number[id(c)] for group in of_objects for c in group], np.int64),
+                    np.repeat(np.asarray(origins, np.float64).reshape(-1, 3), counts, axis=0),
+                    [s[0] for s in shapes], np.array([s[1] for s in shapes]).reshape(-1, 3),
+                    np.array([s[2] for s in shapes], np.float64))
+
+    def live(self, breadth: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance kept [m], (rows,), and friction, (rows, 2), which may change while a scene runs. breadth and reach [m] of
+        objects, (objects,): what `wsim.scene.check.chord` takes where no thickness is authored."""
+        radius = [chord.radius(c) if c.thickness is None else inf for c in self.colliders]
+        least = [0.0 if m is None else m.least_gap for m in self.meshes]
+        objects = np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
+        gap = []
+        for o, k in zip(objects, self.collider, strict=True):
+            own = self.colliders[k].thickness
+            gap.append(max(least[k], chord.hidden(breadth[o], radius[k]) - reach[o] if own is None else own))
+        friction = np.array([(c.static_friction, c.dynamic_friction) for c in self.colliders]).reshape(-1, 2)
+        return np.array(gap, np.float64), friction[self.collider]
+
+    def of(self, path: str, objects: list[int]) -> list[int]:
+        """Rows of the collider of that path among these objects."""
+        return [r for o in objects for r in range(self.first[o], self.first[o + 1])
+                if self.colliders[self.collider[r]].path == path]
+
+    @property
+    def moves(self) -> bool:
+        """Whether any collider goes somewhere or deforms."""
+        return any(c.motion.moves for c in self.colliders) or any(m is not None and m.moves for m in self.meshes)
+
+    @property
+    def most(self) -> int:
+        """Rows of the object that has most."""
+        return int(np.diff(self.first).max(initial=0))
+
+    def poses(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(pose, step, ball) at substep times (substeps + 1,) [s]: transforms (substeps + 1, rows, 7) as translation
+        and quaternion (x, y, z, w), motions from one to the next (substeps, rows, 7), bounding balls
+        (substeps, rows, 4)."""
+        M = np.stack([np.stack([c.motion.at(t) for t in times]) if c.motion.moves
+                      else np.broadcast_to(c.motion.at(0.0), (len(times), 4, 4)) for c in self.colliders], axis=1)
+        R, p = M[..., :3, :3], M[..., :3, 3]
+        turn = quaternions(R[1:] @ np.swapaxes(R[:-1], -1, -2))
+        center = np.array([np.zeros(3) if m is None else m.center for m in self.meshes])
+        middle = (R @ center[:, :, None])[..., 0] + p
+        way = np.linalg.norm(middle[1:] - middle[:-1], axis=-1)
+        row = self.collider
+        pose = np.concatenate([p[:, row] - self.origin, quaternions(R)[:, row]], axis=-1)
+        step = np.concatenate([p[1:, row] - p[:-1, row], turn[:, row]], axis=-1)
+        ball = np.concatenate([0.5 * (middle[1:] + middle[:-1])[:, row] - self.origin,
+                               (self.radius + 1.5 * way)[:, row, None]], axis=-1)
+        return pose, step, ball

@@ -1,0 +1,287 @@
+"""Contacts of points with colliders on a device: tables, launches, growth, indicators. Equations: kernels/contact/search.py,
+kernels/contact/project.py.
+
+    contacts = Contacts(bodies, device=..., real=wp.float32, substeps=10, dt=1 / 24)
+    before each frame     contacts.prepare(t)                    t [s] at the frame's start; uploads what moves
+    after predict         contacts.search(k, x, d, a)            launches; may be captured
+    in each iteration     contacts.project(g, d, a)              after all other constraints
+    BDF2 only             contacts.settle(g, e, d, a, v)         after the last iteration; needs `struck`
+    after the frame       contacts.wanted: 0, or the room that a point lacked: contacts.grow(), repeat the frame
+                          contacts.indicators(x), contacts.impulses(g)
+
+Nothing here outlives a frame but `mark` (whether a point touched or was inside), which prepare() saves, and puts back
+when a frame is repeated. Colliders are carriers that push and are not pushed; `impulses` says what they received.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.contact import project as kernels
+from wsim.kernels.contact import search
+from wsim.kernels.contact.collide import KINDS
+from wsim.kernels.math.real import types
+from wsim.model import kernel_cache
+from wsim.physics.contact.colliders import Rows, check
+from wsim.physics.contact.mesh import Mesh
+from wsim.scene import Collider, Motion, Problem, Scene, SceneError, Surface
+
+SKIN = 2e-3            # [m] least margin of the search: what constraints may move a point that predicts no motion
+RECOVERY = 0.5         # [m/s] at which points leave an overlap: 10 cm in 0.2 s; faster tears at the cloth around them
+FRICTION = ("static_friction", "dynamic_friction")
+LANES = 4096           # threads of the indicators
+
+
+@dataclass
+class Bodies:
+    """What may touch: points of objects. Device arrays are shared, NumPy arrays are uploaded."""
+
+    colliders: list[list[Collider]]      # of each object
+    origins: np.ndarray                  # [m], (objects, 3) float64
+    object: object                       # object of each point, (points,) int
+    w: object                            # inverse mass [1/kg], (points,)
+    reach: object                        # distance kept by each point [m], (points,)
+    friction: object                     # static, dynamic, (points, 2)
+    faces: np.ndarray                    # points of triangles, of springs (i, j, j), (t, 3): what `indicators` measures
+    breadth: np.ndarray                  # of each object's faces [m], (objects,), see `wsim.scene.check.chord`
+    thin: np.ndarray                     # least `reach` of each object's points [m], (objects,)
+
+
+class Contacts:
+    """See the head of this file. Raises SceneError for a collider that makes no sense."""
+
+    def __init__(self, bodies: Bodies, *, device, real, module="unique", substeps: int, dt: float,
+                 wanted: wp.array | None = None, struck: wp.array | None = None):
+        """wanted: status word (first entry of an int array) to use instead of an own one; struck: (points,) real, becomes
+        not 0 where a point leaves an overlap: its step is no motion, and a multistep integrator forgets it."""
+        self.device, self.real, self.types = wp.get_device(device), real, types(real)
+        self.launch: Callable = partial(wp.launch, device=self.device)    # (kernel, dim, inputs, outputs)
+        self.adjoint: Any = None                         # `wsim.physics.contact.adjoint.ContactAdjoint`
+        self.dtype = np.float32 if real is wp.float32 else np.float64
+        surfaces = {id(c.shape): c for group in bodies.colliders for c in group if isinstance(c.shape, Surface)}
+        self.meshes = {key: Mesh.build(c) for key, c in surfaces.items()}
+        self.rows = Rows.build(bodies.colliders, bodies.origins, self.meshes)
+        self.kinds = tuple(k for k in KINDS if k in self.rows.kind)
+        self.gap, self.friction = self.rows.live(bodies.breadth, bodies.thin)
+        self.wanted = wp.zeros(1, dtype=int, device=self.device) if wanted is None else wanted
+        self.struck = struck
+        self.substeps, self.dt = 0, dt
+        self.time: float | None = None
+        self.changed = True
+        self._load(module, struck is not None)
+        self._points(bodies)
+        self._frame(substeps, dt)
+        self._slots(min(2, max(self.rows.most, 1)))
+
+    # tables
+
+    def _load(self, module, multistep: bool) -> None:
+        self.search_kernel = search.search(self.kinds, self.real, module)
+        self.project_kernel = kernels.project(self.real, module)
+        self.settle_kernel = kernels.settle(self.real, module) if multistep else None
+        moving = any(m.moves for m in self.meshes.values())
+        self.pose_kernel = search.pose_mesh(module) if moving else None
+        self.refit_kernel = search.refit(module) if moving and self.device.is_cpu else None
+
+    def _array(self, values, dtype) -> wp.array:
+        if isinstance(values, wp.array):
+            return values
+        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+
+    def _points(self, bodies: Bodies) -> None:
+        t = self.types
+        row_type, point_type = kernels.tables(self.real)
+        p = self.points = point_type()
+        p.object, p.w = self._array(bodies.object, int), self._array(bodies.w, t.scalar)
+        p.reach, p.friction = self._array(bodies.reach, t.scalar), self._array(bodies.friction, t.vec2)
+        self.count, self.faces = len(p.object), self._array(bodies.faces, int)
+        self.mark = wp.zeros(self.count, dtype=int, device=self.device)
+        self.saved = wp.zeros(self.count, dtype=int, device=self.device)
+        self.table = row_type()
+        self.table.deep, self.deep = wp.ones(1, dtype=int, device=self.device), True
+        self.table.skin, self.table.recovery = SKIN, RECOVERY
+
+    def smooth(self, scene: Scene, explicit: bool) -> None:
+        """Puts a potential of the scene's `contact_width` in front of contacts, where that is > 0. Raises SceneError where an
+        open mesh keeps less than that."""
+        if scene.contact_width > 0.0:
+            from wsim.scene.barrier import energy
+            c, reach = self.table, float(self.points.reach.numpy().min(initial=np.inf))
+            for gap, number in zip(self.gap, self.rows.collider, strict=True):
+                if self.rows.kind[number] == "sheet" and gap + reach < 2.0 * scene.contact_width:
+                    raise SceneError(Problem(self.rows.colliders[number].path, f"is an open mesh and keeps {gap + reach:g} m, "
+                                             f"contact_width is {scene.contact_width:g} m; allowed is up to half of what it "
+                                             "keeps: give it a larger wsim:thickness, or a smaller wsim:contactWidth"))
+            c.width, c.energy, c.lead, c.skin = scene.contact_width, energy(scene), int(explicit), SKIN + scene.contact_width
+
+    def _frame(self, substeps: int, dt: float) -> None:
+        """Everything that depends on rows or on the number of substeps."""
+        t, c, rows = self.types, self.table, self.rows
+        self.substeps, self.dt = substeps, dt
+        for mesh in self.meshes.values():
+            mesh.place(self.device, substeps)
+        self._constants()
+        n = max(len(rows.collider), 1)
+
+        def zeros(length, dtype):
+            return wp.zeros((length, n), dtype=dtype, device=self.device)
+        c.pose, c.step = zeros(substeps + 1, t.transform), zeros(substeps, t.transform)
+        c.ball, c.stride = zeros(substeps, t.vec4), zeros(substeps, t.scalar)
+        c.h = dt / substeps
+        self.changed = True
+
+    def _constants(self) -> None:
+        t, c, rows = self.types, self.table, self.rows
+        of = rows.collider
+        mesh = np.array([0 if m is None else m.id for m in rows.meshes], np.uint64)
+        kind = np.array([KINDS.index(k) for k in rows.kind], np.int32)
+        c.first = self._array(rows.first, int)
+        c.kind, c.mesh = self._array(kind[of], int), self._array(mesh[of], wp.uint64)
+        c.size, c.gap = self._array(rows.size[of], t.vec3), self._array(self.gap, t.scalar)
+        c.friction = self._array(self.friction, t.vec2)
+
+    def _slots(self, capacity: int) -> None:
+        t, n = self.types, self.count
+        s = self.slots = kernels.slots(self.real)()
+        s.points, s.capacity = n, capacity
+        s.mark, s.count = self.mark, wp.zeros(n, dtype=int, device=self.device)
+
+        def zeros(dtype):
+            return wp.zeros(n * capacity, dtype=dtype, device=self.device)
+        s.row, s.n, s.b, s.u = zeros(int), zeros(t.vec3), zeros(t.scalar), zeros(t.vec3)
+        self.push = zeros(t.vec3)
+
+    # frames
+
+    def prepare(self, time: float, *, substeps: int | None = None, deep: bool | None = None) -> None:
+        """Before the frame that starts at `time` [s]: colliders at its substeps, in float64 from their motions.
+
+        deep: points may start inside of closed meshes; None: yes at first and after a jump in time."""
+        again, before = time == self.time, self.time
+        if deep is None:
+            deep = self.deep if again else not (before is not None and before < time < before + 1.5 * self.dt)
+        if deep != self.deep:
+            self.table.deep.fill_(int(deep))
+        self.deep = deep
+        wp.copy(*((self.mark, self.saved) if again else (self.saved, self.mark)))
+        self.time = time
+        if substeps is not None and substeps != self.substeps:
+            self._frame(substeps, self.dt)
+        if self.changed or self.rows.moves:
+            self._pose(time + self.dt * np.arange(self.substeps + 1) / self.substeps)
+        self.changed = False
+
+    def _pose(self, times: np.ndarray) -> None:
+        c, rows = self.table, self.rows
+        if len(rows.collider) == 0:
+            return
+        pose, step, ball = rows.poses(times)
+        stride = np.zeros(ball.shape[:2])
+        for number, mesh in enumerate(rows.meshes):
+            if mesh is not None and mesh.moves:
+                stride[:, rows.collider == number] = mesh.upload(times)[:, None]
+        ball[..., 3] += stride + self.gap            # the kernel adds what belongs to the point
+        for array, values in ((c.pose, pose), (c.step, step), (c.ball, ball), (c.stride, stride)):
+            array.assign(values.astype(self.dtype))
+
+    def move(self, path: str, motion: Motion) -> bool:
+        """Gives the collider of that path another motion, from the next frame on. False: there is none."""
+        found = [c for c in self.rows.colliders if c.path == path]
+        for collider in found:
+            check(replace(collider, motion=motion))
+            collider.motion = motion
+        self.changed = self.changed or bool(found)
+        return bool(found)
+
+    def set(self, path: str, name: str, value: float, objects: list[int]) -> list[int]:
+        """Gives the collider of that path a friction or thickness among these objects, and returns its rows."""
+        rows = self.rows.of(path, objects)
+        if not rows:
+            return rows
+        for number in {int(self.rows.collider[r]) for r in rows}:
+            check(replace(self.rows.colliders[number], **{name: value}))         # type: ignore[arg-type]
+        for r in rows if name == "thickness" else ():
+            mesh = self.rows.meshes[self.rows.collider[r]]
+            self.gap[r], self.changed = max(value, mesh.least_gap if mesh else 0.0), True
+        if name in FRICTION:
+            self.friction[rows, FRICTION.index(name)] = value
+        self.table.gap.assign(self.gap.astype(self.dtype))
+        self.table.friction.assign(self.friction.astype(self.dtype))
+        return rows
+
+    def shape(self, k: int) -> None:
+        """Launches the shapes of meshes at the end of substep k."""
+        for mesh in self.meshes.values():
+            if mesh.moves:
+                mesh.launch(self.launch, self.pose_kernel, self.refit_kernel, k)
+
+    def search(self, k: int, x: wp.array, d: wp.array, a: wp.array) -> None:
+        """Launches the search of substep k; writes d and a where points leave an overlap."""
+        self.adjoint.shaped(k) if self.recorded else self.shape(k)
+        backward = {"backward": self.adjoint.searched(k, x, d, a)} if self.recorded else {}
+        self.launch(self.search_kernel, self.count, [self.table, self.points, x, d, a, k],
+                    [self.slots, d, a, self.push, self.struck, self.wanted], **backward)
+
+    def project(self, g: float, d: wp.array, a: wp.array) -> None:
+        """Launches one iteration; g [s] is the integrator's effective step, v = (d - a) / g."""
+        backward = {"backward": self.adjoint.projected()} if self.recorded else {}
+        self.launch(self.project_kernel, self.count, [self.table, self.points, self.slots, d, a, self.push, g],
+                    [d, self.push], **backward)
+
+    @property
+    def recorded(self) -> bool:
+        """Whether a tape records what is launched."""
+        return self.adjoint is not None and self.adjoint.model.tape is not None
+
+    def settle(self, g: float, e: wp.array, d: wp.array, a: wp.array, v: wp.array) -> None:
+        """After the last iteration of a multistep integrator: a and v of points in contact forget what was before."""
+        backward = {"backward": self.adjoint.reading(self.settle_kernel)} if self.recorded else {}
+        self.launch(self.settle_kernel, self.count, [self.table, self.slots, self.push, e, d, a, v, g], [a, v], **backward)
+
+    def grow(self, wanted: int | None = None) -> bool:
+        """Makes room for as many contacts of a point as were wanted; False where nothing was lacking."""
+        wanted = int(self.wanted.numpy()[0]) if wanted is None else wanted
+        if wanted <= self.slots.capacity:
+            return False
+        self._slots(wanted)
+        self.wanted.zero_()
+        return True
+
+    # measuring
+
+    def indicators(self, x: wp.array) -> dict[str, float]:
+        """penetration: greatest depth of a point, a triangle or a spring inside a solid [m], see
+        kernels/contact/penetration.py; too_near: of a point inside the distance kept [m]; contacts: points in contact. At the
+        end of the frame prepared last."""
+        from wsim.kernels.contact import penetration
+        module = f"wsim_inside_{'_'.join(self.kinds)}_{types(self.real).name}"            # compiled when first asked for
+        gauge, sink = (make(self.kinds, self.real, module) for make in (penetration.gauge, penetration.sink))
+        lanes = min(LANES, max(self.count, 1))
+        near = wp.zeros(lanes, dtype=self.types.vec2, device=self.device)
+        count = wp.zeros(lanes, dtype=int, device=self.device)
+        deep = wp.zeros(lanes, dtype=self.real, device=self.device)
+        kernel_cache.load(gauge.module, self.device)
+        wp.launch(gauge, lanes, [self.table, self.points, self.slots, x, self.substeps, lanes],
+                  [near, count], device=self.device)
+        wp.launch(sink, lanes, [self.table, self.points, self.faces, x, self.substeps, lanes], [deep],
+                  device=self.device)
+        kept, solid = near.numpy().max(axis=0)
+        return {"penetration": float(max(solid, deep.numpy().max())), "too_near": float(kept),
+                "contacts": int(count.numpy().sum())}
+
+    def impulses(self, g: float) -> dict[str, np.ndarray]:
+        """Impulse [N s], (3,), that each collider received in the last substep, by path, in float64."""
+        count, n = self.slots.count.numpy(), self.count
+        w = self.points.w.numpy().astype(np.float64)
+        row = self.slots.row.numpy().reshape(-1, n)
+        push = self.push.numpy().astype(np.float64).reshape(-1, n, 3)
+        slot, point = np.nonzero(np.arange(len(row))[:, None] < count)
+        given = push[slot, point] / (w[point, None] * g)
+        number = self.rows.collider[row[slot, point]]
+        total = np.zeros((len(self.rows.colliders), 3))
+        np.subtract.at(total, number, given)
+        return {c.path: total[i] for i, c in enumerate(self.rows.colliders)}

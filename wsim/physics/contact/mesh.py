@@ -1,0 +1,107 @@
+"""Triangle meshes as colliders: what is solid, how deep it is, and meshes that deform.
+
+A mesh is closed when, with coincident points counted as one, every edge is passed as often in one direction as in the
+other, and its triangles enclose a volume: its inside is solid. Any other mesh is a sheet that keeps points away on both
+sides.
+"""
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wsim.geometry.triangulate import triangulate
+from wsim.scene import Collider, Problem, SceneError, Surface
+from wsim.scene.check.signed_distance import closed
+
+SHEET_GAP = 2e-6       # part of a sheet's radius kept free at least: a point exactly on it would have no side (float32)
+
+
+def volume(points: np.ndarray, triangles: np.ndarray) -> float:
+    """Enclosed volume [m^3], positive when the triangles are counter-clockwise seen from outside."""
+    a, b, c = (points[triangles[:, k]] - points.mean(axis=0) for k in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+
+@dataclass
+class Mesh:
+    """A Surface made ready: NumPy first, then (`place`) on a device."""
+
+    surface: Surface
+    triangles: np.ndarray                # (t, 3) int32, outward where closed
+    closed: bool
+    center: np.ndarray                   # of the bounding ball [m], (3,)
+    radius: float                        # [m]
+    depth: float                         # no inside point is further from the surface [m]; 0: no inside
+    device: dict = field(default_factory=dict)           # Warp objects: mesh, track
+
+    @staticmethod
+    def build(collider: Collider) -> "Mesh":
+        """Raises SceneError where a mesh has no triangle with an area, a bad index or a point that is no number."""
+        surface = collider.shape
+        assert isinstance(surface, Surface)
+        points = surface.points.astype(np.float64)
+        poses = points[None] if surface.poses is None else np.asarray(surface.poses.values, np.float64)
+        if poses.shape[1:] != points.shape or not np.isfinite(poses).all() or not np.isfinite(points).all():
+            raise SceneError(Problem(collider.path, f"the mesh has points of shape {poses.shape[1:]} over time and "
+                                     f"{points.shape} at rest; they must be equal in shape and finite"))
+        if len(surface.indices) and not (surface.indices.min() >= 0 and surface.indices.max() < len(points)):
+            raise SceneError(Problem(collider.path, f"a face names a point outside of 0 to {len(points) - 1}"))
+        triangles, _ = triangulate(surface.points, surface.counts, surface.indices)
+        whole = closed(points, triangles)
+        enclosed = volume(points, triangles) if whole else 0.0
+        if enclosed < 0.0:
+            triangles = triangles[:, ::-1]
+        corners = points[triangles]
+        n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        triangles = np.ascontiguousarray(triangles[(n != 0.0).any(axis=1)], np.int32)
+        if len(triangles) == 0:
+            raise SceneError(Problem(collider.path, "the mesh has no triangle with an area; give it faces, or remove "
+                                     "the collider"))
+        low, high = poses.min(axis=(0, 1)), poses.max(axis=(0, 1))
+        center = 0.5 * (low + high)
+        radius = float(np.linalg.norm(poses - center, axis=-1).max())
+        return Mesh(surface, triangles, enclosed != 0.0, center, radius,
+                    0.5 * float((high - low).min()) if enclosed != 0.0 else 0.0)
+
+    @property
+    def moves(self) -> bool:
+        return self.surface.poses is not None and self.surface.poses.moves
+
+    @property
+    def least_gap(self) -> float:
+        """Distance [m] that a sheet keeps in any case."""
+        return 0.0 if self.closed else SHEET_GAP * self.radius
+
+    def place(self, device, substeps: int) -> None:
+        """Makes the Warp mesh and, where it deforms, room for its shapes over a frame."""
+        import warp as wp
+        if "mesh" not in self.device:
+            start = self.surface.points if self.surface.poses is None else self.surface.poses.at(0.0)
+            points = wp.array(np.asarray(start, np.float32), dtype=wp.vec3, device=device)
+            still = wp.zeros(len(points), dtype=wp.vec3, device=device) if self.moves else None
+            corners = wp.array(self.triangles.ravel(), dtype=wp.int32, device=device)
+            self.device["mesh"] = wp.Mesh(points, corners, still, support_winding_number=self.closed)
+        if self.moves and (self.device.get("track") is None or self.device["track"].shape[0] != substeps + 1):
+            self.device["track"] = wp.zeros((substeps + 1, len(self.surface.points)), dtype=wp.vec3, device=device)
+
+    @property
+    def id(self) -> int:
+        return int(self.device["mesh"].id)
+
+    def upload(self, times: np.ndarray) -> np.ndarray:
+        """Shapes at substep times [s] to the device; returns the greatest motion of a point in each substep [m]."""
+        assert self.surface.poses is not None
+        shapes = np.stack([self.surface.poses.at(t) for t in times]).astype(np.float32)
+        self.device["track"].assign(shapes)
+        return np.linalg.norm(np.diff(shapes, axis=0), axis=-1).max(axis=1).astype(np.float64)
+
+    def launch(self, launch: Callable, kernel, refit, k: int) -> None:
+        """The shape at the end of substep k, its motion and its tree; capturable. refit: None, or the kernel of a CPU."""
+        mesh, track = self.device["mesh"], self.device["track"]
+        launch(kernel, track.shape[1], [track, k], [mesh.points, mesh.velocities])
+        if refit is None:
+            mesh.refit()
+        else:
+            launch(refit, 1, [ctypes.cast(mesh.runtime.core.wp_mesh_refit_host, ctypes.c_void_p).value, mesh.id], [])

@@ -1,0 +1,128 @@
+"""Contacts in a plan: a search in phase collide, a projection at the end of every iteration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+
+from wsim.model.stage import OVERFLOW, Clock, Method, Stage
+from wsim.physics.contact.contacts import FRICTION, Bodies, Contacts
+from wsim.scene import Motion, Problem, SceneError
+from wsim.scene.check import chord
+
+if TYPE_CHECKING:
+    from wsim.model.model import Model
+    from wsim.model.state import State
+
+
+def faces(body) -> np.ndarray:
+    """Places of the corners of a body's triangles, (t, 3); a spring is a triangle (i, j, j)."""
+    return (body.triangles if len(body.triangles) else body.edges[:, [0, 1, 1]]).astype(np.int32)
+
+
+class Contact(Method):
+    """Points of every body against every collider. Raises SceneError for a collider that makes no sense."""
+
+    def __init__(self, model: Model, state: State, points, status: wp.array, struck: wp.array | None, clock: Clock):
+        """points: the method that owns inverse masses and objects (`constants`) and the anchor."""
+        super().__init__("contact")
+        self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
+        self.within = False                              # of a Newton step
+        self.press: Callable[[Clock], None] | None = None        # behind what moves points after Newton steps
+        self.model, self.state, self.anchor = model, state, points.anchor
+        colliders = model.scene.colliders
+        own = points.constants.object
+        if model.gradients:                              # there each point has a row of its own
+            own = np.repeat(np.arange(len(model.bodies)), [b.count for b in model.bodies]).astype(np.int32)
+        each = [faces(b) for b in model.bodies]
+        bodies = Bodies([colliders] * len(model.bodies), np.stack([b.origin for b in model.bodies]), own,
+                        points.constants.w, model.stack("reach"),
+                        np.repeat([b.friction for b in model.bodies], [b.count for b in model.bodies], axis=0),
+                        model.shared(np.concatenate(each)),
+                        np.array([chord.breadth(b.rest, f - b.first) for b, f in zip(model.bodies, each, strict=True)]),
+                        np.array([b.reach.min() for b in model.bodies]))
+        self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
+                                 substeps=clock.substeps, dt=clock.dt, wanted=status, struck=struck)
+        self.contacts.launch = model.launch
+        self.contacts.smooth(model.scene, points.integrator.explicit)
+        if model.gradients:
+            from wsim.physics.contact.adjoint import ContactAdjoint
+            self.contacts.grow(self.contacts.rows.most)              # lists do not grow while they are recorded
+            self.contacts.adjoint = ContactAdjoint(self.contacts, model)
+        self.fields = {"mark": self.contacts.mark}
+        n, size, moving = model.points, np.dtype(model.dtype).itemsize, 2 * sum(
+            m.moves for m in self.contacts.meshes.values())
+        kinds = f"{len(colliders)} x {n} points: {', '.join(self.contacts.kinds)}"
+        self.stages = [Stage("find contacts", "collide", self.search, 1 + moving, n * (20 + 8 * size), what=kinds),
+                       Stage("contacts", "solve", self.project, 1, n * 4, "iteration", "points that touch")]
+        if struck is not None:
+            self.stages.append(Stage("settle", "solve", self.settle, 1, n * 4, what="points that touch: no history"))
+        self.bounce: Any = None
+        if any(c.restitution > 0.0 for c in colliders):
+            from wsim.physics.contact.restitution import Bounce
+            self.bounce = Bounce(model, state, points, self.contacts)
+            self.stages += self.bounce.stages
+
+    def kept(self) -> list[dict]:
+        """Distances [m] that colliders keep from the bodies of world 0, besides half of their thickness, where the scene leaves
+        them open and chords need some."""
+        rows, bodies, found = self.contacts.rows, [b for b in self.model.bodies if b.world == 0], []
+        for body in bodies:
+            for r in range(rows.first[body.number], rows.first[body.number + 1]):
+                c, gap = rows.colliders[rows.collider[r]], float(self.contacts.gap[r])
+                if c.thickness is None and gap > 0.0:
+                    found.append({"collider": c.path, "body": body.path, "thickness": gap})
+        return found
+
+    def search(self, clock: Clock) -> None:
+        self.contacts.search(clock.k, self.state.x, self.state.d, self.anchor)
+
+    def project(self, clock: Clock) -> None:
+        if self.within and not self.contacts.recorded:
+            if self.press:
+                self.press(clock)
+        elif self.after or not (self.solved and self.contacts.recorded):
+            self.contacts.project(clock.g, self.state.d, self.anchor)
+
+    def settle(self, clock: Clock) -> None:
+        s = self.state
+        if clock.multistep:
+            self.contacts.settle(clock.g, s.e, s.d, self.anchor, s.v)
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        self.contacts.prepare(time, substeps=clock.substeps, deep=True if clock.starting or self.model.gradients else None)
+
+    def grow(self, status: np.ndarray) -> str:
+        if not self.contacts.grow(int(status[OVERFLOW])):
+            return ""
+        return f"a point touches {int(status[OVERFLOW])} colliders at once, more than there was room for"
+
+    def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
+        return self.contacts.indicators(self.state.x) if self.contacts.time is not None else {}
+
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+        """static_friction, dynamic_friction of a body or a collider; thickness [m] and restitution of a collider, the latter
+        where one throws back from the start; motion of a collider, a Motion or a (4, 4) matrix, which worlds share."""
+        if name == "motion":
+            return world is None and self.contacts.move(path, value if isinstance(value, Motion) else Motion.still(value))
+        if name not in (*FRICTION, "thickness", "restitution") or (name == "restitution" and not self.bounce):
+            return False
+        objects = [k for k, b in enumerate(self.model.bodies) if world in (None, b.world)]
+        rows = self.contacts.set(path, name, value, objects)
+        if rows and name == "restitution":
+            self.bounce.set(rows, objects, value)
+        return bool(rows) or (name in FRICTION and self.rub(path, name, value, world))
+
+    def rub(self, path: str, name: str, value: float, world: int | None) -> bool:
+        """Friction of a body."""
+        bodies = [b for b in self.model.bodies if b.path == path and world in (None, b.world)]
+        if bodies and not (np.isfinite(value) and value >= 0.0):
+            raise SceneError(Problem(path, f"{name} is {value}; allowed is a finite number >= 0"))
+        values = self.contacts.points.friction.numpy()
+        for b in bodies:
+            values[b.first:b.last, FRICTION.index(name)] = value
+        self.contacts.points.friction.assign(values)
+        return bool(bodies)

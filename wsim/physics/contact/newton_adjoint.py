@@ -1,0 +1,107 @@
+"""Soft pins and contacts of an implicit substep that is solved to a residual, and their adjoints. See
+kernels/solver/soft_pin_adjoint.py, kernels/contact/coulomb.py and kernels/contact/coulomb_adjoint.py."""
+
+import warp as wp
+
+from wsim.kernels.contact import coulomb, coulomb_adjoint
+from wsim.kernels.math.real import types
+from wsim.kernels.solver import soft_pin_adjoint as kernels
+from wsim.model.model import Model
+
+
+class PinsAdjoint:
+    """Of the soft pins that `wsim.physics.solver.newton.Implicit.join` takes."""
+
+    def __init__(self, model: Model, pins, soft: list[wp.array]):
+        """pins: `wsim.physics.motion.points.Pins`; soft: (first, item), its pins by point."""
+        self.model, self.pins, self.soft = model, pins, soft
+        self.forces, self.adjoint = (f(model.real, model.module) for f in (kernels.pin_forces, kernels.pin_adjoint))
+
+    def table(self):
+        held, soft, target = kernels.helds(self.model.real)(), self.pins.soft, self.pins.target["soft"]
+        held.point, held.alpha, held.damping, held.target = soft.point, soft.alpha, soft.damping, target
+        held.by_alpha, held.by_damping, held.by_target = soft.alpha.grad, soft.damping.grad, target.grad
+        held.first, held.item = self.soft
+        return held
+
+    def add(self, x: wp.array, pair: wp.array, k: int, f: wp.array) -> None:
+        """Forces at substep k to those in f."""
+        self.model.launch(self.forces, self.soft[0].size - 1, [self.table(), x, pair, k], [f])
+
+    def transposed(self, x: wp.array, pair: wp.array, p: wp.array, k: int, whole: bool) -> None:
+        """Adds to the gradients of pair and, if whole, of x and the pins."""
+        self.model.launch(self.adjoint, self.soft[0].size - 1, [self.table(), x, pair, p, k, int(whole)], [x.grad, pair.grad])
+
+
+class ContactsAdjoint:
+    """Of the contacts that `wsim.physics.solver.newton.Implicit.join` takes."""
+
+    def __init__(self, model: Model, contact, after: bool):
+        """contact: `wsim.physics.contact.Contact`. after: something is projected behind a solve, and contacts once more behind
+        that."""
+        self.model, self.contacts = model, contact.contacts
+        contact.solved, contact.after, self.after = True, after, after
+        real, t, n = model.real, types(model.real), model.points
+        self.kernels = {f.__name__: f(real, model.module) for f in (
+            coulomb.turn, coulomb.bear, coulomb.screen, coulomb_adjoint.held_adjoint, coulomb_adjoint.spread_out,
+            *((coulomb_adjoint.remainder, coulomb_adjoint.joined, coulomb_adjoint.pushed_adjoint) if after else ()))}
+        self.kernels |= {name: coulomb_adjoint.framed(getattr(coulomb_adjoint, name), real, model.module)
+                         for name in ("taken_back", "given")}
+        frame = self.frame = coulomb.structs(real).Frame()
+
+        def zeros(count, dtype):
+            return wp.zeros(count, dtype=dtype, device=model.device)
+        frame.S, frame.W, frame.K = (zeros(n, t.mat33) for _ in range(3))
+        frame.bears = zeros(self.contacts.push.size, int)
+        self.found = zeros(self.contacts.push.size, t.vec3)
+        self.left = coulomb.structs(real).Left()
+        self.left.miss = zeros(n, t.vec3)
+        self.by_push: wp.array | None = None             # gradient by the pushes of a solve, which is differentiated next
+        self.given = zeros(n * after, t.vec3)            # what they give by forces
+
+    def begin(self) -> None:
+        """Before a substep."""
+        self.contacts.push.zero_()
+        self.frame.bears.zero_()
+
+    def run(self, name: str, inputs: list, outputs: list) -> None:
+        self.model.launch(self.kernels[name], self.model.points, inputs, outputs)
+
+    @property
+    def tables(self) -> list:
+        c = self.contacts
+        return [c.table, c.points, c.slots]
+
+    def state(self, d: wp.array, a: wp.array, b: wp.array, f: wp.array, rate: float):
+        found = coulomb.structs(self.model.real).State()
+        found.d, found.a, found.b, found.f, found.rate = d, a, b, f, rate
+        return found
+
+    def bear(self, state, r: wp.array, scale: wp.array, found: bool = False) -> None:
+        """The frame of a state, with what is left there (r, `left.miss`), and what that is small beside. found: of a solution
+        with the pushes `found`, which are written over."""
+        self.left.r, self.left.scale = r, scale
+        push = self.found if found else self.contacts.push
+        self.run("bear", [*self.tables, state, int(found), self.frame, self.left], [push])
+
+    def turn(self, d: wp.array, a: wp.array, g: float, first: bool = False) -> None:
+        """Projects d. first: of what projections have left (kernels/contact/project.py), whose pushes say what sticks."""
+        self.run("turn", [*self.tables, a, g, int(first)], [d, self.contacts.push, self.frame.bears])
+
+    def screen(self, P: wp.array) -> None:
+        self.run("screen", [self.frame.S], [P])
+
+    def grads(self, y: wp.array, by_a: wp.array):
+        by, adjoint = coulomb.structs(self.model.real).Grads(), self.contacts.adjoint
+        by.d, by.n, by.b, by.u, by.friction, by.a = y, adjoint.n, adjoint.b, adjoint.u, adjoint.friction, by_a
+        return by
+
+    def pushed(self, state, y: wp.array, by_a: wp.array, by_w: wp.array) -> None:
+        """`given` of `by_push`, at the pushes `found` of `bear`; adds gradients by d (y), contacts, friction, a and w."""
+        of = coulomb.structs(self.model.real).Pushed()
+        of.bears, of.push, of.by_push, of.by_w = self.frame.bears, self.found, self.by_push, by_w
+        self.run("pushed_adjoint", [*self.tables, state, of, self.grads(y, by_a)], [self.given])
+
+    def back(self, state, v: wp.array, q: wp.array, y: wp.array, by_a: wp.array) -> None:
+        """Adds gradients by contacts, friction and a."""
+        self.run("held_adjoint", [*self.tables, state, self.frame, v, q, self.grads(y, by_a)], [])

@@ -1,0 +1,85 @@
+"""Colliders that throw points back: a stage after the last iteration of contacts. Equations: kernels/contact/restitution.py."""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.contact import restitution as kernels
+from wsim.model.model import Model
+from wsim.model.stage import Clock, Stage
+from wsim.model.state import State
+
+
+class Bounce:
+    """Of the contacts of a plan."""
+
+    def __init__(self, model: Model, state: State, points, contacts):
+        """points: the method that owns gravity and the anchor; contacts: `wsim.physics.contact.contacts.Contacts`."""
+        self.model, self.state, self.points, self.contacts = model, state, points, contacts
+        real, module, n = model.real, model.module, model.points
+        rows, m, multistep = contacts.rows, points.integrator, contacts.struck is not None
+        values = np.array([c.restitution for c in rows.colliders])
+        values = np.tile(values[:, None], (1, n)) if model.gradients else values[rows.collider, None]
+        self.restitution = wp.array(values, dtype=real, device=model.device, requires_grad=model.gradients)
+        self.explicit: Any = None                        # the method, where an explicit integrator predicts
+        self.before, self.thrown = state.v, None         # velocity before this substep; who was thrown in it
+        self.free = m.explicit and len(m.steps) != 1     # symplectic Euler goes as backward Euler does, in a straight line
+        self.kernel = (kernels.bounce_free if self.free else kernels.bounce_held)(real, module)
+        self.spare = kernels.spare(real, module) if len(m.steps) == 2 else None
+        self.normal = wp.zeros_like(state.v) if self.free else None
+        self.stages = [Stage("bounce", "solve", self.launch, 1, n * 12 * state.v.strides[0], what="points that hit")]
+        if multistep or not (self.free or m.g):
+            self.before = wp.zeros_like(state.v)
+            self.stages.append(Stage("before", "pose", self.keep, 1, 2 * n * state.v.strides[0], what="velocities"))
+        if multistep:
+            self.thrown, self.renew_kernel = wp.zeros_like(contacts.struck), kernels.renew(real, module)
+            self.stages.append(Stage("renew", "finish", self.renew, 1, n * 4, what="points that were thrown: history"))
+
+    def set(self, rows: list[int], objects: list[int], value: float) -> None:
+        """Gives rows of colliders among these objects another restitution."""
+        values = self.restitution.numpy()
+        if self.model.gradients:
+            for o in objects:
+                values[np.array(rows) % len(values), self.model.bodies[o].first:self.model.bodies[o].last] = value
+        else:
+            values[rows] = value
+        self.restitution.assign(values)
+
+    def of(self, row: int, point: int) -> float:
+        """Restitution of a row for a point."""
+        values = self.restitution.numpy()
+        return float(values[row % values.shape[0], point % values.shape[1]])
+
+    def join(self, explicit) -> None:
+        """Takes an explicit integrator (the method): what it predicts, and its last half kick."""
+        self.explicit = explicit
+        if self.spare:
+            explicit.impacts = self.passed
+
+    def keep(self, clock: Clock) -> None:
+        """Before anything changes the velocity."""
+        self.model.copy(self.before, self.state.v)
+
+    def renew(self, clock: Clock) -> None:
+        """After a substep of a multistep integrator."""
+        s = self.state
+        self.model.launch(self.renew_kernel, self.model.points, [self.points.constants, self.thrown, s.v, clock.h], [s.s, s.u])
+
+    def launch(self, clock: Clock) -> None:
+        """After the last iteration."""
+        s, c, table = self.state, self.contacts, kernels.bounces(self.model.real)()
+        table.restitution, table.h, table.g = self.restitution, clock.h, clock.g
+        d, a = s.d, self.points.anchor
+        if self.free:
+            table.source, table.bend = self.explicit.at, 2.0 if self.points.integrator.order > 1 else 1.0
+            inputs, outputs = [table, c.slots, c.push, d, a, s.e, self.explicit.pair], [d, a, c.push, self.normal]
+        else:
+            start = a if self.thrown is None else s.e
+            inputs = [table, self.points.constants, c.slots, c.push, d, a, start, self.before]
+            outputs = [d, a, c.push, self.thrown]
+        self.model.launch(self.kernel, c.count, inputs, outputs, c.adjoint.reading(self.kernel) if c.recorded else None)
+
+    def passed(self) -> None:
+        """Before leapfrog's last half kick."""
+        self.model.launch(self.spare, self.model.points, [self.explicit.change, self.normal], [self.explicit.change])

@@ -1,0 +1,300 @@
+"""Explicit integrators: forces are gathered by points, a launch a substep. See kernels/motion/explicit.py.
+
+Where nothing but springs, elements and hard pins acts, the positions at the start of a frame stay and displacements grow
+through it ("frame"); small nets then take a whole frame in one launch, of a cluster of blocks, and springs alone on a CPU in
+one of threads abreast. Wind, contacts, soft pins, tethers and strain limits act on every substep: its positions are committed
+at its end, and what they changed becomes a velocity.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.motion import cluster, march_cpu
+from wsim.kernels.motion import explicit as kernels
+from wsim.kernels.motion.threads import teams
+from wsim.model.model import Model
+from wsim.model.stage import RESIDUAL, Clock, Method, Stage
+from wsim.model.state import State
+from wsim.physics.cloth.constraints import Rows, changed, in_worlds
+from wsim.physics.motion import frequency
+from wsim.physics.motion.forces import Pull
+from wsim.physics.motion.overstretch import Watch
+from wsim.physics.motion.stability import needed
+from wsim.scene.integrator import Integrator
+
+
+class Explicit(Method):
+    """Stages of an explicit integrator. `steps`: whether others act within a substep."""
+
+    def __init__(self, model: Model, state: State, points, rows: dict[str, list[Rows]], clock: Clock, steps: bool, pins=None):
+        """rows: soft constraints of each body of world 0, by path; pins: the method that knows the hard pins, or None."""
+        super().__init__("explicit")
+        self.model, self.state, self.points, self.status = model, state, points, points.status
+        self.integrator: Integrator = points.integrator
+        self.rows, self.pins, self.steps = in_worlds(model, rows), pins, steps
+        self.target = None            # of the pins, as the net has it
+        self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
+        self.muscles = None           # the method that puts their rest lengths
+        self.loads = None             # the method that puts what loads add to gravity
+        self.impacts = lambda: None      # takes impacts (restitution) out of `change` before leapfrog's last half kick
+        self.corrected: Callable | None = None        # adjoint of the last launch of a substep
+        self.pull = Pull(model, points.constants, self.rows, None if pins is None else pins.columns(),
+                         alone=not (steps or self.integrator.stages), staged=bool(self.integrator.stages))
+        self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
+        self.acts = int(any(r.body and getattr(r.body.source, "actuation", None) for r in self.rows)) + bool(model.scene.loads)
+        self.make(clock.substeps)
+        self.watch = None if self.marches and not self.steps else Watch(model, state, self.status, explicit=True)
+        self.stages += self.watch.stages if self.watch else []
+
+    # stages
+
+    def make(self, count: int) -> None:
+        """Kernels and stages."""
+        model, real, module, pull = self.model, self.model.real, self.model.module, self.pull
+        what, size = f"{pull.count} springs, {sum(len(e.ids) for e in pull.elements)} elements", pull.bytes
+        plain = not (pull.elements or self.integrator.stages or self.field or self.acts)
+        self.marches = pull.added and plain
+        if pull.cluster and plain:
+            self.run = cluster.frame(real, model.module_of(pull.cluster.threads), pull.cluster)
+            self.stages = [Stage(self.integrator.name, "predict", self.frame_by_cluster, 1, size * count, "frame", what)]
+            return
+        if self.marches:
+            self.march = march_cpu.march(real, module, self.damped)
+            if not self.steps:
+                self.move(self.state.e, self.state.v, self.state.r, None)
+                what += f", {pull.abreast.count} threads" * (pull.abreast.count > 1)
+                self.stages = [Stage(self.integrator.name, "predict", self.frame_by_march, 1, size * count, "frame", what)]
+                return
+        self.room()
+        self.begin, self.commit = kernels.begin(real, module), kernels.commit(real, module)
+        if self.marches:
+            n = model.points
+            self.move(self.pair[:n], self.pair[2 * n:3 * n], self.carry[:n], self.carry[n:])
+        else:
+            pull.need_springs()
+            make = kernels.stage if self.integrator.stages else kernels.leap
+            self.kernel = make(real, module, pull.flags(), self.field)
+        launches = self.integrator.forces * (1 + pull.launches + self.acts)
+        if self.steps:
+            self.correct, self.settle = kernels.correct(real, module), kernels.settle(real, module)
+            self.change = wp.zeros(model.points, dtype=types(real).vec3, device=model.device)
+            if model.gradients:
+                from wsim.physics.motion.points_adjoint import CorrectAdjoint
+                self.corrected = CorrectAdjoint(model).backward
+            self.stages = [Stage("start", "pose", self.resume, 2, 0, "frame", "displacements are zero"),
+                           Stage(self.integrator.name, "predict", self.predict, launches + 1, size, what=what),
+                           Stage("correct", "finish", self.finish, 1, 0, what="what others changed")]
+            return
+        if model.gradients:                      # substep by substep, so that a recording may begin and end at each
+            self.stages = [Stage("start", "pose", self.start, 1, 0, "frame", "displacements are zero"),
+                           Stage(self.integrator.name, "predict", self.one, launches, size, what=what),
+                           Stage("commit", "deform", self.last, 2, 0, "frame", "positions")]
+            return
+        self.stages = [Stage(self.integrator.name, "predict", self.frame, 3 + count * launches, size * count, "frame", what)]
+
+    def room(self) -> None:
+        """Arrays that outlive a launch: displacements and velocities twice, remainders, sums of Runge-Kutta stages."""
+        n, vec3, device = self.model.points, types(self.model.real).vec3, self.model.device
+        self.pair, self.carry = (wp.zeros(k * n, dtype=vec3, device=device) for k in (4, 2))
+        self.own = wp.zeros(3 * n, dtype=vec3, device=device) if self.integrator.stages else None
+
+    def move(self, d: wp.array, q: wp.array, carry: wp.array, slip: wp.array | None) -> None:
+        """What a march works on, in place. slip: None where it takes frames."""
+        m = self.moving = march_cpu.moving(self.model.real)()
+        m.x, m.d, m.q, m.v, m.carry, m.slip, m.frame = self.state.x, d, q, self.state.v, carry, slip, int(slip is None)
+        m.status = self.status[RESIDUAL:]
+
+    def start(self, clock: Clock) -> None:
+        s = self.state
+        for table in self.solids:
+            table.forget()
+        self.model.launch(self.begin, self.model.points, [s.e, s.v, s.r, 0], [self.pair, self.carry, self.own])
+
+    def resume(self, clock: Clock) -> None:
+        """As `start`, where others act within substeps: leapfrog goes on from its half step, so that all substeps are alike.
+        """
+        self.start(clock)
+        if self.state.has("b") and not clock.starting:
+            self.model.copy(self.state.v, self.state.b)
+
+    @property
+    def stride(self) -> int:
+        """Rows of the pins' targets a substep."""
+        return int(self.pins is not None and self.pins.moves)
+
+    def step(self, clock: Clock, kick: float, drift: float, source: int):
+        s = kernels.steps(self.model.real)()
+        s.kick, s.later, s.drift, s.h = kick * clock.h, clock.h, drift * clock.h, clock.h
+        s.ahead = 0.5 * clock.h if len(self.integrator.steps) == 2 else 0.0
+        s.source, s.count = source, clock.substeps
+        s.stride = self.stride
+        s.row = clock.k * s.stride
+        return s
+
+    def kick(self, clock: Clock, kick: float, drift: float, source: int) -> int:
+        """From copy `source`; returns the copy that it ends in."""
+        s, step = self.state, self.step(clock, kick, drift, source)
+        self.act(clock, float(drift == 0.0))
+        if self.marches:
+            step.count = 1
+            self.model.launch(self.march, 1, [self.net, self.pull.table, step, teams()()], [self.moving, self.pull.space])
+            return source
+        self.pull.launch(source, s.x, self.pair)
+        self.model.launch(self.kernel, self.model.points * self.pull.lanes,
+                          [self.net, self.pull.force, s.x, self.pair, s.v, self.carry, step],
+                          [self.pair, s.v, self.carry], self.pull.backward)
+        return 1 - source
+
+    def act(self, clock: Clock, part: float) -> None:
+        """Muscles have the lengths, and loads the forces, of that part of the substep."""
+        for method in (self.muscles, self.loads):
+            if method:
+                method.act(2 * clock.k + round(2.0 * part))
+
+    def advance(self, clock: Clock, source: int) -> int:
+        """One substep from copy `source`; returns the copy that it ends in. Leapfrog's velocity stays at the half step."""
+        m = self.integrator
+        if m.stages:
+            return self.stage_by_stage(clock, source)
+        half = len(m.steps) == 2 and clock.k == 0 and (clock.starting or not self.steps)
+        return self.kick(clock, 0.5 if half else 1.0, 1.0, source)
+
+    def stage_by_stage(self, clock: Clock, source: int) -> int:
+        s, coefficients = self.state, self.integrator.stages
+        for number, (c, b) in enumerate(coefficients):
+            self.act(clock, c)
+            self.pull.launch(source, s.x, self.pair)
+            part = kernels.parts(self.model.real)()
+            part.last = int(number == len(coefficients) - 1)
+            part.reach = 1.0 if part.last else coefficients[number + 1][0]
+            part.c, part.b, part.h, part.source = part.reach * clock.h, b * clock.h, clock.h, source
+            part.row = clock.k * self.stride
+            self.model.launch(self.kernel, self.model.points * self.pull.lanes,
+                              [self.net, self.pull.force, s.x, self.pair, s.v, self.carry, self.own, part],
+                              [self.pair, s.v, self.carry, self.own])
+            source = 1 - source
+        return source
+
+    def read_out(self, clock: Clock, source: int) -> int:
+        """Leapfrog's last half kick."""
+        if len(self.integrator.steps) < 2:
+            return source
+        return self.kick(clock, 0.5, 0.0, source)
+
+    def frame(self, clock: Clock) -> None:
+        """All substeps, a launch for each evaluation of the forces."""
+        self.start(clock)
+        source = 0
+        for k in range(clock.substeps):
+            clock.k = k
+            source = self.advance(clock, source)
+        self.close(clock, self.read_out(clock, source))
+
+    def side(self, clock: Clock) -> int:
+        """The copy that this substep starts from; a march works on one."""
+        return 0 if self.marches else clock.k * self.integrator.forces % 2
+
+    def one(self, clock: Clock) -> None:
+        """A substep of a frame."""
+        self.advance(clock, self.side(clock))
+
+    def last(self, clock: Clock) -> None:
+        """The end of a frame, after its last substep."""
+        clock.k = clock.substeps - 1
+        self.close(clock, self.read_out(clock, (self.side(clock) + self.integrator.forces) % 2))
+
+    def whole(self, clock: Clock):
+        """All substeps of a frame, and leapfrog's last half kick."""
+        clock.k, half = 0, len(self.integrator.steps) == 2
+        step = self.step(clock, 0.5 if half else 1.0, 1.0, 0)
+        step.close = 0.5 * clock.h if half else 0.0
+        return step
+
+    def frame_by_cluster(self, clock: Clock) -> None:
+        """All of it in one launch."""
+        s, plan = self.state, self.pull.cluster
+        assert plan is not None
+        self.model.launch_blocks(self.run, plan.size, plan.threads, [self.net, self.pull.shares, s.x, self.whole(clock)],
+                                 [s.x, s.e, s.v, s.r])
+
+    def frame_by_march(self, clock: Clock) -> None:
+        """All substeps in one launch: of one CPU thread, which others join."""
+        self.walk(clock, self.pull.abreast.lead(self.key(clock)))
+
+    def walk(self, clock: Clock, team) -> None:
+        """As one of the team."""
+        self.model.launch(self.march, 1, [self.net, self.pull.table, self.whole(clock), team], [self.moving, self.pull.space])
+
+    def key(self, clock: Clock) -> tuple:
+        """Of what the arguments of `walk` are made."""
+        return clock.substeps, clock.h, self.stride, 0 if self.target is None else self.target.ptr
+
+    def close(self, clock: Clock, source: int) -> None:
+        s = self.state
+        self.model.launch(self.commit, self.model.points, [self.pair, self.carry, s.x, source], [s.x, s.e, s.r])
+
+    def predict(self, clock: Clock) -> None:
+        """Where others act on the substep: the displacement goes where they look for it."""
+        s, n = self.state, self.model.points
+        self.at = self.advance(clock, self.side(clock))
+        self.model.copy(s.d, self.pair, 0, self.at * n, n)
+        self.model.copy(s.a, s.e)
+
+    def finish(self, clock: Clock) -> None:
+        s = self.state
+        self.model.launch(self.correct, self.model.points, [s.d, s.a, s.e, self.pair, s.x, s.v, clock.h, self.at],
+                          [s.x, s.e, s.v, self.pair, self.change], self.corrected)
+        if self.own is not None:
+            self.model.copy(self.own, self.pair, 0, self.at * self.model.points, self.model.points)
+        if clock.k == clock.substeps - 1:
+            self.model.copy(s.r, self.carry, 0, 0, self.model.points)
+        if clock.k == clock.substeps - 1 and len(self.integrator.steps) == 2:
+            self.model.copy(s.b, s.v)
+            self.read_out(clock, self.at)
+            self.impacts()
+            self.model.launch(self.settle, self.model.points, [s.b, self.change, s.v, 0.5], [s.v])
+
+    # around a frame
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        if self.pins is not None and self.target is not self.pins.target["hard"]:
+            self.target = self.net.target = self.pins.target["hard"]
+        if self.marches and not self.steps:
+            self.pull.abreast.send(self.key(clock), lambda team: self.walk(clock, team))
+
+    def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
+        """elastic_energy [J]."""
+        from wsim.physics.cloth.energy import energy
+        solid = self.solids[0].indicators(self.solids, self.state) if self.solids else {}
+        now = self.muscles.present(self.rows) if self.muscles else self.rows
+        return {"elastic_energy": energy(self.model, now, self.state) + solid.get("solid_energy", 0.0), **solid}
+
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+        """stretch, weft, shear, bend, poisson of a cloth, stiffness of a net, damping [s] of either if there is some; what is
+        at rest."""
+        hit = any([table.set(path, name, value, world) for table in self.solids])
+        if hit := bool(changed(self.model, self.rows, path, name, value, world, self.damped)) or hit:
+            self.send()
+        return hit
+
+    def send(self) -> None:
+        """Uploads constraints."""
+        self.pull.refresh()
+        if self.watch:
+            self.watch.follow(*([self.muscles.longest] if self.muscles else []))
+
+    def least(self) -> int:
+        """Substeps that keep the present stiffness stable, in every world."""
+        firsts = [b for b in self.model.bodies if b.world == 0]
+        bounds = [frequency.bound(frequency.in_world(self.model, world),
+                                  {b.path: [r.moved(b) for r in self.rows if r.body is not None
+                                            and (r.body.path, r.body.world) == (b.path, world)] for b in firsts},
+                                  [replace(p, body=b) for table in self.solids for p in table.parts for b in firsts
+                                   if (p.body.path, p.body.world) == (b.path, world)])
+                  for world in range(self.model.worlds)]
+        tops = [b for b in set(bounds) if not any(b != o and b[0] <= o[0] and b[1] <= o[1] for o in bounds)]
+        return max(needed(self.model.scene, self.integrator, omega, c) for omega, c in tops)

@@ -1,0 +1,299 @@
+"""Forces by which explicit steps are taken: springs of each point, and elements with their corners.
+
+On a GPU, and where gradients are asked for, a point's springs stand together, padded to equal numbers where that does not cost
+much, and are gathered by a few threads; else on a CPU every spring stands once, at its lower end, and is added to both
+(kernels/cloth/spring.py, kernels/motion/march_cpu.py).
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.geometry.topology import incident
+from wsim.kernels.cloth import element
+from wsim.kernels.cloth import spring as kernels
+from wsim.kernels.math.real import types
+from wsim.kernels.motion import march_cpu
+from wsim.kernels.motion import packets as lots
+from wsim.kernels.motion.cluster import Shares
+from wsim.model.model import Model
+from wsim.physics.cloth.constraints import Rows
+from wsim.physics.motion.cluster import LARGE, MANY, Cluster, cluster_of, halo
+from wsim.physics.motion.packets import Packets
+from wsim.physics.motion.threads import Abreast, cores, orders
+
+FEW = 20_000           # points up to which padding to the largest number of springs is free: launches are all that counts
+PADDED = 1.5           # entries over springs' ends that padding may cost above
+
+
+class Pull:
+    """Every force on the points, on the device. `columns`: of the pins' targets, see `Pins.columns`."""
+
+    def __init__(self, model: Model, constants, rows: list[Rows], columns: np.ndarray | None, alone: bool = False,
+                 staged: bool = False, shared: bool = True):
+        """alone: nothing else acts within a frame, so that a cluster of blocks, or CPU threads abreast, may take all of it.
+        staged: integrators of several stages, whose adjoints are Warp's. shared: several threads may take a point."""
+        self.model = model
+        self.exact = model.gradients and not staged and model.real is wp.float32      # see kernels/math/compensated.py
+        self.shared = shared and model.device.is_cuda and not (staged and model.gradients)
+        self.cluster: Cluster | None = None
+        self.backward: Callable | None = None         # adjoint of a leap
+        self.springs = [r for r in rows if r.kind == "distance"]
+        self.tables: list = []
+        if model.scene.softs:
+            from wsim.physics.soft.fem import tables_of
+            self.tables = tables_of(model)
+        self.damped = any(r.tau > 0.0 for r in rows) or any(table.damped for table in self.tables)
+        self.added = bool(self.springs) and not (model.device.is_cuda or model.gradients)
+        self.lengths: wp.array | None = None          # rest lengths of the entries before muscles shorten them
+        alone = alone and not any(r.body and getattr(r.body.source, "actuation", None) for r in rows) and not model.scene.loads
+        self.only = not (self.damped or model.scene.softs) and len(self.springs) == len(rows)
+        self.whole = alone and len(self.springs) == len(rows) and not model.scene.softs
+        self.alone = alone and self.only and _clusters(model.device) and not model.gradients
+        self.net = kernels.net(model.real)()
+        for name in ("w", "object", "gravity", "decay"):
+            setattr(self.net, name, getattr(constants, name))
+        self.net.pin = model.upload(np.full(model.points, -1, np.int32) if columns is None else columns, int)
+        self.table, self.lanes, self.width = self.net, 1, 0
+        if self.springs:
+            self.place(model.shared(np.concatenate([r.ids for r in self.springs]).astype(np.int32)))
+            self.values()
+        kinds = sorted({r.kind for r in rows} - {"distance"})
+        flat = [Elements(model, kind, [r for r in rows if r.kind == kind]) for kind in kinds]
+        self.elements: list[Elements | Solid] = [*flat, *(Solid(table) for table in self.tables)]
+        # adjoints of elements ask p, the gradient by forces on points; those of stages, which are Warp's, leave it at corners
+        self.direct = bool(self.elements) and not staged
+        self.p = wp.zeros(model.points, dtype=types(model.real).vec3, device=model.device) if model.gradients else None
+        self.by_corners: wp.array | None = None       # gradients by their positions, where p is all that is to be known
+        self.rates: wp.array | None = None            # and by their velocities
+        for e in self.elements:
+            e.make(self.damped)                  # before the module is compiled
+        self.corners()
+
+    def place(self, ids: np.ndarray) -> None:
+        """Entries: which spring stands where."""
+        model, n = self.model, self.model.points
+        if self.added:
+            self.packets(ids, orders(self.springs, model.bodies))
+            return
+        start, spring = incident(ids, n)
+        point = np.repeat(np.arange(n), np.diff(start))
+        self.entry, other = spring, ids[spring].sum(1) - point
+        most = int(np.diff(start).max())
+        self.lanes = _lanes(n, most) if self.shared else 1
+        if self.alone:
+            size = 16 if model.device.arch == LARGE and model.device.sm_count >= MANY else 8
+            self.cluster = cluster_of(n, most, size, np.dtype(model.dtype).itemsize)
+            self.lanes = self.cluster.lanes if self.cluster else self.lanes
+        width = -(-most // self.lanes) * self.lanes
+        if n <= FEW or n * width <= PADDED * len(spring):
+            self.width = width
+            into = point * width + np.arange(len(point)) - start[point]
+            self.entry, filled = np.full(n * width, -1), np.repeat(np.arange(n), width)
+            self.entry[into], filled[into] = spring, other
+            other = filled
+        if self.cluster:
+            self.cluster = self.share(self.cluster, np.repeat(np.arange(n), width), other)
+        self.table.start = model.upload(start.astype(np.int32), int)
+        self.table.other = model.upload(other.astype(np.int32), int)
+
+    def packets(self, ids: np.ndarray, order: np.ndarray) -> None:
+        """The same on a CPU. order: of the points."""
+        model, found = self.model, Packets(ids, order, self.model.worlds)
+        self.entry, self.table = found.entry, lots.list_of(model.real)()
+        for name in ("order", "group", "runs", "start"):
+            setattr(self.table, name, model.upload(getattr(found, name).astype(np.int32), int))
+        self.table.ends = model.upload(found.words(), wp.uint64)
+        self.abreast = Abreast(model, found, cores() if self.whole else 1)
+        self.table.row = lots.row(len(found.order))
+        self.space = lots.room(model.real, self.table.row, len(found.entry), model.device)
+
+    def share(self, cluster: Cluster, point: np.ndarray, other: np.ndarray) -> Cluster | None:
+        """Which block keeps what; no cluster where points hang together too widely for that."""
+        found = halo(cluster, self.model.points, point, other, np.dtype(self.model.dtype).itemsize)
+        if found is None:
+            return None
+        self.shares = Shares()
+        for name in ("slot", "push", "guests"):
+            setattr(self.shares, name, self.model.upload(getattr(found[1], name), int))
+        return found[0]
+
+    def values(self, again: bool = False) -> None:
+        """Uploads rest lengths, stiffness and damping of the entries; again: into the same arrays."""
+        each = [np.broadcast_to(1.0 / r.alpha, len(r.ids)) for r in self.springs]
+        tables = {"rest": np.concatenate([r.rest for r in self.springs]), "k": np.concatenate(each)}
+        if self.damped:
+            tables["damping"] = np.concatenate([r.tau * k for r, k in zip(self.springs, each, strict=True)])
+        if self.exact:                               # of muscles, whose lengths are products, it is not known
+            tables["left"] = (tables["rest"] - tables["rest"].astype(np.float32)) * (self.lengths is None)
+        for name, values in tables.items():
+            spread = np.append(values, 0.0)[self.entry].astype(self.model.dtype)        # padding pulls at nothing
+            if again:
+                (self.lengths if name == "rest" and self.lengths else getattr(self.table, name)).assign(spread)
+            else:
+                setattr(self.table, name, self.model.upload(spread, self.model.real))
+
+    def corners(self) -> None:
+        """Places of each point's forces among the corners of all elements; before those come sums of the points."""
+        model, first = self.model, self.model.points if self.added else 0
+        size = first + sum(e.ids.size for e in self.elements)
+        self.force = wp.zeros(size, dtype=types(model.real).vec3, device=model.device) if size else None
+        if model.gradients and self.direct and self.force:
+            model.plain.add(self.force.ptr)
+            self.by_corners = wp.zeros_like(self.force)              # where their gradients stand until points take them
+        if model.gradients and any(e.damped for e in self.elements):
+            self.rates = wp.zeros(size, dtype=types(model.real).vec3, device=model.device)
+        if self.elements:
+            starts, items = incident(np.concatenate([e.ids.ravel() for e in self.elements])[:, None], model.points)
+            self.net.first, self.net.item = model.upload(starts.astype(np.int32), int), model.upload(items + first, int)
+            if self.shared and not self.springs:
+                self.lanes = _lanes(model.points, int(np.diff(starts).max()))
+        for e in self.elements:
+            e.first, first = first, first + e.ids.size
+            if model.gradients:
+                e.differentiate(self)
+
+    def need_springs(self) -> None:
+        """Makes the kernel of springs that `launch` needs on a CPU, and what gradients of a leap need."""
+        if self.added:
+            self.pull = march_cpu.pull(self.model.real, self.model.module, self.damped)
+        if self.model.gradients:
+            from wsim.physics.motion.forces_adjoint import ForceAdjoint
+            self.backward = ForceAdjoint(self.model, self, masses=True).leap
+
+    def flags(self) -> tuple:
+        """What `wsim.kernels.cloth.spring.acceleration` is made of."""
+        return tuple({"springs": bool(self.springs), "corners": bool(self.elements), "damped": self.damped,
+                      "added": self.added, "lanes": self.lanes, "width": self.width, "exact": self.exact}.items())
+
+    def launch(self, source: int, x: wp.array, pair: wp.array) -> None:
+        """Forces that are not gathered on the way: those of elements, and on a CPU of springs."""
+        if self.added:
+            self.model.launch(self.pull, 1, [self.table, x, pair, source], [self.force, self.space])
+        for e in self.elements:
+            e.launch(x, pair, source, self.force)
+
+    def refresh(self) -> None:
+        """Uploads rest values, stiffness and damping anew."""
+        if self.springs:
+            self.values(again=True)
+        for e in self.elements:
+            e.refresh()
+
+    @property
+    def count(self) -> int:
+        """Springs."""
+        return sum(len(r.ids) for r in self.springs)
+
+    @property
+    def launches(self) -> int:
+        return len(self.elements) + self.added + 2 * any(getattr(e, "curvature", None) is not None for e in self.elements)
+
+    @property
+    def bytes(self) -> int:
+        """Moved by one evaluation of all forces, when every gather hits the cache once."""
+        real, n = np.dtype(self.model.dtype).itemsize, self.model.points
+        entries = len(self.entry) if self.springs else 0
+        return (entries * (4 + real * (2 + self.damped)) + n * real * (21 + 6 * self.damped) + n * 12
+                + sum(e.ids.size * (4 + 3 * 2 * real) for e in self.elements))
+
+
+def _clusters(device) -> bool:
+    """Whether blocks can form clusters: on the device, and in what Warp compiles for it (PTX may be for an older one)."""
+    return device.is_cuda and min(device.arch, device.get_cuda_compile_arch()) >= 90
+
+
+def _lanes(n: int, most: int) -> int:
+    """Threads that share a point on a GPU. H200, 12 springs a point, a launch: 1k points 4.3 us with 16, 4.6 with 4 and 10.3
+    with 1; 10k points 5.5 with 8, 5.9 with 4; 100k points 13.8 with 4, 23.7 with 8; 1M points 103 with 2, 120 with 1."""
+    few = 16 if n <= 8_000 else 8 if n <= 30_000 else 4 if n <= 100_000 else 2
+    return min(few, 1 << max(most - 1, 0).bit_length())
+
+
+def _nothing(read: list, wrote: list) -> None:
+    """Adjoint of launches that another's adjoint takes along."""
+
+
+class Elements:
+    """Membranes or hinges of every body, on the device."""
+
+    def __init__(self, model: Model, kind: str, rows: list[Rows]):
+        self.model, self.kind, self.rows, self.first, self.damped = model, kind, rows, 0, False
+        self.backward: Callable | None = None         # adjoint of `launch`
+        t, real = types(model.real), model.real
+        self.ids = model.shared(np.concatenate([r.ids for r in rows]).astype(np.int32))
+        self.data = element.elements(kind, real)()
+        self.data.point = model.upload(self.ids, wp.types.vector(self.ids.shape[1], int))
+        self.data.rest = model.upload(np.concatenate([r.rest for r in rows]), t.mat22 if kind == "membrane" else real)
+        self.data.stiffness = model.upload(self.stiffness(), t.vec4 if kind == "membrane" else real)
+        self.data.tau = model.upload(self.tau(), real)
+        self.curvature: Any = None
+        if kind == "dihedral":
+            from wsim.physics.cloth.curvature import Curvature
+            self.curvature = Curvature(model, rows, stored=True)
+
+    def stiffness(self) -> np.ndarray:
+        """alpha^-1, (m,); of a membrane (m, 4): (uu, uv, shear, vv) of plane stress."""
+        alpha = np.concatenate([np.broadcast_to(r.alpha, (len(r.ids), *r.alpha.shape[1:])) for r in self.rows])
+        if self.kind != "membrane":
+            return 1.0 / alpha
+        uu, uv, shear, vv = alpha.T
+        det = uu * vv - uv**2
+        return np.stack([vv / det, -uv / det, 1.0 / shear, uu / det], axis=1)
+
+    def tau(self) -> np.ndarray:
+        return np.concatenate([np.full(len(r.ids), r.tau) for r in self.rows])
+
+    def refresh(self) -> None:
+        self.data.rest.assign(np.concatenate([r.rest for r in self.rows]).astype(self.model.dtype))
+        self.data.stiffness.assign(self.stiffness().astype(self.model.dtype))
+        self.data.tau.assign(self.tau().astype(self.model.dtype))
+        if self.curvature:
+            self.curvature.refresh()
+
+    def make(self, damped: bool) -> None:
+        self.damped, real, module = damped, self.model.real, self.model.module
+        if self.curvature:
+            from wsim.kernels.cloth import curvature
+            self.strained, self.kernel = curvature.strained(real, module, damped), curvature.corners(real, module)
+        else:
+            self.kernel = element.corners(real=real, module=module, damped=damped)
+
+    def differentiate(self, pull: Pull) -> None:
+        from wsim.physics.motion.forces_adjoint import BentAdjoint, FlatAdjoint
+        self.backward = (BentAdjoint if self.curvature else FlatAdjoint)(self.model, self, pull).backward
+
+    def launch(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> None:
+        read: list = [self.data, x, pair, source, self.first]
+        if self.curvature:
+            cur = self.curvature
+            self.model.launch(self.strained, cur.hinges, [self.data, x, pair, source, cur.data], [], _nothing)
+            cur.launch_sums(_nothing)
+            read.append(cur.data)
+        self.model.launch(self.kernel, len(self.ids), read, [force], self.backward)
+
+
+class Solid:
+    """Tets of one material model."""
+
+    def __init__(self, table):
+        self.table, self.ids, self.first, self.damped = table, table.ids, 0, table.damped
+
+    def differentiate(self, pull: Pull) -> None:
+        from wsim.physics.motion.forces_adjoint import CornerAdjoint
+        self.table.backward = CornerAdjoint(self.table.model, self.table, pull).backward
+        if self.table.plastic:
+            self.table.plastic.adjoint.join(pull.net, self.first)
+
+    def make(self, damped: bool) -> None:
+        self.table.need_forces()
+
+    def launch(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> None:
+        n = len(x)
+        self.table.place(self.first, 0)
+        self.table.forces(x, pair[source * n:(source + 1) * n], pair[(2 + source) * n:(3 + source) * n], force)
+
+    def refresh(self) -> None:
+        """Live parameters are written where they are set."""

@@ -1,0 +1,240 @@
+"""Adjoints of `wsim.physics.motion.forces` and of a leap, by hand: see kernels/motion/explicit_adjoint.py."""
+
+import warp as wp
+
+from wsim.kernels.cloth import curvature
+from wsim.kernels.cloth import curvature_adjoint as bent
+from wsim.kernels.cloth import element_adjoint as flat
+from wsim.kernels.cloth import gather_adjoint as gathers
+from wsim.kernels.math.real import types
+from wsim.kernels.motion import explicit_adjoint as kernels
+from wsim.kernels.soft import fem_adjoint as tets
+from wsim.kernels.soft import plastic_adjoint as maths
+from wsim.kernels.solver import newton_adjoint
+from wsim.model.model import Model
+from wsim.model.tape import adjoint_of, without
+
+
+class ForceAdjoint:
+    """Of the forces of a `Pull`: `p` is the gradient by the forces on points."""
+
+    def __init__(self, model: Model, pull, masses: bool, module: str = ""):
+        """pull: a `wsim.physics.motion.forces.Pull`; masses: p is that by accelerations times inverse masses, which have
+        gradients too."""
+        self.model, self.pull, self.p, module = model, pull, pull.p, module or model.module
+        flags = pull.flags() if not pull.direct else tuple((dict(pull.flags()) | {"corners": False}).items())
+        self.kernels = [kernels.force_adjoint(model.real, module, flags, parameters, masses)
+                        for parameters in (False, True)] if pull.springs or not pull.direct else []
+        self.lanes = pull.lanes if pull.direct else 1
+        self.leap_adjoint = kernels.leap_adjoint(model.real, module, pull.direct, self.lanes) if masses else None
+
+    def into(self, x: wp.array, pair: wp.array, force: wp.array | None):
+        """Where gradients go."""
+        g = kernels.grads(self.model.real)()
+        g.p, g.x, g.pair, g.corner = self.p, x.grad, pair.grad, None if force is None else force.grad
+        return g
+
+    def launch(self, x: wp.array, pair: wp.array, force: wp.array | None, source: int, parameters: bool = True) -> None:
+        """From `p` to the gradients of all arrays that the forces are made of; parameters: those of springs and x too. Corners
+        that know p by themselves are left out."""
+        if self.kernels:
+            self.model.launch(self.kernels[parameters], self.model.points * self.pull.lanes,
+                              [self.pull.net, force, x, pair, source, adjoint_of(self.pull.net), self.into(x, pair, force)],
+                              [])
+
+    def leap(self, read: list, wrote: list) -> None:
+        """Adjoint of the launch of a leap, of the arrays that it has read and written."""
+        (net, force, x, pair, v, _, step), (pair_out, v_out, _) = read, wrote
+        out = kernels.outs(self.model.real)()
+        out.pair, out.v = pair_out.grad, v_out.grad
+        self.model.launch(self.leap_adjoint, self.model.points * self.lanes,
+                          [net, force, pair, step, out, v.grad, adjoint_of(net), self.into(x, pair, force)], [])
+        self.launch(x, pair, force, step.source)
+
+
+class Forces:
+    """Forces f of a `Pull` with gradients at x and at `pair`, displacements and velocities; products with their derivatives."""
+
+    def __init__(self, model: Model, pull, module: str):
+        self.model, self.pull, vec3 = model, pull, types(model.real).vec3
+
+        def over(count, grad=True):
+            return wp.zeros(count, dtype=vec3, device=model.device, requires_grad=grad)
+        n = model.points
+        self.x, self.pair, self.f = over(n), over(4 * n), over(n, False)
+        self.corner = None if pull.force is None else over(pull.force.size, not pull.direct)
+        flags = dict(pull.flags()) | {"lanes": 1}                   # a thread a point
+        self.force = newton_adjoint.force(model.real, module, tuple(flags.items()))
+        self.back_force = ForceAdjoint(model, pull, False, module)
+        self.launches: list[tuple] = []                  # of forces of corners
+
+    def evaluate(self) -> None:
+        """f."""
+        if not self.launches:
+            self.model.tape, before = self, self.model.tape          # collects what is launched
+            try:
+                for e in self.pull.elements:
+                    e.launch(self.x, self.pair, 0, self.corner)
+            finally:
+                self.model.tape = before
+        for kernel, dim, inputs, outputs, _, _, how in self.launches:
+            wp.launch(kernel, dim, inputs, outputs, **how)
+        self.model.launch(self.force, self.model.points, [self.pull.net, self.corner, self.x, self.pair], [self.f])
+
+    def launch(self, kernel, dim: int, inputs: list, outputs: list, backward=None, **how) -> None:
+        """What `Model.launch` calls while this collects."""
+        self.launches.append((kernel, dim, inputs, outputs, [self.bare(a) for a in inputs], backward, how))
+
+    def bare(self, a):
+        """An argument without its gradient, but for pair and the forces on the way: an adjoint finds it by the array itself."""
+        if hasattr(a, "_cls"):
+            found = a._cls()
+            for name in a._cls.vars:
+                value = getattr(a, name)
+                setattr(found, name, without(value) if isinstance(value, wp.array) else value)
+            return found
+        return without(a) if a is self.x else a
+
+    def transposed(self, p: wp.array, whole: bool) -> None:
+        """(df/d..)^T p into the gradients of pair and, if whole, of x and all parameters, to which it adds."""
+        wp.copy(self.back_force.p, p)
+        self.pair.grad.zero_()
+        if self.corner is not None and not self.pull.direct:
+            self.corner.grad.zero_()
+        self.back_force.launch(self.x, self.pair, self.corner, 0, whole)
+        for kernel, dim, inputs, outputs, bare, backward, how in reversed(self.launches):
+            there = inputs if whole else bare
+            if backward:
+                backward(there, outputs)
+                continue
+            wp.launch(kernel, dim, there, outputs, adj_inputs=[adjoint_of(a) for a in there],
+                      adj_outputs=[adjoint_of(a) for a in outputs], adjoint=True, **how)
+
+
+class CornerAdjoint:
+    """Of the forces of a table of tets, or of pressure."""
+
+    def __init__(self, model: Model, table, pull):
+        """table: of `wsim.physics.soft.fem`; pull: says which corners each point has, and whether p is all that is to be
+        known."""
+        nodes = table.ids.shape[1]
+        make = {3: tets.pressed, 4: tets.linear, 10: tets.quadratic}[nodes]
+        kind = () if nodes == 3 else (table.material, table.damped)
+        self.table, self.gathering = table, Gathering(model, pull, table, table.damped)
+        self.kernels = [make(*kind, model.real, model.module, parameters, pull.direct) for parameters in (False, True)]
+
+    def backward(self, read: list, wrote: list) -> None:
+        """Adjoint of the launch of the forces, of the arrays that it has read and written; parameters only where x has a
+        gradient."""
+        (data, x, d, *others), g = read, self.gathering
+        corners = g.corners(wrote[0])
+        inputs = [data, x, d, *others, g.work(corners), adjoint_of(data)]
+        g.model.launch(self.kernels[x.grad is not None], len(self.table.ids), inputs, [])
+        g.gather(self.table.data.force, corners, d.grad, x.grad, others[0].grad if others else None)
+
+
+class FlatAdjoint:
+    """Of the forces of membranes."""
+
+    def __init__(self, model: Model, elements, pull):
+        """elements, pull: of `wsim.physics.motion.forces`."""
+        self.elements, self.gathering = elements, Gathering(model, pull, elements, elements.damped)
+        self.kernels = [flat.corners(model.real, model.module, elements.damped, parameters, pull.direct)
+                        for parameters in (False, True)]
+
+    def backward(self, read: list, wrote: list) -> None:
+        """As that of `CornerAdjoint`."""
+        (data, x, pair, source, first), g, n = read, self.gathering, self.gathering.model.points
+        corners = g.corners(wrote[0])
+        inputs = [*read, g.work(corners), adjoint_of(data)]
+        g.model.launch(self.kernels[x.grad is not None], len(self.elements.ids), inputs, [])
+        rows = [pair.grad[k * n:(k + 1) * n] for k in (source, 2 + source)]
+        g.gather(first, corners, rows[0], x.grad, rows[1])
+
+
+class BentAdjoint:
+    """Of the forces of hinges."""
+
+    def __init__(self, model: Model, elements, pull):
+        """elements, pull: of `wsim.physics.motion.forces`."""
+        how = model.real, model.module, elements.damped
+        self.elements, self.gathering = elements, Gathering(model, pull, elements, elements.damped)
+        self.products, self.sums = bent.products(*how, pull.direct), curvature.sums(model.real, model.module, both=True)
+        self.kernels = [bent.corners(*how, parameters, pull.direct) for parameters in (False, True)]
+        self.values = bent.values(model.real, model.module)
+
+    def backward(self, read: list, wrote: list) -> None:
+        """As that of `CornerAdjoint`."""
+        (data, x, pair, source, first, cur), g, e = read, self.gathering, self.elements
+        model, n, whole, corners = g.model, g.model.points, x.grad is not None, g.corners(wrote[0])
+        work = g.work(corners)
+        model.launch(self.products, len(e.ids), [*read, work], [])
+        model.launch(self.sums, e.curvature.triangles, [cur], [])
+        model.launch(self.kernels[whole], len(e.ids), [*read, work, adjoint_of(data)], [])
+        if whole:
+            model.launch(self.values, e.curvature.triangles, [cur, adjoint_of(cur)], [])
+        rows = [pair.grad[k * n:(k + 1) * n] for k in (source, 2 + source)]
+        g.gather(first, corners, rows[0], x.grad, rows[1])
+
+
+class Gathering:
+    """What corners have, to points: of all kinds at once where p is all that is to be known, else of each by itself."""
+
+    def __init__(self, model: Model, pull, kind, damped: bool):
+        """kind: what has `ids`, the points of its corners."""
+        self.model, self.pull, self.damped, self.size = model, pull, damped, kind.ids.size
+        first = pull.elements[0]
+        self.last = kind in (first, getattr(first, "table", None))              # backwards
+        self.take = (gathers.take_all(model.real, model.module, pull.lanes, pull.rates is not None) if pull.direct else
+                     gathers.take(model.real, model.module))
+
+    def corners(self, force: wp.array) -> wp.array:
+        """Where their gradients go: those by these forces, or in their place."""
+        return self.pull.by_corners or force.grad
+
+    def work(self, corners: wp.array):
+        found = gathers.works(self.model.real)()
+        found.p, found.corners, found.rates = self.pull.p if self.pull.direct else None, corners, self.pull.rates
+        return found
+
+    def gather(self, first: int, corners: wp.array, by: wp.array, also: wp.array | None, rate: wp.array | None) -> None:
+        """Adds to the gradients by displacements, by x and by velocities. first: place of this kind's first corner."""
+        net, n = self.pull.net, self.model.points
+        if not self.pull.direct:
+            self.model.launch(self.take, n, [net, corners, first, first + self.size, 0, by, also], [])
+            if self.damped:
+                self.model.launch(self.take, n, [net, self.pull.rates, first, first + self.size, 0, rate, None], [])
+        elif self.last:                                           # corners of all kinds are written
+            self.model.launch(self.take, n * self.pull.lanes, [net, corners, self.pull.rates, by, also, rate], [])
+
+
+class FlowAdjoint:
+    """Of the flow of plastic tets, and of their shapes at rest."""
+
+    def __init__(self, flow):
+        """flow: a `wsim.physics.soft.plastic.Plastic`. `join` says where points find the corners of its tets."""
+        self.flows, self.model = flow, flow.model
+        real, module = self.model.real, self.model.module
+        self.kernels = maths.flow_adjoint(real, module), maths.shape_adjoint(real, module)
+        self.take = gathers.take(real, module)
+        self.corners = wp.zeros(4 * flow.table.size, dtype=types(real).vec3, device=self.model.device)
+
+    def join(self, net, first: int) -> None:
+        self.net, self.first = net, first
+
+    def flow(self, read: list, wrote: list) -> None:
+        """Adjoint of the launch of the flow; what of a version has not flowed is left to the copy that it began as."""
+        (data, table, x, d, q, F), (after,) = read, wrote
+        self.flows.become(F)
+        seen = maths.flows(self.model.real)()
+        seen.x, seen.d, seen.q, seen.F, seen.by_F, seen.by_F_out, seen.corners = x, d, q, F, F.grad, after.grad, self.corners
+        self.model.launch(self.kernels[0], self.flows.table.size, [data, table, seen, adjoint_of(data)], [])
+        last = self.first + self.corners.size
+        self.model.launch(self.take, self.model.points,
+                          [self.net, self.corners, self.first, last, self.first, d.grad, x.grad], [])
+
+    def shape(self, F: wp.array) -> None:
+        """What edges at rest have, to a version of F_p."""
+        data = self.flows.data
+        self.model.launch(self.kernels[1], self.flows.table.size,
+                          [data, F, self.flows.table.data.edge.grad, adjoint_of(data), F.grad], [])

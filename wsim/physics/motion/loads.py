@@ -1,0 +1,178 @@
+"""Loads: forces on points and tractions on triangles over time, put beside gravity where a substep begins. See
+kernels/motion/load.py.
+
+A table holds the values of a frame at every half of a substep, of sdirk3 at every stage, so that each evaluation of the forces
+has those of its own time (as `wsim.physics.cloth.muscles`).
+"""
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.motion import load as kernels
+from wsim.model.model import Body, Model
+from wsim.model.stage import Clock, Method, Stage
+from wsim.scene import Load, Problem, SceneError
+from wsim.scene.curve import Curve
+from wsim.scene.nodal_loads import nodal
+
+
+class Borne:
+    """A load of one world: its curve, its column of the table, and who bears it."""
+
+    def __init__(self, load: Load, body: Body, model: Model):
+        self.load, self.body, self.curve = load, body, load.curve
+        places, self.parts = nodal(load, body)
+        self.places = model.shared(places)
+
+    def taken(self, value) -> Curve:
+        """A given value as a curve: another one, values of the present keys (keys, 3), or that of all times (3,)."""
+        name, path = self.load.name, self.load.path
+        try:
+            times = value.times if isinstance(value, Curve) else self.curve.times
+            values = np.array(value.values if isinstance(value, Curve) else value, np.float64)
+            if values.ndim == 1:
+                times, values = np.zeros(1), values[None]
+            new = Curve(times, values)
+        except (TypeError, ValueError) as error:
+            raise SceneError(Problem(path, f"{name}: {error}; allowed are a Curve, values (keys, 3) or (3,)")) from None
+        if values.shape[1:] != (3,) or not (np.isfinite(values).all() and np.isfinite(new.times).all()):
+            raise SceneError(Problem(path, f"{name} has shape {np.shape(values)}"
+                                     f"{'' if np.isfinite(values).all() else ', not all finite'}; allowed are a Curve, "
+                                     f"({len(self.curve.times)}, 3) values of its keys or (3,), all finite"))
+        return new
+
+
+class Loads(Method):
+    """Gravity of the points that bear a load. `act` puts that of a row of the table."""
+
+    def __init__(self, model: Model, clock: Clock, points, explicit):
+        """points: the method that owns gravity and inverse masses. explicit: that asks for rows by itself, or None."""
+        super().__init__("loads")
+        self.model, self.clock, self.points, self.changed, self.time = model, clock, points, True, -clock.dt
+        self.borne = [Borne(load, b, model) for load in model.scene.loads for b in model.bodies if b.path == load.body]
+        real, t, module = model.real, types(model.real), model.module
+        self.gravity, points.loads = points.constants.gravity, self
+        self.tables(t)
+        self.bear = kernels.bear(real, module)
+        if model.gradients:
+            self.shares, self.release = kernels.shares(real, module), kernels.release(real, module)
+            self.part = wp.zeros(len(self.borne) * kernels.LANES, dtype=t.vec3, device=model.device)
+        self.make(clock)
+        if explicit:
+            explicit.loads = self
+        else:
+            self.stage()
+
+    def tables(self, t) -> None:
+        """Entries by point and by load."""
+        model, c = self.model, kernels.entries(self.model.real)()
+        owner = np.concatenate([b.places for b in self.borne])
+        order = np.argsort(owner, kind="stable")
+        load = np.repeat(np.arange(len(self.borne)), [len(b.places) for b in self.borne])[order]
+        share, owner = np.concatenate([b.parts for b in self.borne])[order], owner[order]
+        self.point, first = np.unique(owner, return_index=True)
+        by_load = np.argsort(load, kind="stable")
+        for name, values in (("point", self.point), ("first", [*first, len(owner)]), ("load", load), ("item", by_load),
+                             ("begin", np.searchsorted(load[by_load], np.arange(len(self.borne) + 1))), ("owner", owner)):
+            setattr(c, name, model.upload(np.asarray(values, np.int32), int))
+        c.share, c.w = model.upload(share, t.scalar), self.points.constants.w
+        self.entries = c
+        self.own = model.upload(self.gravity.numpy()[self.point], t.vec3)      # gravity alone, of those points
+
+    def make(self, clock: Clock) -> None:
+        self.value = wp.zeros((len(self.moments(clock)), len(self.borne)), dtype=types(self.model.real).vec3,
+                              device=self.model.device, requires_grad=self.model.gradients)
+
+    def stage(self) -> None:
+        """For solvers whose forces of a substep are at one time."""
+        def act(clock: Clock) -> None:
+            self.act(clock.k if clock.staged else 2 * clock.k + round(2.0 * clock.part))
+        size = len(self.point) * 40 + self.entries.load.size * 16
+        self.stages.append(Stage("loads", "pose", act, 1, size, what=f"{len(self.point)} points"))
+
+    def act(self, row: int) -> None:
+        """Accelerations of a row: a half of a substep, or a stage."""
+        if self.model.tape:
+            self.model.tape.put(self.name, lambda: self.put(row), lambda: self.take(row))
+        else:
+            self.put(row)
+
+    def put(self, row: int) -> None:
+        self.launch(self.bear, len(self.point), [self.entries, self.own, self.value, row], [self.gravity])
+
+    def take(self, row: int) -> None:
+        """From the derivatives by what `put` has left."""
+        by = self.gravity.grad
+        self.launch(self.shares, self.part.size, [self.entries, by], [self.part])
+        self.launch(self.release, max(len(self.point), len(self.borne)), [self.entries, self.value, self.part, row],
+                    [by, self.own.grad, self.entries.w.grad, self.value.grad])
+
+    def launch(self, kernel, dim: int, inputs: list, outputs: list) -> None:
+        """Not by the model, whose tape would give gravity, which stands in structs, another version."""
+        how: dict = {"block_dim": self.model.block} if self.model.device.is_cuda else {}
+        wp.launch(kernel, dim, inputs, outputs, device=self.model.device, **how)
+
+    # around a frame
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        self.time = time
+        if self.value.shape[0] != len(self.moments(clock)):
+            self.make(clock)
+            self.changed = True
+        if not (self.changed or any(b.curve.moves for b in self.borne)):
+            return
+        self.changed = False
+        table = np.stack([b.curve.weights(self.times) @ b.curve.values for b in self.borne], axis=1)
+        self.value.assign(table.astype(self.model.dtype))
+
+    @property
+    def times(self) -> np.ndarray:
+        """[s] of the rows."""
+        return self.time + self.moments(self.clock)
+
+    def moments(self, clock: Clock) -> np.ndarray:
+        """[s] of the rows in a frame."""
+        return clock.moments(False) if clock.staged else 0.5 * clock.h * np.arange(2 * clock.substeps + 1)
+
+    def by_keys(self) -> list[np.ndarray]:
+        """Derivatives by the curves' values, (keys, 3) of each load and world, from those by the values of this frame, which
+        are zeros then."""
+        by = self.value.grad.numpy().astype(np.float64)
+        self.value.grad.zero_()
+        return [b.curve.weights(self.times).T @ by[:, k] for k, b in enumerate(self.borne)]
+
+    def find(self, path: str | None, world: int = 0) -> int:
+        """Number of a load; None: the only one. Raises SceneError."""
+        found = [k for k, b in enumerate(self.borne) if path in (None, b.load.path) and b.body.world == world]
+        if len(found) == 1:
+            return found[0]
+        have = ", ".join(dict.fromkeys(b.load.path for b in self.borne))
+        raise SceneError(Problem(path or "loads", f"is no load of world {world}; there are {have}"))
+
+    # forces as they are
+
+    def forces(self, time: float) -> np.ndarray:
+        """F of every point at a time [N], (points, 3): what pinned ones hand to their pins."""
+        found = np.zeros((self.model.points, 3))
+        for b in self.borne:
+            np.add.at(found, b.places, b.parts[:, None] * b.curve.at(time))
+        return found
+
+    def transposed(self, p: np.ndarray, time: float) -> list[np.ndarray]:
+        """Derivative of p . `forces` by the keys of each load, (keys, 3)."""
+        return [b.curve.weights(np.array([time])).T @ (b.parts[:, None] * p[b.places]).sum(axis=0)[None] for b in self.borne]
+
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+        """force [N] or traction [Pa] of a load: a `Curve`, values of the present keys (keys, 3), or one for all times (3,); and
+        gravity of what bears any, which `wsim.physics.motion.points` sets with it."""
+        if name == "gravity":
+            own, rows = self.own.numpy(), np.isin(self.point, self.model.rows(path, world))
+            own[rows] = value
+            self.own.assign(own)
+            return False
+        hit = [b for b in self.borne if b.load.path == path and b.load.name == name and world in (None, b.body.world)]
+        for b, curve in [(b, b.taken(value)) for b in hit]:
+            b.curve = curve
+        self.changed |= bool(hit)
+        return bool(hit)

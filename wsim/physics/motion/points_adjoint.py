@@ -1,0 +1,39 @@
+"""Adjoint of the stages of backward Euler of `wsim.physics.motion.points`, and of the last of an explicit step:
+kernels/motion/points_adjoint.py."""
+
+from wsim.kernels.motion import points_adjoint as kernels
+from wsim.model.model import Model
+from wsim.model.tape import adjoint_of
+
+
+class EulerAdjoint:
+    """Of the launches of the prediction and of the end of a substep, of the arrays that they have read and written."""
+
+    def __init__(self, model: Model):
+        self.model = model
+        self.kernels = kernels.predict_adjoint(model.real, model.module), kernels.finish_adjoint(model.real, model.module)
+
+    def predict(self, read: list, wrote: list) -> None:
+        (constants, e, v, g), (a, d) = read, wrote
+        self.model.launch(self.kernels[0], self.model.points,
+                          [constants, adjoint_of(constants), v, g, a.grad, d.grad], [e.grad, v.grad])
+
+    def finish(self, read: list, wrote: list) -> None:
+        (a, d, x, g), (x_out, _, v_out) = read, wrote
+        self.model.launch(self.kernels[1], self.model.points, [g, x_out.grad, v_out.grad], [a.grad, d.grad, x.grad])
+
+
+class CorrectAdjoint:
+    """Of the launch that makes velocities of what others have changed, in `wsim.physics.motion.explicit`."""
+
+    def __init__(self, model: Model):
+        self.model, self.kernel = model, kernels.correct_adjoint(model.real, model.module)
+
+    def backward(self, read: list, wrote: list) -> None:
+        (d, a, e, pair, x, v, h, source), (x_out, _, v_out, pair_out, change) = read, wrote
+        by = kernels.corrected(self.model.real)()
+        arrays = {"x_out": x_out, "v_out": v_out, "pair_out": pair_out, "change": change, "d": d, "a": a, "e": e, "pair": pair,
+                  "x": x, "v": v}
+        for name, array in arrays.items():
+            setattr(by, name, array.grad)
+        self.model.launch(self.kernel, self.model.points, [by, h, source], [])

@@ -1,0 +1,190 @@
+"""Sparse systems over points: their structure, from who touches whom, and their solution. See kernels/solver/pcg.py.
+
+    springs     (m, 2) points of each spring; row i of the system has an entry for each spring end at point i
+    spans       `wsim.physics.cloth.curvature.Spans` or None: row i has a block for each other point that a curvature depends on
+                with i
+    elements    (m, k) each, triangles and tets say, which leave a block of each pair of their points (0 1), (0 2) .. (1 2) ..
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations, permutations
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.geometry import topology
+from wsim.kernels.cloth.hessian import TURNED, WHOLE
+from wsim.kernels.math.block import BLOCK
+from wsim.kernels.math.real import types
+from wsim.kernels.solver import newton, pcg
+from wsim.model.model import Body, Model
+
+FUSE = {"cuda": 1500, "cpu": 2**31}     # points up to which one block solves a body. H200, 4 x 1: 4k points by one block
+                                        # 12.5 ms a frame, 10k points by several 5.4; 1k points by one 2.0
+CHUNKS = 512           # blocks of a larger body, at most: each sums what all have found
+EACH = 4               # iterations between two looks at whether some body goes on; even
+EACH_COARSE = 2        # of those with a coarse space, which are few and long
+STRICT = 0.25          # their tolerance over that of block Jacobi, which leaves less at the same: 5 times less residual force
+
+
+@dataclass
+class Entries:
+    """Springs by point: entries first[i] .. first[i + 1] of point i, each with the `other` end and the spring's number."""
+
+    first: np.ndarray
+    other: np.ndarray
+    number: np.ndarray
+
+
+def entries(springs: np.ndarray, n: int) -> Entries:
+    """Springs of each of n points, ascending."""
+    first, number = topology.incident(springs, n)
+    own = np.repeat(np.arange(n), np.diff(first))
+    return Entries(first, springs[number].sum(axis=1) - own, number)
+
+
+@dataclass
+class Blocks:
+    """Blocks by point, and what each is the sum of.
+
+    first, column     blocks first[i] .. first[i + 1] of point i, each with its other point
+    part, item        items part[b] .. part[b + 1] of block b: first rows of J of two spans (3 span), or of an
+                      element's block (pairs element + pair, one kind after the other) and WHOLE or TURNED
+    corner, pull      places pull[corner[i] .. corner[i + 1]] of the corners at point i: 4 hinge + corner, then elements
+    """
+
+    first: np.ndarray
+    column: np.ndarray
+    part: np.ndarray
+    item: np.ndarray
+    corner: np.ndarray
+    pull: np.ndarray
+
+
+def beside(group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All pairs (a, b), a != b, of the members of each group; group (m,) ascends."""
+    first = np.searchsorted(group, group)
+    size = np.searchsorted(group, group, side="right") - first
+    a = np.repeat(np.arange(len(group)), size)
+    b = first[a] + np.arange(len(a)) - np.repeat(np.cumsum(size) - size, size)
+    return a[a != b], b[a != b]
+
+
+def blocks(hinges: np.ndarray, spans: Any, elements: list[np.ndarray], n: int) -> Blocks:
+    """Blocks of n points; their items in the order spans, elements, ascending. hinges (h, 4): whose corners have forces."""
+    keys, items, begin = [np.zeros(0, np.int64)], [np.zeros((0, 2), np.int64)], 0
+    if spans:
+        both = np.stack(beside(spans.triangle), axis=1)
+        keys.append(spans.point[both[:, 0]] * n + spans.point[both[:, 1]])
+        items.append(3 * both)
+    for ids in elements:
+        every, pairs = np.arange(len(ids)), {pair: k for k, pair in enumerate(combinations(range(ids.shape[1]), 2))}
+        for a, b in permutations(range(ids.shape[1]), 2):
+            keys.append(ids[:, a].astype(np.int64) * n + ids[:, b])
+            items.append(np.stack([begin + len(pairs) * every + pairs[min(a, b), max(a, b)],
+                                   np.full(len(ids), WHOLE if a < b else TURNED)], axis=1))
+        begin += len(pairs) * len(ids)
+    key, item = np.concatenate(keys), np.concatenate(items)
+    order = topology.order_of(key)
+    key, item = key[order], item[order]
+    new = np.flatnonzero(np.r_[np.ones(min(len(key), 1), bool), key[1:] != key[:-1]])
+    first = np.searchsorted(key[new], np.arange(n + 1, dtype=np.int64) * n)
+    corner, pull = topology.incident(np.concatenate([ids.ravel() for ids in (hinges, *elements)])[:, None], n)
+    return Blocks(first, key[new] % n, np.r_[new, len(key)], item, corner, pull)
+
+
+class System:
+    """A y = f over the points of all bodies, each body a system of its own, or each world (`Model.starts`)."""
+
+    def __init__(self, model: Model, w: wp.array, springs: np.ndarray, hinges: np.ndarray, elements: list[np.ndarray],
+                 coarse: Sequence[Body] = (), spans: Any = None):
+        """w: inverse masses [1/kg]; the others as above, empty (0, k) where there are none. coarse: bodies with a coarse
+        space."""
+        self.model, n, t, s = model, model.points, types(model.real), newton.structs(model.real)
+        self.rows, self.A, self.v = s.Rows(), s.Matrix(), pcg.vectors(model.real)()
+        self.rows.w = w
+        if len(springs):
+            e = entries(springs, n)
+            self.put(self.rows, spring=e.first, other=e.other, number=e.number)
+            self.A.link = self.zeros(len(e.other), t.vec4)
+        paired = len(hinges) + sum(map(len, elements)) > 0
+        if paired:
+            b = blocks(hinges, spans, elements, n)
+            self.put(self.rows, pair=b.first, column=b.column, part=b.part, corner=b.corner, pull=b.pull)
+            self.rows.item = model.upload(b.item.astype(np.int32), wp.vec2i)
+            self.A.block = self.zeros(len(b.column), t.mat33)
+        self.coarse = None
+        if coarse:
+            from wsim.physics.solver.coarse_space import Multigrid
+            self.coarse = Multigrid(model, coarse, max(e.shape[1] for e in elements), b.first, b.column)
+        self.A.own, self.A.P, self.A.aside = self.zeros(n, t.scalar), self.zeros(n, t.mat33), self.zeros(1, t.scalar)
+        for name in "yrzwps":
+            setattr(self.v, name, self.zeros(n, t.vec3))
+        self.starts, self.systems = model.starts, len(model.starts) - 1
+        self.first = model.upload(self.starts.astype(np.int32), int)
+        self.of = model.upload(np.repeat(np.arange(self.systems), np.diff(self.starts)).astype(np.int32), int)
+        self.drop, self.count = self.zeros(self.systems, wp.float64), self.zeros(self.systems, int)
+        kinds = model.real, self.coarse.module if self.coarse else model.sweep_module, len(springs) > 0, paired
+        self.large = bool(coarse) or int(np.diff(self.starts).max()) > FUSE["cuda" if model.device.is_cuda else "cpu"]
+        if self.large:
+            self.kernels, self.chunks = pcg.several(*kinds, bool(coarse)), self.cut()
+        else:
+            self.kernel = pcg.solve(*kinds)
+
+    def zeros(self, shape, dtype) -> wp.array:
+        return wp.zeros(shape, dtype=dtype, device=self.model.device)
+
+    def put(self, struct, **values: np.ndarray) -> None:
+        for name, array in values.items():
+            setattr(struct, name, self.model.upload(array.astype(np.int32), int))
+
+    def cut(self):
+        """Bodies in chunks of points, each for a block."""
+        model, chunks = self.model, pcg.Chunks()
+        sizes = np.diff(self.starts)
+        each = -(-sizes // np.maximum(BLOCK, -(-sizes // CHUNKS)))
+        body, own = np.repeat(np.arange(len(sizes)), each), np.r_[0, np.cumsum(each)]
+        first = self.starts[body] + sizes[body] * (np.arange(len(body)) - own[body]) // each[body]
+        self.put(chunks, body=body, first=np.r_[first, model.points], own=own)
+        chunks.gamma, chunks.delta = self.zeros((2, len(body)), wp.float64), self.zeros(len(body), wp.float64)
+        chunks.last, chunks.done = self.zeros((2, len(sizes)), wp.vec4d), self.zeros((2, len(sizes)), int)
+        chunks.going = self.zeros(1, int)
+        return chunks
+
+    def solve(self, f: wp.array, tolerance: float, cap: int, at: tuple = (), A=None) -> None:
+        """Launches conjugate gradients: v.y becomes A^-1 f; see `pcg.solve` for drop and count. at: positions and displacements
+        (points,) of A, for the coarse space. A: a `Matrix`, None: that of the system."""
+        A = self.A if A is None else A
+        if not self.large:
+            self.launch(self.kernel, [self.rows, A, self.first, f, tolerance, cap, self.v], [self.drop, self.count])
+            return
+        c, size = self.chunks, self.chunks.body.size
+
+        def some() -> None:
+            for k in range(EACH_COARSE if self.coarse else EACH):
+                self.launch(self.kernels.multiply, [c, self.rows, A, k % 2, self.v], [], size)
+                self.launch(self.kernels.advance, [c, A, tolerance, cap, k % 2, self.v], [self.drop, self.count], size)
+                self.correct(1 - k % 2)
+        if self.coarse:
+            tolerance *= STRICT
+            self.coarse.setup(self.rows, A, *at)
+        self.launch(self.kernels.start, [c, A, f, self.v], [self.drop], size)
+        self.correct(0)
+        wp.capture_while(c.going, some)
+
+    def correct(self, side: int) -> None:
+        """z gets its part of the coarse space, row `side` of gamma its part of r.z."""
+        if self.coarse:
+            c = self.chunks
+            self.coarse.cycle(c.going, self.v.r, self.launch)
+            self.launch(self.coarse.blocks.prolong, [c, self.coarse.g, side, self.v], [], c.body.size)
+
+    def launch(self, kernel, inputs: list, outputs: list, count: int = 0) -> None:
+        """A block of threads for each body, or `count` blocks; on the CPU a thread for each."""
+        model, count = self.model, count or self.systems
+        if model.device.is_cuda:
+            wp.launch(kernel, count * BLOCK, inputs, outputs, device=model.device, block_dim=BLOCK)
+        else:
+            wp.launch(kernel, count, inputs, outputs, device=model.device)

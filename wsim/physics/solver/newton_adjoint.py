@@ -1,0 +1,259 @@
+"""Implicit substeps with gradients: solved to a residual, and differentiated by one adjoint solve. See
+kernels/solver/newton_adjoint.py.
+
+The solve is Newton's method of `wsim.physics.solver.newton`, with full steps at its end; the adjoint is a method of conjugate
+residuals (kernels/solver/gcr.py) whose products are adjoints of the forces (exact, with damping and all second derivatives) and
+whose preconditioner is the solver of `wsim.physics.solver.linear` for the positive part. Among contacts
+(kernels/contact/coulomb.py) the steps at the end are those of the active set, with Coulomb's law, by the same products and
+residuals; simulations, which project contacts between Newton steps instead, end there too when they take many.
+
+Tethers and strain limits are projected behind the solve (`wsim.physics.solver.xpbd_adjoint`), as many sweeps as simulations
+take, which do so too; contacts once more behind each, from the pushes of the solve, which have an adjoint then
+(kernels/contact/coulomb_adjoint.py).
+
+What is left is measured:
+
+    missed    forces that the worst solve has left, over those of inertia, |own (d - a)|
+    left      residual of the worst adjoint solve, over its right side
+"""
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.solver import newton_adjoint
+from wsim.model.tape import without
+from wsim.physics.contact.newton_adjoint import ContactsAdjoint, PinsAdjoint
+from wsim.physics.motion.forces import Pull
+from wsim.physics.motion.forces_adjoint import Forces
+from wsim.physics.solver.gcr import Directions
+
+CLOSE = {"float32": 1e-5, "float64": 1e-13}     # forces left over those of inertia, |own (d - a)|
+AMONG = {"float32": 1e-5, "float64": 1e-15}     # among contacts, whose steps gain less: to where rounding ends it
+EXACT = {"float32": 1e-6, "float64": 1e-12}     # of the adjoint solve, over its right side
+MOST = 60              # full Newton steps, and iterations of the adjoint solve, at most
+INNER, CAP = 1e-2, 300
+NEAR, FEW = 1e-2, 20   # of a Newton step among contacts
+CONTACTS = 6           # Newton steps with a line search, at least, before those without, which may go in circles from afar
+
+
+class ImplicitAdjoint(Forces):
+    """The implicit solve of a substep, forward to its residual and backward."""
+
+    def __init__(self, method, rows: list):
+        """method: `wsim.physics.solver.newton.Implicit`; rows: its springs, hinges and triangles, of all worlds."""
+        self.method, model = method, method.model
+        super().__init__(model, Pull(model, method.points.constants, rows, None, shared=False), model.module)
+        module, n, real, t = model.module, model.points, model.real, types(model.real)
+        both = zip(self.pull.tables, method.solids, strict=True)
+        self.plastic = [self.share(own, live) for own, live in both if live.plastic]
+        names = ("pairs", "residual", "product", "free", "spread", "dot", "add", "going", "falling", "worst", "weigh")
+        self.kernels = {name: getattr(newton_adjoint, name)(real, module) for name in names}
+
+        def over(count):
+            return wp.zeros(count, dtype=t.vec3, device=model.device)
+        self.d, self.a, self.b, self.y, self.sum = (over(n) for _ in range(5))
+        self.p, self.q, self.r, self.scale = (over(n) for _ in range(4))
+        lanes = 1024 if model.device.is_cuda else 1
+        self.sums = [wp.zeros(lanes, dtype=wp.float64, device=model.device) for _ in range(4)]
+        self.directions = Directions(model, lanes)
+        self.count, self.on, self.turns, self.turning = (wp.zeros(1, dtype=int, device=model.device) for _ in range(4))
+        self.best = wp.zeros(2, dtype=wp.float64, device=model.device)
+        self.missed, self.left = (wp.zeros(1, dtype=wp.float64, device=model.device) for _ in range(2))
+        self.name = "float32" if real is wp.float32 else "float64"
+        self.pins: PinsAdjoint | None = None
+        self.contacts: ContactsAdjoint | None = None
+
+    @staticmethod
+    def share(own, live):
+        """The flow of a table of `method`, whose shapes at rest the forces here read too."""
+        live.plastic.adjoint.join(own.plastic.adjoint.net, own.plastic.adjoint.first)
+        own.plastic, own.flows, own.data.edge, own.data.gradient = live.plastic, False, live.data.edge, live.data.gradient
+        return live.plastic
+
+    def join(self, hard) -> None:
+        """Takes what the method has taken into its system. hard: what is projected once behind a solve, or None."""
+        if self.method.pins:
+            self.pins = PinsAdjoint(self.model, self.method.pins, self.method.soft)
+        if self.method.contact:
+            self.contacts = ContactsAdjoint(self.model, self.method.contact, hard is not None)
+
+    def forget(self) -> None:
+        """Rotations, here and in the method, are sought anew."""
+        for table in (*self.pull.tables, *self.method.solids):
+            if table.q:
+                table.q.zero_()
+
+    def forces(self, clock) -> None:
+        """f at d, with velocities (d - a) / g, and of soft pins."""
+        self.run("pairs", [self.d, self.a, 1.0 / clock.g], [self.pair])
+        self.evaluate()
+        if self.pins:
+            self.pins.add(self.x, self.pair, clock.k, self.f)
+
+    def turned(self, p: wp.array, whole: bool, clock) -> None:
+        """As `transposed`, of soft pins too."""
+        self.transposed(p, whole)
+        if self.pins:
+            self.pins.transposed(self.x, self.pair, p, clock.k, whole)
+
+    def run(self, name: str, inputs: list, outputs: list, dim: int = 0) -> None:
+        self.model.launch(self.kernels[name], dim or self.model.points, inputs, outputs)
+
+    def dot(self, u: wp.array, v: wp.array, into: int) -> wp.array:
+        self.run("dot", [u, v], [self.sums[into]], len(self.sums[into]))
+        return self.sums[into]
+
+    # forward
+
+    def solve(self, clock) -> None:
+        """The state's d, from the prediction to where no force is left."""
+        m, s, contacts = self.method, self.method.state, self.contacts
+        m.c.zero_()                                      # a substep depends on nothing but its own start
+        self.forget()
+        wp.copy(self.b, s.d)
+        if contacts:
+            contacts.begin()
+        for i in range(max(clock.iterations, CONTACTS if contacts else 0)):
+            clock.i = i
+            m.newton(clock)
+        self.count.zero_()
+        wp.copy(self.a, m.points.anchor)
+        wp.copy(self.x, s.x)
+        if contacts:
+            m.linearise(1.0 / clock.g)
+            m.active.hold(clock.g, fresh=True)
+            contacts.turn(s.d, self.a, clock.g, first=True)
+        self.look(clock)
+        wp.capture_while(self.on, lambda: self.step(clock))
+        self.run("worst", self.sums[:2], [self.missed], 1)
+
+    def look(self, clock) -> None:
+        """What is left at the state's d, and whether that is too much."""
+        wp.copy(self.d, self.method.state.d)
+        self.forces(clock)
+        miss, rate, close = self.r, 1.0 / clock.g, CLOSE
+        if self.contacts:
+            miss, close = self.contacts.left.miss, AMONG
+            self.bear(rate)
+        else:
+            self.run("residual", [self.method.rows.w, self.f, self.d, self.b, self.a, rate], [self.r, self.scale])
+        self.run("falling", [self.dot(miss, miss, 0), self.dot(self.scale, self.scale, 1), close[self.name], MOST, self.count,
+                             self.best], [self.on], 1)
+
+    def step(self, clock) -> None:
+        """A full Newton step, and contacts after it."""
+        m, s = self.method, self.method.state
+        self.system(1.0 / clock.g)
+        if self.contacts:
+            self.krylov(self.tangent, NEAR, FEW, clock)
+            self.run("add", [s.d, self.sum, self.sums[3], self.sums[3], 1.0], [s.d])
+            self.contacts.turn(s.d, self.a, clock.g)
+        else:
+            m.system.solve(self.r, INNER, CAP, (s.x, s.d))
+            self.run("add", [s.d, m.v.y, self.sums[1], self.sums[1], 1.0], [s.d])
+        self.look(clock)
+
+    def system(self, rate: float) -> None:
+        """The positive part of the Jacobian at the state's d, of what is free there."""
+        self.method.linearise(rate)
+        if self.contacts:
+            self.contacts.screen(self.method.A.P)
+
+    def bear(self, rate: float, found: bool = False):
+        """What contacts leave free at d."""
+        assert self.contacts is not None
+        state = self.contacts.state(self.d, self.a, self.b, self.f, rate)
+        self.contacts.bear(state, self.r, self.scale, found)
+        return state
+
+    # backward
+
+    def back(self, clock, d: wp.array, b: wp.array, x: wp.array, a: wp.array) -> None:
+        """From the gradient of d to those of b, x, a and all parameters; each array with its gradient, which is added to."""
+        m, s, contacts = self.method, self.method.state, self.contacts
+        rate, w = 1.0 / clock.g, self.method.rows.w
+        for into, source in ((self.d, d), (self.a, a), (self.b, b), (self.x, x), (s.d, d), (s.x, x), (m.points.anchor, a),
+                             (self.y, d.grad)):
+            wp.copy(into, without(source))               # a copy takes gradients along where both have them
+        m.prepare(b, clock)
+        m.A.aside.zero_()
+        self.forget()
+        self.forces(clock)
+        if contacts:
+            state = self.bear(rate, found=True)
+            self.seed(contacts, state, a.grad, clock)
+        else:
+            self.run("free", [w, self.y], [self.r])
+        self.system(rate)
+        self.krylov(self.product, EXACT[self.name], MOST, clock)
+        self.run("worst", self.sums[2:], [self.left], 1)
+        if contacts and contacts.after:
+            contacts.run("joined", [contacts.frame.W, self.sum, contacts.given], [self.p])
+        elif contacts:
+            contacts.run("spread_out", [contacts.frame.W, self.sum], [self.p])
+        else:
+            wp.copy(self.p, self.sum)
+        self.turned(self.p, True, clock)
+        self.run("spread", [w, self.p, self.y, self.pair.grad, rate, b.grad, a.grad], [])
+        self.run("weigh", [w, self.p, self.d, self.b, rate, w.grad], [])
+        if contacts:
+            self.run("product", [w, self.p, self.pair.grad, rate], [self.q])
+            contacts.back(state, self.q, self.sum, self.y, a.grad)
+        self.model.launch(newton_adjoint.give(self.x.dtype), self.model.points, [self.x.grad, x.grad], [])
+
+    def seed(self, contacts: ContactsAdjoint, state, by_a: wp.array, clock) -> None:
+        """r becomes the right side, from y: with what pushes give, where something reads them behind the solve."""
+        if not contacts.after:
+            contacts.run("spread_out", [contacts.frame.S, self.y], [self.r])
+            return
+        w, rate = self.method.rows.w, 1.0 / clock.g
+        contacts.pushed(state, self.y, by_a, w.grad)
+        self.turned(contacts.given, False, clock)
+        self.run("product", [w, contacts.given, self.pair.grad, rate], [self.q])
+        contacts.run("remainder", [contacts.frame.S, self.y, self.q], [self.r])
+
+    def krylov(self, product, tolerance: float, most: int, clock) -> None:
+        """sum becomes B^-1 r, q = product(z) = B z; the last sums are those of r then, and as it was."""
+        m, s = self.method, self.method.state
+        rq, qq, rr, first = self.sums
+        self.sum.zero_()
+        self.directions.begin()
+        wp.copy(first, self.dot(self.r, self.r, 2))
+        self.turns.zero_()
+
+        def look() -> None:
+            self.run("going", [rr, first, tolerance, most, self.turns], [self.turning], 1)
+
+        def step() -> None:
+            m.system.solve(self.r, INNER, CAP, (s.x, s.d))
+            product(m.v.y, clock)
+            self.directions.turn(m.v.y, self.q)
+            self.dot(self.r, self.q, 0)
+            self.dot(self.q, self.q, 1)
+            self.run("add", [self.sum, m.v.y, rq, qq, 1.0], [self.sum])
+            self.run("add", [self.r, self.q, rq, qq, -1.0], [self.r])
+            self.directions.keep(m.v.y, self.q, qq, self.turns)
+            self.dot(self.r, self.r, 2)
+            look()
+        look()
+        wp.capture_while(self.turning, step)
+
+    def tangent(self, z: wp.array, clock) -> None:
+        """q = B z of what is left, as if the Jacobian were symmetric: so it is but for damping."""
+        contacts = self.contacts
+        assert contacts is not None
+        self.turned(z, False, clock)
+        self.run("product", [self.method.rows.w, z, self.pair.grad, 1.0 / clock.g], [self.q])
+        contacts.run("given", [contacts.frame, self.q, z], [self.q])
+
+    def product(self, z: wp.array, clock) -> None:
+        """q = B z, of the transposed Jacobian."""
+        w, rate, contacts = self.method.rows.w, 1.0 / clock.g, self.contacts
+        p = z
+        if contacts:
+            p = self.p
+            contacts.run("spread_out", [contacts.frame.W, z], [p])
+        self.turned(p, False, clock)
+        self.run("product", [w, p, self.pair.grad, rate], [self.q])
+        if contacts:
+            contacts.run("taken_back", [contacts.frame, self.q, z], [self.q])

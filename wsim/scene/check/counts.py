@@ -1,0 +1,11 @@
+"""How many steps are many: what a scene asks for is refused where it would never end, and said where it takes long."""
+
+MANY, MOST = 10_000, 1_000_000       # substeps of a frame, iterations, frames: from which one is warned, and refused beyond
+
+
+def refuse(what: str, count: int, mend: str) -> None:
+    """Raises SceneError beyond MOST."""
+    from wsim.scene import Problem, SceneError
+
+    if count > MOST:
+        raise SceneError(Problem("/", f"{what} is {count}; allowed is up to {MOST}; {mend}"))

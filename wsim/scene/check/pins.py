@@ -1,0 +1,48 @@
+"""Points that are held hard at two places at once: no position is right for them. NumPy only."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from wsim.scene import Cloth, Pin, Problem, Soft, Springs
+from wsim.scene.check.objects import error
+
+APART = 1e-4       # of the body's size, by which two places of one point may differ
+TIMES = 64         # at which places are compared, at most
+
+
+def held_twice(body: Cloth | Springs | Soft, pins: list[Pin]) -> Iterator[Problem]:
+    """One error a pair of its hard pins, or of places of one, that disagree. All are sound here. (A soft pin pulls, and a point
+    may have several.)"""
+    points = np.concatenate([p.points for p in pins])
+    owner = np.repeat(np.arange(len(pins)), [len(p.points) for p in pins])
+    order = np.argsort(points, kind="stable")
+    again = np.flatnonzero(points[order][1:] == points[order][:-1])
+    a, b = order[again], order[again + 1]
+    size, said = float(np.ptp(body.motion.points(body.points), axis=0).max()), set()
+    for t in _times(pins):
+        places = np.concatenate([_places(body, p, t) for p in pins])
+        away = np.linalg.norm(places[a] - places[b], axis=1)
+        for k in np.flatnonzero(away > APART * size).tolist():
+            one, two = pins[owner[a[k]]], pins[owner[b[k]]]
+            if (one.path, two.path) not in said:
+                said.add((one.path, two.path))
+                other = "once more by itself" if one is two else f"by {one.path} too"
+                yield error(two.path, f"it holds point {points[a[k]]} of {body.path}, which is held {other}, {away[k]:.3g} m "
+                            f"away at t = {t:g} s", "one place a point", "take the point out of one of them, or give both the "
+                            "same place, or one a finite stiffness")
+
+
+def _times(pins: list[Pin]) -> list[float]:
+    """Keys of their motions and the middles between [s], some of them where there are many."""
+    keys = np.unique(np.concatenate([p.motion.times for p in pins]))
+    times = np.concatenate([keys, 0.5 * (keys[1:] + keys[:-1])])
+    return times[:: -(-len(times) // TIMES)].tolist()
+
+
+def _places(body: Cloth | Springs | Soft, pin: Pin, t: float) -> np.ndarray:
+    """Where a pin puts its points at a time [m], world, (k, 3)."""
+    if pin.places is not None:
+        return pin.motion.points(pin.places, t)
+    start, M = body.motion.points(body.points[pin.points]), pin.motion.at(0.0)
+    return pin.motion.points(np.linalg.solve(M[:3, :3], (start - M[:3, 3]).T).T, t)

@@ -1,0 +1,214 @@
+"""Everything that is wrong with a scene, found before anything is simulated. NumPy only.
+
+    check(scene) -> list of Problem, errors first, each with the prim path, what was found, what is allowed, the mend
+
+An error cannot be simulated; a warning can, but is seldom meant. Here: settings, paths, and how objects hang
+together; `wsim.scene.check.objects` has what can be wrong with one object by itself.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from math import inf
+
+import numpy as np
+
+from wsim.geometry import topology
+from wsim.geometry.triangulate import triangulate
+from wsim.scene import Cloth, Pin, Problem, Scene, Soft, Springs
+from wsim.scene.check import objects
+from wsim.scene.check.counts import MOST
+from wsim.scene.check.objects import array, error, number, rigid, warning
+from wsim.scene.integrator import EXPLICIT, IMPLICIT, INTEGRATORS, SOLVERS
+
+SOFT_SOLVERS = tuple(name for name in ("auto", "implicit", "explicit") if name in SOLVERS)
+STRONG = 50.0       # [m/s^2] five times Earth's gravity; files that take their unit for centimetres hold 981
+
+
+@np.errstate(over="ignore", invalid="ignore")     # what is no number is reported
+def check(scene: Scene) -> list[Problem]:
+    """Everything found, errors first. Never raises for a bad scene, and does not change it."""
+    found = [*_settings(scene), *_paths(scene)]
+    for cloth in scene.cloths:
+        found += objects.cloth(cloth)
+    for net in scene.springs:
+        found += objects.springs(net)
+    for soft in scene.softs:
+        from wsim.scene.check import soft as check_soft
+        found += check_soft.soft(soft)
+    for collider in scene.colliders:
+        found += objects.collider(collider)
+    for pin in scene.pins:
+        found += _pin(pin, scene)
+    for tie in scene.ties:
+        from wsim.scene.check import ties
+        found += ties.tie(tie, scene)
+    for load in scene.loads:
+        from wsim.scene.check import loads
+        found += loads.load(load, scene)
+    for thing in scene.varying:
+        from wsim.scene.check import varying
+        found += varying.varying(thing, scene)
+    if not any(p.fatal for p in found):           # triangles and pieces can be asked only of sound objects
+        found += [*_support(scene), *_damping(scene)]
+        for body in scene.bodies():
+            found += _held(body, [p for p in scene.pins if p.body == body.path and p.stiffness == inf])
+        if scene.colliders:
+            from wsim.scene.check import contact
+            found += contact.contacts(scene)
+    return sorted(found, key=lambda p: not p.fatal)
+
+
+def _settings(scene: Scene) -> Iterator[Problem]:
+    yield from number("/", "fps", scene.fps, 0.0, True, "author timeCodesPerSecond, 24 say")
+    yield from number("/", "start", scene.start, -inf, mend="author startTimeCode")
+    yield from number("/", "frames", scene.frames, 0, mend="give --frames, or author endTimeCode after startTimeCode")
+    yield from number("/", "substeps", scene.substeps, 1, mend="give --substeps, 10 say")
+    yield from number("/", "iterations", scene.iterations, 1, mend="give --iterations, 4 say")
+    for name in ("frames", "substeps", "iterations"):
+        if getattr(scene, name) > MOST:
+            yield error("/", f"{name} is {getattr(scene, name):g}", f"up to {MOST}", f"give another --{name}")
+    yield from number("/", "air_density", scene.air_density, 0.0)
+    yield from number("/", "air_drag", scene.air_drag, 0.0)
+    yield from number("/", "contact_width", scene.contact_width, 0.0)
+    if scene.contact_width > 0.0:
+        for path in [c.path for c in scene.colliders if c.restitution > 0.0][:1]:
+            yield error(path, f"it has a restitution, and contact_width is {scene.contact_width:g} m: a smoothed contact gives "
+                        "back all energy", "one of the two", "leave out the restitution, or wsim:contactWidth")
+    yield from number("/", "error", scene.error, 0.0, True, mend="give 0.01 for 1 % of the scene's size")
+    yield from _method(scene)
+    if scene.up not in ("Y", "Z"):
+        yield error("/", f"up axis is '{scene.up}'", "Y or Z", "author upAxis on the stage")
+    for name in ("gravity", "wind"):
+        value = getattr(scene, name)
+        if np.shape(value) != (3,) or not np.all(np.isfinite(value)):
+            yield error("/", f"{name} is {value}", "three finite numbers", f"author {name} on the PhysicsScene")
+    size = float(np.linalg.norm(scene.gravity))
+    if size > STRONG:
+        yield warning("/", f"gravity is {size:g} m/s^2", "9.81 or so",
+                      "author metersPerUnit (0.01 for centimetres), or physics:gravityMagnitude in stage units")
+
+
+def _method(scene: Scene) -> Iterator[Problem]:
+    """Solver and integrator: known, and made for each other."""
+    for name, found, allowed in (("solver", scene.solver, SOLVERS), ("integrator", scene.integrator, INTEGRATORS)):
+        if found not in allowed:
+            yield error("/", f"{name} is '{found}'", ", ".join(allowed), "choose one of them")
+            return
+    if scene.softs and scene.solver == "xpbd":
+        yield error("/", f"solver xpbd has no tetrahedra, of which {scene.softs[0].path} is made", ", ".join(SOFT_SOLVERS),
+                    "choose one of them")
+    if scene.integrator in ("implicit_midpoint", "sdirk3") and scene.colliders:
+        yield error("/", f"integrator {scene.integrator} rebounds from colliders", "backward_euler, bdf2 or an explicit one",
+                    "choose one of them")
+    if "auto" in (scene.solver, scene.integrator):
+        return
+    fits = EXPLICIT if scene.solver == "explicit" else IMPLICIT
+    if scene.integrator not in fits:
+        yield error("/", f"integrator {scene.integrator} is none of solver {scene.solver}", ", ".join(("auto", *fits)),
+                    "name one of them, or leave one of the two on auto")
+
+
+def _damping(scene: Scene) -> Iterator[Problem]:
+    """Sweeps move by 1 / (1 + damping / h) of what they would: past a substep or so they no longer converge in time."""
+    if scene.fps <= 0.0 or scene.substeps < 1:
+        return
+    h = 1.0 / scene.fps / scene.substeps
+    swept: list[Cloth | Springs] = [*scene.cloths, *scene.springs]         # a soft body is solved for otherwise
+    for body in swept:
+        damping = body.material.damping if isinstance(body, Cloth) else body.damping
+        if damping > 4.0 * h:
+            yield warning(body.path, f"damping is {damping:g} s, {damping / h:.0f} substeps of {h:g} s: it slows the solver's "
+                          "sweeps as many times", f"{4.0 * h:.2g} s or less", "give fewer substeps or less damping; "
+                          "backward Euler damps by itself")
+
+
+def _paths(scene: Scene) -> Iterator[Problem]:
+    if not scene.bodies():
+        yield error("/", "nothing here can move: no cloth, no spring net and no soft body", "at least one",
+                    "apply PhysicsSurfaceDeformableSimAPI to a mesh, or let `wsim new cloth MESH -o SCENE` (or softbody) do it")
+    skins = [skin for soft in scene.softs for skin in soft.skins]
+    named: list = [*scene.bodies(), *skins, *scene.colliders, *scene.pins, *scene.ties, *scene.loads]
+    for path, n in Counter(thing.path for thing in named).items():
+        if n > 1:
+            yield error(path, f"{n} objects have this path", "one", "give each its own")
+        if not path.startswith("/") or path == "/":
+            yield error(path, "this is no prim path", "an absolute path such as /World/cloth", "begin it with /")
+
+
+def _pin(pin: Pin, scene: Scene) -> Iterator[Problem]:
+    path = pin.path
+    yield from number(path, "damping", pin.damping, 0.0)
+    if not pin.stiffness > 0.0:
+        yield error(path, f"stiffness is {pin.stiffness:g}", "> 0; inf for a hard pin", "author physics:stiffness")
+    yield from array(path, "places", pin.places, (len(pin.points),))
+    yield from rigid(path, pin.motion, "take the scale out of the xform that the pin hangs on")
+    if len(pin.points) == 0:
+        yield warning(path, "it holds no points", "at least one", "name points, or remove the pin")
+    body = next((b for b in scene.bodies() if b.path == pin.body), None)
+    if body is None:
+        names = ", ".join(b.path for b in scene.bodies()[:5]) or "none, the scene has no body"
+        yield error(path, f"it holds '{pin.body}', which is no cloth, spring net or soft body here", names, "name one of them")
+        return
+    bad = (pin.points < 0) | (pin.points >= len(body.points))
+    if bad.any():
+        yield error(path, f"it holds point {pin.points[np.argmax(bad)]} of {pin.body}", f"0 to {len(body.points) - 1}",
+                    "count from 0, in the order of the mesh's points")
+
+
+def _held(body: Cloth | Springs | Soft, pins: list[Pin]) -> list[Problem]:
+    """Points that are held hard more than once, by these pins, at more than one place."""
+    points = np.concatenate([np.zeros(0, np.int32), *(p.points for p in pins)])
+    if len(np.unique(points)) == len(points):
+        return []
+    from wsim.scene.check.pins import held_twice
+    return list(held_twice(body, pins))
+
+
+def _pieces(body: Cloth | Springs | Soft) -> np.ndarray:
+    """Label of the connected piece of each point, shape (n,); -1 for points of no face, spring or tet."""
+    n, used = len(body.points), np.zeros(len(body.points), bool)
+    if isinstance(body, Springs):
+        edges, corners = body.edges, body.edges.reshape(-1)
+    elif isinstance(body, Soft):
+        from wsim.geometry.tetra import tets
+        edges, corners = tets.edges(body.tets), body.tets.reshape(-1)
+    else:
+        triangles = triangulate(body.points, body.counts, body.indices)[0]
+        edges, corners = topology.edges(triangles), body.indices
+        if body.weld > 0.0:                       # a duplicate of a seam goes with the particle that it is welded to
+            particle = topology.weld(body.motion.points(body.points), body.weld)
+            first = np.unique(particle, return_index=True)[1]
+            edges = np.concatenate([edges, np.stack([np.arange(n), first[particle]], axis=1)])
+    used[corners] = True
+    return np.where(used, topology.islands(n, edges), -1)
+
+
+def _support(scene: Scene) -> Iterator[Problem]:
+    """What keeps each body from falling: pins that leave something free, or colliders; and no loose pieces."""
+    falls = bool(np.any(np.asarray(scene.gravity) != 0.0))
+    for body in scene.bodies():
+        path, n = body.path, len(body.points)
+        held, hard = np.zeros(n, bool), np.zeros(n, bool)
+        for pin in (p for p in scene.pins if p.body == path):
+            held[pin.points] = True
+            hard[pin.points] |= pin.stiffness == inf
+        label = _pieces(body)
+        moved = np.arange(n) if isinstance(body, Springs) else np.where(label >= 0)[0]    # others move nothing
+        if hard[moved].all():
+            yield error(path, f"all {len(moved)} points are pinned: nothing can move", "at least one free point",
+                        "pin fewer points, or make it a collider")
+        for tie in scene.ties:                    # what hangs on another is held as well as that is
+            if path in (tie.body, tie.other):
+                held[tie.points if tie.body == path else tie.others] = True
+        if falls and not held.any() and not scene.colliders:
+            yield warning(path, "no pin holds it and nothing lies below: it falls for ever", "a pin or a collider",
+                          "add a PhysicsAttachment, or apply PhysicsCollisionAPI to what it should land on")
+        pieces = np.unique(label[label >= 0])
+        loose = np.setdiff1d(pieces, label[held])
+        if len(pieces) > 1 and len(loose):
+            yield warning(path, f"{len(loose)} of its {len(pieces)} separate pieces are held by no pin",
+                          "one piece, or pieces meant to fall apart",
+                          "make their points shared ones, pin each of them, or split the mesh" if isinstance(body, Soft) else
+                          "sew them (weld: a distance), pin each of them, or split the mesh")
+        if isinstance(body, Springs) and (label < 0).any():
+            yield warning(path, f"{(label < 0).sum()} points belong to no spring", "none", "remove them")

@@ -1,0 +1,68 @@
+"""Time integrators as data: the coefficients by which one driver steps x' = v, v' = a(x, v), and how far each can go.
+
+    explicit, stages (c, b):     x_s = x + c h v_(s-1),  v_s = v + c h a_(s-1),  a_s = a(x_s, v_s)
+                                 x' = x + h sum b v_s,   v' = v + h sum b a_s        (Runge-Kutta of low storage)
+    explicit, kicks and drifts:  v += kick h a(x, v),    x += drift h v              (in turn; a kick after a drift of 0
+                                 is one with the next one)
+    implicit, g over h:          v' = v~ + g a(x', v'),  x' = a~ + g v', see kernels/motion/points.py; `beyond` prolongs the
+                                 step to the end of the substep; `solves` such stages make a step of several
+
+`order` is that of the error in x and v after a fixed time, with damping too. The largest step h of the explicit ones is for
+the mode x'' = -omega^2 x - c x'; `wsim.physics.motion.stability` computes it for any omega and c.
+
+Hairer, Lubich, Wanner 2006, Geometric Numerical Integration, I.1 and VI.3; Hairer, Norsett, Wanner 1993, II.1 and III.1.
+sdirk3: Norsett 1974, Crouzeix 1975; Hairer, Wanner 1996, Solving Ordinary Differential Equations II, IV.6, eq. 6.18.
+"""
+
+from dataclasses import dataclass
+
+GAMMA = (3.0 + 3.0**0.5) / 6.0           # diagonal of sdirk3: the one that makes it stable for every h
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """One method; `stable` says for which steps, `limit_undamped` is h omega of the explicit ones at c = 0."""
+
+    name: str
+    order: int
+    stable: str
+    stages: tuple[tuple[float, float], ...] = ()      # (c, b)
+    steps: tuple[tuple[float, float], ...] = ()       # (kick, drift)
+    g: float = 0.0                                    # effective step over h; 0: explicit
+    beyond: bool = False                              # x' and v' are extrapolated from the effective step
+    solves: int = 1                                   # implicit stages a step
+    limit_undamped: float = 0.0                       # 0: grows at any h
+
+    @property
+    def explicit(self) -> bool:
+        return self.g == 0.0
+
+    @property
+    def forces(self) -> int:
+        """Evaluations of a(x, v) a step."""
+        return len(self.stages) or 1
+
+
+TABLE = {m.name: m for m in (
+    Integrator("explicit_euler", 1, "h c < 2 of what decays; any oscillation grows by (h omega)^2 / 2 a step",
+               stages=((0.0, 1.0),)),
+    # the same map as leapfrog, read half a step off
+    Integrator("symplectic_euler", 1, "h omega < 2", steps=((1.0, 1.0),), limit_undamped=2.0),
+    # symplectic (velocity Verlet); damping acts on v~ = v + h a_before / 2, so that it is of order 2 as well
+    Integrator("leapfrog", 2, "h omega < 2, h c < 1", steps=((0.5, 1.0), (0.5, 0.0)), limit_undamped=2.0),
+    Integrator("midpoint", 2, "h c < 2; any oscillation grows by (h omega)^4 / 8 a step", stages=((0.0, 0.0), (0.5, 1.0))),
+    Integrator("rk4", 4, "h omega < 2.828, h c < 2.785",
+               stages=((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6)), limit_undamped=8.0**0.5),
+    # damps: the amplitude of a mode falls by 1 / sqrt(1 + h^2 omega^2) a step
+    Integrator("backward_euler", 1, "every h", g=1.0),
+    # keeps the energy of linear systems, does not damp what it does not resolve
+    Integrator("implicit_midpoint", 2, "every h, if the step is solved to its residual", g=0.5, beyond=True),
+    # damps only what it does not resolve
+    Integrator("bdf2", 2, "every h, if the step is solved to its residual", g=2.0 / 3.0),
+    # damps what it does not resolve, by up to 0.73 a step; first frequency of h omega = 0.14 within 3.4e-5 (midpoint 1.6e-3)
+    Integrator("sdirk3", 3, "every h, if both stages of a step are solved to their residual", g=GAMMA, solves=2),
+)}
+SOLVERS = ("auto", "explicit", "xpbd", "implicit")
+INTEGRATORS = ("auto", *TABLE)
+EXPLICIT = tuple(name for name, m in TABLE.items() if m.explicit)
+IMPLICIT = tuple(name for name, m in TABLE.items() if not m.explicit)

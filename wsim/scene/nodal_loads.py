@@ -1,0 +1,48 @@
+"""Forces on points that stand for a load, and the triangles on which tractions act. NumPy only.
+
+A traction is a dead load: it keeps its direction in the world and acts on the area that a triangle has at rest when the scene
+begins, a third of it at each corner; of quadratic tets a third at the middle of each edge (the consistent nodal forces of a
+constant traction: Zienkiewicz, Taylor, The Finite Element Method 1, 8).
+"""
+
+import numpy as np
+
+from wsim.geometry import topology
+from wsim.geometry.triangulate import triangulate
+from wsim.scene import Cloth, Load, Soft
+
+
+def nodal(load: Load, body) -> tuple[np.ndarray, np.ndarray]:
+    """Places in the arrays of a `wsim.model.model.Body` that bear a load, and the part of its value that each has, 1 or [m^2];
+    a place may occur again."""
+    if load.triangles is None:
+        return body.index[load.points], load.parts
+    source = body.source
+    rest = source.motion.points(source.points if getattr(source, "rest_points", None) is None else source.rest_points)
+    area = topology.areas(rest, load.triangles) / 3.0
+    if not len(body.middles):
+        return body.index[load.triangles].ravel(), np.repeat(area, 3)
+    n = len(body.index)
+    sides = np.sort(load.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64), axis=1)
+    ends = np.sort(body.ends.astype(np.int64), axis=1)
+    key = ends[:, 0] * n + ends[:, 1]
+    order = np.argsort(key)
+    return body.middles[order[np.searchsorted(key[order], sides[:, 0] * n + sides[:, 1])]], np.repeat(area, 3)
+
+
+def faces(body: Cloth | Soft) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of each face of a cloth, or of the surface of a soft body, and their points."""
+    if isinstance(body, Cloth):
+        return body.counts, body.indices
+    from wsim.geometry.tetra import tets
+    surface = tets.surface(body.tets)
+    return np.full(len(surface), 3), surface.ravel()
+
+
+def between(body: Cloth | Soft, points=None) -> np.ndarray:
+    """Triangles (m, 3) of a cloth, or of the surface of a soft body, all of whose corners are among some points (None: all)."""
+    if isinstance(body, Cloth):
+        triangles = triangulate(body.points, body.counts, body.indices)[0]
+    else:
+        triangles = faces(body)[1].reshape(-1, 3)
+    return triangles if points is None else triangles[np.isin(triangles, np.asarray(points)).all(axis=1)]

@@ -1,0 +1,209 @@
+"""Points and polygons of simple shapes, for scenes, colliders, tests and benchmarks. NumPy only, metres.
+
+    sheet           a rectangle of cells, vertical or horizontal; row 0 is its top (or far) edge
+    spring_sheet    a square net of springs: structural, both diagonals, weak cross springs over one point
+    sphere, box, capsule, cylinder, cone, torso     closed surfaces, wound outward (counter-clockwise from outside)
+    block           a solid box of tetrahedra, as `Scene.soft` takes it
+
+A surface is (points (n, 3) float64 [m], counts (faces,) int32, indices (sum of counts,) int32), in the order that
+`Scene.cloth` and `scene.Surface` take. Solids of revolution run along z, as `wsim.scene` has them. Everything raises
+ValueError naming the argument, what was found and what is allowed.
+"""
+
+import numpy as np
+
+from wsim.geometry.tetra import lattice
+
+CUTS = ("alternating", "diagonal", "quads")
+
+
+def _positive(**sizes) -> None:
+    for name, value in sizes.items():
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{name} is {value:g}; it must be finite and > 0")
+
+
+def _count(least: int, **counts) -> None:
+    for name, value in counts.items():
+        if int(value) != value or value < least:
+            raise ValueError(f"{name} is {value}; it must be a whole number >= {least}")
+
+
+def _upright(points: np.ndarray, horizontal: bool, up: str) -> np.ndarray:
+    """Turns a sheet in the x-y plane (normal +z, row 0 at +y) to where it is wanted."""
+    if up not in ("Y", "Z"):
+        raise ValueError(f'up is {up!r}; allowed is "Y" or "Z"')
+    x, y, z = points.T
+    if horizontal:                                   # a quarter turn about x: normal +z becomes +y
+        x, y, z = x, z, -y
+    return np.stack([x, y, z] if up == "Y" else [x, -z, y], axis=1)
+
+
+def _grid(width: float, height: float, columns: int, rows: int) -> np.ndarray:
+    """Points of a centred grid in the x-y plane, row by row from +y to -y, (rows * columns, 3)."""
+    x, y = np.meshgrid(np.linspace(-0.5, 0.5, columns) * width, np.linspace(0.5, -0.5, rows) * height)
+    return np.stack([x.ravel(), y.ravel(), np.zeros(rows * columns)], axis=1)
+
+
+def sheet(width: float, height: float, nx: int, ny: int, *, horizontal: bool = False, up: str = "Y",
+          cut: str = "alternating", at=(0.0, 0.0, 0.0)) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A rectangle of nx by ny cells, centred at `at` [m]: points ((nx+1) (ny+1), 3), counts, indices.
+
+    Points run row by row, left to right; row 0 (points 0 .. nx) is the top edge of a vertical sheet, the far edge
+    (-z, or +y where z is up) of a horizontal one. A vertical sheet faces +z (-y where z is up), a horizontal one up.
+    cut: "quads"; "diagonal" triangles, all cut the same way; "alternating" triangles, every second diagonal turned,
+    which has no preferred direction.
+    """
+    _positive(width=width, height=height)
+    _count(1, nx=nx, ny=ny)
+    if cut not in CUTS:
+        raise ValueError(f"cut is {cut!r}; allowed is one of {', '.join(CUTS)}")
+    points = _upright(_grid(width, height, nx + 1, ny + 1), horizontal, up) + np.asarray(at, np.float64)
+    row, column = (index.ravel() for index in np.divmod(np.arange(nx * ny), nx))
+    a = row * (nx + 1) + column                      # a d   corners of a cell, counter-clockwise from the front
+    b, c, d = a + nx + 1, a + nx + 2, a + 1          # b c
+    if cut == "quads":
+        faces = np.stack([a, b, c, d], axis=1)
+    else:
+        turned = (row + column) % 2 == 1 if cut == "alternating" else np.zeros(nx * ny, bool)
+        first = np.where(turned, [a, b, d], [a, b, c])
+        second = np.where(turned, [b, c, d], [a, c, d])
+        faces = np.stack([first, second]).transpose(2, 0, 1).reshape(-1, 3)
+    return points, np.full(len(faces), faces.shape[1], np.int32), faces.astype(np.int32).ravel()
+
+
+def spring_sheet(side: float, n: int, *, stretch: float = 1.0e3, diagonal: float = 1.0e3, cross: float = 1.0e1,
+                 density: float = 0.2, up: str = "Y") -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A horizontal square net of n by n points: points, edges (m, 2), stiffness [N/m] (m,), masses [kg] (n^2,).
+
+    Edges in this order: 2 n (n-1) structural (along a row, then along a column) of stiffness `stretch`,
+    2 (n-1)^2 diagonals of `diagonal`, 2 n (n-2) over one point (they resist bending) of `cross`, all in [N/m].
+    density [kg/m^2] of the sheet, shared equally by its points. Points 0 .. n-1 are one edge (to be pinned).
+    """
+    _positive(side=side, stretch=stretch, density=density)
+    _count(2, n=n)
+    for name, value in (("diagonal", diagonal), ("cross", cross)):
+        if not (np.isfinite(value) and value >= 0):
+            raise ValueError(f"{name} is {value:g}; it must be finite and >= 0")
+    grid = np.arange(n * n).reshape(n, n)
+    groups = [(stretch, grid[:, :-1], grid[:, 1:]), (stretch, grid[:-1], grid[1:]),
+              (diagonal, grid[:-1, :-1], grid[1:, 1:]), (diagonal, grid[:-1, 1:], grid[1:, :-1]),
+              (cross, grid[:, :-2], grid[:, 2:]), (cross, grid[:-2], grid[2:])]
+    edges = np.concatenate([np.stack([i.ravel(), j.ravel()], axis=1) for _, i, j in groups]).astype(np.int32)
+    stiffness = np.concatenate([np.full(i.size, k) for k, i, _ in groups])
+    points = _upright(_grid(side, side, n, n), True, up)
+    return points, edges, stiffness, np.full(n * n, density * side * side / (n * n))
+
+
+def _loft(rings: np.ndarray, bottom, top) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Closes rings (k, segments, 3), counter-clockwise from above and stacked upward, by a point at each end."""
+    k, segments, _ = rings.shape
+    points = np.concatenate([[bottom], rings.reshape(-1, 3), [top]])
+    i = np.arange(segments)
+    j = (i + 1) % segments
+    faces = [np.stack([np.zeros_like(i), 1 + j, 1 + i], axis=1)]
+    for ring in range(k - 1):
+        a = 1 + ring * segments
+        faces += [np.stack([a + i, a + j, a + segments + j], axis=1),
+                  np.stack([a + i, a + segments + j, a + segments + i], axis=1)]
+    last = 1 + (k - 1) * segments
+    faces.append(np.stack([last + i, last + j, np.full_like(i, len(points) - 1)], axis=1))
+    triangles = np.concatenate(faces).astype(np.int32)
+    return points, np.full(len(triangles), 3, np.int32), triangles.ravel()
+
+
+def _revolve(profile, bottom: float, top: float, segments: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Surface of revolution about z of the (radius, z) pairs [m], closed by axis points at heights bottom and top."""
+    _count(3, segments=segments)
+    angle = 2.0 * np.pi * np.arange(segments) / segments
+    r, z = np.asarray(profile, np.float64).T
+    rings = np.stack([r[:, None] * np.cos(angle), r[:, None] * np.sin(angle),
+                      np.broadcast_to(z[:, None], (len(r), segments))], axis=2)
+    return _loft(rings, (0.0, 0.0, bottom), (0.0, 0.0, top))
+
+
+def sphere(radius: float, segments: int = 32) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sphere about the origin, points on it; `segments` around, half as many from pole to pole."""
+    _positive(radius=radius)
+    _count(4, segments=segments)
+    theta = np.pi * np.arange(1, segments // 2) / (segments // 2)
+    return _revolve(radius * np.stack([np.sin(theta), -np.cos(theta)], axis=1), -radius, radius, segments)
+
+
+def capsule(radius: float, half_height: float, segments: int = 32) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Capsule along z; half_height [m] of the straight part."""
+    _positive(radius=radius, half_height=half_height)
+    _count(4, segments=segments)
+    theta = 0.5 * np.pi * np.arange(1, segments // 4 + 1) / (segments // 4)
+    low = np.stack([radius * np.sin(theta), -half_height - radius * np.cos(theta)], axis=1)
+    profile = np.concatenate([low, low[::-1] * (1.0, -1.0)])
+    return _revolve(profile, -half_height - radius, half_height + radius, segments)
+
+
+def cylinder(radius: float, half_height: float, segments: int = 32) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cylinder along z between -half_height and +half_height [m]."""
+    _positive(radius=radius, half_height=half_height)
+    return _revolve([(radius, -half_height), (radius, half_height)], -half_height, half_height, segments)
+
+
+def cone(radius: float, half_height: float, segments: int = 32) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cone along z: base of `radius` at -half_height, apex at +half_height [m]."""
+    _positive(radius=radius, half_height=half_height)
+    return _revolve([(radius, -half_height)], -half_height, half_height, segments)
+
+
+def box(half, divisions: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Box about the origin with half edges `half` (three lengths [m]); `divisions` cells along every edge. Quads."""
+    _positive(**dict(zip(("half x", "half y", "half z"), half, strict=True)))
+    _count(1, divisions=divisions)
+    m = divisions + 1
+    i, j = (index.ravel() for index in np.meshgrid(np.arange(divisions), np.arange(divisions), indexing="ij"))
+    corners = np.stack([np.stack([i, j]), np.stack([i + 1, j]), np.stack([i + 1, j + 1]), np.stack([i, j + 1])])
+    lattice = []
+    for axis in range(3):                            # the two other axes in cyclic order: u x v = axis
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        for end in (0, divisions):
+            faces = np.zeros((divisions * divisions, 4, 3), int)
+            faces[:, :, axis] = end
+            faces[:, :, u], faces[:, :, v] = corners[:, 0].T, corners[:, 1].T
+            lattice.append(faces if end else faces[:, ::-1])
+    ids, indices = np.unique(np.concatenate(lattice).reshape(-1, 3) @ (m * m, m, 1), return_inverse=True)
+    steps = np.stack([ids // (m * m), ids // m % m, ids % m], axis=1)
+    points = (2.0 * steps / divisions - 1.0) * np.asarray(half, np.float64)
+    return points, np.full(6 * divisions * divisions, 4, np.int32), indices.astype(np.int32).ravel()
+
+
+def torso(height: float = 0.85, segments: int = 24) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A tailor's dummy along z, wide in x, from the hips (z = 0) over shoulders and neck to a top at `height` [m].
+
+    Elliptic sections of fixed proportions, joined by cubics that are flat at the sections, so that nothing bulges;
+    at 0.85 m it has a chest of 75 cm and fits a small adult's shirt.
+    """
+    _positive(height=height)
+    _count(8, segments=segments)
+    sections = np.array([   # height, half width, half depth over the total height
+        (0.00, 0.165, 0.118), (0.12, 0.172, 0.125), (0.30, 0.148, 0.105), (0.50, 0.155, 0.125), (0.62, 0.165, 0.118),
+        (0.72, 0.190, 0.095), (0.77, 0.198, 0.075), (0.81, 0.178, 0.064), (0.84, 0.125, 0.056), (0.865, 0.075, 0.050),
+        (0.895, 0.056, 0.046), (0.96, 0.050, 0.042), (0.99, 0.030, 0.028)])
+    z = np.unique(np.round(np.concatenate([np.linspace(0.0, 0.66, 12), np.linspace(0.68, 0.90, 12), sections[:, 0]]), 9))
+    k = np.clip(np.searchsorted(sections[:, 0], z, side="right") - 1, 0, len(sections) - 2)
+    s = ((z - sections[k, 0]) / (sections[k + 1, 0] - sections[k, 0]))[:, None]
+    half = sections[k, 1:] + s * s * (3.0 - 2.0 * s) * (sections[k + 1, 1:] - sections[k, 1:])
+    angle = 2.0 * np.pi * np.arange(segments) / segments
+    rings = np.stack([half[:, :1] * np.cos(angle), half[:, 1:] * np.sin(angle),
+                      np.broadcast_to(z[:, None], (len(z), segments))], axis=2)
+    return _loft(rings * height, (0.0, 0.0, 0.0), (0.0, 0.0, height))
+
+
+def block(size, cells, kind: str = "five", *, at=(0.0, 0.0, 0.0)) -> tuple[np.ndarray, np.ndarray]:
+    """A solid box of sides `size` (three [m]) about `at` [m], cut into `cells` (one number or three) along its sides:
+    points (n, 3) float64 [m] and tets (t, 4) int32 of positive volume, for `Scene.soft`.
+
+    The first (cx + 1)(cy + 1)(cz + 1) points are the corners of the cells, z fastest, then y: those of the side at the least
+    x come first. kind: "five" tets a cell, or "bcc", of better shape, which adds the centres of the cells.
+    """
+    points, tets = lattice.box(size, cells, kind)
+    at = np.asarray(at, np.float64)
+    if at.shape != (3,) or not np.all(np.isfinite(at)):
+        raise ValueError(f"at is {at.tolist()}; it must be three finite coordinates [m]")
+    return points + at, tets

@@ -1,0 +1,52 @@
+"""Material of a soft body: what a solid is made of, in SI units, validated when made. kernels/soft/material.py has the
+energies.
+
+    corotational           Hooke's law in the turned frame: the fast default, any E and nu; loses volume at large twists
+    neo_hookean            stable Neo-Hookean (Smith, de Goes, Kim 2018): keeps volume, for large strain
+    st_venant_kirchhoff    Hooke's law of Green's strain, for comparison: softens under pressure, does not resist inversion
+    linear                 small strain and small turns only: for comparison; a turned body swells
+
+Each has Young's modulus E and Poisson's ratio nu at rest. Of Rayleigh's two parts of damping, force = -c M v - damping K v, the
+second is the material's: of the rate of Green's strain, it leaves rigid motion alone. c is `Scene.air_drag`.
+
+A yield strain y bounds |dev E|, the square root of the sum of the squares of the deviatoric strain: a bar that is pulled begins
+to flow at the strain sqrt(3/2) y / (1 + nu), and keeps what goes beyond it (kernels/soft/plastic.py). Volume always comes back.
+Nothing tears.
+"""
+
+from dataclasses import dataclass, fields
+from math import inf, isfinite
+
+MODELS = ("corotational", "neo_hookean", "st_venant_kirchhoff", "linear")
+
+
+@dataclass(frozen=True)
+class Bulk:
+    """Parameters of a solid. Raises ValueError naming the parameter, what was found and what is allowed."""
+
+    young: float = 1.0e6            # Young's modulus E [Pa], > 0
+    poisson: float = 0.3            # nu, in (-1, 0.5)
+    density: float = 1.0e3          # [kg/m^3], > 0
+    model: str = "corotational"     # one of MODELS
+    damping: float = 0.0            # relaxation time of elastic forces [s]
+    yield_strain: float = inf       # shape is lost for good where the deviatoric strain |dev E| is larger; inf: elastic
+    static_friction: float = 0.5
+    dynamic_friction: float = 0.5
+
+    def __post_init__(self):
+        if self.model not in MODELS:
+            raise ValueError(f"model is {self.model!r}; allowed is one of {', '.join(MODELS)}")
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if f.name == "model":
+                continue
+            low, strict, high = RANGES.get(f.name, (0.0, False, inf))
+            if not (isfinite(value) or (f.name == "yield_strain" and value == inf)):
+                raise ValueError(f"{f.name} is {value}; it must be finite")
+            if value < low or (strict and value == low) or (high < inf and value >= high):
+                raise ValueError(f"{f.name} is {value:g}; allowed is {'>' if strict else '>='} {low:g}"
+                                 + (f" and < {high:g}" if high < inf else ""))
+
+
+RANGES = {"young": (0.0, True, inf), "density": (0.0, True, inf), "poisson": (-1.0, True, 0.5),
+           "yield_strain": (0.0, True, inf)}

@@ -1,0 +1,157 @@
+"""Pictures of a stage: still, contact sheet, animated PNG or GIF, by the ray caster of `kernels.ray`.
+
+    picture("flag_out.usdc", "flag.png")                      # last frame
+    picture("flag_out.usdc", "flag.png", sheet=6)             # six frames side by side
+    picture("flag_out.usdc", "flag.gif", size=(480, 270))     # all frames, moving
+"""
+
+import os
+from collections.abc import Iterable
+from math import ceil, sqrt
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from wsim.scene import Problem, SceneError
+from wsim.show import gif, png
+from wsim.show.camera import Camera, fitted, subjects
+from wsim.show.raycast import Caster, checked_size, render
+from wsim.show.visible import Visible, visible
+from wsim.usd.result.atomic import replace_bytes
+from wsim.usd.result.dependencies import refuse
+
+__all__ = ["Camera", "Caster", "picture", "render"]
+SUFFIXES = (".png", ".apng", ".gif")
+MOST_FRAMES = 2000               # of one animation: all images are held in memory
+GUTTER = 4                       # pixels between the images of a sheet
+
+
+def picture(stage_path, out, *, frames=None, size: tuple[int, int] = (960, 540), sheet: int | None = None, device=None,
+            camera: str | Camera | None = None) -> dict:
+    """Draws a stage (a scene or a result) into a file: .png, or .gif and .apng for an animation.
+
+    frames  time codes: one, several, "all", or None: the last for a still, all for an animation or a sheet. Several
+            frames in a .png without a sheet give an animated PNG.
+    sheet   number of frames on one contact sheet, evenly chosen; size is then that of the whole sheet, about
+    camera  path of a UsdGeom.Camera, a `Camera`, "auto", or None: the stage's first camera, else one that fits
+    Returns {"out", "frames", "size", "seconds", "notes"}. Raises SceneError for a stage that cannot be drawn, OSError
+    for files that cannot be read or written; an old file at `out` is replaced only by a finished one, and not one that
+    the stage is made of.
+    """
+    began = perf_counter()
+    out = _checked_out(Path(out))
+    refuse("the picture", out, {stage_path: "the stage"})
+    size = checked_size(size)
+    seen = visible(stage_path)
+    moving = out.suffix.lower() in (".gif", ".apng")
+    times = _chosen(seen, frames, moving, sheet)
+    cell, columns = _grid(size, len(times)) if sheet else (size, 1)
+    cameras, floors = _cameras(seen, times, camera, cell[0] / cell[1])
+    caster = Caster([d.look for d in seen.drawn], cell, device)
+    images = [caster.image([d.points(t) for d in seen.drawn], c, seen.up, floor)
+              for t, c, floor in zip(times, cameras, floors, strict=True)]
+    drawn = perf_counter()
+    if sheet:
+        images = [_sheet(images, columns)]
+    fps = seen.fps * (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else seen.fps
+    if out.suffix.lower() == ".gif":
+        data = gif.write(images, fps)
+    else:
+        data = png.still(images[0]) if len(images) == 1 else png.animation(images, fps)
+    _write(out, data)
+    return {"out": str(out), "frames": times, "size": [images[0].shape[1], images[0].shape[0]], "notes": seen.notes,
+            "seconds": {"draw": drawn - began, "total": perf_counter() - began}}
+
+
+def _checked_out(out: Path) -> Path:
+    if out.suffix.lower() not in SUFFIXES:
+        raise SceneError(Problem(str(out), f"pictures end in {', '.join(SUFFIXES)}; found '{out.suffix}'"))
+    if out.is_dir():
+        raise IsADirectoryError(f"{out}: is a folder; name a file")
+    if not out.parent.is_dir():
+        raise FileNotFoundError(f"{out}: there is no folder {out.parent}; make it first")
+    if not os.access(out.parent, os.W_OK):
+        raise PermissionError(f"{out}: the folder {out.parent} cannot be written; choose another")
+    return out
+
+
+def _chosen(seen: Visible, frames, moving: bool, sheet: int | None) -> list[float]:
+    """Time codes to draw, checked against the stage's range."""
+    if frames is None:
+        frames = "all" if moving or sheet else seen.times[-1]
+    if isinstance(frames, str) and frames != "all":
+        raise SceneError(Problem("frames", f"{frames!r}; allowed are time codes or 'all'"))
+    if isinstance(frames, str):
+        times = list(seen.times)
+    else:
+        times = [float(t) for t in frames] if isinstance(frames, Iterable) else [float(frames)]
+    wrong = [t for t in times if not seen.times[0] <= t <= seen.times[-1]]
+    if wrong or not times:
+        found = f"time code {wrong[0]:g}" if wrong else "no time code"
+        raise SceneError(Problem("frames", f"{found}; the stage has {seen.times[0]:g} to {seen.times[-1]:g}"))
+    if sheet is not None:
+        if sheet < 1:
+            raise SceneError(Problem("sheet", f"{sheet} frames; a sheet holds at least 1"))
+        times = [times[k] for k in np.unique(np.round(np.linspace(0, len(times) - 1, sheet)).astype(int))]
+    if len(times) > MOST_FRAMES:
+        raise SceneError(Problem("frames", f"{len(times)}; an animation holds {MOST_FRAMES} at most: name fewer"))
+    return times
+
+
+def _cameras(seen: Visible, times: list[float], camera, aspect: float) -> tuple[list[Camera], list[float | None]]:
+    """The camera and the height of the ground at each time."""
+    sets: list[list[np.ndarray]] = [[] for _ in seen.drawn]
+    for t in times:
+        for k, d in enumerate(seen.drawn):
+            points = d.points(t)
+            sets[k].append(points[:: 1 + len(points) // 20000])
+    groups = [np.concatenate(s) for s in sets]
+    chosen = np.concatenate([groups[k] for k in subjects(groups)] or [np.array([[-1.0, 0, -1.0], [1.0, 0, 1.0]])])
+    axis = "XYZ".index(seen.up)
+    base = min((float(g[:, axis].min()) for g in groups), default=0.0)
+    floors: list[float | None] = [base if seen.floor is None else seen.floor(t) for t in times]
+    if isinstance(camera, Camera):
+        return [camera] * len(times), floors
+    if camera is None and seen.cameras:
+        camera = next(iter(seen.cameras))
+    if camera is None or camera == "auto":
+        return [fitted(chosen, seen.up, aspect)] * len(times), floors
+    if camera not in seen.cameras:
+        raise SceneError(Problem(str(camera), f"no such camera; the stage has {', '.join(seen.cameras) or 'none'}"))
+    return [_of_stage(seen, camera, t) for t in times], floors
+
+
+def _of_stage(seen: Visible, path: str, time: float) -> Camera:
+    """A UsdGeom.Camera at a time; its whole aperture stays in view."""
+    lens = seen.cameras[path](time)
+    M = np.array(lens.transform)                    # rows: right, up, back, place
+    tan_x, tan_y = (0.5 * a / lens.focalLength for a in (lens.horizontalAperture, lens.verticalAperture))
+    unit = M[:3, :3] / np.linalg.norm(M[:3, :3], axis=1, keepdims=True)
+    return Camera(seen.meters * M[3, :3], -unit[2], unit[1], tan_x, tan_y)
+
+
+def _grid(size: tuple[int, int], count: int) -> tuple[tuple[int, int], int]:
+    """Size of one image of a sheet, and the number of columns."""
+    columns = ceil(sqrt(count))
+    width = max((size[0] - (columns - 1) * GUTTER) // columns, 8)
+    return (width, max(round(width * size[1] / size[0]), 8)), columns
+
+
+def _sheet(images: list[np.ndarray], columns: int) -> np.ndarray:
+    """Images in rows of `columns`, white between and behind."""
+    h, w, _ = images[0].shape
+    rows = ceil(len(images) / columns)
+    whole = np.full((rows * (h + GUTTER) - GUTTER, columns * (w + GUTTER) - GUTTER, 3), 255, np.uint8)
+    for k, image in enumerate(images):
+        y, x = (k // columns) * (h + GUTTER), (k % columns) * (w + GUTTER)
+        whole[y:y + h, x:x + w] = image
+    return whole
+
+
+def _write(out: Path, data: bytes) -> None:
+    """Writes beside the target and renames, so that no half file is ever seen."""
+    try:
+        replace_bytes(out, data)
+    except OSError as error:
+        raise OSError(error.errno, f"not written ({error.strerror}); free space or write elsewhere", str(out)) from None

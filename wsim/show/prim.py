@@ -1,0 +1,210 @@
+"""One prim of a stage as triangles in world space [m] over time: points, colours, shared normals. Reads by pxr."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from pxr import Usd, UsdGeom, UsdShade
+
+from wsim.geometry import primitives
+from wsim.geometry.tetra.tets import checked, surface, volumes
+from wsim.geometry.triangulate import index_fault, triangulate
+from wsim.scene import Problem, SceneError
+from wsim.show.shading import CREASE, Look, palette, smoothing
+
+
+@dataclass
+class Drawn:
+    """A prim with triangles. `points(time code)` gives world positions [m], (n, 3) float64, as many at every time."""
+
+    look: Look
+    kind: str                                             # "cloth", "springs", "soft", "collider" or "plain"
+    points: Callable[[float], np.ndarray]
+    moves: bool = True                                    # False: the same points at all times
+
+
+def matrix(prim: Usd.Prim, time: float) -> np.ndarray:
+    """Local to world for columns, (4, 4), stage units."""
+    return np.array(UsdGeom.Imageable(prim).ComputeLocalToWorldTransform(time)).T
+
+
+def triangulated(prim: Usd.Prim, kind: str, number: int, time: float, meters: float) -> Drawn | None:
+    """The prim as triangles; None if it has none (an empty mesh)."""
+    corners: np.ndarray | None = None
+    polygon: np.ndarray | None = None
+    if prim.IsA(UsdGeom.Mesh):
+        triangles, corners, polygon = _mesh(prim, time)
+    else:
+        triangles = _tets(prim, time) if prim.IsA(UsdGeom.TetMesh) else _outline(prim, time)[1]
+    if len(triangles) == 0:
+        return None
+    path, start = str(prim.GetPath()), matrix(prim, time)
+    flipped = str(UsdGeom.Gprim(prim).GetOrientationAttr().Get()) == "leftHanded" and corners is not None
+    if flipped != (np.linalg.det(start[:3, :3]) < 0):
+        triangles = triangles[:, ::-1]
+        corners = None if corners is None else corners[:, ::-1]
+
+    def points(t: float) -> np.ndarray:
+        local = _local(prim, t)
+        if local.shape != first.shape or not np.isfinite(local).all():
+            bad = np.flatnonzero(~np.isfinite(local).all(axis=1))
+            found = f"point {bad[0]} is not finite" if len(bad) else f"{len(local)} points, {len(first)} at the start"
+            raise SceneError(Problem(path, f"at time code {t:g}: {found}; draw earlier frames (frames=...), or "
+                                           "simulate again with more substeps"))
+        M = matrix(prim, t)
+        return meters * (local @ M[:3, :3].T + M[:3, 3])
+
+    first = _local(prim, time)
+    round_ = _is_round(prim, kind)
+    groups = smoothing(points(time), triangles, np.pi if round_ else CREASE)
+    colors, color_of = _colors(prim, time, triangles, corners, polygon)
+    if colors is None:
+        colors = np.array([palette(kind, number)])
+    if color_of is None:
+        color_of = np.zeros_like(triangles)
+    return Drawn(Look(triangles, colors, color_of, groups, path), kind, points, moves(prim))
+
+
+def moves(prim: Usd.Prim) -> bool:
+    """Whether a prim's shape, or its transform or one above it, has samples over time."""
+    shape = ("points", "radius", "height", "size", "width", "length")
+    if any(prim.GetAttribute(name).ValueMightBeTimeVarying() for name in shape if prim.HasAttribute(name)):
+        return True
+    while prim and not prim.IsPseudoRoot():
+        if prim.IsA(UsdGeom.Xformable) and UsdGeom.Xformable(prim).TransformMightBeTimeVarying():
+            return True
+        prim = prim.GetParent()
+    return False
+
+
+def _is_round(prim: Usd.Prim, kind: str) -> bool:
+    """Whether a prim is shaded without creases: tubes, beads, and cloth that moves."""
+    if prim.IsA(UsdGeom.Curves) or prim.IsA(UsdGeom.Points):
+        return True
+    return kind == "cloth" and prim.IsA(UsdGeom.Mesh) and UsdGeom.Mesh(prim).GetPointsAttr().ValueMightBeTimeVarying()
+
+
+def _mesh(prim: Usd.Prim, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles (t, 3), the corner of the file that each of their corners is, (t, 3), and the polygon of each, (t,)."""
+    mesh = UsdGeom.Mesh(prim)
+    points = _local(prim, time)
+    counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(time) or [], np.int64)
+    indices = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(time) or [], np.int64)
+    fault = index_fault(len(points), counts, indices)
+    if fault:
+        raise SceneError(Problem(str(prim.GetPath()), fault))
+    triangles, polygon = triangulate(points, counts, indices)
+    keys = np.repeat(np.arange(len(counts)), counts) * len(points) + indices
+    order = np.argsort(keys, kind="stable")
+    wanted = (np.asarray(polygon, np.int64)[:, None] * len(points) + triangles).reshape(-1, 3)
+    corners = order[np.searchsorted(keys[order], wanted)] if len(triangles) else triangles
+    return triangles, corners, polygon
+
+
+def _tets(prim: Usd.Prim, time: float) -> np.ndarray:
+    """Surface triangles (t, 3) of a TetMesh, counter-clockwise from outside.
+
+    The sign of each tet's volume decides, which is what `orientation` should say: by the default points, where no tet is
+    turned inside out by a simulation, as far as there are any."""
+    points, rest = _authored(prim, time), _authored(prim, Usd.TimeCode.Default())
+    rows = np.asarray(UsdGeom.TetMesh(prim).GetTetVertexIndicesAttr().Get(time) or [], np.int64).reshape(-1, 4)
+    try:
+        points, rows = checked(rest if len(rest) == len(points) else points, rows)
+    except ValueError as error:
+        raise SceneError(Problem(str(prim.GetPath()), f"its tetVertexIndices are wrong: {error}")) from None
+    turned = volumes(points, rows) < 0
+    return surface(np.where(turned[:, None], rows[:, [0, 1, 3, 2]], rows))
+
+
+def _local(prim: Usd.Prim, time: float) -> np.ndarray:
+    """Points of the drawn triangles in the prim's own frame, (n, 3) float64, stage units."""
+    if prim.IsA(UsdGeom.Mesh) or prim.IsA(UsdGeom.TetMesh):
+        return _authored(prim, time)
+    return _outline(prim, time)[0]
+
+
+def _authored(prim: Usd.Prim, time: float | Usd.TimeCode) -> np.ndarray:
+    return np.asarray(UsdGeom.PointBased(prim).GetPointsAttr().Get(time) or np.zeros((0, 3)), np.float64).reshape(-1, 3)
+
+
+def _number(prim: Usd.Prim, name: str, time: float) -> float:
+    return float(prim.GetAttribute(name).Get(time))
+
+
+def _outline(prim: Usd.Prim, time: float) -> primitives.Outline:
+    """Points and triangles of anything that is not a mesh."""
+    name, number = str(prim.GetTypeName()), lambda field: _number(prim, field, time)
+    if name == "Sphere":
+        return primitives.sphere(number("radius"))
+    if name == "Cube":
+        return primitives.box(np.full(3, 0.5 * number("size")))
+    if name == "BasisCurves":
+        return _curves(prim, time)
+    if name == "Points":
+        points = _authored(prim, time)
+        return primitives.beads(points, 0.5 * _widths(prim, time, points))
+    axis = str(prim.GetAttribute("axis").Get() or "Z")
+    if name == "Plane":
+        sides = 0.5 * number("width"), 0.5 * number("length")
+        points, triangles = primitives.plate(*(sides if axis == "Z" else sides[::-1]))
+        return primitives.along(axis, points), triangles
+    round_solids = {"Capsule": primitives.capsule, "Cylinder": primitives.cylinder, "Cone": primitives.cylinder}
+    if name.removesuffix("_1") in round_solids:
+        bottom, top = ("radiusBottom", "radiusTop") if name.endswith("_1") else ("radius", "radius")
+        points, triangles = round_solids[name.removesuffix("_1")](
+            number(bottom), 0.0 if name == "Cone" else number(top), 0.5 * number("height"))
+        return primitives.along(axis, points), triangles
+    return np.zeros((0, 3)), np.zeros((0, 3), np.int32)
+
+
+def _widths(prim: Usd.Prim, time: float, points: np.ndarray) -> np.ndarray:
+    """Width of each point, stage units: authored, else the deformable thickness, else a share of the size."""
+    for name in ("widths", "physics:thicknesses"):
+        attribute = prim.GetAttribute(name)
+        widths = np.asarray(attribute.Get(time) or [], float) if attribute else np.zeros(0)
+        if len(widths) in (1, len(points)):
+            return np.broadcast_to(widths, (len(points),))
+    size = np.linalg.norm(np.ptp(points, axis=0)) if len(points) else 0.0
+    return np.full(len(points), 0.006 * size)
+
+
+def _curves(prim: Usd.Prim, time: float) -> primitives.Outline:
+    """Tubes along the control polygons, a bead at each point."""
+    points = _authored(prim, time)
+    counts = np.asarray(UsdGeom.BasisCurves(prim).GetCurveVertexCountsAttr().Get(time) or [], np.int64)
+    if counts.sum() > len(points) or (counts < 0).any():
+        raise SceneError(Problem(str(prim.GetPath()), f"curveVertexCounts sum to {counts.sum()}, points are "
+                                                      f"{len(points)}; they must agree"))
+    ends = np.cumsum(counts)
+    first = np.setdiff1d(np.arange(counts.sum()), ends - 1)                 # every point but the last of a curve
+    segments = np.stack([first, first + 1], axis=1)
+    if str(UsdGeom.BasisCurves(prim).GetWrapAttr().Get()) == "periodic":
+        segments = np.concatenate([segments, np.stack([ends - 1, ends - counts], axis=1)[counts > 1]])
+    radii = 0.5 * _widths(prim, time, points)
+    tube, faces = primitives.rods(points, segments, radii)
+    ball, more = primitives.beads(points, radii)
+    return np.concatenate([tube, ball]), np.concatenate([faces, more + len(tube)]).astype(np.int32)
+
+
+def _colors(prim, time, triangles, corners, polygon) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Linear colours (k, 3) and the colour of each corner (t, 3) or None for one colour; (None, None): not authored."""
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
+    values = primvar.ComputeFlattened(time) if primvar and primvar.HasValue() else None
+    if values is None or len(values) == 0:
+        color = _diffuse(prim)
+        return (None, None) if color is None else (color[None], None)
+    values = np.asarray(values, np.float64).reshape(-1, 3)
+    by = {"uniform": None if polygon is None else np.repeat(polygon[:, None], 3, axis=1), "faceVarying": corners}.get(
+        str(primvar.GetInterpolation()), triangles if corners is not None or prim.IsA(UsdGeom.TetMesh) else None)
+    if len(values) == 1 or by is None or int(by.max()) >= len(values) or str(primvar.GetInterpolation()) == "constant":
+        return values.mean(axis=0, keepdims=True), None
+    return values, np.asarray(by, np.int32)
+
+
+def _diffuse(prim: Usd.Prim) -> np.ndarray | None:
+    """Diffuse colour of the bound preview material, if it is a plain value."""
+    material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+    shader = material.ComputeSurfaceSource()[0] if material else None
+    channel = shader.GetInput("diffuseColor") if shader else None
+    value = channel.Get() if channel and not channel.HasConnectedSource() else None
+    return None if value is None else np.asarray(value, np.float64)

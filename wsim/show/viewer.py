@@ -1,0 +1,168 @@
+"""Results and running simulations in the rerun viewer: meshes over time, plots of energy, strain and other indicators.
+
+    view("flag_out.usdc")                       # a result; plots where it is a scene of wsim
+    viewer = Viewer(scene)                      # live: simulation.run(240, each=viewer.log)
+    viewer = Viewer(scene, save="flag.rrd")     # into a file, shown later by: rerun flag.rrd
+
+Needs the extra `view`. The viewer is a process of its own that listens on 127.0.0.1; one that runs already is used.
+rerun gathers usage statistics unless told otherwise: `rerun analytics disable`.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from wsim.geometry import primitives
+from wsim.geometry.tetra.tets import surface
+from wsim.geometry.triangulate import triangulate
+from wsim.scene import (
+    Box,
+    Capsule,
+    Cloth,
+    Collider,
+    Cone,
+    Cylinder,
+    Plane,
+    Scene,
+    Shape,
+    Soft,
+    Sphere,
+    Springs,
+    Surface,
+)
+from wsim.scene.skin import held
+from wsim.show.rerun_log import Log, Shown, checked, srgb
+from wsim.show.shading import CREASE, Look, palette, smoothing
+from wsim.show.visible import Visible, visible
+from wsim.usd.result.atomic import replacing
+
+FLOOR = 10.0                     # half side [m] of the plate that shows an endless plane
+
+
+class Viewer:
+    """Shows a running simulation; call `log` after each frame.
+
+    scene   what is simulated: its meshes are sent at once, at the start time
+    save    path of an .rrd file to write instead of showing; spawn=False with no save raises ValueError
+    Raises SceneError when rerun is missing or does not start, OSError when `save` cannot be written.
+    """
+
+    def __init__(self, scene: Scene, *, spawn: bool = True, save=None):
+        if not spawn and save is None:
+            raise ValueError("a viewer shows (spawn=True) or writes (save=PATH); it was given neither")
+        self.scene, self.stream = scene, Log(Path(scene.source or "scene").stem, scene.up, save)
+        self.shown = {c.path: Shown(self.stream, _cloth_look(c, k)) for k, c in enumerate(scene.cloths)}
+        self.skins = held(scene)
+        for k, soft in enumerate(scene.softs):
+            self.shown |= {look.path: Shown(self.stream, look) for look in _soft_looks(soft, k)}
+        self.outlines = {c.path: _shape(c.shape, c.path + "/shape", k) for k, c in enumerate(scene.colliders)}
+        self.stream.at(scene.start, 0.0)
+        for collider in scene.colliders:
+            self._collider(collider, collider.motion.at(0.0), 0.0, True)
+        for body in scene.bodies():
+            self._body(body, body.motion.points(body.points, 0.0))
+
+    def log(self, sim) -> None:
+        """The state of a `Simulation` after a frame: points, colliders that move, indicators."""
+        self.stream.at(self.scene.start + sim.frame, sim.time)
+        for body in self.scene.bodies():
+            self._body(body, sim.positions(body.path))
+        poses = sim.poses()
+        for collider in self.scene.colliders:
+            self._collider(collider, poses[collider.path], sim.time, False)
+        self.stream.plot(sim.indicators())
+
+    def _body(self, body: Cloth | Springs | Soft, points: np.ndarray) -> None:
+        if not isinstance(body, Springs):
+            if body.path in self.shown:
+                self.shown[body.path].send(points)
+            for path, skin in self.skins.items():
+                if skin.body == body.path and path in self.shown:
+                    self.shown[path].send(skin.of(points))
+            return
+        color = srgb(np.array([palette("springs", self.scene.springs.index(body))]))
+        lines = self.stream.rr.LineStrips3D(points[body.edges].astype(np.float32), colors=color)
+        self.stream.stream.log("world" + body.path, lines)
+
+    def _collider(self, collider: Collider, pose: np.ndarray, seconds: float, first: bool) -> None:
+        """Its triangles once, or each time where they deform; its pose as a transform, which no path below takes."""
+        points, look = self.outlines[collider.path]
+        curve = collider.shape.poses if isinstance(collider.shape, Surface) else None
+        if first:
+            self.shown[collider.path] = Shown(self.stream, look)
+        if first or curve:
+            self.shown[collider.path].send(np.asarray(curve.at(seconds), float) if curve else points)
+        if first or collider.motion.moves:
+            transform = self.stream.rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
+            self.stream.stream.log(f"world{collider.path}/shape", transform)
+
+    def close(self) -> None:
+        """Sends what waits; a file is complete after this."""
+        self.stream.close()
+
+
+def view(result_path, save=None) -> None:
+    """Shows a stage (a result or a scene) with all its frames, or writes it to the .rrd file `save`.
+
+    Energy and strain are plotted where the stage can be read as a scene of wsim. Raises SceneError, OSError.
+    """
+    seen = visible(result_path)
+    if save is None:
+        _show(seen, result_path, None)
+        return
+    with replacing(checked(Path(save))) as whole:
+        _show(seen, result_path, whole)
+
+
+def _show(seen: Visible, result_path, save: Path | None) -> None:
+    from wsim.show.plots import Measures
+
+    log = Log(Path(result_path).stem, seen.up, save)
+    meshes = [(Shown(log, d.look), d) for d in seen.drawn]
+    measures = Measures.of(seen)
+    for t in seen.times:
+        log.at(t, (t - seen.times[0]) / seen.fps)
+        for shown, d in meshes:
+            if not shown.started or d.moves:
+                shown.send(d.points(t))
+        if measures:
+            log.plot(measures.at(t))
+    log.close()
+
+
+def _cloth_look(cloth: Cloth, number: int) -> Look:
+    triangles, _ = triangulate(cloth.points, cloth.counts, cloth.indices)
+    groups = smoothing(cloth.points, triangles, np.pi)
+    return Look(triangles, np.array([palette("cloth", number)]), normal_of=groups, path=cloth.path)
+
+
+def _soft_looks(soft: Soft, number: int) -> list[Look]:
+    """How a soft body is drawn: by its skins, as far as they have faces, else by the surface of its tets."""
+    color, looks = np.array([palette("soft", number)]), []
+    for skin in soft.skins:
+        triangles, _ = triangulate(skin.points, skin.counts, skin.indices)
+        if len(triangles):
+            looks.append(Look(triangles, color, normal_of=smoothing(skin.points, triangles, CREASE), path=skin.path))
+    triangles = surface(soft.tets)
+    return looks or [Look(triangles, color, normal_of=smoothing(soft.points, triangles, CREASE), path=soft.path)]
+
+
+def _shape(shape: Shape, path: str, number: int) -> tuple[np.ndarray, Look]:
+    """Points [m] in the collider's frame and how they are drawn."""
+    if isinstance(shape, Surface):
+        points = shape.points.astype(float)
+        triangles, _ = triangulate(points, shape.counts, shape.indices)
+    elif isinstance(shape, Sphere):
+        points, triangles = primitives.sphere(shape.radius)
+    elif isinstance(shape, Box):
+        points, triangles = primitives.box(shape.half)
+    elif isinstance(shape, Capsule):
+        points, triangles = primitives.capsule(shape.radius, shape.radius, shape.half_height)
+    elif isinstance(shape, Cylinder | Cone):
+        top = shape.radius if isinstance(shape, Cylinder) else 0.0
+        points, triangles = primitives.cylinder(shape.radius, top, shape.half_height)
+    else:
+        assert isinstance(shape, Plane)
+        points, triangles = primitives.plate(FLOOR, FLOOR)
+    colors = np.array([palette("collider", number)])
+    return points, Look(triangles, colors, normal_of=smoothing(points, triangles, CREASE), path=path)

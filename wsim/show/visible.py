@@ -1,0 +1,168 @@
+"""What a stage shows: its visible prims as triangle meshes in world space [m], at any time code. Reads by pxr.
+
+Drawn are Mesh, TetMesh (its surface, unless meshes of its soft body are seen instead), the analytic shapes, BasisCurves
+(control polygons, as tubes) and Points (as beads), with their display colours, else the diffuse colour of a bound preview
+material, else a palette by what they are. Skinned meshes move with their skeleton. Guides and proxies are drawn only where
+a stage shows nothing else. Point instancers are not drawn, and `Visible.notes` says so.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from pxr import Gf, Tf, Usd, UsdGeom, UsdSkel
+
+from wsim.scene import Problem, SceneError
+from wsim.show.prim import Drawn, matrix, moves, triangulated
+from wsim.show.shading import PALETTE
+from wsim.usd import names
+from wsim.usd.stage import applied, reason, unfinished
+
+
+@dataclass
+class Visible:
+    """A stage as it is seen. `floor(time code)` is the height [m] of its highest level plane, None if it has none."""
+
+    stage: Usd.Stage                                      # kept: the functions below read it
+    up: str                                               # "Y" or "Z"
+    fps: float                                            # time codes a second
+    times: list[float]                                    # time codes of the frames
+    drawn: list[Drawn]
+    floor: Callable[[float], float] | None = None
+    cameras: dict[str, Callable[[float], Gf.Camera]] = field(default_factory=dict)   # in stage units
+    meters: float = 1.0                                   # [m] of a stage unit
+    notes: list[str] = field(default_factory=list)
+
+
+def open_stage(path) -> Usd.Stage:
+    """The composed stage of a file. FileNotFoundError, or SceneError when it is no USD file."""
+    if not Path(path).is_file():
+        raise FileNotFoundError(f"{path}: no such file; give a .usd, .usda, .usdc or .usdz file")
+    try:
+        return Usd.Stage.Open(unfinished(str(path)) or str(path))
+    except OSError as error:
+        raise SceneError(Problem(str(path), f"cannot be read: {error}")) from None
+    except Tf.ErrorException as error:
+        raise SceneError(Problem(str(path), f"not a readable USD stage ({reason(error)}); give a USD file")) from None
+
+
+def visible(path) -> Visible:
+    """Everything a stage shows. Raises SceneError naming the prim when a mesh is broken or nothing can be drawn."""
+    stage = open_stage(path)
+    up = str(UsdGeom.GetStageUpAxis(stage))
+    meters = UsdGeom.GetStageMetersPerUnit(stage)
+    _skin(stage)
+    prims, notes = _prims(stage)
+    shown = [p for p in prims if p.IsA(UsdGeom.Gprim) and _purpose(p) in ("default", "render")]
+    planes = [p for p in prims if p.IsA(UsdGeom.Plane)]
+    shown = shown or [p for p in prims if p.IsA(UsdGeom.Gprim)]
+    times = _times(stage, shown)
+    level = [p for p in planes if _is_level(p, up, times[0])]
+    drawn = _all_drawn(_without_cages([p for p in shown if p not in level]), times[0], meters)
+    if not drawn and not level:
+        raise SceneError(Problem(str(path), "nothing visible to draw; it needs a mesh, curves, points or a shape"))
+    floor = None
+    if level:
+        index = "XYZ".index(up)
+        def floor(t: float) -> float:
+            return meters * max(matrix(p, t)[index, 3] for p in level)
+    cameras = {str(p.GetPath()): UsdGeom.Camera(p).GetCamera for p in prims if p.IsA(UsdGeom.Camera)}
+    return Visible(stage, up, stage.GetTimeCodesPerSecond(), times, drawn, floor, cameras, meters, notes)
+
+
+def _prims(stage: Usd.Stage) -> tuple[list[Usd.Prim], list[str]]:
+    """Visible prims of the stage, instances too, and what is left out."""
+    found, notes = [], []
+    walk = iter(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()))
+    for prim in walk:
+        if prim.IsA(UsdGeom.PointInstancer):
+            notes.append(f"{prim.GetPath()}: point instancers are not drawn")
+            walk.PruneChildren()
+        elif prim.IsA(UsdGeom.Imageable):
+            if UsdGeom.Imageable(prim).ComputeVisibility(stage.GetStartTimeCode()) == UsdGeom.Tokens.invisible:
+                walk.PruneChildren()
+            else:
+                found.append(prim)
+    return found, notes
+
+
+def _purpose(prim: Usd.Prim) -> str:
+    return str(UsdGeom.Imageable(prim).ComputePurpose())
+
+
+def _skin(stage: Usd.Stage) -> None:
+    """Turns skinned meshes into points over time, in the session layer only."""
+    roots = [p for p in stage.Traverse() if p.IsA(UsdSkel.Root)]
+    if roots:
+        with Usd.EditContext(stage, stage.GetSessionLayer()):
+            for root in roots:
+                UsdSkel.BakeSkinning(UsdSkel.Root(root), Gf.Interval(stage.GetStartTimeCode(), stage.GetEndTimeCode()))
+
+
+def _times(stage: Usd.Stage, prims: list[Usd.Prim]) -> list[float]:
+    """Whole time codes of the authored range, else of the samples of points; one if nothing moves."""
+    if not any(moves(p) for p in prims):
+        return [stage.GetStartTimeCode()]
+    start, end = stage.GetStartTimeCode(), stage.GetEndTimeCode()
+    if not stage.HasAuthoredTimeCodeRange():
+        samples = [t for p in prims if p.IsA(UsdGeom.PointBased)
+                   for t in UsdGeom.PointBased(p).GetPointsAttr().GetTimeSamples()]
+        start, end = (min(samples), max(samples)) if samples else (0.0, 0.0)
+    return [float(t) for t in np.arange(start, max(end, start) + 0.5)]
+
+
+def _is_level(prim: Usd.Prim, up: str, time: float) -> bool:
+    """Whether a plane faces up, so that the picture's ground can stand for it."""
+    normal = matrix(prim, time)[:3, "XYZ".index(str(UsdGeom.Plane(prim).GetAxisAttr().Get()))]
+    return normal["XYZ".index(up)] > 0.9999 * np.linalg.norm(normal)
+
+
+def _soft_body(prim: Usd.Prim) -> Usd.Prim | None:
+    """The soft body that a prim belongs to: the deformable body at or above it, if that is simulated by tets."""
+    while prim and not prim.IsPseudoRoot():
+        if names.BODY in applied(prim):
+            return prim if any(names.VOLUME_SIM in applied(p) for p in (prim, *prim.GetChildren())) else None
+        prim = prim.GetParent()
+    return None
+
+
+def _collides(prim: Usd.Prim) -> bool:
+    enabled = prim.GetAttribute("physics:collisionEnabled")
+    return names.COLLISION in applied(prim) and not (enabled and enabled.Get() is False)
+
+
+def _without_cages(prims: list[Usd.Prim]) -> list[Usd.Prim]:
+    """The prims but for the tets of soft bodies that are seen by their skins. (What collides by itself is no skin.)"""
+    skinned = {body.GetPath() for p in prims if p.IsA(UsdGeom.Mesh) and (body := _soft_body(p)) and not _collides(p)}
+    return [p for p in prims
+            if not (p.IsA(UsdGeom.TetMesh) and (body := _soft_body(p)) and body.GetPath() in skinned)]
+
+
+def _kind(prim: Usd.Prim) -> str:
+    """What a prim is in a simulation, by its applied schemas, known to USD or not."""
+    schemas = applied(prim)
+    if prim.IsA(UsdGeom.BasisCurves):
+        return "springs"
+    if prim.IsA(UsdGeom.TetMesh) or prim.IsA(UsdGeom.PointBased) and _soft_body(prim):
+        return "soft"
+    if any(name.endswith("DeformableSimAPI") for name in schemas):
+        return "cloth"
+    if "PhysicsCollisionAPI" in schemas:
+        return "collider"
+    samples = prim.IsA(UsdGeom.PointBased) and UsdGeom.PointBased(prim).GetPointsAttr().ValueMightBeTimeVarying()
+    return "cloth" if samples else "plain"
+
+
+def _all_drawn(prims: list[Usd.Prim], time: float, meters: float) -> list[Drawn]:
+    kinds = {prim.GetPath(): _kind(prim) for prim in prims}
+    if not {"cloth", "springs", "soft"} & set(kinds.values()):     # nothing else to look at: shapes get the warm colours
+        kinds = {path: "cloth" if kind == "plain" else kind for path, kind in kinds.items()}
+    drawn, numbers = [], dict.fromkeys(PALETTE, 0)
+    for prim in prims:
+        kind = kinds[prim.GetPath()]
+        one = triangulated(prim, kind, numbers[kind], time, meters)
+        if one is not None:
+            drawn.append(one)
+            numbers[kind] += 1
+    return drawn

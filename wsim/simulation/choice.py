@@ -1,0 +1,283 @@
+"""Which solver and integrator a scene is stepped with: what it names, and where it leaves that open, what costs least of what
+errs by no more than `Scene.error` of the scene's size over the time T = sqrt(2 L / g) of a fall through a body's size L.
+
+    explicit    leapfrog needs n = dt / limit substeps a frame (`wsim.physics.motion.frequency`,
+                `wsim.physics.motion.stability`), a launch or less each; where it is stable it errs by less than any of the
+                others at any price they are run at, 1e-5 of the size at most where nothing is hit, and by about HIT h sqrt(g L)
+                where colliders are, met at some time of a step
+    implicit    Newton steps, where neighbouring masses differ so much that sweeps would not carry a load from one to the
+                other (stress rows "heavy last": XPBD at 10 x 4 left a strain of 12, bound 3.4), and of soft bodies
+    xpbd        backward Euler errs by DRIFT h sqrt(g L) on what falls and swings (order 1), whatever its sweeps cost, and M
+                sweeps over N springs in a row by `swept` besides; it takes so many substeps that this is no more than wanted,
+                or those that the scene names if they are more, and the scene's sweeps or one, whichever costs less
+
+What a frame costs: `wsim.simulation.cost`. How often the choice misses: tools/bench/choice/misses.py
+(tools/results/choice_*.json).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import ceil
+
+import numpy as np
+
+from wsim.model.model import Body, Model, edge_lengths, hard_places
+from wsim.physics.cloth.constraints import HARD, Rows
+from wsim.physics.motion.stability import needed
+from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.integrator import TABLE, Integrator
+from wsim.simulation import cost
+
+DRIFT = 2.0            # RMS error of converged backward Euler over h sqrt(g L). 1 m cloth at 0.5 s, h of 1/240 to 1/960 s: 1.5
+                       # to 2.1 (at 0.25 s 0.26: it grows with time)
+HIT = 1.0              # as DRIFT, of leapfrog on colliders: cubes that fall on a floor 0.1 to 1.4, a cloth on a ball 0.8
+SWEPT = 0.084          # error over L (h / tau)^1.5 N^2 / M, tau = sqrt(L / g), that M sweeps leave to a cloth that swings, N
+                       # springs a side: 16 and 32, 1 kN/m and 100 kN/m, 10 x 4 to 40 x 4: within 15 % of it at 0.5 s
+ONE = 1.5              # times that where one sweep is all, which is not over-relaxed
+SOFT = 0.4             # a sweep moves a mass by half of what a spring lacks: N springs in a row lack 2 N g h^2 / M at the top,
+                       # N^2 g h^2 / M in all. Chains of 20 and 40 springs, M 4 and 8: 0.30 to 0.36 of that, M 1 0.50; cloths
+                       # of 32 and 64 points a side 0.24 to 0.40 (over-relaxed sweeps)
+FALL = 9.81            # [m/s^2] where a scene has no gravity: something else moves it, of which nothing is known
+STRETCHED = 1.5        # far from rest stiffness is not what the bound took it for
+EULER = 4.0            # as DRIFT, of backward Euler on colliders: a soft cloth on a ball 1, a soft cube that falls on a floor
+                       # 4; a stiff one, which it does not let rebound, and a cloth that wrinkles 13 to 20, whatever the step
+SURE = 1.5             # time over that of XPBD or Newton's method that leapfrog may take: the table is good to 1.3, and it errs
+                       # by a hundredth of theirs or less
+STRUCK = 3.0           # the same where colliders are, for what EULER leaves
+FINER = 1.02           # ratio of substeps that are tried one after the other for the wanted error
+SOLVED = 2             # Newton steps a substep of soft bodies
+STIFFENED = 1.7        # materials that stiffen under strain need shorter steps than at rest, where the bound is close
+UNEVEN = 1e3           # ratio of two masses that hold each other, from which sweeps stall
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What a scene is stepped with, and why."""
+
+    solver: str
+    integrator: Integrator
+    substeps: int                            # systems of an implicit integrator a frame: sdirk3 takes two a step
+    iterations: int
+    why: str
+    other: "Choice | None" = None            # what goes on where explicit steps that nobody named tear an edge
+
+    @property
+    def steps(self) -> int:
+        """Of a frame: what a scene says to be stepped so."""
+        return self.substeps // self.integrator.solves
+
+
+def choose(model: Model, rows: dict[str, list[Rows]]) -> Choice:
+    """The choice for a checked scene. Raises SceneError where a named explicit integrator is beyond its limit."""
+    scene = model.scene
+    method = TABLE.get(scene.integrator)
+    if scene.solver == "explicit" or (method and method.explicit):
+        return _explicit(model, rows, method)
+    if scene.softs:
+        return _soft(model, rows, method)
+    if scene.solver in ("xpbd", "implicit"):
+        return _named(scene, scene.solver, method or TABLE["backward_euler"], "the scene names it")
+    if method:
+        return _named(scene, "xpbd", method, f"the scene names {method.name}")
+    return _auto(model, rows)
+
+
+def _named(scene: Scene, solver: str, method: Integrator, why: str) -> Choice:
+    return Choice(solver, method, scene.substeps * method.solves, scene.iterations, why)
+
+
+def _soft(model: Model, rows: dict[str, list[Rows]], method: Integrator | None) -> Choice:
+    """Soft bodies: leapfrog where its steps cost less and nothing else is named; else Newton's method, of which a step of a
+    frame is stable, and which solves to a residual: sdirk3 of half as many steps, or backward Euler of contacts, of as many as
+    the wanted error takes."""
+    scene, leapfrog = model.scene, TABLE["leapfrog"]
+    iterations = scene.iterations if scene.solver == "implicit" else min(scene.iterations, SOLVED)
+    solved = iterations >= SOLVED and not (_hard(rows) or scene.air_drag)      # drag leaves order 1, and sdirk3 fewer steps
+    chosen = method or TABLE["backward_euler" if scene.colliders else "sdirk3" if solved else "bdf2"]
+    steps = scene.substeps if method else ceil(scene.substeps / chosen.solves)       # as many systems are solved
+    newton = Choice("implicit", chosen, steps * chosen.solves, iterations, "the scene names it")
+    if scene.solver == "implicit" or method:
+        return newton
+    euler = _euler(model, rows, "implicit", iterations)
+    newton = euler if scene.colliders else newton
+    reason = _unfit(model, rows, "Newton's method")
+    if reason:
+        return replace(newton, why=reason)
+    from wsim.physics.motion.frequency import bound
+    omega, c = bound(model, rows)
+    stiffens = any(m.model not in ("corotational", "linear") for s in scene.softs for m in s.materials)
+    n = _struck(model, ceil(needed(scene, leapfrog, omega, c) * (STIFFENED if stiffens else 1.0)))
+    explicit = cost.seconds(model, cost.explicit(model, rows, n))
+    implicit = cost.seconds(model, cost.newton(model, newton.substeps, iterations))
+    said = (f"{n} substeps of leapfrog keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; Newton steps "
+            f"would take {1e3 * implicit:.3g} ms for {newton.steps} of {newton.integrator.name}")
+    if explicit <= _worth(scene) * implicit:
+        return Choice("explicit", leapfrog, max(n, scene.substeps), 1, said, euler)
+    return replace(newton, why=said)
+
+
+def _explicit(model: Model, rows: dict[str, list[Rows]], method: Integrator | None) -> Choice:
+    from wsim.physics.motion import frequency
+    from wsim.physics.motion.stability import limit
+    scene = model.scene
+    omega, c = frequency.bound(model, rows)
+    chosen = method or TABLE["leapfrog"]
+    least = needed(scene, chosen, omega, c)
+    if method is None:
+        return Choice("explicit", chosen, max(least, scene.substeps), 1,
+                      f"the scene names explicit; {least} substeps keep {omega:.4g} rad/s stable")
+    if scene.substeps < least:
+        estimate = frequency.estimate(model, rows)             # the bound is cautious: refuse what is certain to grow
+        step, h = limit(method, estimate, c * (estimate / omega)**2 if omega else c), 1.0 / scene.fps / scene.substeps
+        if h > step:
+            raise SceneError(Problem("/", f"integrator {method.name} is stable for {method.stable}: steps up to "
+                                     f"{step:.3g} s here (highest "
+                                     f"frequency {estimate:.4g} rad/s), found {h:.3g} s; give --substeps {least} "
+                                     f"({1.0 / scene.fps / least:.3g} s), or another integrator"))
+    return _named(scene, "explicit", method, f"the scene names {method.name}")
+
+
+def _auto(model: Model, rows: dict[str, list[Rows]]) -> Choice:
+    """The cheaper of leapfrog and coloured XPBD at the wanted error; Newton where sweeps would stall."""
+    scene, leapfrog, xpbd = model.scene, TABLE["leapfrog"], _sweeps(model, rows)
+    stall = f"masses that hold each other differ by more than {UNEVEN:g}: sweeps would stall"
+    stall = stall if xpbd.solver == "implicit" else ""
+    reason = _unfit(model, rows, "XPBD")
+    if reason:
+        return replace(xpbd, why=stall or reason)
+    from wsim.physics.motion.frequency import bound
+    omega, c = bound(model, rows)
+    n = _struck(model, needed(scene, leapfrog, omega, c))
+    explicit = cost.seconds(model, cost.explicit(model, rows, n))
+    sweeps = cost.seconds(model, cost.sweeps(model, rows, xpbd.substeps, xpbd.iterations))
+    if explicit <= _worth(scene) * sweeps:
+        return Choice("explicit", leapfrog, max(n, scene.substeps), 1,
+                      f"{n} substeps keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; XPBD would take "
+                      f"{1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}", xpbd)
+    return replace(xpbd, why=f"leapfrog would need {n} substeps ({omega:.4g} rad/s), about {1e3 * explicit:.3g} ms a frame; "
+                   + (stall or f"XPBD takes {1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}"))
+
+
+def _sweeps(model: Model, rows: dict[str, list[Rows]]) -> Choice:
+    """XPBD with the scene's sweeps or one, whichever costs less at the wanted error; Newton steps where sweeps would stall."""
+    scene = model.scene
+    if _uneven(model, rows):
+        return _euler(model, rows, "implicit", min(scene.iterations, 3))
+    if _hard(rows):                                      # limits and tethers carry loads past the sweeps
+        return _euler(model, rows, "xpbd", scene.iterations)
+    damped = any(r.tau for found in rows.values() for r in found)         # which slows sweeps, the more the shorter the step
+    tried = [_euler(model, rows, "xpbd", m) for m in {scene.iterations, scene.iterations if damped else 1}]
+    return min(tried, key=lambda c: cost.seconds(model, cost.sweeps(model, rows, c.substeps, c.iterations)))
+
+
+def _euler(model: Model, rows: dict[str, list[Rows]], solver: str, iterations: int) -> Choice:
+    """Backward Euler by that solver, of as many substeps as the wanted error takes, and no fewer than the scene names."""
+    sweeps, bodies = iterations if solver == "xpbd" and not _hard(rows) else 0, falls(model)
+    factor = EULER if model.scene.colliders else DRIFT
+
+    def error(h: float) -> float:
+        return drift(bodies, h, factor) + (swept(bodies, h, sweeps) if sweeps else 0.0)
+    return Choice(solver, TABLE["backward_euler"], _within(model, model.scene.substeps, error), iterations, "")
+
+
+def _worth(scene: Scene) -> float:
+    """Times the time of another solver that leapfrog is worth."""
+    return STRUCK if scene.colliders else SURE
+
+
+def _struck(model: Model, n: int) -> int:
+    """Substeps of leapfrog, n or more where colliders are."""
+    bodies = falls(model) if model.scene.colliders else []
+    return _within(model, n, lambda h: drift(bodies, h, HIT))
+
+
+def _within(model: Model, n: int, error: Callable[[float], float]) -> int:
+    """Substeps a frame, n or more, with which error(h) [m] is no more than wanted."""
+    wanted = model.scene.error * _size(model)
+    while wanted > 0.0 and error(1.0 / model.scene.fps / n) > wanted:
+        n = max(n + 1, int(n * FINER))
+    return n
+
+
+def _uneven(model: Model, rows: dict[str, list[Rows]]) -> bool:
+    """Whether free masses that hold each other differ by more than UNEVEN."""
+    pinned = hard_places(model)
+    for body in (b for b in model.bodies if b.world == 0):
+        masses = body.masses.copy()
+        masses[pinned[(pinned >= body.first) & (pinned < body.last)] - body.first] = np.nan
+        for r in rows[body.path]:
+            held = masses[r.ids - body.first]
+            if np.any(np.nanmax(held, axis=1, initial=0.0) > UNEVEN * np.nanmin(held, axis=1, initial=np.inf)):
+                return True
+    return False
+
+
+def _unfit(model: Model, rows: dict[str, list[Rows]], other: str) -> str:
+    """Why a scene should not be stepped explicitly unless it asks to be, or ""."""
+    if _hard(rows):
+        return f"tethers or strain limits: {other} solves them and forces together"
+    for body in model.bodies:
+        rest, ends = edge_lengths(body), body.places[body.edges - body.first]
+        if np.any(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > STRETCHED * np.maximum(rest, 1e-12)):
+            return f"{body.path} starts with an edge stretched beyond {STRETCHED:g} times its length"
+    return ""
+
+
+def _hard(rows: dict[str, list[Rows]]) -> bool:
+    return any(r.kind in HARD for found in rows.values() for r in found)
+
+
+@dataclass(frozen=True)
+class Fall:
+    """A body that falls and swings."""
+
+    size: float                              # L, its largest extent [m]
+    row: float                               # N, springs one behind the other through it
+    g: float                                 # [m/s^2]
+
+
+def falls(model: Model) -> list[Fall]:
+    """Of every body with edges."""
+    found = []
+    for body in (b for b in model.bodies if b.world == 0 and len(b.edges)):
+        g = float(np.linalg.norm(model.scene.gravity)) + _loaded(model, body) or FALL
+        size = max(_extent(body), 1e-9)
+        found.append(Fall(size, size / max(float(edge_lengths(body).mean()), 1e-9), g))
+    return found
+
+
+def drift(bodies: list[Fall], h: float, factor: float = DRIFT) -> float:
+    """RMS error [m] of steps h [s] of a method of order 1, after T: see DRIFT, EULER and HIT."""
+    return max((factor * h * (b.g * b.size)**0.5 for b in bodies), default=0.0)
+
+
+def swept(bodies: list[Fall], h: float, iterations: int) -> float:
+    """What unfinished sweeps add to it [m]: bodies that hang longer than they are, and swing slower."""
+    factor = SWEPT * (ONE if iterations == 1 else 1.0)
+    swings = (factor * b.size * (h * (b.g / b.size)**0.5)**1.5 * b.row**2 / iterations for b in bodies)
+    return max(slack(bodies, h, iterations), *swings, 0.0)
+
+
+def slack(bodies: list[Fall], h: float, iterations: int) -> float:
+    """By how much [m] so many sweeps of a step h [s] leave bodies longer than they are, hanging: see SOFT."""
+    return max((SOFT * b.g * h * h * b.row**2 / iterations for b in bodies), default=0.0)
+
+
+def _loaded(model: Model, body) -> float:
+    """Largest acceleration [m/s^2] that loads give a body as a whole."""
+    if not model.scene.loads:
+        return 0.0
+    from wsim.scene.nodal_loads import nodal
+    return sum(float(np.linalg.norm(load.curve.values, axis=1).max() * np.abs(nodal(load, body)[1]).sum())
+               for load in model.scene.loads if load.body == body.path) / float(body.masses.sum())
+
+
+def _size(model: Model) -> float:
+    """Largest extent of a body [m]; at least 1 mm."""
+    return max(1e-3, *map(_extent, model.bodies))
+
+
+def _extent(body: Body) -> float:
+    """Largest extent [m] of the points that are not idle."""
+    moved = np.delete(body.places, body.idle - body.first, axis=0)
+    return float(np.ptp(moved, axis=0).max()) if len(moved) else 0.0

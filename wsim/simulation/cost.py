@@ -1,0 +1,93 @@
+"""Seconds that a frame takes by each solver, known before any is run: what it does, counted, times what each costs.
+
+    counts     how often a frame of a plan does what COSTS has the seconds of, by name
+    COSTS      by kind of device, fitted to what tools/bench/choice/misses.py measured (tools/results/choice_*.json), which
+               prints the fitted constants; nothing is timed at build
+
+    step, spring, element       a substep of leapfrog (one more for each kind of element), a spring in it, an element by WEIGHT
+    block, tet                  a substep of soft bodies, a tet in it; ten-node tets count TEN
+    rest, sweep, projection     a substep of XPBD, a sweep over a kind of constraint, a constraint in it by WEIGHT
+    newton, solved              a Newton step of soft bodies, a tet in it
+    touch, near                 a launch for contacts (a search a substep, a projection an iteration), a point beside a collider
+    cluster, clustered          a substep of a net that a cluster of blocks takes in one launch a frame, a point in it
+"""
+
+from wsim.model.model import Model
+from wsim.physics.cloth.constraints import HARD, Rows
+from wsim.scene import Surface
+
+# H200: leapfrog 4.5 us at 1k points, 12 us at 0.6M springs (nets that a cluster takes: 0.42 us at 1k points, 0.74 at 4k, 1.06
+# at 8k); XPBD 14 colours of 2 us, 2.1e-11 s a spring (choice_h200.json). Corotational tets: leapfrog 12 us a substep of 25k,
+# 112 of 976k; a Newton step 0.27 to 0.36 ms of 2560 tets, 4.3 to 8 of 976k (soft_h200.json). Contacts: 19 to 25 us to find
+# and 7 to project a million points that touch nothing (contact_h200.json), in launches of 2 us
+# CPU: one core of an EPYC (choice_epyc_2_cores.json)
+COSTS = {
+    "cuda": {"step": 4.5e-6, "spring": 1.3e-11, "element": 1.3e-11, "block": 9.4e-6, "tet": 1.05e-10, "rest": 9e-6,
+             "sweep": 2.5e-5, "projection": 2.1e-11, "newton": 3.5e-4, "solved": 5e-9, "touch": 4e-6, "near": 3e-11,
+             "cluster": 3.5e-7, "clustered": 9e-11},
+    "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "block": 1.8e-6, "tet": 1.12e-7, "rest": 4.5e-6,
+            "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6, "touch": 1e-6, "near": 1.6e-8}}
+WEIGHT = {"distance": 1.0, "membrane": 4.0, "dihedral": 9.5}     # work of a projection over that of a spring (CPU)
+TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
+MESH = 20.0            # a point beside a mesh over one beside a convex shape (H200: 0.4 to 1.5 ns a point)
+CLUSTERED = 8192       # points of a net, up to which a cluster takes it
+
+
+def seconds(model: Model, counted: dict[str, float]) -> float:
+    """What so much takes on the model's device [s]."""
+    costs = COSTS["cuda" if model.device.is_cuda else "cpu"]
+    return sum(times * costs[name] for name, times in counted.items())
+
+
+def explicit(model: Model, rows: dict[str, list[Rows]], n: int) -> dict[str, float]:
+    """Counts of a frame of n substeps of leapfrog."""
+    springs, work, kinds = _constraints(model, rows)
+    tets, simple = _tets(model, 0), not (model.scene.colliders or model.scene.softs or work > springs)
+    damped = any(r.tau for found in rows.values() for r in found)
+    if model.device.is_cuda and model.device.arch >= 90 and simple and not damped and model.points <= CLUSTERED:
+        return {"cluster": n, "clustered": n * model.points}
+    return {"step": n * (1 + len(kinds - {"distance"})), "spring": n * springs, "element": n * (work - springs),
+            "block": n * bool(tets), "tet": n * tets, **_contacts(model, n, 1)}
+
+
+def sweeps(model: Model, rows: dict[str, list[Rows]], n: int, iterations: int) -> dict[str, float]:
+    """Counts of a frame of n substeps of coloured XPBD."""
+    _, work, kinds = _constraints(model, rows)
+    return {"rest": n, "sweep": n * iterations * len(kinds), "projection": n * iterations * work,
+            **_contacts(model, n, iterations)}
+
+
+def newton(model: Model, n: int, iterations: int) -> dict[str, float]:
+    """Counts of a frame of n systems of soft bodies, of so many Newton steps each."""
+    return {"newton": n * iterations, "solved": n * iterations * _tets(model, 1), **_contacts(model, n, iterations)}
+
+
+def frame(model: Model, rows: dict[str, list[Rows]], choice) -> dict[str, float]:
+    """Counts of a frame of a `wsim.simulation.choice.Choice`."""
+    if choice.solver == "explicit":
+        return explicit(model, rows, choice.substeps)
+    return (newton(model, choice.substeps, choice.iterations) if model.scene.softs else
+            sweeps(model, rows, choice.substeps, choice.iterations))
+
+
+def _constraints(model: Model, rows: dict[str, list[Rows]]) -> tuple[float, float, set[str]]:
+    """Springs, work of all soft constraints in springs, kinds; of all worlds."""
+    soft = [r for found in rows.values() for r in found if r.kind not in HARD]
+    springs, work = (model.worlds * sum(WEIGHT[r.kind] * len(r.ids) for r in found)
+                     for found in ([r for r in soft if r.kind == "distance"], soft))
+    return springs, work, {r.kind for r in soft}
+
+
+def _tets(model: Model, what: int) -> float:
+    """Tets, a quadratic one as TEN[what]."""
+    return sum(len(b.tets) * (1.0 if b.tets.shape[1] == 4 else TEN[what]) for b in model.bodies)
+
+
+def _contacts(model: Model, n: int, iterations: int) -> dict[str, float]:
+    """What colliders add, met or not. A mesh that moves is fitted anew every substep."""
+    met = 0.0
+    for c in model.scene.colliders:
+        mesh = isinstance(c.shape, Surface)
+        met += model.points * (MESH if mesh else 1.0)
+        met += len(c.shape.indices) if isinstance(c.shape, Surface) and (c.shape.poses is not None or c.motion.moves) else 0.0
+    return {"touch": n * (1 + iterations), "near": n * met} if model.scene.colliders else {}

@@ -1,0 +1,124 @@
+"""Where a frame that ends without numbers first lost them: the substep, the stage, the array and the point.
+
+The frame is run once more from its begin, a look at the arrays after every stage. A stage that takes all substeps of a frame in
+one launch is run with fewer of them, by bisection. This costs what reading the arrays so often does, and is for errors only.
+"""
+
+import numpy as np
+import warp as wp
+
+from wsim.model.midnodes import places
+from wsim.model.stage import NOT_FINITE, RESIDUAL
+from wsim.scene import Problem, SceneError
+from wsim.simulation.plan import Plan
+
+
+def first(plan: Plan, time: float) -> str:
+    """In words, of the frame that begins at `time` [s] with the state's snapshot; "" where it ends well this time."""
+    clock, tape = plan.clock, plan.model.tape
+    substeps, dt, plan.model.tape = clock.substeps, clock.dt, None
+
+    def run(count: int) -> tuple:
+        clock.substeps, clock.dt = count, dt * count / substeps
+        plan.state.restore()
+        plan.before_frame(time)
+        return _run(plan)
+    try:
+        found = run(substeps)
+        if not found or found[1] is None or found[1].rate != "frame" or found[1].phase != "predict":
+            return words(plan, substeps, *found) if found else ""
+        good, bad = 0, substeps
+        while bad - good > 1:
+            middle = (good + bad) // 2
+            good, bad = (good, middle) if run(middle) else (middle, bad)
+        _, stage, arrays = run(bad)
+        return words(plan, substeps, bad - 1, stage, arrays)
+    except RuntimeError:
+        return ""
+    finally:
+        clock.substeps, clock.dt, plan.model.tape = substeps, dt, tape
+        plan.state.restore()
+
+
+def _run(plan: Plan) -> tuple:
+    """(substep, stage, arrays) after which something first was no number; stage None: at the begin. Empty: all went well."""
+    arrays = plan.state.arrays | {name: a for m in plan.methods for name, a in m.fields.items()}
+    for name in plan.state.arrays.keys() - plan.state.saved.keys():
+        arrays[name].zero_()                             # nothing of it is read before it is written
+    start = _bad(arrays)
+    if start:
+        return 0, None, start
+    found: list[tuple] = []
+    stages = [s for m in plan.methods for s in m.stages]
+    launches = [s.launch for s in stages]
+
+    def looking(stage, launch):
+        def look(clock) -> None:
+            launch(clock)
+            bad = {} if found else _bad(arrays)
+            if bad:
+                found.append((clock.k, stage, bad))
+        return look
+    try:
+        for stage, launch in zip(stages, launches, strict=True):
+            stage.launch = looking(stage, launch)
+        plan.stretch(0, plan.clock.substeps)
+    finally:
+        for stage, launch in zip(stages, launches, strict=True):
+            stage.launch = launch
+    return found[0] if found else ()
+
+
+def _bad(arrays: dict[str, wp.array]) -> dict[str, int]:
+    """First point that is no number of each array that has one."""
+    found = {}
+    for name, array in arrays.items():
+        values = array.numpy()
+        wrong = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+        if wrong.any():
+            found[name] = int(np.flatnonzero(wrong)[0])
+    return found
+
+
+def judge(recording, long: str) -> None:
+    """What a `wsim.gradient.recording.Recording` has run into: warns of residuals (long: of explicit steps). Raises SceneError
+    where a position is no number."""
+    plan, status = recording.plan, recording.plan.status.numpy()
+    if int(status[NOT_FINITE]):
+        bad = max(int(np.argmax(~np.isfinite(recording.states.numpy()).all(axis=(1, 2)))), 1)
+        recording.rewind()
+        for frame in range(bad - 1):
+            recording.pose(frame)
+            for part in range(len(recording.cuts) - 1):
+                recording.forward(frame, part)
+        plan.state.snapshot()
+        plan.clock.starting = recording.begins and bad == 1
+        said = first(plan, (recording.start + bad - 1) / recording.sim.scene.fps)
+        raise SceneError(Problem("frame", f"a position is no number in frame {recording.start + bad}{said and f' ({said})'}; "
+                                 "give it more substeps, or fewer frames"))
+    if int(status[RESIDUAL]):
+        recording.warn(long if plan.method("explicit") else
+                       f"/: gradients: {plan.integrator} leaves too large a residual; a simulation would go on with backward "
+                       "Euler. Take more iterations or smaller substeps")
+
+
+def words(plan: Plan, substeps: int, substep: int, stage, arrays: dict[str, int]) -> str:
+    """substep of substeps: as `wsim.model.stage.Clock` counts them, two a step of sdirk3."""
+    meaning = {f.name: f.meaning for f in plan.state.fields}
+    name = next((n for n in ("d", "v", "x") if n in arrays), next(iter(arrays)))
+    body, point = author(plan.model, arrays[name])
+    what = f"{name} ({meaning[name]})" if name in meaning else name
+    solves = 2 if plan.clock.staged else 1
+    where = "when the frame begins" if stage is None else (
+        f"in substep {substep // solves + 1} of {substeps // solves}"
+        f"{f' (stage {substep % 2 + 1} of sdirk3)' * plan.clock.staged}, stage {stage.name}")
+    return f"first {where}: array {what} of point {point} of {body}"
+
+
+def author(model, place: int) -> tuple[str, int]:
+    """Path of the body, and number of the author's point, at a place in the arrays."""
+    body = next(b for b in model.bodies if b.first <= place < b.last)
+    where = np.flatnonzero(places(body) == place)
+    if not len(where):                                        # another body's point stands for it
+        return body.path, -1
+    return body.path, int(where[0]) if where[0] < len(body.index) else int(body.ends[where[0] - len(body.index), 0])

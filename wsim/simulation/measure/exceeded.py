@@ -1,0 +1,76 @@
+"""Warnings of frames in which an edge was longer than twice its rest length, or a solver left as much force as it found.
+
+The status word holds both for every body (`wsim.model.stage`), so that frames are neither slowed nor missed. One warning for
+each body and kind: its first frame, and how often and how badly since.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wsim.model.model import edge_lengths
+from wsim.model.stage import EACH, RESIDUAL
+from wsim.physics.motion.overstretch import MOST
+
+EXPLICIT = ("if the motion is not meant to be that violent, explicit steps are too long for it; give more substeps, or solver "
+            "auto")
+OTHERS = "nothing holds it to its material there; give more substeps or iterations, or slower motion"
+BEHIND = "tethers and strain limits are projected behind its steps, which undo a part of it; solver xpbd takes both together"
+CAP = 1e9              # percent: no more is told, see kernels/cloth/spring.py and kernels/solver/line_search.py
+UNSOLVED = "1 is as if nothing had been solved; give more substeps or iterations, or less stiffness"
+
+
+@dataclass
+class Note:
+    """place: of the warning among all."""
+
+    place: int
+    first: int
+    worst: float
+    frame: int
+    count: int = 1
+
+
+def note(sim) -> None:
+    """After frame `sim.frame`, which holds."""
+    bodies, explicit, status = sim.model.bodies, sim.plan.choice.solver == "explicit", sim.plan.words
+    percent, unsolved = status[EACH:], BEHIND if sim.plan.method("xpbd") else UNSOLVED
+    if explicit and status[RESIDUAL] and not percent.any():       # a march, which does not say where
+        percent = np.concatenate([_stretches(sim), np.zeros(len(bodies), int)])
+    for place in np.flatnonzero(percent).tolist():
+        value, strained = float(percent[place]) / 100.0, place < len(bodies)
+        body = bodies[place if strained else _first(sim.model, place - len(bodies))]
+        where = body.path + f" (world {body.world})" * (sim.worlds > 1)
+        said = (f"an edge of {where} is {{worst}} times as long as at rest: {EXPLICIT if explicit else OTHERS}" if strained
+                else f"Newton's method left a residual of {{worst}} on {where}: {unsolved}")
+        _add(sim, (bool(strained), where), value, said)
+
+
+def _add(sim, key: tuple, value: float, text: str) -> None:
+    found = sim.notes.get(key)
+    if found is None:
+        found = sim.notes[key] = Note(len(sim.warnings), sim.frame, value, sim.frame)
+        sim.warnings.append("")
+    else:
+        found.count += 1
+        if value > found.worst:
+            found.worst, found.frame = value, sim.frame
+    frames = f"frame {found.first}" + (f" and {found.count - 1} later, worst in frame {found.frame}" if found.count > 1 else "")
+    worst = f"{found.worst:.3g}" + " or more" * (found.worst >= 0.01 * CAP)
+    sim.warnings[found.place] = f"{frames}: {text.format(worst=worst)}"
+
+
+def _first(model, system: int) -> int:
+    """Number of the first body of a system."""
+    return next(k for k, b in enumerate(model.bodies) if b.first == model.starts[system])
+
+
+def _stretches(sim) -> np.ndarray:
+    """As the status has it, from the positions."""
+    x, found = sim.state.x.numpy().astype(np.float64), []
+    for b in sim.model.bodies:
+        rest, ends = edge_lengths(b), x[sim.model.shared(b.edges)]
+        over = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[rest > 0.0] / rest[rest > 0.0]
+        most = float(over.max(initial=0.0))
+        found.append(0 if most <= MOST else int(min(100.0 * most, CAP)))
+    return np.array(found)

@@ -1,0 +1,100 @@
+"""The arrays that a simulation works on, handed to other packages without a copy (DLPack).
+
+    for name, view in arrays(simulation).items(): ...
+    x = torch.from_dlpack(arrays(simulation)["positions"])         # (points, 3), the same memory
+    x[view.index["/World/Cloth"]] + view.origin["/World/Cloth"]    # world positions in the author's order: one gather
+
+    state                 every field that outlives a frame, behind each other, (fields * points, 3); `View.fields` names them
+    positions, remainders, velocities      parts of it: x and e [m], the position is x + e + origin; v [m/s]
+    inverse_masses        [1/kg], (points,); 0: pinned
+    gravity, air_drag     [m/s^2], [1/s]; a row for each body, or for each point with gradients=True or loads
+                          (of what bears one it is written anew each substep, with what that adds)
+    wind, drag, lift      [m/s]; air density / 6 times the coefficients; rows as gravity
+    springs.stiffness, .damping, .rest     [N/m], [N s/m], [m] of entries; `View.index["springs"]`: spring of each, -1 padding
+    dihedral.stiffness, .damping           [J], [s] of each hinge; membrane.stiffness, .damping [J], [s] of each triangle;
+                                           under XPBD and Newton's method distance., dihedral., membrane.compliance
+    corotational.mu, .lam, .damping        [Pa], [Pa], [s] of each tet, so of each material model; pressure [Pa] of triangles
+
+What is written into them is seen by the next frame, or the next run of a recording (which begins with `Recording.initial`, not
+with the state). A later `Simulation.set` of a material writes all of it anew; `positions` and `velocities` of a simulation that
+has just been built are its start. No view outlives a `reset`, or a change of the solver in mid-run. Newton's method with
+gradients keeps materials twice, and they are not among these. On a GPU wait for the device (`wp.synchronize`) before another
+package's stream reads what Warp has written, and the other way round.
+
+JAX on a CPU takes memory without a copy where it is aligned to 64 bytes, as `state` is and all that is no part of it, and
+float64 with `jax_enable_x64`; its arrays cannot be written.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.simulation.simulation import Simulation
+
+NAMES = {"x": "positions", "e": "remainders", "v": "velocities"}
+
+
+@dataclass(frozen=True)
+class View:
+    """An array of a simulation with `__dlpack__`; vectors are rows of 3, matrices of 2 x 2 two axes more."""
+
+    array: wp.array
+    index: dict[str, np.ndarray] = field(default_factory=dict)       # author's point -> row, (n,), by path of the body
+    origin: dict[str, np.ndarray] = field(default_factory=dict)      # [m] that positions are relative to, (3,), by path
+    fields: tuple[str, ...] = ()                                     # of `state`
+
+    def __dlpack__(self, **how) -> Any:
+        return wp.to_dlpack(self.array)
+
+    def __dlpack_device__(self) -> Any:
+        return self.array.__dlpack_device__()
+
+
+def arrays(source, world: int = 0) -> dict[str, View]:
+    """Views by name of a `Simulation`, or of a `wsim.gradient.recording.Recording`, whose `initial` is the state then. world:
+    whose points the indices are of; the arrays hold all."""
+    sim: Simulation = getattr(source, "sim", source)
+    plan, model = sim.plan, sim.model
+    bodies = [b for b in model.bodies if b.world == world]
+    index, origin = {b.path: b.index for b in bodies}, {b.path: b.origin for b in bodies}
+    kept = tuple(f.name for f in sim.state.fields if f.persistent)
+    whole: Any = getattr(source, "initial", sim.state.every)
+    found = {"state": View(whole, index, origin, kept)}
+    for k, name in enumerate(kept):
+        if name in NAMES:
+            found[NAMES[name]] = View(whole[k * model.points:(k + 1) * model.points], index, origin)
+    method: Any = plan.method("points")
+    constants = method.constants
+    points = index if model.by_point else {}
+    found["inverse_masses"] = View(constants.w, index)
+    found["gravity"], found["air_drag"] = View(constants.gravity, points), View(constants.decay, points)
+    if air := getattr(plan.method("aero"), "air", None):
+        found |= {name: View(getattr(air, name), points) for name in ("wind", "drag", "lift")}
+    return found | {name: view for method in plan.methods for name, view in _materials(method).items()}
+
+
+def _materials(method) -> dict[str, View]:
+    """Of whichever method solves for the forces."""
+    found, pull = {}, getattr(method, "pull", None)
+    if method.name not in ("explicit", "implicit", "xpbd") or getattr(method, "adjoint", None):
+        return {}                                       # Newton's method keeps them twice, for the solve and for its adjoint
+    if pull is not None and pull.springs:
+        entry = {"springs": np.asarray(pull.entry)}
+        for name, own in (("stiffness", "k"), ("damping", "damping"), ("rest", "rest")):
+            if name != "damping" or pull.damped:
+                found[f"springs.{name}"] = View(getattr(pull.table, own), entry)
+    flat = [] if pull is None else [e for e in pull.elements if hasattr(e, "kind")]
+    batches = [*getattr(method, "tables", {}).values(), *getattr(method, "batches", [])]
+    for source, own, name in [(e, "stiffness", "stiffness") for e in flat] + [(b, "alpha", "compliance") for b in batches]:
+        found[f"{source.kind}.{name}"] = View(getattr(source.data, own))
+        if source.data.tau is not None:
+            found[f"{source.kind}.damping"] = View(source.data.tau)
+    for table in getattr(method, "solids", []):
+        if table.name == "pressure":
+            found["pressure"] = View(table.data.pressure)
+        else:
+            found |= {f"{table.name}.{name}": View(getattr(table.data, own))
+                      for name, own in (("mu", "mu"), ("lam", "lam"), ("damping", "tau"))}
+    return found

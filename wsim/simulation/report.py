@@ -1,0 +1,82 @@
+"""The closing report of a run, in words. The report's numbers are those of `Simulation.report()`;
+`--json` prints them."""
+
+UNITS = {"energy": "J", "kinetic_energy": "J", "gravity_energy": "J", "elastic_energy": "J", "penetration": "m"}
+ORDER = ("import", "load", "build", "compile", "capture", "first_frame", "simulate", "write", "picture", "total")
+
+
+def quantity(value: float) -> str:
+    """Three figures and a power of a thousand: 2.31 M, 950, 0.0123."""
+    for power, letter in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if abs(value) >= power:
+            return f"{value / power:.3g} {letter}"
+    return f"{value:.3g}"
+
+
+def seconds(value: float) -> str:
+    return f"{value:.2f} s" if value >= 1.0 else f"{1e3 * value:.3g} ms"
+
+
+def text(report: dict) -> str:
+    """What ran, how fast, how wrong, what was left out, what to look at. Missing keys leave out their line."""
+    held = [f"limits    {report['limits']}"] if report.get("limits") else []
+    return "\n".join([*_what(report), *_speed(report), *_error(report), *held, *kept(report.get("kept", [])),
+                      *_left_out(report), *_warnings(report)])
+
+
+def _what(report: dict) -> list[str]:
+    device, name = report["device"], report.get("device_name")
+    lines = [f"{report['frames']} frames of {report.get('points', '?')} points and {report.get('constraints', '?')} "
+             f"constraints on {device}{f' ({name})' if name and name.lower() != device else ''}, {report['precision']}"]
+    if "substeps" in report:
+        lines.append(f"  {report['substeps']} substeps, {report['iterations']} iterations, {report['integrator']}")
+    return lines + [f"  {what:<9}{report[what]}" for what in ("output", "partial", "picture") if report.get(what)]
+
+
+def _speed(report: dict) -> list[str]:
+    lines = [f"time      {report['ms_per_frame']:.3g} ms/frame"]
+    if "points_per_second" in report:
+        lines[0] += (f"; {quantity(report['points_per_second'])} points and "
+                     f"{quantity(report.get('constraints_per_second', 0.0))} constraints a second")
+    spent = report.get("seconds", {})
+    names = [*(n for n in ORDER if n in spent), *(n for n in spent if n not in ORDER)]
+    if names:
+        lines.append("  " + ", ".join(f"{n.replace('_', ' ')} {seconds(spent[n])}" for n in names))
+    stages = [s for s in report.get("stages", []) if s.get("ms") is not None]
+    for phase in dict.fromkeys(s.get("phase", s["name"]) for s in stages):
+        inside = [s for s in stages if s.get("phase", s["name"]) == phase]
+        parts = ", ".join(f"{s['name']} {s['ms']:.3g}" for s in inside)
+        lines.append(f"  {phase:<9}{sum(s['ms'] for s in inside):.3g} ms a substep, launched one by one ({parts})")
+    return lines
+
+
+def _error(report: dict) -> list[str]:
+    found = {name: value for name, value in report.get("error", {}).items() if value is not None}
+    if not found:
+        return []
+    change, time = found.pop("energy_change", None), found.pop("energy_change_seconds", 0.0)
+    parts = []
+    for name, value in found.items():
+        label = name.replace("_", " ")
+        parts.append(f"{label} {100 * value:.3g} %" if name.endswith("strain")
+                     else f"{label} {value:.3g} {UNITS.get(name, '')}".rstrip() if isinstance(value, float)
+                     else f"{label} {value}")
+    rows = [", ".join(parts[k:k + 4]) for k in range(0, len(parts), 4)]
+    if change is not None:
+        what = "numerical damping" if change <= 0.0 else "error"
+        rows.append(f"energy {100.0 * change:+.2g} % in {time:.3g} s ({what} of {report.get('integrator', 'the integrator')})")
+    return [f"error     {rows[0]}", *(f"          {row}" for row in rows[1:])]
+
+
+def kept(taken: list[dict]) -> list[str]:
+    """What colliders keep from bodies where no thickness is authored: collider, body, thickness [m]."""
+    return [f"contact   {k['collider']} keeps {k['thickness']:.3g} m from {k['body']}, half of whose thickness comes to that: "
+            "less would show between its points (wsim:thickness)" for k in taken]
+
+
+def _left_out(report: dict) -> list[str]:
+    return [f"left out  {s['stage']}: {s['why']}" for s in report.get("skipped", [])]
+
+
+def _warnings(report: dict) -> list[str]:
+    return [f"{'' if str(w).startswith('warning') else 'warning: '}{w}" for w in report.get("warnings", [])]

@@ -1,0 +1,136 @@
+"""What makes a frame be repeated, and what is changed before: the other half of the transaction in
+`wsim.simulation.simulation`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wsim.model.stage import LONG, NOT_FINITE, OVERFLOW, RESIDUAL
+from wsim.scene import Problem, SceneError
+from wsim.scene.check import counts
+from wsim.simulation import plan as plans
+from wsim.simulation.duration import duration
+
+if TYPE_CHECKING:
+    from wsim.simulation.simulation import Simulation
+
+# live parameters that bound explicit steps
+STIFFENS = ("stretch", "shear", "weft", "bend", "damping", "stiffness", "air_drag", "young", "poisson", "density", "mass",
+            "rest_shape", "lengths")
+
+
+def begin(sim: Simulation) -> None:
+    """The tables of the frame to come; what varies in time has its values of that frame."""
+    if sim.scene.varying:
+        from wsim.simulation.varying import follow
+        follow(sim)
+    sim.plan.before_frame(sim.time)
+
+
+def settle(sim: Simulation) -> None:
+    """What a simulation that has been built takes before its first frame."""
+    if sim.scene.varying:
+        from wsim.simulation import varying
+        varying.settle(sim)
+
+
+def mend(sim: Simulation, status: np.ndarray) -> bool:
+    """Whether the frame must be repeated, after making it possible."""
+    if not status[:LONG].any():
+        return False
+    clock, explicit = sim.plan.clock, sim.plan.choice.solver == "explicit"
+    if explicit and (status[RESIDUAL] or status[NOT_FINITE]) and _switch(sim):
+        return True
+    if status[NOT_FINITE]:
+        _refine(sim, int(status[NOT_FINITE]) - 1)
+    if status[OVERFLOW]:
+        for method in sim.plan.methods:
+            grown = method.grow(status)
+            if grown:
+                sim.warnings.append(f"frame {sim.frame + 1}: {grown}; the frame was repeated")
+    if status[RESIDUAL] and explicit:
+        return bool(status[NOT_FINITE] or status[OVERFLOW])
+    if status[RESIDUAL] and clock.watched:
+        _give_way(sim)
+    return True
+
+
+def _give_way(sim: Simulation) -> None:
+    """Backward Euler, which damps what is left unsolved, from this frame on."""
+    clock = sim.plan.clock
+    name, most = (("the implicit midpoint", "MET_MIDPOINT") if clock.beyond else
+                  ("sdirk3", "MET_SDIRK3") if clock.staged else ("BDF2", "MET"))
+    clock.scheme = False, False, False
+    sim.warnings.append(f"frame {sim.frame + 1}: the solver missed the residual that {name} needs "
+                        f"(wsim.{sim.plan.choice.solver}.{most}); backward Euler from here on; more iterations or substeps "
+                        f"keep {name}")
+
+
+def _refine(sim: Simulation, point: int) -> None:
+    """Twice the substeps, where a position is no number."""
+    from wsim.simulation.measure.diagnose import author, first
+    clock = sim.plan.clock
+    path, where = author(sim.model, point)
+    if clock.substeps >= 16 * sim.plan.choice.substeps:
+        least = getattr(sim.plan.method("explicit"), "least", None)
+        hint = f", or name a solver without a limit ({sim.plan.integrator} needs {least()} substeps at rest, more where the " \
+               "shape is far from it)" if least else ""
+        said = first(sim.plan, sim.time)
+        raise SceneError(Problem(path, f"point {where} stopped being a number in frame {sim.frame + 1}, with "
+                                 f"{clock.steps} substeps too{said and '; ' + said}; look for infinite velocities or "
+                                 f"parameters{hint}"))
+    clock.substeps *= 2
+    sim.warnings.append(f"frame {sim.frame + 1}: point {where} of {path} stopped being a number; repeated with "
+                        f"{clock.steps} substeps, which stay")
+
+
+def _switch(sim: Simulation) -> bool:
+    """Goes on with XPBD (soft bodies: Newton's method) where an edge has more than doubled under an explicit integrator that
+    nobody asked for by name: its step may have thrown it. Live parameters are set again."""
+    scene = sim.scene
+    if (scene.solver, scene.integrator) != ("auto", "auto") or sim.plan.choice.other is None:
+        return False
+    sim.state.restore()
+    kept = {name: sim.state.arrays[name].numpy() for name in ("x", "e", "v")}
+    flowed = {name: kept.array.numpy() for name, kept in sim.state.elements.items()}
+    other = sim.plan.choice.other
+    assert other is not None
+    sim.scene = replace(scene, solver=other.solver, integrator="backward_euler", substeps=other.substeps,
+                        iterations=other.iterations)
+    sim.plan = plans.build(sim.scene, device=sim.device, real=sim.model.real, worlds=sim.worlds)
+    sim.model, sim.state, sim.graph = sim.plan.model, sim.plan.state, None
+    for name, values in kept.items():
+        sim.state.arrays[name].assign(values)
+    for name, values in flowed.items():
+        sim.state.elements[name].array.assign(values)
+    for path, name, value, world in sim.changes:
+        for method in sim.plan.methods:
+            method.set(path, name, value, world)
+    sim.seconds.pop("compile", None)
+    sim.load()
+    sim.state.snapshot()
+    name = "Newton steps" if other.solver == "implicit" else "XPBD"
+    sim.warnings.append(f"frame {sim.frame + 1}: an edge stretched to more than twice its length under leapfrog; from here on "
+                        f"{name}, {other.substeps} substeps of {other.iterations} iteration{'s' * (other.iterations > 1)}")
+    return True
+
+
+def keep_stable(sim: Simulation, name: str) -> None:
+    """Explicit steps follow a live parameter that makes the scene stiffer, and a pin that begins to move."""
+    explicit, clock = sim.plan.method("explicit"), sim.plan.clock
+    if explicit is not None and name == "motion":
+        sim.graph = None                                  # it knows one target a frame, or one a substep
+    if explicit is None or name not in STIFFENS:
+        return
+    least = explicit.least()                              # type: ignore[attr-defined]
+    counts.refuse(f"substeps a frame, which {name} of that size wants of {sim.plan.integrator},", least,
+                  "set another value, or name a solver without a limit")
+    if least > clock.substeps:
+        each = sim.plan.seconds * least / sim.plan.choice.substeps
+        about = f", about {duration(each)} a frame" if least > counts.MANY else ""
+        sim.warnings.append(f"frame {sim.frame + 1}: {name} was set; {sim.plan.integrator} now takes {least} substeps instead "
+                            f"of {clock.substeps}{about}")
+        clock.substeps, sim.graph = least, None

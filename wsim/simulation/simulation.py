@@ -1,0 +1,268 @@
+"""Runs a scene, frame by frame. A frame is a transaction: it is committed whole or repeated.
+
+All substeps of a frame are captured once as a graph and replayed. After each frame one small status word is read; where it
+says that a buffer overflowed, a residual was missed or a position is no number, the frame's snapshot is restored, the buffer
+grown or the variant switched, the graph captured again and the frame repeated. Nothing is dropped in silence.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import warp as wp
+
+from wsim.model import kernel_cache
+from wsim.model.kernel_cache import GATE
+from wsim.model.midnodes import places, stored
+from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.check.scene import check
+from wsim.simulation import duration, interrupt, retry
+from wsim.simulation import plan as plans
+from wsim.simulation.measure import indicators as measure
+from wsim.simulation.measure.exceeded import Note, note
+
+PRECISIONS = {"float32": wp.float32, "float64": wp.float64}
+REPEATS = 8            # a frame that is not done after so many repeats is an error, not a loop
+
+
+class Simulation:
+    """A scene on a device.
+
+    scene      a `Scene`; `wsim.load` reads one from USD
+    device     "cpu", "cuda:0", ...; None takes the GPU if there is one
+    precision  "float32" or "float64" (the measuring instrument)
+    worlds     so many independent copies of the scene in one set of arrays
+    gradients  kernels are compiled with their adjoints, for a `wsim.gradient.recording.Recording`
+    Raises SceneError with every problem of the scene.
+    """
+
+    def __init__(self, scene: Scene, *, device=None, precision: str = "float32", worlds: int = 1,
+                 gradients: bool = False):
+        began = time.perf_counter()
+        if precision not in PRECISIONS:
+            raise SceneError(Problem("precision", f"found {precision!r}; allowed are {', '.join(PRECISIONS)}"))
+        if worlds < 1:
+            raise SceneError(Problem("worlds", f"found {worlds}; allowed is 1 or more"))
+        problems = check(scene)
+        if any(p.fatal for p in problems):
+            raise SceneError([p for p in problems if p.fatal])
+        self.given, self.precision, self.worlds, self.gradients = scene, precision, worlds, gradients
+        self.device = kernel_cache.device(device)
+        self.warnings = [str(p) for p in (*scene.notes, *problems) if not p.fatal]
+        self.seconds: dict[str, float] = {}
+        self.graph: wp.Graph | None = None
+        self._build()
+        self.seconds["build"] = time.perf_counter() - began
+
+    def _build(self) -> None:
+        self.frame = 0
+        self.graph = self.pulled = None        # `pulled`: `wsim.simulation.measure.reaction.Reactions`, once asked for
+        self.balance: measure.Balance | None = None
+        # a live motion changes a collider: the given scene stays as it is, for reset
+        self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])
+        if self.precision == "float32":
+            self.scene = self.scene.single()
+        self.notes: dict[tuple, Note] = {}     # frames that were beyond a bound, see `wsim.simulation.measure.exceeded`
+        self.changes: list[tuple] = []         # live parameters that were set, for another plan of the same scene
+        try:
+            with GATE.alone():
+                self.plan = plans.build(self.scene, device=self.device, real=PRECISIONS[self.precision], worlds=self.worlds,
+                                        gradients=self.gradients)
+        except RuntimeError as error:
+            raise _memory(error, self.device) from None
+        self.warnings += [w for w in duration.long(self.plan) if w not in self.warnings]
+        self.model, self.state = self.plan.model, self.plan.state
+        self.milliseconds: list[float] = []
+        retry.settle(self)
+
+    # frames
+
+    @property
+    def time(self) -> float:
+        """[s] since the scene's start."""
+        return self.frame / self.scene.fps
+
+    def step(self) -> None:
+        """One frame. Raises SceneError when it cannot be finished. Threads may step simulations of their own."""
+        with GATE.shared():
+            self._step()
+
+    def _step(self) -> None:
+        began = time.perf_counter()
+        self.load()
+        interrupt.check()
+        if self.plan.clock.starting:
+            self.balance = measure.balance(self)
+        for _ in range(REPEATS):
+            try:
+                retry.begin(self)
+                self._replay()
+            except RuntimeError as error:
+                raise _memory(error, self.device) from None
+            if not retry.mend(self, self.plan.said()):
+                break
+            self.state.restore()
+            self.graph = None
+        else:
+            raise SceneError(Problem("frame", f"frame {self.frame + 1} was repeated {REPEATS} times and still does not "
+                                     "hold; give it more substeps"))
+        self.plan.clock.starting = False
+        self.frame += 1
+        note(self)
+        self.milliseconds.append(1e3 * (time.perf_counter() - began))
+        self.seconds.setdefault("first_frame", time.perf_counter() - began)
+        if self.balance:
+            self.balance.look(self)
+
+    def run(self, frames: int | None = None, each: Callable | None = None) -> None:
+        """So many frames (None: the scene's); `each(simulation)` is called after every one."""
+        for _ in range(self.scene.frames if frames is None else frames):
+            self.step()
+            if each:
+                each(self)
+
+    def load(self) -> None:
+        """Compiles the plan's kernels, once."""
+        if "compile" in self.seconds:
+            return
+        began = time.perf_counter()
+        with GATE.alone(), kernel_cache.without_header():
+            self.model.load()
+        self.seconds["compile"] = time.perf_counter() - began
+
+    def _replay(self) -> None:
+        if self.plan.starts:
+            self.plan.frame()
+            return
+        graph = self.graph or self._capture()
+        wp.capture_launch(graph)
+
+    def _capture(self) -> wp.Graph:
+        began = time.perf_counter()
+        with kernel_cache.capture(self.device) as capture:
+            self.plan.frame()
+        self.graph = capture.graph
+        self.seconds["capture"] = time.perf_counter() - began
+        return capture.graph
+
+    def reset(self) -> None:
+        """Back to the scene's initial state, with the scene's own parameters."""
+        self._build()
+
+    # reading and setting
+
+    def positions(self, path: str | None = None, world: int = 0, device: bool = False):
+        """World positions [m] of a body's points, float64, (n, 3), in the author's order.
+
+        device=True: (array of all points on the device in solver order, relative to the body's origin, index table);
+        no copy is made and nothing is waited for.
+        """
+        body = self.model.body(path, world)
+        if device:
+            return self.state.x, body.index
+        x = self.state.x.numpy().astype(np.float64) + self.state.e.numpy()
+        return x[body.index] + body.origin
+
+    def velocities(self, path: str | None = None, world: int = 0, device: bool = False):
+        """Velocities [m/s] of a body's points, as `positions`."""
+        body = self.model.body(path, world)
+        return (self.state.v, body.index) if device else self.state.v.numpy().astype(np.float64)[body.index]
+
+    def poses(self, path: str | None = None) -> dict[str, np.ndarray]:
+        """Local-to-world transforms (4, 4) [m] of the colliders at the current time, by path."""
+        return {c.path: c.motion.at(self.time) for c in self.scene.colliders if path in (None, c.path)}
+
+    def set(self, path: str, name: str, value, world: int | None = None) -> None:
+        """A live parameter, from the next frame on, without rebuilding, of one world or of all (None).
+
+        "/" names the whole scene. gravity, air_drag, wind; stretch, weft, shear, bend, damping, strain_limit (a finite one),
+        poisson (of the model "membrane") of a cloth; stiffness of springs; young, poisson, damping, pressure of a soft body
+        (the last two where there is some from the start); density of a cloth or soft body whose masses follow it; mass of
+        springs; rest_shape [m] of a body, lengths [m] of springs (`wsim.physics.cloth.rest_shape`); actuation of springs that
+        have muscles (a Curve, or values of its present keys); force or traction of a load (as actuation, or one (3,) for all
+        times); static_friction, dynamic_friction of a body or a collider; thickness and restitution of a collider (the latter
+        where one throws back from the start); motion (rigid) of a pin, or of a collider (which all worlds share); positions and
+        velocities (in world space, author's order) of a body.
+        Values are copied. Raises SceneError, with nothing changed, if nothing of that path has such a parameter, for what a
+        scene would not take, and for what would need more than `wsim.scene.check.counts.MOST` substeps.
+        """
+        from wsim.simulation import live
+        with GATE.alone():
+            live.set_value(self, path, name, value, world)
+
+    def _persistent(self) -> dict[str, wp.array]:
+        """Arrays over the points that outlive a frame, by name."""
+        own = {f.name: self.state.arrays[f.name] for f in self.state.fields if f.persistent}
+        return own | {name: array for m in self.plan.methods for name, array in m.fields.items()}
+
+    def fields(self, path: str | None = None) -> dict[str, np.ndarray]:
+        """What an exact restart needs of a body, by name, each in the author's order, behind it middles of quadratic tets."""
+        body = self.model.body(path)
+        elements = {name: kept.array.numpy()[kept.places[body.number]] for name, kept in self._elements(body).items()}
+        return {name: array.numpy()[places(body)] for name, array in self._persistent().items()} | elements
+
+    def _elements(self, body) -> dict:
+        """What outlives a frame and belongs to elements of this body, by name."""
+        return {name: kept for name, kept in self.state.elements.items() if body.number in kept.places}
+
+    def restart(self, frame: int, fields: dict[str, dict[str, np.ndarray]], alike: bool = True) -> None:
+        """Goes on after `frame` frames with the fields that an earlier run left, by path and name: bit for bit where every
+        body has all of them (then there is no jump in time), else as at a start, without history. alike: that run stepped
+        as this one does; history of other steps is none."""
+        arrays, whole = self._persistent(), alike
+        for path, values in fields.items():
+            body = self.model.body(path)
+            for name in values.keys() & arrays.keys():
+                now = arrays[name].numpy()
+                now[places(body)] = stored(body, values[name])
+                whole &= len(values[name]) == len(places(body))
+                arrays[name].assign(now)
+            for name, kept in self._elements(body).items():
+                now = kept.array.numpy()
+                now[kept.places[body.number]] = values.get(name, now[kept.places[body.number]])
+                kept.array.assign(now)
+        self.frame = frame
+        exact = whole and all(arrays.keys() | self._elements(self.model.body(b.path)).keys() <= fields.get(b.path, {}).keys()
+                              for b in self.scene.bodies())
+        self.plan.clock.starting = not exact
+        if exact and (contact := self.plan.method("contact")):
+            contact.contacts.time = (frame - 1) / self.scene.fps       # type: ignore[attr-defined]
+
+    # measuring
+
+    def indicators(self) -> dict[str, float]:
+        """Error indicators and energies now: strain, residual, penetration, energy [J]."""
+        x = self.state.x.numpy().astype(np.float64) + self.state.e.numpy()
+        if self.model.alias is not None:
+            x = x[self.model.alias]
+        with GATE.alone():
+            return measure.gather(self.plan, x, self.state.v.numpy().astype(np.float64))
+
+    def stress(self, path: str | None = None, world: int = 0):
+        """`wsim.simulation.measure.stress.Stress` of a soft body now: `von_mises` [Pa] and `strain` of each tet. Compiles a
+        kernel when first called. Raises SceneError where the body is none."""
+        from wsim.simulation.measure import stress
+        with GATE.alone():
+            return stress.stress(self.plan, path, world)
+
+    def reactions(self, path: str | None = None, world: int = 0) -> np.ndarray:
+        """Forces of a pin (None: the only one) on its points now [N], world, (n, 3) in the order in which it names them; their
+        sum is what it holds. See `wsim.simulation.measure.reaction`; compiles kernels when first called. Raises SceneError
+        where there is none."""
+        from wsim.simulation.measure.reaction import reactions
+        with GATE.alone():
+            return reactions(self, path, world)
+
+    def report(self, profile: bool = True) -> dict:
+        """What ran and how well: device, precision, frames, times, errors, stages, what was skipped, warnings."""
+        return measure.report(self, profile)
+
+
+def _memory(error: Exception, device) -> SceneError:
+    """A failed allocation in words; anything else as it is."""
+    if "alloc" in str(error).lower() or "memory" in str(error).lower():
+        return SceneError(Problem(str(device), f"out of memory ({error}); use a smaller scene, fewer worlds, "
+                                  "float32 or another device"))
+    raise error
+

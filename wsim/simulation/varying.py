@@ -1,0 +1,52 @@
+"""Live values that vary in time (`wsim.scene.Varying`), set before each frame by `Simulation.set`.
+
+A frame has the value at its middle, so that what a value does over a frame is met to second order in the length of a frame.
+What a user sets by hand from then on stays as it was set.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wsim.scene import Problem, SceneError
+
+if TYPE_CHECKING:
+    from wsim.simulation.simulation import Simulation
+
+
+def follow(sim: Simulation) -> None:
+    """Sets the values of the frame to come, those that differ from what was set last."""
+    set_before = sim.plan.followed
+    for thing in sim.scene.varying:
+        value, key = thing.curve.at(sim.time + 0.5 / sim.scene.fps), (thing.path, thing.name)
+        if key in set_before and np.array_equal(set_before[key], value):
+            continue
+        _put(sim, thing.path, thing.name, value)
+        set_before[key] = value
+        for change in [c for c in sim.changes if c[1] == thing.name]:
+            _put(sim, *change)
+
+
+def settle(sim: Simulation) -> None:
+    """Takes the substeps that the stiffest of the values need, of an explicit integrator: then every frame of a run, and of one
+    that goes on in its middle, has as many."""
+    for thing in sim.scene.varying if sim.plan.method("explicit") else ():
+        values = thing.curve.values
+        _put(sim, thing.path, thing.name, values.min(axis=0) if thing.name == "density" else values.max(axis=0))
+    follow(sim)
+
+
+def refuse(sim: Simulation) -> None:
+    """Raises SceneError where a value varies: a recording knows one value of each for all its frames."""
+    for thing in sim.scene.varying:
+        raise SceneError(Problem(thing.path, f"{thing.name} varies in time, and a recording has one value for all its frames; "
+                                 f"author one value, or take it out of scene.varying ({len(sim.scene.varying)} in it)"))
+
+
+def _put(sim: Simulation, path: str, name: str, value, world: int | None = None) -> None:
+    """As `Simulation.set`, without a note for another plan, which follows by itself."""
+    noted = list(sim.changes)
+    sim.set(path, name, value if np.ndim(value) else float(value), world)
+    sim.changes[:] = noted

@@ -1,0 +1,93 @@
+"""Attributes that are sampled in time: those of values that may change while a scene runs become curves (`wsim.scene.Varying`),
+the others have their value at startTimeCode, which is said. Faces, tets and curves may not change.
+
+A curve has a key at each sample, and of a spline one at each frame. What follows from several attributes (the stretch of a
+sheet from its Young's modulus) is worked out at each key.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from pxr import Usd
+
+from wsim.scene import Scene, Varying
+from wsim.scene.curve import Curve
+from wsim.usd.stage import Reading
+
+OWN = ("physics:", "wsim:")        # namespaces whose samples are looked at
+CURVES = ("wsim:actuation", "wsim:reaction", "wsim:load:force", "wsim:load:traction")     # sampled by nature, read elsewhere
+
+
+def steady(reading: Reading, prim: Usd.Prim, *names: str) -> bool:
+    """Whether attributes that say what is joined to what are the same at all times; one that is not is an error."""
+    for name in names:
+        attribute = prim.GetAttribute(name)
+        codes = attribute.GetTimeSamples() if attribute else []
+        for code in codes[1:]:
+            if attribute.Get(code) != attribute.Get(codes[0]):
+                reading.fail(prim.GetPath(), f"{name} is sampled in time and changes at time code {code:g}; what is joined to "
+                             "what must stay while a scene runs: author one value, without samples")
+                return False
+    return True
+
+
+def sampled(attribute: Usd.Attribute) -> bool:
+    """Whether a value may differ from time to time."""
+    return bool(attribute) and attribute.HasAuthoredValue() and attribute.ValueMightBeTimeVarying()
+
+
+def attributes_of(prim: Usd.Prim | None) -> list[Usd.Attribute]:
+    """What wsim reads of a prim that says nothing but values: a material, a PhysicsScene."""
+    return [] if prim is None else [a for a in prim.GetAuthoredAttributes() if a.GetName().startswith(OWN)]
+
+
+def vary(reading: Reading, path: str, kind: type, attributes: list[Usd.Attribute],
+         values: Callable[[Reading], dict]) -> None:
+    """Notes what differs in time of the values {name: value} [SI] of the object at `path`, of a kind of `LIVE`.
+
+    attributes    from which they follow
+    values        reads them, at the start of the Reading that it is given
+    """
+    moving = [a for a in attributes if sampled(a)]
+    reading.followed |= {a.GetPath() for a in moving}
+    if not moving:
+        return
+    from wsim.scene.check.varying import LIVE
+    codes = {code for a in moving for code in a.GetTimeSamples()}
+    if any(a.HasSpline() for a in moving):
+        codes |= set((reading.units.start + np.arange(reading.frames + 1)).tolist())
+    keys = sorted(codes)
+    found = [values(replace(reading, units=replace(reading.units, start=code))) for code in keys]
+    where = ", ".join(str(a.GetPath()) for a in moving)
+    for name in found[0]:
+        column = [np.asarray(at[name]) for at in found]
+        if all(np.array_equal(v, column[0]) for v in column):
+            continue
+        if any(v.shape != column[0].shape for v in column):
+            reading.fail(moving[0].GetPath(), f"{name} has {column[0].size} values at one time and another number at another; "
+                         "give it as many at each")
+        elif name in LIVE[kind]:
+            curve = Curve(reading.units.time(np.array(keys)), np.array(column))
+            reading.varying.append((where, Varying(path, name, curve)))
+        else:
+            held(reading, where, f"{name} is fixed while a scene runs")
+
+
+def held(reading: Reading, where, reason: str) -> None:
+    """Warns that of samples the one at the start counts."""
+    reading.warn(where, f"is sampled in time, and {reason}: its value at startTimeCode counts; author one value, without "
+                 "samples")
+
+
+def finish(reading: Reading, scene: Scene) -> None:
+    """Gives the scene what varies; what cannot, and samples that nobody has followed, are noted."""
+    for where, thing in reading.varying:
+        from wsim.scene.check.varying import fixed
+        if reason := fixed(thing.path, thing.name, scene):
+            held(reading, where, f"{thing.name} of {thing.path} cannot follow ({reason})")
+        else:
+            scene.varying.append(thing)
+    for path in reading.sampled:
+        if path not in reading.followed:
+            held(reading, path, "it is fixed while a scene runs")

@@ -1,0 +1,196 @@
+"""What `wsim new` starts from and what every new scene has: the bare mesh, its units and size; settings and a ground.
+
+The mesh's file stays as it is: the new layer has it as a sublayer, by a relative path, and holds opinions over it. Units are
+those of the new root layer (a sublayer's do not count), so that meters_per_unit says how large the mesh is without touching a
+point.
+"""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom
+
+from wsim.scene import Problem, Scene, SceneError
+from wsim.usd import names
+from wsim.usd.attributes import author
+from wsim.usd.load import read_stage
+from wsim.usd.result.dependencies import overwritten
+from wsim.usd.save import author_units, new_stage
+from wsim.usd.stage import Units, quiet
+
+
+@dataclass(frozen=True)
+class Bare:
+    """The mesh that is meant: its file, its prim, units, frames, its points in the world at the start [m], (n, 3) float64, and
+    the root of its stage."""
+
+    file: str
+    path: Sdf.Path
+    kind: str                                # "Mesh" or "TetMesh"
+    units: Units
+    frames: int
+    world: np.ndarray
+    root: str
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """Lowest and highest corner [m], (2, 3)."""
+        return np.array([self.world.min(axis=0), self.world.max(axis=0)])
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What `wsim new` is asked for, whatever the mesh becomes.
+
+    prim            path of the mesh, or of what holds it alone, or its name; None: the only mesh of the file
+    ground          a ground plane this far [m] below the lowest point; None: no ground
+    meters_per_unit overrules what the file says (USD's fallback is 0.01)
+    frames          frames to simulate; None: those of the file, else the default of `Scene`
+    """
+
+    prim: str | None = None
+    ground: float | None = None
+    meters_per_unit: float | None = None
+    frames: int | None = None
+
+
+def bare_mesh(source: Usd.Stage, file, out, kinds: tuple[str, ...], wanted: Wanted, what: str) -> Bare:
+    """The mesh that is meant, of one of `kinds` ("Mesh", "TetMesh"); `what` it shall become, in words.
+
+    Raises SceneError if there is none, or more than one and none is named, if a layer cannot be written over it, or if `out`
+    is a file that it is made of."""
+    mesh, file, given = _mesh(source, os.fspath(file), kinds, wanted.prim, what), os.fspath(file), wanted.meters_per_unit
+    units = Units.of(source)
+    if given is not None:
+        if not (np.isfinite(given) and given > 0):
+            raise SceneError(Problem(file, f"meters_per_unit is {given:g}; allowed is a finite number > 0"))
+        units = Units(given, units.kilograms, units.up, units.fps, units.start)
+    points = UsdGeom.PointBased(mesh).GetPointsAttr().Get(Usd.TimeCode(units.start))
+    if not points:
+        raise SceneError(Problem(str(mesh.GetPath()), "has no points (is a payload or reference missing?)"))
+    if overwritten(out, file):
+        raise SceneError(Problem(os.fspath(out), "is a file that the mesh is made of; choose another output"))
+    M = np.array(UsdGeom.XformCache(Usd.TimeCode(units.start)).GetLocalToWorldTransform(mesh))
+    world = (np.array(points, np.float64) @ M[:3, :3] + M[3, :3]) * units.metres
+    frames = wanted.frames
+    if frames is None:
+        authored = round(source.GetEndTimeCode() - source.GetStartTimeCode()) if source.HasAuthoredTimeCodeRange() else 0
+        frames = authored if authored > 0 else Scene().frames
+    root = source.GetDefaultPrim().GetPath() if source.HasDefaultPrim() else mesh.GetPath().GetPrefixes()[0]
+    return Bare(file, mesh.GetPath(), str(mesh.GetTypeName()), units, frames, world, str(root))
+
+
+def _mesh(stage: Usd.Stage, file: str, kinds: tuple[str, ...], prim: str | None, what: str) -> Usd.Prim:
+    meshes = [p for p in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
+              if any(p.IsA(getattr(UsdGeom, kind)) for kind in kinds)]
+    called = " or ".join(kinds)
+    if not meshes:
+        raise SceneError(Problem(file, f"has no {called} to make {what} of"))
+    chosen = _first_kind(meshes, kinds) if prim is None else _named(meshes, prim)
+    if not chosen:
+        raise SceneError(Problem(file, f"has no {called} at {prim}; its meshes: {_listed(meshes)}"))
+    if len(chosen) > 1:
+        raise SceneError(Problem(file, f"has {len(chosen)} meshes{f' under {prim}' if prim else ''}; name one by prim "
+                                 f"(--prim): {_listed(chosen)}"))
+    if chosen[0].IsInstanceProxy():
+        instance = chosen[0]
+        while not instance.IsInstance():
+            instance = instance.GetParent()
+        text = (f"lies in the instance {instance.GetPath()}, which cannot be written over; author instanceable = false "
+                f"on {instance.GetPath()}")
+        raise SceneError(Problem(str(chosen[0].GetPath()), text))
+    return chosen[0]
+
+
+def _first_kind(meshes: list[Usd.Prim], kinds: tuple[str, ...]) -> list[Usd.Prim]:
+    """Those of the first kind that there is."""
+    return next(found for kind in kinds if (found := [p for p in meshes if p.IsA(getattr(UsdGeom, kind))]))
+
+
+def _listed(meshes: list[Usd.Prim]) -> str:
+    return ", ".join(str(p.GetPath()) for p in meshes[:8]) + (f" and {len(meshes) - 8} more" if len(meshes) > 8 else "")
+
+
+def _named(meshes: list[Usd.Prim], name: str) -> list[Usd.Prim]:
+    """The mesh at that path; else those below it; else those whose own name it is."""
+    for meant in (lambda p: str(p.GetPath()) == name, lambda p: str(p.GetPath()).startswith(name.rstrip("/") + "/"),
+                  lambda p: p.GetName() == name):
+        found = [p for p in meshes if meant(p)]
+        if found:
+            return found
+    return []
+
+
+def size_notes(source: Usd.Stage, bare: Bare, wanted: Wanted, tall: float, what: str) -> list[Problem]:
+    """Warns of units that nobody stated, and of a size above `tall` [m], which is unlikely for `what` it is."""
+    extent, path = bare.bounds[1] - bare.bounds[0], str(bare.path)
+    found = f"is {extent.max():.3g} m large at metersPerUnit = {bare.units.metres:g}"
+    if wanted.meters_per_unit is None and not UsdGeom.StageHasAuthoredMetersPerUnit(source):
+        text = (f"{found}, which is USD's fallback: the file authors none. Give meters_per_unit (--meters-per-unit) if "
+                "that is not meant")
+        return [Problem(path, text, fatal=False)]
+    if extent.max() > tall and wanted.meters_per_unit is None:
+        text = (f"{found}: large for {what} (more than {tall:g} m). If its numbers are centimetres, give "
+                "meters_per_unit = 0.01 (--meters-per-unit 0.01)")
+        return [Problem(path, text, fatal=False)]
+    return []
+
+
+@contextmanager
+def scene_over(bare: Bare, out, documentation: str, notes: list[Problem]) -> Iterator[Usd.Stage]:
+    """A new stage over the mesh's file, written to `out` when the block ends well and what it holds can be loaded; the
+    loader's warnings are added to `notes`. What USD says of the source must be in notes already."""
+    with quiet([]), new_stage(out) as stage:
+        stage.GetRootLayer().subLayerPaths.append(_relative(bare.file, out))
+        stage.GetRootLayer().documentation = documentation
+        author_units(stage, bare.units, bare.frames)
+        stage.SetDefaultPrim(stage.GetPrimAtPath(bare.root))
+        yield stage
+        notes += [note for note in read_stage(stage).notes if note not in notes]
+
+
+def author_settings(stage: Usd.Stage, substeps: int, iterations: int) -> None:
+    """A PhysicsScene, unless there is one; its gravity stays the standard's: 9.81 m/s^2 downwards."""
+    if any(prim.GetTypeName() == names.PHYSICS_SCENE for prim in stage.Traverse()):
+        return
+    settings = stage.DefinePrim(free(stage, "/physicsScene"), names.PHYSICS_SCENE)
+    settings.AddAppliedSchema(names.WSIM_SCENE)
+    author(settings, "Scene", "substeps", substeps)
+    author(settings, "Scene", "iterations", iterations)
+
+
+def author_ground(stage: Usd.Stage, units: Units, bounds: np.ndarray, below: float) -> None:
+    """A plane `below` [m] under the lowest of `bounds` (2, 3) [m], seen four times as wide as those are large."""
+    up = 2 if units.up == "Z" else 1
+    place = bounds.mean(axis=0)
+    place[up] = bounds[0, up] - below
+    plane = UsdGeom.Plane.Define(stage, free(stage, "/ground"))
+    plane.CreateAxisAttr(units.up)
+    width = 4.0 * float((bounds[1] - bounds[0]).max()) / units.metres
+    plane.CreateWidthAttr(width)
+    plane.CreateLengthAttr(width)
+    plane.CreateExtentAttr(UsdGeom.Boundable.ComputeExtentFromPlugins(plane, Usd.TimeCode.Default()))
+    plane.AddTranslateOp().Set(tuple(place / units.metres))
+    plane.GetPrim().AddAppliedSchema(names.COLLISION)
+
+
+def free(stage: Usd.Stage, path: str) -> str:
+    """path, or path_1, path_2 ... where no prim is yet."""
+    candidate, i = path, 0
+    while stage.GetPrimAtPath(candidate):
+        i += 1
+        candidate = f"{path}_{i}"
+    return candidate
+
+
+def _relative(file: str, out) -> str:
+    """Path of a file as seen from the folder of `out`, anchored there ("./"), in USD's spelling."""
+    try:
+        path = Path(os.path.relpath(file, Path(os.fspath(out)).resolve().parent)).as_posix()
+    except ValueError:                                         # another drive
+        return Path(file).resolve().as_posix()
+    return path if path.startswith("../") else f"./{path}"

@@ -1,0 +1,242 @@
+"""A bare mesh -> a small scene layer in which it is a soft body. See bare.py for what that has in common with other bodies.
+
+    TetMesh     is the body itself, with its own tets; what is wrong with them and can be mended is mended over it
+    Mesh        is seen, and follows a cage of tets around it (`wsim.geometry.tetra.cage`): a TetMesh beside it, both below one
+                prim, the body. That is what is above the mesh where nothing else is seen below it, else a new prim that the
+                mesh moves to (by an internal reference; the original is deactivated)
+
+The cage is larger than the mesh, by about half a cell on each side, and it is what collides; its tets weigh as much as the part
+of them that is inside of the mesh.
+"""
+
+import os
+from dataclasses import dataclass, fields
+from math import inf
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom
+
+from wsim.geometry import topology
+from wsim.geometry.tetra.cage import cage, filled
+from wsim.geometry.tetra.repair import FLAT, mend
+from wsim.geometry.tetra.tets import measures, surface, volumes
+from wsim.geometry.triangulate import triangulate
+from wsim.scene import Problem, SceneError
+from wsim.scene.solid import Bulk
+from wsim.usd import names
+from wsim.usd.attributes import author, read
+from wsim.usd.new.mesh import (
+    Bare,
+    Wanted,
+    author_ground,
+    author_settings,
+    bare_mesh,
+    free,
+    scene_over,
+    size_notes,
+)
+from wsim.usd.prims.fabric import bind
+from wsim.usd.prims.solid import author_bulk
+from wsim.usd.stage import applied, open_stage
+
+CELLS = 10                         # of a cage along the longest side: bodies bend as they should from 4 cells across
+SUBSTEPS, ITERATIONS = 4, 2        # implicit steps of 1/96 s, two Newton steps each
+THIN = 0.1                         # part of a cage that is body, below which its cells are coarse for what they hold
+
+
+@dataclass(frozen=True)
+class Tets:
+    """A mesh of tets in the world: points [m] (n, 3), tets (t, 4) of positive volume, and the part of each that is body."""
+
+    points: np.ndarray
+    tets: np.ndarray
+    filled: np.ndarray | None = None
+
+
+def author_softbody(mesh_file, out, material: Bulk | None = None, prim: str | None = None, *, cells: int = CELLS,
+                    ground: float | None = None, meters_per_unit: float | None = None,
+                    frames: int | None = None) -> list[Problem]:
+    """Writes a scene `out` (.usda, .usdc, .usd) in which a TetMesh of `mesh_file`, or a closed Mesh, is a soft body. Returns
+    warnings.
+
+    material        a Bulk (taken to seven digits); None: its defaults
+    cells           of the cage of a Mesh, along the longest side of its bounds; a TetMesh has its own
+    prim, ground, meters_per_unit, frames    see `wsim.usd.new.mesh.Wanted`; without prim the TetMesh counts where there are
+                                             both
+
+    Raises SceneError: no such file or mesh, a mesh that encloses nothing or cannot be simulated, a place that cannot be
+    written.
+    """
+    material, wanted, notes = _rounded(material or Bulk()), Wanted(prim, ground, meters_per_unit, frames), []
+    source = open_stage(mesh_file, notes=notes)
+    bare = bare_mesh(source, mesh_file, out, ("TetMesh", "Mesh"), wanted, "a soft body")
+    notes += size_notes(source, bare, wanted, inf, "a soft body")
+    mesh = source.GetPrimAtPath(bare.path)
+    found = _caged(mesh, bare, cells, notes) if bare.kind == "Mesh" else _mended(mesh, bare, notes)
+    del source, mesh
+    what = "as" if bare.kind == "TetMesh" else f"in a cage of {len(found.tets)} tets, as"
+    with scene_over(bare, out, f"{os.path.basename(bare.file)} with {bare.path} {what} soft body", notes) as stage:
+        tets = (_author_cage if bare.kind == "Mesh" else _author_tets)(stage, bare, found)
+        bind(tets, author_bulk(stage, free(stage, "/materials/soft"), material, bare.units))
+        author_settings(stage, SUBSTEPS, ITERATIONS)
+        if ground is not None:
+            author_ground(stage, bare.units, np.array([found.points.min(axis=0), found.points.max(axis=0)]), ground)
+    return notes
+
+
+def _rounded(material: Bulk) -> Bulk:
+    """To seven digits, which a file holds."""
+    numbers = {f.name: getattr(material, f.name) for f in fields(Bulk) if f.name != "model"}
+    return Bulk(model=material.model, **{name: float(f"{value:.7g}") for name, value in numbers.items()})
+
+
+# From a surface
+
+def _caged(mesh: Usd.Prim, bare: Bare, cells: int, notes: list[Problem]) -> Tets:
+    """The cage of a Mesh. Raises SceneError where none can be made, or where the mesh encloses nothing."""
+    path, time = str(bare.path), Usd.TimeCode(bare.units.start)
+    counts, indices = (read(mesh, "Cloth", field, bare.units, time) for field in ("counts", "indices"))
+    if counts is None or indices is None:
+        raise SceneError(Problem(path, "has no faces (is a payload or reference missing?)"))
+    try:
+        triangles, _ = triangulate(bare.world, counts, indices)
+        points, tets = cage(bare.world, triangles, cells)
+        part = filled(bare.world, triangles, points, tets)
+    except ValueError as error:
+        raise SceneError(Problem(path, f"no cage of tets can be made around it: {error}")) from None
+    volume = volumes(points, tets)
+    share = float(part @ volume / volume.sum())
+    if share == 0.0:
+        raise SceneError(Problem(path, "encloses nothing; a soft body needs a closed surface. Close its holes, or make it "
+                                       "cloth (wsim new cloth)"))
+    loose = _open_edges(bare.world, triangles)
+    if loose:
+        notes.append(Problem(path, f"is open at {loose} edges: what is inside is guessed there; close its holes to be sure",
+                             fatal=False))
+    if share < THIN:
+        notes.append(Problem(path, f"fills {share:.1%} of its cage: cells are coarse for so thin a body; give more than "
+                             f"{cells} (--cells)", fatal=False))
+    return Tets(points, tets, part)
+
+
+def _open_edges(points: np.ndarray, triangles: np.ndarray) -> int:
+    """How many edges belong to an odd number of triangles; points at equal places count as one."""
+    corners = topology.distinct(points)[1][triangles]
+    ends = np.sort(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]), axis=1)
+    uses = np.unique(ends[ends[:, 0] != ends[:, 1]], axis=0, return_counts=True)[1]
+    return int((uses % 2).sum())
+
+
+def _author_cage(stage: Usd.Stage, bare: Bare, found: Tets) -> Usd.Prim:
+    """The body, with the mesh and the cage in it; returns the prim of the cage."""
+    body = _body(stage, stage.GetPrimAtPath(bare.path))
+    body.AddAppliedSchema(names.BODY)
+    path = free(stage, f"{body.GetPath()}/tets")
+    above = np.array(UsdGeom.XformCache(Usd.TimeCode(bare.units.start)).GetLocalToWorldTransform(body))
+    local = (found.points / bare.units.metres - above[3, :3]) @ np.linalg.inv(above[:3, :3])
+    centre = np.round(local.mean(axis=0))                        # float32 points lose nothing far from the origin
+    mesh = UsdGeom.TetMesh.Define(stage, path)
+    mesh.AddTranslateOp().Set(tuple(centre))
+    mesh.CreatePurposeAttr(UsdGeom.Tokens.guide)
+    prim = mesh.GetPrim()
+    author(prim, "Soft", "points", local - centre)
+    author(prim, "Soft", "filled", found.filled)
+    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
+    _author_topology(prim, found.tets, bool(np.linalg.det(above[:3, :3]) < 0))
+    return _simulated(prim)
+
+
+def _body(stage: Usd.Stage, mesh: Usd.Prim) -> Usd.Prim:
+    """The prim that becomes the deformable body around a mesh, which may have to move there; a body takes in every mesh
+    below it."""
+    above = mesh.GetParent()
+    others = [p for p in Usd.PrimRange(above) if p.IsA(UsdGeom.Boundable) and p != mesh]
+    if above.IsA(UsdGeom.Imageable) and not above.IsA(UsdGeom.Gprim) and not others:
+        _no_collider(mesh)
+        return above
+    body = UsdGeom.Xform.Define(stage, free(stage, f"{mesh.GetPath()}_body")).GetPrim()
+    moved = stage.DefinePrim(body.GetPath().AppendChild(mesh.GetName()))
+    moved.GetReferences().AddInternalReference(mesh.GetPath())
+    moved.SetActive(True)
+    mesh.SetActive(False)
+    if stage.GetDefaultPrim() == mesh:
+        stage.SetDefaultPrim(body)
+    _no_collider(moved)
+    return body
+
+
+def _no_collider(mesh: Usd.Prim) -> None:
+    """A skin does not collide: its cage does."""
+    if names.COLLISION in applied(mesh):
+        mesh.CreateAttribute("physics:collisionEnabled", Sdf.ValueTypeNames.Bool, False).Set(False)
+
+
+# From tets
+
+def _rows(mesh: Usd.Prim, bare: Bare) -> tuple[np.ndarray, bool]:
+    """The tets of a TetMesh, (t, 4), wound as they should be in the world by its orientation; and whether its frame mirrors."""
+    time = Usd.TimeCode(bare.units.start)
+    rows = read(mesh, "Soft", "tets", bare.units, time)
+    if rows is None:
+        raise SceneError(Problem(str(bare.path), "has no tetVertexIndices (is a payload or reference missing?)"))
+    mirrored = bool(np.linalg.det(np.array(UsdGeom.XformCache(time).GetLocalToWorldTransform(mesh))[:3, :3]) < 0)
+    left = read(mesh, "Soft", "orientation") == UsdGeom.Tokens.leftHanded
+    return rows[:, [0, 1, 3, 2]] if left != mirrored else rows, mirrored
+
+
+def _mended(mesh: Usd.Prim, bare: Bare, notes: list[Problem]) -> Tets:
+    """The tets of a TetMesh, mended where they can be: turned, or left out where they are flat or a copy.
+
+    Raises SceneError for what cannot be mended."""
+    path, rows = str(bare.path), _rows(mesh, bare)[0]
+    tets, turned, flaws = mend(bare.world, rows)
+    if any(flaw.fatal for flaw in flaws):
+        tets = _without_bad(bare.world, tets)
+        lost = len(rows) - len(tets)
+        flaws = mend(bare.world, tets)[2] if lost and not _has_subsets(mesh) else flaws
+        if any(flaw.fatal for flaw in flaws):
+            raise SceneError([Problem(path, flaw.text) for flaw in flaws if flaw.fatal])
+        notes.append(Problem(path, f"{lost} of its {len(rows)} tets are flat or given twice; they are left out", fatal=False))
+    if len(turned):
+        notes.append(Problem(path, f"{len(turned)} of its {len(rows)} tets are wound against its orientation (first: tet "
+                             f"{turned[0]}); they are turned", fatal=False))
+    return Tets(bare.world, tets)
+
+
+def _has_subsets(mesh: Usd.Prim) -> bool:
+    """Whether parts of a mesh are named by the numbers of its elements, which therefore may not change."""
+    return any(child.IsA(UsdGeom.Subset) for child in mesh.GetChildren())
+
+
+def _without_bad(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
+    """Tets that have a volume, each once; all of them where indices or points are at fault, which nothing mends."""
+    if tets.size == 0 or tets.min() < 0 or tets.max() >= len(points) or not np.isfinite(points[tets]).all():
+        return tets
+    volume, squares = measures(points, tets)
+    tets = tets[volume > FLAT * squares.max(axis=0) ** 1.5]
+    return tets[np.sort(np.unique(np.sort(tets, axis=1), axis=0, return_index=True)[1])]
+
+
+def _author_tets(stage: Usd.Stage, bare: Bare, found: Tets) -> Usd.Prim:
+    """What makes the TetMesh a body; its tets only where they were mended."""
+    prim = stage.OverridePrim(bare.path)
+    prim.AddAppliedSchema(names.BODY)
+    rows, mirrored = _rows(prim, bare)
+    if not np.array_equal(rows, found.tets):
+        _author_topology(prim, found.tets, mirrored)
+    return _simulated(prim)
+
+
+# Both
+
+def _author_topology(prim: Usd.Prim, tets: np.ndarray, mirrored: bool) -> None:
+    """Tets of positive volume in the world, and their surface; mirrored: the prim's frame is."""
+    author(prim, "Soft", "orientation", UsdGeom.Tokens.leftHanded if mirrored else UsdGeom.Tokens.rightHanded)
+    author(prim, "Soft", "tets", tets)
+    author(prim, "Soft", "surface", surface(tets))
+
+
+def _simulated(prim: Usd.Prim) -> Usd.Prim:
+    for schema in (names.VOLUME_SIM, names.COLLISION, names.WSIM_SOFT):
+        prim.AddAppliedSchema(schema)
+    return prim

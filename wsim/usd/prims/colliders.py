@@ -1,0 +1,299 @@
+"""Prims with PhysicsCollisionAPI <-> `Collider`.
+
+A collider's motion is rigid: M(t) = R(t) S, and S goes into the sizes. A shape whose S it cannot take (a sphere
+scaled along one axis, shear) or whose S changes in time becomes a mesh. Shapes lie along their own z; the prim's axis
+X or Y is turned there.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from wsim.geometry import primitives
+from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
+from wsim.scene.curve import Curve, Motion
+from wsim.usd import names
+from wsim.usd.attributes import DEFAULT, array, author, author_times, read, read_times, size
+from wsim.usd.load_varying import attributes_of, steady, vary
+from wsim.usd.prims.fabric import author_friction, bind, bound, load_contact
+from wsim.usd.stage import Reading, Units
+from wsim.usd.transforms import Placement, author_motion, placement, split
+
+TURN = {"X": [1, 2, 0], "Y": [2, 0, 1], "Z": [0, 1, 2]}      # columns of the prim's frame as own x, y, z
+SAME = 1e-6                                                    # relative difference of scales that counts as none
+AROUND = 32                                                    # points on a circle of a shape that becomes a mesh
+
+
+@dataclass
+class Sizes:
+    """A primitive along its own z: kind; radius at the bottom and top [m]; half height [m]; half edges [m]."""
+
+    kind: str
+    bottom: float = 0.0
+    top: float = 0.0
+    half: float = 0.0
+    edges: tuple = ()
+
+
+def load_collider(reading: Reading, prim: Usd.Prim) -> Collider | None:
+    """The collider of a prim; None if its kind cannot collide yet or it is broken (both are reported)."""
+    path, kind = str(prim.GetPath()), prim.GetTypeName()
+    sizes = _sizes(reading, prim)
+    if sizes is None and kind not in ("Mesh", "TetMesh"):
+        reading.warn(path, f"is a {kind or 'prim without a type'} with {names.COLLISION}; such a collider is left out "
+                     "(read are Plane, Sphere, Cube, Capsule, Cylinder, Cone, Mesh and TetMesh)")
+        return None
+    if _axis(prim) not in TURN:
+        reading.fail(path, f"axis is {_axis(prim)!r}; allowed is X, Y or Z")
+        return None
+    place = placement(reading, prim)
+    try:
+        place, S = _rigid(place, TURN[_axis(prim)] if sizes else TURN["Z"], sizes)
+    except ValueError as error:
+        reading.fail(path, f"{error}; give it scales other than zero")
+        return None
+    shape = _mesh(reading, prim, place, S) if sizes is None else _shape(reading, path, sizes, place, S)
+    if shape is None:
+        return None
+    vary(reading, path, Collider, [prim.GetAttribute(names.row("Collider", "thickness").attribute),
+                                   *attributes_of(bound(reading, prim))], lambda at: load_contact(at, prim))
+    return Collider(path, shape, Motion(place.times, place.frame), **load_contact(reading, prim))
+
+
+def _axis(prim: Usd.Prim) -> str:
+    attribute = prim.GetAttribute("axis")
+    return str(attribute.Get()) if attribute else "Z"
+
+
+def _sizes(reading: Reading, prim: Usd.Prim) -> Sizes | None:
+    """What the prim's own attributes say at the start; None if it is no primitive."""
+    def value(name: str) -> float:
+        attribute = prim.GetAttribute(name)
+        if attribute.ValueMightBeTimeVarying():
+            reading.warn(attribute.GetPath(), "is animated; its value at startTimeCode is held")
+        return size(attribute, reading.start) * reading.units.metres
+
+    match prim.GetTypeName():
+        case "Plane":
+            return Sizes("plane")
+        case "Sphere":
+            r = value("radius")
+            return Sizes("sphere", r, r)
+        case "Cube":
+            return Sizes("box", edges=(value("size") / 2.0,) * 3)
+        case "Capsule" | "Cylinder" as kind:
+            r = value("radius")
+            return Sizes(kind.lower(), r, r, value("height") / 2.0)
+        case "Capsule_1" | "Cylinder_1" as kind:
+            return Sizes(kind[:-2].lower(), value("radiusBottom"), value("radiusTop"), value("height") / 2.0)
+        case "Cone":
+            return Sizes("cone", value("radius"), 0.0, value("height") / 2.0)
+    return None
+
+
+def _rigid(place: Placement, turned: list[int], sizes: Sizes | None) -> tuple[Placement, np.ndarray]:
+    """The rigid part, (k, 4, 4) with scale 1, and S of each key, (k, 3, 3), in the shape's own frame."""
+    if sizes is not None and sizes.kind == "plane":
+        return _plane_frames(place, turned), np.eye(3)[None]
+    frames, stretches = place.frame.copy(), []
+    for k in range(len(frames)):
+        base = frames[k][:3, :3]
+        R, S = split(base)
+        if np.array_equal(S, np.eye(3)) and np.all(place.scale[k] > 0.0):
+            S = np.diag(place.scale[k])                        # a rigid frame and a scale op: both to the bit
+        else:
+            R, S = split(place.linear[k], mirror=turned[0])
+        frames[k][:3, :3] = R[:, turned]
+        stretches.append(S[np.ix_(turned, turned)])
+    return Placement(place.times, frames, np.ones((len(frames), 3))), np.array(stretches)
+
+
+def _plane_frames(place: Placement, turned: list[int]) -> Placement:
+    """Frames whose z is the plane's normal, on the side that its axis points to."""
+    frames = place.frame.copy()
+    for k, L in enumerate(place.linear[:, :, turned]):
+        if np.abs(L.T @ L - np.eye(3)).max() < 1e-9 and np.linalg.det(L) > 0:
+            frames[k][:3, :3] = L
+            continue
+        normal = np.cross(L[:, 0], L[:, 1])
+        if not np.linalg.norm(normal) > 0:
+            raise ValueError("its transform flattens it (a scale is zero)")
+        z = normal / np.linalg.norm(normal) * (1.0 if normal @ L[:, 2] >= 0 else -1.0)
+        x = L[:, 0] / np.linalg.norm(L[:, 0])
+        frames[k][:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
+    return Placement(place.times, frames, np.ones((len(frames), 3)))
+
+
+def _shape(reading: Reading, path: str, sizes: Sizes, place: Placement, S: np.ndarray) -> Shape:
+    """The primitive with S in its sizes, or a mesh of it with a note."""
+    if sizes.kind == "plane":
+        return Plane()
+    constant = np.abs(S - S[0]).max() <= SAME * np.abs(S[0]).max()
+    diagonal = np.array_equal(S[0], np.diag(np.diag(S[0])))
+    x, y, z = np.abs(np.diag(S[0]))
+    round_ = abs(x - y) <= SAME * x and sizes.bottom == sizes.top or sizes.kind == "cone" and abs(x - y) <= SAME * x
+    even = round_ and abs(x - z) <= SAME * x
+    if constant and diagonal:
+        match sizes.kind:
+            case "box":
+                a, b, c = sizes.edges
+                return Box((float(a * x), float(b * y), float(c * z)))
+            case "sphere" if even:
+                return Sphere(float(sizes.bottom * x))
+            case "capsule" if even:
+                return Capsule(float(sizes.bottom * x), float(sizes.half * z))
+            case "cylinder" if round_:
+                return Cylinder(float(sizes.bottom * x), float(sizes.half * z))
+            case "cone" if round_ and S[0][2, 2] > 0:
+                return Cone(float(sizes.bottom * x), float(sizes.half * z))
+    why = "its scale is animated" if not constant else "its scale differs by axis, or it is sheared"
+    reading.warn(path, f"this {sizes.kind} collides as a mesh ({why})")
+    return _stretched(_tessellated(sizes), place, S, None)
+
+
+def _tessellated(sizes: Sizes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(points (n, 3), counts, indices) of a shape along z."""
+    if sizes.kind == "box":
+        points, triangles = primitives.box(sizes.edges)
+    elif sizes.kind == "sphere":
+        points, triangles = primitives.sphere(sizes.bottom, AROUND)
+    else:
+        solid = primitives.capsule if sizes.kind == "capsule" else primitives.cylinder
+        points, triangles = solid(sizes.bottom, sizes.top, sizes.half, AROUND)
+    return points, np.full(len(triangles), 3), triangles.ravel()
+
+
+def _stretched(mesh, place: Placement, S: np.ndarray, poses: Curve | None) -> Surface:
+    """The mesh (points, counts, indices) and its poses with S applied; mirrored faces turn over."""
+    points, counts, indices = mesh
+    if np.linalg.det(S[0]) < 0:
+        indices = turned_over(counts, indices)
+    untouched = all(np.array_equal(s, np.eye(3)) for s in S)
+    if poses is None and np.abs(S - S[0]).max() > SAME * np.abs(S[0]).max():
+        poses = Curve(place.times, np.array([(points @ s).astype(np.float32) for s in S]))
+    elif poses is not None and not untouched:
+        at = [_between(place.times, S, t) for t in poses.times]
+        values = [(v @ s).astype(np.float32) for v, s in zip(poses.values, at, strict=True)]
+        poses = Curve(poses.times, np.array(values))
+    return Surface(points if untouched else points @ S[0], counts, indices, poses)
+
+
+def _between(times: np.ndarray, S: np.ndarray, t: float) -> np.ndarray:
+    return Curve(times, S).at(t) if len(S) == len(times) else S[0]
+
+
+def turned_over(counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
+    """Corners of each polygon in the opposite order."""
+    if counts.min(initial=0) < 0 or counts.sum() != len(indices):
+        return indices                                         # reported by wsim.scene.check.scene
+    ends = np.cumsum(counts)
+    return indices[np.repeat(2 * ends - counts - 1, counts) - np.arange(len(indices))]
+
+
+def _faces(reading: Reading, prim: Usd.Prim) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Counts and indices at the start; of a TetMesh those of its surface."""
+    if not prim.IsA(UsdGeom.TetMesh):
+        counts, indices = (read(prim, "Cloth", field, reading.units, reading.start) for field in ("counts", "indices"))
+        return counts, indices
+    tets = read(prim, "Soft", "tets", reading.units, reading.start)
+    if tets is None:
+        return None, None
+    from wsim.geometry.tetra.tets import surface
+    faces = surface(tets)
+    return np.full(len(faces), 3, np.int32), faces.ravel()
+
+
+def _mesh(reading: Reading, prim: Usd.Prim, place: Placement, S: np.ndarray) -> Surface | None:
+    """A mesh collider; animated points become poses at the authored samples."""
+    units, path = reading.units, prim.GetPath()
+    if not steady(reading, prim, "faceVertexCounts", "faceVertexIndices", "tetVertexIndices"):
+        return None
+    counts, indices = _faces(reading, prim)
+    attribute = prim.GetAttribute("points")
+    default = read(prim, "Cloth", "points", units, DEFAULT)
+    points = default if default is not None else read(prim, "Cloth", "points", units, reading.start)
+    if points is None or counts is None or indices is None:
+        reading.fail(path, "is a mesh collider without points or faces (is a payload or reference missing?)")
+        return None
+    approximation = prim.GetAttribute("physics:approximation")
+    if approximation and approximation.Get() not in (None, "none"):
+        reading.warn(path, f"physics:approximation = {approximation.Get()} is not used: the mesh itself collides")
+    if prim.GetAttribute("orientation").Get() == UsdGeom.Tokens.leftHanded:
+        indices = turned_over(counts, indices)
+    codes, noted = attribute.GetTimeSamples(), read_times(attribute, units)
+    poses = None
+    if len(codes) > 1 or (len(codes) == 1 and noted is not None):
+        values = [read(prim, "Cloth", "points", units, code) for code in codes]
+        if any(v is None or v.shape != points.shape for v in values):
+            reading.fail(path, f"its number of points changes (from {len(points)}); a collider mesh must keep its "
+                               "points")
+            return None
+        times = units.time(np.array(codes)) if noted is None or len(noted) != len(codes) else noted
+        poses = Curve(times, np.array(values))
+    return _stretched((points, counts, indices), place, S, poses)
+
+
+def author_collider(stage: Usd.Stage, collider: Collider, material: str, units: Units, frames: int) -> None:
+    """Defines the prim of a collider, its motion, friction and restitution."""
+    geometry = _author_shape(stage, collider, units)
+    prim = geometry.GetPrim()
+    author_motion(prim, collider.motion, units, frames)
+    if isinstance(collider.shape, Box):
+        UsdGeom.Xformable(prim).AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(
+            tuple(v / units.metres for v in collider.shape.half))
+    prim.AddAppliedSchema(names.COLLISION)
+    if isinstance(collider.shape, Surface):
+        prim.AddAppliedSchema(names.MESH_COLLISION)
+    if collider.thickness is not None:
+        prim.AddAppliedSchema(names.WSIM_COLLIDER)
+        author(prim, "Collider", "thickness", collider.thickness, units)
+    existing = stage.GetPrimAtPath(material)
+    bind(prim, existing if existing else author_friction(stage, material, surface(collider), units))
+
+
+def surface(collider: Collider) -> tuple[float, ...]:
+    """What its material says: friction (static, dynamic) and, where it throws back, restitution."""
+    return collider.static_friction, collider.dynamic_friction, *[collider.restitution] * bool(collider.restitution)
+
+
+def _author_shape(stage: Usd.Stage, collider: Collider, units: Units) -> UsdGeom.Gprim:
+    shape, path, m = collider.shape, collider.path, units.metres
+    if isinstance(shape, Surface):
+        return _author_surface(stage, path, shape, units)
+    if isinstance(shape, Box):
+        geometry = UsdGeom.Cube.Define(stage, path)
+        geometry.CreateSizeAttr(2.0)
+    elif isinstance(shape, Sphere):
+        geometry = UsdGeom.Sphere.Define(stage, path)
+        geometry.CreateRadiusAttr(shape.radius / m)
+    else:
+        geometry = {Plane: UsdGeom.Plane, Capsule: UsdGeom.Capsule, Cylinder: UsdGeom.Cylinder,
+                    Cone: UsdGeom.Cone}[type(shape)].Define(stage, path)
+        geometry.CreateAxisAttr(UsdGeom.Tokens.z)
+        if isinstance(shape, Plane):
+            geometry.CreateWidthAttr(10.0 / m)                 # as seen; the collider has no end
+            geometry.CreateLengthAttr(10.0 / m)
+        else:
+            geometry.CreateRadiusAttr(shape.radius / m)
+            geometry.CreateHeightAttr(2.0 * shape.half_height / m)
+    extent = UsdGeom.Boundable.ComputeExtentFromPlugins(geometry, Usd.TimeCode.Default())
+    geometry.CreateExtentAttr(extent)
+    return geometry
+
+
+def _author_surface(stage: Usd.Stage, path: str, shape: Surface, units: Units) -> UsdGeom.Mesh:
+    mesh = UsdGeom.Mesh.Define(stage, path)
+    prim = mesh.GetPrim()
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    for field in ("points", "counts", "indices"):
+        author(prim, "Cloth", field, getattr(shape, field), units)
+    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
+    if shape.poses is not None:
+        for time, value in zip(shape.poses.times.tolist(), shape.poses.values, strict=True):
+            code = Usd.TimeCode(units.code(time))
+            points = array(value, "point3f[]", units.metres)
+            mesh.GetPointsAttr().Set(points, code)
+            mesh.GetExtentAttr().Set(UsdGeom.PointBased.ComputeExtent(points), code)
+        author_times(mesh.GetPointsAttr(), shape.poses.times)
+    return mesh

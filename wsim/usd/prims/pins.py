@@ -1,0 +1,160 @@
+"""PhysicsAttachment, point to xform <-> `Pin`.
+
+src0 is the simulation geometry, indices0 its points; src1 is an Xform, still or animated, and coords1 are the places
+in its space (none: where the points are at the start). An attachment without src1 hangs on the world. Other kinds are
+left out with a note.
+"""
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom
+
+from wsim.scene import Cloth, Pin, Soft, Springs
+from wsim.scene.curve import Motion
+from wsim.usd import names
+from wsim.usd.attributes import author, read
+from wsim.usd.prims.springs import curve_vertices
+from wsim.usd.stage import Reading, Units
+from wsim.usd.transforms import author_motion, placement, split
+
+Body = Cloth | Springs | Soft
+FRAME = "frame"                    # child of a pin that it hangs on where it names no target
+DERIVED = "wsim:derived"           # custom data of coords1 that follow from the points
+
+
+def load_pin(reading: Reading, prim: Usd.Prim, bodies: dict[str, Body]) -> Pin | None:
+    """The pin of an attachment; None if it is switched off, or of another kind (noted), or broken (reported).
+
+    bodies      by path of the simulation geometry; also by the path of the body above it
+    """
+    path, units = prim.GetPath(), reading.units
+    if read(prim, "Pin", "enabled") is False:
+        return None
+    kinds = read(prim, "Pin", "type0") or "point", read(prim, "Pin", "type1") or "xform"
+    if kinds != ("point", "xform"):
+        reading.warn(path, f"attaches {kinds[0]} to {kinds[1]} and is left out: only point to xform is simulated yet")
+        return None
+    source, target = _target(prim, names.SRC0), _target(prim, names.SRC1)
+    body = bodies.get(source)
+    if body is None:
+        reading.warn(path, f"attaches {source or 'nothing'}, which is not simulated as a cloth, spring net or soft "
+                     f"body ({', '.join(dict.fromkeys(b.path for b in bodies.values())) or 'there is none'}); it is left out"
+                     ) if not _unknown(reading, source) else reading.fail(
+                     path, f"{names.SRC0} names {source or 'nothing'}, which does not exist; name a simulation mesh")
+        return None
+    points = read(prim, "Pin", "points")
+    if points is None or len(points) == 0:
+        reading.warn(path, "has no physics:indices0: it holds no point and is left out")
+        return None
+    pin = Pin(str(path), body.path, points)
+    if not _hang(reading, prim, pin, target):
+        return None
+    points = particles(reading, prim, body, points, "physics:indices0")
+    if points is None:
+        return None
+    pin.points = points
+    for field in ("stiffness", "damping"):
+        value = read(prim, "Pin", field, units)
+        if value is not None:
+            setattr(pin, field, value)
+    if _follow(prim, pin, body, units):
+        pin.places = None
+    return pin
+
+
+def _target(prim: Usd.Prim, name: str) -> str:
+    relationship = prim.GetRelationship(name)
+    targets = relationship.GetForwardedTargets() if relationship else []
+    return str(targets[0]) if targets else ""
+
+
+def _unknown(reading: Reading, path: str) -> bool:
+    return not path or not reading.stage.GetPrimAtPath(path)
+
+
+def _hang(reading: Reading, prim: Usd.Prim, pin: Pin, target: str) -> bool:
+    """Sets the pin's target, motion and places; False if the target is broken (reported)."""
+    pin.places = read(prim, "Pin", "places", reading.units)
+    if not target:
+        return True
+    xform = reading.stage.GetPrimAtPath(target)
+    if not xform:
+        reading.fail(prim.GetPath(), f"{names.SRC1} names {target}, which does not exist; name an Xform or nothing "
+                                     "(world)")
+        return False
+    pin.target = "" if target == f"{pin.path}/{FRAME}" else target
+    place = placement(reading, xform)
+    frames, stretches = place.frame.copy(), []
+    try:
+        for k in range(len(frames)):
+            R, S = split(place.linear[k])
+            frames[k][:3, :3] = R
+            stretches.append(S)
+    except ValueError as error:
+        reading.fail(target, f"{error}; give it scales other than zero")
+        return False
+    S = np.array(stretches)
+    if np.abs(S - S[0]).max() > 1e-6 * np.abs(S).max():
+        reading.warn(target, "its scale is animated and points are pinned to it; the scale at its first key is held")
+    if pin.places is not None and not np.array_equal(S[0], np.eye(3)):
+        pin.places = pin.places @ S[0].T
+    pin.motion = Motion(place.times, frames)
+    return True
+
+
+def particles(reading: Reading, prim: Usd.Prim, body: Body, points: np.ndarray, name: str) -> np.ndarray | None:
+    """Points of the body from vertices of its prim, which the attribute `name` holds: a net's particle has several."""
+    if not isinstance(body, Springs):
+        return points
+    numbering = read(reading.stage.GetPrimAtPath(body.path), "Springs", "particles")
+    if numbering is None:
+        return points
+    bad = (points < 0) | (points >= len(numbering))
+    if bad.any():
+        reading.fail(prim.GetPath(), f"{name} holds {points[bad][0]}; allowed is 0 to {len(numbering) - 1} "
+                     f"(vertices of {body.path})")
+        return None
+    return numbering[points]
+
+
+def _places(pin: Pin, body: Body) -> np.ndarray:
+    """Where the held points are at the start, in the target's frame [m], (k, 3)."""
+    world = body.motion.points(body.points[pin.points])
+    M = pin.motion.at(0.0)
+    return (world - M[:3, 3]) @ np.linalg.inv(M[:3, :3]).T
+
+
+def _follow(prim: Usd.Prim, pin: Pin, body: Body, units: Units) -> bool:
+    """True if coords1 were written only for other readers and still agree with the points."""
+    attribute = prim.GetAttribute("physics:coords1")
+    inside = np.all((pin.points >= 0) & (pin.points < len(body.points)))
+    if pin.places is None or not attribute.GetCustomDataByKey(DERIVED) or not inside:
+        return False
+    if len(pin.places) != len(pin.points) or not np.isfinite(body.motion.values).all():
+        return False                                           # reported by wsim.scene.check.scene
+    return np.allclose(pin.places, _places(pin, body).astype(np.float32), rtol=1e-6, atol=1e-6)
+
+
+def author_pin(stage: Usd.Stage, pin: Pin, body: Body, units: Units, frames: int) -> None:
+    """Defines the attachment of a pin and, where it has no target of its own, the Xform that it hangs on."""
+    prim = stage.DefinePrim(pin.path, names.ATTACHMENT)
+    target = pin.target or f"{pin.path}/{FRAME}"
+    if not stage.GetPrimAtPath(target) or not pin.target:
+        author_motion(UsdGeom.Xform.Define(stage, target).GetPrim(), pin.motion, units, frames)
+    prim.CreateRelationship(names.SRC0, False).SetTargets([Sdf.Path(pin.body)])
+    prim.CreateRelationship(names.SRC1, False).SetTargets([Sdf.Path(target)])
+    author(prim, "Pin", "enabled", True)
+    author(prim, "Pin", "type0", "point")
+    author(prim, "Pin", "type1", "xform")
+    author(prim, "Pin", "points", vertices(pin.points, body))
+    places = author(prim, "Pin", "places", _places(pin, body) if pin.places is None else pin.places, units)
+    if pin.places is None:
+        places.SetCustomDataByKey(DERIVED, True)
+    author(prim, "Pin", "stiffness", pin.stiffness, units)
+    author(prim, "Pin", "damping", pin.damping, units)
+
+
+def vertices(points: np.ndarray, body: Body) -> np.ndarray:
+    """Vertices of the body's prim: of a net, the first of each particle."""
+    if not isinstance(body, Springs):
+        return points
+    return np.unique(curve_vertices(body), return_index=True)[1][points]

@@ -1,0 +1,220 @@
+"""Spring nets: linear BasisCurves <-> `Springs`.
+
+Each segment of a curve is a spring. Curves do not share points, so a particle that several curves meet has a vertex
+in each, and wsim:particles says which particle a vertex is; a curve (i, i) places a particle that no spring holds.
+Curves with PhysicsCurvesDeformableSimAPI are read as springs of stiffness E A / L (L the length of a segment, A its
+cross-section); their bending and twist are not simulated.
+"""
+
+import math
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from wsim.scene import Springs
+from wsim.scene.curve import Curve
+from wsim.usd import names
+from wsim.usd.attributes import array, attribute_of, author, author_times, authored, read, read_times
+from wsim.usd.load_varying import attributes_of, steady, vary
+from wsim.usd.prims.cloth import load_points
+from wsim.usd.prims.fabric import author_friction, bind, bound, load_curve_stretch, load_friction, rubs
+from wsim.usd.stage import Reading, Units, applied
+from wsim.usd.transforms import author_motion, placement
+
+
+def load_springs(reading: Reading, prim: Usd.Prim, body: Usd.Prim) -> Springs | None:
+    """The net of a BasisCurves prim; None if it cannot be read (which is reported)."""
+    path, curves = prim.GetPath(), UsdGeom.BasisCurves(prim)
+    if not curves:
+        reading.fail(path, f"has a spring or curve simulation API and is a {prim.GetTypeName()}; it must be a "
+                           "BasisCurves")
+        return None
+    if curves.GetTypeAttr().Get() != UsdGeom.Tokens.linear:
+        reading.fail(path, f"is a {curves.GetTypeAttr().Get()} BasisCurves; only type = linear can be simulated")
+        return None
+    if not steady(reading, prim, "curveVertexCounts", names.row("Springs", "particles").attribute):
+        return None
+    vertices, _ = load_points(reading, prim, "Springs")
+    counts = read(prim, "Springs", "counts", reading.units, reading.start)
+    if vertices is None or counts is None or counts.sum() != len(vertices) or counts.min(initial=2) < 2:
+        reading.fail(path, f"has {0 if vertices is None else len(vertices)} points and curveVertexCounts that sum to "
+                     f"{0 if counts is None else counts.sum()}; the two must agree, with 2 or more vertices a curve")
+        return None
+    particles = read(prim, "Springs", "particles", reading.units)
+    particles = np.arange(len(vertices), dtype=np.int32) if particles is None else particles
+    if len(particles) != len(vertices) or not np.array_equal(kinds := np.unique(particles), np.arange(len(kinds))):
+        reading.fail(path, f"wsim:particles has {len(particles)} values from {particles.min()} to {particles.max()}; "
+                     f"it must number the particles of the {len(vertices)} vertices from 0 without gaps")
+        return None
+    segments = _segments(counts, curves.GetWrapAttr().Get() == UsdGeom.Tokens.periodic)
+    if names.WSIM_SPRINGS in applied(prim):
+        return _net(reading, prim, vertices, particles, segments)
+    return _rods(reading, prim, body, vertices, particles[segments])
+
+
+def _segments(counts: np.ndarray, periodic: bool) -> np.ndarray:
+    """Vertices of each segment, (m, 2), in the order of the curves."""
+    starts = np.cumsum(counts) - counts
+    pieces = []
+    for start, count in zip(starts.tolist(), counts.tolist(), strict=True):
+        along = np.arange(start, start + count)
+        ends = np.roll(along, -1) if periodic else along[1:]
+        pieces.append(np.stack([along[:len(ends)], ends], axis=1))
+    return np.concatenate(pieces) if pieces else np.zeros((0, 2), np.int64)
+
+
+def _net(reading: Reading, prim: Usd.Prim, vertices, particles, segments) -> Springs | None:
+    """A net with WsimSpringsAPI."""
+    first = np.unique(particles, return_index=True)[1]
+    edges = particles[segments]
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    values = {field: read(prim, "Springs", field, reading.units) for field in
+              ("stiffness", "masses", "lengths", "damping", "radius")}
+    missing = [f"wsim:{field}" for field in ("stiffness", "masses") if values[field] is None]
+    if missing:
+        reading.fail(prim.GetPath(), f"has no {' and no '.join(missing)}; author one value for all, or one each")
+        return None
+    velocities = read(prim, "Springs", "velocities", reading.units, reading.start)
+    if velocities is not None and len(velocities) != len(vertices):
+        reading.fail(prim.GetPath(), f"has {len(velocities)} velocities and {len(vertices)} points; the two must agree")
+        velocities = None
+    static, dynamic = load_friction(reading, prim)
+    given = {field: value for field, value in values.items() if value is not None}
+    given |= load_muscles(reading, prim)
+    path = str(prim.GetPath())
+    live = [prim.GetAttribute(names.row("Springs", field).attribute) for field in ("stiffness", "damping")]
+    vary(reading, path, Springs, live, lambda at: {field: read(prim, "Springs", field, at.units) for field in
+                                                   ("stiffness", "damping") if field in given})
+    vary(reading, path, Springs, attributes_of(bound(reading, prim)), lambda at: rubs(at, prim))
+    return Springs(path, vertices[first], edges, **given, motion=placement(reading, prim).motion,
+                   velocities=None if velocities is None else velocities[first],
+                   static_friction=static, dynamic_friction=dynamic)
+
+
+def load_muscles(reading: Reading, prim: Usd.Prim) -> dict:
+    """Muscles and actuation of a net, by field; without what cannot be read, which is reported."""
+    found, units = {}, reading.units
+    if (muscles := read(prim, "Springs", "muscles", units)) is not None:
+        found["muscles"] = muscles
+    if not authored(prim, "Springs", "actuation"):
+        return found
+    attribute = prim.GetAttribute(names.row("Springs", "actuation").attribute)
+    codes, noted = attribute.GetTimeSamples(), read_times(attribute, units)
+    values = [read(prim, "Springs", "actuation", units, code) for code in codes or [None]]
+    sizes = sorted({0 if v is None else len(v) for v in values})
+    if len(sizes) > 1 or not sizes[0]:
+        reading.fail(attribute.GetPath(), f"has {' and '.join(map(str, sizes))} values at different times; give it one value a "
+                     "muscle group at each")
+        return found
+    times = units.time(np.array(codes)) if codes else np.zeros(1)
+    return found | {"actuation": Curve(times if noted is None or len(noted) != len(values) else noted, np.array(values))}
+
+
+def author_muscles(prim: Usd.Prim, springs: Springs, units: Units) -> None:
+    """Samples of the actuation and the groups, where there are some."""
+    if springs.muscles is not None:
+        author(prim, "Springs", "muscles", springs.muscles, units)
+    if (curve := springs.actuation) is None:
+        return
+    attribute = attribute_of(prim, names.row("Springs", "actuation"))
+    if len(curve.times) == 1:
+        attribute.Set(array(curve.values[0], "double[]"))
+    else:
+        for time, values in zip(curve.times.tolist(), curve.values, strict=True):
+            attribute.Set(array(values, "double[]"), Usd.TimeCode(units.code(time)))
+    if len(curve.times) > 1 or curve.times[0] != 0.0:
+        author_times(attribute, curve.times)
+
+
+def _rods(reading: Reading, prim: Usd.Prim, body: Usd.Prim, points: np.ndarray, edges: np.ndarray) -> Springs | None:
+    """A curves deformable: stiffness E A / L and mass of each segment from its rest shape."""
+    path, motion = prim.GetPath(), placement(reading, prim).motion
+    reading.warn(path, "is simulated as springs along its segments: bending and twist of curves are not simulated yet")
+    rest = read(prim, "Cloth", "rest_points", reading.units)
+    rest = points if rest is None else rest
+    if len(rest) != len(points):
+        reading.fail(path, f"physics:restShapePoints has {len(rest)} values; allowed is {len(points)} (one a point)")
+        return None
+    ends = rest.astype(np.float64)[edges]
+    L = np.linalg.norm((ends[:, 1] - ends[:, 0]) @ motion.values[0, :3, :3].T, axis=1)
+    if not np.all(np.isfinite(L)) or L.min(initial=1.0) <= 0.0:
+        reading.fail(path, f"segment {int(np.argmin(np.where(np.isfinite(L), L, -1)))} has no length; remove the "
+                           "double point")
+        return None
+    h = _diameter(reading, prim)
+    area = math.pi * h * h / 4.0
+    EA, density = load_curve_stretch(reading, prim, area)
+    masses = _rod_masses(reading, prim, body, edges, density * area * L, len(points))
+    static, dynamic = load_friction(reading, prim)
+    velocities = read(prim, "Springs", "velocities", reading.units, reading.start)
+    vary(reading, str(path), Springs, attributes_of(bound(reading, prim)), lambda at: rubs(at, prim) | {
+        "stiffness": load_curve_stretch(at, prim, area)[0] / L, "density": load_curve_stretch(at, prim, area)[1]})
+    return Springs(str(path), points, edges, EA / L, masses, lengths=L, radius=h / 2.0, motion=motion,
+                   velocities=velocities, static_friction=static, dynamic_friction=dynamic)
+
+
+def _diameter(reading: Reading, prim: Usd.Prim) -> float:
+    """One thickness [m] for the curves: the mean of what is authored."""
+    values = read(prim, "Cloth", "thicknesses", reading.units)
+    if values is None or len(values) == 0:
+        return names.THICKNESS
+    if not (np.all(np.isfinite(values)) and values.min() > 0):
+        reading.fail(prim.GetPath(), f"physics:thicknesses holds {values.min():g}; allowed are finite numbers > 0")
+        return names.THICKNESS
+    if np.ptp(values) > 0:
+        reading.warn(prim.GetPath(), "physics:thicknesses varies; its mean counts")
+    return float(str(values[0])) if np.ptp(values) == 0 else float(values.mean())
+
+
+def _rod_masses(reading: Reading, prim: Usd.Prim, body: Usd.Prim, edges, of_segments: np.ndarray, n: int) -> np.ndarray:
+    """[kg] of each point: point or segment masses, else the body's mass or density, else the material's density."""
+    values = read(prim, "Cloth", "masses", reading.units)
+    if values is not None and len(values) == n:
+        return values
+    if values is not None and len(values) == len(edges):
+        of_segments = values.astype(np.float64)
+    elif values is not None and len(values) not in (0, 1):
+        reading.fail(prim.GetPath(), f"physics:masses has {len(values)} values; allowed is 1, {len(edges)} (segments) "
+                     f"or {n} (points)")
+    else:
+        total = float(values[0]) if values is not None and len(values) else read(body, "Body", "mass", reading.units)
+        density = read(body, "Body", "density", reading.units)
+        if total:
+            of_segments = of_segments * (total / of_segments.sum())
+        elif density:
+            h = _diameter(reading, prim)
+            of_segments = of_segments * (density / load_curve_stretch(reading, prim, math.pi * h * h / 4.0)[1])
+    return np.bincount(edges.ravel(), np.repeat(of_segments / 2.0, 2), n)
+
+
+def curve_vertices(springs: Springs) -> np.ndarray:
+    """Particle of each curve vertex that `author_springs` writes, (2 m + 2 k,): the springs, then k loose points."""
+    held = np.zeros(len(springs.points), bool)
+    held[springs.edges.ravel()] = True
+    return np.concatenate([springs.edges.ravel(), np.repeat(np.flatnonzero(~held), 2)]).astype(np.int32)
+
+
+def author_springs(stage: Usd.Stage, springs: Springs, material: str, units: Units, frames: int) -> None:
+    """Defines the BasisCurves of a net, one curve of two vertices a spring."""
+    curves = UsdGeom.BasisCurves.Define(stage, springs.path)
+    prim, vertices = curves.GetPrim(), curve_vertices(springs)
+    curves.CreateTypeAttr(UsdGeom.Tokens.linear)
+    for schema in (names.BODY, names.WSIM_SPRINGS):
+        prim.AddAppliedSchema(schema)
+    author(prim, "Springs", "points", springs.points[vertices], units)
+    author(prim, "Springs", "counts", np.full(len(vertices) // 2, 2), units)
+    author(prim, "Springs", "particles", vertices)
+    if springs.velocities is not None:
+        author(prim, "Springs", "velocities", springs.velocities[vertices], units)
+    for field in ("stiffness", "masses", "lengths", "damping", "radius"):
+        if getattr(springs, field) is not None:
+            author(prim, "Springs", field, getattr(springs, field), units)
+    author_muscles(prim, springs, units)
+    if springs.radius > 0:
+        curves.CreateWidthsAttr([2.0 * springs.radius / units.metres])
+        curves.SetWidthsInterpolation(UsdGeom.Tokens.constant)
+    curves.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(curves.GetPointsAttr().Get()))
+    author_motion(prim, springs.motion, units, frames)
+    existing = stage.GetPrimAtPath(material)
+    friction = (springs.static_friction, springs.dynamic_friction)
+    bind(prim, existing if existing else author_friction(stage, material, friction, units))

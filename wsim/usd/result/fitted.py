@@ -1,0 +1,148 @@
+"""A layer over a scene's file with what a fit has found: materials, springs, loads, gravity and air; nothing else is touched.
+
+A material that only the fitted bodies bind is written over where it is; of one that others bind too, a copy is made under
+/fitted, and bound.
+"""
+
+import os
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from pxr import Sdf, Usd
+
+from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
+from wsim.scene.fabric import Fabric
+from wsim.scene.solid import Bulk
+from wsim.usd import names
+from wsim.usd.attributes import author, authored
+from wsim.usd.prims.colliders import surface
+from wsim.usd.prims.fabric import FRICTION, author_fabric, author_friction, bind, bound, plane_stress
+from wsim.usd.prims.loads import author_values
+from wsim.usd.prims.solid import author_bulk
+from wsim.usd.result.as_json import as_json
+from wsim.usd.result.sublayer import choose, put_over, refuse_source
+from wsim.usd.save import new_stage
+from wsim.usd.settings import author_gravity
+from wsim.usd.stage import Reading, Units, open_stage
+
+SCOPE, SAID = "/fitted", "wsim:fit"
+PLAIN = {Springs: ("stiffness", "damping", "masses"), Soft: ("pressure",), Cloth: ()}       # of the prim itself
+SCENE = ("wind", "air_drag")
+
+
+def check_target(scene: Scene, path: str) -> None:
+    """Raises SceneError where the layer cannot be written, before a fit has cost time."""
+    if scene.source is None:
+        raise SceneError(Problem(str(path), "the scene was made in Python and has no file to lie over; save it first"))
+    try:
+        refuse_source(scene.source, str(path))
+    except ValueError as error:
+        raise SceneError(Problem(str(path), str(error).removeprefix(f"{path} "))) from None
+
+
+def save_fitted(before: Scene, after: Scene, path, said: dict | None = None,
+                more: Callable[[Usd.Stage], None] | None = None) -> None:
+    """Writes what differs between two states of a loaded scene as a layer over its file, under a temporary name, renamed.
+
+    said    kept as custom data of the layer, as JSON
+    more    writes more into it, before it is renamed. Raises SceneError where the file cannot be written.
+    """
+    check_target(before, path)
+    with new_stage(path) as stage:
+        source = os.path.abspath(str(before.source))
+        put_over(source, stage.GetRootLayer(), os.path.dirname(os.path.abspath(os.fspath(path))))
+        original = open_stage(source)
+        if original.HasAuthoredTimeCodeRange():
+            stage.SetStartTimeCode(original.GetStartTimeCode())
+            stage.SetEndTimeCode(original.GetEndTimeCode())
+        choose(stage, before.variants)
+        units = Units.of(stage)
+        _scene(stage, before, after, units)
+        _bodies(stage, before, after, units)
+        for old, new in zip(before.loads, after.loads, strict=True):
+            if old != new:
+                author_values(_reached(stage.GetPrimAtPath(new.path)), new, units)
+        if more:
+            more(stage)
+        if said:
+            stage.GetRootLayer().customLayerData = {SAID: as_json(said)}
+
+
+def _scene(stage: Usd.Stage, before: Scene, after: Scene, units: Units) -> None:
+    changed = [name for name in ("gravity", *SCENE) if getattr(before, name) != getattr(after, name)]
+    if not changed:
+        return
+    prim = next((p for p in stage.Traverse() if p.GetTypeName() == names.PHYSICS_SCENE), None)
+    prim = prim or stage.DefinePrim("/physicsScene", names.PHYSICS_SCENE)
+    if "gravity" in changed:
+        author_gravity(prim, after, units)
+    if set(changed) & set(SCENE):
+        prim.AddAppliedSchema(names.WSIM_SCENE)
+    for name in set(changed) & set(SCENE):
+        author(prim, "Scene", name, getattr(after, name), units)
+
+
+def _bodies(stage: Usd.Stage, before: Scene, after: Scene, units: Units) -> None:
+    reading = Reading(stage, units)
+    changed: list[tuple[Usd.Prim, Any, Any]] = []
+    users: dict[str, list] = {}                                  # bodies of each material
+    for old, new in zip(before.bodies(), after.bodies(), strict=True):
+        prim = stage.GetPrimAtPath(old.path)
+        if isinstance(new, (Cloth, Soft)):
+            material = bound(reading, prim)
+            users.setdefault(str(material.GetPath()) if material else "", []).append(new.material)
+        for name in PLAIN[type(new)]:
+            if not np.array_equal(getattr(old, name), getattr(new, name)):
+                author(_reached(prim), {Springs: "Springs", Soft: "Soft"}[type(new)], name, getattr(new, name), units)
+        if isinstance(old, (Cloth, Soft)) and isinstance(new, (Cloth, Soft)) and old.material != new.material:
+            changed.append((prim, old.material, new.material))
+    for own, given in zip(before.colliders, after.colliders, strict=True):
+        prim = stage.GetPrimAtPath(own.path)
+        material = bound(reading, prim)
+        users.setdefault(str(material.GetPath()) if material else "", []).append(surface(given))
+        if surface(own) != surface(given):
+            changed.append((prim, surface(own), surface(given)))
+    for prim, was, is_ in changed:
+        material = bound(reading, prim)
+        if material and len(set(users[str(material.GetPath())])) == 1 and not material.IsInstanceProxy():
+            _over(material, was, is_, units)
+        else:
+            path = _free(stage, prim.GetName())
+            makers: dict[type, Callable] = {Fabric: author_fabric, Bulk: author_bulk, tuple: author_friction}
+            bind(_reached(prim), makers[type(is_)](stage, path, is_, units))
+        if isinstance(is_, (Fabric, Bulk)) and was.density != is_.density:
+            for owner in (prim, prim.GetParent()):
+                if authored(owner, "Body", "density"):
+                    author(_reached(owner), "Body", "density", is_.density, units)
+
+
+def _over(material: Usd.Prim, was, is_, units: Units) -> None:
+    """Opinions on a material for the fields that differ; of a collider's: friction and restitution."""
+    if isinstance(is_, tuple):
+        for field, value in zip((*FRICTION, "restitution"), is_, strict=False):
+            author(material, "Friction", field, value, units)
+        return
+    owner = type(is_).__name__
+    changed = {f.name for f in fields(is_) if getattr(was, f.name) != getattr(is_, f.name)}
+    if owner == "Fabric" and "poisson" in changed:           # what a file says of these, or leaves out, may follow it
+        changed |= {"stretch", "shear", "bend"}
+    for name in (f.name for f in fields(is_) if f.name in changed):
+        through = plane_stress(is_.poisson) if (owner, name) == ("Fabric", "stretch") else None
+        author(material, owner, name, getattr(is_, name), units, through)
+
+
+def _reached(prim: Usd.Prim) -> Usd.Prim:
+    if prim.IsInstanceProxy():
+        raise SceneError(Problem(str(prim.GetPath()), "is inside an instance, over which no layer can write; make its instance "
+                                 "uninstanceable, or fit a scene without it"))
+    return prim
+
+
+def _free(stage: Usd.Stage, name: str) -> str:
+    path, k = f"{SCOPE}/{name}", 0
+    while stage.GetPrimAtPath(Sdf.Path(path)):
+        k += 1
+        path = f"{SCOPE}/{name}_{k}"
+    return path

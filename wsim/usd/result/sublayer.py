@@ -1,0 +1,134 @@
+"""A layer over an untouched source: how it names the source, what it must copy from it, how both become one file.
+
+Root metadata (units, up axis, rate, default prim) does not come from sublayers, so it is copied; where the source
+authors none, USD's fallback is written out.
+"""
+
+import os
+import re
+
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdUtils
+
+from wsim.scene import Scene
+from wsim.usd.result import atomic
+from wsim.usd.result.dependencies import overwritten
+
+METADATA = ("defaultPrim", "framePrecision", "colorConfiguration", "colorManagementSystem", "renderSettingsPrimPath",
+            "expressionVariables")
+MADE_FOR = "wsim:madeFor"       # custom data of a scene file that was written for a result
+
+
+def put_over(source: str, layer: Sdf.Layer, folder: str) -> None:
+    """Makes `layer`, to lie in `folder`, a layer over the file `source`."""
+    layer.subLayerPaths.append(relative(source, folder))
+    root = Sdf.Layer.FindOrOpen(source)
+    for key in METADATA:
+        if root.pseudoRoot.HasInfo(key):
+            layer.pseudoRoot.SetInfo(key, root.pseudoRoot.GetInfo(key))
+    stage = Usd.Stage.OpenMasked(root, Usd.StagePopulationMask())
+    layer.timeCodesPerSecond = stage.GetTimeCodesPerSecond()
+    layer.framesPerSecond = stage.GetFramesPerSecond()
+    mine = Usd.Stage.OpenMasked(layer, Usd.StagePopulationMask())
+    UsdGeom.SetStageMetersPerUnit(mine, UsdGeom.GetStageMetersPerUnit(stage))
+    UsdGeom.SetStageUpAxis(mine, UsdGeom.GetStageUpAxis(stage))
+    UsdPhysics.SetStageKilogramsPerUnit(mine, UsdPhysics.GetStageKilogramsPerUnit(stage))
+
+
+def relative(path: str, folder: str) -> str:
+    """`path` as seen from `folder`, in USD's spelling; absolute if it lies on another drive."""
+    try:
+        path = os.path.relpath(path, folder)
+    except ValueError:
+        return path.replace(os.sep, "/")
+    path = path.replace(os.sep, "/")
+    return path if path.startswith("../") else "./" + path
+
+
+def choose(stage: Usd.Stage, variants: dict[str, dict[str, str]]) -> None:
+    """Writes the variants that a scene was loaded with, {prim path: {variant set: variant}}, outer prims first."""
+    for path in sorted(variants):
+        for name, variant in variants[path].items():
+            stage.OverridePrim(path).GetVariantSets().SetSelection(name, variant)
+
+
+def refuse_source(source: str, path: str) -> None:
+    """ValueError if writing `path` would overwrite a file that the scene is made of, in whatever variant."""
+    found = overwritten(path, source)
+    if found:
+        what = "the scene itself" if found == "itself" else "a file that the scene depends on"
+        raise ValueError(f"{path} is {what}; a result never overwrites its source. Choose another output")
+
+
+def write_source(scene: Scene, path: str) -> tuple[str, bool]:
+    """Writes a scene that was made in Python beside its result `path`, as NAME_scene.usda; returns that file, and whether it is
+    new. Where an earlier result of this name lies over another scene, this one is NAME_scene2.usda, and so on.
+
+    Raises FileExistsError where NAME_scene.usda is there and no run wrote it.
+    """
+    from wsim.usd import save
+
+    target = _source(path, 1)
+    if os.path.lexists(target) and not _made_for(target):
+        raise FileExistsError(f"{target} is in the way: a scene made in Python is written there, beside its result. "
+                              "Save the scene yourself (wsim.save) and load that file, or choose another output")
+    try:
+        with atomic.draft(target) as draft:
+            save(scene, draft)
+            layer = Sdf.Layer.OpenAsAnonymous(str(draft))
+        layer.customLayerData = {MADE_FOR: os.path.basename(path)}
+        text, k = layer.ExportToString(), 1
+        while os.path.lexists(target := _source(path, k)) and not _holds(target, text):
+            k += 1
+        new = not os.path.lexists(target)
+        if new:
+            atomic.replace_text(target, text)
+    except Tf.ErrorException as error:
+        raise OSError(f"{target} could not be written: {error}") from None
+    return target, new
+
+
+def remove_sources(path: str, keep: str | None) -> None:
+    """Removes scenes of `write_source` for the result `path` that neither it nor one of its unfinished runs lies over."""
+    stem = re.escape(os.path.basename(os.path.splitext(path)[0]))
+    beside = {entry.name: entry.path for entry in os.scandir(os.path.dirname(path))}
+    used = {os.path.normpath(os.path.join(os.path.dirname(path), source)) for name, other in beside.items()
+            if re.fullmatch(rf"{stem}\.(partial|recovered\d*)\.usdc", name) for source in _sublayers(other)}
+    for name, source in beside.items():
+        if (re.fullmatch(rf"{stem}_scene\d*\.usda", name) and source != keep and source not in used
+                and _made_for(source) == os.path.basename(path)):
+            os.remove(source)
+
+
+def _source(path: str, k: int) -> str:
+    return f"{os.path.splitext(path)[0]}_scene{'' if k == 1 else k}.usda"
+
+
+def _holds(path: str, text: str) -> bool:
+    try:
+        with open(path, encoding="utf-8") as file:
+            return not os.path.islink(path) and file.read() == text
+    except (OSError, ValueError):
+        return False
+
+
+def _sublayers(path: str) -> list[str]:
+    try:
+        layer = Sdf.Layer.OpenAsAnonymous(path)               # held: its list does not outlive it
+        return list(layer.subLayerPaths)
+    except Tf.ErrorException:
+        return []
+
+
+def _made_for(path: str) -> str:
+    """The result that a scene was written for; "" if none."""
+    try:
+        return str(Sdf.Layer.OpenAsAnonymous(path).customLayerData.get(MADE_FOR, ""))
+    except Tf.ErrorException:
+        return ""
+
+
+def flattened(stage: Usd.Stage, folder: str) -> Sdf.Layer:
+    """The stage as one layer to lie in `folder`; the absolute asset paths that flattening makes become relative."""
+    flat = stage.Flatten(addSourceFileComment=False)
+    UsdUtils.ModifyAssetPaths(flat, lambda path: relative(path, folder) if os.path.isabs(path) else path)
+    return flat

@@ -1,0 +1,194 @@
+"""Transforms over time: xform stacks of a stage <-> `wsim.scene.curve.Motion`.
+
+Read. M(t) = A(t) diag(s(t)): A the local-to-world transform without a trailing scale op of the prim itself, s that
+scale, so that the sizes of a box, which USD says by such a scale, come back to the bit. An animated transform has a
+key at every time code authored on the prim or above it and at every frame between, so that frames see exactly what USD
+says.
+
+Written. A prim that moves has one matrix op, sampled at the keys and at the frames between them (USD interpolates a
+matrix by its elements, Motion turns at constant speed); the exact times of the keys are noted beside the samples, and
+a load uses them as long as the motion that they give agrees with the samples.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom
+
+from wsim.scene import Problem, SceneError
+from wsim.scene.curve import Motion, polar
+from wsim.usd.attributes import author_times, read_times
+from wsim.usd.stage import Reading, Units
+
+MATRIX_OP = "xformOp:transform"
+RIGID = 1e-9                       # |R^T R - I| below which a transform counts as rigid; float32 authoring gives 1e-7
+
+
+@dataclass
+class Placement:
+    """times [s], (k,); frame, (k, 4, 4) local to world [m] less the trailing scale; scale, (k, 3)."""
+
+    times: np.ndarray
+    frame: np.ndarray
+    scale: np.ndarray
+
+    @property
+    def linear(self) -> np.ndarray:
+        """3x3 parts with the scale, (k, 3, 3)."""
+        return self.frame[:, :3, :3] * self.scale[:, None, :]
+
+    @property
+    def motion(self) -> Motion:
+        whole = self.frame.copy()
+        whole[:, :3, :3] = self.linear
+        return Motion(self.times, whole)
+
+
+def placement(reading: Reading, prim: Usd.Prim) -> Placement:
+    """Where a prim is, at its keys. Raises SceneError where an op of it, or of one above, is of another type than its name."""
+    try:
+        exact = _noted(reading, prim)
+        if exact is not None:
+            return exact
+        codes = _codes(reading, prim)
+        times = np.zeros(1) if codes is None else reading.units.time(codes)
+        return _sampled(reading, prim, [reading.units.start] if codes is None else codes, times)
+    except (Tf.ErrorException, TypeError, ValueError, IndexError):
+        raise SceneError(Problem(str(prim.GetPath()), "its transform, or one above it, cannot be read: an xformOp has a value "
+                                 "of another type than its name says; author its xformOps again")) from None
+
+
+def _sampled(reading: Reading, prim: Usd.Prim, codes, times: np.ndarray) -> Placement:
+    pairs = [_world(reading, prim, float(code)) for code in codes]
+    return Placement(times, np.array([a for a, _ in pairs]), np.array([s for _, s in pairs]))
+
+
+def _world(reading: Reading, prim: Usd.Prim, code: float) -> tuple[np.ndarray, np.ndarray]:
+    """Local to world [m] at a time code, less the trailing scale; that scale."""
+    if code not in reading.xforms:
+        reading.xforms[code] = UsdGeom.XformCache(Usd.TimeCode(code))
+    cache = reading.xforms[code]
+    xformable = UsdGeom.Xformable(prim)
+    ops = xformable.GetOrderedXformOps() if xformable else []
+    scale = np.ones(3)
+    if ops and ops[-1].GetOpType() == UsdGeom.XformOp.TypeScale and not ops[-1].IsInverseOp():
+        value = ops[-1].Get(Usd.TimeCode(code))
+        scale = scale if value is None else np.array([float(value[k]) for k in range(3)])
+        matrix = Gf.Matrix4d(1.0)
+        for op in ops[:-1]:                                    # row vectors: the last op acts first
+            matrix = op.GetOpTransform(Usd.TimeCode(code)) * matrix
+        if not xformable.GetResetXformStack():
+            matrix = matrix * cache.GetParentToWorldTransform(prim)
+    else:
+        matrix = cache.GetLocalToWorldTransform(prim)
+    M = np.array(matrix).T.copy()
+    M[:3, 3] *= reading.units.metres
+    return M, scale
+
+
+def _chain(prim: Usd.Prim) -> list[UsdGeom.Xformable]:
+    """The prim and what is above it, up to where the stack is reset."""
+    chain = []
+    while prim and not prim.IsPseudoRoot():
+        xformable = UsdGeom.Xformable(prim)
+        if xformable:
+            chain.append(xformable)
+            if xformable.GetResetXformStack():
+                break
+        prim = prim.GetParent()
+    return chain
+
+
+def _codes(reading: Reading, prim: Usd.Prim) -> np.ndarray | None:
+    """Time codes of every authored sample and the frames between them; None if nothing above the prim moves."""
+    samples: set[float] = set()
+    moves = splines = False
+    for xformable in _chain(prim):
+        for op in xformable.GetOrderedXformOps():
+            attribute = op.GetAttr()
+            samples.update(attribute.GetTimeSamples())
+            splines = splines or attribute.HasSpline()
+            moves = moves or splines or attribute.ValueMightBeTimeVarying()
+    if not moves:
+        return None
+    first, last = (min(samples), max(samples)) if samples and not splines else (-np.inf, np.inf)
+    frames = reading.units.start + np.arange(reading.frames + 1)
+    frames = frames[(frames >= first) & (frames <= last)]      # USD holds the first and the last sample, as Motion does
+    return np.unique(np.concatenate([frames, np.array(sorted(samples), np.float64)]))
+
+
+def _noted(reading: Reading, prim: Usd.Prim) -> Placement | None:
+    """The keys that `author_motion` noted, if the samples still say the same motion."""
+    attribute = prim.GetAttribute(MATRIX_OP)
+    times = read_times(attribute, reading.units)
+    if times is None or any(_moving(x) for x in _chain(prim)[1:]):
+        return None
+    samples = np.array(attribute.GetTimeSamples(), np.float64)
+    found = _sampled(reading, prim, reading.units.code(times), times)
+    motion = Motion(times, found.frame)
+    tolerance = 1e-9 * max(1.0, float(np.abs(found.frame).max()))
+    for code in samples:
+        frame, scale = _world(reading, prim, float(code))
+        if np.abs(motion.at(reading.units.time(code)) - frame).max() > tolerance or np.any(scale != found.scale[0]):
+            return None
+    return found
+
+
+def _moving(xformable: UsdGeom.Xformable) -> bool:
+    return any(op.GetAttr().ValueMightBeTimeVarying() for op in xformable.GetOrderedXformOps())
+
+
+def split(linear: np.ndarray, mirror: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """L = R S with R a rotation, shape (3, 3). Without shear S is diagonal, and a mirror image is a negative scale
+    along axis `mirror`; with shear S is symmetric. A rotation within 1e-9 is returned untouched with S = 1.
+
+    Raises ValueError if L is singular: there is no volume left to collide with.
+    """
+    gram = linear.T @ linear
+    if np.abs(gram - np.eye(3)).max() < RIGID and np.linalg.det(linear) > 0:
+        return linear, np.eye(3)
+    lengths = np.sqrt(np.diag(gram))
+    if not np.all(np.isfinite(linear)) or abs(np.linalg.det(linear)) <= 1e-12 * lengths.max() ** 3:
+        raise ValueError("its transform flattens it (a scale is zero or not finite)")
+    if np.abs(gram - np.diag(np.diag(gram))).max() > 1e-6 * lengths.max() ** 2:
+        return polar(linear)
+    R = linear / lengths
+    if np.linalg.det(R) < 0:
+        R[:, mirror] *= -1
+        lengths[mirror] *= -1
+    return R, np.diag(lengths)
+
+
+def author_motion(prim: Usd.Prim, motion: Motion, units: Units, frames: int) -> None:
+    """Writes local-to-world `motion` on a prim, whose stack is reset if anything above it has a transform."""
+    xformable = UsdGeom.Xformable(prim)
+    attribute = prim.CreateAttribute(MATRIX_OP, Sdf.ValueTypeNames.Matrix4d, False)
+    if len(motion.times) == 1:
+        attribute.Set(_matrix(motion.values[0], units))
+        if motion.times[0] != 0.0:
+            author_times(attribute, motion.times)
+    else:
+        for time, M in zip(motion.times.tolist(), motion.values, strict=True):
+            attribute.Set(_matrix(M, units), Usd.TimeCode(units.code(time)))
+        for code in _between(motion.times, units, frames):
+            attribute.Set(_matrix(motion.at(units.time(code)), units), Usd.TimeCode(code))
+        author_times(attribute, motion.times)
+    xformable.SetXformOpOrder([UsdGeom.XformOp(attribute)], _placed_above(prim))
+
+
+def _between(times: np.ndarray, units: Units, frames: int) -> np.ndarray:
+    """Time codes of the frames between the first and the last key that are no key themselves."""
+    keys = units.code(times)
+    codes = units.start + np.arange(frames + 1)
+    codes = codes[(codes > keys[0]) & (codes < keys[-1])]
+    return np.array([c for c in codes.tolist() if np.abs(keys - c).min() > 1e-6])
+
+
+def _placed_above(prim: Usd.Prim) -> bool:
+    return any(x.GetOrderedXformOps() for x in _chain(prim.GetParent()))
+
+
+def _matrix(M: np.ndarray, units: Units) -> Gf.Matrix4d:
+    M = np.array(M, np.float64)
+    M[:3, 3] /= units.metres
+    return Gf.Matrix4d(*M.T.ravel().tolist())
