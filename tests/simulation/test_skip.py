@@ -35,7 +35,7 @@ for path in sys.argv[1:]:
     print(json.dumps({"kernels": sorted(k.key for k in kernels), "adjoint": adjoint,
                       "modules": [m for m in sys.modules if m.partition(".")[0] in ("wsim", "kernels", "rerun", "pxr")],
                       "methods": [m.name for m in sim.plan.methods],
-                      "fields": [f.name for f in sim.state.fields],
+                      "fields": [f.name for f in sim.state.points.fields],
                       "skipped": [s["stage"] for s in sim.plan.skipped]}))
 """
 
@@ -62,8 +62,8 @@ def room(place: str, names: str) -> set[str]:
 SCENE = room("scene", "scene bodies solid curve fabric") | room("geometry", "triangulate topology memo") | room(
     "scene.check", "scene objects mesh")
 LOADER = room("geometry", "primitives")       # read with wsim.usd, whose own modules are not told apart by scene
-RUN = (room("simulation", "simulation plan choice reasons cost retry duration interrupt measure.indicators measure.exceeded")
-       | room("model", "stage state model midnodes separate kernel_cache") | room("scene", "masses integrator")
+RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt measure.indicators measure.exceeded")
+       | room("model", "stage state status model midnodes separate kernel_cache") | room("scene", "masses integrator")
        | room("scene.check", "counts") | room("geometry", "sheet_ordering ordering color color_chains")
        | room("physics.motion", "points overstretch stability") | room("physics.cloth", "constraints")
        | room("kernels", "math.real motion.points cloth.spring"))

@@ -40,8 +40,7 @@ def chosen(scene: Scene, sim: Simulation) -> Scene:
 
 def kept(sim: Simulation) -> list[wp.array]:
     """The arrays with which a run begins."""
-    every = [] if sim.state.every is None else [sim.state.every]
-    return [a for m in sim.plan.methods for a in m.fields.values()] + [k.array for k in sim.state.elements.values()] + every
+    return [array for array, _ in sim.state.copies()]
 
 
 class Copies:

@@ -64,9 +64,11 @@ class Recording(Frames):
         self.start, self.begins, self.jumps = sim.frame, self.plan.clock.starting, self.plan.starts
         self.roots: list[Root] = []
         self.slots, self.parameters = Slots(sim.device, sim.model.real), Parameters(self.plan)
-        assert self.state.every is not None
-        self.every, self.initial = self.state.every, wp.clone(self.state.every)
-        self.flowed = [(kept.array, wp.clone(kept.array)) for kept in self.state.elements.values()]
+        every = self.state.points.every
+        assert every is not None
+        self.every, self.initial = every, wp.clone(every)
+        self.flowed = [(array, wp.clone(array)) for part in self.state.parts.values() if part is not self.state.points
+                       for array, _ in part.copies()]
         self.stretches: dict[tuple, Stretch] = {}
         self.cost: Segments | None = None
         with in_words(self.known, str(sim.device)):
@@ -164,7 +166,7 @@ class Recording(Frames):
         if self.sim.plan is not self.plan or self.shape != self.recorded:
             raise SceneError(Problem("recording", "the simulation now has other substeps or another integrator, or pins that "
                                      "move where they stood still; make another Recording"))
-        self.plan.status.zero_()
+        self.plan.status.begin()
         for array in self.misses():
             array.zero_()
         self.keep(0)
@@ -184,8 +186,7 @@ class Recording(Frames):
     def compare(self) -> float:
         """How far a simulation of the same frames ends from here [m]: implicit solves of recordings go on to their residual,
         its own take so many Newton steps. Warns where that is much; costs such a run, once."""
-        kept = [self.every, self.plan.status, *(array for array, _ in self.flowed),
-                *(array for method in self.plan.methods for array in method.fields.values())]
+        kept = [self.plan.status.array, *(array for array, _ in self.state.copies())]
         ends = [wp.clone(array) for array in kept]
         here = self.state.x.numpy() + self.state.e.numpy()
         self.rewind()

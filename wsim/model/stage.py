@@ -7,19 +7,20 @@ device array, no branch on one, so that a frame can be captured.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
+from wsim.model.status import Status
 from wsim.scene.integrator import GAMMA
 
 PHASES = ("pose", "predict", "collide", "solve", "finish", "deform")
 OVER = 1.3     # spring cloth of 64 x 64 points, BDF2, 16 x 16: error at 0.25 s 2.2e-4 at 1, 1.2e-4 at 1.3, 8e-5 at 1.5; with
                # 32 x 16 1.7e-5, 1.2e-5, 2.2e-5. With every sweep at 1.7, 16 x 16 errs by 6.9e-4
-# places in the status word: capacity wanted, stages failed, point + 1, an edge of an implicit run; then for each body how long
-# its longest edge is and for each how large its residual, in percent, where that is beyond its bound
-# (`wsim.simulation.measure.exceeded`)
-OVERFLOW, RESIDUAL, NOT_FINITE, LONG, EACH = range(5)
+# status words that more than one method has: an integrator that needs a small residual was left a larger one; an edge is more
+# than twice its rest length (explicit steps: it may have been thrown); for each body by how much [%], see
+# `wsim.simulation.measure.exceeded`; for each system by how much its residual is above 1 [%]
+MISSED, THROWN, LONG, STRETCHED = "residual missed", "edge thrown", "edge too long", "edges too long, by body"
+UNSOLVED = "residual left, by system"
 
 
 @dataclass
@@ -107,21 +108,50 @@ class Stage:
     what: str = ""                # how many of what, in words
 
 
+class Port(list):
+    """Where other methods are called: they append functions, which are called in that order."""
+
+    def __call__(self, *given) -> None:
+        for each in self:
+            each(*given)
+
+
+@dataclass
+class Remedy:
+    """Why a frame does not hold, and what makes it hold.
+
+    doubt     an edge was thrown by explicit steps: another solver where the scene leaves it open, else the frame holds
+    refine    more substeps; `row` of `part` is not finite
+    grow      `act` makes room for what overflowed, and says so in words ("" if nothing was lacking)
+    give way  an integrator that needs small residuals goes on as backward Euler
+    """
+
+    kind: str
+    act: Callable[[], str] | None = None
+    part: str = ""
+    row: int = 0
+
+
 @dataclass
 class Method:
     """Stages of one method, and what it offers around a frame. Every hook may stay as it is."""
 
     name: str
     stages: list[Stage] = field(default_factory=list)
-    fields: dict[str, Any] = field(default_factory=dict)       # arrays over the points that outlive a frame: for a restart
     remade: bool = False                                       # kernels that are not compiled yet, since a value was set
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Uploads what is known on the host about the frame that starts at `time` [s]."""
 
-    def grow(self, status: np.ndarray) -> str:
-        """Makes room for what overflowed; returns what grew, in words, or "" if nothing of this method did."""
-        return ""
+    def meet(self, others: dict[str, "Method"]) -> None:
+        """Connects itself with other methods of the plan, by name, when all are made."""
+
+    def retry(self, status: Status) -> list[Remedy]:
+        """What the frame that has just ended lacked, by this method's own words of the status; none: it holds."""
+        return []
+
+    def resumed(self, time: float) -> None:
+        """A run goes on exactly where an earlier one has ended; its last frame began at `time` [s]."""
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """Error indicators from positions [m] (relative to the objects' origins) and velocities [m/s], solver order."""

@@ -1,21 +1,30 @@
-"""The arrays that change, in parts; each part is a table of (field, unit, persistent).
+"""The arrays that change, in parts: points, elements that flow, whatever a method adds.
 
-From the table follow the bytes, the snapshot that a repeated frame starts from, and the fields that a restart needs. What a
-scene lacks is not allocated.
+A part is a table of fields (name, type, unit, persistent) over rows of one kind. From the table follow the bytes, the snapshot
+that a repeated frame starts from, and what a restart needs of each body. What a scene lacks is not allocated.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 import warp as wp
 
+from wsim.kernels.math.real import types
+
 
 @dataclass(frozen=True)
 class Field:
+    """type: "vec3", "mat33", "scalar" (of the simulation's precision), "int"."""
+
     name: str
     unit: str
     persistent: bool          # outlives a frame: snapshot and restart need it
     meaning: str
+    type: str = "vec3"
+
+    def dtype(self, real) -> type:
+        return int if self.type == "int" else getattr(types(real), self.type)
 
 
 POINTS = (
@@ -38,61 +47,122 @@ HALF = (Field("b", "m/s", True, "velocity half a substep before v (leapfrog amon
 
 
 @dataclass
-class Kept:
-    """An array over elements that outlives a frame, its snapshot, and the places of each body's elements in it, in the author's
-    order, by the number of the body."""
+class Part:
+    """Device arrays by field name, all of `capacity` rows, of which `count` are in use.
 
-    array: wp.array
-    aside: wp.array
-    places: dict[int, np.ndarray]
+    rows    {number of a body: its rows, in the author's order}: what is restarted by prim path
+    every   the persistent fields of the table's first type behind each other, so that a copy saves them all; `aside`: saved
+    """
+
+    name: str
+    count: int
+    capacity: int
+    fields: tuple[Field, ...] = ()
+    arrays: dict[str, wp.array] = field(default_factory=dict)
+    rows: dict[int, np.ndarray] = field(default_factory=dict)
+    every: wp.array | None = None
+    aside: wp.array | None = None
+    saved: dict[str, tuple[wp.array, wp.array]] = field(default_factory=dict)      # persistent ones beside `every`
+
+    @staticmethod
+    def allocate(name: str, fields: tuple[Field, ...], count: int, real, device, capacity: int | None = None) -> "Part":
+        """Zeros for every field, and a snapshot for every persistent one. capacity: rows that there is room for."""
+        room = count if capacity is None else capacity
+        kept = [f for f in fields if f.persistent and f.type == fields[0].type]
+        every, aside = (wp.zeros(len(kept) * room, dtype=fields[0].dtype(real), device=device) for _ in range(2))
+        part = Part(name, count, room, every=every, aside=aside)
+        for f in fields:
+            if f in kept:
+                k = kept.index(f)
+                part.fields += (f,)
+                part.arrays[f.name] = every[k * room:(k + 1) * room]
+            else:
+                part.take(f, wp.zeros(room, dtype=f.dtype(real), device=device))
+        return part
+
+    def take(self, what: Field, array: wp.array) -> wp.array:
+        """Makes an array that a method has allocated a field of this part. Raises ValueError for a name that is taken, or
+        another number of rows."""
+        if what.name in self.arrays or array.shape[0] != self.capacity:
+            raise ValueError(f"part {self.name}: field {what.name} of {array.shape[0]} rows; it has {list(self.arrays)}, "
+                             f"{self.capacity} rows each")
+        self.fields += (what,)
+        self.arrays[what.name] = array
+        if what.persistent:
+            self.saved[what.name] = array, wp.clone(array)
+        return array
+
+    @property
+    def kept(self) -> list[Field]:
+        """Fields that outlive a frame."""
+        return [f for f in self.fields if f.persistent]
+
+    @property
+    def names(self) -> list[str]:
+        """Fields that stand behind each other in `every`."""
+        return [f.name for f in self.kept if f.name not in self.saved]
+
+    def copies(self) -> Iterator[tuple[wp.array, wp.array]]:
+        """(array, its snapshot) of all that outlives a frame."""
+        if self.every is not None and self.aside is not None and len(self.every):
+            yield self.every, self.aside
+        yield from self.saved.values()
+
+    @property
+    def bytes(self) -> int:
+        inside = {f.name for f in self.kept} - self.saved.keys()
+        own = [array for name, array in self.arrays.items() if name not in inside and name not in self.saved]
+        return sum(a.capacity for a in own) + sum(a.capacity + b.capacity for a, b in self.copies())
 
 
 @dataclass
 class State:
-    """Device arrays by field name, all of one length; `fields` says what each is."""
+    """Parts by name. The fields of the points are attributes too: `state.x` is `state.parts["points"].arrays["x"]`."""
 
-    fields: tuple[Field, ...]
-    arrays: dict[str, wp.array]
-    saved: dict[str, wp.array] = field(default_factory=dict)
-    every: wp.array | None = None                 # all persistent fields behind each other, and their snapshot
-    aside: wp.array | None = None
-    elements: dict[str, Kept] = field(default_factory=dict)       # by name
+    parts: dict[str, Part] = field(default_factory=dict)
 
-    @staticmethod
-    def allocate(fields: tuple[Field, ...], count: int, dtype, device) -> "State":
-        """Zeros for every field and a snapshot for every persistent one. These stand in one array: a copy saves them all."""
-        kept = [f.name for f in fields if f.persistent]
-        every, aside = (wp.zeros(len(kept) * count, dtype=dtype, device=device) for _ in range(2))
+    def add(self, *parts: Part) -> None:
+        """Raises ValueError for a name that is taken."""
+        for part in parts:
+            if part.name in self.parts:
+                raise ValueError(f"there is a part {part.name} already")
+            self.parts[part.name] = part
 
-        def part(whole: wp.array, name: str) -> wp.array:
-            return whole[kept.index(name) * count:(kept.index(name) + 1) * count]
-        arrays = {f.name: part(every, f.name) if f.persistent else wp.zeros(count, dtype=dtype, device=device) for f in fields}
-        return State(fields, arrays, {name: part(aside, name) for name in kept}, every, aside)
+    @property
+    def points(self) -> Part:
+        return self.parts["points"]
 
     def __getattr__(self, name: str) -> wp.array:
-        try:
-            return self.__dict__["arrays"][name]
-        except KeyError:
-            raise AttributeError(f"the state has no {name!r}; this scene has {list(self.__dict__['arrays'])}") from None
+        part = self.__dict__.get("parts", {}).get("points")
+        if part is None or name not in part.arrays:
+            raise AttributeError(f"the points have no {name!r}; they have {list(part.arrays) if part else 'no fields here'}")
+        return part.arrays[name]
 
     def has(self, name: str) -> bool:
-        return name in self.arrays
+        """Whether the points have this field."""
+        return "points" in self.parts and name in self.points.arrays
+
+    def copies(self) -> Iterator[tuple[wp.array, wp.array]]:
+        """(array, its snapshot) of all that outlives a frame."""
+        for part in self.parts.values():
+            yield from part.copies()
 
     def snapshot(self) -> None:
-        """Copies every persistent field aside (capturable)."""
-        if self.every is not None and self.aside is not None and len(self.every):
-            wp.copy(self.aside, self.every)
-        for kept in self.elements.values():
-            wp.copy(kept.aside, kept.array)
+        """Copies all that outlives a frame aside (capturable)."""
+        for array, aside in self.copies():
+            wp.copy(aside, array)
 
     def restore(self) -> None:
         """Puts the snapshot back."""
-        if self.every is not None and self.aside is not None and len(self.every):
-            wp.copy(self.every, self.aside)
-        for kept in self.elements.values():
-            wp.copy(kept.array, kept.aside)
+        for array, aside in self.copies():
+            wp.copy(array, aside)
+
+    def of(self, number: int) -> Iterator[tuple[str, wp.array, np.ndarray]]:
+        """(name, array, rows in the author's order) of every field of a body that outlives a frame."""
+        for part in self.parts.values():
+            if number in part.rows:
+                yield from ((f.name, part.arrays[f.name], part.rows[number]) for f in part.kept)
 
     @property
     def bytes(self) -> int:
-        elements = [a for kept in self.elements.values() for a in (kept.array, kept.aside)]
-        return sum(a.capacity for a in (*self.arrays.values(), *self.saved.values(), *elements))
+        return sum(part.bytes for part in self.parts.values())

@@ -9,23 +9,23 @@
 import hashlib
 import json
 from dataclasses import dataclass, field
-from math import inf
 
 import numpy as np
-import warp as wp
 
-from wsim.kernels.math.real import ADJOINT, types
+from wsim.kernels.math.real import ADJOINT
 from wsim.model import model as models
+from wsim.model.midnodes import places
 from wsim.model.model import Model, edge_lengths, hard_places
 from wsim.model.separate import apart
-from wsim.model.stage import EACH, PHASES, Clock, Method, Stage
-from wsim.model.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, STAGED, State
-from wsim.physics.cloth.constraints import HARD, LOOKS, Rows, rows_of
-from wsim.scene import Cloth, Problem, Scene, SceneError
+from wsim.model.stage import PHASES, Clock, Method, Stage
+from wsim.model.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, STAGED, Field, Part, State
+from wsim.model.status import Status
+from wsim.physics.cloth.constraints import HARD, LOOKS, rows_of
+from wsim.scene import Scene
 from wsim.scene.check import counts
 from wsim.simulation import cost
 from wsim.simulation.choice import Choice, choose
-from wsim.simulation.reasons import WITHOUT, why
+from wsim.simulation.methods import METHODS, PARTS, Build, signature
 
 
 @dataclass
@@ -36,24 +36,11 @@ class Plan:
     state: State
     clock: Clock
     methods: list[Method]
-    status: wp.array
+    status: Status
     choice: Choice
     skipped: list[dict] = field(default_factory=list)
-    words: np.ndarray = field(init=False)
     seconds: float = 0.0                     # that a frame is expected to take, see `wsim.simulation.cost`
     followed: dict = field(default_factory=dict)       # what varies in time, as set last, by path and name
-    host: wp.array | None = None             # pinned memory that a frame on a GPU copies its status to
-
-    def __post_init__(self):
-        if self.model.device.is_cuda:
-            self.host = wp.zeros(len(self.status), dtype=int, device="cpu", pinned=True)
-        self.words = (self.status if self.host is None else self.host).numpy()         # the same memory, not a copy
-
-    def said(self) -> np.ndarray:
-        """The status of the frame launched last, after waiting for it."""
-        if self.host is not None:
-            wp.synchronize_stream(self.model.device.stream)
-        return self.words
 
     @property
     def starts(self) -> bool:
@@ -82,11 +69,10 @@ class Plan:
 
     def frame(self) -> None:
         """Launches one frame: all that a graph holds."""
-        self.status.zero_()
+        self.status.begin()
         self.state.snapshot()
         self.stretch(0, self.clock.substeps)
-        if self.host is not None:
-            wp.copy(self.host, self.status)
+        self.status.end()
 
     def stretch(self, first: int, last: int) -> None:
         """Substeps first .. last of a frame, with what stands before the first of a frame and behind its last."""
@@ -156,124 +142,56 @@ class Plan:
         return "\n".join(lines + [f"left out: {s['stage']}: {s['why']}" for s in self.skipped])
 
 
-def _fields(scene: Scene, choice: Choice, reasons: dict[str, str]):
-    """State of the points that this scene needs."""
-    multistep, explicit = choice.integrator.name == "bdf2", choice.integrator.explicit
-    steps = explicit and _among_others(scene, reasons)
-    return (POINTS + (ANCHOR if multistep or scene.colliders or steps else ()) + (HISTORY if multistep else ())
-            + (STAGED if choice.integrator.solves > 1 else ()) + (CARRY if explicit else ())
-            + (HALF if steps and len(choice.integrator.steps) > 1 else ()))
-
-
-def _among_others(scene: Scene, reasons: dict[str, str]) -> bool:
-    """Whether wind, contacts, soft pins or hard constraints act within a substep."""
-    return any(reasons[name] for name in ("aero", "xpbd", "contact")) or any(np.isfinite(p.stiffness) for p in scene.pins)
-
-
-def _module(scene: Scene, real, reasons: dict[str, str], choice: Choice) -> str:
-    """Name of the Warp module of this set of kernels: scenes that need the same kernels share it."""
-    kinds = [sorted(name for name, reason in reasons.items() if reason), real.__name__, choice.solver,
-             choice.integrator.name, choice.iterations > 1,
-             sorted({type(c.shape).__name__ for c in scene.colliders}), bool(scene.springs),
-             sorted({(c.model, c.material.damping > 0, c.material.bend > 0, np.isfinite(c.material.strain_limit),
-                      c.tethers) for c in scene.cloths}),
-             sorted({(s.damping > 0, len(s.stiffness) > 1) for s in scene.springs}),
-             sorted({(m.model, m.damping > 0, m.yield_strain < inf, s.pressure != 0.0, s.quadratic)
-                     for s in scene.softs for m in s.materials}),
-             sorted({bool(np.isfinite(p.stiffness)) for p in scene.pins}),
-             *("bounce" for c in scene.colliders[:1] if any(k.restitution > 0.0 for k in scene.colliders)),
-             *("muscles" for s in scene.springs[:1] if any(n.actuation for n in scene.springs)),
-             *("loads" for _ in scene.loads[:1])]
-    return "wsim_" + hashlib.sha256(json.dumps(kinds, default=str).encode()).hexdigest()[:12]
-
-
 def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = False) -> Plan:
     """Model, state and stages of a checked scene."""
     model = models.build(scene, worlds, device, real)
     model.gradients, model.by_point = gradients, gradients or bool(scene.loads)
-    pinned = hard_places(model)
+    b = _chosen(model)
+    b.reasons = {row.name: row.needed(b) for row in METHODS}
+    model.module = _module(b) + ADJOINT * gradients
+    b.state.add(Part.allocate("points", _fields(b), model.points, real, device))
+    b.state.points.rows = {body.number: places(body) for body in model.bodies}
+    for row in METHODS:
+        made = row.build(b) if b.reasons[row.name] else None
+        if made:
+            b.methods[row.name] = made
+    for method in b.methods.values():
+        method.meet(b.methods)
+    _start(model, b.state)
+    return Plan(model, b.state, b.clock, list(b.methods.values()), b.status, b.choice, _skipped(b),
+                cost.seconds(model, cost.frame(model, b.constraints, b.choice)))
+
+
+def _chosen(model: Model) -> Build:
+    """Constraints of every body, and the solver, integrator and steps that they are given."""
+    scene, pinned = model.scene, hard_places(model)
     rows = {b.path: rows_of(b, pinned) for b in model.bodies if b.world == 0}
     choice = choose(model, rows)
-    if scene.contact_width > 0.0 and scene.colliders and choice.solver == "implicit":
-        raise SceneError(Problem("/", f"contact_width is {scene.contact_width:g} m, and Newton's method has hard contacts; set "
-                                 "it to 0, or wsim:solver = explicit or xpbd"))
     counts.refuse("substeps a frame, for steps that are short enough," if choice.steps > scene.substeps else "substeps",
                   choice.steps, "take softer materials, larger masses or elements, or another solver")
-    reasons = why(scene, choice, rows)
-    model.module = _module(scene, real, reasons, choice) + ADJOINT * gradients
-    state = State.allocate(_fields(scene, choice, reasons), model.points, types(real).vec3, device)
     clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator.name == "bdf2",
                   choice.integrator.beyond, choice.integrator.solves > 1)
-    status = wp.zeros(EACH + 2 * len(model.bodies), dtype=int, device=device)
-    plan = Plan(model, state, clock, [], status, choice, seconds=cost.seconds(model, cost.frame(model, rows, choice)))
-    plan.skipped = [{"stage": name, "why": text} for name, text in WITHOUT.items()
-                    if not reasons.get(name) and not (name == "history" and clock.multistep)
-                    and not (name == "gradients" and gradients)]
-    _add(plan, scene, reasons, rows)
-    state.elements = {name: kept for table in plan.solids for name, kept in table.kept.items()}
-    _start(model, state)
-    return plan
+    return Build(model, choice, rows, State(), Status(model.device), clock)
 
 
-def _add(plan: Plan, scene: Scene, reasons: dict[str, str], rows: dict[str, list[Rows]]) -> None:
-    """Imports what is wanted and appends its stages; contacts come last."""
-    from wsim.physics.motion.points import Pins, Points
-    model, state, status = plan.model, plan.state, plan.status
-    struck = None
-    if reasons["contact"] and plan.clock.multistep:
-        struck = wp.zeros(model.points, dtype=model.real, device=model.device)
-    points = Points(model, state, status, struck, plan.choice.integrator)
-    plan.methods.append(points)
-    pins = Pins(model, state, points, plan.choice.integrator.explicit) if reasons["pins"] else None
-    if pins:
-        plan.methods.append(pins)
-    if reasons["explicit"]:
-        from wsim.physics.motion.explicit import Explicit
-        hard = pins if pins and pins.groups["hard"] else None
-        explicit = Explicit(model, state, points, _kept(rows, soft=True), plan.clock, _among_others(scene, reasons), hard)
-        plan.methods.append(explicit)
-    if reasons["aero"]:
-        from wsim.physics.cloth.air import Aero
-        plan.methods.append(Aero(model, state, points))
-    if reasons["implicit"]:
-        from wsim.physics.solver.newton import Implicit
-        plan.methods.append(Implicit(model, state, points, status, plan.clock, _kept(rows, soft=True)))
-    if reasons["xpbd"]:
-        from wsim.physics.solver.xpbd import Xpbd
-        plan.methods.append(Xpbd(model, state, points, status, plan.clock,
-                                 rows if plan.choice.solver == "xpbd" else _kept(rows, soft=False)))
-    if reasons["contact"]:
-        from wsim.physics.contact import Contact
-        contact = Contact(model, state, points, status, struck, plan.clock)
-        plan.methods.append(contact)
-        if contact.bounce and reasons["explicit"]:
-            contact.bounce.join(explicit)
-    watch = None if reasons["explicit"] or model.gradients else _watch(plan)
-    if reasons["muscles"]:
-        from wsim.physics.cloth.muscles import Muscles
-        muscles = Muscles(model, plan.clock)
-        plan.methods.append(muscles)
-        muscles.drive(plan.method(plan.choice.solver), watch)
-    if reasons["loads"]:
-        from wsim.physics.motion.loads import Loads
-        plan.methods.append(Loads(model, plan.clock, points, plan.method("explicit")))
-    if implicit := plan.method("implicit"):
-        implicit.join(plan.method("contact"), pins, plan.method("xpbd"))                # type: ignore[attr-defined]
-    plan.skipped += [{"stage": "membrane", "why": "no cloth has triangle strain"}] * (
-        not any(isinstance(b.source, Cloth) and b.source.model == "membrane" for b in model.bodies))
+def _fields(b: Build) -> tuple[Field, ...]:
+    """Fields of the points that this scene needs."""
+    integrator = b.choice.integrator
+    multistep, steps = integrator.name == "bdf2", integrator.explicit and b.within
+    return (POINTS + (ANCHOR if multistep or b.scene.colliders or steps else ()) + (HISTORY if multistep else ())
+            + (STAGED if integrator.solves > 1 else ()) + (CARRY if integrator.explicit else ())
+            + (HALF if steps and len(integrator.steps) > 1 else ()))
 
 
-def _watch(plan: Plan):
-    """What looks at the edges of an implicit run, where there are any."""
-    from wsim.physics.motion.overstretch import Watch
-    watch = Watch(plan.model, plan.state, plan.status)
-    plan.methods += [watch] * bool(watch.stages)
-    return watch
+def _module(b: Build) -> str:
+    """Name of the Warp module of this set of kernels."""
+    return "wsim_" + hashlib.sha256(json.dumps(signature(b), default=str).encode()).hexdigest()[:12]
 
 
-def _kept(rows: dict[str, list[Rows]], soft: bool) -> dict[str, list[Rows]]:
-    """The rows that have a stiffness, or those that have none: XPBD holds the hard ones whatever solves for the forces."""
-    return {path: [r for r in found if (r.kind not in HARD) == soft] for path, found in rows.items()}
+def _skipped(b: Build) -> list[dict]:
+    absent = [(row.name, row.without) for row in METHODS if row.without and not b.reasons[row.name]]
+    absent += [(name, without) for name, without, there in PARTS if not there(b)]
+    return [{"stage": name, "why": why} for name, why in absent]
 
 
 def _start(model: Model, state: State) -> None:

@@ -6,15 +6,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from wsim.model.stage import LONG, NOT_FINITE, OVERFLOW, RESIDUAL
 from wsim.scene import Problem, SceneError
 from wsim.scene.check import counts
 from wsim.simulation import plan as plans
 from wsim.simulation.duration import duration
 
 if TYPE_CHECKING:
+    from wsim.model.state import Part, State
     from wsim.simulation.simulation import Simulation
 
 # live parameters that bound explicit steps
@@ -37,25 +35,24 @@ def settle(sim: Simulation) -> None:
         varying.settle(sim)
 
 
-def mend(sim: Simulation, status: np.ndarray) -> bool:
-    """Whether the frame must be repeated, after making it possible."""
-    if not status[:LONG].any():
+def mend(sim: Simulation) -> bool:
+    """Whether the frame must be repeated, after making it possible: each method says what its words of the status ask for."""
+    said = [remedy for method in sim.plan.methods for remedy in method.retry(sim.plan.status)]
+    if not said:
         return False
-    clock, explicit = sim.plan.clock, sim.plan.choice.solver == "explicit"
-    if explicit and (status[RESIDUAL] or status[NOT_FINITE]) and _switch(sim):
+    kinds = {remedy.kind for remedy in said}
+    if sim.plan.choice.solver == "explicit" and kinds & {"doubt", "refine"} and _switch(sim):
         return True
-    if status[NOT_FINITE]:
-        _refine(sim, int(status[NOT_FINITE]) - 1)
-    if status[OVERFLOW]:
-        for method in sim.plan.methods:
-            grown = method.grow(status)
-            if grown:
-                sim.warnings.append(f"frame {sim.frame + 1}: {grown}; the frame was repeated")
-    if status[RESIDUAL] and explicit:
-        return bool(status[NOT_FINITE] or status[OVERFLOW])
-    if status[RESIDUAL] and clock.watched:
+    for remedy in said:
+        if remedy.kind == "refine":
+            _refine(sim, remedy.part, remedy.row)
+    for remedy in said:
+        grown = remedy.act() if remedy.kind == "grow" and remedy.act else ""
+        if grown:
+            sim.warnings.append(f"frame {sim.frame + 1}: {grown}; the frame was repeated")
+    if "give way" in kinds:
         _give_way(sim)
-    return True
+    return bool(kinds - {"doubt"})
 
 
 def _give_way(sim: Simulation) -> None:
@@ -69,11 +66,11 @@ def _give_way(sim: Simulation) -> None:
                         f"keep {name}")
 
 
-def _refine(sim: Simulation, point: int) -> None:
+def _refine(sim: Simulation, part: str, row: int) -> None:
     """Twice the substeps, where a position is no number."""
     from wsim.simulation.measure.diagnose import author, first
     clock = sim.plan.clock
-    path, where = author(sim.model, point)
+    path, where = author(sim.plan, part, row)
     if clock.substeps >= 16 * sim.plan.choice.substeps:
         least = getattr(sim.plan.method("explicit"), "least", None)
         hint = f", or name a solver without a limit ({sim.plan.integrator} needs {least()} substeps at rest, more where the " \
@@ -95,7 +92,7 @@ def _switch(sim: Simulation) -> bool:
         return False
     sim.state.restore()
     kept = {name: sim.state.arrays[name].numpy() for name in ("x", "e", "v")}
-    flowed = {name: kept.array.numpy() for name, kept in sim.state.elements.items()}
+    flowed = {(part.name, f.name): part.arrays[f.name].numpy() for part in _others(sim.state) for f in part.kept}
     other = sim.plan.choice.other
     assert other is not None
     sim.scene = replace(scene, solver=other.solver, integrator="backward_euler", substeps=other.substeps,
@@ -104,8 +101,9 @@ def _switch(sim: Simulation) -> bool:
     sim.model, sim.state, sim.graph = sim.plan.model, sim.plan.state, None
     for name, values in kept.items():
         sim.state.arrays[name].assign(values)
-    for name, values in flowed.items():
-        sim.state.elements[name].array.assign(values)
+    for part in _others(sim.state):
+        for f in part.kept:
+            part.arrays[f.name].assign(flowed[part.name, f.name])
     for path, name, value, world in sim.changes:
         for method in sim.plan.methods:
             method.set(path, name, value, world)
@@ -116,6 +114,11 @@ def _switch(sim: Simulation) -> bool:
     sim.warnings.append(f"frame {sim.frame + 1}: an edge stretched to more than twice its length under leapfrog; from here on "
                         f"{name}, {other.substeps} substeps of {other.iterations} iteration{'s' * (other.iterations > 1)}")
     return True
+
+
+def _others(state: State) -> list[Part]:
+    """Parts but the points."""
+    return [part for part in state.parts.values() if part.name != "points"]
 
 
 def keep_stable(sim: Simulation, name: str) -> None:

@@ -14,7 +14,7 @@ import warp as wp
 
 from wsim.model import kernel_cache
 from wsim.model.kernel_cache import GATE
-from wsim.model.midnodes import places, stored
+from wsim.model.midnodes import stored
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.check.scene import check
 from wsim.simulation import duration, interrupt, retry
@@ -100,7 +100,8 @@ class Simulation:
                 self._replay()
             except RuntimeError as error:
                 raise _memory(error, self.device) from None
-            if not retry.mend(self, self.plan.said()):
+            self.plan.status.wait()
+            if not retry.mend(self):
                 break
             self.state.restore()
             self.graph = None
@@ -191,43 +192,28 @@ class Simulation:
         with GATE.alone():
             live.set_value(self, path, name, value, world)
 
-    def _persistent(self) -> dict[str, wp.array]:
-        """Arrays over the points that outlive a frame, by name."""
-        own = {f.name: self.state.arrays[f.name] for f in self.state.fields if f.persistent}
-        return own | {name: array for m in self.plan.methods for name, array in m.fields.items()}
-
     def fields(self, path: str | None = None) -> dict[str, np.ndarray]:
-        """What an exact restart needs of a body, by name, each in the author's order, behind it middles of quadratic tets."""
-        body = self.model.body(path)
-        elements = {name: kept.array.numpy()[kept.places[body.number]] for name, kept in self._elements(body).items()}
-        return {name: array.numpy()[places(body)] for name, array in self._persistent().items()} | elements
-
-    def _elements(self, body) -> dict:
-        """What outlives a frame and belongs to elements of this body, by name."""
-        return {name: kept for name, kept in self.state.elements.items() if body.number in kept.places}
+        """What an exact restart needs of a body, by name, each in the author's order; of points, behind them those between
+        (quadratic tets)."""
+        return {name: array.numpy()[rows] for name, array, rows in self.state.of(self.model.body(path).number)}
 
     def restart(self, frame: int, fields: dict[str, dict[str, np.ndarray]], alike: bool = True) -> None:
         """Goes on after `frame` frames with the fields that an earlier run left, by path and name: bit for bit where every
         body has all of them (then there is no jump in time), else as at a start, without history. alike: that run stepped
         as this one does; history of other steps is none."""
-        arrays, whole = self._persistent(), alike
-        for path, values in fields.items():
-            body = self.model.body(path)
-            for name in values.keys() & arrays.keys():
-                now = arrays[name].numpy()
-                now[places(body)] = stored(body, values[name])
-                whole &= len(values[name]) == len(places(body))
-                arrays[name].assign(now)
-            for name, kept in self._elements(body).items():
-                now = kept.array.numpy()
-                now[kept.places[body.number]] = values.get(name, now[kept.places[body.number]])
-                kept.array.assign(now)
+        exact = alike
+        for body in (b for b in self.model.bodies if b.world == 0):
+            values = fields.get(body.path, {})
+            for name, array, rows in self.state.of(body.number):
+                exact &= name in values and len(values[name]) == len(rows)
+                if name in values:
+                    now = array.numpy()
+                    now[rows] = values[name] if len(values[name]) == len(rows) else stored(body, values[name])
+                    array.assign(now)
         self.frame = frame
-        exact = whole and all(arrays.keys() | self._elements(self.model.body(b.path)).keys() <= fields.get(b.path, {}).keys()
-                              for b in self.scene.bodies())
         self.plan.clock.starting = not exact
-        if exact and (contact := self.plan.method("contact")):
-            contact.contacts.time = (frame - 1) / self.scene.fps       # type: ignore[attr-defined]
+        for method in self.plan.methods if exact else ():
+            method.resumed((frame - 1) / self.scene.fps)
 
     # measuring
 

@@ -8,7 +8,7 @@ import pytest
 
 from tests.physics.motion.test_packets import DOUBLE, FPS, FRAMES, SUBSTEPS, leapfrog
 from wsim.kernels.motion.threads import DONE, FORMED
-from wsim.model.stage import RESIDUAL
+from wsim.model.stage import THROWN
 from wsim.physics.motion import forces, packets
 from wsim.physics.motion import threads as abreast
 from wsim.scene import Motion, Scene
@@ -121,7 +121,7 @@ def test_a_torn_spring_is_seen_by_whoever_has_it(threads):
             s.set("/net", "velocities", thrown)
             s.step()
         frames += met(sim)
-        assert sim.plan.said()[RESIDUAL] == alone.plan.said()[RESIDUAL] == 1
+        assert sim.plan.status.said(THROWN)[0] == alone.plan.status.said(THROWN)[0] == 1
     assert frames > 0
 
 

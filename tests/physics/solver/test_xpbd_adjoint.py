@@ -10,7 +10,7 @@ from tests.conftest import first_and_slow
 from tests.gradient.test_gradients import Run, everything_of_a_sheet, net, sheet
 from wsim.gradient.recording import Recording
 from wsim.kernels.solver.xpbd import projection
-from wsim.physics.solver import xpbd, xpbd_adjoint
+from wsim.physics.solver import batch, xpbd_adjoint
 from wsim.scene import Pin
 from wsim.simulation.simulation import Simulation
 
@@ -133,8 +133,8 @@ def test_undone_sweeps_are_as_good_as_fresh_buffers(model, limit, tethers, monke
 def test_a_launch_for_each_colour_gives_the_same_as_one_for_all(model, damping, monkeypatch):
     """Without damping gradients by places are taken from what those by displacements gain in a sweep: rounding apart."""
     scene, found = sheet(model, damping=damping, integrator="backward_euler", **SWEEPS), []
-    for fuse in (xpbd.FUSE, 0):
-        monkeypatch.setattr(xpbd, "FUSE", fuse)
+    for fuse in (batch.FUSE, 0):
+        monkeypatch.setattr(batch, "FUSE", fuse)
         run = Run(scene)
         found.append([run.recording.positions(3), run.gradient.positions(), run.gradient.material("stretch", elements=True)])
     for a, b in zip(*found, strict=True):

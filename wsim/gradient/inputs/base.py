@@ -73,7 +73,7 @@ class Start(Input):
 
     def field(self, name: str) -> slice:
         """Where a field stands in `Recording.initial`."""
-        kept = [f.name for f in self.sim.state.fields if f.persistent]
+        kept = self.sim.state.points.names
         return slice(kept.index(name) * self.model.points, (kept.index(name) + 1) * self.model.points)
 
     def read(self, world: int = 0) -> np.ndarray:

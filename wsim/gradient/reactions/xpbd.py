@@ -14,7 +14,8 @@ import warp as wp
 from wsim.gradient.tables import ends
 from wsim.kernels.math.real import ADJOINT
 from wsim.physics.cloth.constraints import HARD
-from wsim.physics.motion.forces import Elements, Pull
+from wsim.physics.cloth.elements import Elements
+from wsim.physics.motion.forces import Pull
 from wsim.simulation.measure.reaction import rows_of
 from wsim.simulation.plan import Plan
 

@@ -257,11 +257,11 @@ def resume(recording: Recording, copy: Recording) -> None:
     one, worlds = recording.initial.numpy().astype(np.float64), copy.sim.worlds
     fields = one.reshape(-1, 1, recording.sim.model.points, 3)
     copy.initial.assign(np.tile(fields, (1, worlds, 1, 1)).reshape(-1, 3))
-    elements = (r.sim.state.elements.values() for r in (recording, copy))
-    for own, other, (_, start), (_, into) in zip(*elements, recording.flowed, copy.flowed, strict=True):
+    parts = ([part for part in r.sim.state.parts.values() if part.name != "points"] for r in (recording, copy))
+    for own, other, (_, start), (_, into) in zip(*parts, recording.flowed, copy.flowed, strict=True):
         values, given = into.numpy(), start.numpy()
-        for b in (b for b in copy.sim.model.bodies if b.number in other.places):
-            values[other.places[b.number]] = given[own.places[recording.sim.model.body(b.path).number]]
+        for b in (b for b in copy.sim.model.bodies if b.number in other.rows):
+            values[other.rows[b.number]] = given[own.rows[recording.sim.model.body(b.path).number]]
         into.assign(values)
     _parameters(recording.sim, copy.sim)
 

@@ -1,5 +1,9 @@
 """Wind on cloth: two launches a substep, after prediction. See kernels/cloth/air.py for the law."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 import warp as wp
 
@@ -11,10 +15,18 @@ from wsim.model.stage import Clock, Method, Stage
 from wsim.model.state import State
 from wsim.scene import Cloth, Scene
 
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
+
+
 
 def wants(scene: Scene) -> str:
     """Why this method is needed, or ""."""
     return "" if not any(c.drag or c.lift for c in scene.cloths) else "a cloth has drag or lift"
+
+
+def build(b: Build) -> Aero:
+    return Aero(b.model, b.state, b.methods["points"])
 
 
 class Aero(Method):

@@ -5,8 +5,10 @@ its own time: leapfrog's kicks the beginning of a substep, stages of a Runge-Kut
 time that they solve for.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -18,6 +20,10 @@ from wsim.physics.cloth.constraints import Rows
 from wsim.scene import Problem, SceneError
 from wsim.scene.bodies import Springs
 from wsim.scene.curve import Curve
+
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
+
 
 
 class _Muscle:
@@ -65,6 +71,10 @@ class _Site:
             self.share = wp.zeros(groups * kernels.LANES, dtype=model.real, device=model.device)
 
 
+def build(b: Build) -> Muscles:
+    return Muscles(b.model, b.clock)
+
+
 class Muscles(Method):
     """Rest lengths of the springs of every table that `join` is given. `act` puts those of a row of the factors."""
 
@@ -97,29 +107,18 @@ class Muscles(Method):
         known = next((s for s in self.sites if s.length.ptr == length.ptr), None)
         return known or _Site(self.model, length, np.where(entry < 0, self.groups, self.columns(rows)[entry]), self.groups)
 
-    def drive(self, solver, watch) -> None:
-        """Takes the springs of the method that solves for them, and who watches those
-        (`wsim.physics.motion.overstretch.Watch`), or None."""
-        self.watch = solver.watch if solver.name == "explicit" else watch
+    def meet(self, others: dict[str, Method]) -> None:
+        """Takes the springs of the method that solves for them, and who watches edges (`wsim.physics.motion.overstretch`)."""
+        solver: Any = next(m for m in others.values() if getattr(m, "spring_tables", list)())
+        self.watch = solver.watch if solver.name == "explicit" else others.get("watch")
         if self.watch:
             self.watch.follow(self.longest)
-        if solver.name == "xpbd":
-            batch = next(b for b in solver.batches if b.kind == "distance")
-            batch.lengths, solver.lengthen = self.join(batch.rows, batch.data.rest, batch.order), self.finish
-            if batch.adjoint:
-                batch.adjoint.refresh()
-            self.stage(batch.size)
-            return
-        pull = solver.pull if solver.name == "explicit" else solver.adjoint.pull if solver.adjoint else None
-        if pull:
-            pull.lengths = self.join(pull.springs, pull.table.rest, pull.entry)
-            pull.values(again=True)
-        if solver.name == "explicit":
-            solver.muscles = self
-            return
-        springs, solver.present = solver.tables["distance"], self.present
-        springs.lengths = self.join(springs.rows, springs.data.rest, np.arange(springs.size))
-        self.stage(springs.size)
+        tables = solver.spring_tables()
+        for table in tables:
+            table.given(self.join(table.rows, table.length, table.entry))
+        solver.drive(self)
+        if solver.name != "explicit":                    # which asks for rows by itself
+            self.stage(len(tables[-1].entry))
 
     def columns(self, rows: list[Rows]) -> np.ndarray:
         """Column of each spring of the rows."""

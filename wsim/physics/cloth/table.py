@@ -41,6 +41,10 @@ class Table:
         return (np.concatenate([np.broadcast_to(r.alpha, (len(r.ids), *r.alpha.shape[1:])) for r in self.rows]),
                 np.concatenate([np.full(len(r.ids), r.tau) for r in self.rows]))
 
+    def given(self, lengths: wp.array) -> None:
+        """Rest lengths as they are without muscles."""
+        self.lengths = lengths
+
     def refresh(self) -> None:
         """Uploads the rows' rest values, compliances and relaxation times anew, into the same arrays."""
         if self.stale:

@@ -9,8 +9,8 @@ kernels/contact/project.py.
     after the frame       contacts.wanted: 0, or the room that a point lacked: contacts.grow(), repeat the frame
                           contacts.indicators(x), contacts.impulses(g)
 
-Nothing here outlives a frame but `mark` (whether a point touched or was inside), which prepare() saves, and puts back
-when a frame is repeated. Colliders are carriers that push and are not pushed; `impulses` says what they received.
+Nothing here outlives a frame but `mark` (whether a point touched or was inside): a field of the state, which is put back when
+a frame is repeated. Colliders are carriers that push and are not pushed; `impulses` says what they received.
 """
 
 from collections.abc import Callable
@@ -55,9 +55,9 @@ class Contacts:
     """See the head of this file. Raises SceneError for a collider that makes no sense."""
 
     def __init__(self, bodies: Bodies, *, device, real, module="unique", substeps: int, dt: float,
-                 wanted: wp.array | None = None, struck: wp.array | None = None):
-        """wanted: status word (first entry of an int array) to use instead of an own one; struck: (points,) real, becomes
-        not 0 where a point leaves an overlap: its step is no motion, and a multistep integrator forgets it."""
+                 struck: wp.array | None = None):
+        """struck: (points,) real, becomes not 0 where a point leaves an overlap: its step is no motion, and a multistep
+        integrator forgets it."""
         self.device, self.real, self.types = wp.get_device(device), real, types(real)
         self.launch: Callable = partial(wp.launch, device=self.device)    # (kernel, dim, inputs, outputs)
         self.adjoint: Any = None                         # `wsim.physics.contact.adjoint.ContactAdjoint`
@@ -67,7 +67,7 @@ class Contacts:
         self.rows = Rows.build(bodies.colliders, bodies.origins, self.meshes)
         self.kinds = tuple(k for k in KINDS if k in self.rows.kind)
         self.gap, self.friction = self.rows.live(bodies.breadth, bodies.thin)
-        self.wanted = wp.zeros(1, dtype=int, device=self.device) if wanted is None else wanted
+        self.wanted = wp.zeros(1, dtype=int, device=self.device)
         self.struck = struck
         self.substeps, self.dt = 0, dt
         self.time: float | None = None
@@ -100,7 +100,6 @@ class Contacts:
         p.reach, p.friction = self._array(bodies.reach, t.scalar), self._array(bodies.friction, t.vec2)
         self.count, self.faces = len(p.object), self._array(bodies.faces, int)
         self.mark = wp.zeros(self.count, dtype=int, device=self.device)
-        self.saved = wp.zeros(self.count, dtype=int, device=self.device)
         self.table = row_type()
         self.table.deep, self.deep = wp.ones(1, dtype=int, device=self.device), True
         self.table.skin, self.table.recovery = SKIN, RECOVERY
@@ -155,6 +154,10 @@ class Contacts:
         s.row, s.n, s.b, s.u = zeros(int), zeros(t.vec3), zeros(t.scalar), zeros(t.vec3)
         self.push = zeros(t.vec3)
 
+    def tell(self, wanted: wp.array) -> None:
+        """The room that a point wants is written into this word (first entry of an int array)."""
+        self.wanted = wanted
+
     # frames
 
     def prepare(self, time: float, *, substeps: int | None = None, deep: bool | None = None) -> None:
@@ -167,7 +170,6 @@ class Contacts:
         if deep != self.deep:
             self.table.deep.fill_(int(deep))
         self.deep = deep
-        wp.copy(*((self.mark, self.saved) if again else (self.saved, self.mark)))
         self.time = time
         if substeps is not None and substeps != self.substeps:
             self._frame(substeps, self.dt)

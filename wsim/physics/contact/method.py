@@ -6,16 +6,19 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import warp as wp
 
-from wsim.model.stage import OVERFLOW, Clock, Method, Stage
+from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.state import Field, State
 from wsim.physics.contact.contacts import FRICTION, Bodies, Contacts
 from wsim.scene import Motion, Problem, SceneError
 from wsim.scene.check import chord
 
 if TYPE_CHECKING:
     from wsim.model.model import Model
-    from wsim.model.state import State
+    from wsim.model.status import Status
+    from wsim.simulation.methods import Build
+
+ROOM = "contacts wanted by a point"       # status word, where there was not room for as many
 
 
 def faces(body) -> np.ndarray:
@@ -23,10 +26,18 @@ def faces(body) -> np.ndarray:
     return (body.triangles if len(body.triangles) else body.edges[:, [0, 1, 1]]).astype(np.int32)
 
 
+def build(b: Build) -> Contact:
+    """Raises SceneError where a smoothed contact is wanted of Newton's method."""
+    if b.scene.contact_width > 0.0 and b.choice.solver == "implicit":
+        raise SceneError(Problem("/", f"contact_width is {b.scene.contact_width:g} m, and Newton's method has hard contacts; "
+                                 "set it to 0, or wsim:solver = explicit or xpbd"))
+    return Contact(b.model, b.state, b.methods["points"], b.status, b.clock)
+
+
 class Contact(Method):
     """Points of every body against every collider. Raises SceneError for a collider that makes no sense."""
 
-    def __init__(self, model: Model, state: State, points, status: wp.array, struck: wp.array | None, clock: Clock):
+    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock):
         """points: the method that owns inverse masses and objects (`constants`) and the anchor."""
         super().__init__("contact")
         self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
@@ -45,20 +56,22 @@ class Contact(Method):
                         np.array([chord.breadth(b.rest, f - b.first) for b, f in zip(model.bodies, each, strict=True)]),
                         np.array([b.reach.min() for b in model.bodies]))
         self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
-                                 substeps=clock.substeps, dt=clock.dt, wanted=status, struck=struck)
+                                 substeps=clock.substeps, dt=clock.dt, struck=points.struck)
         self.contacts.launch = model.launch
         self.contacts.smooth(model.scene, points.integrator.explicit)
         if model.gradients:
             from wsim.physics.contact.adjoint import ContactAdjoint
             self.contacts.grow(self.contacts.rows.most)              # lists do not grow while they are recorded
             self.contacts.adjoint = ContactAdjoint(self.contacts, model)
-        self.fields = {"mark": self.contacts.mark}
+        state.points.take(Field("mark", "", True, "whether a point touched or was inside", "int"), self.contacts.mark)
+        self.status = status
+        status.reserve(ROOM)
         n, size, moving = model.points, np.dtype(model.dtype).itemsize, 2 * sum(
             m.moves for m in self.contacts.meshes.values())
         kinds = f"{len(colliders)} x {n} points: {', '.join(self.contacts.kinds)}"
         self.stages = [Stage("find contacts", "collide", self.search, 1 + moving, n * (20 + 8 * size), what=kinds),
                        Stage("contacts", "solve", self.project, 1, n * 4, "iteration", "points that touch")]
-        if struck is not None:
+        if points.struck is not None:
             self.stages.append(Stage("settle", "solve", self.settle, 1, n * 4, what="points that touch: no history"))
         self.bounce: Any = None
         if any(c.restitution > 0.0 for c in colliders):
@@ -95,10 +108,26 @@ class Contact(Method):
     def before_frame(self, time: float, clock: Clock) -> None:
         self.contacts.prepare(time, substeps=clock.substeps, deep=True if clock.starting or self.model.gradients else None)
 
-    def grow(self, status: np.ndarray) -> str:
-        if not self.contacts.grow(int(status[OVERFLOW])):
-            return ""
-        return f"a point touches {int(status[OVERFLOW])} colliders at once, more than there was room for"
+    def meet(self, others: dict[str, Method]) -> None:
+        self.contacts.tell(self.status.word(ROOM))
+        explicit: Any = others.get("explicit")
+        if self.bounce and explicit:
+            self.bounce.join(explicit)
+
+    def give_way(self, press: Callable[[Clock], None] | None) -> None:
+        """Newton steps hold contacts themselves; press: behind what moves points after them, if something does."""
+        self.within, self.press = True, press
+
+    def retry(self, status: Status) -> list[Remedy]:
+        wanted = int(status.said(ROOM)[0])
+
+        def grow() -> str:
+            grown = self.contacts.grow(wanted)
+            return f"a point touches {wanted} colliders at once, more than there was room for" if grown else ""
+        return [Remedy("grow", grow)] if wanted else []
+
+    def resumed(self, time: float) -> None:
+        self.contacts.time = time
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         return self.contacts.indicators(self.state.x) if self.contacts.time is not None else {}

@@ -55,7 +55,7 @@ class Bounce:
         """Takes an explicit integrator (the method): what it predicts, and its last half kick."""
         self.explicit = explicit
         if self.spare:
-            explicit.impacts = self.passed
+            explicit.impacts.append(self.passed)
 
     def keep(self, clock: Clock) -> None:
         """Before anything changes the velocity."""

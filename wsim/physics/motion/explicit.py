@@ -6,8 +6,10 @@ one of threads abreast. Wind, contacts, soft pins, tethers and strain limits act
 at its end, and what they changed becomes a velocity.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
-from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -17,14 +19,25 @@ from wsim.kernels.motion import cluster, march_cpu
 from wsim.kernels.motion import explicit as kernels
 from wsim.kernels.motion.threads import teams
 from wsim.model.model import Model
-from wsim.model.stage import RESIDUAL, Clock, Method, Stage
+from wsim.model.stage import THROWN, Clock, Method, Port, Remedy, Stage
 from wsim.model.state import State
+from wsim.model.status import Status
 from wsim.physics.cloth.constraints import Rows, changed, in_worlds
 from wsim.physics.motion import frequency
 from wsim.physics.motion.forces import Pull
+from wsim.physics.motion.one_launch import OneLaunch
 from wsim.physics.motion.overstretch import Watch
-from wsim.physics.motion.stability import needed
 from wsim.scene.integrator import Integrator
+
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
+
+
+
+def build(b: Build) -> Explicit:
+    pins = b.methods.get("pins")
+    return Explicit(b.model, b.state, b.methods["points"], b.kept(soft=True), b.clock, b.within,
+                    pins if pins and pins.groups["hard"] else None)
 
 
 class Explicit(Method):
@@ -38,13 +51,16 @@ class Explicit(Method):
         self.rows, self.pins, self.steps = in_worlds(model, rows), pins, steps
         self.target = None            # of the pins, as the net has it
         self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
-        self.muscles = None           # the method that puts their rest lengths
-        self.loads = None             # the method that puts what loads add to gravity
-        self.impacts = lambda: None      # takes impacts (restitution) out of `change` before leapfrog's last half kick
+        self.forces = Port()          # called with a row of time tables before forces are evaluated: muscles, loads
+        self.impacts = Port()         # take impacts (restitution) out of `change` before leapfrog's last half kick
+        self.muscles: Any = None      # change rest lengths over time
+        self.moving: Any = None       # what a march works on
+        self.at_once: Any = None      # whole frames in a launch
         self.corrected: Callable | None = None        # adjoint of the last launch of a substep
         self.pull = Pull(model, points.constants, self.rows, None if pins is None else pins.columns(),
                          alone=not (steps or self.integrator.stages), staged=bool(self.integrator.stages))
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
+        state.add(*(table.kept for table in self.solids if table.kept))
         self.acts = int(any(r.body and getattr(r.body.source, "actuation", None) for r in self.rows)) + bool(model.scene.loads)
         self.make(clock.substeps)
         self.watch = None if self.marches and not self.steps else Watch(model, state, self.status, explicit=True)
@@ -59,15 +75,16 @@ class Explicit(Method):
         plain = not (pull.elements or self.integrator.stages or self.field or self.acts)
         self.marches = pull.added and plain
         if pull.cluster and plain:
-            self.run = cluster.frame(real, model.module_of(pull.cluster.threads), pull.cluster)
-            self.stages = [Stage(self.integrator.name, "predict", self.frame_by_cluster, 1, size * count, "frame", what)]
+            self.at_once = OneLaunch(self, cluster.frame(real, model.module_of(pull.cluster.threads), pull.cluster))
+            self.stages = [Stage(self.integrator.name, "predict", self.at_once.by_cluster, 1, size * count, "frame", what)]
             return
         if self.marches:
             self.march = march_cpu.march(real, module, self.damped)
             if not self.steps:
+                self.at_once = OneLaunch(self, self.march)
                 self.move(self.state.e, self.state.v, self.state.r, None)
                 what += f", {pull.abreast.count} threads" * (pull.abreast.count > 1)
-                self.stages = [Stage(self.integrator.name, "predict", self.frame_by_march, 1, size * count, "frame", what)]
+                self.stages = [Stage(self.integrator.name, "predict", self.at_once.by_march, 1, size * count, "frame", what)]
                 return
         self.room()
         self.begin, self.commit = kernels.begin(real, module), kernels.commit(real, module)
@@ -104,9 +121,9 @@ class Explicit(Method):
 
     def move(self, d: wp.array, q: wp.array, carry: wp.array, slip: wp.array | None) -> None:
         """What a march works on, in place. slip: None where it takes frames."""
+        self.status.reserve(THROWN)
         m = self.moving = march_cpu.moving(self.model.real)()
         m.x, m.d, m.q, m.v, m.carry, m.slip, m.frame = self.state.x, d, q, self.state.v, carry, slip, int(slip is None)
-        m.status = self.status[RESIDUAL:]
 
     def start(self, clock: Clock) -> None:
         s = self.state
@@ -151,9 +168,7 @@ class Explicit(Method):
 
     def act(self, clock: Clock, part: float) -> None:
         """Muscles have the lengths, and loads the forces, of that part of the substep."""
-        for method in (self.muscles, self.loads):
-            if method:
-                method.act(2 * clock.k + round(2.0 * part))
+        self.forces(2 * clock.k + round(2.0 * part))
 
     def advance(self, clock: Clock, source: int) -> int:
         """One substep from copy `source`; returns the copy that it ends in. Leapfrog's velocity stays at the half step."""
@@ -207,32 +222,6 @@ class Explicit(Method):
         clock.k = clock.substeps - 1
         self.close(clock, self.read_out(clock, (self.side(clock) + self.integrator.forces) % 2))
 
-    def whole(self, clock: Clock):
-        """All substeps of a frame, and leapfrog's last half kick."""
-        clock.k, half = 0, len(self.integrator.steps) == 2
-        step = self.step(clock, 0.5 if half else 1.0, 1.0, 0)
-        step.close = 0.5 * clock.h if half else 0.0
-        return step
-
-    def frame_by_cluster(self, clock: Clock) -> None:
-        """All of it in one launch."""
-        s, plan = self.state, self.pull.cluster
-        assert plan is not None
-        self.model.launch_blocks(self.run, plan.size, plan.threads, [self.net, self.pull.shares, s.x, self.whole(clock)],
-                                 [s.x, s.e, s.v, s.r])
-
-    def frame_by_march(self, clock: Clock) -> None:
-        """All substeps in one launch: of one CPU thread, which others join."""
-        self.walk(clock, self.pull.abreast.lead(self.key(clock)))
-
-    def walk(self, clock: Clock, team) -> None:
-        """As one of the team."""
-        self.model.launch(self.march, 1, [self.net, self.pull.table, self.whole(clock), team], [self.moving, self.pull.space])
-
-    def key(self, clock: Clock) -> tuple:
-        """Of what the arguments of `walk` are made."""
-        return clock.substeps, clock.h, self.stride, 0 if self.target is None else self.target.ptr
-
     def close(self, clock: Clock, source: int) -> None:
         s = self.state
         self.model.launch(self.commit, self.model.points, [self.pair, self.carry, s.x, source], [s.x, s.e, s.r])
@@ -260,11 +249,27 @@ class Explicit(Method):
 
     # around a frame
 
+    def spring_tables(self) -> list:
+        from wsim.physics.cloth.springs import SpringTable
+        return [SpringTable(self.pull.springs, self.pull.table.rest, self.pull.entry, self.pull.given)]
+
+    def drive(self, muscles) -> None:
+        """Evaluates forces with the rest lengths that muscles put."""
+        self.muscles = muscles
+        self.forces.append(muscles.act)
+
+    def meet(self, others: dict[str, Method]) -> None:
+        if self.moving is not None:
+            self.moving.status = self.status.word(THROWN)
+
+    def retry(self, status: Status) -> list[Remedy]:
+        return [Remedy("doubt")] if status.said(THROWN)[0] else []
+
     def before_frame(self, time: float, clock: Clock) -> None:
         if self.pins is not None and self.target is not self.pins.target["hard"]:
             self.target = self.net.target = self.pins.target["hard"]
         if self.marches and not self.steps:
-            self.pull.abreast.send(self.key(clock), lambda team: self.walk(clock, team))
+            self.at_once.send(clock)
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]."""
@@ -289,12 +294,4 @@ class Explicit(Method):
 
     def least(self) -> int:
         """Substeps that keep the present stiffness stable, in every world."""
-        firsts = [b for b in self.model.bodies if b.world == 0]
-        bounds = [frequency.bound(frequency.in_world(self.model, world),
-                                  {b.path: [r.moved(b) for r in self.rows if r.body is not None
-                                            and (r.body.path, r.body.world) == (b.path, world)] for b in firsts},
-                                  [replace(p, body=b) for table in self.solids for p in table.parts for b in firsts
-                                   if (p.body.path, p.body.world) == (b.path, world)])
-                  for world in range(self.model.worlds)]
-        tops = [b for b in set(bounds) if not any(b != o and b[0] <= o[0] and b[1] <= o[1] for o in bounds)]
-        return max(needed(self.model.scene, self.integrator, omega, c) for omega, c in tops)
+        return frequency.least(self.model, self.integrator, self.rows, self.solids)

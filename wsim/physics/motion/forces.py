@@ -6,13 +6,11 @@ much, and are gathered by a few threads; else on a CPU every spring stands once,
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import warp as wp
 
 from wsim.geometry.topology import incident
-from wsim.kernels.cloth import element
 from wsim.kernels.cloth import spring as kernels
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import march_cpu
@@ -20,6 +18,7 @@ from wsim.kernels.motion import packets as lots
 from wsim.kernels.motion.cluster import Shares
 from wsim.model.model import Model
 from wsim.physics.cloth.constraints import Rows
+from wsim.physics.cloth.elements import Elements
 from wsim.physics.motion.cluster import LARGE, MANY, Cluster, cluster_of, halo
 from wsim.physics.motion.packets import Packets
 from wsim.physics.motion.threads import Abreast, cores, orders
@@ -175,6 +174,11 @@ class Pull:
         for e in self.elements:
             e.launch(x, pair, source, self.force)
 
+    def given(self, lengths: wp.array) -> None:
+        """Rest lengths as they are without muscles, which change `table.rest` from now on."""
+        self.lengths = lengths
+        self.values(again=True)
+
     def refresh(self) -> None:
         """Uploads rest values, stiffness and damping anew."""
         if self.springs:
@@ -210,69 +214,6 @@ def _lanes(n: int, most: int) -> int:
     with 1; 10k points 5.5 with 8, 5.9 with 4; 100k points 13.8 with 4, 23.7 with 8; 1M points 103 with 2, 120 with 1."""
     few = 16 if n <= 8_000 else 8 if n <= 30_000 else 4 if n <= 100_000 else 2
     return min(few, 1 << max(most - 1, 0).bit_length())
-
-
-def _nothing(read: list, wrote: list) -> None:
-    """Adjoint of launches that another's adjoint takes along."""
-
-
-class Elements:
-    """Membranes or hinges of every body, on the device."""
-
-    def __init__(self, model: Model, kind: str, rows: list[Rows]):
-        self.model, self.kind, self.rows, self.first, self.damped = model, kind, rows, 0, False
-        self.backward: Callable | None = None         # adjoint of `launch`
-        t, real = types(model.real), model.real
-        self.ids = model.shared(np.concatenate([r.ids for r in rows]).astype(np.int32))
-        self.data = element.elements(kind, real)()
-        self.data.point = model.upload(self.ids, wp.types.vector(self.ids.shape[1], int))
-        self.data.rest = model.upload(np.concatenate([r.rest for r in rows]), t.mat22 if kind == "membrane" else real)
-        self.data.stiffness = model.upload(self.stiffness(), t.vec4 if kind == "membrane" else real)
-        self.data.tau = model.upload(self.tau(), real)
-        self.curvature: Any = None
-        if kind == "dihedral":
-            from wsim.physics.cloth.curvature import Curvature
-            self.curvature = Curvature(model, rows, stored=True)
-
-    def stiffness(self) -> np.ndarray:
-        """alpha^-1, (m,); of a membrane (m, 4): (uu, uv, shear, vv) of plane stress."""
-        alpha = np.concatenate([np.broadcast_to(r.alpha, (len(r.ids), *r.alpha.shape[1:])) for r in self.rows])
-        if self.kind != "membrane":
-            return 1.0 / alpha
-        uu, uv, shear, vv = alpha.T
-        det = uu * vv - uv**2
-        return np.stack([vv / det, -uv / det, 1.0 / shear, uu / det], axis=1)
-
-    def tau(self) -> np.ndarray:
-        return np.concatenate([np.full(len(r.ids), r.tau) for r in self.rows])
-
-    def refresh(self) -> None:
-        self.data.rest.assign(np.concatenate([r.rest for r in self.rows]).astype(self.model.dtype))
-        self.data.stiffness.assign(self.stiffness().astype(self.model.dtype))
-        self.data.tau.assign(self.tau().astype(self.model.dtype))
-        if self.curvature:
-            self.curvature.refresh()
-
-    def make(self, damped: bool) -> None:
-        self.damped, real, module = damped, self.model.real, self.model.module
-        if self.curvature:
-            from wsim.kernels.cloth import curvature
-            self.strained, self.kernel = curvature.strained(real, module, damped), curvature.corners(real, module)
-        else:
-            self.kernel = element.corners(real=real, module=module, damped=damped)
-
-    def differentiate(self, pull: Pull) -> None:
-        from wsim.physics.motion.forces_adjoint import BentAdjoint, FlatAdjoint
-        self.backward = (BentAdjoint if self.curvature else FlatAdjoint)(self.model, self, pull).backward
-
-    def launch(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> None:
-        read: list = [self.data, x, pair, source, self.first]
-        if self.curvature:
-            cur = self.curvature
-            self.model.launch(self.strained, cur.hinges, [self.data, x, pair, source, cur.data], [], _nothing)
-            cur.launch_sums(_nothing)
-            read.append(cur.data)
-        self.model.launch(self.kernel, len(self.ids), read, [force], self.backward)
 
 
 class Solid:

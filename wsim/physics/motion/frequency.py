@@ -19,6 +19,8 @@ import numpy as np
 
 from wsim.model.model import Body, Model, hard_places
 from wsim.physics.cloth.constraints import HARD, Rows
+from wsim.physics.motion.stability import needed
+from wsim.scene.integrator import Integrator
 
 ITERATIONS = 40        # of the power method: within 2 % on nets of 1e2 to 1e5 points
 SOME = 20_000          # tets at a time: a quadratic one has 6 kB of J
@@ -206,3 +208,16 @@ def estimate(model: Model, rows: dict[str, list[Rows]], iterations: int = ITERAT
             value, y = float(np.linalg.norm(root * f)), root * f
         top = max(top, value)
     return (top + _contacts(model))**0.5
+
+
+def least(model: Model, integrator: Integrator, rows: list[Rows], tables: list) -> int:
+    """Substeps a frame that keep the present stiffness stable, in every world. tables: of tets."""
+    firsts = [b for b in model.bodies if b.world == 0]
+    bounds = [bound(in_world(model, world),
+                    {b.path: [r.moved(b) for r in rows if r.body is not None and (r.body.path, r.body.world) == (b.path, world)]
+                     for b in firsts},
+                    [replace(p, body=b) for table in tables for p in table.parts for b in firsts
+                     if (p.body.path, p.body.world) == (b.path, world)])
+              for world in range(model.worlds)]
+    tops = [b for b in set(bounds) if not any(b != o and b[0] <= o[0] and b[1] <= o[1] for o in bounds)]
+    return max(needed(model.scene, integrator, omega, c) for omega, c in tops)

@@ -5,6 +5,10 @@ A table holds the values of a frame at every half of a substep, of sdirk3 at eve
 has those of its own time (as `wsim.physics.cloth.muscles`).
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 import warp as wp
 
@@ -15,6 +19,10 @@ from wsim.model.stage import Clock, Method, Stage
 from wsim.scene import Load, Problem, SceneError
 from wsim.scene.curve import Curve
 from wsim.scene.nodal_loads import nodal
+
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
+
 
 
 class Borne:
@@ -43,26 +51,33 @@ class Borne:
         return new
 
 
+def build(b: Build) -> Loads:
+    return Loads(b.model, b.clock, b.methods["points"])
+
+
 class Loads(Method):
     """Gravity of the points that bear a load. `act` puts that of a row of the table."""
 
-    def __init__(self, model: Model, clock: Clock, points, explicit):
-        """points: the method that owns gravity and inverse masses. explicit: that asks for rows by itself, or None."""
+    def __init__(self, model: Model, clock: Clock, points):
+        """points: the method that owns gravity and inverse masses."""
         super().__init__("loads")
         self.model, self.clock, self.points, self.changed, self.time = model, clock, points, True, -clock.dt
         self.borne = [Borne(load, b, model) for load in model.scene.loads for b in model.bodies if b.path == load.body]
         real, t, module = model.real, types(model.real), model.module
-        self.gravity, points.loads = points.constants.gravity, self
+        self.gravity = points.constants.gravity
         self.tables(t)
         self.bear = kernels.bear(real, module)
         if model.gradients:
             self.shares, self.release = kernels.shares(real, module), kernels.release(real, module)
             self.part = wp.zeros(len(self.borne) * kernels.LANES, dtype=t.vec3, device=model.device)
         self.make(clock)
-        if explicit:
-            explicit.loads = self
-        else:
+        if not points.integrator.explicit:               # which asks for rows by itself
             self.stage()
+
+    def meet(self, others: dict[str, Method]) -> None:
+        self.points.bear(self)
+        if explicit := others.get("explicit"):
+            explicit.forces.append(self.act)              # type: ignore[attr-defined]
 
     def tables(self, t) -> None:
         """Entries by point and by load."""

@@ -3,30 +3,46 @@ or the solver has not held them. `Simulation` repeats the frame of explicit step
 the choice, and warns else (`wsim.simulation.measure.exceeded`). Whole frames of a march look at their springs themselves
 (kernels/motion/march_cpu.py)."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 import warp as wp
 
 from wsim.kernels.cloth import spring as kernels
 from wsim.model.model import Model, edge_lengths
-from wsim.model.stage import EACH, LONG, RESIDUAL, Clock, Method, Stage
+from wsim.model.stage import LONG, STRETCHED, THROWN, Clock, Method, Stage
 from wsim.model.state import State
+from wsim.model.status import Status
 from wsim.physics.cloth.constraints import AT_REST
 
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
+
+
 MOST = 2.0             # length over rest length from which an edge is suspect, as kernels/motion/march_cpu.py has it
+
+
+def build(b: Build) -> Watch | None:
+    watch = Watch(b.model, b.state, b.status)
+    return watch if watch.stages else None
 
 
 class Watch(Method):
     """One stage, after a frame; none where nothing has edges."""
 
-    def __init__(self, model: Model, state: State, status: wp.array, explicit: bool = False):
+    def __init__(self, model: Model, state: State, status: Status, explicit: bool = False):
         """explicit: the frame is in doubt, and not only reported."""
         super().__init__("watch")
-        self.model, self.state, self.status, self.own = model, state, status, RESIDUAL if explicit else LONG
+        self.model, self.state, self.status, self.own = model, state, status, THROWN if explicit else LONG
         self.factor = lambda body: 1.0
         self.bodies = [(b, edge_lengths(b) > 0.0) for b in model.bodies]
         counts = [int(long.sum()) for _, long in self.bodies]
         if not sum(counts):
             return
+        status.reserve(self.own)
+        status.reserve(STRETCHED, len(model.bodies))
         ids = np.concatenate([b.edges[long] for b, long in self.bodies])
         self.edges = model.upload(model.shared(ids.astype(np.int32)), wp.vec2i)
         self.rest = model.upload(self.longest(), model.real)
@@ -51,5 +67,6 @@ class Watch(Method):
 
     def look(self, clock: Clock) -> None:
         if len(self.rest):
-            self.model.launch(self.stretched, len(self.rest), [self.edges, self.rest, MOST, self.first, self.state.x, self.own,
-                                                               EACH], [self.status])
+            self.model.launch(self.stretched, len(self.rest),
+                              [self.edges, self.rest, MOST, self.first, self.state.x, self.status.offset(self.own),
+                               self.status.offset(STRETCHED)], [self.status.array])

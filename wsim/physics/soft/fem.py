@@ -10,7 +10,7 @@ import warp as wp
 from wsim.geometry.tetra import tets as meshes
 from wsim.kernels.math.real import types
 from wsim.kernels.soft import fem
-from wsim.model import kernel_cache
+from wsim.model import kernel_cache, state
 from wsim.model.model import Model
 from wsim.physics.soft.parts import parts_of
 from wsim.scene import Soft
@@ -49,11 +49,11 @@ class Tetrahedra:
         self.backward: Callable | None = None    # adjoint of the forces
         self.plastic: Plastic | None = None
         self.flows = True                 # where forces are asked for; with Newton's method where a step ends
-        self.kept: dict = {}              # what outlives a frame, by name
+        self.kept: state.Part | None = None     # of the state: what outlives a frame
         if any(m.yield_strain < inf for p in self.parts for m in p.soft.materials):
             from wsim.physics.soft import plastic
             self.plastic = plastic.Plastic(self)
-            self.kept = {f"plastic_{self.name}": self.plastic.kept}
+            self.kept = self.plastic.kept
 
     def shapes(self) -> tuple[np.ndarray, ...]:
         """Edges [m], gradients [1/m] and volumes [m^3] at rest, where every body is as it was cut."""

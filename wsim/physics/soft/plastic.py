@@ -7,7 +7,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.soft import plastic
-from wsim.model.state import Kept
+from wsim.model import state
 from wsim.physics.soft.parts import Part
 
 
@@ -27,8 +27,10 @@ class Plastic:
         self.F = wp.array(np.tile(np.eye(3), (table.size, 1, 1)), dtype=t.mat33, device=model.device)
         self.shape_kernel, self.flow_kernel = plastic.shape(real, model.module), plastic.flow(real, model.module)
         starts = np.cumsum([0, *(len(p.rows) for p in table.parts)])
-        self.kept = Kept(self.F, wp.clone(self.F), {
+        name = f"plastic_{table.name}"
+        self.kept = state.Part(name, table.size, table.size, rows={
             p.body.number: first + np.argsort(p.rows) for p, first in zip(table.parts, starts[:-1], strict=True)})
+        self.kept.take(state.Field(name, "", True, "F_p, what a tet has become at rest", "mat33"), self.F)
         if model.gradients:
             from wsim.physics.motion.forces_adjoint import FlowAdjoint
             self.adjoint = FlowAdjoint(self)

@@ -22,7 +22,7 @@ class Pressure:
 
     name, noun, damped = "pressure", "triangles", False
     parts: list = []                  # of tets
-    kept: dict = {}                   # nothing outlives a frame
+    kept = None                       # nothing outlives a frame
     plastic = None
 
     def __init__(self, model: Model):

@@ -12,22 +12,28 @@ limits are projected behind the last step, as many sweeps as there were steps, c
 gradients, `wsim.physics.solver.newton_adjoint`).
 """
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import warp as wp
 
-from wsim.geometry import topology
 from wsim.kernels.cloth import hessian
 from wsim.kernels.math.real import types
-from wsim.kernels.solver import line_search, newton, soft_pin
+from wsim.kernels.solver import line_search, newton
 from wsim.model.model import Model
-from wsim.model.stage import EACH, RESIDUAL, Clock, Method, Stage
-from wsim.model.state import State
+from wsim.model.stage import MISSED, UNSOLVED, Clock, Method, Remedy, Stage
+from wsim.model.state import Field, State
+from wsim.model.status import Status
 from wsim.physics.cloth.constraints import Rows, changed, in_worlds
 from wsim.physics.cloth.table import Table, bending_of
 from wsim.physics.solver import linear
 from wsim.physics.solver.line_search import LineSearch
+
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
+
 
 TOLERANCE = 1e-2       # of conjugate gradients. 32 x 32 cloth, 4 x 1: error 3.5e-3 m at 0.25 s with 1e-3 and 1e-2, 4.0e-3 with
                        # 3e-2, 5.9e-3 with 1e-1, for 47, 19, 16 and 14 iterations; further Newton steps solve what is left
@@ -40,27 +46,41 @@ MET_MIDPOINT = 1e-2    # as MET, for the implicit midpoint, which damps nothing 
 MET_SDIRK3 = 0.1       # as MET, for sdirk3. A scrambled bar of nu 0.49 stayed so with 0.5, and came back with this
 
 
+def build(b: Build) -> Implicit:
+    return Implicit(b.model, b.state, b.methods["points"], b.status, b.clock, b.kept(soft=True))
+
+
+def coarse_space(model: Model, h: float) -> tuple[list, str]:
+    """Bodies solved with one, and what the plan says about it."""
+    from wsim.physics.solver.coarse_space import wanted
+    bodies, why = wanted(model, h)
+    return bodies, f"; {why}"
+
+
 class Implicit(Method):
     """Stage newton, and what it reports."""
 
-    def __init__(self, model: Model, state: State, points, status: wp.array, clock: Clock, rows: dict[str, list[Rows]]):
+    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: dict[str, list[Rows]]):
         """rows: soft constraints of each body of world 0, by path."""
         super().__init__("implicit")
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
         self.every = every = in_worlds(model, rows)
         self.tables = {kind: Table(kind, [r for r in every if r.kind == kind], model)
                        for kind in KINDS if any(r.kind == kind for r in every)}
-        self.contact = self.pins = self.adjoint = self.hard = None
+        self.contact = self.pins = self.adjoint = self.hard = None          # type: Any
         self.free: Any = None                      # `wsim.physics.solver.rigid_translation.Momentum`
+        self.soft: Any = None                      # `wsim.physics.solver.soft_pin.SoftPins`
         self.active: Any = None                    # `wsim.physics.contact.active_set.ActiveSet`
-        self.solids, self.present = [], list        # present: rows, with muscles as they are
+        self.solids: list = []
+        self.present: Any = list                   # rows, with muscles as they are
         if model.scene.softs:
             from wsim.physics.soft.fem import tables_of
             self.solids = tables_of(model)
+            state.add(*(table.kept for table in self.solids if table.kept))
         self.springs = "distance" in self.tables
         self.elements = bool(self.solids or self.tables.keys() - {"distance"})
         self.bending = bending_of(model, self.tables.get("dihedral"))
-        coarse, why = self.coarse()
+        coarse, why = coarse_space(model, self.clock.h) if self.solids else ([], "")
         self.system = linear.System(model, points.constants.w, self.ids("distance", 2), self.ids("dihedral", 4),
                                     [self.ids("membrane", 3), *(s.ids for s in self.solids)], coarse,
                                     self.bending.spans if self.bending else None)
@@ -77,14 +97,6 @@ class Implicit(Method):
             size = sum(s.size for s in self.solids if s.plastic)
             self.stages.append(Stage("flow", "deform", self.flow, 1, size * 150, what=f"{size} plastic tets"))
 
-    def coarse(self) -> tuple[list, str]:
-        """Bodies solved with a coarse space, and what the plan says about it."""
-        if not self.solids:
-            return [], ""
-        from wsim.physics.solver.coarse_space import wanted
-        bodies, why = wanted(self.model, self.clock.h)
-        return bodies, f"; {why}"
-
     def ids(self, kind: str, corners: int) -> np.ndarray:
         return self.tables[kind].ids if kind in self.tables else np.zeros((0, corners), np.int32)
 
@@ -92,8 +104,9 @@ class Implicit(Method):
         """Vectors over points, and numbers of each body."""
         model, t = self.model, types(self.model.real)
         over = self.system.zeros
-        self.b, self.c, self.saved, self.f = (over(model.points, t.vec3) for _ in range(4))
-        self.fields, self.time = {"c": self.c}, -1.0
+        self.b, self.c, self.f = (over(model.points, t.vec3) for _ in range(3))
+        self.state.points.take(Field("c", "m", True, "what forces changed in the substep before (Newton's method)"), self.c)
+        self.status.reserve(UNSOLVED, len(model.bodies))
         self.element = hessian.elements_of(model.real)()
         hinges, triangles = len(self.ids("dihedral", 4)), len(self.ids("membrane", 3))
         force, block = 4 * hinges + 3 * triangles, 3 * triangles
@@ -116,12 +129,25 @@ class Implicit(Method):
         self.left, self.unmet = line_search.left(real, block), line_search.unmet(real, module)
         self.line = LineSearch(self)
         if self.clock.watched:
+            self.status.reserve(MISSED)
             from wsim.kernels.solver.xpbd_residual import judge
             self.judge = judge(real, module)
 
-    def join(self, contact, pins, hard) -> None:
-        """Takes contacts (or None) and soft pins into the system. hard: what projects tethers and strain limits behind it."""
-        real, module, model = self.model.real, self.model.module, self.model
+    def spring_tables(self) -> list:
+        from wsim.physics.cloth.springs import SpringTable
+        table, found = self.tables.get("distance"), []
+        if self.adjoint and table:
+            pull = self.adjoint.pull
+            found.append(SpringTable(pull.springs, pull.table.rest, pull.entry, pull.given))
+        return found + ([SpringTable(table.rows, table.data.rest, np.arange(table.size), table.given)] if table else [])
+
+    def drive(self, muscles) -> None:
+        """The energy is that of the rest lengths that muscles have put."""
+        self.present = muscles.present
+
+    def meet(self, others: dict[str, Method]) -> None:
+        """Takes contacts and soft pins into the system; tethers and strain limits are projected behind it."""
+        pins, contact, hard = (cast(Any, others.get(name)) for name in ("pins", "contact", "xpbd"))
         self.hard, self.contact, self.pins = hard, contact, pins if pins and pins.groups["soft"] else None
         w, starts = self.rows.w.numpy(), self.system.starts
         free = [int(not contact and w[i:j].all()) for i, j in zip(starts[:-1], starts[1:], strict=True)]
@@ -131,12 +157,10 @@ class Implicit(Method):
         if self.contact:
             from wsim.physics.contact.active_set import ActiveSet
             self.active = ActiveSet(self, contact)
-            contact.within, contact.press = True, self.active.press if hard else None
+            contact.give_way(self.active.press if hard else None)
         if self.pins:
-            self.pinned = soft_pin.pinned(real, module)
-            first, item = topology.incident(self.pins.place["soft"].numpy()[:, None], model.points)
-            self.soft = [model.upload(values.astype(np.int32), int) for values in (np.unique(first), item)]   # none without
-            pins.stages = [s for s in pins.stages if s.name != "soft pins"]
+            from wsim.physics.solver.soft_pin import SoftPins
+            self.soft = SoftPins(self, pins)
         if self.adjoint:
             self.adjoint.join(hard)
 
@@ -200,11 +224,10 @@ class Implicit(Method):
 
     def prepare(self, d: wp.array, clock: Clock) -> None:
         """own and b of the prediction d, with soft pins."""
-        rate, launch, pins = 1.0 / clock.g, self.model.launch, self.pins
-        launch(self.begin, self.model.points, [self.rows, d, self.c, rate], [self.A, self.b, self.v.y])
-        if pins:
-            launch(self.pinned, self.soft[0].size - 1, [pins.soft, *self.soft, pins.target["soft"], self.state.x,
-                                                        self.points.anchor, clock.k, rate], [self.A, self.b])
+        rate = 1.0 / clock.g
+        self.model.launch(self.begin, self.model.points, [self.rows, d, self.c, rate], [self.A, self.b, self.v.y])
+        if self.soft:
+            self.soft.launch(clock.k, rate)
 
     def carry(self) -> None:
         """y gets what it lacks of the translation of free bodies."""
@@ -214,16 +237,16 @@ class Implicit(Method):
     def measure(self, clock: Clock) -> None:
         """What the frame's last Newton step left, and whether an integrator that needs it may go on."""
         self.linearise(1.0 / clock.g)
-        f = self.f
         if self.active:
             self.active.hold(clock.g, fresh=True)
-            f = self.active.held.f
+        f = self.active.held.f if self.active else self.f
         self.system.launch(self.left, [self.points.constants, self.A, self.system.first, f, self.state.d, self.b],
                            [self.residual])
-        self.model.launch(self.unmet, self.residual.size, [self.residual, EACH + len(self.model.bodies)], [self.status])
+        self.model.launch(self.unmet, self.residual.size, [self.residual, self.status.offset(UNSOLVED)],
+                          [self.status.array])
         if clock.watched:
             most = MET_MIDPOINT if clock.beyond else MET_SDIRK3 if clock.staged else MET
-            self.model.launch(self.judge, self.residual.size, [self.residual, most], [self.status[RESIDUAL:]])
+            self.model.launch(self.judge, self.residual.size, [self.residual, most], [self.status.word(MISSED)])
 
     def linearise(self, rate: float) -> None:
         """Forces and Jacobian at d, without contacts."""
@@ -251,10 +274,8 @@ class Implicit(Method):
         entries = 2 * (self.A.link.capacity if self.springs else 0) + 2 * (self.A.block.capacity if self.elements else 0)
         return entries + self.model.points * (8 * self.springs + 8 * self.elements + 50 * np.dtype(self.model.dtype).itemsize)
 
-    def before_frame(self, time: float, clock: Clock) -> None:
-        """A frame that is repeated starts from the same c."""
-        wp.copy(*((self.c, self.saved) if time == self.time else (self.saved, self.c)))
-        self.time = time
+    def retry(self, status: Status) -> list[Remedy]:
+        return [Remedy("give way")] if status.said(MISSED)[0] else []
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]; residual of the frame's last Newton step (kernels/solver/line_search.py, `left`), largest of all

@@ -73,7 +73,7 @@ class ImplicitAdjoint(Forces):
     def join(self, hard) -> None:
         """Takes what the method has taken into its system. hard: what is projected once behind a solve, or None."""
         if self.method.pins:
-            self.pins = PinsAdjoint(self.model, self.method.pins, self.method.soft)
+            self.pins = PinsAdjoint(self.model, self.method.pins, [self.method.soft.first, self.method.soft.item])
         if self.method.contact:
             self.contacts = ContactsAdjoint(self.model, self.method.contact, hard is not None)
 

@@ -8,7 +8,8 @@ import numpy as np
 import warp as wp
 
 from wsim.model.midnodes import places
-from wsim.model.stage import NOT_FINITE, RESIDUAL
+from wsim.model.stage import MISSED, THROWN
+from wsim.physics.motion.points import NOT_FINITE
 from wsim.scene import Problem, SceneError
 from wsim.simulation.plan import Plan
 
@@ -42,9 +43,11 @@ def first(plan: Plan, time: float) -> str:
 
 def _run(plan: Plan) -> tuple:
     """(substep, stage, arrays) after which something first was no number; stage None: at the begin. Empty: all went well."""
-    arrays = plan.state.arrays | {name: a for m in plan.methods for name, a in m.fields.items()}
-    for name in plan.state.arrays.keys() - plan.state.saved.keys():
-        arrays[name].zero_()                             # nothing of it is read before it is written
+    arrays = {(part.name, f.name): part.arrays[f.name] for part in plan.state.parts.values() for f in part.fields}
+    for part in plan.state.parts.values():
+        for f in part.fields:
+            if not f.persistent:
+                part.arrays[f.name].zero_()              # nothing of it is read before it is written
     start = _bad(arrays)
     if start:
         return 0, None, start
@@ -69,8 +72,8 @@ def _run(plan: Plan) -> tuple:
     return found[0] if found else ()
 
 
-def _bad(arrays: dict[str, wp.array]) -> dict[str, int]:
-    """First point that is no number of each array that has one."""
+def _bad(arrays: dict[tuple, wp.array]) -> dict[tuple, int]:
+    """First row that is not finite of each array that has one."""
     found = {}
     for name, array in arrays.items():
         values = array.numpy()
@@ -83,8 +86,9 @@ def _bad(arrays: dict[str, wp.array]) -> dict[str, int]:
 def judge(recording, long: str) -> None:
     """What a `wsim.gradient.recording.Recording` has run into: warns of residuals (long: of explicit steps). Raises SceneError
     where a position is no number."""
-    plan, status = recording.plan, recording.plan.status.numpy()
-    if int(status[NOT_FINITE]):
+    plan, status = recording.plan, recording.plan.status
+    status.fetch()
+    if int(status.said(NOT_FINITE)[0]):
         bad = max(int(np.argmax(~np.isfinite(recording.states.numpy()).all(axis=(1, 2)))), 1)
         recording.rewind()
         for frame in range(bad - 1):
@@ -96,27 +100,32 @@ def judge(recording, long: str) -> None:
         said = first(plan, (recording.start + bad - 1) / recording.sim.scene.fps)
         raise SceneError(Problem("frame", f"a position is no number in frame {recording.start + bad}{said and f' ({said})'}; "
                                  "give it more substeps, or fewer frames"))
-    if int(status[RESIDUAL]):
-        recording.warn(long if plan.method("explicit") else
-                       f"/: gradients: {plan.integrator} leaves too large a residual; a simulation would go on with backward "
+    if status.said(THROWN)[0]:
+        recording.warn(long)
+    if status.said(MISSED)[0]:
+        recording.warn(f"/: gradients: {plan.integrator} leaves too large a residual; a simulation would go on with backward "
                        "Euler. Take more iterations or smaller substeps")
 
 
-def words(plan: Plan, substeps: int, substep: int, stage, arrays: dict[str, int]) -> str:
-    """substep of substeps: as `wsim.model.stage.Clock` counts them, two a step of sdirk3."""
-    meaning = {f.name: f.meaning for f in plan.state.fields}
-    name = next((n for n in ("d", "v", "x") if n in arrays), next(iter(arrays)))
-    body, point = author(plan.model, arrays[name])
-    what = f"{name} ({meaning[name]})" if name in meaning else name
+def words(plan: Plan, substeps: int, substep: int, stage, arrays: dict[tuple, int]) -> str:
+    """arrays: row that is not finite, by part and field; substep of substeps: as `wsim.model.stage.Clock` counts them."""
+    part, name = next((("points", n) for n in ("d", "v", "x") if ("points", n) in arrays), next(iter(arrays)))
+    body, point = author(plan, part, arrays[part, name])
+    meaning = next(f.meaning for f in plan.state.parts[part].fields if f.name == name)
     solves = 2 if plan.clock.staged else 1
     where = "when the frame begins" if stage is None else (
         f"in substep {substep // solves + 1} of {substeps // solves}"
         f"{f' (stage {substep % 2 + 1} of sdirk3)' * plan.clock.staged}, stage {stage.name}")
-    return f"first {where}: array {what} of point {point} of {body}"
+    row = f"{'point' if part == 'points' else part} {point} of {body}"
+    return f"first {where}: array {name} ({meaning}) of {row}"
 
 
-def author(model, place: int) -> tuple[str, int]:
-    """Path of the body, and number of the author's point, at a place in the arrays."""
+def author(plan: Plan, part: str, place: int) -> tuple[str, int]:
+    """Path of the body, and number of the author's point (of another part: of the body's row), at a row of a part."""
+    model = plan.model
+    if part != "points":
+        number, rows = next((n, r) for n, r in plan.state.parts[part].rows.items() if place in r)
+        return model.bodies[number].path, int(np.flatnonzero(rows == place)[0])
     body = next(b for b in model.bodies if b.first <= place < b.last)
     where = np.flatnonzero(places(body) == place)
     if not len(where):                                        # another body's point stands for it

@@ -1,6 +1,6 @@
 """Warnings of frames in which an edge was longer than twice its rest length, or a solver left as much force as it found.
 
-The status word holds both for every body (`wsim.model.stage`), so that frames are neither slowed nor missed. One warning for
+Status words hold both for every body (`wsim.model.stage`), so that frames are neither slowed nor missed. One warning for
 each body and kind: its first frame, and how often and how badly since.
 """
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wsim.model.model import edge_lengths
-from wsim.model.stage import EACH, RESIDUAL
+from wsim.model.stage import STRETCHED, THROWN, UNSOLVED
 from wsim.physics.motion.overstretch import MOST
 
 EXPLICIT = ("if the motion is not meant to be that violent, explicit steps are too long for it; give more substeps, or solver "
@@ -17,7 +17,7 @@ EXPLICIT = ("if the motion is not meant to be that violent, explicit steps are t
 OTHERS = "nothing holds it to its material there; give more substeps or iterations, or slower motion"
 BEHIND = "tethers and strain limits are projected behind its steps, which undo a part of it; solver xpbd takes both together"
 CAP = 1e9              # percent: no more is told, see kernels/cloth/spring.py and kernels/solver/line_search.py
-UNSOLVED = "1 is as if nothing had been solved; give more substeps or iterations, or less stiffness"
+NOTHING = "1 is as if nothing had been solved; give more substeps or iterations, or less stiffness"
 
 
 @dataclass
@@ -33,13 +33,16 @@ class Note:
 
 def note(sim) -> None:
     """After frame `sim.frame`, which holds."""
-    bodies, explicit, status = sim.model.bodies, sim.plan.choice.solver == "explicit", sim.plan.words
-    percent, unsolved = status[EACH:], BEHIND if sim.plan.method("xpbd") else UNSOLVED
-    if explicit and status[RESIDUAL] and not percent.any():       # a march, which does not say where
-        percent = np.concatenate([_stretches(sim), np.zeros(len(bodies), int)])
-    for place in np.flatnonzero(percent).tolist():
-        value, strained = float(percent[place]) / 100.0, place < len(bodies)
-        body = bodies[place if strained else _first(sim.model, place - len(bodies))]
+    bodies, explicit, status = sim.model.bodies, sim.plan.choice.solver == "explicit", sim.plan.status
+    unsolved = BEHIND if sim.plan.method("xpbd") else NOTHING
+    stretched = status.said(STRETCHED)
+    if status.said(THROWN)[0] and not stretched.any():            # a march, which does not say where
+        stretched = _stretches(sim)
+    beyond = [(int(place), True, stretched[place]) for place in np.flatnonzero(stretched)]
+    left = status.said(UNSOLVED)
+    beyond += [(_first(sim.model, int(system)), False, left[system]) for system in np.flatnonzero(left)]
+    for place, strained, percent in beyond:
+        value, body = float(percent) / 100.0, bodies[place]
         where = body.path + f" (world {body.world})" * (sim.worlds > 1)
         said = (f"an edge of {where} is {{worst}} times as long as at rest: {EXPLICIT if explicit else OTHERS}" if strained
                 else f"Newton's method left a residual of {{worst}} on {where}: {unsolved}")

@@ -88,7 +88,7 @@ class Balance:
         turned = [t.q for t in plan.solids]                  # rotations of the present state, from which others are sought
         kept = [wp.clone(q) for q in turned]
         plan.state.snapshot()
-        wp.copy(plan.state.every, self.state)
+        wp.copy(plan.state.points.every, self.state)
         for table in plan.solids:
             table.forget()
         first = sim.indicators()
@@ -109,7 +109,7 @@ def balance(sim) -> Balance | None:
     """Of a run that begins here by an implicit integrator; None where something else takes energy or gives some."""
     if sim.plan.choice.integrator.explicit or not closed(sim):
         return None
-    return Balance(sim.plan, sim.frame, wp.clone(sim.state.every), len(sim.changes))
+    return Balance(sim.plan, sim.frame, wp.clone(sim.state.points.every), len(sim.changes))
 
 
 def closed(sim) -> bool:

@@ -59,8 +59,8 @@ def arrays(source, world: int = 0) -> dict[str, View]:
     plan, model = sim.plan, sim.model
     bodies = [b for b in model.bodies if b.world == world]
     index, origin = {b.path: b.index for b in bodies}, {b.path: b.origin for b in bodies}
-    kept = tuple(f.name for f in sim.state.fields if f.persistent)
-    whole: Any = getattr(source, "initial", sim.state.every)
+    kept = tuple(sim.state.points.names)
+    whole: Any = getattr(source, "initial", sim.state.points.every)
     found = {"state": View(whole, index, origin, kept)}
     for k, name in enumerate(kept):
         if name in NAMES:

@@ -1,0 +1,75 @@
+"""Words that a frame leaves behind for the host, by name: read once after each frame.
+
+A method reserves its words while the plan is built (`reserve`), writes them by kernels (`word`, or `array` with `offset`), and
+reads its own after the frame (`said`). All of them are zero when a frame begins.
+"""
+
+import numpy as np
+import warp as wp
+
+
+class Status:
+    def __init__(self, device):
+        self.device = wp.get_device(device)
+        self.places: dict[str, slice] = {}
+        self.size = 0
+        self._array: wp.array | None = None
+        self._host: wp.array | None = None
+
+    def reserve(self, name: str, count: int = 1) -> None:
+        """`count` words of this name; methods may share one. Raises ValueError where it has another count, or when a word is in
+        use already."""
+        known = self.places.get(name)
+        if known and known.stop - known.start == count:
+            return
+        if known or self._array is not None:
+            raise ValueError(f"status words {name!r}: {count} wanted after " + ("others were used" if not known else "another "
+                             f"{known.stop - known.start} were"))
+        self.places[name] = slice(self.size, self.size + count)
+        self.size += count
+
+    @property
+    def array(self) -> wp.array:
+        """All words on the device; from the first use on none can be reserved."""
+        if self._array is None:
+            self._array = wp.zeros(max(self.size, 1), dtype=int, device=self.device)
+            if self.device.is_cuda:                      # pinned memory that a frame copies its words to
+                self._host = wp.zeros(max(self.size, 1), dtype=int, device="cpu", pinned=True)
+        return self._array
+
+    def offset(self, name: str) -> int:
+        """Of the first word of this name in `array`."""
+        return self.places[name].start
+
+    def word(self, name: str) -> wp.array:
+        """The words of this name on the device."""
+        return self.array[self.places[name].start:self.places[name].stop]
+
+    def begin(self) -> None:
+        """Launches what a frame starts with."""
+        self.array.zero_()
+
+    def end(self) -> None:
+        """Launches what a frame ends with."""
+        if self._host is not None:
+            wp.copy(self._host, self.array)
+
+    def wait(self) -> None:
+        """Until the frame launched last is done: then its words are there."""
+        if self._host is not None:
+            wp.synchronize_stream(self.device.stream)
+
+    def fetch(self) -> None:
+        """Brings what the device holds now."""
+        self.end()
+        self.wait()
+
+    @property
+    def words(self) -> np.ndarray:
+        """As the frame that was waited for has left them; the same memory, not a copy."""
+        return (self.array if self._host is None else self._host).numpy()
+
+    def said(self, name: str) -> np.ndarray:
+        """Words of this name; zeros (one) where nobody has reserved it."""
+        place = self.places.get(name)
+        return np.zeros(1, np.int32) if place is None else self.words[place]

@@ -1,0 +1,160 @@
+"""Pins: points that are put where a prim is (hard), or pulled there by a spring (soft). Kernels: kernels/motion/points.py."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.motion import points as kernels
+from wsim.model.midnodes import held, spread
+from wsim.model.model import Body, Model
+from wsim.model.stage import Clock, Method, Stage
+from wsim.model.state import State
+from wsim.scene import Motion, Pin
+
+if TYPE_CHECKING:
+    from wsim.physics.motion.points import Points
+    from wsim.simulation.methods import Build
+
+
+def build(b: Build) -> Pins:
+    return Pins(b.model, b.state, b.methods["points"], b.choice.integrator.explicit)
+
+
+class _Pinned:
+    """A pin of one world: its places in the arrays and its points in the target's frame."""
+
+    def __init__(self, pin: Pin, body: Body):
+        self.pin, self.body, self.motion = pin, body, pin.motion
+        self.places, ends = held(body, pin.points)
+        self.part = len(pin.points) / len(self.places)       # of stiffness and damping: points between share them
+        start = body.source.motion.points(body.source.points[pin.points], 0.0)
+        self.locals = spread(pin.places if pin.places is not None else _local(pin.motion, start), ends)
+
+    def targets(self, time: float) -> np.ndarray:
+        """Where its points belong at `time` [s], relative to the body's origin [m]."""
+        return self.motion.points(self.locals, time) - self.body.origin
+
+
+def _local(motion: Motion, places: np.ndarray) -> np.ndarray:
+    M = motion.at(0.0)
+    return np.linalg.solve(M[:3, :3], (places - M[:3, 3]).T).T
+
+
+def pins_of(model: Model) -> list[_Pinned]:
+    """Every pin of every world."""
+    return [_Pinned(p, b) for p in model.scene.pins for b in model.bodies if b.path == p.body]
+
+
+class Pins(Method):
+    """Stages pose and, where a step of sdirk3 ends, put (hard pins), hold (soft pins). Targets of a whole frame are computed in
+    float64 on the host and uploaded only when a pin moves or was set."""
+
+    def __init__(self, model: Model, state: State, points: Points, explicit: bool = False):
+        """explicit: hard pins are moved by the integrator itself, which reads `target` and `columns`."""
+        super().__init__("pins")
+        self.model, self.state, self.points = model, state, points
+        pins = pins_of(model)
+        self.groups = {"hard": [p for p in pins if not isfinite(p.pin.stiffness)],
+                       "soft": [p for p in pins if isfinite(p.pin.stiffness)]}
+        self.place: dict[str, wp.array] = {}
+        self.target: dict[str, wp.array] = {}
+        self.changed = True
+        t, real, module = types(model.real), model.real, model.module
+        for kind, group in self.groups.items():
+            if group:
+                places = np.concatenate([p.places for p in group])
+                self.place[kind] = model.upload(places.astype(np.int32), int)
+                self.target[kind] = wp.zeros((1, len(places)), dtype=t.vec3, device=model.device,
+                                             requires_grad=model.gradients)
+        self.explicit = explicit
+        if self.groups["hard"] and not explicit:
+            self.move = kernels.move_pins(real, module)
+            n = self.place["hard"].size
+            self.stages.append(Stage("pins", "predict", self.pose, 1, n * 40, what=f"{n} points"))
+            if points.integrator.solves > 1:
+                from wsim.kernels.motion.sdirk3 import place_pins
+                self.place_kernel = place_pins(real, module)
+                self.stages.append(Stage("pins placed", "finish", self.put, 1, n * 60, what=f"{n} points"))
+        if self.groups["soft"]:
+            self.add_soft(t, real, module)
+
+    def add_soft(self, t, real, module) -> None:
+        group, n = self.groups["soft"], self.place["soft"].size
+        each = [len(p.places) for p in group]
+        self.soft = kernels.soft_pins(real)()
+        self.soft.point, self.soft.w = self.place["soft"], self.points.constants.w
+        self.soft.alpha = self.model.upload(np.repeat([1.0 / (p.part * p.pin.stiffness) for p in group], each), t.scalar)
+        self.soft.damping = self.model.upload(np.repeat([p.part * p.pin.damping for p in group], each), t.scalar)
+        self.lam = wp.zeros(n, dtype=t.vec3, device=self.model.device)
+        self.hold_kernel = kernels.hold_pins(real, module)
+        self.stages.append(Stage("soft pins", "solve", self.hold, 1, n * 80, "iteration", f"{n} points"))
+
+    @property
+    def moves(self) -> bool:
+        """Whether any pin does."""
+        return any(p.motion.moves for g in self.groups.values() for p in g)
+
+    def give_way(self) -> None:
+        """Soft pins act within Newton steps."""
+        self.stages = [s for s in self.stages if s.name != "soft pins"]
+
+    def columns(self) -> np.ndarray:
+        """Column of the hard target of each point, or -1, (points,)."""
+        column = np.full(self.model.points, -1, np.int32)
+        if self.groups["hard"]:
+            places = self.place["hard"].numpy()
+            column[places] = np.arange(len(places))
+        return column
+
+    def pose(self, clock: Clock) -> None:
+        s = self.state
+        row, part = (clock.k + clock.k // 2, 1.0) if clock.staged else (clock.k, clock.part)
+        self.model.launch(self.move, self.place["hard"].size,
+                          [self.place["hard"], self.target["hard"], s.x, s.e, row, part], [s.d])
+
+    def put(self, clock: Clock) -> None:
+        """Behind the last stage of a step."""
+        s = self.state
+        if clock.staged and clock.k % 2:
+            pinned, row = self.place["hard"], clock.k + clock.k // 2 + 1
+            self.model.launch(self.place_kernel, pinned.size, [pinned, self.target["hard"], s.x, s.e, s.s, row, 2.0 * clock.h],
+                              [s.x, s.e, s.v])
+
+    def hold(self, clock: Clock) -> None:
+        s = self.state
+        if clock.i == 0:
+            self.model.tape.zero(self.lam) if self.model.tape else self.lam.zero_()
+        self.model.launch(self.hold_kernel, self.lam.size,
+                          [self.soft, self.target["soft"], s.x, self.points.anchor, s.d, self.lam, clock.k, clock.g],
+                          [s.d, self.lam])
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        moves = self.moves
+        at = {kind: clock.moments(kind == "hard") for kind in self.target}      # a soft pin pulls at the solved positions
+        if self.explicit and not moves and not self.groups["soft"]:
+            at = {kind: moments[:1] for kind, moments in at.items()}
+        if not (moves or self.changed or any(t.shape[0] != len(at[kind]) for kind, t in self.target.items())):
+            return
+        self.changed = False
+        for kind, group in self.groups.items():
+            if group:
+                values = np.stack([np.concatenate([p.targets(time + moment) for p in group]) for moment in at[kind]])
+                if self.target[kind].shape[0] != len(values):
+                    self.target[kind] = self.model.upload(values, types(self.model.real).vec3)
+                else:
+                    self.target[kind].assign(values.astype(self.model.dtype))
+
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+        """motion of a pin: a Motion or a (4, 4) matrix; it takes effect with the next frame."""
+        hit = [p for g in self.groups.values() for p in g if p.pin.path == path and world in (None, p.body.world)]
+        if name != "motion" or not hit:
+            return False
+        for p in hit:
+            p.motion = value if isinstance(value, Motion) else Motion.still(value)
+        self.changed = True
+        return True
