@@ -1,17 +1,30 @@
 """Adjoint of bending (kernels/cloth/curvature.py), by hand and gathered: of forces at corners, and of the targets of XPBD.
 
+With f, f', f'' of D = theta - theta_0 (`wsim.kernels.cloth.curvature.fold`) and rho = 1 - f'^2, a hinge has without the others
+k q e,
+
+    e = D - f f' + tau rho b       de/dD = rho - f f'' - 2 tau f' f'' b
+
 Forces. With p_k the gradients by the forces of the points, P_k = p_k - p_0, a = G P and b = G V (sums over k), u of C and w of
-the curvatures Y that y_e = k^1/2 a makes, m = k^1/2 u and s = k^1/2 w, the loss is -sum z w = -sum C.Y, and the gradients are
+the curvatures Y that y = k^1/2 f' a makes, the loss is -sum C.Y - sum k q a e, and the gradients are
 
-    by positions  -(s G + H (m P + tau s V))       by velocities  -tau s G       by theta_0  s       by tau  -s b
-    by k          -((C + tau b) w + a u) / (2 k^1/2)                             by value_ts  -(z_s Y_t + y_s C_t)
+    by D          -s,  s = k^1/2 ((f' + tau f'' b) w + f'' a u) + k q a de/dD        by theta_0   s
+    by a          -m,  m = k^1/2 f' u + k q e, the moment
+    by b          -tau r,  r = k^1/2 f' w + k q rho a                                by tau       -r b
+    by positions  -(s G + H (m P + tau r V))                                         by velocities  -tau r G
+    by k          -((f + tau f' b) w + f' a u) / (2 k^1/2) - q a e
+    by value_ts   -(z_s Y_t + y_s C_t) - 2 (k a e)_s value_ts
 
-C has symmetric second derivatives H, whose products with a motion are how G changes along it.
+D has symmetric second derivatives H, whose products with a motion are how G changes along it.
 
-Targets theta_0 + q - alpha^1/2 u, q = C + gamma b, gamma = tau / h: with p the gradient by a target, y_e = alpha^1/2 p, w of Y,
+Targets theta_0 + D + gamma b - alpha^1/2 f' u - q e, gamma = tau / h, which stands for tau above: with p the gradient by a
+target, y = alpha^1/2 f' p, w of Y,
 
-    by q  r = p - alpha^-1/2 w      by theta_0  p - r      by alpha  (q w / alpha - p u) / (2 alpha^1/2)      by value: as above
-    by positions  r (G + gamma H V)       by displacements since the anchor  r gamma G       by tau  r b / h
+    by D          r = p - alpha^-1/2 (f' + gamma f'' b) w - alpha^1/2 f'' p u - q p de/dD       by theta_0   p - r
+    by b          gamma v,  v = p - alpha^-1/2 f' w - q rho p                                   by tau       v b / h
+    by positions  r G + gamma v H V                      by displacements since the anchor  gamma v G
+    by alpha      ((f + gamma f' b) w / alpha - f' p u) / (2 alpha^1/2)
+    by value_ts   -(z_s Y_t + y_s C_t) - 2 (p e)_s value_ts
 """
 
 from functools import cache
@@ -20,11 +33,18 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.cloth.constraint import FLAT, dihedral, inverse
-from wsim.kernels.cloth.curvature import SLOTS, curvatures, hinge_of, moment
+from wsim.kernels.cloth.curvature import SLOTS, curvatures, fold, hinge_of, moment, sine_cosine
 from wsim.kernels.cloth.element import elements
 from wsim.kernels.cloth.gather_adjoint import reader, works
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
+
+
+@wp.func
+def turned(D: Any):
+    """f'' of `fold`."""
+    s, _c = sine_cosine(D)
+    return type(D)(-1.5) * s * s * s
 
 
 @wp.func
@@ -58,7 +78,7 @@ def bent(X: Any, G: Any, Q: Any):
 
 @cache
 def _here(real, damped: bool, direct: bool):
-    """Function of hinge c of an explicit step: X, V, P (to its first point), and C + tau b, b, G, a."""
+    """Function of hinge c of an explicit step: X, V, P (to its first point), and D, tau b, G, a."""
     t, Elements, Work = types(real), elements("dihedral", real), works(real)
     vec3, by_force = wp.array(dtype=t.vec3), reader(real, direct)
 
@@ -83,8 +103,7 @@ def _here(real, damped: bool, direct: bool):
         C, G = dihedral(X, batch.rest[c])
         b = real(0.0)
         if wp.static(damped):
-            b = wp.ddot(G, V)
-            C += batch.tau[c] * b
+            b = batch.tau[c] * wp.ddot(G, V)
         return X, V, P, C, b, G, wp.ddot(G, P)
 
     return here
@@ -92,16 +111,18 @@ def _here(real, damped: bool, direct: bool):
 
 @cache
 def products(real, module, damped: bool, direct: bool):
-    """Kernel over hinges: z and y. direct: of p, else of what stands at the places of corners."""
+    """Kernel over hinges: z, y, and a k e at kept. direct: of p, else of what stands at the places of corners."""
     t, Elements, Work, Curvatures = types(real), elements("dihedral", real), works(real), curvatures(real)
     vec3, here = wp.array(dtype=t.vec3), _here(real, damped, direct)
 
     def products(batch: Elements, x: vec3, d: vec3, source: int, first: int, cur: Curvatures, w: Work):
         c = wp.tid()
-        _X, _V, _P, C, _b, _G, a = here(batch, x, d, source, first, w, c)
+        _X, _V, _P, C, b, _G, a = here(batch, x, d, source, first, w, c)
+        f, slope, rho = fold(C)
         root = wp.sqrt(batch.stiffness[c])
-        cur.z[c] = root * C
-        cur.y[c] = root * a
+        cur.z[c] = root * (f + slope * b)
+        cur.y[c] = root * slope * a
+        cur.kept[c] = batch.stiffness[c] * a * (C - f * slope + rho * b)
 
     name = "_".join(["adjoint_hinge", *["damped"] * damped, *["direct"] * direct])
     return wp.kernel(products, name=name, module=module, enable_backward=False)
@@ -119,13 +140,19 @@ def corners(real, module, damped: bool, parameters: bool, direct: bool):
         c = wp.tid()
         at = first + 4 * c
         X, V, P, C, b, G, a = here(batch, x, d, source, first, w, c)
+        f, slope, rho = fold(C)
+        turn = turned(C)
+        e = C - f * slope + rho * b
+        k_own = batch.stiffness[c] * cur.own[c]
         root = wp.sqrt(batch.stiffness[c])
         u = moment(cur, cur.C, c)
         y = moment(cur, cur.Y, c)
-        s = root * y
-        Q = (root * u) * P
+        s = root * ((slope + turn * b) * y + turn * a * u) + k_own * a * (rho - turn * (f + real(2.0) * slope * b))
+        Q = (root * slope * u + k_own * e) * P
+        r = real(0.0)
         if wp.static(damped):
-            Q += (batch.tau[c] * s) * V
+            r = root * slope * y + k_own * rho * a
+            Q += (batch.tau[c] * r) * V
         by_X = s * G + bent(X, G, Q)
         sum = t.vec3()
         rate = t.vec3()
@@ -133,17 +160,18 @@ def corners(real, module, damped: bool, parameters: bool, direct: bool):
             sum += by_X[k]
             w.corners[at + k + 1] = -by_X[k]
             if wp.static(damped):
-                by_V = (batch.tau[c] * s) * G[k]
+                by_V = (batch.tau[c] * r) * G[k]
                 rate += by_V
                 w.rates[at + k + 1] = -by_V
         w.corners[at] = sum
         if wp.static(damped):
             w.rates[at] = rate
         if wp.static(parameters):
-            by.stiffness[c] = by.stiffness[c] - real(0.5) * inverse(root) * (C * y + a * u)
+            lent = real(0.5) * inverse(root) * ((f + slope * b) * y + slope * a * u)
+            by.stiffness[c] = by.stiffness[c] - lent - cur.own[c] * a * e
             by.rest[c] = by.rest[c] + s
             if wp.static(damped):
-                by.tau[c] = by.tau[c] - s * b
+                by.tau[c] = by.tau[c] - r * wp.ddot(G, V)
 
     name = "_".join(["adjoint_dihedral", *["damped"] * damped, *["parameters"] * parameters, *["direct"] * direct, t.name])
     return wp.kernel(back, name=name, module=module, enable_backward=False)
@@ -151,7 +179,7 @@ def corners(real, module, damped: bool, parameters: bool, direct: bool):
 
 @cache
 def values(real, module):
-    """Kernel over triangles: adds the gradients by `value`."""
+    """Kernel over triangles: adds the gradients by `value`. kept: (k a e) or (p e) of hinges."""
     Curvatures = curvatures(real)
 
     def values(cur: Curvatures, by: Curvatures):
@@ -160,7 +188,7 @@ def values(real, module):
         Y = cur.Y[c]
         for s in range(SLOTS * c, SLOTS * c + cur.count[c]):
             e = cur.slot[s]
-            by.value[s] = by.value[s] - (cur.z[e] * Y + cur.y[e] * C)
+            by.value[s] = by.value[s] - (cur.z[e] * Y + cur.y[e] * C + real(2.0) * cur.kept[e] * cur.value[s])
 
     return wp.kernel(values, name="adjoint_curvature", module=module, enable_backward=False)
 
@@ -183,18 +211,22 @@ def swept(real):
 
 @cache
 def seeds(real, module, damped: bool):
-    """Kernel over hinges of XPBD: z, and y from the gradients by targets."""
+    """Kernel over hinges of XPBD: z, and y and p e at kept from the gradients by targets."""
     t, Batch, Curvatures, hinge = types(real), batch_of("dihedral", real), curvatures(real), hinge_of(real, damped)
     vec3, Swept = wp.array(dtype=t.vec3), swept(real)
 
     def seeds(batch: Batch, x: vec3, d: vec3, a: vec3, rate: real, cur: Curvatures, s: Swept):
         c = wp.tid()
         _X, V, C, G = hinge(batch, s.rest, x, d, a, c)
+        b = real(0.0)
         if wp.static(damped):
-            C += rate * batch.tau[c] * wp.ddot(G, V)
+            b = rate * batch.tau[c] * wp.ddot(G, V)
+        f, slope, rho = fold(C)
+        p = s.by_target[c]
         root = wp.sqrt(batch.alpha[c])
-        cur.z[c] = inverse(root) * C
-        cur.y[c] = root * s.by_target[c]
+        cur.z[c] = inverse(root) * (f + slope * b)
+        cur.y[c] = root * slope * p
+        cur.kept[c] = p * (C - f * slope + rho * b)
 
     return wp.kernel(seeds, name="adjoint_target_hinge" + "_damped" * damped, module=module, enable_backward=False)
 
@@ -212,18 +244,23 @@ def targets(real, module, damped: bool):
         u = moment(cur, cur.C, c)
         y = moment(cur, cur.Y, c)
         p = s.by_target[c]
-        r = p - root * y
+        f, slope, rho = fold(C)
+        turn = turned(C)
+        b = real(0.0)
+        if wp.static(damped):
+            b = rate * batch.tau[c] * wp.ddot(G, V)
+        own = cur.own[c] * p
+        r = p - root * (slope + turn * b) * y - inverse(root) * turn * p * u - own * (rho - turn * (f + real(2.0) * slope * b))
         by_X = r * G
         by_V = t.mat33()
         if wp.static(damped):
-            b = wp.ddot(G, V)
+            v = p - root * slope * y - own * rho
             gamma = rate * batch.tau[c]
-            C += gamma * b
-            by_X += (r * gamma) * bent(X, G, V)
-            by_V = (r * gamma) * G
-            by.tau[c] = by.tau[c] + rate * r * b
+            by_X += (v * gamma) * bent(X, G, V)
+            by_V = (v * gamma) * G
+            by.tau[c] = by.tau[c] + rate * v * wp.ddot(G, V)
         s.by_rest[c] = s.by_rest[c] + p - r
-        by.alpha[c] = by.alpha[c] + real(0.5) * root * (C * root * root * y - p * u)
+        by.alpha[c] = by.alpha[c] + real(0.5) * root * ((f + slope * b) * root * root * y - slope * p * u)
         sum = t.vec3()
         moved = t.vec3()
         for k in range(3):

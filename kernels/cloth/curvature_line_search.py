@@ -1,9 +1,11 @@
 """How far to go along a Newton correction, of bending: what kernels/solver/line_search.py is for other energies, in two passes.
 
-    energy     1/2 (C_t - C_0).(C_t + C_0) of the curvatures of triangles (kernels/cloth/curvature.py)
-    damping    s.(r + s/2),  r and s the sums that C is, of (tau / g)^1/2 k^1/2 G.(d - a) and of the same with t p, G at d
+    energy     1/2 (C_t - C_0).(C_t + C_0) of the curvatures of triangles (kernels/cloth/curvature.py), and of each hinge
+               1/2 k q (D^2 - f^2) less that at d
+    damping    s.(r + s/2),  r and s the sums that C is, of (tau / g)^1/2 k^1/2 f' G.(d - a) and of the same with t p, f' and G
+               at d; and of each hinge q (1 - f'^2) times the same of (tau / g)^1/2 k^1/2 G.(d - a) and t p
 
-Hinges leave k^1/2 (theta - theta_0) at d and at each step that is tried, in float64.
+Hinges add what they have without others, and leave k^1/2 f at d and at each step that is tried, in float64.
 """
 
 from functools import cache
@@ -11,7 +13,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.cloth.constraint import TABLE, inverse
-from wsim.kernels.cloth.curvature import SLOTS, curvatures
+from wsim.kernels.cloth.curvature import SLOTS, curvatures, fold
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
 from wsim.kernels.solver.line_search import HALVINGS, Trial
@@ -22,9 +24,22 @@ D = types(wp.float64)
 
 
 @cache
+def looks(real):
+    """Struct of hinges."""
+
+    @wp.struct
+    class Looks:
+        own: wp.array(dtype=real)                    # of `Curvatures`
+        found: wp.array2d(dtype=wp.float64)          # z, r, s and z of each step, (hinges, COLUMNS)
+
+    return Looks
+
+
+@cache
 def hinges(real, module):
-    """Kernel over bodies times lanes: z, r, s and z of steps of each hinge, found (hinges, COLUMNS). Arguments of `elastic`."""
-    t, Batch, formula = types(real), batch_of("dihedral", real), TABLE["dihedral"].formula
+    """Kernel over bodies times lanes: z, r, s and z of steps of each hinge, at `found`; adds the change of what hinges have
+    without others. Arguments: those of `elastic`, and `Looks`."""
+    t, Batch, Looks, formula = types(real), batch_of("dihedral", real), looks(real), TABLE["dihedral"].formula
     vec3 = wp.array(dtype=t.vec3)
 
     @wp.func
@@ -35,8 +50,10 @@ def hinges(real, module):
             X[k] = D.vec3(x[ids[k + 1]]) - x0
         return X
 
+    half = wp.float64(0.5)
+
     def hinges(trial: Trial, batch: Batch, x: vec3, d: vec3, a: vec3, p: vec3, rate: wp.float64,
-               found: wp.array2d(dtype=D.scalar)):
+               looks: Looks):
         row = wp.tid()
         body = row // trial.lanes
         if trial.step[body] >= wp.float64(0.0):
@@ -48,16 +65,24 @@ def hinges(real, module):
             Y = relative(ids, p)
             rest = wp.float64(batch.rest[c])
             root = wp.sqrt(inverse(wp.float64(batch.alpha[c])))
+            own = wp.float64(looks.own[c])
             C, G = formula(X, rest)
+            f, slope, lone = fold(C)
             slow = root * wp.sqrt(rate * wp.float64(batch.tau[c]))
-            found[c, 0] = root * C
-            found[c, 1] = slow * wp.ddot(G, M - relative(ids, a))
-            found[c, 2] = slow * wp.ddot(G, Y)
+            r = slow * wp.ddot(G, M - relative(ids, a))
+            s = slow * wp.ddot(G, Y)
+            looks.found[c, 0] = root * f
+            looks.found[c, 1] = slope * r
+            looks.found[c, 2] = slope * s
             part = wp.float64(1.0)
             for k in range(trial.end):
                 if k >= trial.begin:
                     moved, _G = formula(X + part * Y, rest)
-                    found[c, wp.static(FIRST) + k] = root * moved
+                    after, _slope, _lone = fold(moved)
+                    looks.found[c, wp.static(FIRST) + k] = root * after
+                    gain = half * root * root * ((moved - C) * (moved + C) - (after - f) * (after + f))
+                    lost = lone * part * s * (r + half * part * s)
+                    trial.change[row, k] = trial.change[row, k] + own * (gain + lost)
                 part *= wp.float64(0.5)
 
     return wp.kernel(hinges, name=f"trial_hinge_{t.name}", module=module, enable_backward=False)
@@ -66,9 +91,9 @@ def hinges(real, module):
 @cache
 def change(real, module):
     """Kernel over bodies times lanes: adds the change of the energy and damping of triangles, whose Trial this is."""
-    Curvatures = curvatures(real)
+    Curvatures, Looks = curvatures(real), looks(real)
 
-    def change(trial: Trial, cur: Curvatures, found: wp.array2d(dtype=D.scalar)):
+    def change(trial: Trial, cur: Curvatures, looks: Looks):
         row = wp.tid()
         body = row // trial.lanes
         if trial.step[body] >= wp.float64(0.0):
@@ -79,8 +104,8 @@ def change(real, module):
             y = D.vec3()
             for s in range(SLOTS * c, SLOTS * c + cur.count[c]):
                 value = D.vec3(cur.value[s])
-                r += found[cur.slot[s], 1] * value
-                y += found[cur.slot[s], 2] * value
+                r += looks.found[cur.slot[s], 1] * value
+                y += looks.found[cur.slot[s], 2] * value
             part = wp.float64(1.0)
             for k in range(trial.end):
                 if k >= trial.begin:
@@ -88,8 +113,8 @@ def change(real, module):
                     more = D.vec3()
                     for s in range(SLOTS * c, SLOTS * c + cur.count[c]):
                         value = D.vec3(cur.value[s])
-                        before = found[cur.slot[s], 0]
-                        after = found[cur.slot[s], wp.static(FIRST) + k]
+                        before = looks.found[cur.slot[s], 0]
+                        after = looks.found[cur.slot[s], wp.static(FIRST) + k]
                         less += (after - before) * value
                         more += (after + before) * value
                     step = part * y

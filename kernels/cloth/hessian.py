@@ -5,7 +5,7 @@
 What is kept of the Jacobian:
 
     sheet      (1 + tau/g) J^T J of the curvatures of its triangles (kernels/cloth/curvature.py): exact where it is unbent
-               (Gauss-Newton)
+               (Gauss-Newton). Of hinges that are folded, f' K f' + k q (1 - f'^2) has the same diagonal k q: K alone is kept
     membrane   (1 + tau/g) G^T alpha^-1 G, and of the stress Sigma = [[s0, s2], [s2, s1]], s = alpha^-1 C, what stiffens
                motion across the triangle and turns in its plane, where that is positive; see `tension`
 
@@ -20,7 +20,7 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.cloth.constraint import across, inverse, membrane
-from wsim.kernels.cloth.curvature import curvatures, hinge_of, moment
+from wsim.kernels.cloth.curvature import curvatures, fold, hinge_of, moment
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
 
@@ -101,7 +101,7 @@ def frame(X: Any, B: Any):
 
 @cache
 def hinges(real, module):
-    """Kernel over hinges: z and alpha^-1/2 G."""
+    """Kernel over hinges: z, alpha^-1/2 G, and slope and kept by which alpha^1/2 m = slope u + kept."""
     t, Batch, Elements, Curvatures, hinge = (types(real), batch_of("dihedral", real), elements_of(real), curvatures(real),
                                              hinge_of(real, True))
     vec3 = wp.array(dtype=t.vec3)
@@ -112,7 +112,11 @@ def hinges(real, module):
         _X, V, C, G = hinge(batch, batch.rest, x, d, a, c)
         gamma = rate * batch.tau[c]
         root = wp.sqrt(inverse(batch.alpha[c]))
-        cur.z[c] = root * (C + gamma * wp.ddot(G, V))
+        f, slope, rest = fold(C)
+        b = gamma * wp.ddot(G, V)
+        cur.z[c] = root * (f + slope * b)
+        cur.slope[c] = slope
+        cur.kept[c] = root * cur.own[c] * (C - f * slope + rest * b)
         root *= wp.sqrt(real(1.0) + gamma)
         out.G[4 * c] = -root * (G[0] + G[1] + G[2])
         for k in range(3):
@@ -129,7 +133,7 @@ def moments(real, module):
     @wp.kernel(module=module, enable_backward=False)
     def moments(batch: Batch, rate: real, cur: Curvatures, out: Elements):
         c = wp.tid()
-        s = -moment(cur, cur.C, c) / wp.sqrt(real(1.0) + rate * batch.tau[c])
+        s = -(cur.slope[c] * moment(cur, cur.C, c) + cur.kept[c]) / wp.sqrt(real(1.0) + rate * batch.tau[c])
         for k in range(4):
             out.force[4 * c + k] = s * out.G[4 * c + k]
 

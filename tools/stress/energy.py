@@ -3,7 +3,8 @@
     kinetic    1/2 sum m v^2 of the points that no hard pin holds [J]
     gravity    -sum m g.(x - level) [J], level a place below everything that the scene reaches
     elastic    springs 1/2 k (l - L)^2; membrane triangles A psi of `wsim.scene.fabric` with U = sqrt(F^T F);
-               bending 1/2 |C_t|^2 of the curvatures that `wsim.physics.cloth.bending` makes of the angles of hinges [J]
+               bending 1/2 |C_t|^2 of the curvatures that `wsim.physics.cloth.bending` makes of f = s + s^3 / 6, s the sines of
+               the angles D of hinges, and 1/2 k q (D^2 - f^2) of each hinge, q its sum of |value|^2 [J]
 
 Of a constraint much stiffer than a substep resolves, only a part of 1/2 C^2 / alpha can turn into motion: one implicit
 step of h on effective inverse mass S = sum w |G|^2 frees 1/2 C^2 / (alpha + h^2 S). `elastic(x, h)` is that part, with
@@ -54,8 +55,11 @@ class Elastic:
             total += self._membranes(x, h)
         if self.coupling:
             slot, value = self.coupling.slot, self.coupling.value
-            z = np.where(slot >= 0, (np.sqrt(self.bends) * _angles(x, self.hinges))[slot], 0.0)
-            total += float(0.5 * ((z[..., None] * value).sum(axis=1)**2).sum())
+            angle = _angles(x, self.hinges)
+            f = np.sin(angle) + np.sin(angle)**3 / 6.0
+            z = np.where(slot >= 0, (np.sqrt(self.bends) * f)[slot], 0.0)
+            own = np.bincount(slot[slot >= 0], (value**2).sum(axis=2)[slot >= 0], len(f))
+            total += float(0.5 * ((z[..., None] * value).sum(axis=1)**2).sum() + 0.5 * (self.bends * own) @ (angle**2 - f**2))
         return total
 
     def _membranes(self, x: np.ndarray, h: float) -> float:

@@ -26,7 +26,7 @@ class Case:
             spd = rng.uniform(1.0, 3.0, size=(count, 4)) * (1.0, 0.2, 0.5, 1.0)
             self.values |= {"rest": np.eye(2) + 0.2 * rng.normal(size=(count, 2, 2)), "stiffness": spd}
         else:
-            self.values |= {"rest": rng.normal(size=count), "stiffness": rng.uniform(1.0, 3.0, count)}
+            self.values |= {"rest": rng.uniform(-2.3, 2.3, count), "stiffness": rng.uniform(1.0, 3.0, count)}
         self.p = rng.normal(size=(n, 3))
         self.module = f"test_corner_{constraint}_{damped}"
         if row.rows == 3:
@@ -55,8 +55,10 @@ class Case:
         for name, found in ints.items():
             setattr(cur, name, wp.array(found.astype(np.int32), dtype=int, device="cpu"))
         cur.value = wp.array(values["value"], dtype=wp.vec3d, device="cpu")
-        for name, dtype, size in (("z", wp.float64, 40), ("y", wp.float64, 40), ("C", wp.vec3d, 20), ("Y", wp.vec3d, 20),
-                                  ("G", wp.vec3d, 120)):
+        own = np.bincount(hinge, (values["value"]**2).sum(axis=1)[used], self.count)
+        cur.own = wp.array(own, dtype=wp.float64, device="cpu")
+        for name, dtype, size in (*((name, wp.float64, 40) for name in ("z", "y", "slope", "kept")), ("C", wp.vec3d, 20),
+                                  ("Y", wp.vec3d, 20), ("G", wp.vec3d, 120)):
             setattr(cur, name, wp.zeros(size, dtype=dtype, device="cpu"))
         return cur
 

@@ -10,8 +10,8 @@ import warp as wp
 
 from tests.gradient.test_gradients import Run
 from wsim.gradient.recording import Recording
-from wsim.kernels.contact import project
-from wsim.kernels.contact import restitution as kernels
+from wsim.kernels.contact.project import project
+from wsim.kernels.contact.project import restitution as kernels
 from wsim.kernels.motion.points import constants
 from wsim.scene import Box, Plane, Scene, SceneError, Sphere, Surface, shapes
 from wsim.scene.check import scene as check
@@ -148,10 +148,11 @@ def energies(scene, frames):
 
 @pytest.mark.parametrize("solver, integrator, swing", [("explicit", "leapfrog", 5e-3), *((s, i, 0.0) for s, i, _ in IMPLICIT)])
 def test_a_sheet_thrown_at_a_sphere_never_gains_energy(solver, integrator, swing):
-    """Leapfrog's energy swings by parts of (h omega)^2 and comes back; the others damp. So stiff in bending that no hinge folds
-    through itself, where the energy of bending steps (`wsim.physics.cloth.bending`)."""
+    """Leapfrog's energy swings by parts of (h omega)^2 and comes back, though the sheet crumples and folds through itself; the
+    others damp."""
+    substeps = 64 if solver == "explicit" else 32
     for e in (0.5, 1.0):
-        found = energies(thrown_sheet(e, solver, integrator, bend=1e-3), 40)
+        found = energies(thrown_sheet(e, solver, integrator, substeps), 40)
         assert found.max() <= 1.0 + 0.2 * swing and np.diff(found).max() <= swing
         assert found[-1] > 0.99 or e < 1.0 or solver != "explicit"         # nothing is lost by e = 1
 

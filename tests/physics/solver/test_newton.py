@@ -290,8 +290,7 @@ def test_a_scrambled_cloth_ends_finite_and_recovers(model, precision):
     for _ in range(40):
         sim.step()
         now = sim.indicators()
-        folded = 1e-3 * (2.0 * np.pi)**2                 # a hinge folded through pi is one of -pi, which its neighbours feel
-        assert np.isfinite(sim.positions()).all() and now["energy"] <= stored[-1] * (1.0 + 1e-5) + folded
+        assert np.isfinite(sim.positions()).all() and now["energy"] <= stored[-1] * (1.0 + 1e-5)
         stored.append(now["energy"])
     assert stored[-1] < 1e-4 * stored[0] and all("residual" in w or "as long as at rest" in w for w in sim.warnings)
 

@@ -8,7 +8,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation, Vt
 
 from wsim import cli
 from wsim.geometry.tetra.tets import volumes
-from wsim.model.model import soft_masses
+from wsim.scene.masses import soft_masses
 from wsim.scene import Plane, SceneError, shapes
 from wsim.scene.solid import Bulk
 from wsim.usd import load

@@ -4,7 +4,7 @@ Morley's plate element (1968; as a shape operator: Grinspun, Gingold, Reisman, Z
 at the middle of each edge. With alpha_tk the angle from the normal of triangle t to that of its edge k, n_k in the plane
 across the edge, l_k its length and A_t the area,
 
-    S_t = (1 / A_t) sum_k l_k alpha_tk n_k n_k^T,     E = 1/2 bend sum_t A_t |S_t|^2,     alpha_tk + alpha_t'k = theta
+    S_t = (1 / A_t) sum_k l_k alpha_tk n_k n_k^T,     E_0 = 1/2 bend sum_t A_t |S_t|^2,     alpha_tk + alpha_t'k = theta
 
 theta the angle of the hinge. Here an edge has no unknown of its own: theta is shared between its two triangles in a way that is
 exact on every quadratic surface. With h the heights of the triangles over the edge,
@@ -19,14 +19,16 @@ surface of curvatures nn, nt, tt (n across the edge, t along it),
 and c is the combination of the angles that is (a_t - f R) . S, of least squares: c = G A (A^2 + e^2)^-1 (a_t - f R), rows of G
 those R of the five hinges, A = G^T G, e = SHARP tr A (a direction of S that they do not tell is left out, smoothly).
 
-Whatever the split, E is not below what Morley's element has at these points: no mode has an energy of 0 but those that
-bend nothing. Forces of a constant moment cancel, and S of a quadratic surface is right: E converges with the square of the
-size of triangles (tools/results/bending.json). The free border of a sheet bears no moment across: the angle there is what makes
-E least. A triangle whose three points are pinned hard is a clamp: it does not bend, and a hinge beside it belongs to the other
+Whatever the split, E_0 is not below what Morley's element has at these points: no mode has an energy of 0 but those that
+bend nothing. Forces of a constant moment cancel, and S of a quadratic surface is right: E_0 converges with the square of the
+size of triangles (tools/results/bending.json). The free border of a sheet bears no moment across: the angle there makes E_0
+least. A triangle whose three points are pinned hard is a clamp: it does not bend, and a hinge beside it belongs to the other
 triangle, so that a strip begins where its pins end. S has no Poisson's ratio: a strip of any width bends with `bend`. Hinges of
 an edge with three triangles and more, or of a triangle without height, stand alone: E = 1/2 bend l^2 / A theta^2, A the area of
-both. A hinge
-that folds through itself, from pi to -pi, keeps its own energy, but what it shares with another changes sign: E steps there.
+both.
+
+What hinges share must not change sign where one folds through itself, from pi to -pi: E is E_0 of f = s + s^3 / 6, s sine of
+theta, and 1/2 K_hh (theta_h^2 - f_h^2) of each hinge, K second derivatives of E_0. At 0.1 rad f is theta to 1e-5.
 
     F   (triangles, SLOTS, 3): A_t^1/2 S_t = sum_s F_ts theta_s, by (tt, 2^1/2 nt, nn) of the axes of edge 0
     D   (hinges,): E <= 1/2 bend sum D theta^2. The eigenvalues of B = sum_s F_s F_s^T / |F_s| of one triangle are at most
@@ -200,8 +202,7 @@ def bearing(corners: np.ndarray, free: np.ndarray) -> np.ndarray:
 
 @dataclass
 class Coupling:
-    """Curvatures of the triangles of one sheet: C_t = sum_s value_ts z_s, z = (bend D)^1/2 (theta - theta_0), and the energy
-    1/2 sum |C_t|^2.
+    """Curvatures of the triangles of one sheet: C_t = sum_s value_ts z_s, z = (bend D)^1/2 f(theta - theta_0).
 
     slot (t, SLOTS) hinges, -1 without; value (t, SLOTS, 3); patches to make gradients of, by rest positions.
     """

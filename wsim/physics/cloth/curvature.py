@@ -33,10 +33,11 @@ class Curvature:
         self.seen, self.rank = [r.coupling for r in rows], np.full(0, 0)
         self.data = d = kernels.curvatures(model.real)()
         for name, values in self.tables().items():
-            setattr(d, name, model.upload(values, t.vec3 if name == "value" else int))
+            setattr(d, name, model.upload(values, {"value": t.vec3, "own": t.scalar}.get(name, int)))
 
         def over(count: int, dtype) -> wp.array:
             return wp.zeros(count, dtype=dtype, device=model.device)
+        d.slope, d.kept = over(self.hinges, t.scalar), over(self.hinges, t.scalar)
         d.z, d.C, d.G = over(self.hinges, t.scalar), over(self.triangles, t.vec3), over(3 * self.hinges * stored, t.vec3)
         if model.gradients:
             d.y, d.Y = over(self.hinges, t.scalar), over(self.triangles, t.vec3)
@@ -70,10 +71,11 @@ class Curvature:
         order = np.argsort(slot.ravel()[at], kind="stable")
         item = np.zeros(slot.size, np.int32)
         item[:len(at)] = at[order]
+        own = np.bincount(slot.ravel()[at], (value**2).sum(axis=2).ravel()[at], self.hinges)
         ends = np.cumsum(np.bincount(slot.ravel()[at], minlength=self.hinges))
-        return {"slot": slot.ravel().astype(np.int32), "count": used.sum(axis=1).astype(np.int32),
-                "value": value.reshape(-1, 3), "begin": np.r_[0, ends[:-1]].astype(np.int32), "end": ends.astype(np.int32),
-                "item": item}
+        begin = np.r_[0, ends[:-1]].astype(np.int32)
+        return {"slot": slot.ravel().astype(np.int32), "count": used.sum(axis=1).astype(np.int32), "item": item,
+                "begin": begin, "end": ends.astype(np.int32), "value": value.reshape(-1, 3), "own": own}
 
     def refresh(self) -> None:
         """Uploads values anew where rows have others, into the same arrays."""
@@ -82,7 +84,7 @@ class Curvature:
             return
         self.seen = now
         for name, values in self.tables().items():
-            getattr(self.data, name).assign(values.astype(self.model.dtype) if name == "value" else values)
+            getattr(self.data, name).assign(values if values.dtype == np.int32 else values.astype(self.model.dtype))
 
     def by_rows(self, by: np.ndarray) -> list[np.ndarray]:
         """A gradient by `value` as each row has it, (t, SLOTS, 3)."""
@@ -111,11 +113,11 @@ class Curvature:
         """[J] at x + d. table: struct of the hinges' points and compliances; rest: their angles at rest."""
         real, launch = self.model.real, self.model.launch
         out = wp.zeros(min(LANES, self.triangles), dtype=wp.float64, device=self.model.device)
-        angles, sums, energy = kernels.angles(real, module, False), kernels.sums(real, module), kernels.energy(real, module)
+        stored, sums, energy = (f(real, module) for f in (kernels.stored, kernels.sums, kernels.energy))
         kernel_cache.ready(energy, self.model)
-        launch(angles, self.hinges, [table, rest, x, d, x, 0.0, self.data], [])
+        launch(stored, self.hinges, [table, rest, x, d, self.data], [])
         launch(sums, self.triangles, [self.data], [])
-        launch(energy, out.size, [self.data, self.triangles], [out])
+        launch(energy, out.size, [self.data, self.triangles, self.hinges], [out])
         return float(out.numpy().sum())
 
 

@@ -22,8 +22,10 @@ class NewtonCurvature:
         sizes = np.bincount([model.system(r.body.number) for r in table.rows if r.body is not None], self.cur.sizes,
                             len(model.starts) - 1)
         self.first = model.upload(np.r_[0, np.cumsum(sizes)].astype(np.int32), int)
-        self.found = wp.zeros((table.size, curvature_line_search.COLUMNS), dtype=wp.float64, device=model.device)
         real, module = model.real, model.module
+        self.looks = curvature_line_search.looks(real)()
+        self.looks.own = self.cur.data.own
+        self.looks.found = wp.zeros((table.size, curvature_line_search.COLUMNS), dtype=wp.float64, device=model.device)
         self.hinges, self.moments, self.rows = (f(real, module) for f in (hessian.hinges, hessian.moments, hessian.spans))
         self.angles, self.change = curvature_line_search.hinges(real, module), curvature_line_search.change(real, module)
         self.sums = kernels.sums(real, module)
@@ -45,5 +47,5 @@ class NewtonCurvature:
     def search(self, trial, of_triangles, where: list) -> None:
         """Adds what Phi changes by; trial: of hinges; where: places, displacements, anchor, direction, rate."""
         rows = trial.change.shape[0]
-        self.model.launch(self.angles, rows, [trial, self.table.data, *where, self.found], [])
-        self.model.launch(self.change, rows, [of_triangles, self.cur.data, self.found], [])
+        self.model.launch(self.angles, rows, [trial, self.table.data, *where, self.looks], [])
+        self.model.launch(self.change, rows, [of_triangles, self.cur.data, self.looks], [])
