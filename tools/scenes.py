@@ -1,7 +1,7 @@
 """Writes the example scenes, small commented .usda files. Run: python -m tools.scenes [FOLDER]   (default: scenes)
 
 Numbers come from `wsim.shapes` and `wsim.scene.fabric`; attribute names and units from the table of `wsim.usd.names`
-(tools/usda.py). The comments are for people who author such files themselves. tests/simulation/test_scenes.py holds the files
+(tools/usda.py). The comments are for people who author such files themselves. tests/tools/test_scenes.py holds the files
 equal to what is written.
 """
 

@@ -17,7 +17,7 @@ are the mean of the point's and the collider's. A point's contacts are taken in 
 atomic touches a float: results are bitwise the same from run to run. kernels/contact/search.py finds the contacts.
 
 A width w > 0 moves the hard contact back by w, and puts a potential in front of it that knows no substep (E:
-wsim/scene/barrier.py):
+wsim/physics/contact/barrier.py):
 
     U = m E z^3,  z = 1 - C / w  in 0 < C < w,  so that  lam' = max(A z^2, what C >= 0 wants),  A = 3 E g^2 / w
 

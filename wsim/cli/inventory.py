@@ -12,10 +12,11 @@ def inventory(scene: Scene) -> str:
     """What a scene holds, in words."""
     kinds: dict[str, list] = {"cloth": scene.cloths, "spring net": scene.springs, "soft body": scene.softs,
                               "skin": [skin for soft in scene.softs for skin in soft.skins],
-                              "collider": scene.colliders, "pin": scene.pins, "load": scene.loads}
+                              "collider": scene.colliders, "pin": scene.pins, "load": scene.loads,
+                              **{name.lower(): found for name, found in scene.others.items()}}
     things = ", ".join(count(len(found), noun) for noun, found in kinds.items() if found)
     sizes = {"point": sum(len(body.points) for body in scene.bodies()), "tet": sum(len(soft.tets) for soft in scene.softs)}
     size = ", ".join(count(n, noun) for noun, n in sizes.items() if n)
-    return (f"{things}; {size}; {count(scene.frames, 'frame')} of 1/{scene.fps:g} s, "
+    return (f"{things}; {f'{size}; ' if size else ''}{count(scene.frames, 'frame')} of 1/{scene.fps:g} s, "
             f"{count(scene.substeps, 'substep')}, {count(scene.iterations, 'iteration')}, "
             f"solver {scene.solver}, integrator {scene.integrator}")

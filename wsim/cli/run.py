@@ -142,7 +142,7 @@ class Run:
             stress = {s.path: sim.stress(s.path).at_points() for s in self.scene.softs if self.stress}
             forces = {p.path: sim.reactions(p.path) for p in self.scene.pins if self.reactions}
             self.recorder.append(code, {p: sim.positions(p) for p in paths}, {p: sim.velocities(p) for p in paths},
-                                 sim.poses(), stress, forces)
+                                 sim.poses(), stress, forces, sim.samples())
         self.written = self.first + k // self.samples
         for watch in self.watchers:
             watch(sim)
@@ -176,7 +176,7 @@ def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"]
 
         def fields() -> dict:
             """What an exact restart needs, of whole frames."""
-            return {} if sim.frame % samples else {body.path: sim.fields(body.path) for body in scene.bodies()}
+            return {} if sim.frame % samples else {path: sim.fields(path) for path in sim.state.paths()}
 
         interrupt.begin("wait")                   # from here on there is a file
         recorder = Recorder(scene, output, flatten=flatten, restart_fields=fields, continues=earlier,

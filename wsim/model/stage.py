@@ -12,6 +12,7 @@ import numpy as np
 
 from wsim.model.status import Status
 from wsim.scene.integrator import GAMMA
+from wsim.scene.samples import Sample
 
 PHASES = ("pose", "predict", "collide", "solve", "finish", "deform")
 OVER = 1.3     # spring cloth of 64 x 64 points, BDF2, 16 x 16: error at 0.25 s 2.2e-4 at 1, 1.2e-4 at 1.3, 8e-5 at 1.5; with
@@ -149,6 +150,14 @@ class Method:
     def retry(self, status: Status) -> list[Remedy]:
         """What the frame that has just ended lacked, by this method's own words of the status; none: it holds."""
         return []
+
+    def samples(self, world: int = 0) -> list[Sample]:
+        """What results hold of this method, now, of one world."""
+        return []
+
+    def accept(self, path: str, name: str, value):
+        """A value that `set` may be given for a path of this method's own objects, as it is then. Raises SceneError."""
+        return value
 
     def resumed(self, time: float) -> None:
         """A run goes on exactly where an earlier one has ended; its last frame began at `time` [s]."""

@@ -50,7 +50,7 @@ HALF = (Field("b", "m/s", True, "velocity half a substep before v (leapfrog amon
 class Part:
     """Device arrays by field name, all of `capacity` rows, of which `count` are in use.
 
-    rows    {number of a body: its rows, in the author's order}: what is restarted by prim path
+    rows    {(prim path, world): its rows, in the author's order}: what is restarted by prim path
     every   the persistent fields of the table's first type behind each other, so that a copy saves them all; `aside`: saved
     """
 
@@ -59,7 +59,7 @@ class Part:
     capacity: int
     fields: tuple[Field, ...] = ()
     arrays: dict[str, wp.array] = field(default_factory=dict)
-    rows: dict[int, np.ndarray] = field(default_factory=dict)
+    rows: dict[tuple[str, int], np.ndarray] = field(default_factory=dict)
     every: wp.array | None = None
     aside: wp.array | None = None
     saved: dict[str, tuple[wp.array, wp.array]] = field(default_factory=dict)      # persistent ones beside `every`
@@ -157,11 +157,15 @@ class State:
         for array, aside in self.copies():
             wp.copy(array, aside)
 
-    def of(self, number: int) -> Iterator[tuple[str, wp.array, np.ndarray]]:
-        """(name, array, rows in the author's order) of every field of a body that outlives a frame."""
+    def of(self, path: str, world: int = 0) -> Iterator[tuple[str, wp.array, np.ndarray]]:
+        """(name, array, rows in the author's order) of every field of a prim that outlives a frame."""
         for part in self.parts.values():
-            if number in part.rows:
-                yield from ((f.name, part.arrays[f.name], part.rows[number]) for f in part.kept)
+            if (path, world) in part.rows:
+                yield from ((f.name, part.arrays[f.name], part.rows[path, world]) for f in part.kept)
+
+    def paths(self) -> list[str]:
+        """Prims that something of the state belongs to."""
+        return list(dict.fromkeys(path for part in self.parts.values() for path, _ in part.rows))
 
     @property
     def bytes(self) -> int:

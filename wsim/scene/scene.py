@@ -181,7 +181,7 @@ class Scene(Compared):
     iterations: int = 4                      # solver iterations a substep
     solver: str = "auto"                     # of the elastic forces; "auto": `wsim.simulation.choice` weighs cost against error
     integrator: str = "auto"                 # see `wsim.scene.integrator`; "auto": what suits the solver
-    contact_width: float = 0.0               # [m] in which contacts are soft, see `wsim.scene.barrier`; 0: hard
+    contact_width: float = 0.0               # [m] in which contacts are soft, see `wsim.physics.contact.barrier`; 0: hard
     error: float = 0.01                      # wanted RMS error of positions over the scene's size, for "auto"
     cloths: list[Cloth] = field(default_factory=list)
     springs: list[Springs] = field(default_factory=list)
@@ -191,9 +191,25 @@ class Scene(Compared):
     ties: list[Tie] = field(default_factory=list)
     loads: list[Load] = field(default_factory=list)
     varying: list[Varying] = field(default_factory=list)      # the fields above have the values of these at the start
+    others: dict[str, list] = field(default_factory=dict)     # of methods without a list here, by class (`add`)
     source: str | None = field(default=None, compare=False)   # file it was loaded from
     notes: list["Problem"] = field(default_factory=list, compare=False)   # what the loader warned about
     variants: dict[str, dict[str, str]] = field(default_factory=dict, compare=False)   # {prim: {set: chosen}}
+
+    def add(self, thing):
+        """Adds an object of a method that has no list of its own here. Raises SceneError where no method owns its class."""
+        from wsim.scene.methods import METHODS, owner
+        name = type(thing).__name__
+        if owner(name) is None:
+            known = ", ".join(each for row in METHODS for each in row.owns) or "none"
+            path = getattr(thing, "path", "/")
+            raise SceneError(Problem(path, f"is a {name}, which no method simulates; there are: {known}"))
+        self.others.setdefault(name, []).append(thing)
+        return thing
+
+    def things(self, name: str) -> list:
+        """What `add` was given of a class, by its name."""
+        return self.others.get(name, [])
 
     def cloth(self, path: str, points, counts, indices, **more) -> Cloth:
         """Adds a cloth; see `Cloth` for the fields."""
@@ -242,7 +258,8 @@ class Scene(Compared):
 
     def single(self) -> "Scene":
         """Doubles rounded to float32, for a run in float32: rest lengths are then those of the points that it begins with."""
-        found = {name: [single(thing) for thing in getattr(self, name)] for name in ("cloths", "springs", "softs", "pins")}
+        found: dict = {name: [single(thing) for thing in getattr(self, name)]
+                       for name in ("cloths", "springs", "softs", "pins")}
         return replace(self, **found)  # type: ignore[arg-type]
 
     def bodies(self) -> list[Cloth | Springs | Soft]:

@@ -10,7 +10,9 @@ from wsim.geometry import primitives
 from wsim.geometry.tetra.tets import checked, surface, volumes
 from wsim.geometry.triangulate import index_fault, triangulate
 from wsim.scene import Problem, SceneError
+from wsim.scene.methods import claimant
 from wsim.show.shading import CREASE, Look, palette, smoothing
+from wsim.usd.stage import applied
 
 
 @dataclass
@@ -39,7 +41,8 @@ def triangulated(prim: Usd.Prim, kind: str, number: int, time: float, meters: fl
     if len(triangles) == 0:
         return None
     path, start = str(prim.GetPath()), matrix(prim, time)
-    flipped = str(UsdGeom.Gprim(prim).GetOrientationAttr().Get()) == "leftHanded" and corners is not None
+    left = prim.IsA(UsdGeom.Gprim) and str(UsdGeom.Gprim(prim).GetOrientationAttr().Get()) == "leftHanded"
+    flipped = left and corners is not None
     if flipped != (np.linalg.det(start[:3, :3]) < 0):
         triangles = triangles[:, ::-1]
         corners = None if corners is None else corners[:, ::-1]
@@ -63,6 +66,12 @@ def triangulated(prim: Usd.Prim, kind: str, number: int, time: float, meters: fl
     if color_of is None:
         color_of = np.zeros_like(triangles)
     return Drawn(Look(triangles, colors, color_of, groups, path), kind, points, moves(prim))
+
+
+def drawn_by(prim: Usd.Prim):
+    """The `show` of the method that reads such prims (`wsim.scene.methods`), or None."""
+    row = claimant((*applied(prim), str(prim.GetTypeName())))
+    return row.role("show") if row else None
 
 
 def moves(prim: Usd.Prim) -> bool:
@@ -133,6 +142,8 @@ def _number(prim: Usd.Prim, name: str, time: float) -> float:
 
 def _outline(prim: Usd.Prim, time: float) -> primitives.Outline:
     """Points and triangles of anything that is not a mesh."""
+    if role := drawn_by(prim):
+        return role.triangles(prim)
     name, number = str(prim.GetTypeName()), lambda field: _number(prim, field, time)
     if name == "Sphere":
         return primitives.sphere(number("radius"))

@@ -14,7 +14,7 @@ import numpy as np
 from pxr import Gf, Tf, Usd, UsdGeom, UsdSkel
 
 from wsim.scene import Problem, SceneError
-from wsim.show.prim import Drawn, matrix, moves, triangulated
+from wsim.show.prim import Drawn, drawn_by, matrix, moves, triangulated
 from wsim.show.shading import PALETTE
 from wsim.usd import names
 from wsim.usd.stage import applied, reason, unfinished
@@ -54,9 +54,10 @@ def visible(path) -> Visible:
     meters = UsdGeom.GetStageMetersPerUnit(stage)
     _skin(stage)
     prims, notes = _prims(stage)
-    shown = [p for p in prims if p.IsA(UsdGeom.Gprim) and _purpose(p) in ("default", "render")]
+    solid = [p for p in prims if p.IsA(UsdGeom.Gprim) or drawn_by(p)]
+    shown = [p for p in solid if _purpose(p) in ("default", "render")]
     planes = [p for p in prims if p.IsA(UsdGeom.Plane)]
-    shown = shown or [p for p in prims if p.IsA(UsdGeom.Gprim)]
+    shown = shown or solid
     times = _times(stage, shown)
     level = [p for p in planes if _is_level(p, up, times[0])]
     drawn = _all_drawn(_without_cages([p for p in shown if p not in level]), times[0], meters)

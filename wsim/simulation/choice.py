@@ -71,6 +71,8 @@ def choose(model: Model, rows: dict[str, list[Rows]]) -> Choice:
     """The choice for a checked scene. Raises SceneError where a named explicit integrator is beyond its limit."""
     scene = model.scene
     method = TABLE.get(scene.integrator)
+    if not model.bodies:
+        return Choice("none", TABLE["backward_euler"], scene.substeps, scene.iterations, "there are no points")
     if scene.solver == "explicit" or (method and method.explicit):
         return _explicit(model, rows, method)
     if scene.softs:

@@ -17,6 +17,7 @@ from wsim.model.model import Body, edge_lengths
 from wsim.model.separate import apart
 from wsim.scene import Cloth, Collider, Motion, Problem, SceneError, Soft, fabric, solid
 from wsim.scene.check import objects
+from wsim.scene.methods import every
 from wsim.simulation import retry
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def set_value(sim: Simulation, path: str, name: str, value, world: int | None) -
 
 def _things(sim: Simulation) -> list:
     scene = sim.scene
-    return [*scene.bodies(), *scene.pins, *scene.colliders, *scene.loads]
+    return [*scene.bodies(), *scene.pins, *scene.colliders, *scene.loads, *(thing for _, thing in every(scene))]
 
 
 def _paths(sim: Simulation) -> list[str]:
@@ -116,6 +117,9 @@ def _remembered(sim: Simulation) -> Callable[[], None]:
 
 def _judged(sim: Simulation, thing, path: str, name: str, value, world: int | None):
     """A value as methods take it: a float, an array or a Motion of its own. Raises SceneError for what cannot be."""
+    for row, own in every(sim.scene):
+        if own is thing:
+            return cast(Any, sim.plan.method(row.name)).accept(path, name, value)
     if name == "motion":
         return _motion(path, value)
     if name in ARRAYS:

@@ -1,7 +1,5 @@
-"""The methods that a plan can be made of: a row each, in the order in which their stages run within a phase.
-
-A row is data. Its module is imported where the scene needs it (`needed`), and `build(Build) -> Method` there makes it; when all
-are made, each connects itself with others (`Method.meet`).
+"""Which methods a scene needs, and what they are made of. The table is `wsim.scene.methods.METHODS`; a method is imported where
+it is needed, its `build(Build)` makes it, and when all are made each connects itself with others (`Method.meet`).
 """
 
 from collections.abc import Callable
@@ -17,7 +15,8 @@ from wsim.model.stage import Clock, Method
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import HARD, Rows
-from wsim.scene import Scene
+from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.methods import METHODS, Row
 from wsim.simulation.choice import Choice
 
 
@@ -53,19 +52,6 @@ class Build:
         return {path: [r for r in found if (r.kind not in HARD) == soft] for path, found in self.constraints.items()}
 
 
-@dataclass(frozen=True)
-class Row:
-    """needed: why a scene needs it, or ""; without: why it is left out else."""
-
-    name: str
-    module: str
-    needed: Callable[[Build], str]
-    without: str
-
-    def build(self, b: Build) -> Method:
-        return import_module(self.module).build(b)
-
-
 def _solver(name: str) -> Callable[[Build], str]:
     return lambda b: b.choice.why if b.choice.solver == name else ""
 
@@ -80,22 +66,36 @@ def _contact(b: Build) -> str:
     return f"colliders: {', '.join(kinds)}" if kinds else ""
 
 
-METHODS: list[Row] = [
-    Row("points", "wsim.physics.motion.points", lambda b: "there are points that move", "there are no points"),
-    Row("pins", "wsim.physics.motion.pins", lambda b: f"{len(b.scene.pins)} pins" if b.scene.pins else "", "nothing is pinned"),
-    Row("explicit", "wsim.physics.motion.explicit", _solver("explicit"), "another solver is chosen"),
-    Row("aero", "wsim.physics.cloth.air", lambda b: "a cloth has drag or lift" if any(
-        c.drag or c.lift for c in b.scene.cloths) else "", "no cloth has drag or lift"),
-    Row("implicit", "wsim.physics.solver.newton", _solver("implicit"), "another solver is chosen"),
-    Row("xpbd", "wsim.physics.solver.xpbd", _xpbd, "another solver is chosen, and nothing is hard"),
-    Row("contact", "wsim.physics.contact.method", _contact, "there is no collider"),
-    Row("watch", "wsim.physics.motion.overstretch", lambda b: "" if b.choice.solver == "explicit" or b.model.gradients else
-        "edges are watched", ""),
-    Row("muscles", "wsim.physics.cloth.muscles", lambda b: "springs have an actuation" if any(
-        s.actuation for s in b.scene.springs) else "", "no spring has an actuation"),
-    Row("loads", "wsim.physics.motion.loads", lambda b: f"{len(b.scene.loads)} loads" if b.scene.loads else "",
-        "nothing is loaded"),
-]
+NEEDED: dict[str, Callable[[Build], str]] = {
+    "points": lambda b: "there are points that move" if b.model.bodies else "",
+    "pins": lambda b: f"{len(b.scene.pins)} pins" if b.scene.pins else "",
+    "explicit": _solver("explicit"),
+    "aero": lambda b: "a cloth has drag or lift" if any(c.drag or c.lift for c in b.scene.cloths) else "",
+    "implicit": _solver("implicit"),
+    "xpbd": _xpbd,
+    "contact": _contact,
+    "watch": lambda b: "" if b.choice.solver == "explicit" or b.model.gradients or not b.model.bodies else "edges are watched",
+    "muscles": lambda b: "springs have an actuation" if any(s.actuation for s in b.scene.springs) else "",
+    "loads": lambda b: f"{len(b.scene.loads)} loads" if b.scene.loads else "",
+}
+
+
+def needed(row: Row, b: Build) -> str:
+    """Why a scene needs a method, or ""."""
+    if row.name in NEEDED:
+        return NEEDED[row.name](b)
+    counts = {name: len(b.scene.things(name)) for name in row.owns}
+    return ", ".join(f"{n} {name}" for name, n in counts.items() if n)
+
+
+def built(row: Row, b: Build) -> Method | None:
+    """Raises SceneError where gradients are asked for and the method has none."""
+    if b.model.gradients and not row.gradients:
+        path = b.scene.things(row.owns[0])[0].path if row.owns else "/"
+        raise SceneError(Problem(path, f"gradients do not go through {row.name}; leave out gradients=True, or take these "
+                                 "objects out of the scene"))
+    return (import_module(row.folder) if not row.owns else row.role("method")).build(b)
+
 
 # what is no method of its own, and why it is left out where it is
 PARTS: list[tuple[str, str, Callable[[Build], bool]]] = [
@@ -111,7 +111,9 @@ PARTS: list[tuple[str, str, Callable[[Build], bool]]] = [
 def signature(b: Build) -> list:
     """What of a scene decides which kernels it needs: scenes that agree in it share a Warp module."""
     scene, inf = b.scene, float("inf")
-    return [sorted(name for name, reason in b.reasons.items() if reason and name != "watch"), b.model.real.__name__,
+    others = [row.role("method").signature(b) for row in METHODS if b.reasons.get(row.name) and row.owns
+              and hasattr(row.role("method"), "signature")]
+    return [sorted(name for name, reason in b.reasons.items() if reason and name != "watch"), others, b.model.real.__name__,
             b.choice.solver, b.choice.integrator.name, b.choice.iterations > 1,
             sorted({type(c.shape).__name__ for c in scene.colliders}), bool(scene.springs),
             sorted({(c.model, c.material.damping > 0, c.material.bend > 0, isfinite(c.material.strain_limit), c.tethers)

@@ -23,9 +23,10 @@ from wsim.model.status import Status
 from wsim.physics.cloth.constraints import HARD, LOOKS, rows_of
 from wsim.scene import Scene
 from wsim.scene.check import counts
+from wsim.scene.methods import METHODS
 from wsim.simulation import cost
 from wsim.simulation.choice import Choice, choose
-from wsim.simulation.methods import METHODS, PARTS, Build, signature
+from wsim.simulation.methods import PARTS, Build, built, needed, signature
 
 
 @dataclass
@@ -147,12 +148,14 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
     model = models.build(scene, worlds, device, real)
     model.gradients, model.by_point = gradients, gradients or bool(scene.loads)
     b = _chosen(model)
-    b.reasons = {row.name: row.needed(b) for row in METHODS}
+    b.reasons = {row.name: needed(row, b) for row in METHODS}
     model.module = _module(b) + ADJOINT * gradients
-    b.state.add(Part.allocate("points", _fields(b), model.points, real, device))
-    b.state.points.rows = {body.number: places(body) for body in model.bodies}
+    if model.bodies:
+        points = Part.allocate("points", _fields(b), model.points, real, device)
+        points.rows = {(body.path, body.world): places(body) for body in model.bodies}
+        b.state.add(points)
     for row in METHODS:
-        made = row.build(b) if b.reasons[row.name] else None
+        made = built(row, b) if b.reasons[row.name] else None
         if made:
             b.methods[row.name] = made
     for method in b.methods.values():
@@ -196,6 +199,8 @@ def _skipped(b: Build) -> list[dict]:
 
 def _start(model: Model, state: State) -> None:
     """Initial positions with their rounding remainder, and velocities."""
+    if not model.bodies:
+        return
     dtype = model.dtype
     places = np.concatenate([apart(b.places, b.edges - b.first, edge_lengths(b)) for b in model.bodies])
     x = places.astype(dtype)

@@ -174,6 +174,10 @@ class Simulation:
         """Local-to-world transforms (4, 4) [m] of the colliders at the current time, by path."""
         return {c.path: c.motion.at(self.time) for c in self.scene.colliders if path in (None, c.path)}
 
+    def samples(self, world: int = 0) -> list:
+        """What methods hand to a result besides points, now (`wsim.scene.samples`)."""
+        return [sample for method in self.plan.methods for sample in method.samples(world)]
+
     def set(self, path: str, name: str, value, world: int | None = None) -> None:
         """A live parameter, from the next frame on, without rebuilding, of one world or of all (None).
 
@@ -195,20 +199,25 @@ class Simulation:
     def fields(self, path: str | None = None) -> dict[str, np.ndarray]:
         """What an exact restart needs of a body, by name, each in the author's order; of points, behind them those between
         (quadratic tets)."""
-        return {name: array.numpy()[rows] for name, array, rows in self.state.of(self.model.body(path).number)}
+        path = self.model.body(None).path if path is None else path
+        found = {name: array.numpy()[rows] for name, array, rows in self.state.of(path)}
+        if not found:
+            raise KeyError(f"{path!r} has no fields; there are {self.state.paths()}")
+        return found
 
     def restart(self, frame: int, fields: dict[str, dict[str, np.ndarray]], alike: bool = True) -> None:
         """Goes on after `frame` frames with the fields that an earlier run left, by path and name: bit for bit where every
         body has all of them (then there is no jump in time), else as at a start, without history. alike: that run stepped
         as this one does; history of other steps is none."""
         exact = alike
-        for body in (b for b in self.model.bodies if b.world == 0):
-            values = fields.get(body.path, {})
-            for name, array, rows in self.state.of(body.number):
+        for path in self.state.paths():
+            values = fields.get(path, {})
+            for name, array, rows in self.state.of(path):
                 exact &= name in values and len(values[name]) == len(rows)
                 if name in values:
                     now = array.numpy()
-                    now[rows] = values[name] if len(values[name]) == len(rows) else stored(body, values[name])
+                    fits = len(values[name]) == len(rows)
+                    now[rows] = values[name] if fits else stored(self.model.body(path), values[name])
                     array.assign(now)
         self.frame = frame
         self.plan.clock.starting = not exact
@@ -219,11 +228,14 @@ class Simulation:
 
     def indicators(self) -> dict[str, float]:
         """Error indicators and energies now: strain, residual, penetration, energy [J]."""
-        x = self.state.x.numpy().astype(np.float64) + self.state.e.numpy()
+        x = v = np.zeros((0, 3))
+        if self.model.bodies:
+            x, v = (a.numpy().astype(np.float64) for a in (self.state.x, self.state.v))
+            x += self.state.e.numpy()
         if self.model.alias is not None:
             x = x[self.model.alias]
         with GATE.alone():
-            return measure.gather(self.plan, x, self.state.v.numpy().astype(np.float64))
+            return measure.gather(self.plan, x, v)
 
     def stress(self, path: str | None = None, world: int = 0):
         """`wsim.simulation.measure.stress.Stress` of a soft body now: `von_mises` [Pa] and `strain` of each tet. Compiles a

@@ -13,6 +13,7 @@ from pxr import Tf, Usd, UsdGeom
 
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.check.scene import check
+from wsim.scene.methods import claimant
 from wsim.usd import names
 from wsim.usd.attributes import read
 from wsim.usd.load_varying import finish
@@ -41,6 +42,7 @@ class Found:
     meshes: list = field(default_factory=list)
     tet_meshes: list = field(default_factory=list)
     skel_roots: list = field(default_factory=list)
+    others: list = field(default_factory=list)           # (row of a method, prim)
 
 
 def load(path, variants: dict[str, dict[str, str]] | None = None) -> Scene:
@@ -94,6 +96,10 @@ def _read(reading: Reading) -> Scene:
     if found.loads and not failed:
         from wsim.usd.prims.loads import load_load
         scene.loads += [load for prim in found.loads if (load := load_load(reading, prim, by_path)) is not None]
+    for row, prim in found.others:
+        thing = row.role("usd").load(reading, prim)
+        if thing is not None:
+            scene.add(thing)
     _order(scene, found.scenes)
     return _finished(reading, scene, found)
 
@@ -140,6 +146,8 @@ def _walk(reading: Reading) -> Found:
         if prim.IsPseudoRoot():
             continue
         apis, kind = applied(prim), prim.GetTypeName()
+        if row := claimant((*apis, str(kind))):
+            found.others.append((row, prim))
         spelling(reading, prim)
         if kind == "PointInstancer":
             prims.PruneChildren()
@@ -255,10 +263,11 @@ def _finished(reading: Reading, scene: Scene, found: Found) -> Scene:
         solid = [*scene.bodies(), *(skin for soft in scene.softs for skin in soft.skins), *scene.colliders]
         skinned(reading, found.skel_roots, [reading.stage.GetPrimAtPath(thing.path) for thing in solid])
     fatal = [problem for problem in reading.problems if problem.fatal]
-    if scene.bodies():
+    if scene.bodies() or scene.others:
         fatal += [problem for problem in check(scene) if problem.fatal]
     elif not fatal:                               # the notes say why: a reference without a file, a body left out
-        fatal += [_nothing(reading, found), *_grouped(reading.problems)]
+        from wsim.usd.new.hints import nothing
+        fatal += [nothing(reading.stage, found.simulated, found.meshes, found.tet_meshes), *_grouped(reading.problems)]
     if fatal:
         raise SceneError(list(dict.fromkeys(fatal)))
     scene.notes = _grouped(reading.problems)
@@ -275,23 +284,3 @@ def _grouped(notes: list[Problem]) -> list[Problem]:
         others = ", ".join(where[1:4]) + (f" and {len(where) - 4} more" if len(where) > 4 else "")
         grouped.append(Problem(where[0], text + (f" (also: {others})" if others else ""), fatal=False))
     return grouped
-
-
-def _nothing(reading: Reading, found: Found) -> Problem:
-    """The error of a stage with nothing to simulate."""
-    file = reading.stage.GetRootLayer().realPath or reading.stage.GetRootLayer().identifier
-    left_out = [str(prim.GetPath()) for prim in found.simulated]
-    text = "nothing in it can be simulated: no cloth, spring net or soft body" + (
-        f" (left out: {', '.join(left_out)})" if left_out else
-        f" (no prim has {names.BODY} and {names.SURFACE_SIM} or {names.VOLUME_SIM})")
-    hints = [_hint(os.path.basename(file), *kind) for kind in (("meshes", "cloth", found.meshes),
-                                                              ("TetMeshes", "softbody", found.tet_meshes)) if kind[2]]
-    return Problem(file, ". ".join([text, *hints]) if hints else f"{text}; it has no Mesh and no TetMesh to make one of")
-
-
-def _hint(file: str, plural: str, kind: str, prims: list) -> str:
-    """The prims that could be of a kind, and the command that makes them."""
-    paths = [str(prim.GetPath()) for prim in prims]
-    shown = ", ".join(paths[:8]) + (f" and {len(paths) - 8} more" if len(paths) > 8 else "")
-    return (f"Its {plural}: {shown}. `wsim new {kind} {file}" + (" --prim PATH" if len(paths) > 1 else "")
-            + f" -o SCENE` makes a scene with one as {'cloth' if kind == 'cloth' else 'soft body'}")

@@ -9,6 +9,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
 from wsim.scene import Cloth, Collider, Load, Pin, Problem, Scene, SceneError, Skin, Soft, Springs, Tie
 from wsim.scene.check.scene import check
 from wsim.scene.fabric import Fabric
+from wsim.scene.methods import every
 from wsim.scene.solid import Bulk
 from wsim.usd import names
 from wsim.usd.prims.cloth import author_cloth_prim
@@ -39,7 +40,7 @@ def save(scene: Scene, path) -> None:
 def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
     objects: list[Cloth | Springs | Soft | Collider | Pin | Tie | Load] = [
         *scene.bodies(), *scene.colliders, *scene.pins, *scene.ties, *scene.loads]
-    taken = {thing.path for thing in [*objects, *_skins(scene)]}
+    taken = {thing.path for thing in [*objects, *_skins(scene), *(thing for _, thing in every(scene))]}
     settings = author_settings(stage, _free("/physicsScene", taken), scene, units)
     materials = _Materials(_free("/materials", taken), scene)
     by_path = {thing.path: thing for thing in scene.bodies()}
@@ -62,6 +63,9 @@ def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
             if thing.target:
                 _parents(stage, thing.target)
             author_pin(stage, thing, by_path[thing.body], units, scene.frames)
+    for row, thing in every(scene):
+        _parents(stage, thing.path)
+        row.role("usd").author(stage, thing, units)
     if scene.varying:
         from wsim.usd.save_varying import author_varying
         author_varying(stage, scene, settings, units)
@@ -131,7 +135,7 @@ def _path_problems(scene: Scene) -> list[Problem]:
         from wsim.usd.prims.skins import skin_problems
         problems += skin_problems(scene)
     moving = {thing.path: thing.motion for thing in scene.colliders}
-    for thing in [*solid, *scene.pins, *scene.ties, *scene.loads]:
+    for thing in [*solid, *scene.pins, *scene.ties, *scene.loads, *(thing for _, thing in every(scene))]:
         good = Sdf.Path.IsValidPathString(thing.path) and Sdf.Path(thing.path).IsAbsoluteRootOrPrimPath()
         if not good or thing.path == "/":
             problems.append(Problem(thing.path, "is not a prim path; allowed is like /World/flag (letters, digits, _)"))

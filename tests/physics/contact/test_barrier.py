@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tests.physics.contact.test_restitution import G, ball
+from wsim.physics.contact.barrier import energy
 from wsim.scene import SceneError
-from wsim.scene.barrier import energy
 from wsim.scene.check.scene import check
 from wsim.simulation.simulation import Simulation
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tests.gradient.test_gradients import Run, sheet
+from wsim.physics.contact.barrier import energy
 from wsim.scene import Box, Capsule, Cone, Cylinder, Plane, Sphere
-from wsim.scene.barrier import energy
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
 

@@ -5,8 +5,9 @@ import pytest
 from pxr import Gf, Usd, UsdGeom, UsdSkel
 
 from tests.make.usda import APIS, SHEET, Reader, cloth, errors
+from tests.make.validate import validate
 from wsim.scene import Scene
-from wsim.usd.result.recorder import Recorder, validate
+from wsim.usd.result.recorder import Recorder
 
 BOUND = """
     rel skel:skeleton = </char/bones>

@@ -8,9 +8,10 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from tests.conftest import grid
+from tests.make.validate import validate
 from wsim.scene import Plane, Scene, SceneError
 from wsim.scene.curve import Motion
-from wsim.usd.result.recorder import Recorder, validate
+from wsim.usd.result.recorder import Recorder
 from wsim.usd.result.restart import Result, load_restart
 
 EPS = np.finfo(np.float32).eps

@@ -260,8 +260,8 @@ def resume(recording: Recording, copy: Recording) -> None:
     parts = ([part for part in r.sim.state.parts.values() if part.name != "points"] for r in (recording, copy))
     for own, other, (_, start), (_, into) in zip(*parts, recording.flowed, copy.flowed, strict=True):
         values, given = into.numpy(), start.numpy()
-        for b in (b for b in copy.sim.model.bodies if b.number in other.rows):
-            values[other.rows[b.number]] = given[own.rows[recording.sim.model.body(b.path).number]]
+        for b in (b for b in copy.sim.model.bodies if (b.path, b.world) in other.rows):
+            values[other.rows[b.path, b.world]] = given[own.rows[b.path, 0]]
         into.assign(values)
     _parameters(recording.sim, copy.sim)
 

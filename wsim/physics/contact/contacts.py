@@ -108,7 +108,7 @@ class Contacts:
         """Puts a potential of the scene's `contact_width` in front of contacts, where that is > 0. Raises SceneError where an
         open mesh keeps less than that."""
         if scene.contact_width > 0.0:
-            from wsim.scene.barrier import energy
+            from wsim.physics.contact.barrier import energy
             c, reach = self.table, float(self.points.reach.numpy().min(initial=np.inf))
             for gap, number in zip(self.gap, self.rows.collider, strict=True):
                 if self.rows.kind[number] == "sheet" and gap + reach < 2.0 * scene.contact_width:

@@ -8,8 +8,8 @@
     gradients   G of every constraint at rest, as kernels/cloth/constraint.py has them; of hinges, curvatures of triangles have
                 J
 
-K keeps the material part G^T alpha^-1 G, and what smoothed contacts add (`wsim.scene.barrier`); what tension adds is not in it.
-Points that are pinned do not count.
+K keeps the material part G^T alpha^-1 G, and what smoothed contacts add (`wsim.physics.contact.barrier`); what tension adds is
+not in it. Points that are pinned do not count.
 """
 
 from collections.abc import Iterator
@@ -185,7 +185,7 @@ def _contacts(model: Model) -> float:
     """What smoothed contacts add [1/s^2]."""
     if model.scene.contact_width == 0.0 or not model.scene.colliders:
         return 0.0
-    from wsim.scene.barrier import stiffness
+    from wsim.physics.contact.barrier import stiffness
     return stiffness(model.scene)
 
 

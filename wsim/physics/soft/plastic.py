@@ -29,7 +29,7 @@ class Plastic:
         starts = np.cumsum([0, *(len(p.rows) for p in table.parts)])
         name = f"plastic_{table.name}"
         self.kept = state.Part(name, table.size, table.size, rows={
-            p.body.number: first + np.argsort(p.rows) for p, first in zip(table.parts, starts[:-1], strict=True)})
+            (p.body.path, p.body.world): first + np.argsort(p.rows) for p, first in zip(table.parts, starts[:-1], strict=True)})
         self.kept.take(state.Field(name, "", True, "F_p, what a tet has become at rest", "mat33"), self.F)
         if model.gradients:
             from wsim.physics.motion.forces_adjoint import FlowAdjoint

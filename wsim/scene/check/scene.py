@@ -19,6 +19,7 @@ from wsim.scene.check import objects
 from wsim.scene.check.counts import MOST
 from wsim.scene.check.objects import array, error, number, rigid, warning
 from wsim.scene.integrator import EXPLICIT, IMPLICIT, INTEGRATORS, SOLVERS
+from wsim.scene.methods import every
 
 SOFT_SOLVERS = tuple(name for name in ("auto", "implicit", "explicit") if name in SOLVERS)
 STRONG = 50.0       # [m/s^2] five times Earth's gravity; files that take their unit for centimetres hold 981
@@ -48,6 +49,9 @@ def check(scene: Scene) -> list[Problem]:
     for thing in scene.varying:
         from wsim.scene.check import varying
         found += varying.varying(thing, scene)
+    for row, thing in every(scene) if scene.others else ():
+        role = row.role("check")
+        found += role.check(thing, scene) if role else ()
     if not any(p.fatal for p in found):           # triangles and pieces can be asked only of sound objects
         found += [*_support(scene), *_damping(scene)]
         for body in scene.bodies():
@@ -123,11 +127,12 @@ def _damping(scene: Scene) -> Iterator[Problem]:
 
 
 def _paths(scene: Scene) -> Iterator[Problem]:
-    if not scene.bodies():
+    if not scene.bodies() and not scene.others:
         yield error("/", "nothing here can move: no cloth, no spring net and no soft body", "at least one",
                     "apply PhysicsSurfaceDeformableSimAPI to a mesh, or let `wsim new cloth MESH -o SCENE` (or softbody) do it")
     skins = [skin for soft in scene.softs for skin in soft.skins]
-    named: list = [*scene.bodies(), *skins, *scene.colliders, *scene.pins, *scene.ties, *scene.loads]
+    named: list = [*scene.bodies(), *skins, *scene.colliders, *scene.pins, *scene.ties, *scene.loads,
+                   *(thing for _, thing in every(scene))]
     for path, n in Counter(thing.path for thing in named).items():
         if n > 1:
             yield error(path, f"{n} objects have this path", "one", "give each its own")

@@ -12,6 +12,7 @@ implicit ones is their numerical damping:
 
 from dataclasses import dataclass
 from math import inf, isfinite
+from typing import Any, cast
 
 import numpy as np
 import warp as wp
@@ -37,12 +38,20 @@ def gather(plan: Plan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
 
     x [m] relative to each body's origin and v [m/s], solver order, float64.
     """
-    model = plan.model
+    out = _of_points(plan, x, v) if plan.model.bodies else {}
+    for method in plan.methods:
+        out |= method.indicators(x, v)
+    if plan.model.bodies:
+        out["energy"] = out["kinetic_energy"] + out["gravity_energy"] + out.get("elastic_energy", 0.0)
+    return out
+
+
+def _of_points(plan: Plan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
+    model, points = plan.model, cast(Any, plan.method("points"))
     masses = model.stack("masses")
     masses[model.gone] = 0.0
-    constants = plan.methods[0].constants            # type: ignore[attr-defined]
-    free = constants.w.numpy() > 0.0
-    gravity = plan.methods[0].gravity().astype(np.float64)            # type: ignore[attr-defined]
+    free = points.constants.w.numpy() > 0.0
+    gravity = points.gravity().astype(np.float64)
     strains = [edge_strain(b, x) for b in model.bodies if len(b.edges)]
     out: dict[str, float] = {}
     if strains:
@@ -52,9 +61,6 @@ def gather(plan: Plan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
     out["kinetic_energy"] = float(0.5 * np.sum(masses * free * np.sum(v**2, axis=1)))
     out["gravity_energy"] = float(-sum(
         np.sum(masses[b.first:b.last, None] * (x[b.first:b.last] + b.origin) * gravity[b.first:b.last]) for b in model.bodies))
-    for method in plan.methods:
-        out |= method.indicators(x, v)
-    out["energy"] = out["kinetic_energy"] + out["gravity_energy"] + out.get("elastic_energy", 0.0)
     return out
 
 
@@ -107,7 +113,7 @@ class Balance:
 
 def balance(sim) -> Balance | None:
     """Of a run that begins here by an implicit integrator; None where something else takes energy or gives some."""
-    if sim.plan.choice.integrator.explicit or not closed(sim):
+    if not sim.model.bodies or sim.plan.choice.integrator.explicit or not closed(sim):
         return None
     return Balance(sim.plan, sim.frame, wp.clone(sim.state.points.every), len(sim.changes))
 
@@ -119,7 +125,7 @@ def closed(sim) -> bool:
     lossy += [c.material.damping or c.drag or c.lift or c.tethers or isfinite(c.material.strain_limit) for c in scene.cloths]
     lossy += [s.damping or s.actuation for s in scene.springs] + [s.pressure for s in scene.softs]
     lossy += [m.damping or isfinite(m.yield_strain) for s in scene.softs for m in s.materials]
-    return not any(lossy) and all(_stays(sim, pin) for pin in scene.pins)
+    return not (any(lossy) or scene.others) and all(_stays(sim, pin) for pin in scene.pins)
 
 
 def _stays(sim, pin: Pin) -> bool:

@@ -7,12 +7,11 @@ The result sublayers the scene's file by a relative path and has `over`s alone: 
 normals and extent, of the bodies and of the skins that follow them (`wsim.scene.skin`). Default values stay those of the
 source, because unauthored rest shapes are read from them. The file grows under a name of its own and is renamed when it is
 whole (`wsim.usd.result.partial`): a run that is killed, interrupted or fails leaves NAME.partial.usdc with its frames and an
-earlier result as it was, and the next run to the same output puts that aside as NAME.recovered.usdc.
-"""
+earlier result as it was, and the next run to the same output puts that aside as NAME.recovered.usdc."""
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from wsim.scene.skin import held
 from wsim.usd.prims.reactions import sample
 from wsim.usd.result import provenance
 from wsim.usd.result.dependencies import overwritten
+from wsim.usd.result.others import Sample, taken
 from wsim.usd.result.partial import Partial, check_output, partial_path
 from wsim.usd.result.restart import Restart, check_fields, copy_samples, is_frame, store
 from wsim.usd.result.samples import BodyOver, ColliderOver, body_prim
@@ -145,13 +145,14 @@ class Recorder:
 
     def append(self, time_code: float, positions: Arrays, velocities: Arrays | None = None,
                poses: Arrays | None = None, primvars: Mapping[str, Arrays] | None = None,
-               reactions: Arrays | None = None) -> None:
+               reactions: Arrays | None = None, others: Sequence[Sample] = ()) -> None:
         """Writes one sample of every body and of its skins; saves after whole frames, as often as 5 % of the wall time allows.
 
         positions    {body path: (n, 3)} world [m], author's order      velocities   the same [m/s]
         poses        {collider path: (4, 4)} world [m]; written where they are not what the source says
         primvars     {body path: {name: (n,)}} [SI], author's order: see `wsim.usd.result.samples.PRIMVARS`
         reactions    {pin path: (k, 3)} [N], world: see `wsim.usd.prims.reactions`
+        others       what else methods have, see `wsim.scene.samples`
         time_code    later than all before; any fraction (subframes), before the scene's start too (pre-roll). The first
                      one may repeat the last of the result that the run continues.
         Raises ValueError for arrays that do not fit, SceneError for a frame without inverse: nothing of the sample is
@@ -167,6 +168,7 @@ class Recorder:
         for path, values in (primvars or {}).items():
             samples += self.overs[path].color(values)
         samples += [sample(self.stage.GetPrimAtPath(path), values) for path, values in (reactions or {}).items()]
+        samples += [taken(self.stage, each) for each in others]
         time = (code - self.scene.start) / self.rate
         for path, pose in (poses or {}).items():
             if path in self.colliders:
@@ -178,7 +180,7 @@ class Recorder:
             for attribute, _ in samples:
                 attribute.ClearAtTime(code)
             raise
-        self.bytes_since_fields += sum(12 * len(value) for _, value in samples)
+        self.bytes_since_fields += sum(12 * len(value) if hasattr(value, "__len__") else 8 for _, value in samples)
         if code not in self.codes[-1:]:
             self.codes.append(code)
         self.count += 1
@@ -212,15 +214,15 @@ class Recorder:
     def _checked_fields(self) -> Mapping[str, Arrays]:
         found = self.restart_fields() if self.restart_fields else {}
         for path, fields in found.items():
-            if path not in self.bodies:
-                raise ValueError(f"restart_fields names {path}; the bodies are {', '.join(self.bodies)}")
+            if not self.stage.GetPrimAtPath(path):
+                raise ValueError(f"restart_fields names {path}, which is no prim; the bodies are {', '.join(self.bodies)}")
             check_fields(path, fields)
         return found
 
     def _save(self, with_fields: bool) -> None:
         if with_fields:
             for path, fields in self.fields.items():
-                store(self.bodies[path][0], self.fields_code, fields)
+                store(self.stage.GetPrimAtPath(path), self.fields_code, fields)
             self.bytes_since_fields = 0
         layer = self.file.layer
         provenance.write(layer, self.scene, self.settings())
@@ -284,16 +286,6 @@ class Recorder:
 
     def __exit__(self, kind, error, trace) -> None:
         self.close(interrupted=kind is not None)
-
-
-def validate(path) -> list[str]:
-    """What the validators of usd-core find wrong with a stage: one line each, with the prim path."""
-    from pxr import UsdValidation
-
-    registry = UsdValidation.ValidationRegistry()
-    errors = UsdValidation.ValidationContext(registry.GetOrLoadAllValidators()).Validate(open_stage(path))
-    return [f"{', '.join(str(s.GetPrim().GetPath()) for s in e.GetSites() if s.IsPrim()) or path}: {e.GetName()}: "
-            f"{e.GetMessage()}" for e in errors]
 
 
 def _bytes(fields: Mapping[str, Arrays]) -> int:

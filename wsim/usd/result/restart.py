@@ -24,6 +24,7 @@ import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, Vt
 
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
+from wsim.scene.methods import every
 from wsim.usd.prims.reactions import REACTION
 from wsim.usd.result import crate, provenance
 from wsim.usd.result.samples import PRIMVARS, Frame, body_prim, particles_of
@@ -115,6 +116,13 @@ class Result:
         """Time codes of the samples of a body's points."""
         return UsdGeom.PointBased(self._prim(path)).GetPointsAttr().GetTimeSamples()
 
+    def codes(self, path: str) -> list[float]:
+        """Time codes of what is sampled on a prim: of points, else of whatever there is."""
+        prim = self.stage.GetPrimAtPath(path)
+        if prim.IsA(UsdGeom.PointBased):
+            return self.time_codes(path)
+        return sorted({c for attribute in prim.GetAuthoredAttributes() for c in attribute.GetTimeSamples()})
+
     def positions(self, path: str, code: float) -> np.ndarray:
         """World positions [m], (n, 3) float64; of a spring net one row a point of its curves."""
         prim = self._prim(path)
@@ -155,8 +163,11 @@ def load_restart(result_path, scene: Scene) -> Restart:
         raise SceneError(Problem(result.path, f"has {result.fps:g} time codes a second, the scene {scene.fps:g}; "
                                  "restart with the scene that the result was made from"))
     bodies = scene.bodies()
-    prims = {b.path: body_prim(result.stage, b.path, len(b.points)) for b in bodies}
-    frames = _whole_frames(result, scene, [b.path for b in bodies])
+    others = {thing.path: result.stage.GetPrimAtPath(thing.path) for _, thing in every(scene)}
+    if lost := [path for path, prim in others.items() if not prim]:
+        raise SceneError(Problem(lost[0], f"is not in {result.path}; restart from a result of this scene"))
+    prims = {b.path: body_prim(result.stage, b.path, len(b.points)) for b in bodies} | others
+    frames = _whole_frames(result, scene, list(prims))
     kept = {path: stored(prim) for path, prim in prims.items()}
     codes = {code for code, _ in kept.values()} & frames
     exact = all(f and {code} == codes for code, f in kept.values())
@@ -184,7 +195,7 @@ def _whole_frames(result: Result, scene: Scene, paths: list[str]) -> set[float]:
     """Time codes of whole frames that every body has. Raises SceneError if there is none."""
     frames, problems = None, []
     for path in paths:
-        codes = {c for c in result.time_codes(path) if is_frame(c, scene, result.fps)}
+        codes = {c for c in result.codes(path) if is_frame(c, scene, result.fps)}
         if not codes:
             problems.append(Problem(path, f"has no frame in {result.path}; restart from a result of this scene"))
         frames = codes if frames is None else frames & codes
@@ -226,8 +237,11 @@ def copy_samples(restart: Restart, stage: Usd.Stage, scene: Scene) -> list[float
     wanted += [(p.path, (REACTION,)) for p in scene.pins]
     if layer.subLayerPaths:
         wanted += [(c.path, ("xformOp:transform",)) for c in scene.colliders]
+    others = [(thing.path, tuple(spec.name for spec in layer.GetPrimAtPath(thing.path).attributes
+                                 if layer.GetNumTimeSamplesForPath(spec.path)))
+              for _, thing in every(scene) if layer.GetPrimAtPath(thing.path)]
     codes: set[float] = set()
-    for path, names in wanted:
+    for path, names in [*wanted, *others]:
         for name in names:
             spec = layer.GetAttributeAtPath(f"{path}.{name}")
             times = [c for c in layer.ListTimeSamplesForPath(spec.path) if c <= restart.frame_time_code] if spec else []
@@ -240,5 +254,5 @@ def copy_samples(restart: Restart, stage: Usd.Stage, scene: Scene) -> list[float
                     attribute.Set(layer.QueryTimeSample(spec.path, c), c)
                 if name in (*STRESS, REACTION):             # else the last one would stay, where this run writes none
                     attribute.Set(Sdf.ValueBlock(), restart.frame_time_code + stage.GetTimeCodesPerSecond() / scene.fps)
-                codes.update(times if name == "points" else ())
+                codes.update(times if name == "points" or (path, names) in others else ())
     return sorted(codes)

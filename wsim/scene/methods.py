@@ -1,0 +1,69 @@
+"""The methods of wsim: a row each, in the order in which their stages run within a phase; contacts come last.
+
+A row is data; nothing is imported by it. What else a method needs stands in its folder, in files by role, which are imported
+when a scene holds such a thing:
+
+    objects    dataclasses of the scene; NumPy only
+    check      check(thing, scene) yields Problems
+    usd        load(reading, prim) -> thing, author(stage, thing, units); imports pxr, never Warp
+    method     build(Build) -> Method, see `wsim.simulation.methods`
+    show       triangles(prim) -> points (n, 3) and triangles (t, 3), in the prim's frame and the units of the stage
+
+Cloth, springs, soft bodies, colliders, pins, ties and loads have lists of their own in a scene, and rows for what simulates
+them alone; what they are checked and read by stands in scene/check and usd/prims.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Row:
+    """owns: names of its dataclasses; claims: names of USD types or applied APIs that its `usd` reads; without: why it is left
+    out where a scene lacks it; gradients: whether recordings differentiate through it."""
+
+    name: str
+    folder: str
+    owns: tuple[str, ...] = ()
+    claims: tuple[str, ...] = ()
+    without: str = ""
+    gradients: bool = False
+
+    def role(self, name: str) -> Any:
+        """A file of the folder, or None where it has none."""
+        place = f"{self.folder}.{name}"
+        return import_module(place) if find_spec(place) else None
+
+
+METHODS: list[Row] = [
+    Row("points", "wsim.physics.motion.points", without="there are no points", gradients=True),
+    Row("pins", "wsim.physics.motion.pins", without="nothing is pinned", gradients=True),
+    Row("explicit", "wsim.physics.motion.explicit", without="another solver is chosen", gradients=True),
+    Row("aero", "wsim.physics.cloth.air", without="no cloth has drag or lift", gradients=True),
+    Row("implicit", "wsim.physics.solver.newton", without="another solver is chosen", gradients=True),
+    Row("xpbd", "wsim.physics.solver.xpbd", without="another solver is chosen, and nothing is hard", gradients=True),
+    Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True),
+    Row("watch", "wsim.physics.motion.overstretch", gradients=True),
+    Row("muscles", "wsim.physics.cloth.muscles", without="no spring has an actuation", gradients=True),
+    Row("loads", "wsim.physics.motion.loads", without="nothing is loaded", gradients=True),
+]
+
+
+def owner(name: str) -> Row | None:
+    """The row that owns a dataclass of that name."""
+    return next((row for row in METHODS if name in row.owns), None)
+
+
+def claimant(names) -> Row | None:
+    """The row that reads prims of one of these types or APIs."""
+    return next((row for row in METHODS if not set(row.claims).isdisjoint(names)), None)
+
+
+def every(scene) -> Iterator[tuple[Row, Any]]:
+    """(row, thing) of what a scene holds of methods that have no list of their own in it."""
+    for row in METHODS:
+        for name in row.owns:
+            yield from ((row, thing) for thing in scene.things(name))

@@ -1,0 +1,28 @@
+"""What can be made of a stage in which nothing is simulated, in words."""
+
+import os
+
+from pxr import Usd
+
+from wsim.scene import Problem
+from wsim.usd import names
+
+
+def nothing(stage: Usd.Stage, simulated: list, meshes: list, tet_meshes: list) -> Problem:
+    """The error of a stage with nothing to simulate."""
+    file = stage.GetRootLayer().realPath or stage.GetRootLayer().identifier
+    left_out = [str(prim.GetPath()) for prim in simulated]
+    text = "nothing in it can be simulated: no cloth, spring net or soft body" + (
+        f" (left out: {', '.join(left_out)})" if left_out else
+        f" (no prim has {names.BODY} and {names.SURFACE_SIM} or {names.VOLUME_SIM})")
+    hints = [_hint(os.path.basename(file), *kind) for kind in (("meshes", "cloth", meshes),
+                                                              ("TetMeshes", "softbody", tet_meshes)) if kind[2]]
+    return Problem(file, ". ".join([text, *hints]) if hints else f"{text}; it has no Mesh and no TetMesh to make one of")
+
+
+def _hint(file: str, plural: str, kind: str, prims: list) -> str:
+    """The prims that could be of a kind, and the command that makes them."""
+    paths = [str(prim.GetPath()) for prim in prims]
+    shown = ", ".join(paths[:8]) + (f" and {len(paths) - 8} more" if len(paths) > 8 else "")
+    return (f"Its {plural}: {shown}. `wsim new {kind} {file}" + (" --prim PATH" if len(paths) > 1 else "")
+            + f" -o SCENE` makes a scene with one as {'cloth' if kind == 'cloth' else 'soft body'}")
