@@ -15,6 +15,7 @@ from dataclasses import fields, is_dataclass
 import numpy as np
 
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
+from wsim.scene.methods import every
 
 KEY = "wsim:run"
 START = {"velocities", "start", "frames"}                         # where a run begins and ends
@@ -51,9 +52,9 @@ def _parts(value) -> Iterator[bytes]:
 
 def of_scene(scene: Scene) -> dict[str, dict[str, str]]:
     """Digests of the fields that decide the motion, by path; the scene's own at "/"."""
-    left = SEEN | START | SETTINGS | set(LISTS)
+    left = SEEN | START | SETTINGS | {*LISTS, "others"}
     found = {"/": {f.name: digest(getattr(scene, f.name)) for f in fields(scene) if f.name not in left}}
-    for thing in (t for name in LISTS for t in getattr(scene, name)):
+    for thing in (*(t for name in LISTS for t in getattr(scene, name)), *(t for _, t in every(scene))):
         skipped = SEEN | START | ({"points"} if getattr(thing, "rest_points", None) is not None else set())
         found[thing.path] = {f.name: digest(getattr(thing, f.name)) for f in fields(thing) if f.name not in skipped}
     return found
