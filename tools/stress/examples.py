@@ -1,6 +1,8 @@
 """Example scenes (scenes/*.usda) with every solver and integrator, held against a converged run of the same scene.
 
     converged   Newton's method, backward Euler, CONVERGED substeps of so many Newton steps, to a residual under 1 or as it says
+                (in Newton's steps, not in time: it damps. Of the flag, after a second, it leaves an RMS strain of .013, BDF2 of
+                32 substeps .018, sdirk3 of 32 .020, leapfrog .028)
     strain      at the end: RMS and largest of the edges, at most WORSE times those of the converged run
     energy      kinetic + elastic + gravity, less the work of the wind (`tools.stress.work`), at every frame: at most what
                 there was at the start and COUNTED of what was turned over. Where something else does work, as pins and
