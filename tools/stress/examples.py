@@ -4,12 +4,13 @@
                 (in Newton's steps, not in time: it damps. Of the flag, after a second, it leaves an RMS strain of .013, BDF2 of
                 32 substeps .018, sdirk3 of 32 .020, leapfrog .028)
     strain      at the end: RMS and largest of the edges, at most WORSE times those of the converged run
-    energy      kinetic + elastic + gravity, less the work of the wind (`tools.stress.work`), at every frame: at most what
-                there was at the start and COUNTED of what was turned over. Where something else does work, as pins and
-                colliders that move: at most what the converged run had until then and SLACK of what that turned over.
+    energy      kinetic + elastic + gravity, less the work of the wind and of what carries the scene (`tools.stress.work`), at
+                every frame: at most what there was at the start and COUNTED of what was turned over. Where something else
+                does work, as pins that go apart: at most what the converged run had until then and SLACK of what that
+                turned over.
                 Of sweeps without the elastic part: of what they have not resolved a step can free next to nothing
                 (`tools.stress.energy`)
-    turned over the largest of the kinetic energies, of the way of the energy, and of what wind gave and took in all
+    turned over the largest of the kinetic energies, of the way of the energy, and of the work given and taken in all
     refusal     a SceneError before the first frame: this scene is none for this solver, and why
 """
 
@@ -22,7 +23,7 @@ import numpy as np
 
 from tools.stress.judge import Verdict
 from tools.stress.solvers import MOST, Solver
-from tools.stress.work import Work, uncounted
+from tools.stress.work import Work
 from wsim.scene import Scene, SceneError
 from wsim.simulation import Simulation
 from wsim.usd import load
@@ -43,7 +44,7 @@ class Example:
 
     scene: str
     solver: str
-    energy: list[float] = field(default_factory=list)      # less the work of the wind
+    energy: list[float] = field(default_factory=list)      # less the work that is counted
     kinetic: list[float] = field(default_factory=list)
     rms: list[float] = field(default_factory=list)
     largest: list[float] = field(default_factory=list)
@@ -53,8 +54,8 @@ class Example:
     ms: float = 0.0
     notes: list[str] = field(default_factory=list)
     start: float = 0.0                                     # elastic energy included [J]
-    wind: float = 0.0                                      # work [J]
-    turned: float = 0.0                                    # by the wind, to and fro [J]
+    work: float = 0.0                                      # counted [J]
+    turned: float = 0.0                                    # by it, to and fro [J]
     besides: str = ""                                      # what does work and is not counted
 
 
@@ -103,7 +104,7 @@ def steps(scene: Scene, solver: Solver) -> int:
 
 def run(name: str, solver: str, scene: Scene, frames: int, device, precision: str) -> Example:
     """As many frames as the scene has, or `frames`."""
-    found = Example(name, solver, besides=uncounted(scene, min(frames, scene.frames)))
+    found = Example(name, solver)
     try:
         sim = Simulation(scene, device=device, precision=precision)
         sim.load()
@@ -111,8 +112,8 @@ def run(name: str, solver: str, scene: Scene, frames: int, device, precision: st
         found.refusal = str(error)
         return found
     try:
-        now, work = sim.indicators(), Work(sim)
-        found.start = now["energy"]
+        now, work = sim.indicators(), Work(sim, min(frames, scene.frames))
+        found.start, found.besides = now["energy"], work.besides
         found.energy.append(held(sim, now))
         spent: list[float] = []
         for _ in range(min(frames, scene.frames)):
@@ -134,7 +135,7 @@ def held(sim: Simulation, now: dict[str, float]) -> float:
 def measure(sim: Simulation, found: Example, work: Work) -> None:
     now = sim.indicators()
     work.close()
-    found.wind, found.turned = work.total, work.gross
+    found.work, found.turned = work.total, work.gross
     found.energy.append(held(sim, now) - work.total)
     found.kinetic.append(now["kinetic_energy"])
     found.rms.append(now.get("rms_strain", 0.0))
