@@ -1,4 +1,4 @@
-"""The work of wind and pins in the ledger of tools/stress closes the balance of energy; the judge sees what they did not give."""
+"""The work of wind and pins in the ledger of tools/stress closes its balance; the judge sees what they did not give."""
 
 import numpy as np
 import pytest
