@@ -4,6 +4,7 @@
     entries     of a folder
     cycles      no module imports itself by way of others
     size        files, functions, arguments
+    kernels     names, which are unique
     words       no place of one machine, nothing unfinished
 
 Each rule is a function from sources to complaints, `file:line: what is wrong`; tests/tools/test_lint.py shows each of them
@@ -186,6 +187,17 @@ def size(files: dict[Path, str]) -> Iterator[str]:
                 yield f"{path}:{node.lineno}: {node.name} takes {len(names)} arguments, at most {ARGUMENTS}: group them"
 
 
+def kernels(files: dict[Path, str]) -> Iterator[str]:
+    """Two kernels of one name: where a plan has both in its module, Warp 1.19 replays a graph on a CPU with either for both."""
+    seen: dict[str, str] = {}
+    for path, text in files.items():
+        for node in ast.walk(ast.parse(text)) if path.parts[0] == "kernels" else ():
+            if isinstance(node, ast.FunctionDef) and any("wp.kernel" in ast.unparse(d) for d in node.decorator_list):
+                place = f"{path}:{node.lineno}"
+                if seen.setdefault(node.name, place) != place:
+                    yield f"{place}: kernel {node.name} has the name of {seen[node.name]}"
+
+
 def words(files: dict[Path, str]) -> Iterator[str]:
     for path, text in files.items():
         for number, line in enumerate(text.splitlines(), 1):
@@ -206,7 +218,7 @@ def texts(root: Path = ROOT) -> dict[Path, str]:
 
 def main() -> int:
     files = sources()
-    complaints = [*layers(files), *entries(), *cycles(files), *size(files), *words(files), *words(texts())]
+    complaints = [*layers(files), *entries(), *cycles(files), *size(files), *kernels(files), *words(files), *words(texts())]
     print("\n".join(complaints) if complaints else f"house rules hold in {len(files)} files")
     return 1 if complaints else 0
 

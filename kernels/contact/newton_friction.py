@@ -109,7 +109,7 @@ def press(real, module):
     (Rows, Points), vec3 = project.tables(real), wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def press(c: Rows, points: Points, s: Slots, g: real, a: vec3, d_out: vec3, push_out: vec3):
+    def press_contacts(c: Rows, points: Points, s: Slots, g: real, a: vec3, d_out: vec3, push_out: vec3):
         i = wp.tid()
         count = s.count[i]
         if count == 0:
@@ -141,4 +141,4 @@ def press(real, module):
         d_out[i] = d
         s.mark[i] = (s.mark[i] & wp.static(project.SUNK)) | touched
 
-    return press
+    return press_contacts

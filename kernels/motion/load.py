@@ -44,8 +44,8 @@ def bear(real, module):
     t, Entries = types(real), entries(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def bear(c: Entries, own: wp.array(dtype=t.vec3), value: wp.array2d(dtype=t.vec3), row: int,
-             gravity_out: wp.array(dtype=t.vec3)):
+    def bear_loads(c: Entries, own: wp.array(dtype=t.vec3), value: wp.array2d(dtype=t.vec3), row: int,
+                   gravity_out: wp.array(dtype=t.vec3)):
         k = wp.tid()
         i = c.point[k]
         F = t.vec3()
@@ -53,7 +53,7 @@ def bear(real, module):
             F += c.share[e] * value[row, c.load[e]]
         gravity_out[i] = own[k] + c.w[i] * F
 
-    return bear
+    return bear_loads
 
 
 @cache

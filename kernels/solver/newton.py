@@ -204,8 +204,8 @@ def begin(real, module):
     t, s = types(real), structs(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def begin(rows: s.Rows, d: wp.array(dtype=t.vec3), c: wp.array(dtype=t.vec3), rate: real,
-              A_out: s.Matrix, b_out: wp.array(dtype=t.vec3), y_out: wp.array(dtype=t.vec3)):
+    def begin_newton(rows: s.Rows, d: wp.array(dtype=t.vec3), c: wp.array(dtype=t.vec3), rate: real,
+                     A_out: s.Matrix, b_out: wp.array(dtype=t.vec3), y_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         A_out.own[i] = rate * rate * inverse(rows.w[i])
         b_out[i] = d[i]
@@ -214,7 +214,7 @@ def begin(real, module):
             y = c[i]
         y_out[i] = y
 
-    return begin
+    return begin_newton
 
 
 @cache

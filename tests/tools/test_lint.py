@@ -11,7 +11,7 @@ from tools import lint
 FILES = lint.sources()
 
 
-@pytest.mark.parametrize("rule", [lint.layers, lint.cycles, lint.size, lint.words])
+@pytest.mark.parametrize("rule", [lint.layers, lint.cycles, lint.size, lint.kernels, lint.words])
 def test_the_sources_keep(rule):
     assert list(rule(FILES)) == []
 
@@ -94,6 +94,13 @@ def test_length_counts_neither_the_docstring_nor_inner_functions():
 def test_what_is_too_large_is_caught(source, words):
     found = list(lint.size({Path("wsim/scene/__init__.py"): source}))
     assert len(found) == 1 and words in found[0]
+
+
+def test_two_kernels_of_one_name_are_caught():
+    source = "@wp.kernel(module=module)\ndef press(x: int):\n    pass\n"
+    found = list(lint.kernels({Path("kernels/a.py"): source, Path("kernels/b.py"): source}))
+    assert found == ["kernels/b.py:2: kernel press has the name of kernels/a.py:2"]
+    assert not list(lint.kernels({Path("kernels/a.py"): source, Path("kernels/b.py"): source.replace("press", "blow")}))
 
 
 @pytest.mark.parametrize("line", ["path = '/" + "tmp/x'", "# TO" + "DO: later", "raise NotImplemented" + "Error",

@@ -1,6 +1,7 @@
 """Abuse that must end finite and recover, and example scenes: every row and scene with every solver that wsim has.
 
-    python -m tools.stress [--device cpu] [--only NAME ...] [--solvers xpbd/bdf2,...] [--frames N] [--long] [--json FILE]
+    python -m tools.stress [--device cpu] [--only NAME ...] [--solvers xpbd/bdf2,...] [--frames N] [--seconds N] [--long]
+                           [--json FILE]
 
 `--only "scene "` takes the example scenes alone. Exit code 1 if a row does not hold. Rows, bounds and reasons: rows.py,
 judge.py, solvers.py; scenes: examples.py.
@@ -21,9 +22,6 @@ from tools.stress.solvers import Solver, available, listed
 from tools.stress.table import ROWS
 
 HEAD = f"{'row':<26} {'solver':<26} {'worst strain':>12} {'left':>9} {'energy':>8} {'ms':>7}  verdict"
-
-
-SECONDS = 1800.0       # limit of an example scene with one solver
 
 
 def chosen(only: list[str], solvers: str) -> tuple[list[Row], list[str], list[Solver]]:
@@ -50,20 +48,20 @@ def verdict_of(record: judge.Record, row: Row, solver: Solver) -> judge.Verdict:
     return judge.judge(record, row.reasons(solver.solver, solver.integrator) | listed(row.scene(), solver))
 
 
-def scene(worker: Worker, name: str, solvers: list[Solver], *how) -> list[dict]:
-    """An example scene with every solver; how: frames, device, precision."""
-    right, results = answered(worker, examples.converged, (name, *how), examples.Example(name, "converged")), []
+def scene(worker: Worker, name: str, solvers: list[Solver], seconds: float, *how) -> list[dict]:
+    """An example scene with every solver, each in so many seconds; how: frames, device, precision."""
+    right, results = answered(worker, examples.converged, (name, *how), examples.Example(name, "converged"), seconds), []
     print(examples.line(right, judge.Verdict(True, "what others are held against")), flush=True)
     for solver in solvers:
-        found = answered(worker, examples.case, (name, solver, *how), examples.Example(name, solver.name))
+        found = answered(worker, examples.case, (name, solver, *how), examples.Example(name, solver.name), seconds)
         verdict = examples.judge(found, right)
         print(examples.line(found, verdict), flush=True)
         results.append(examples.as_dict(found, verdict))
     return results
 
 
-def answered(worker: Worker, work, arguments: tuple, empty: examples.Example) -> examples.Example:
-    done, answer = worker.ask(work, arguments, SECONDS)
+def answered(worker: Worker, work, arguments: tuple, empty: examples.Example, seconds: float) -> examples.Example:
+    done, answer = worker.ask(work, arguments, seconds)
     if not done:
         empty.broke = answer
     return answer if done else empty
@@ -77,6 +75,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--only", nargs="+", default=[], help="rows whose name contains one of these")
     parser.add_argument("--solvers", default="", help="solver/integrator, or its beginning, by commas")
     parser.add_argument("--frames", type=int, default=24, help="of the example scenes")
+    parser.add_argument("--seconds", type=float, default=1800.0, help="limit of an example scene with one solver")
     parser.add_argument("--long", action="store_true", help="rest of 10^5 frames")
     parser.add_argument("--json", default=None)
     args = parser.parse_args(arguments)
@@ -95,7 +94,7 @@ def main(arguments: list[str] | None = None) -> int:
             print(line(record, verdict), flush=True)
             results.append(record.as_dict() | {"held": verdict.held, "verdict": verdict.text})
     for name in scenes:
-        results += scene(worker, name, solvers, args.frames, args.device, args.precision)
+        results += scene(worker, name, solvers, args.seconds, args.frames, args.device, args.precision)
     worker.end()
     failed = [r for r in results if not r["held"]]
     print(f"{len(results) - len(failed)} of {len(results)} hold")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wsim.scene import Scene, shapes
+from wsim.scene import Motion, Scene, Sphere, shapes
 from wsim.scene.fabric import Fabric
 from wsim.simulation.simulation import Simulation
 
@@ -169,3 +169,18 @@ def test_a_triangle_without_area_feels_nothing():
     sim.plan.method("points").predict(sim.plan.clock)
     aero.launch(sim.plan.clock)
     assert cloth.drag == 1.0 and not aero.force.numpy().any() and not aero.k.numpy().any()
+
+
+@pytest.mark.slow
+def test_wind_on_a_cloth_that_touches_is_the_same_from_a_graph_as_launch_by_launch():
+    """Newton's method with contacts: the kernels of the wind and of the contacts stand in one module."""
+    def run(eager: bool) -> np.ndarray:
+        scene = sheet((3.0, -2.0, 0.0), drag=1.3, solver="implicit", integrator="backward_euler", substeps=2, iterations=2)
+        scene.collider("/floor", Sphere(0.3), dynamic_friction=0.3, motion=Motion.at_place((0.0, -0.299, 0.0)))
+        sim = Simulation(scene, **DOUBLE)
+        if eager:
+            sim._replay = sim.plan.frame
+        sim.run(3)
+        assert sim.indicators()["contacts"] > 0
+        return sim.positions()
+    np.testing.assert_array_equal(run(False), run(True))
