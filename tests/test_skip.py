@@ -59,7 +59,7 @@ SCENE = {"wsim", "wsim.bodies", "wsim.bulk", "wsim.curve", "wsim.fabric", "wsim.
          "wsim.latest", "wsim.check", "wsim.check_object"}
 LOADER = {"wsim.solids", "wsim.atomic", "wsim.crate"}     # read with wsim.usd, whose own modules are not told apart by scene
 RUN = {"wsim.simulation", "wsim.plan", "wsim.stage", "wsim.state", "wsim.model", "wsim.masses", "wsim.middles", "wsim.order",
-       "wsim.locality", "wsim.color", "wsim.kempe", "wsim.choice", "wsim.reasons",
+       "wsim.locality", "wsim.color", "wsim.kempe", "wsim.choice", "wsim.sweep_strain", "wsim.reasons",
        "wsim.cost", "wsim.integrator", "wsim.mend", "wsim.cloth",
        "wsim.apart", "wsim.points", "wsim.measure", "wsim.kernel_cache", "wsim.counts", "wsim.progress", "wsim.interrupt",
        "wsim.kernels", "wsim.kernels.real", "wsim.kernels.points", "wsim.watch", "wsim.exceeded",

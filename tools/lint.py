@@ -32,7 +32,7 @@ LAYERS = (
      "tape", "kernel_cache", "curvature"),
     ("contact",),
     ("cloth", "soft", "reshape"),
-    ("frequency", "choice", "reasons", "covered", "cost"),
+    ("frequency", "choice", "sweep_strain", "reasons", "covered", "cost"),
     ("elastic", "elements", "fem", "plastic", "pressure", "force_adjoint", "gather", "watch", "touching_adjoint", "gcr",
      "line_search", "active_set", "momentum", "newton_curvature"),
     ("adjoint", "xpbd_adjoint", "points_adjoint"),
