@@ -225,12 +225,31 @@ def membrane_slender(B: Any):
     (1 + s^2/4)^(-1/2): undoing a part z s of it changes U_vv by z s^2/4 in the gradient, (z - z^2/2) s^2/4 in truth. The
     solve then shortens the edge along v by the rest, (z s)^2/8, and where the neighbours across its height do not follow,
     they are sheared anew by p/q (z s)^2/8: more than z s, and growing, from z s = 8 q/p on. A quarter of that leaves a
-    quarter; half a square (p/q = 2), which stands any step, goes free: 2 / (p/q - 2).
+    quarter; half a square (p/q = 2), which stands any step, goes free: 2 / (p/q - 2). Stretch is linear in C: a bound on it
+    would bound the force that needles carry, and a seam with more weight below it than that opens without end.
     """
     uu = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]
     vv = B[1, 0] * B[1, 0] + B[1, 1] * B[1, 1]
     uv = B[0, 0] * B[1, 0] + B[0, 1] * B[1, 1]
     return wp.vector(wp.max(wp.max(uu, vv), uu + vv + (uv + uv)), wp.abs(B[0, 0] * B[1, 1] - B[0, 1] * B[1, 0]))
+
+
+@wp.func
+def membrane_shear(B: Any, dC: Any):
+    """Shear of a change dC of C between the longest edge and its height, the axes that `membrane_slender` compares: with n the
+    unit vector along the height, m across it, 2 m.dU n. n goes with the longest gradient of a barycentric coordinate."""
+    a = B[0, 0]
+    b = B[0, 1]
+    if B[1, 0] * B[1, 0] + B[1, 1] * B[1, 1] > a * a + b * b:
+        a = B[1, 0]
+        b = B[1, 1]
+    c = B[0, 0] + B[1, 0]
+    d = B[0, 1] + B[1, 1]
+    if c * c + d * d > a * a + b * b:
+        a = c
+        b = d
+    two = type(a)(2.0)
+    return (two * a * b * (dC[1] - dC[0]) + (a * a - b * b) * dC[2]) * inverse(a * a + b * b)
 
 
 @dataclass(frozen=True)

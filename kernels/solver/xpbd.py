@@ -20,7 +20,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import membrane_response, membrane_slender
+from wsim.kernels.cloth.constraint import membrane_response, membrane_shear, membrane_slender
 from wsim.kernels.cloth.terms import length, plane_stress, variant
 from wsim.kernels.math import block
 from wsim.kernels.math.matrix import solve_block
@@ -165,7 +165,7 @@ def _block(o):
         if wp.dot(r, r) > real(CALM * CALM):
             slender = membrane_slender(rest)
             most = real(2.0) * slender[1]
-            step = wp.length(S * dlam) * (slender[0] - most)   # half a square, 1 : 2, stands any step
+            step = wp.abs(membrane_shear(rest, S * dlam)) * (slender[0] - most)        # half a square, 1 : 2, stands any step
             if step > most:
                 dlam *= most / step
         d_out[p[0]] = N[0] + w0 * (wp.transpose(G0) * dlam)

@@ -13,7 +13,7 @@ sweep has left, -omega (C + alpha lam + gamma n.V) / B,  s = dlam (n.E + y),  f 
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import inverse, membrane_response, membrane_slender
+from wsim.kernels.cloth.constraint import inverse, membrane_response, membrane_shear, membrane_slender
 from wsim.kernels.cloth.terms import plane_stress
 from wsim.kernels.math.matrix import solve_block
 from wsim.kernels.solver.xpbd import CALM, TINY
@@ -86,7 +86,7 @@ def _block(o):
         if wp.dot(r, r) > real(CALM * CALM):
             slender = membrane_slender(rest)
             most = real(2.0) * slender[1]
-            step = wp.length(S * dlam) * (slender[0] - most)
+            step = wp.abs(membrane_shear(rest, S * dlam)) * (slender[0] - most)
             if step > most:
                 calm = most / step
         s = Y[3] + W[1] * (G1 * Y[1]) + W[2] * (G2 * Y[2]) - W[0] * ((G1 + G2) * Y[0])

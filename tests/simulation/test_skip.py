@@ -62,8 +62,8 @@ def room(place: str, names: str) -> set[str]:
 SCENE = room("scene", "scene bodies solid curve fabric") | room("geometry", "triangulate topology memo") | room(
     "scene.check", "scene objects mesh")
 LOADER = room("geometry", "primitives")       # read with wsim.usd, whose own modules are not told apart by scene
-RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt measure.indicators measure.exceeded")
-       | room("model", "stage state status model midnodes separate kernel_cache") | room("scene", "masses integrator")
+RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt sweep_strain")
+       | room("simulation.measure", "indicators exceeded") | room("model", "stage state status model midnodes separate kernel_cache") | room("scene", "masses integrator")
        | room("scene.check", "counts") | room("geometry", "sheet_ordering ordering color color_chains")
        | room("physics.motion", "points overstretch stability") | room("physics.cloth", "constraints")
        | room("kernels", "math.real motion.points cloth.spring"))

@@ -9,7 +9,8 @@ errs by no more than `Scene.error` of the scene's size over the time T = sqrt(2 
                 other (stress rows "heavy last": XPBD at 10 x 4 left a strain of 12, bound 3.4), and of soft bodies
     xpbd        backward Euler errs by DRIFT h sqrt(g L) on what falls and swings (order 1), whatever its sweeps cost, and M
                 sweeps over N springs in a row by `swept` besides; it takes so many substeps that this is no more than wanted,
-                or those that the scene names if they are more, and the scene's sweeps or one, whichever costs less
+                or those that the scene names if they are more, and the scene's sweeps or one, whichever costs less; and so
+                many that sweeps leave no more strain in the edges that carry a cloth than STRAINED times that error
 
 What a frame costs: `wsim.simulation.cost`. How often the choice misses: tools/bench/choice/misses.py
 (tools/results/choice_*.json).
@@ -26,7 +27,7 @@ from wsim.physics.cloth.constraints import HARD, Rows
 from wsim.physics.motion.stability import needed
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.integrator import TABLE, Integrator
-from wsim.simulation import cost
+from wsim.simulation import cost, sweep_strain
 
 DRIFT = 2.0            # RMS error of converged backward Euler over h sqrt(g L). 1 m cloth at 0.5 s, h of 1/240 to 1/960 s: 1.5
                        # to 2.1 (at 0.25 s 0.26: it grows with time)
@@ -37,6 +38,8 @@ ONE = 1.5              # times that where one sweep is all, which is not over-re
 SOFT = 0.4             # a sweep moves a mass by half of what a spring lacks: N springs in a row lack 2 N g h^2 / M at the top,
                        # N^2 g h^2 / M in all. Chains of 20 and 40 springs, M 4 and 8: 0.30 to 0.36 of that, M 1 0.50; cloths
                        # of 32 and 64 points a side 0.24 to 0.40 (over-relaxed sweeps)
+STRAINED = 10.0        # strain that sweeps may leave in an edge, over the wanted error. A cloth of even cells has 7 to 9
+                       # where `slack` is all of that error. Lower: slender triangles take more substeps, with the root of it
 FALL = 9.81            # [m/s^2] where a scene has no gravity: something else moves it, of which nothing is known
 STRETCHED = 1.5        # far from rest stiffness is not what the bound took it for
 EULER = 4.0            # as DRIFT, of backward Euler on colliders: a soft cloth on a ball 1, a soft cube that falls on a floor
@@ -157,7 +160,7 @@ def _auto(model: Model, rows: dict[str, list[Rows]]) -> Choice:
                       f"{n} substeps keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; XPBD would take "
                       f"{1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}", xpbd)
     return replace(xpbd, why=f"leapfrog would need {n} substeps ({omega:.4g} rad/s), about {1e3 * explicit:.3g} ms a frame; "
-                   + (stall or f"XPBD takes {1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}"))
+                   + (stall or f"XPBD takes {1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}{xpbd.why}"))
 
 
 def _sweeps(model: Model, rows: dict[str, list[Rows]]) -> Choice:
@@ -168,18 +171,26 @@ def _sweeps(model: Model, rows: dict[str, list[Rows]]) -> Choice:
     if _hard(rows):                                      # limits and tethers carry loads past the sweeps
         return _euler(model, rows, "xpbd", scene.iterations)
     damped = any(r.tau for found in rows.values() for r in found)         # which slows sweeps, the more the shorter the step
-    tried = [_euler(model, rows, "xpbd", m) for m in {scene.iterations, scene.iterations if damped else 1}]
+    lag = sweep_strain.lag(model, falls(model))
+    tried = [_euler(model, rows, "xpbd", m, lag) for m in {scene.iterations, scene.iterations if damped else 1}]
     return min(tried, key=lambda c: cost.seconds(model, cost.sweeps(model, rows, c.substeps, c.iterations)))
 
 
-def _euler(model: Model, rows: dict[str, list[Rows]], solver: str, iterations: int) -> Choice:
-    """Backward Euler by that solver, of as many substeps as the wanted error takes, and no fewer than the scene names."""
+def _euler(model: Model, rows: dict[str, list[Rows]], solver: str, iterations: int, lag: float = 0.0) -> Choice:
+    """Backward Euler by that solver, of as many substeps as the wanted error takes, and no fewer than the scene names. lag: of
+    sweeps, see `wsim.simulation.sweep_strain`."""
     sweeps, bodies = iterations if solver == "xpbd" and not _hard(rows) else 0, falls(model)
     factor = EULER if model.scene.colliders else DRIFT
 
     def error(h: float) -> float:
         return drift(bodies, h, factor) + (swept(bodies, h, sweeps) if sweeps else 0.0)
-    return Choice(solver, TABLE["backward_euler"], _within(model, model.scene.substeps, error), iterations, "")
+
+    def strain(h: float) -> float:
+        return lag * h * h / iterations * _size(model) / STRAINED
+    n = _within(model, model.scene.substeps, error)
+    most = _within(model, n, strain)
+    why = f" ({n} would leave a strain of {lag / (model.scene.fps * n)**2 / iterations:.2g} in its edges)" if most > n else ""
+    return Choice(solver, TABLE["backward_euler"], most, iterations, why)
 
 
 def _worth(scene: Scene) -> float:

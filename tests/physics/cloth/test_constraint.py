@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from wsim.kernels.cloth.constraint import TABLE, arctangent, membrane_response, membrane_slender
+from wsim.kernels.cloth.constraint import TABLE, arctangent, membrane_response, membrane_shear, membrane_slender
 from wsim.kernels.math.real import types
 
 wp.config.quiet = True
@@ -218,6 +218,27 @@ def test_slenderness_is_the_longest_edge_over_its_height(corners):
     height = abs(np.linalg.det(Dm)) / longest
     over, under = out.numpy()[0]
     assert over / under == pytest.approx(longest / height, rel=1e-12)
+
+
+@pytest.mark.parametrize("corners", [[(0, 0), (1, 0), (0, 7)], [(3, 1), (0, 0), (1, 0)], [(1, 0), (3, 1), (0, 0)],
+                                     [(0, 0), (1, 0), (3, 1)]])
+def test_shear_of_a_needle_is_that_between_its_longest_edge_and_its_height(corners):
+    """U = 1 + shear (m n + n m) / 2 + stretches along both, which do not count; m along the longest edge, whichever that is."""
+    @wp.kernel(module="unique", enable_backward=False)
+    def take(B: wp.array(dtype=wp.mat22d), dC: wp.array(dtype=wp.vec3d), out: wp.array(dtype=wp.float64)):
+        out[0] = membrane_shear(B[0], dC[0])
+
+    p = np.array(corners, float)
+    edges = np.roll(p, -1, axis=0) - p
+    m = max(edges, key=np.linalg.norm)
+    m = m / np.linalg.norm(m)
+    n = np.array([-m[1], m[0]])
+    U = 0.1 * (np.outer(m, n) + np.outer(n, m)) + 3.0 * np.outer(n, n) - 0.5 * np.outer(m, m)
+    B = np.linalg.inv(np.stack([p[1] - p[0], p[2] - p[0]], axis=1))
+    out = wp.zeros(1, dtype=wp.float64, device="cpu")
+    wp.launch(take, 1, [wp.array([B], dtype=wp.mat22d, device="cpu"),
+                        wp.array([(U[0, 0], U[1, 1], 2.0 * U[0, 1])], dtype=wp.vec3d, device="cpu")], [out], device="cpu")
+    assert abs(out.numpy()[0]) == pytest.approx(0.2, rel=1e-12)
 
 
 def test_arctangent_in_float32_errs_by_less_than_two_units_in_the_last_place():
