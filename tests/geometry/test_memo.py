@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from wsim.geometry import topology
 from wsim.geometry.memo import KEPT, digest, latest
 from wsim.geometry.triangulate import triangulate
 from wsim.scene import Scene, shapes
@@ -63,8 +62,8 @@ def test_a_mesh_is_cut_once_for_check_and_model(monkeypatch):
     scene = Scene(gravity=(0.0, 0.0, 0.0))
     sheet = scene.cloth("/sheet", *shapes.sheet(1.0, 1.0, 23, 29))
     cuts = []
-    cut = topology.triangulate.__globals__["_cut"]
-    monkeypatch.setitem(topology.triangulate.__globals__, "_cut", lambda *mesh: cuts.append(1) or cut(*mesh))
+    cut = triangulate.__globals__["_cut"]
+    monkeypatch.setitem(triangulate.__globals__, "_cut", lambda *mesh: cuts.append(1) or cut(*mesh))
     for _ in range(2):
         assert check(scene) == []
         triangulate(sheet.points.astype(np.float64), sheet.counts, sheet.indices)

@@ -43,7 +43,7 @@ def whole(sim: Simulation) -> dict:
     found: dict = {}
     for method in sim.plan.methods:
         arrays(method, method.name, 3, found)
-    for name, array in sim.state.arrays.items():
+    for name, array in sim.state.points.arrays.items():
         found[name] = array.numpy().copy()
     for b in sim.model.bodies:
         found[f"masses {b.number}"], found[f"rest {b.number}"] = b.masses.copy(), b.rest.copy()

@@ -63,23 +63,25 @@ SCENE = room("scene", "scene bodies solid curve fabric") | room("geometry", "tri
     "scene.check", "scene objects mesh")
 LOADER = room("geometry", "primitives")       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt sweep_strain")
-       | room("simulation.measure", "indicators exceeded") | room("model", "stage state status model midnodes separate kernel_cache") | room("scene", "masses integrator")
+       | room("simulation.measure", "indicators exceeded") | room("scene", "masses integrator methods samples")
+       | room("model", "stage state status model midnodes separate kernel_cache")
        | room("scene.check", "counts") | room("geometry", "sheet_ordering ordering color color_chains")
        | room("physics.motion", "points overstretch stability") | room("physics.cloth", "constraints")
        | room("kernels", "math.real motion.points cloth.spring"))
-XPBD = (room("physics", "solver.xpbd cloth.bending cloth.curvature") | room("kernels", "solver.xpbd math.matrix math.block")
-        | room("kernels.cloth", "terms constraint curvature element"))
+XPBD = (room("physics", "solver.xpbd solver.batch cloth.bending cloth.curvature")
+        | room("kernels", "solver.xpbd math.matrix math.block") | room("kernels.cloth", "terms constraint curvature element"))
+PINNED = {"wsim.physics.motion.pins"}
 AERO = {"wsim.physics.cloth.air", "wsim.kernels.cloth.air"}
 CONTACT = (room("scene.check", "contact signed_distance chord") | room("physics.contact", "contacts colliders method mesh")
            | room("kernels.contact", "project search collide shape mesh"))
-LEAP = (room("physics.motion", "explicit forces threads cluster packets") | room("physics.cloth", "bending curvature")
+LEAP = (room("physics.motion", "explicit forces threads cluster packets") | room("physics.cloth", "bending curvature elements")
         | room("kernels.motion", "threads cluster explicit packets march_cpu") | {"wsim.kernels.math.block"}
         | room("kernels.cloth", "constraint element curvature terms"))
 WEIGHED = room("physics.motion", "frequency")                  # where leapfrog comes into question
 MODULES = {
-    "hanging_cloth": SCENE | RUN | WEIGHED | XPBD,
-    "flag": SCENE | RUN | WEIGHED | XPBD | AERO,
-    "cape": SCENE | RUN | WEIGHED | LEAP | AERO | CONTACT,
+    "hanging_cloth": SCENE | RUN | WEIGHED | XPBD | PINNED,
+    "flag": SCENE | RUN | WEIGHED | XPBD | AERO | PINNED,
+    "cape": SCENE | RUN | WEIGHED | LEAP | AERO | CONTACT | PINNED,
     "tablecloth": SCENE | RUN | WEIGHED | LEAP | CONTACT,
     "shirt": SCENE | RUN | WEIGHED | XPBD | CONTACT | room("geometry", "tetra.lattice"),      # of what starts inside a mesh
 }

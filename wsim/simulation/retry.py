@@ -91,7 +91,7 @@ def _switch(sim: Simulation) -> bool:
     if (scene.solver, scene.integrator) != ("auto", "auto") or sim.plan.choice.other is None:
         return False
     sim.state.restore()
-    kept = {name: sim.state.arrays[name].numpy() for name in ("x", "e", "v")}
+    kept = {name: sim.state.points.arrays[name].numpy() for name in ("x", "e", "v")}
     flowed = {(part.name, f.name): part.arrays[f.name].numpy() for part in _others(sim.state) for f in part.kept}
     other = sim.plan.choice.other
     assert other is not None
@@ -100,7 +100,7 @@ def _switch(sim: Simulation) -> bool:
     sim.plan = plans.build(sim.scene, device=sim.device, real=sim.model.real, worlds=sim.worlds)
     sim.model, sim.state, sim.graph = sim.plan.model, sim.plan.state, None
     for name, values in kept.items():
-        sim.state.arrays[name].assign(values)
+        sim.state.points.arrays[name].assign(values)
     for part in _others(sim.state):
         for f in part.kept:
             part.arrays[f.name].assign(flowed[part.name, f.name])

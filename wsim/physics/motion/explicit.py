@@ -25,7 +25,6 @@ from wsim.model.status import Status
 from wsim.physics.cloth.constraints import Rows, changed, in_worlds
 from wsim.physics.motion import frequency
 from wsim.physics.motion.forces import Pull
-from wsim.physics.motion.one_launch import OneLaunch
 from wsim.physics.motion.overstretch import Watch
 from wsim.scene.integrator import Integrator
 
@@ -75,12 +74,14 @@ class Explicit(Method):
         plain = not (pull.elements or self.integrator.stages or self.field or self.acts)
         self.marches = pull.added and plain
         if pull.cluster and plain:
+            from wsim.physics.motion.one_launch import OneLaunch
             self.at_once = OneLaunch(self, cluster.frame(real, model.module_of(pull.cluster.threads), pull.cluster))
             self.stages = [Stage(self.integrator.name, "predict", self.at_once.by_cluster, 1, size * count, "frame", what)]
             return
         if self.marches:
             self.march = march_cpu.march(real, module, self.damped)
             if not self.steps:
+                from wsim.physics.motion.one_launch import OneLaunch
                 self.at_once = OneLaunch(self, self.march)
                 self.move(self.state.e, self.state.v, self.state.r, None)
                 what += f", {pull.abreast.count} threads" * (pull.abreast.count > 1)
