@@ -27,10 +27,11 @@ LAYERS = ("kernels", "geometry", "scene", "usd", "model", "physics", "simulation
 METHODS = {"physics.motion.points", "physics.motion.explicit", "physics.motion.loads", "physics.solver.newton",
            "physics.solver.xpbd", "physics.cloth.air", "physics.cloth.muscles"}                  # never each other
 WITHOUT_WARP = ("geometry", "scene", "usd", "simulation.duration", "simulation.interrupt", "simulation.report", "show.camera",
-                "show.gif", "show.png", "show.prim", "show.shading", "show.visible", "cli.arguments", "cli.inventory",
+                "show.png", "show.prim", "show.shading", "show.visible", "cli.arguments", "cli.inventory",
                 "cli.progress")
 ONLY = {"rerun": ("show.viewer", "show.rerun_log"), "pxr": ("usd", "show"), "matplotlib": ("bench",),
-        "torch": ("gradient.rollout.torch",), "jax": ("gradient.rollout.jax",)}     # who may import these packages
+        "torch": ("gradient.rollout.torch",), "jax": ("gradient.rollout.jax",),
+        "PIL": ("show.animation",), "imageio": ("show.animation",)}     # who may import these packages
 
 ENTRIES = 15                     # files and folders in a folder
 FILE_LINES, TEST_LINES, FUNCTION_LINES, ARGUMENTS = 300, 400, 45, 8

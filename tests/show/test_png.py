@@ -6,7 +6,7 @@ import zlib
 import numpy as np
 import pytest
 
-from wsim.show import gif, png
+from wsim.show import png
 
 
 def chunks(data: bytes):
@@ -76,92 +76,3 @@ def test_an_animation_comes_back_exactly_and_stores_only_what_changed():
             sizes.append((h, w))
     np.testing.assert_array_equal(shown, frames)
     assert sizes[:3] == [(20, 30), (4, 11), (1, 1)]
-
-
-def unpacked(data: bytes) -> list[int]:
-    """Values of a GIF's LZW stream with 8-bit values (GIF89a, appendix F)."""
-    bits = np.unpackbits(np.frombuffer(data, np.uint8), bitorder="little")
-    at, width, out = 0, 9, []
-    table: list[bytes] = []
-    before = None
-    while True:
-        code = int(bits[at:at + width] @ (1 << np.arange(width)))
-        at += width
-        if code == 257:
-            assert len(bits) - at < 8, "data after the end code"
-            return out
-        if code == 256:
-            table, width, before = [bytes([k]) for k in range(256)] + [b"", b""], 9, None
-            continue
-        assert code < len(table) or (before is not None and code == len(table))
-        entry = table[code] if code < len(table) else before + before[:1]
-        out += entry
-        if before is not None and len(table) < 4096:
-            table.append(before + entry[:1])
-        if len(table) == 1 << width and width < 12:
-            width += 1
-        before = entry
-
-
-@pytest.mark.parametrize("values", [
-    np.zeros(1), np.zeros(5000), np.arange(256), np.random.default_rng(1).integers(0, 256, 20000),
-    np.random.default_rng(2).integers(0, 3, 30000), np.arange(9000) // 7 % 251,
-], ids=["one", "flat", "each", "noise fills the table", "few", "runs"])
-def test_lzw_comes_back_exactly(values):
-    assert unpacked(gif.lzw(values.astype(np.uint8))) == values.astype(int).tolist()
-
-
-@pytest.mark.parametrize("count", range(250, 262))
-def test_lzw_ends_well_where_the_code_width_changes(count):
-    """The 255th code is the first that makes a table of 512: the end code may need one bit more."""
-    values = np.random.default_rng(3).permutation(np.repeat(np.arange(256), 2))[:count]
-    assert unpacked(gif.lzw(values.astype(np.uint8))) == values.tolist()
-
-
-def gif_frames(data: bytes):
-    """(delay [1/100 s], image (h, w, 3)) of each frame, composed."""
-    width, height = struct.unpack_from("<HH", data, 6)
-    table = np.frombuffer(data, np.uint8, 768, 13).reshape(256, 3)
-    at, canvas, delay = 13 + 768, np.zeros((height, width, 3), np.uint8), 0
-    while data[at] != 0x3B:
-        extension = data[at] == 0x21
-        if extension and data[at + 1] == 0xF9:
-            delay = struct.unpack_from("<H", data, at + 4)[0]
-            assert data[at + 6] == gif.SAME
-        left, top, w, h = struct.unpack_from("<HHHH", data, at + 1)
-        at, stream = at + (2 if extension else 11), b""
-        while data[at]:
-            stream += data[at + 1:at + 1 + data[at]]
-            at += 1 + data[at]
-        at += 1
-        if not extension:
-            part = np.array(unpacked(stream)).reshape(h, w)
-            canvas = canvas.copy()
-            canvas[top:top + h, left:left + w][part != gif.SAME] = table[part[part != gif.SAME]]
-            yield delay, canvas
-
-
-def test_a_gif_shows_every_frame_in_its_colours_and_keeps_time():
-    y, x = np.mgrid[:60, :80]
-    smooth = np.stack([40 + 2 * x, 60 + 2 * y, 200 - x], axis=-1).astype(np.uint8)
-    frames = []
-    for k in range(13):
-        frame = smooth.copy()
-        frame[20:30, 5 * k:5 * k + 12] = (200, 30, 20)
-        frames.append(frame)
-    found = list(gif_frames(gif.write(frames, 24.0)))
-    assert len(found) == 13
-    assert sum(delay for delay, _ in found) == round(100 * 13 / 24)
-    for (_, shown), frame in zip(found, frames, strict=True):
-        # dither (half of 7), the cells of 4 levels of the search, and 255 colours over this slope's 2-D patch of
-        # 160 x 120 levels: a spacing of sqrt(160 * 120 / 255) = 9 levels in the plane, half of it each way
-        assert np.abs(shown.astype(int) - frame).mean() < 0.5 * gif.DITHER + 2 + 4.5
-        local = shown.astype(float)[:16, 64:].mean(axis=(0, 1)) - frame.astype(float)[:16, 64:].mean(axis=(0, 1))
-        assert np.abs(local).max() < 4.0                       # dithering keeps means nearer than the spacing
-
-
-def test_the_palette_holds_few_colours_exactly():
-    image = np.zeros((8, 8, 3), np.uint8)
-    image[:, 4:] = (201, 33, 17)
-    shown = next(gif_frames(gif.write([image], 24.0)))[1]
-    assert np.abs(shown.astype(int) - image).max() <= 2        # the middle of a cell of 4 levels

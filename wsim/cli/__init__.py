@@ -178,7 +178,8 @@ def _view(commands) -> None:
 def _picture(commands) -> None:
     picture = commands.add_parser("picture", help="draw a result: still, contact sheet or animation")
     picture.add_argument("result")
-    picture.add_argument("-o", "--output", type=image, required=True, metavar="FILE", help=".png, .apng, .gif")
+    picture.add_argument("-o", "--output", type=image, required=True, metavar="FILE",
+                         help=".png, .apng; .gif, .mp4 (extra picture)")
     what = picture.add_mutually_exclusive_group()
     what.add_argument("--frame", type=float, metavar="CODE", help="time code of a still (default: the last)")
     what.add_argument("--sheet", type=whole, metavar="N", help="contact sheet of N frames")

@@ -73,7 +73,7 @@ def kept(text: str) -> str:
 
 
 def image(text: str) -> str:
-    return _file(text, ".png", ".gif", ".apng")
+    return _file(text, ".png", ".gif", ".apng", ".mp4")
 
 
 def drawing(text: str) -> str:

@@ -1,4 +1,4 @@
-"""Pictures of a stage: still, contact sheet, animated PNG or GIF, by the ray caster of `kernels.ray`.
+"""Pictures of a stage: still, contact sheet, animated PNG, GIF or MP4, by the ray caster of kernels/picture/ray.py.
 
     picture("flag_out.usdc", "flag.png")                      # last frame
     picture("flag_out.usdc", "flag.png", sheet=6)             # six frames side by side
@@ -14,7 +14,7 @@ from time import perf_counter
 import numpy as np
 
 from wsim.scene import Problem, SceneError
-from wsim.show import gif, png
+from wsim.show import animation, png
 from wsim.show.camera import Camera, fitted, subjects
 from wsim.show.raycast import Caster, checked_size, render
 from wsim.show.visible import Visible, visible
@@ -22,14 +22,16 @@ from wsim.usd.result.atomic import replace_bytes
 from wsim.usd.result.dependencies import refuse
 
 __all__ = ["Camera", "Caster", "picture", "render"]
-SUFFIXES = (".png", ".apng", ".gif")
+SUFFIXES = (".png", ".apng", ".gif", ".mp4")
+MOVING = (".apng", ".gif", ".mp4")
 MOST_FRAMES = 2000               # of one animation: all images are held in memory
 GUTTER = 4                       # pixels between the images of a sheet
 
 
 def picture(stage_path, out, *, frames=None, size: tuple[int, int] = (960, 540), sheet: int | None = None, device=None,
             camera: str | Camera | None = None) -> dict:
-    """Draws a stage (a scene or a result) into a file: .png, or .gif and .apng for an animation.
+    """Draws a stage (a scene or a result) into a file: .png, or .apng, .gif and .mp4 for an animation (the last two with
+    the extra `picture`).
 
     frames  time codes: one, several, "all", or None: the last for a still, all for an animation or a sheet. Several
             frames in a .png without a sheet give an animated PNG.
@@ -44,7 +46,7 @@ def picture(stage_path, out, *, frames=None, size: tuple[int, int] = (960, 540),
     refuse("the picture", out, {stage_path: "the stage"})
     size = checked_size(size)
     seen = visible(stage_path)
-    moving = out.suffix.lower() in (".gif", ".apng")
+    moving = out.suffix.lower() in MOVING
     times = _chosen(seen, frames, moving, sheet)
     cell, columns = _grid(size, len(times)) if sheet else (size, 1)
     cameras, floors = _cameras(seen, times, camera, cell[0] / cell[1])
@@ -55,11 +57,7 @@ def picture(stage_path, out, *, frames=None, size: tuple[int, int] = (960, 540),
     if sheet:
         images = [_sheet(images, columns)]
     fps = seen.fps * (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else seen.fps
-    if out.suffix.lower() == ".gif":
-        data = gif.write(images, fps)
-    else:
-        data = png.still(images[0]) if len(images) == 1 else png.animation(images, fps)
-    _write(out, data)
+    _write(out, images, fps)
     return {"out": str(out), "frames": times, "size": [images[0].shape[1], images[0].shape[0]], "notes": seen.notes,
             "seconds": {"draw": drawn - began, "total": perf_counter() - began}}
 
@@ -67,6 +65,7 @@ def picture(stage_path, out, *, frames=None, size: tuple[int, int] = (960, 540),
 def _checked_out(out: Path) -> Path:
     if out.suffix.lower() not in SUFFIXES:
         raise SceneError(Problem(str(out), f"pictures end in {', '.join(SUFFIXES)}; found '{out.suffix}'"))
+    animation.needed(out.suffix.lower())
     if out.is_dir():
         raise IsADirectoryError(f"{out}: is a folder; name a file")
     if not out.parent.is_dir():
@@ -149,9 +148,12 @@ def _sheet(images: list[np.ndarray], columns: int) -> np.ndarray:
     return whole
 
 
-def _write(out: Path, data: bytes) -> None:
+def _write(out: Path, images: list[np.ndarray], fps: float) -> None:
     """Writes beside the target and renames, so that no half file is ever seen."""
     try:
-        replace_bytes(out, data)
+        if out.suffix.lower() in animation.NEEDS:
+            animation.write(out, images, fps)
+        else:
+            replace_bytes(out, png.still(images[0]) if len(images) == 1 else png.animation(images, fps))
     except OSError as error:
         raise OSError(error.errno, f"not written ({error.strerror}); free space or write elsewhere", str(out)) from None
