@@ -61,6 +61,17 @@ def test_it_turns_as_its_closed_form_says_alone_and_beside_cloth(cloth):
         assert np.array_equal(other.positions(), sim.positions()) and "spin" in sim.indicators()
 
 
+def test_it_may_take_several_steps_in_a_substep(monkeypatch):
+    """Of a third of the substep's length each; the plan says so."""
+    from tests.make.wheels import method
+    monkeypatch.setattr(method, "SUBDIVIDE", 3)
+    sim = Simulation(wheels(True), precision="float64", **CPU)
+    sim.run(8)
+    assert abs(turned(sim, FAST) - angle(FAST, 8 / 24.0)) < 1e-11
+    (row,) = [r for r in sim.plan.table() if r["name"] == "spin"]
+    assert row["rate"] == "1/3" and row["launches"] == 3 and "1/3" in sim.plan.describe()
+
+
 def test_a_scene_is_saved_and_loaded_and_what_is_wrong_is_said_by_its_path(tmp_path):
     scene = wheels(True)
     save(scene, tmp_path / "s.usda")

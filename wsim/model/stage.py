@@ -37,6 +37,7 @@ class Clock:
     staged: bool = False          # sdirk3: even substeps are the first stage of a step, odd ones the second
     k: int = 0                    # substep of the frame
     i: int = 0                    # iteration of the substep
+    j: int = 0                    # step of a method that takes several in a substep
     starting: bool = True         # no history yet: the first substep of a run is backward Euler
 
     @property
@@ -139,6 +140,7 @@ class Method:
 
     name: str
     stages: list[Stage] = field(default_factory=list)
+    subdivide: int = 1                                         # steps of its own in a substep, each all its phases
     remade: bool = False                                       # kernels that are not compiled yet, since a value was set
 
     def before_frame(self, time: float, clock: Clock) -> None:

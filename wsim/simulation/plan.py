@@ -3,6 +3,7 @@
 `build` imports the methods that the scene wants, lets each make its tables, and runs a frame:
 
     frame    every stage of rate "frame" in phase pose, then `substeps` times
+             methods that subdivide a substep, with all their phases;
              pose, predict, collide; `iterations` times solve; finish;      at last the stages "frame" of deform
 """
 
@@ -49,7 +50,19 @@ class Plan:
         return self.clock.starting and (self.clock.multistep or self.state.has("b"))
 
     def stages(self, phase: str, rate: str) -> list[Stage]:
-        return [s for m in self.methods for s in m.stages if s.phase == phase and s.rate == rate]
+        """Of methods that step with the others."""
+        return [s for m in self.methods if m.subdivide == 1 or rate == "frame"
+                for s in m.stages if s.phase == phase and s.rate == rate]
+
+    def subdivided(self) -> None:
+        """Methods that take several steps in a substep: all of them, before the others predict; what these exchange with others
+        they do at the ends of substeps."""
+        for method in self.methods:
+            for self.clock.j in range(method.subdivide if method.subdivide > 1 else 0):
+                for phase in PHASES:
+                    for stage in method.stages:
+                        if stage.phase == phase and stage.rate == "substep":
+                            stage.launch(self.clock)
 
     def method(self, name: str) -> Method | None:
         return next((m for m in self.methods if m.name == name), None)
@@ -90,6 +103,7 @@ class Plan:
 
     def substep(self) -> None:
         clock = self.clock
+        self.subdivided()
         for phase in ("pose", "predict", "collide"):
             for stage in self.stages(phase, "substep"):
                 stage.launch(clock)
@@ -110,6 +124,9 @@ class Plan:
                     times = self.clock.iterations if rate == "iteration" else 1
                     rows.append({"name": s.name, "phase": phase, "rate": rate, "what": s.what,
                                  "launches": s.launches * times, "bytes": int(s.bytes) * times})
+            rows += [{"name": s.name, "phase": phase, "rate": f"1/{m.subdivide}", "what": s.what,
+                      "launches": s.launches * m.subdivide, "bytes": int(s.bytes) * m.subdivide}
+                     for m in self.methods if m.subdivide > 1 for s in m.stages if s.phase == phase and s.rate == "substep"]
         return rows
 
     @property

@@ -13,6 +13,8 @@ ROOM, LOST = "wheels: turns", "wheels: not finite"
 FIELDS = (Field("angle", "rad", True, "since the start", "scalar"), Field("rate", "rad/s", True, "of the angle", "scalar"),
           Field("turned", "", False, "whole turns in this frame", "int"))
 
+SUBDIVIDE = 1          # steps in a substep
+
 
 def build(b) -> Method:
     return Wheels(b)
@@ -31,14 +33,15 @@ class Wheels(Method):
         self.drag = b.model.upload(np.array([w.drag for w, _ in self.wheels], b.model.dtype), b.model.real)
         b.status.reserve(ROOM)
         b.status.reserve(LOST)
+        self.subdivide = SUBDIVIDE
         self.kernel = spin(b.model.real, b.model.module)
         self.stages.append(Stage("spin", "predict", self.spin, 1, 0, what=f"{len(self.wheels)} wheels"))
 
     def spin(self, clock: Clock) -> None:
         a = self.part.arrays
-        if clock.k == 0:
+        if clock.k == clock.j == 0:
             a["turned"].zero_()
-        self.model.launch(self.kernel, self.part.count, [self.drag, clock.h, self.room, a["angle"], a["rate"]],
+        self.model.launch(self.kernel, self.part.count, [self.drag, clock.h / self.subdivide, self.room, a["angle"], a["rate"]],
                           [a["angle"], a["rate"], a["turned"], self.status.word(ROOM), self.status.word(LOST)])
 
     def retry(self, status: Status) -> list[Remedy]:
