@@ -201,7 +201,7 @@ def frame(real, module, plan):
     asks for one, and the position x + d with its remainder. r is the remainder of v, (points,).
 
     plan     `wsim.physics.motion.cluster.Cluster`; the net is padded to plan.lanes * plan.entries a point (see
-             `wsim.physics.motion.forces.Pull.place`)
+             `wsim.physics.motion.forces.ForceGather.place`)
     """
     vec3, Net, Step = types(real).vec3, net(real), steps(real)
     name = "float" if real is wp.float32 else "double"

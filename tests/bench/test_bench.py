@@ -14,10 +14,10 @@ from tests.conftest import grid
 from wsim import cli
 from wsim.bench import Report, bench, cache, front, reference, sweep
 from wsim.bench.budget import Budget
-from wsim.bench.front import Row
+from wsim.bench.front import Measured
 from wsim.bench.setting import Setting, first_substeps, smooth
 from wsim.bench.study import looked_at
-from wsim.bench.track import Look, distance, run, size
+from wsim.bench.track import Sighting, distance, run, size
 from wsim.cli import bench as command
 from wsim.scene import Scene, SceneError, Surface
 from wsim.scene.fabric import Fabric
@@ -27,8 +27,8 @@ from wsim.usd import save
 G = 9.81
 
 
-def row(ms, largest, precision="float32", **more) -> Row:
-    return Row(Setting("xpbd", "bdf2", max(1, round(ms)), 4, precision), ms, largest, largest, **more)
+def row(ms, largest, precision="float32", **more) -> Measured:
+    return Measured(Setting("xpbd", "bdf2", max(1, round(ms)), 4, precision), ms, largest, largest, **more)
 
 
 def report(rows, error=0.0, **more) -> Report:
@@ -139,7 +139,7 @@ def test_at_most_half_a_second_is_looked_at():
 
 
 def test_samples_are_even_and_end_with_the_last_frame():
-    assert Look("cpu", 3).sampled == [1, 2, 3] and Look("cpu", 24).sampled == list(range(2, 25, 2))
+    assert Sighting("cpu", 3).sampled == [1, 2, 3] and Sighting("cpu", 24).sampled == list(range(2, 25, 2))
 
 
 def test_a_budget_counts_from_its_start():
@@ -178,7 +178,7 @@ def test_backward_euler_falls_as_much_too_far_as_it_must(few):
 
 
 def test_the_reference_is_as_near_to_a_swinging_mass_as_it_says(few):
-    look, scene = Look("cpu", 8), spring_scene()
+    look, scene = Sighting("cpu", 8), spring_scene()
     made = reference.make(scene, look, Budget(600.0), lambda text: None)
     exact = hung(np.arange(1, 9) / 32.0)
     error = np.abs(made.track.places[:, 1, 1] - exact).max() / 2.0**0.5 / size(scene)           # RMS: one of two points
@@ -189,7 +189,7 @@ def test_the_error_of_a_row_is_that_against_the_closed_form(few):
     scene = spring_scene()
     found = bench(scene, device="cpu", budget=600.0)
     r = next(r for r in found.rows if r.setting.solver == "xpbd")
-    track = run(scene, r.setting, Look("cpu", 8))
+    track = run(scene, r.setting, Sighting("cpu", 8))
     exact = np.zeros((8, 2, 3))
     exact[:, 1, 1] = hung(np.arange(1, 9) / 32.0)
     wanted = distance(track.places, exact) / size(scene)
@@ -220,7 +220,7 @@ def test_a_frame_on_a_cpu_is_timed_by_what_it_takes_of_it(monkeypatch):
     """A frame that waits for 20 ms, as for others on the machine, takes none of them; `seconds`, for the budget, has them."""
     replay = Simulation._replay
     monkeypatch.setattr(Simulation, "_replay", lambda sim: (time.sleep(0.02), replay(sim))[1])
-    found = run(spring_scene(), Setting("xpbd", "backward_euler", 8, 4), Look("cpu", 4))
+    found = run(spring_scene(), Setting("xpbd", "backward_euler", 8, 4), Sighting("cpu", 4))
     assert found.ms < 1e3 * found.seconds / 4 - 15.0
     assert "times of frames are CPU seconds of all threads" in report([row(1, 0.1)]).text()
 

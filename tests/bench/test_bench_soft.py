@@ -7,7 +7,7 @@ from wsim import Bulk, Plane, Scene
 from wsim.bench import bench, reference, sweep
 from wsim.bench.budget import Budget
 from wsim.bench.setting import Setting, series
-from wsim.bench.track import Look, distance, size
+from wsim.bench.track import Sighting, distance, size
 from wsim.scene import shapes
 
 E, NU, RHO = 1e4, 0.3, 1e3
@@ -45,7 +45,7 @@ def test_the_reference_is_as_near_to_an_independent_one_as_it_says(unsure, integ
     monkeypatch.setattr(reference, "UNSURE", unsure)
     scene = bar()
     soft = scene.softs[0]
-    made = reference.make(scene, Look("cpu", 4), Budget(600.0), lambda text: None)
+    made = reference.make(scene, Sighting("cpu", 4), Budget(600.0), lambda text: None)
     solid = Solid(soft.points.astype(np.float64), soft.tets, scene.pins[0].points, E, NU, RHO)
     wanted, _ = exact(solid, (0.125,), 1e-8, frame=1.0 / 32.0)
     error = distance(made.track.places[-1:], wanted)[0] / size(scene)

@@ -7,7 +7,7 @@ from tests.fitting.test_fit import CPU
 from tools.bench.fitting.cases import chain, net, plain, poisson, soft
 from wsim.fitting import Settings, Track, fit
 from wsim.fitting.least_squares.normal_equations import Sums
-from wsim.fitting.observations.residuals import Misfit, Part, Steps
+from wsim.fitting.observations.residuals import Misfit, ResidualBlock, Steps
 from wsim.fitting.parameter import parameters
 
 
@@ -122,7 +122,7 @@ def test_chance_in_differences_is_no_answer():
         r, along = f(np.zeros(2)), [b * h for b, h in zip(steps.B.T, steps.h, strict=True)]
         ahead, behind = (np.array([f(s * a) for a in along]).T - r[:, None] for s in (1.0, -1.0))
         found = Sums.at(np.zeros(2), steps, central=True)
-        found.add(Part(1.0, 1, r, ((ahead - behind) / (2.0 * steps.h)) @ steps.B.T, (ahead + behind) / steps.h**2))
+        found.add(ResidualBlock(1.0, 1, r, ((ahead - behind) / (2.0 * steps.h)) @ steps.B.T, (ahead + behind) / steps.h**2))
         return found
     for weak, seen in ((0.0, False), (1e-3, True), (1e-5, True)):
         first = sums(Steps.axes(2, 1e-3), weak)

@@ -3,7 +3,7 @@
 import os
 from typing import TYPE_CHECKING
 
-from wsim.bench.front import Row
+from wsim.bench.front import Measured
 from wsim.bench.report import GOALS, Report
 from wsim.scene import Problem, SceneError
 from wsim.usd.result.atomic import replacing
@@ -67,9 +67,9 @@ def _axes(axes: "Axes", report: Report) -> None:
                    f"{report.hardware}", loc="left", fontsize=10)
 
 
-def _series(axes: "Axes", rows: list[Row]) -> None:
+def _series(axes: "Axes", rows: list[Measured]) -> None:
     """A line for each solver, integrator and iterations, over the substeps; float64 hollow."""
-    groups: dict[tuple, list[Row]] = {}
+    groups: dict[tuple, list[Measured]] = {}
     for row in sorted(rows, key=lambda r: r.setting.substeps):
         s = row.setting
         if s.precision == "float32" and not row.own:
@@ -86,7 +86,7 @@ def _series(axes: "Axes", rows: list[Row]) -> None:
                       markersize=size, markerfacecolor="none" if row.held else "#ffffff", label=what if k == 0 else "")
 
 
-def _marked(axes: "Axes", report: Report, rows: list[Row]) -> None:
+def _marked(axes: "Axes", report: Report, rows: list[Measured]) -> None:
     """The front as what can be had for a time, the scene's own setting, and the recommended ones by name."""
     best = [r for r in report.front if r in rows]
     axes.plot([r.ms for r in best], [r.error for r in best], color="#000000", alpha=0.13, linewidth=5,
@@ -107,7 +107,7 @@ def _marked(axes: "Axes", report: Report, rows: list[Row]) -> None:
                       arrowprops={"arrowstyle": "-", "color": "#444444", "linewidth": 0.7})
 
 
-def _times(row: Row) -> str:
+def _times(row: Measured) -> str:
     return f"{row.setting.substeps} x {row.setting.iterations}"
 
 

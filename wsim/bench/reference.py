@@ -24,7 +24,7 @@ import numpy as np
 from wsim.bench.budget import Budget
 from wsim.bench.front import AMPLIFIES, PERTURBED
 from wsim.bench.setting import NEWTON, Setting, first_substeps, smooth
-from wsim.bench.track import LONGEST, Look, Track, distance, fine, size
+from wsim.bench.track import LONGEST, Sighting, Trajectory, distance, fine, size
 from wsim.model.model import hard_places
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.integrator import TABLE
@@ -46,7 +46,7 @@ UNSURE = 2.0           # times what is to be spent that a guess of seconds must 
 class Reference:
     """The finest track and how good it is."""
 
-    track: Track
+    track: Trajectory
     error: float                           # estimated, over the scene's size; inf: not converging
     ratio: float                           # of the last two differences; nan where there is one
     growth: np.ndarray                     # of a perturbation at each sampled frame
@@ -85,7 +85,7 @@ def richardson(differences: Sequence[float], order: int) -> float:
     return last / (ratio - 1.0) if ratio > SHRINKS else inf
 
 
-def leapfrog(scene: Scene, look: Look) -> tuple[int, float]:
+def leapfrog(scene: Scene, look: Sighting) -> tuple[int, float]:
     """Substeps a frame with which leapfrog is stable, and a guess of its seconds a frame, known beforehand of soft bodies only
     (of others 0: a trial costs little)."""
     auto = Simulation(replace(scene, solver="explicit", integrator="auto", substeps=1), device=look.device)
@@ -118,17 +118,17 @@ def perturb(sim: Simulation) -> None:
 class Refinement:
     """Levels of one method, each with twice the substeps of the one before."""
 
-    def __init__(self, scene: Scene, look: Look, coarsest: Setting, order: int, say: Callable[[str], None]):
+    def __init__(self, scene: Scene, look: Sighting, coarsest: Setting, order: int, say: Callable[[str], None]):
         self.scene, self.look, self.order, self.say = scene, look, order, say
         self.size = size(scene)
         self.next = coarsest
-        self.tracks: list[Track] = []
+        self.tracks: list[Trajectory] = []
         self.differences: list[float] = []
         self.growth = np.zeros(len(look.sampled))
         self.notes: list[str] = []
 
     @property
-    def finest(self) -> Track:
+    def finest(self) -> Trajectory:
         return self.tracks[-1]
 
     @property
@@ -182,7 +182,7 @@ class Refinement:
         return float(distance(more.places, base.places).max()) / self.size
 
 
-def make(scene: Scene, look: Look, budget: Budget, say: Callable[[str], None]) -> Reference:
+def make(scene: Scene, look: Sighting, budget: Budget, say: Callable[[str], None]) -> Reference:
     """The best reference that SHARE of the budget pays for. Raises SceneError where nothing moves or nothing runs."""
     began, notes = budget.spent, []
     stable, guess = leapfrog(scene, look)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from math import inf, isfinite
 
-from wsim.bench.front import AMPLIFIES, MARGIN, PERTURBED, Row, front, within_error, within_time
+from wsim.bench.front import AMPLIFIES, MARGIN, PERTURBED, Measured, front, within_error, within_time
 
 CALM = 0.1                             # energy beside the reference's that a recommendation bears
 GOALS = (0.01, 0.001)                  # errors for which settings are recommended
@@ -26,26 +26,26 @@ class Report:
     growth: list[float]                # of a perturbation, by sampled frame
     sampled: list[int]                 # those frames
     refused: str                       # why errors of positions are not quoted; "" where they are
-    rows: list[Row] = field(default_factory=list)
+    rows: list[Measured] = field(default_factory=list)
     left_out: list[dict] = field(default_factory=list)
     seconds: float = 0.0               # that the bench took
 
-    def recommend(self, error: float) -> Row | None:
+    def recommend(self, error: float) -> Measured | None:
         """The fastest setting within an error (0.01: 1 % of the size); None if none was found."""
         return None if self.refused else within_error(self.rows, error, self.reference["error"])
 
     @property
-    def real_time(self) -> Row | None:
+    def real_time(self) -> Measured | None:
         """The most accurate setting within the time of a frame, less a margin."""
         return within_time(self.rows, 1.0 / self.fps, most=CALM if self.refused else inf)
 
     @property
-    def front(self) -> list[Row]:
+    def front(self) -> list[Measured]:
         """Fastest first."""
         return front(self.rows, 0.0 if self.refused else self.reference["error"])
 
     @property
-    def recommended(self) -> dict[str, Row | None]:
+    def recommended(self) -> dict[str, Measured | None]:
         return {"real time": self.real_time, **{f"{100 * e:g} %": self.recommend(e) for e in GOALS}}
 
     def as_dict(self) -> dict:
@@ -57,7 +57,7 @@ class Report:
     def from_dict(data: dict) -> "Report":
         """Raises KeyError, TypeError or ValueError where the data is no report."""
         values = {name: data[name] for name in Report.__dataclass_fields__}
-        values["rows"] = [Row.from_dict(row) for row in data["rows"]]
+        values["rows"] = [Measured.from_dict(row) for row in data["rows"]]
         values["reference"] = {**data["reference"], "error": _number(data["reference"]["error"])}
         report = Report(**values)
         if not (report.fps > 0.0 and isinstance(report.refused, str) and report.frames > 0):
@@ -142,7 +142,7 @@ class Report:
             why.setdefault(entry["why"], []).append(entry["setting"])
         return [f"left out  {', '.join(settings)}: {reason}" for reason, settings in why.items()]
 
-    def _line(self, row: Row) -> str:
+    def _line(self, row: Measured) -> str:
         error = f"energy {percent(row.drift, sign=True)}" if self.refused else f"error {self._error(row.largest)}"
         return f"{row.setting.options}: {error}, {row.ms:.3g} ms a frame"
 

@@ -12,7 +12,7 @@ from wsim.bench.budget import Budget
 from wsim.bench.reference import make
 from wsim.bench.report import Report
 from wsim.bench.sweep import Sweep
-from wsim.bench.track import Look, size
+from wsim.bench.track import Sighting, size
 from wsim.model import kernel_cache
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.check.scene import check
@@ -61,7 +61,7 @@ def bench(scene: Scene, *, device: str | None = None, frames: int | None = None,
     if fatal:
         raise SceneError(fatal)
     where = kernel_cache.device(device)
-    clock, look = Budget(budget), Look(str(where), frames or looked_at(scene))
+    clock, look = Budget(budget), Sighting(str(where), frames or looked_at(scene))
     reference = make(scene, look, clock, say)
     sweep = Sweep(scene, look, reference, clock, say, step=4 if quick else 2)
     sweep.all(quick)

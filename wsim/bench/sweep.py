@@ -10,11 +10,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from wsim.bench.budget import Budget
-from wsim.bench.front import Row, front
+from wsim.bench.front import Measured, front
 from wsim.bench.reference import Reference
 from wsim.bench.report import percent
 from wsim.bench.setting import Setting, series, unable
-from wsim.bench.track import Look, Track, distance, run, size
+from wsim.bench.track import Sighting, Trajectory, distance, run, size
 from wsim.scene import Scene, SceneError
 
 ENOUGH = 1e-4          # error below which finer settings interest nobody: a tenth of 0.1 %
@@ -30,12 +30,12 @@ class Sweep:
     """The runs of one bench."""
 
     scene: Scene
-    look: Look
+    look: Sighting
     reference: Reference
     budget: Budget
     say: Callable[[str], None]
     step: int = 2                          # substeps of a setting over those of the one before it
-    rows: list[Row] = field(default_factory=list)
+    rows: list[Measured] = field(default_factory=list)
     left_out: list[dict] = field(default_factory=list)
     seconds: dict[Setting, float] = field(default_factory=dict)      # of the frames of a row
     starts: list[float] = field(default_factory=list)                # what the first runs of series took besides frames
@@ -43,7 +43,7 @@ class Sweep:
     def drop(self, setting: Setting, why: str) -> None:
         self.left_out.append({"setting": str(setting), "why": why})
 
-    def run(self, setting: Setting, cost: float) -> Row | None:
+    def run(self, setting: Setting, cost: float) -> Measured | None:
         """One row, or None with the reason in left_out."""
         left = self.budget.left(1.0 if setting.precision == "float64" else 1.0 - KEPT)
         if self.rows and (cost > left or not left):            # one row there is, whatever it costs
@@ -62,9 +62,9 @@ class Sweep:
             self.rows.append(row)
         return row
 
-    def row(self, track: Track) -> Row:
+    def row(self, track: Trajectory) -> Measured:
         """A track beside the reference."""
-        row, there = Row(track.setting, track.ms, held=not track.notes, note="; ".join(track.notes)), self.reference.track
+        row, there = Measured(track.setting, track.ms, held=not track.notes, note="; ".join(track.notes)), self.reference.track
         if not self.reference.refused:
             errors = distance(track.places, there.places) / size(self.scene)
             return replace(row, end=float(errors[-1]), largest=float(errors.max()))
@@ -106,7 +106,7 @@ class Sweep:
         """Seconds that the frames of a series' first run may take: of leapfrog on soft bodies; of others nothing is known."""
         return self.look.frames * self.reference.leapfrog if setting.solver == "explicit" else 0.0
 
-    def goes_on(self, row: Row) -> bool:
+    def goes_on(self, row: Measured) -> bool:
         """Whether a finer setting of the same series tells more."""
         doubt = 0.0 if self.reference.refused else self.reference.error
         ahead = [r for r in self.rows if r.held and r.error <= row.error and DOMINATED * r.ms <= row.ms]

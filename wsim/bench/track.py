@@ -24,7 +24,7 @@ LONGEST = 256          # substeps of one graph in a reference; more are taken as
 
 
 @dataclass(frozen=True)
-class Look:
+class Sighting:
     """What every run of a bench has in common: device, frames, and which of them are sampled."""
 
     device: str | None
@@ -37,7 +37,7 @@ class Look:
 
 
 @dataclass
-class Track:
+class Trajectory:
     """What one run left. places (samples, points, 3) [m] in world space, the author's order, all bodies."""
 
     setting: Setting                       # as it ran
@@ -72,8 +72,8 @@ def measure(sim: Simulation) -> dict[str, float]:
     return sim.indicators() | {"gravity_work": float(model.stack("masses") @ fallen)}
 
 
-def run(scene: Scene, setting: Setting, look: Look, prepare: Callable[[Simulation], None] | None = None,
-        measured: bool = False, timed: bool = True) -> Track:
+def run(scene: Scene, setting: Setting, look: Sighting, prepare: Callable[[Simulation], None] | None = None,
+        measured: bool = False, timed: bool = True) -> Trajectory:
     """Simulates look.frames frames; `prepare` may move the points first; `measured` gathers energies and strains too, by
     kernels that are compiled for it; `timed`: frames go on after those until their time is known well.
 
@@ -94,7 +94,7 @@ def run(scene: Scene, setting: Setting, look: Look, prepare: Callable[[Simulatio
         spent.append(_step(sim))
     ms, seconds = float(np.median(spent[2:] or spent)), 1e-3 * float(np.mean(wall)) * look.frames
     ran = Setting(choice.solver, choice.integrator.name, choice.steps, choice.iterations, setting.precision)
-    return Track(ran, np.stack(kept), start, ms, seconds, notes, found)
+    return Trajectory(ran, np.stack(kept), start, ms, seconds, notes, found)
 
 
 def _step(sim: Simulation) -> float:
@@ -117,8 +117,8 @@ def _notes(sim: Simulation, choice: Choice) -> list[str]:
     return notes
 
 
-def fine(scene: Scene, setting: Setting, look: Look, prepare: Callable[[Simulation], None] | None = None,
-         measured: bool = False) -> Track:
+def fine(scene: Scene, setting: Setting, look: Sighting, prepare: Callable[[Simulation], None] | None = None,
+         measured: bool = False) -> Trajectory:
     """As `run`, with frames cut so that no graph holds more than LONGEST substeps: for references, whose substeps are
     many. What is done once a frame, as uploading motions, is done more often then."""
     cut = -(-setting.substeps // LONGEST)
@@ -129,11 +129,11 @@ def fine(scene: Scene, setting: Setting, look: Look, prepare: Callable[[Simulati
 
 
 @dataclass(frozen=True)
-class _Cut(Look):
+class _Cut(Sighting):
     """Frames cut into so many: the samples stay where they were."""
 
     cut: int = 1
 
     @property
     def sampled(self) -> list[int]:
-        return [k * self.cut for k in Look(self.device, self.frames // self.cut).sampled]
+        return [k * self.cut for k in Sighting(self.device, self.frames // self.cut).sampled]

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from wsim.bench import cache
-from wsim.bench.front import Row
+from wsim.bench.front import Measured
 from wsim.bench.report import Report, percent
 from wsim.bench.study import bench, hardware, versions
 from wsim.cli.progress import line
@@ -73,7 +73,7 @@ def _none(report: Report, error: float) -> str:
     if report.refused:
         return (f"no error can be promised: {report.refused}{report.mend} (options of `wsim bench`, whose latest result counts "
                 "here; what it prints says what can be said instead)")
-    best: Row = min(report.rows, key=lambda r: r.error)
+    best: Measured = min(report.rows, key=lambda r: r.error)
     doubt = report.reference["error"]
     floor = f", the reference's own error is {percent(doubt)}" if doubt > 0.1 * error else ""
     return (f"no setting tried stays within {percent(error)}: {best.setting} errs by {percent(best.largest)}{floor}; let "

@@ -27,7 +27,7 @@ AXES, VECTORS = ("x", "y", "z"), ("gravity", "wind", "force", "traction")
 
 
 @dataclass(frozen=True)
-class Row:
+class Fittable:
     """A parameter of a kind of body, of colliders, or of the scene."""
 
     name: str
@@ -38,21 +38,21 @@ class Row:
 
 
 TABLE = (
-    Row("stretch", Cloth, "N/m", within="material"), Row("stretch_warp", Cloth, "N/m", within="material"),
-    Row("stretch_weft", Cloth, "N/m", within="material"), Row("shear", Cloth, "N/m", within="material"),
-    Row("bend", Cloth, "N m", within="material"), Row("damping", Cloth, "s", within="material"),
-    Row("density", Cloth, "kg/m^3", within="material"), Row("strain_limit", Cloth, "1", within="material"),
-    Row("poisson", Cloth, "1", WIDE, "material"),
-    Row("stiffness", Springs, "N/m"), Row("damping", Springs, "s"), Row("mass", Springs, "kg"),
-    Row("force", Load, "N", PLAIN), Row("traction", Load, "Pa", PLAIN),
-    Row("young", Soft, "Pa", within="material"), Row("poisson", Soft, "1", Map("bounded", 0.0, 0.5), "material"),
-    Row("density", Soft, "kg/m^3", within="material"), Row("damping", Soft, "s", within="material"),
-    Row("pressure", Soft, "Pa", Map("plain", high=1e3)),
-    Row("static_friction", Cloth, "1", within="material"), Row("static_friction", Soft, "1", within="material"),
-    Row("dynamic_friction", Cloth, "1", within="material"), Row("dynamic_friction", Soft, "1", within="material"),
-    Row("static_friction", Collider, "1"), Row("dynamic_friction", Collider, "1"),
-    Row("restitution", Collider, "1", Map("bounded", 0.0, 1.0)),
-    Row("gravity", Scene, "m/s^2", PLAIN), Row("wind", Scene, "m/s", PLAIN), Row("air_drag", Scene, "1/s"),
+    Fittable("stretch", Cloth, "N/m", within="material"), Fittable("stretch_warp", Cloth, "N/m", within="material"),
+    Fittable("stretch_weft", Cloth, "N/m", within="material"), Fittable("shear", Cloth, "N/m", within="material"),
+    Fittable("bend", Cloth, "N m", within="material"), Fittable("damping", Cloth, "s", within="material"),
+    Fittable("density", Cloth, "kg/m^3", within="material"), Fittable("strain_limit", Cloth, "1", within="material"),
+    Fittable("poisson", Cloth, "1", WIDE, "material"),
+    Fittable("stiffness", Springs, "N/m"), Fittable("damping", Springs, "s"), Fittable("mass", Springs, "kg"),
+    Fittable("force", Load, "N", PLAIN), Fittable("traction", Load, "Pa", PLAIN),
+    Fittable("young", Soft, "Pa", within="material"), Fittable("poisson", Soft, "1", Map("bounded", 0.0, 0.5), "material"),
+    Fittable("density", Soft, "kg/m^3", within="material"), Fittable("damping", Soft, "s", within="material"),
+    Fittable("pressure", Soft, "Pa", Map("plain", high=1e3)),
+    Fittable("static_friction", Cloth, "1", within="material"), Fittable("static_friction", Soft, "1", within="material"),
+    Fittable("dynamic_friction", Cloth, "1", within="material"), Fittable("dynamic_friction", Soft, "1", within="material"),
+    Fittable("static_friction", Collider, "1"), Fittable("dynamic_friction", Collider, "1"),
+    Fittable("restitution", Collider, "1", Map("bounded", 0.0, 1.0)),
+    Fittable("gravity", Scene, "m/s^2", PLAIN), Fittable("wind", Scene, "m/s", PLAIN), Fittable("air_drag", Scene, "1/s"),
 )
 STRETCHES = {"stretch": ("warp", "weft"), "stretch_warp": ("warp",), "stretch_weft": ("weft",)}
 NAMES = tuple(dict.fromkeys(row.name for row in TABLE))
@@ -76,9 +76,9 @@ class Parameter:
     map: Map
     axis: int | None = None      # of a vector
 
-    def rows(self, scene: Scene) -> list[tuple[Row, object]]:
+    def rows(self, scene: Scene) -> list[tuple[Fittable, object]]:
         """What has it in a scene, each with its row of the table."""
-        found: list[tuple[Row, object]] = []
+        found: list[tuple[Fittable, object]] = []
         for row in (r for r in TABLE if r.name == self.what):
             if row.owner is Scene:
                 found.append((row, scene))
@@ -127,7 +127,7 @@ def _with(vector, axis: int, value: float) -> tuple[float, ...]:
     return tuple(value if k == axis else float(v) for k, v in enumerate(vector))
 
 
-def _has(row: Row, thing) -> bool:
+def _has(row: Fittable, thing) -> bool:
     """Poisson's ratio is of membranes, and a strain limit is where it is finite from the start."""
     if type(thing) is not row.owner:
         return False
@@ -137,7 +137,7 @@ def _has(row: Row, thing) -> bool:
                                             "strain_limit": isfinite(thing.material.strain_limit)}.get(row.name, True)
 
 
-def _get(row: Row, thing, axis: int | None) -> float:
+def _get(row: Fittable, thing, axis: int | None) -> float:
     if row.name in STRETCHES:
         return thing.material.weft or thing.material.stretch if row.name == "stretch_weft" else thing.material.stretch
     if isinstance(thing, Load):
@@ -148,7 +148,7 @@ def _get(row: Row, thing, axis: int | None) -> float:
     return float(value[axis]) if axis is not None else float(np.mean(np.asarray(value, np.float64)))
 
 
-def _put(row: Row, thing, value: float, axis: int | None = None):
+def _put(row: Fittable, thing, value: float, axis: int | None = None):
     """A copy of a body or load with that value; different stiffness of springs, and masses of points, keep their proportions.
     """
     if isinstance(thing, Load):

@@ -9,7 +9,7 @@ import warp as wp
 
 from wsim.gradient.rest_shape import RestShape, by_masses
 from wsim.gradient.tables import Parameters
-from wsim.physics.cloth.constraints import LEAST, SLACK, Rows
+from wsim.physics.cloth.constraints import LEAST, SLACK, Constraints
 from wsim.scene import Problem, SceneError, Springs
 
 
@@ -97,12 +97,12 @@ class ElementGradient:
                     shape = np.where(r.shape > 0.0, r.shape, 1.0)
                     yield r, rest[part], by[part].reshape(len(r.ids), -1).sum(axis=1) / shape, self.by_curvature(batch, r)
 
-    def by_curvature(self, table, r: Rows) -> np.ndarray | None:
+    def by_curvature(self, table, r: Constraints) -> np.ndarray | None:
         """By `Coupling.value` of the rows r of a table of hinges."""
         cur = table.curvature
         return cur.by_rows(self.of(cur.data.value))[[row is r for row in table.rows].index(True)] if cur else None
 
-    def by_k(self, r: Rows, part: slice) -> np.ndarray:
+    def by_k(self, r: Constraints, part: slice) -> np.ndarray:
         """By the stiffness of springs, with their damping."""
         return self.entries["k"][part] + (r.tau * self.entries["damping"][part] if "damping" in self.entries else 0.0)
 
@@ -180,11 +180,11 @@ class ElementGradient:
 
 def _parts(rows: list) -> list[tuple[Any, slice]]:
     """Where each, of constraints or tets, stands in a table of all."""
-    ends = np.cumsum([0, *(len(r.ids if isinstance(r, Rows) else r.rows) for r in rows)])
+    ends = np.cumsum([0, *(len(r.ids if isinstance(r, Constraints) else r.rows) for r in rows)])
     return [(r, slice(*ends[k:k + 2])) for k, r in enumerate(rows)]
 
 
-def _having(name: str, body, rows: list[Rows]) -> Iterator[tuple[Rows, slice, bool]]:
+def _having(name: str, body, rows: list[Constraints]) -> Iterator[tuple[Constraints, slice, bool]]:
     """Constraints of a body that have a stiffness of that name, where they stand in a table of `rows`, and False; of "damping"
     those that are damped, and True."""
     for r, part in _parts(rows):
@@ -193,7 +193,7 @@ def _having(name: str, body, rows: list[Rows]) -> Iterator[tuple[Rows, slice, bo
             yield r, part, damping
 
 
-def _by_stiffness(r: Rows, name: str, kind: str, parts: np.ndarray) -> np.ndarray:
+def _by_stiffness(r: Constraints, name: str, kind: str, parts: np.ndarray) -> np.ndarray:
     """Of each element by one of its stiffnesses, from those by the logarithms of its table. That of a membrane is (uu, uv,
     shear, vv); uu is in proportion to stretch, vv to weft, uv to the root of both; a weft of 0 stands for stretch."""
     value = r.stiffness[name]
@@ -212,7 +212,7 @@ def _by_stiffness(r: Rows, name: str, kind: str, parts: np.ndarray) -> np.ndarra
     return (parts * powers).sum(axis=1) / value
 
 
-def _by_poisson(r: Rows, by: np.ndarray) -> np.ndarray:
+def _by_poisson(r: Constraints, by: np.ndarray) -> np.ndarray:
     """Of each triangle, from those by its stiffness: uu, uv, vv are (s, nu sqrt(s t), t) / (shape (1 - nu^2)), s and t those of
     warp and weft. Where nu is 0 uv has no logarithm."""
     nu, (warp, weft) = r.stiffness["poisson"], r.threads()

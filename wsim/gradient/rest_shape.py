@@ -19,7 +19,7 @@ from wsim.geometry.topology import geodesic, hinges
 from wsim.model.midnodes import HRZ
 from wsim.model.model import Body
 from wsim.physics.cloth.bending import by_points
-from wsim.physics.cloth.constraints import Rows, frame, nets
+from wsim.physics.cloth.constraints import Constraints, frame, nets
 from wsim.physics.cloth.rest_shape import rest_shape, triangles_of
 from wsim.physics.motion.frequency import gradients
 from wsim.scene import Cloth, Soft, Springs
@@ -51,7 +51,7 @@ class RestShape:
 
     # elements
 
-    def rows(self, r: Rows, by_rest: np.ndarray, by_shape: np.ndarray, by_value: np.ndarray | None = None) -> None:
+    def rows(self, r: Constraints, by_rest: np.ndarray, by_shape: np.ndarray, by_value: np.ndarray | None = None) -> None:
         """by_rest, by_shape: of `Rows.rest` and `Rows.shape`; by_value: of `Coupling.value`."""
         source, body = self.body.source, self.body
         if r.kind == "membrane":
@@ -75,14 +75,14 @@ class RestShape:
         elif isinstance(source, Springs) and source.lengths is None:
             self.lengths(r.ids, by_rest)
 
-    def ratio(self, r: Rows, triangles: np.ndarray, owner: np.ndarray, times: float, by: np.ndarray) -> None:
+    def ratio(self, r: Constraints, triangles: np.ndarray, owner: np.ndarray, times: float, by: np.ndarray) -> None:
         """by: of l^2 / A, l the length between the first two points and A `times` the areas of the triangles of each."""
         p = self.body.rest[r.ids[:, :2] - self.body.first]
         square = ((p[:, 1] - p[:, 0])**2).sum(axis=1)
         self.lengths(r.ids[:, :2], by * 2.0 * r.shape / np.sqrt(square))
         self.areas(triangles, (-times * by * r.shape**2 / square)[owner])
 
-    def membrane(self, r: Rows, by_rest: np.ndarray, by_shape: np.ndarray) -> None:
+    def membrane(self, r: Constraints, by_rest: np.ndarray, by_shape: np.ndarray) -> None:
         p = self.body.rest[r.ids - self.body.first]
         self.areas(r.ids, -by_shape * r.shape**2)
         B, Dm = r.rest, np.linalg.inv(r.rest)
@@ -93,7 +93,7 @@ class RestShape:
              + (turn * tilt)[:, None, None] * B[:, :, 1, None] * n[:, None])
         self.add(r.ids, np.concatenate([-e.sum(axis=1, keepdims=True), e], axis=1))
 
-    def tethers(self, r: Rows, by_rest: np.ndarray) -> None:
+    def tethers(self, r: Constraints, by_rest: np.ndarray) -> None:
         """Along the way that each goes: from the farthest point on, a point hands on what it has to the one before it."""
         body = self.body
         edges, sources = body.edges - body.first, np.unique(r.ids[:, 0] - body.first)

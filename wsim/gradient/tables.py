@@ -83,7 +83,7 @@ class Parameters:
 
 
 def ends(pull, grad: np.ndarray) -> np.ndarray:
-    """Sums over the two ends of each spring of a `wsim.physics.motion.forces.Pull`, from a gradient of the entries."""
+    """Sums over the two ends of each spring of a `wsim.physics.motion.forces.ForceGather`, from a gradient of the entries."""
     entry = pull.entry
     grad = grad[:len(entry)]
     return np.bincount(entry[entry >= 0], grad[entry >= 0], pull.count)

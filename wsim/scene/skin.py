@@ -16,7 +16,7 @@ from wsim.scene import Problem, Scene, SceneError, Skin, Soft
 
 
 @dataclass
-class Held:
+class Embedding:
     """The points of one skin as weighed points of its body, `body` its path."""
 
     path: str
@@ -31,7 +31,7 @@ class Held:
                    np.zeros((len(self.rows), 3)))
 
 
-def hold(soft: Soft, skin: Skin) -> Held:
+def hold(soft: Soft, skin: Skin) -> Embedding:
     """Finds the tet of each point of a skin, where both are at rest. Lengths are those of the world at the start, so that a
     transform that stretches does no harm, nor one that mirrors.
 
@@ -52,10 +52,10 @@ def hold(soft: Soft, skin: Skin) -> Held:
         text = text.partition(";")[0]
         raise SceneError(Problem(skin.path, f"cannot follow the tets of {soft.path}: of its points {text}; bring it to where "
                                  "the tets are at rest, or take it out of the body")) from None
-    return Held(skin.path, soft.path, tets[tet], weights)
+    return Embedding(skin.path, soft.path, tets[tet], weights)
 
 
-def held(scene: Scene) -> dict[str, Held]:
+def held(scene: Scene) -> dict[str, Embedding]:
     """All skins of a scene by path. Raises SceneError with every skin that cannot follow."""
     found, problems = {}, []
     for soft in scene.softs:

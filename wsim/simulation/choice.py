@@ -23,7 +23,7 @@ from math import ceil
 import numpy as np
 
 from wsim.model.model import Body, Model, edge_lengths, hard_places
-from wsim.physics.cloth.constraints import HARD, Rows
+from wsim.physics.cloth.constraints import HARD, Constraints
 from wsim.physics.motion.stability import needed
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.integrator import TABLE, Integrator
@@ -70,7 +70,7 @@ class Choice:
         return self.substeps // self.integrator.solves
 
 
-def choose(model: Model, rows: dict[str, list[Rows]]) -> Choice:
+def choose(model: Model, rows: dict[str, list[Constraints]]) -> Choice:
     """The choice for a checked scene. Raises SceneError where a named explicit integrator is beyond its limit."""
     scene = model.scene
     method = TABLE.get(scene.integrator)
@@ -91,7 +91,7 @@ def _named(scene: Scene, solver: str, method: Integrator, why: str) -> Choice:
     return Choice(solver, method, scene.substeps * method.solves, scene.iterations, why)
 
 
-def _soft(model: Model, rows: dict[str, list[Rows]], method: Integrator | None) -> Choice:
+def _soft(model: Model, rows: dict[str, list[Constraints]], method: Integrator | None) -> Choice:
     """Soft bodies: leapfrog where its steps cost less and nothing else is named; else Newton's method, of which a step of a
     frame is stable, and which solves to a residual: sdirk3 of half as many steps, or backward Euler of contacts, of as many as
     the wanted error takes."""
@@ -121,7 +121,7 @@ def _soft(model: Model, rows: dict[str, list[Rows]], method: Integrator | None) 
     return replace(newton, why=said)
 
 
-def _explicit(model: Model, rows: dict[str, list[Rows]], method: Integrator | None) -> Choice:
+def _explicit(model: Model, rows: dict[str, list[Constraints]], method: Integrator | None) -> Choice:
     from wsim.physics.motion import frequency
     from wsim.physics.motion.stability import limit
     scene = model.scene
@@ -142,7 +142,7 @@ def _explicit(model: Model, rows: dict[str, list[Rows]], method: Integrator | No
     return _named(scene, "explicit", method, f"the scene names {method.name}")
 
 
-def _auto(model: Model, rows: dict[str, list[Rows]]) -> Choice:
+def _auto(model: Model, rows: dict[str, list[Constraints]]) -> Choice:
     """The cheaper of leapfrog and coloured XPBD at the wanted error; Newton where sweeps would stall."""
     scene, leapfrog, xpbd = model.scene, TABLE["leapfrog"], _sweeps(model, rows)
     stall = f"masses that hold each other differ by more than {UNEVEN:g}: sweeps would stall"
@@ -163,7 +163,7 @@ def _auto(model: Model, rows: dict[str, list[Rows]]) -> Choice:
                    + (stall or f"XPBD takes {1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}{xpbd.why}"))
 
 
-def _sweeps(model: Model, rows: dict[str, list[Rows]]) -> Choice:
+def _sweeps(model: Model, rows: dict[str, list[Constraints]]) -> Choice:
     """XPBD with the scene's sweeps or one, whichever costs less at the wanted error; Newton steps where sweeps would stall."""
     scene = model.scene
     if _uneven(model, rows):
@@ -176,7 +176,7 @@ def _sweeps(model: Model, rows: dict[str, list[Rows]]) -> Choice:
     return min(tried, key=lambda c: cost.seconds(model, cost.sweeps(model, rows, c.substeps, c.iterations)))
 
 
-def _euler(model: Model, rows: dict[str, list[Rows]], solver: str, iterations: int, lag: float = 0.0) -> Choice:
+def _euler(model: Model, rows: dict[str, list[Constraints]], solver: str, iterations: int, lag: float = 0.0) -> Choice:
     """Backward Euler by that solver, of as many substeps as the wanted error takes, and no fewer than the scene names. lag: of
     sweeps, see `wsim.simulation.sweep_strain`."""
     sweeps, bodies = iterations if solver == "xpbd" and not _hard(rows) else 0, falls(model)
@@ -212,7 +212,7 @@ def _within(model: Model, n: int, error: Callable[[float], float]) -> int:
     return n
 
 
-def _uneven(model: Model, rows: dict[str, list[Rows]]) -> bool:
+def _uneven(model: Model, rows: dict[str, list[Constraints]]) -> bool:
     """Whether free masses that hold each other differ by more than UNEVEN."""
     pinned = hard_places(model)
     for body in (b for b in model.bodies if b.world == 0):
@@ -225,7 +225,7 @@ def _uneven(model: Model, rows: dict[str, list[Rows]]) -> bool:
     return False
 
 
-def _unfit(model: Model, rows: dict[str, list[Rows]], other: str) -> str:
+def _unfit(model: Model, rows: dict[str, list[Constraints]], other: str) -> str:
     """Why a scene should not be stepped explicitly unless it asks to be, or ""."""
     if _hard(rows):
         return f"tethers or strain limits: {other} solves them and forces together"
@@ -236,7 +236,7 @@ def _unfit(model: Model, rows: dict[str, list[Rows]], other: str) -> str:
     return ""
 
 
-def _hard(rows: dict[str, list[Rows]]) -> bool:
+def _hard(rows: dict[str, list[Constraints]]) -> bool:
     return any(r.kind in HARD for found in rows.values() for r in found)
 
 

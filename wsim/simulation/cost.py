@@ -13,7 +13,7 @@
 """
 
 from wsim.model.model import Model
-from wsim.physics.cloth.constraints import HARD, Rows
+from wsim.physics.cloth.constraints import HARD, Constraints
 from wsim.scene import Surface
 
 # H200: leapfrog 4.5 us at 1k points, 12 us at 0.6M springs (nets that a cluster takes: 0.42 us at 1k points, 0.74 at 4k, 1.06
@@ -40,7 +40,7 @@ def seconds(model: Model, counted: dict[str, float]) -> float:
     return sum(times * costs[name] for name, times in counted.items())
 
 
-def explicit(model: Model, rows: dict[str, list[Rows]], n: int) -> dict[str, float]:
+def explicit(model: Model, rows: dict[str, list[Constraints]], n: int) -> dict[str, float]:
     """Counts of a frame of n substeps of leapfrog."""
     springs, work, kinds = _constraints(model, rows)
     tets, simple = _tets(model, 0), not (model.scene.colliders or model.scene.softs or work > springs)
@@ -51,7 +51,7 @@ def explicit(model: Model, rows: dict[str, list[Rows]], n: int) -> dict[str, flo
             "block": n * bool(tets), "tet": n * tets, **_contacts(model, n, 1)}
 
 
-def sweeps(model: Model, rows: dict[str, list[Rows]], n: int, iterations: int) -> dict[str, float]:
+def sweeps(model: Model, rows: dict[str, list[Constraints]], n: int, iterations: int) -> dict[str, float]:
     """Counts of a frame of n substeps of coloured XPBD."""
     _, work, kinds = _constraints(model, rows)
     return {"rest": n, "sweep": n * iterations * len(kinds), "projection": n * iterations * work,
@@ -63,7 +63,7 @@ def newton(model: Model, n: int, iterations: int) -> dict[str, float]:
     return {"newton": n * iterations, "solved": n * iterations * _tets(model, 1), **_contacts(model, n, iterations)}
 
 
-def frame(model: Model, rows: dict[str, list[Rows]], choice) -> dict[str, float]:
+def frame(model: Model, rows: dict[str, list[Constraints]], choice) -> dict[str, float]:
     """Counts of a frame of a `wsim.simulation.choice.Choice`."""
     if choice.solver == "explicit":
         return explicit(model, rows, choice.substeps)
@@ -71,7 +71,7 @@ def frame(model: Model, rows: dict[str, list[Rows]], choice) -> dict[str, float]
             sweeps(model, rows, choice.substeps, choice.iterations))
 
 
-def _constraints(model: Model, rows: dict[str, list[Rows]]) -> tuple[float, float, set[str]]:
+def _constraints(model: Model, rows: dict[str, list[Constraints]]) -> tuple[float, float, set[str]]:
     """Springs, work of all soft constraints in springs, kinds; of all worlds."""
     soft = [r for found in rows.values() for r in found if r.kind not in HARD]
     springs, work = (model.worlds * sum(WEIGHT[r.kind] * len(r.ids) for r in found)

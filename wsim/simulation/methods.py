@@ -14,7 +14,7 @@ from wsim.model.model import Model
 from wsim.model.stage import Clock, Method
 from wsim.model.state import State
 from wsim.model.status import Status
-from wsim.physics.cloth.constraints import HARD, Rows
+from wsim.physics.cloth.constraints import HARD, Constraints
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.methods import METHODS, Row
 from wsim.simulation.choice import Choice
@@ -29,7 +29,7 @@ class Build:
 
     model: Model
     choice: Choice
-    constraints: dict[str, list[Rows]]
+    constraints: dict[str, list[Constraints]]
     state: State
     status: Status
     clock: Clock
@@ -46,7 +46,7 @@ class Build:
         return (any(self.reasons[name] for name in ("aero", "xpbd", "contact"))
                 or any(np.isfinite(p.stiffness) for p in self.scene.pins))
 
-    def kept(self, soft: bool) -> dict[str, list[Rows]]:
+    def kept(self, soft: bool) -> dict[str, list[Constraints]]:
         """The constraints that have a stiffness, or those that have none: XPBD holds the hard ones whatever solves for the
         forces."""
         return {path: [r for r in found if (r.kind not in HARD) == soft] for path, found in self.constraints.items()}

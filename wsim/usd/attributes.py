@@ -9,7 +9,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, Vt
 
 from wsim.scene import Problem, SceneError
-from wsim.usd.names import Row, row
+from wsim.usd.names import Entry, row
 from wsim.usd.stage import Units
 
 SI = Units()
@@ -43,7 +43,7 @@ def read(prim: Usd.Prim, owner: str, field: str, units: Units = SI, time=None, t
     return read_row(prim, row(owner, field), units, time, through)
 
 
-def read_row(prim: Usd.Prim, entry: Row, units: Units = SI, time=None, through=None):
+def read_row(prim: Usd.Prim, entry: Entry, units: Units = SI, time=None, through=None):
     """As `read`, of a row that need not be in the table."""
     attribute = prim.GetAttribute(entry.attribute)
     if not attribute or not attribute.HasAuthoredValue():
@@ -73,7 +73,7 @@ def size(attribute: Usd.Attribute, time) -> float:
     return float(found)
 
 
-def _si(attribute, value, entry: Row, units: Units, through):
+def _si(attribute, value, entry: Entry, units: Units, through):
     factor = units.factor(entry.unit)
     if entry.type == "token[]":
         if not isinstance(value, Vt.TokenArray):
@@ -106,7 +106,7 @@ def _numbers(value, dtype, shape: tuple[int, ...], factor: float) -> np.ndarray:
         return found.astype(np.float64) * factor
 
 
-def _real(attribute, value, entry: Row, factor: float, through) -> float:
+def _real(attribute, value, entry: Entry, factor: float, through) -> float:
     forward, inverse = through or (float, float)
     if entry.type == "float":
         exact = attribute.GetCustomDataByKey(EXACT)
@@ -137,7 +137,7 @@ def author(prim: Usd.Prim, owner: str, field: str, value, units: Units = SI, thr
     return attribute
 
 
-def attribute_of(prim: Usd.Prim, entry: Row) -> Usd.Attribute:
+def attribute_of(prim: Usd.Prim, entry: Entry) -> Usd.Attribute:
     """The attribute of a row, made if the prim does not have it."""
     found = prim.GetAttribute(entry.attribute)
     if found:

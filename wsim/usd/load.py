@@ -30,7 +30,7 @@ SIMULATED = (names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM, names.WSIM_S
 
 
 @dataclass
-class Found:
+class Prims:
     """Prims by what they are."""
 
     scenes: list = field(default_factory=list)
@@ -138,9 +138,9 @@ def _load_body(reading: Reading, scene: Scene, prim: Usd.Prim, body: Usd.Prim) -
             scene.springs.append(springs)
 
 
-def _walk(reading: Reading) -> Found:
+def _walk(reading: Reading) -> Prims:
     """Sorts the prims of a stage by what they are, and notes what wsim does not simulate."""
-    found = Found()
+    found = Prims()
     prims = iter(Usd.PrimRange(reading.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
     for prim in prims:
         if prim.IsPseudoRoot():
@@ -188,7 +188,7 @@ def _kinematic(prim: Usd.Prim) -> bool:
         (prim.GetAttribute("physics:kinematicEnabled"), True), (prim.GetAttribute("physics:rigidBodyEnabled"), False)))
 
 
-def _pairs(reading: Reading, found: Found) -> list[tuple[Usd.Prim, Usd.Prim]]:
+def _pairs(reading: Reading, found: Prims) -> list[tuple[Usd.Prim, Usd.Prim]]:
     """(simulation geometry, body) of everything to simulate."""
     pairs: list[tuple[Usd.Prim, Usd.Prim]] = []
     claimed: set = set()
@@ -219,7 +219,7 @@ def _pairs(reading: Reading, found: Found) -> list[tuple[Usd.Prim, Usd.Prim]]:
     return pairs
 
 
-def _kinematic_body(reading: Reading, found: Found, sim: Usd.Prim, body: Usd.Prim) -> None:
+def _kinematic_body(reading: Reading, found: Prims, sim: Usd.Prim, body: Usd.Prim) -> None:
     """An animated deformable pushes as a mesh collider."""
     reading.warn(body.GetPath(), f"physics:kinematicEnabled is on: {sim.GetPath()} moves as animated and collides as "
                                  "a mesh")
@@ -236,7 +236,7 @@ def _followers(reading: Reading, sim: Usd.Prim, body: Usd.Prim) -> None:
                          "geometry: it does not follow yet")
 
 
-def _in_body(prim: Usd.Prim, found: Found) -> bool:
+def _in_body(prim: Usd.Prim, found: Prims) -> bool:
     """True for point-based geometry of a deformable body: it belongs to the body and is no obstacle."""
     return prim.IsA(UsdGeom.PointBased) and any(prim.GetPath().HasPrefix(body.GetPath()) for body in found.bodies)
 
@@ -255,7 +255,7 @@ def _order(scene: Scene, scenes: list[Usd.Prim]) -> None:
             kind.sort(key=lambda thing: place.get(thing.path, len(place)))
 
 
-def _finished(reading: Reading, scene: Scene, found: Found) -> Scene:
+def _finished(reading: Reading, scene: Scene, found: Prims) -> Scene:
     """The scene with its warnings. Raises SceneError if anything fatal was found."""
     finish(reading, scene)
     if found.skel_roots:

@@ -14,7 +14,7 @@ import numpy as np
 from tools.bench.bending.strips import LENGTH, MESHES, strip
 from wsim.geometry import topology
 from wsim.model.model import make_body
-from wsim.physics.cloth.constraints import Rows, rows_of
+from wsim.physics.cloth.constraints import Constraints, rows_of
 from wsim.physics.motion import frequency
 from wsim.scene import Cloth
 from wsim.scene.fabric import Fabric
@@ -32,7 +32,7 @@ def stiffness(points: np.ndarray, triangles: np.ndarray, pinned: np.ndarray, alo
     if alone:
         p = body.rest[hinges.ids]
         area = topology.areas(body.rest, hinges.ids[:, [0, 1, 2]]) + topology.areas(body.rest, hinges.ids[:, [1, 0, 3]])
-        hinges = Rows("dihedral", hinges.ids, hinges.rest, area / ((p[:, 1] - p[:, 0])**2).sum(1), hinges.stiffness)
+        hinges = Constraints("dihedral", hinges.ids, hinges.rest, area / ((p[:, 1] - p[:, 0])**2).sum(1), hinges.stiffness)
     K = np.zeros((len(points), len(points)))
     for s in frequency.stiffness([hinges], body):
         rows = s.J.shape[1]

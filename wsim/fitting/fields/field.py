@@ -71,7 +71,7 @@ def things(scene: Scene) -> list[Cloth | Springs | Soft | Pin | Collider | Load]
 
 
 @dataclass(frozen=True)
-class Field:
+class ParameterField:
     """One field to be fitted. belief, near: as asked."""
 
     name: str                    # without what stands in the brackets
@@ -221,7 +221,7 @@ def is_field(name: str) -> bool:
     return "[" in name
 
 
-def fields(names: list[str], scenes: list[Scene]) -> list[Field]:
+def fields(names: list[str], scenes: list[Scene]) -> list[ParameterField]:
     """The fields of these names. Raises SceneError with everything that is wrong."""
     problems: list[Problem] = []
     found = []
@@ -237,7 +237,7 @@ def fields(names: list[str], scenes: list[Scene]) -> list[Field]:
     return found
 
 
-def _field(name: str, scenes: list[Scene]) -> Field:
+def _field(name: str, scenes: list[Scene]) -> ParameterField:
     match = _NAME.fullmatch(name)
     kind = next((k for k in TABLE if match and k.name == match["what"]), None)
     if not match or not kind:
@@ -267,4 +267,4 @@ def _field(name: str, scenes: list[Scene]) -> Field:
         kind = replace(kind, noun="triangles" if kind.name in ("stretch", "shear", "weft") else kind.noun)
     if sizes := [float(np.abs(load.curve.values).max()) for s in scenes for load in s.loads if load.path == path]:
         kind = replace(kind, map=Map("plain", high=max(sizes) or LARGE))
-    return Field(f"{match['path']}:{kind.name}[]" if match["path"] else f"{kind.name}[]", kind, path, belief, size)
+    return ParameterField(f"{match['path']}:{kind.name}[]" if match["path"] else f"{kind.name}[]", kind, path, belief, size)

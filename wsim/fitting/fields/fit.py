@@ -21,7 +21,7 @@ import numpy as np
 
 from wsim.fitting import state
 from wsim.fitting.fields.error_bars import deviations, gain
-from wsim.fitting.fields.field import Field
+from wsim.fitting.fields.field import ParameterField
 from wsim.fitting.fields.lbfgs import Descent, Place
 from wsim.fitting.fields.misfit import Adjoint
 from wsim.fitting.fields.number import Number, several
@@ -254,7 +254,7 @@ def _told(search: FieldSearch, each: Callable[[dict], None] | None) -> None:
           "values": {f.name: float(np.median(v)) for f, v in zip(m.fields, m.values(search.theta), strict=True)}})
 
 
-def _result(search: FieldSearch, found: list[Field | Number], scenes: list[Scene], seconds: float) -> FieldFit:
+def _result(search: FieldSearch, found: list[ParameterField | Number], scenes: list[Scene], seconds: float) -> FieldFit:
     m, sigma = search.misfit, search.sigma if not search.misfit.known else search.least
     given = 1.0 if not m.known or m.unit == "sigma" else m.experiments[0].seen[0].sigma or 1.0
     Y, known = search.proof[1] if search.proof and search.proof[0] is search.theta else m.probes(search.theta), {}

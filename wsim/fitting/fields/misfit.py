@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from wsim.fitting.copies import settled
-from wsim.fitting.fields.field import Field
+from wsim.fitting.fields.field import ParameterField
 from wsim.fitting.fields.number import Number, give
 from wsim.fitting.least_squares.noise_floor import floor
 from wsim.gradient.gradient import Gradient
@@ -34,9 +34,9 @@ class Experiment:
             o.prepare(self.sim.model)
         self.last = max(int(o.frames.max()) for o in seen)
         self.recording: Recording | None = None
-        self.given: list[tuple[Field | Number, np.ndarray]] = []
+        self.given: list[tuple[ParameterField | Number, np.ndarray]] = []
 
-    def begin(self, given: list[tuple[Field | Number, np.ndarray]], frames: int) -> None:
+    def begin(self, given: list[tuple[ParameterField | Number, np.ndarray]], frames: int) -> None:
         """Values for the next run, of so many frames."""
         sim, old = self.sim, self.recording
         if old:
@@ -91,7 +91,7 @@ class Seen:
 class Adjoint:
     """F of theta, a flat vector of all fields in the mapped space; `horizon` in frames of the first experiment's rate."""
 
-    def __init__(self, experiments: list[tuple[Scene, list]], fields: list[Field | Number], device=None):
+    def __init__(self, experiments: list[tuple[Scene, list]], fields: list[ParameterField | Number], device=None):
         self.experiments = [Experiment(scene, seen, device) for scene, seen in experiments]
         self.fields, first = fields, self.experiments[0]
         self.owner = {f.name: next(e for e in self.experiments if f.belongs(e.scene)) for f in fields}

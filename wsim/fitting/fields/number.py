@@ -7,7 +7,7 @@ them is their derivative; the chain rule does the rest.
 import numpy as np
 
 from wsim.fitting import parameter
-from wsim.fitting.fields.field import Field, Kind, fields, is_field
+from wsim.fitting.fields.field import Kind, ParameterField, fields, is_field
 from wsim.fitting.fields.prior import Belief
 from wsim.fitting.least_squares.bounds import Map
 from wsim.fitting.parameter import STRETCHES, Parameter
@@ -19,7 +19,7 @@ FRICTION = ("static_friction", "dynamic_friction")
 
 
 class Number:
-    """As `Field`, of values (1, 1)."""
+    """As `ParameterField`, of values (1, 1)."""
 
     belief, near = "free", 1.0
 
@@ -69,7 +69,7 @@ class Number:
         return self.parameter.written(scene, float(values[0, 0]))
 
 
-def give(sim: Simulation, given: list[tuple[Field | Number, np.ndarray]]) -> None:
+def give(sim: Simulation, given: list[tuple[ParameterField | Number, np.ndarray]]) -> None:
     """Values of fields and numbers; several numbers may be parts of one value (of a vector, of warp and weft)."""
     scene, numbers = sim.given, []
     for thing, values in given:
@@ -84,12 +84,12 @@ def give(sim: Simulation, given: list[tuple[Field | Number, np.ndarray]]) -> Non
     sim.changes.clear()
 
 
-def several(names: list[str], scenes: list[Scene], start: dict) -> tuple[list[Field | Number], list[Scene]]:
+def several(names: list[str], scenes: list[Scene], start: dict) -> tuple[list[ParameterField | Number], list[Scene]]:
     """Numbers, then fields, of these names, and the scenes with the start values of the numbers. Raises SceneError with
     everything that is wrong."""
     plain = [n for n in names if not is_field(n)]
     problems: list[Problem] = []
-    found: list[Field | Number] = []
+    found: list[ParameterField | Number] = []
     try:
         if plain:
             given = {p: v for p, v in start.items() if not is_field(p) and np.ndim(v) == 0}
@@ -102,13 +102,13 @@ def several(names: list[str], scenes: list[Scene], start: dict) -> tuple[list[Fi
     except SceneError as error:
         problems += error.problems
     problems += [Problem(n.name, f"and {f.name} are of one body ({f.path}); name one of them") for n in found for f in found
-                 if isinstance(n, Number) and isinstance(f, Field) and _same(n, f, scenes)]
+                 if isinstance(n, Number) and isinstance(f, ParameterField) and _same(n, f, scenes)]
     if problems:
         raise SceneError(problems)
     return found, scenes
 
 
-def _same(n: Number, f: Field, scenes: list[Scene]) -> bool:
+def _same(n: Number, f: ParameterField, scenes: list[Scene]) -> bool:
     """Whether both say what one body has."""
     kinds = STRETCHES.get(n.kind.name, (n.kind.name,))
     other = {"stretch": "warp", "weft": "weft"}.get(f.kind.name, f.kind.name)

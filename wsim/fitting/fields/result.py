@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wsim.fitting.fields.field import Field
+from wsim.fitting.fields.field import ParameterField
 from wsim.fitting.fields.number import Number
 from wsim.fitting.least_squares.bounds import Map
 from wsim.fitting.least_squares.uncertainty import OPEN
@@ -36,7 +36,7 @@ class FieldFit:
                   1 / sensitivity, were all others given. Below 1 the data do not see it: there it is as was believed
     """
 
-    parameters: list[Field | Number]       # numbers first
+    parameters: list[ParameterField | Number]       # numbers first
     values: dict[str, np.ndarray]
     sensitivity: dict[str, np.ndarray]
     scene: Scene                           # the first scene, with what was found
@@ -57,8 +57,8 @@ class FieldFit:
     origin: str = "given"                  # of sigma: "given", "estimated", or "floor", below which none is claimed
 
     @property
-    def fields(self) -> list[Field]:
-        return [f for f in self.parameters if isinstance(f, Field)]
+    def fields(self) -> list[ParameterField]:
+        return [f for f in self.parameters if isinstance(f, ParameterField)]
 
     @property
     def errors(self) -> dict[str, float]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wsim.fitting.observations.residuals import Part, Steps
+from wsim.fitting.observations.residuals import ResidualBlock, Steps
 
 SURE = 3.0             # errors of J below which a singular value is one of them
 FARTHEST = 0.03        # of theta: largest step of a difference
@@ -61,7 +61,7 @@ class Sums:
         return Sums(theta.copy(), steps, np.zeros((p + 1, p + 1)), np.zeros((p, p)) if central else None,
                     np.zeros(p) if central else None)
 
-    def add(self, part: Part) -> None:
+    def add(self, part: ResidualBlock) -> None:
         assert part.J is not None
         self.R = np.linalg.qr(np.concatenate([self.R, np.column_stack([part.J, part.r])]), mode="r")    # type: ignore
         if self.bend is not None and part.K is not None:

@@ -15,7 +15,7 @@ from wsim.fitting import state
 from wsim.fitting.copies import Broken
 from wsim.fitting.least_squares.levenberg_marquardt import RADIUS, LevenbergMarquardt, Prior
 from wsim.fitting.least_squares.normal_equations import Sums
-from wsim.fitting.observations.residuals import Misfit, Part, Steps
+from wsim.fitting.observations.residuals import Misfit, ResidualBlock, Steps
 from wsim.scene import Problem, SceneError
 
 LINEAR = 0.2           # part of the answer to a change of theta by NEAR that curvature may be, where it is more than noise
@@ -67,7 +67,7 @@ class Search(LevenbergMarquardt):
     def cost(self, sums: Sums, best: Sums) -> float:
         return sums.misfit / self.noise(best) + self.prior.misfit(sums.theta)
 
-    def torn(self, part: Part, sums: Sums) -> bool:
+    def torn(self, part: ResidualBlock, sums: Sums) -> bool:
         """Whether a change by NEAR is no longer answered in proportion: beyond this moment nothing can be said."""
         if part.K is None or part.J is None or not len(part.r) or not sums.rows:
             return False
@@ -117,7 +117,7 @@ class Search(LevenbergMarquardt):
         """Forward differences see no curvature, and cannot tell chance from answers: once more with the other sign, which makes
         central ones of them."""
         sums = Sums.at(best.theta, best.steps, central=True)
-        first: list[Part] = []
+        first: list[ResidualBlock] = []
         try:
             for steps in (best.steps, Steps(best.steps.B, -best.steps.h)):
                 for k, part in enumerate(self.misfit.walk(best.theta, steps=steps)):
@@ -127,7 +127,7 @@ class Search(LevenbergMarquardt):
                         first.append(part)
                         continue
                     curves = (first[k].J - part.J) @ best.steps.B / best.steps.h          # type: ignore[operator]
-                    sums.add(Part(part.time, part.frame, part.r, 0.5 * (first[k].J + part.J), curves))      # type: ignore[operator]
+                    sums.add(ResidualBlock(part.time, part.frame, part.r, 0.5 * (first[k].J + part.J), curves))      # type: ignore[operator]
         except Broken:
             return best
         return sums

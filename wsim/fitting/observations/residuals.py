@@ -27,7 +27,7 @@ EPS = {"explicit": 1e-5, "xpbd": 1e-5, "implicit": 1e-3}     # of theta, by solv
 
 
 @dataclass
-class Part:
+class ResidualBlock:
     """What was seen at one moment."""
 
     time: float                   # [s]
@@ -113,7 +113,7 @@ class Misfit:
         along = (steps.B * steps.h).T
         return np.concatenate([theta[None], theta + along, *([theta - along] if self.central else [])])
 
-    def walk(self, theta: np.ndarray, derivatives: bool = True, steps: Steps | None = None) -> Iterator[Part]:
+    def walk(self, theta: np.ndarray, derivatives: bool = True, steps: Steps | None = None) -> Iterator[ResidualBlock]:
         """Moment by moment; steps: None: along the axes. Raises Broken where a copy stops being a number; the walk may be left
         at any moment."""
         steps = (steps or Steps.axes(len(self.parameters), self.eps)) if derivatives else None
@@ -136,15 +136,16 @@ class Misfit:
                 rows.append(residual)
             yield self.part(moment, frame, np.concatenate(rows, axis=1), steps)
 
-    def part(self, time: float, frame: int, r: np.ndarray, steps: Steps | None) -> Part:
+    def part(self, time: float, frame: int, r: np.ndarray, steps: Steps | None) -> ResidualBlock:
         if steps is None:
-            return Part(time, frame, r[0])
+            return ResidualBlock(time, frame, r[0])
         p = len(steps.h)
         ahead = r[1:p + 1] - r[0]
         if not self.central:
-            return Part(time, frame, r[0], (ahead.T / steps.h) @ steps.B.T)
+            return ResidualBlock(time, frame, r[0], (ahead.T / steps.h) @ steps.B.T)
         behind = r[p + 1:] - r[0]
-        return Part(time, frame, r[0], ((ahead - behind).T / (2.0 * steps.h)) @ steps.B.T, (ahead + behind).T / steps.h**2)
+        slope, bend = (ahead - behind).T / (2.0 * steps.h), (ahead + behind).T / steps.h**2
+        return ResidualBlock(time, frame, r[0], slope @ steps.B.T, bend)
 
     # all at once
 

@@ -79,7 +79,7 @@ class Mass(Input):
         return np.array(gradient.mass(self.path, world))
 
 
-class Material(Input):
+class MaterialInput(Input):
     """A live parameter of a material, one for the body or one for each element."""
 
     def constraints(self, body) -> list:
@@ -191,7 +191,7 @@ def _input(recording, name: str) -> Input:
         raise SceneError(Problem(name, f"there is no body {path}; there are {', '.join(paths + pins + loads + others)}"))
     kinds: dict[str, Any] = {"positions": Start, "velocities": Start, "density": Density, "mass": Mass, "actuation": Actuation,
                              "rest_shape": Rest, "lengths": Rest}
-    return kinds.get(what, Material)(recording, name)
+    return kinds.get(what, MaterialInput)(recording, name)
 
 
 def stable(recording, names) -> None:

@@ -18,7 +18,7 @@ import warp as wp
 from wsim.gradient.reactions.law import Law
 from wsim.model.tape import give
 from wsim.scene import Problem, SceneError
-from wsim.simulation.measure.reaction import Held, Reactions
+from wsim.simulation.measure.reaction import HeldPoints, Reactions
 
 
 @dataclass
@@ -63,7 +63,7 @@ class ReactionAdjoint(Reactions):
         n = self.model.points
         self.law.zero()
         self.inertia = Inertia(np.zeros(n), np.zeros((n, 3)), np.zeros(n))
-        self.given: dict[int, list[tuple[Held, np.ndarray]]] = {}
+        self.given: dict[int, list[tuple[HeldPoints, np.ndarray]]] = {}
         for frame, pins in given.items():
             if not 0 <= frame <= self.recording.frames:
                 raise SceneError(Problem("reactions", f"found frame {frame}; allowed are 0 to {self.recording.frames}"))
@@ -109,7 +109,7 @@ class ReactionAdjoint(Reactions):
         self.inertia.tables, self.inertia.muscles = self.law.by_batches(), self.law.by_keys()
         return self.inertia
 
-    def hard(self, h: Held, r: np.ndarray) -> np.ndarray:
+    def hard(self, h: HeldPoints, r: np.ndarray) -> np.ndarray:
         """By v of what is not f; by masses, gravity and drag of the air into `inertia`."""
         own, m, at = self.inertia, self.masses[h.places, None], h.places
         np.add.at(own.mass, at, (r * (h.acceleration(self.time, self.plan.clock.dt) + self.drive[at])).sum(axis=1))
@@ -117,7 +117,7 @@ class ReactionAdjoint(Reactions):
         np.add.at(own.decay, at, (m * r * self.v[at]).sum(axis=1))
         return m * self.constants.decay.numpy()[self.constants.object.numpy()[at], None] * r
 
-    def soft(self, h: Held, r: np.ndarray) -> None:
+    def soft(self, h: HeldPoints, r: np.ndarray) -> None:
         """By stiffness, damping and targets into `inertia`, of pins that stand still."""
         own, part = self.inertia.soft.get((h.pin.pin.path, h.pin.body.world)), h.pin.part
         if own:

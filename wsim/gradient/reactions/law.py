@@ -94,7 +94,7 @@ class Law:
 
 
 class Contracted:
-    """Springs of a `wsim.physics.motion.forces.Pull` as muscles have them at one time."""
+    """Springs of a `wsim.physics.motion.forces.ForceGather` as muscles have them at one time."""
 
     def __init__(self, muscles, pull):
         self.muscles, self.site, model = muscles, muscles.site(pull.springs, pull.table.rest, pull.entry), pull.model

@@ -15,7 +15,7 @@ from wsim.gradient.tables import ends
 from wsim.kernels.math.real import ADJOINT
 from wsim.physics.cloth.constraints import HARD
 from wsim.physics.cloth.elements import Elements
-from wsim.physics.motion.forces import Pull
+from wsim.physics.motion.forces import ForceGather
 from wsim.simulation.measure.reaction import rows_of
 from wsim.simulation.plan import Plan
 
@@ -28,7 +28,7 @@ class Beside:
         points: Any = plan.method("points")
         own = copy.copy(plan.model)
         own.module, own.modules, own.tape = f"{own.module}_reactions{ADJOINT}", {}, None
-        self.pull = Pull(own, points.constants, rows_of(plan), None, shared=False)
+        self.pull = ForceGather(own, points.constants, rows_of(plan), None, shared=False)
         self.elements = {e.kind: e for e in self.pull.elements if isinstance(e, Elements)}
         self.batches = [b for b in xpbd.batches if b.kind not in HARD]
 

@@ -25,7 +25,7 @@ LEAST = 1e-6                         # shear over stretch that a membrane has at
 
 
 @dataclass
-class Rows:
+class Constraints:
     """Constraints of one kind on one body. Compliance is shape / stiffness, so a live stiffness needs no rebuilding."""
 
     kind: str                     # row of the table of constraints
@@ -59,13 +59,13 @@ class Rows:
         stretch, weft = self.stiffness["stretch"], self.stiffness["weft"]
         return stretch, np.where(weft > 0.0, weft, stretch)
 
-    def moved(self, body: Body) -> "Rows":
+    def moved(self, body: Body) -> "Constraints":
         """The same constraints on a copy of the body in another world."""
         assert self.body is not None
         return replace(self, ids=self.ids + (body.first - self.body.first), body=body)
 
 
-def rows_of(body: Body, pinned: np.ndarray | None = None) -> list[Rows]:
+def rows_of(body: Body, pinned: np.ndarray | None = None) -> list[Constraints]:
     """Every constraint of a body, without colours; pinned: places in the arrays of hard-pinned points, of any body."""
     source, pinned = body.source, np.zeros(0, np.int64) if pinned is None else pinned
     if isinstance(source, Soft):
@@ -77,12 +77,12 @@ def rows_of(body: Body, pinned: np.ndarray | None = None) -> list[Rows]:
     return [r for r in made if len(r.ids)]
 
 
-def in_worlds(model: Model, rows: dict[str, list[Rows]]) -> list[Rows]:
+def in_worlds(model: Model, rows: dict[str, list[Constraints]]) -> list[Constraints]:
     """The rows of the bodies of world 0, by path, for the bodies of every world."""
     return [r if b.world == 0 else r.moved(b) for b in model.bodies for r in rows[b.path]]
 
 
-def colored(rows: list[Rows]) -> list[Rows]:
+def colored(rows: list[Constraints]) -> list[Constraints]:
     """The rows of one body with colours; those of a kind are launched together and coloured jointly."""
     for kind in {r.kind for r in rows if r.colors is None}:
         same = [r for r in rows if r.kind == kind]
@@ -99,13 +99,13 @@ def _lengths(body: Body, ids: np.ndarray) -> np.ndarray:
     return np.linalg.norm(p[:, 1] - p[:, 0], axis=1)
 
 
-def _net(body: Body, net: Springs) -> list[Rows]:
+def _net(body: Body, net: Springs) -> list[Constraints]:
     rest = _lengths(body, body.edges) if net.lengths is None else net.lengths.astype(np.float64)
-    return [Rows("distance", body.edges, rest, np.ones(len(rest)), {"stiffness": net.stiffness.astype(np.float64)},
+    return [Constraints("distance", body.edges, rest, np.ones(len(rest)), {"stiffness": net.stiffness.astype(np.float64)},
                  net.damping)]
 
 
-def _cloth(body: Body, cloth: Cloth, pinned: np.ndarray) -> list[Rows]:
+def _cloth(body: Body, cloth: Cloth, pinned: np.ndarray) -> list[Constraints]:
     fabric = cloth.material
     hinges = topology.hinges(body.triangles)
     rows = _membrane(body, cloth) if cloth.model == "membrane" else _edges(body, cloth, hinges)
@@ -113,7 +113,7 @@ def _cloth(body: Body, cloth: Cloth, pinned: np.ndarray) -> list[Rows]:
         rows.append(_hinges(body, cloth, hinges, pinned))
     if isfinite(fabric.strain_limit):
         limit = {"strain_limit": np.array([fabric.strain_limit])}
-        rows.append(Rows("limit", body.edges, longest(body, body.edges, limit), np.zeros(len(body.edges)), limit))
+        rows.append(Constraints("limit", body.edges, longest(body, body.edges, limit), np.zeros(len(body.edges)), limit))
     return rows
 
 
@@ -122,7 +122,7 @@ def longest(body: Body, ids: np.ndarray, stiffness: dict) -> np.ndarray:
     return (1.0 + stiffness["strain_limit"]) * _lengths(body, ids)
 
 
-def tethers(body: Body, pinned: np.ndarray) -> list[Rows]:
+def tethers(body: Body, pinned: np.ndarray) -> list[Constraints]:
     """Long-range attachments (Kim, Chentanez, Mueller 2012): no point goes farther from the nearest pinned point than the
     way along the rest edges. pinned: places in the arrays."""
     if not getattr(body.source, "tethers", False) or not len(pinned):
@@ -130,15 +130,15 @@ def tethers(body: Body, pinned: np.ndarray) -> list[Rows]:
     way, source = topology.geodesic(body.rest, body.edges - body.first, np.unique(pinned) - body.first)
     free = np.flatnonzero(np.isfinite(way) & (way > 0.0))
     ids = np.stack([source[free], free], axis=1).astype(np.int32) + body.first
-    return [Rows("tether", ids, way[free], np.zeros(len(free)), {}, colors=np.zeros(len(free), np.int32))]
+    return [Constraints("tether", ids, way[free], np.zeros(len(free)), {}, colors=np.zeros(len(free), np.int32))]
 
 
-def _membrane(body: Body, cloth: Cloth) -> list[Rows]:
+def _membrane(body: Body, cloth: Cloth) -> list[Constraints]:
     """Triangle strain: rest is the inverse of the edge matrix in the triangle's plane, shape 1 / area."""
     local, areas = flat(body.rest[body.triangles - body.first])
     good, fabric = areas > 0.0, cloth.material
-    stiffness = {name: np.array([getattr(fabric, name)]) for name in ("stretch", "shear", "weft", "poisson")}
-    return [Rows("membrane", body.triangles[good], np.linalg.inv(local[good]), 1.0 / areas[good], stiffness, fabric.damping)]
+    k = {name: np.array([getattr(fabric, name)]) for name in ("stretch", "shear", "weft", "poisson")}
+    return [Constraints("membrane", body.triangles[good], np.linalg.inv(local[good]), 1.0 / areas[good], k, fabric.damping)]
 
 
 def flat(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -207,7 +207,7 @@ def frame(corners: np.ndarray) -> tuple[np.ndarray, ...]:
     return n, u, np.cross(n, u), across / size
 
 
-def _edges(body: Body, cloth: Cloth, hinges: np.ndarray) -> list[Rows]:
+def _edges(body: Body, cloth: Cloth, hinges: np.ndarray) -> list[Constraints]:
     fabric, found = cloth.material, []
     for net in nets(body, hinges):
         stiffness = getattr(fabric, net.parameter)
@@ -215,7 +215,7 @@ def _edges(body: Body, cloth: Cloth, hinges: np.ndarray) -> list[Rows]:
             good = net.good(body)
             ids, area = net.ids[good], net.areas(body)[good]
             length = _lengths(body, ids)
-            found.append(Rows("distance", ids, length, length**2 / area, {net.parameter: np.array([stiffness])},
+            found.append(Constraints("distance", ids, length, length**2 / area, {net.parameter: np.array([stiffness])},
                               fabric.damping))
     return found
 
@@ -232,16 +232,15 @@ def _same_polygon(body: Body, hinges: np.ndarray) -> np.ndarray:
         s = np.sort(corners, axis=1).astype(np.int64)
         return body.polygon[order[np.searchsorted(key[order], (s[:, 0] * n + s[:, 1]) * n + s[:, 2])]]
 
-    left, right = polygon(hinges[:, [0, 1, 2]]), polygon(hinges[:, [0, 1, 3]])
+    left, right = (polygon(hinges[:, [0, 1, k]]) for k in (2, 3))
     return (left == right) & (size[left] == 2)
 
 
-def _hinges(body: Body, cloth: Cloth, hinges: np.ndarray, pinned: np.ndarray) -> Rows:
+def _hinges(body: Body, cloth: Cloth, hinges: np.ndarray, pinned: np.ndarray) -> Constraints:
     p = body.rest[hinges - body.first]
     n2, n3 = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), np.cross(p[:, 3] - p[:, 0], p[:, 1] - p[:, 0])
     area = 0.5 * (np.linalg.norm(n2, axis=1) + np.linalg.norm(n3, axis=1))
-    edge = p[:, 1] - p[:, 0]
-    length = np.linalg.norm(edge, axis=1)
+    length = np.linalg.norm(p[:, 1] - p[:, 0], axis=1)
     sine = -((p[:, 3] - p[:, 0]) * n2).sum(1) * length
     rest = np.zeros(len(p)) if cloth.flat else np.arctan2(sine, (n2 * n3).sum(1))
     good = (length > 0.0) & (area > 0.0)
@@ -250,11 +249,12 @@ def _hinges(body: Body, cloth: Cloth, hinges: np.ndarray, pinned: np.ndarray) ->
     held[pinned[(pinned >= body.first) & (pinned < body.last)] - body.first] = True
     patches = bending.patches(body.rest, body.triangles - body.first, hinges[good] - body.first, held)
     coupling, shape = bending.coupling(body.rest, patches)
-    return Rows("dihedral", hinges[good], rest[good], shape, {"bend": np.array([cloth.material.bend])}, cloth.material.damping,
-                body, coupling)
+    k = {"bend": np.array([cloth.material.bend])}
+    return Constraints("dihedral", hinges[good], rest[good], shape, k, cloth.material.damping, body, coupling)
 
 
-def changed(model: Model, rows: list[Rows], path: str, name: str, value, world: int | None, damped: bool = True) -> list[Rows]:
+def changed(model: Model, rows: list[Constraints], path: str, name: str, value, world: int | None,
+            damped: bool = True) -> list[Constraints]:
     """Gives constraints a live value, and returns those that have it: a stiffness of theirs, damping [s] where some are damped,
     or what a new rest shape or new lengths of their body make of them. Raises SceneError, before anything is changed, for a
     Poisson's ratio or a strain limit that there cannot be."""
@@ -291,7 +291,7 @@ def _check(body: Body | None, name: str, value: np.ndarray) -> None:
         raise SceneError(Problem(body.path, f"{name} is {value[~good][0]:g}; allowed is {allowed}"))
 
 
-def renew(r: Rows, pinned: np.ndarray) -> None:
+def renew(r: Constraints, pinned: np.ndarray) -> None:
     """Rest values and shapes as the body is now."""
     assert r.body is not None
     same = next(s for s in rows_of(r.body, pinned) if s.kind == r.kind and np.array_equal(s.ids, r.ids))

@@ -12,10 +12,10 @@ import warp as wp
 from wsim.kernels.cloth import element
 from wsim.kernels.math.real import types
 from wsim.model.model import Model
-from wsim.physics.cloth.constraints import Rows
+from wsim.physics.cloth.constraints import Constraints
 
 if TYPE_CHECKING:
-    from wsim.physics.motion.forces import Pull
+    from wsim.physics.motion.forces import ForceGather
 
 
 def _nothing(read: list, wrote: list) -> None:
@@ -25,7 +25,7 @@ def _nothing(read: list, wrote: list) -> None:
 class Elements:
     """Membranes or hinges of every body, on the device."""
 
-    def __init__(self, model: Model, kind: str, rows: list[Rows]):
+    def __init__(self, model: Model, kind: str, rows: list[Constraints]):
         self.model, self.kind, self.rows, self.first, self.damped = model, kind, rows, 0, False
         self.backward: Callable | None = None         # adjoint of `launch`
         t, real = types(model.real), model.real
@@ -67,7 +67,7 @@ class Elements:
         else:
             self.kernel = element.corners(real=real, module=module, damped=damped)
 
-    def differentiate(self, pull: Pull) -> None:
+    def differentiate(self, pull: ForceGather) -> None:
         from wsim.physics.motion.forces_adjoint import BentAdjoint, FlatAdjoint
         self.backward = (BentAdjoint if self.curvature else FlatAdjoint)(self.model, self, pull).backward
 

@@ -10,12 +10,12 @@ from wsim.kernels.math.real import types
 from wsim.model import kernel_cache
 from wsim.model.model import Model
 from wsim.model.state import State
-from wsim.physics.cloth.constraints import HARD, Rows
+from wsim.physics.cloth.constraints import HARD, Constraints
 
 LANES = 4096          # threads that sum
 
 
-def energy(model: Model, rows: list[Rows], state: State) -> float:
+def energy(model: Model, rows: list[Constraints], state: State) -> float:
     """Energy [J] of the soft rows at x + e. Tables are uploaded anew each time; kernels compile when first asked for."""
     total, t = 0.0, types(model.real)
     for kind in sorted({r.kind for r in rows if r.kind not in HARD}):

@@ -16,7 +16,7 @@ import warp as wp
 from wsim.kernels.cloth import muscle as kernels
 from wsim.model.model import Body, Model
 from wsim.model.stage import Clock, Method, Stage
-from wsim.physics.cloth.constraints import Rows
+from wsim.physics.cloth.constraints import Constraints
 from wsim.scene import Problem, SceneError
 from wsim.scene.bodies import Springs
 from wsim.scene.curve import Curve
@@ -96,13 +96,13 @@ class Muscles(Method):
         self.factor = wp.ones((len(self.moments(clock)), self.groups + 1), dtype=self.model.real, device=self.model.device,
                               requires_grad=self.model.gradients)
 
-    def join(self, rows: list[Rows], length: wp.array, entry: np.ndarray) -> wp.array:
+    def join(self, rows: list[Constraints], length: wp.array, entry: np.ndarray) -> wp.array:
         """Takes a table of springs: `length` holds their rest lengths, of number `entry` in the rows, -1: padding. Returns
         where the lengths without muscles are."""
         self.sites.append(self.site(rows, length, entry))
         return self.sites[-1].rest
 
-    def site(self, rows: list[Rows], length: wp.array, entry: np.ndarray) -> _Site:
+    def site(self, rows: list[Constraints], length: wp.array, entry: np.ndarray) -> _Site:
         """Of such a table; one that `join` has taken is found again."""
         known = next((s for s in self.sites if s.length.ptr == length.ptr), None)
         return known or _Site(self.model, length, np.where(entry < 0, self.groups, self.columns(rows)[entry]), self.groups)
@@ -120,7 +120,7 @@ class Muscles(Method):
         if solver.name != "explicit":                    # which asks for rows by itself
             self.stage(len(tables[-1].entry))
 
-    def columns(self, rows: list[Rows]) -> np.ndarray:
+    def columns(self, rows: list[Constraints]) -> np.ndarray:
         """Column of each spring of the rows."""
         own = {m.body.number: m.edges(self.groups) for m in self.muscles}
         return np.concatenate([own.get(r.body.number, np.full(len(r.ids), self.groups)) if r.body else
@@ -208,7 +208,7 @@ class Muscles(Method):
         have = ", ".join(dict.fromkeys(m.body.path for m in self.muscles))
         raise SceneError(Problem(path, f"has no muscles in world {world}; there are {have}"))
 
-    def present(self, rows: list[Rows], time: float | None = None) -> list[Rows]:
+    def present(self, rows: list[Constraints], time: float | None = None) -> list[Constraints]:
         """The rows with their rest lengths at a time [s]; None: at the end of the last frame."""
         factor = self.factors(time)
         return [r if r.kind != "distance" else replace(r, rest=r.rest * factor[self.columns([r])]) for r in rows]

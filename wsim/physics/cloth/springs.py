@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from wsim.physics.cloth.constraints import Rows
+from wsim.physics.cloth.constraints import Constraints
 
 
 @dataclass
@@ -14,7 +14,7 @@ class SpringTable:
     """length: rest lengths [m] that kernels read; entry: number in the rows of each, -1: padding; given: takes the array of
     rest lengths as they are without what changes them."""
 
-    rows: list[Rows]
+    rows: list[Constraints]
     length: wp.array
     entry: np.ndarray
     given: Callable[[wp.array], None]

@@ -8,13 +8,13 @@ import warp as wp
 from wsim.kernels.cloth import hessian
 from wsim.kernels.math.real import types
 from wsim.model.model import Model
-from wsim.physics.cloth.constraints import Rows
+from wsim.physics.cloth.constraints import Constraints
 
 
 class Table:
     """All constraints of one kind, on the device, in the order of the bodies."""
 
-    def __init__(self, kind: str, rows: list[Rows], model: Model):
+    def __init__(self, kind: str, rows: list[Constraints], model: Model):
         self.kind, self.rows, self.model, self.stale = kind, rows, model, False
         self.ids = model.shared(np.concatenate([r.ids for r in rows]).astype(np.int32))
         self.size = len(self.ids)

@@ -19,7 +19,7 @@ EACH = 64              # points that one of them takes at least
 
 
 @dataclass
-class Found:
+class SearchResult:
     """A recorded search: substep, the arrays that it has read, and how often its contacts were projected since."""
 
     k: int
@@ -50,7 +50,7 @@ class ContactAdjoint:
         self.starts = wp.array(starts, dtype=int, device=model.device)
         self.sums = wp.zeros((len(model.bodies), contacts.rows.most, lanes), dtype=self.motion.dtype, device=model.device)
         self.wanted = zeros(1, int)
-        self.found: Found | None = None
+        self.found: SearchResult | None = None
 
     def shaped(self, k: int) -> None:
         """The shapes of meshes that the next search works on."""
@@ -65,7 +65,7 @@ class ContactAdjoint:
     def searched(self, k: int, x: wp.array, d: wp.array, a: wp.array):
         """What a tape takes as the adjoint of the search that is launched next."""
         tape: Tape = self.model.tape
-        found = self.found = Found(k, [tape.read(x), tape.read(d), tape.read(a)])
+        found = self.found = SearchResult(k, [tape.read(x), tape.read(d), tape.read(a)])
 
         def backward(read: list, wrote: list) -> None:
             if not found.projected:
@@ -132,7 +132,7 @@ class ContactAdjoint:
         o.friction, o.gap, o.motion = self.friction, self.gap, self.motion
         return o
 
-    def again(self, found: Found) -> None:
+    def again(self, found: SearchResult) -> None:
         """The contacts of that search, with gradients that are zero."""
         c = self.contacts
         c.shape(found.k)

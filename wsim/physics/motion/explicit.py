@@ -22,9 +22,9 @@ from wsim.model.model import Model
 from wsim.model.stage import THROWN, Clock, Method, Port, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
-from wsim.physics.cloth.constraints import Rows, changed, in_worlds
+from wsim.physics.cloth.constraints import Constraints, changed, in_worlds
 from wsim.physics.motion import frequency
-from wsim.physics.motion.forces import Pull
+from wsim.physics.motion.forces import ForceGather
 from wsim.physics.motion.overstretch import Watch
 from wsim.scene.integrator import Integrator
 
@@ -42,7 +42,8 @@ def build(b: Build) -> Explicit:
 class Explicit(Method):
     """Stages of an explicit integrator. `steps`: whether others act within a substep."""
 
-    def __init__(self, model: Model, state: State, points, rows: dict[str, list[Rows]], clock: Clock, steps: bool, pins=None):
+    def __init__(self, model: Model, state: State, points, rows: dict[str, list[Constraints]], clock: Clock,
+                 steps: bool, pins=None):
         """rows: soft constraints of each body of world 0, by path; pins: the method that knows the hard pins, or None."""
         super().__init__("explicit")
         self.model, self.state, self.points, self.status = model, state, points, points.status
@@ -56,7 +57,7 @@ class Explicit(Method):
         self.moving: Any = None       # what a march works on
         self.at_once: Any = None      # whole frames in a launch
         self.corrected: Callable | None = None        # adjoint of the last launch of a substep
-        self.pull = Pull(model, points.constants, self.rows, None if pins is None else pins.columns(),
+        self.pull = ForceGather(model, points.constants, self.rows, None if pins is None else pins.columns(),
                          alone=not (steps or self.integrator.stages), staged=bool(self.integrator.stages))
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
         state.add(*(table.kept for table in self.solids if table.kept))

@@ -17,7 +17,7 @@ from wsim.kernels.motion import march_cpu
 from wsim.kernels.motion import packets as lots
 from wsim.kernels.motion.cluster import Shares
 from wsim.model.model import Model
-from wsim.physics.cloth.constraints import Rows
+from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.elements import Elements
 from wsim.physics.motion.cluster import LARGE, MANY, Cluster, cluster_of, halo
 from wsim.physics.motion.packets import Packets
@@ -27,10 +27,10 @@ FEW = 20_000           # points up to which padding to the largest number of spr
 PADDED = 1.5           # entries over springs' ends that padding may cost above
 
 
-class Pull:
+class ForceGather:
     """Every force on the points, on the device. `columns`: of the pins' targets, see `Pins.columns`."""
 
-    def __init__(self, model: Model, constants, rows: list[Rows], columns: np.ndarray | None, alone: bool = False,
+    def __init__(self, model: Model, constants, rows: list[Constraints], columns: np.ndarray | None, alone: bool = False,
                  staged: bool = False, shared: bool = True):
         """alone: nothing else acts within a frame, so that a cluster of blocks, or CPU threads abreast, may take all of it.
         staged: integrators of several stages, whose adjoints are Warp's. shared: several threads may take a point."""
@@ -222,7 +222,7 @@ class Solid:
     def __init__(self, table):
         self.table, self.ids, self.first, self.damped = table, table.ids, 0, table.damped
 
-    def differentiate(self, pull: Pull) -> None:
+    def differentiate(self, pull: ForceGather) -> None:
         from wsim.physics.motion.forces_adjoint import CornerAdjoint
         self.table.backward = CornerAdjoint(self.table.model, self.table, pull).backward
         if self.table.plastic:

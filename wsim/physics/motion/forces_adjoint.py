@@ -19,7 +19,7 @@ class ForceAdjoint:
     """Of the forces of a `Pull`: `p` is the gradient by the forces on points."""
 
     def __init__(self, model: Model, pull, masses: bool, module: str = ""):
-        """pull: a `wsim.physics.motion.forces.Pull`; masses: p is that by accelerations times inverse masses, which have
+        """pull: a `wsim.physics.motion.forces.ForceGather`; masses: p is that by accelerations times inverse masses, which have
         gradients too."""
         self.model, self.pull, self.p, module = model, pull, pull.p, module or model.module
         flags = pull.flags() if not pull.direct else tuple((dict(pull.flags()) | {"corners": False}).items())

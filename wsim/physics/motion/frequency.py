@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wsim.model.model import Body, Model, hard_places
-from wsim.physics.cloth.constraints import HARD, Rows
+from wsim.physics.cloth.constraints import HARD, Constraints
 from wsim.physics.motion.stability import needed
 from wsim.scene.integrator import Integrator
 
@@ -35,7 +35,7 @@ class Stiffness:
     tau: float
 
 
-def gradients(r: Rows, body: Body) -> np.ndarray:
+def gradients(r: Constraints, body: Body) -> np.ndarray:
     """dC/dx_k at rest, (m, rows, k, 3). Zero-length springs count in every direction: three rows."""
     p = body.rest[r.ids - body.first]
     if r.kind == "distance":
@@ -58,7 +58,7 @@ def gradients(r: Rows, body: Body) -> np.ndarray:
     return np.stack([-(G1 + G2 + G3), G1, G2, G3], axis=1)[:, None]
 
 
-def _membrane(r: Rows, p: np.ndarray) -> np.ndarray:
+def _membrane(r: Constraints, p: np.ndarray) -> np.ndarray:
     """U = I at rest: C_uu sees b_u r_u, C_vv b_v r_v, the shear b_u r_v + b_v r_u, b the row of Dm^-1 of a point."""
     E = np.stack([p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]], axis=1)              # (m, point, 3)
     axes = np.einsum("mkc,mki->mci", r.rest, E)                               # F_u, F_v: the unit axes at rest
@@ -67,7 +67,7 @@ def _membrane(r: Rows, p: np.ndarray) -> np.ndarray:
     return np.stack([b[:, :, :1] * u, b[:, :, 1:] * v, b[:, :, :1] * v + b[:, :, 1:] * u], axis=1)
 
 
-def stiffness(rows: list[Rows], body: Body) -> Iterator[Stiffness]:
+def stiffness(rows: list[Constraints], body: Body) -> Iterator[Stiffness]:
     """Every soft constraint of a body at rest, of sheets some triangles at a time."""
     for r in rows:
         if r.kind in HARD:
@@ -113,7 +113,7 @@ def curvature(slot: np.ndarray, value: np.ndarray, ids: np.ndarray, J: np.ndarra
 
 
 def solids(body: Body, parts: list | None) -> Iterator[Stiffness]:
-    """Every tet of a soft body at rest, some at a time; parts: `wsim.physics.soft.parts.Part` of all as they are, None: as in
+    """Every tet of a soft body at rest, some at a time; parts: `wsim.physics.soft.parts.Region` of all as they are, None: as in
     the scene."""
     if not len(body.tets):
         return
@@ -162,7 +162,7 @@ def _sizes(J: np.ndarray) -> np.ndarray:
     return np.linalg.norm(J.swapaxes(1, 2), 2, (2, 3))
 
 
-def bound(model: Model, rows: dict[str, list[Rows]], parts: list | None = None) -> tuple[float, float]:
+def bound(model: Model, rows: dict[str, list[Constraints]], parts: list | None = None) -> tuple[float, float]:
     """Highest frequency omega [rad/s] and highest decay rate c [1/s] of the points of world 0, from above. parts: `solids`."""
     pinned, tops, decays = np.setdiff1d(hard_places(model), model.gone), [0.0], [0.0]
     for body in (b for b in model.bodies if b.world == 0):
@@ -189,7 +189,7 @@ def _contacts(model: Model) -> float:
     return stiffness(model.scene)
 
 
-def estimate(model: Model, rows: dict[str, list[Rows]], iterations: int = ITERATIONS) -> float:
+def estimate(model: Model, rows: dict[str, list[Constraints]], iterations: int = ITERATIONS) -> float:
     """Highest frequency [rad/s] of the points of world 0 at rest, from below."""
     pinned, top = hard_places(model), 0.0
     for body in (b for b in model.bodies if b.world == 0):
@@ -210,7 +210,7 @@ def estimate(model: Model, rows: dict[str, list[Rows]], iterations: int = ITERAT
     return (top + _contacts(model))**0.5
 
 
-def least(model: Model, integrator: Integrator, rows: list[Rows], tables: list) -> int:
+def least(model: Model, integrator: Integrator, rows: list[Constraints], tables: list) -> int:
     """Substeps a frame that keep the present stiffness stable, in every world. tables: of tets."""
     firsts = [b for b in model.bodies if b.world == 0]
     bounds = [bound(in_world(model, world),

@@ -16,7 +16,7 @@ NEAR, FAR = (5.0 + 3.0 * sqrt(5.0)) / 20.0, (5.0 - sqrt(5.0)) / 20.0      # bary
 
 
 @dataclass
-class Part:
+class Region:
     """Tets of one material model in one body."""
 
     body: Body
@@ -32,11 +32,11 @@ class Part:
         share = np.broadcast_to(soft_share(self.soft), len(self.body.tets))[self.rows]
         return found[:, 0] * share, found[:, 1] * share, self.values["damping"]
 
-    def cut(self, most: int) -> Iterator["Part"]:
+    def cut(self, most: int) -> Iterator["Region"]:
         """Parts of at most so many tets."""
         for k in range(0, len(self.rows), most):
             some = slice(k, k + most)
-            yield Part(self.body, self.rows[some], self.material[some], {name: v[some] for name, v in self.values.items()})
+            yield Region(self.body, self.rows[some], self.material[some], {name: v[some] for name, v in self.values.items()})
 
     @property
     def soft(self) -> Soft:
@@ -44,7 +44,7 @@ class Part:
         return self.body.source
 
 
-def parts_of(body: Body, model: str) -> list[Part]:
+def parts_of(body: Body, model: str) -> list[Region]:
     """The tets of a body that are of that model; none for what is no soft body."""
     if not isinstance(body.source, Soft):
         return []
@@ -55,13 +55,13 @@ def parts_of(body: Body, model: str) -> list[Part]:
     rows = rows[np.argsort(body.tets[rows].min(axis=1), kind="stable")]
     if not len(rows):
         return []
-    part = Part(body, rows, which[rows])
+    part = Region(body, rows, which[rows])
     for name in ("young", "poisson", "damping"):
         part.values[name] = np.array([getattr(m, name) for m in soft.materials])[part.material]
     return [part]
 
 
-def strains(part: Part) -> np.ndarray:
+def strains(part: Region) -> np.ndarray:
     """J with the energy 1/2 |J u|^2 of small displacements u of the nodes, (t, rows, k, 3): normal strains, then shears, of
     linear tets (6 rows, 4 nodes), or of the four points of quadratic ones (24 rows, 10 nodes)."""
     mu, lam, _ = part.lame()

@@ -8,7 +8,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.soft import plastic
 from wsim.model import state
-from wsim.physics.soft.parts import Part
+from wsim.physics.soft.parts import Region
 
 
 class Plastic:
@@ -80,6 +80,6 @@ class Plastic:
         return bool(hit)
 
 
-def limits(part: Part) -> np.ndarray:
+def limits(part: Region) -> np.ndarray:
     """Yield strain of each tet, inf where there is none, (t,)."""
     return np.array([m.yield_strain for m in part.soft.materials])[part.material]

@@ -11,7 +11,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.solver import xpbd as kernels
 from wsim.model.model import Model
 from wsim.model.stage import Clock
-from wsim.physics.cloth.constraints import HARD, Rows
+from wsim.physics.cloth.constraints import HARD, Constraints
 
 FUSE = 512            # constraints of the largest colour up to which one block takes all colours in a launch. H200: 1k points
                       # 9.9 us against 18.6; a shirt with 1.3k hinges a colour 4.1 ms a frame against 1.3
@@ -20,7 +20,7 @@ FUSE = 512            # constraints of the largest colour up to which one block 
 class Batch:
     """All constraints of one kind, on the device, by colour."""
 
-    def __init__(self, kind: str, rows: list[Rows], model: Model, clock: Clock):
+    def __init__(self, kind: str, rows: list[Constraints], model: Model, clock: Clock):
         self.kind, self.rows, self.model = kind, rows, model
         colors = np.concatenate([r.colors for r in rows if r.colors is not None])
         ids = np.concatenate([r.ids for r in rows]).astype(np.int32)

@@ -26,7 +26,7 @@ from wsim.model.model import Model
 from wsim.model.stage import MISSED, UNSOLVED, Clock, Method, Remedy, Stage
 from wsim.model.state import Field, State
 from wsim.model.status import Status
-from wsim.physics.cloth.constraints import Rows, changed, in_worlds
+from wsim.physics.cloth.constraints import Constraints, changed, in_worlds
 from wsim.physics.cloth.table import Table, bending_of
 from wsim.physics.solver import linear
 from wsim.physics.solver.line_search import LineSearch
@@ -60,7 +60,7 @@ def coarse_space(model: Model, h: float) -> tuple[list, str]:
 class Implicit(Method):
     """Stage newton, and what it reports."""
 
-    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: dict[str, list[Rows]]):
+    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: dict[str, list[Constraints]]):
         """rows: soft constraints of each body of world 0, by path."""
         super().__init__("implicit")
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock

@@ -23,7 +23,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.solver import newton_adjoint
 from wsim.model.tape import without
 from wsim.physics.contact.newton_adjoint import ContactsAdjoint, PinsAdjoint
-from wsim.physics.motion.forces import Pull
+from wsim.physics.motion.forces import ForceGather
 from wsim.physics.motion.forces_adjoint import Forces
 from wsim.physics.solver.gcr import Directions
 
@@ -42,7 +42,7 @@ class ImplicitAdjoint(Forces):
     def __init__(self, method, rows: list):
         """method: `wsim.physics.solver.newton.Implicit`; rows: its springs, hinges and triangles, of all worlds."""
         self.method, model = method, method.model
-        super().__init__(model, Pull(model, method.points.constants, rows, None, shared=False), model.module)
+        super().__init__(model, ForceGather(model, method.points.constants, rows, None, shared=False), model.module)
         module, n, real, t = model.module, model.points, model.real, types(model.real)
         both = zip(self.pull.tables, method.solids, strict=True)
         self.plastic = [self.share(own, live) for own, live in both if live.plastic]

@@ -19,7 +19,7 @@ from wsim.model.model import Model
 from wsim.model.stage import MISSED, Clock, Method, Port, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
-from wsim.physics.cloth.constraints import HARD, Rows, changed, colored, in_worlds
+from wsim.physics.cloth.constraints import HARD, Constraints, changed, colored, in_worlds
 from wsim.physics.solver.batch import Batch
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def build(b: Build) -> Xpbd:
 class Xpbd(Method):
     """Stages solve: one per kind, each a launch a colour; before them, once a substep, the multipliers are zeroed."""
 
-    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: dict[str, list[Rows]]):
+    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: dict[str, list[Constraints]]):
         """rows: constraints of each body of world 0, by path."""
         super().__init__("xpbd")
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock

@@ -24,13 +24,13 @@ from wsim.kernels.solver import newton_adjoint
 from wsim.model.midnodes import held
 from wsim.model.model import Model
 from wsim.physics.cloth.constraints import HARD
-from wsim.physics.motion.forces import Pull
+from wsim.physics.motion.forces import ForceGather
 from wsim.scene import Problem, SceneError
 from wsim.simulation.plan import Plan
 
 
 @dataclass
-class Held:
+class HeldPoints:
     """A pin of one world. places of its points, then of middles between two of them (`ends`); share: of what a place feels each
     of its points has (a weld makes one of several)."""
 
@@ -40,11 +40,11 @@ class Held:
     share: np.ndarray
 
     @staticmethod
-    def of(pin) -> "Held":
+    def of(pin) -> "HeldPoints":
         places, ends = held(pin.body, pin.pin.points)
         own = places[:len(pin.pin.points)]
         _, which, count = np.unique(own, return_inverse=True, return_counts=True)
-        return Held(pin, places, ends, 1.0 / count[which])
+        return HeldPoints(pin, places, ends, 1.0 / count[which])
 
     @property
     def hard(self) -> bool:
@@ -81,14 +81,14 @@ class Reactions:
                                          "reactions are not to be had: leave them out"))
         points: Any = plan.method("points")
         pins: Any = plan.method("pins")
-        self.constants, self.held = points.constants, [Held.of(p) for group in pins.groups.values() for p in group]
+        self.constants, self.held = points.constants, [HeldPoints.of(p) for group in pins.groups.values() for p in group]
         self.make()
 
     def make(self) -> None:
         """Forces of their own: the plan's may be summed on the way, or differ in what is hard."""
         plan, own = self.plan, copy.copy(self.plan.model)
         own.module, own.modules, own.gradients, own.tape = f"{own.module}_reactions", {}, False, None
-        self.pull = Pull(own, self.constants, rows_of(plan), None, shared=False)
+        self.pull = ForceGather(own, self.constants, rows_of(plan), None, shared=False)
         self.pull.need_springs()
         for table, live in zip(self.pull.tables, plan.solids, strict=True):
             table.plastic = None
@@ -161,7 +161,7 @@ class Reactions:
         a = h.acceleration(self.time, self.plan.clock.dt) + self.drive[h.places]
         return h.gathered(self.masses[h.places, None] * a - self.force[h.places])
 
-    def find(self, path: str | None, world: int) -> Held:
+    def find(self, path: str | None, world: int) -> HeldPoints:
         """A pin; None: the only one."""
         found = [h for h in self.held if path in (None, h.pin.pin.path) and h.pin.body.world == world]
         if len(found) == 1:

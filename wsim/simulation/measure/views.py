@@ -37,7 +37,7 @@ NAMES = {"x": "positions", "e": "remainders", "v": "velocities"}
 
 
 @dataclass(frozen=True)
-class View:
+class ArrayView:
     """An array of a simulation with `__dlpack__`; vectors are rows of 3, matrices of 2 x 2 two axes more."""
 
     array: wp.array
@@ -52,7 +52,7 @@ class View:
         return self.array.__dlpack_device__()
 
 
-def arrays(source, world: int = 0) -> dict[str, View]:
+def arrays(source, world: int = 0) -> dict[str, ArrayView]:
     """Views by name of a `Simulation`, or of a `wsim.gradient.recording.Recording`, whose `initial` is the state then. world:
     whose points the indices are of; the arrays hold all."""
     sim: Simulation = getattr(source, "sim", source)
@@ -61,21 +61,21 @@ def arrays(source, world: int = 0) -> dict[str, View]:
     index, origin = {b.path: b.index for b in bodies}, {b.path: b.origin for b in bodies}
     kept = tuple(sim.state.points.names)
     whole: Any = getattr(source, "initial", sim.state.points.every)
-    found = {"state": View(whole, index, origin, kept)}
+    found = {"state": ArrayView(whole, index, origin, kept)}
     for k, name in enumerate(kept):
         if name in NAMES:
-            found[NAMES[name]] = View(whole[k * model.points:(k + 1) * model.points], index, origin)
+            found[NAMES[name]] = ArrayView(whole[k * model.points:(k + 1) * model.points], index, origin)
     method: Any = plan.method("points")
     constants = method.constants
     points = index if model.by_point else {}
-    found["inverse_masses"] = View(constants.w, index)
-    found["gravity"], found["air_drag"] = View(constants.gravity, points), View(constants.decay, points)
+    found["inverse_masses"] = ArrayView(constants.w, index)
+    found["gravity"], found["air_drag"] = ArrayView(constants.gravity, points), ArrayView(constants.decay, points)
     if air := getattr(plan.method("aero"), "air", None):
-        found |= {name: View(getattr(air, name), points) for name in ("wind", "drag", "lift")}
+        found |= {name: ArrayView(getattr(air, name), points) for name in ("wind", "drag", "lift")}
     return found | {name: view for method in plan.methods for name, view in _materials(method).items()}
 
 
-def _materials(method) -> dict[str, View]:
+def _materials(method) -> dict[str, ArrayView]:
     """Of whichever method solves for the forces."""
     found, pull = {}, getattr(method, "pull", None)
     if method.name not in ("explicit", "implicit", "xpbd") or getattr(method, "adjoint", None):
@@ -84,17 +84,17 @@ def _materials(method) -> dict[str, View]:
         entry = {"springs": np.asarray(pull.entry)}
         for name, own in (("stiffness", "k"), ("damping", "damping"), ("rest", "rest")):
             if name != "damping" or pull.damped:
-                found[f"springs.{name}"] = View(getattr(pull.table, own), entry)
+                found[f"springs.{name}"] = ArrayView(getattr(pull.table, own), entry)
     flat = [] if pull is None else [e for e in pull.elements if hasattr(e, "kind")]
     batches = [*getattr(method, "tables", {}).values(), *getattr(method, "batches", [])]
     for source, own, name in [(e, "stiffness", "stiffness") for e in flat] + [(b, "alpha", "compliance") for b in batches]:
-        found[f"{source.kind}.{name}"] = View(getattr(source.data, own))
+        found[f"{source.kind}.{name}"] = ArrayView(getattr(source.data, own))
         if source.data.tau is not None:
-            found[f"{source.kind}.damping"] = View(source.data.tau)
+            found[f"{source.kind}.damping"] = ArrayView(source.data.tau)
     for table in getattr(method, "solids", []):
         if table.name == "pressure":
-            found["pressure"] = View(table.data.pressure)
+            found["pressure"] = ArrayView(table.data.pressure)
         else:
-            found |= {f"{table.name}.{name}": View(getattr(table.data, own))
+            found |= {f"{table.name}.{name}": ArrayView(getattr(table.data, own))
                       for name, own in (("mu", "mu"), ("lam", "lam"), ("damping", "tau"))}
     return found
