@@ -86,7 +86,7 @@ def test_a_scene_is_saved_and_loaded_and_what_is_wrong_is_said_by_its_path(tmp_p
 
 def test_the_plan_names_it_and_a_scene_without_says_why():
     plan = Simulation(wheels(), **CPU).plan
-    assert [r["name"] for r in plan.table()] == ["spin"] and "points" in {s["stage"] for s in plan.skipped}
+    assert [r["name"] for r in plan.table()] == ["spin", "guard of parts"] and "points" in {s["stage"] for s in plan.skipped}
     scene = wheels(True)
     scene.others.clear()
     assert {"stage": "wheels", "why": "there is no wheel"} in Simulation(scene, **CPU).plan.skipped
@@ -129,6 +129,16 @@ def test_three_worlds_have_wheels_of_their_own():
     for value in (-1.0, np.nan):
         with pytest.raises(SceneError, match=FAST.path):
             sim.set(FAST.path, "drag", value)
+
+
+def test_its_arrays_are_handed_out_without_a_copy():
+    from wsim.simulation.measure.views import arrays
+    sim = Simulation(wheels(), **CPU)
+    view = arrays(sim)["wheels.rate"]
+    values = np.from_dlpack(view)
+    assert values[view.index[FAST.path]] == 300.0
+    sim.state.parts["wheels"].arrays["rate"].fill_(1.0)
+    assert np.all(values == 1.0)
 
 
 def test_what_is_not_finite_is_said_by_its_path():

@@ -175,6 +175,10 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
         made = built(row, b) if b.reasons[row.name] else None
         if made:
             b.methods[row.name] = made
+    others = [part for part in b.state.parts.values() if part.name != "points"]
+    if others:
+        from wsim.model.guard import Guard
+        b.methods["guard"] = Guard(model, others, b.status)
     for method in b.methods.values():
         method.meet(b.methods)
     _start(model, b.state)

@@ -9,7 +9,7 @@ from wsim.model.status import Status
 from wsim.scene import SceneError
 from wsim.scene.samples import Sample, Transform, Value
 
-ROOM, LOST = "wheels: turns", "wheels: not finite"
+ROOM = "wheels: turns"
 FIELDS = (Field("angle", "rad", True, "since the start", "scalar"), Field("rate", "rad/s", True, "of the angle", "scalar"),
           Field("turned", "", False, "whole turns in this frame", "int"))
 
@@ -32,7 +32,6 @@ class Wheels(Method):
             self.part.arrays[name].assign(np.array([getattr(w, name) for w, _ in self.wheels], b.model.dtype))
         self.drag = b.model.upload(np.array([w.drag for w, _ in self.wheels], b.model.dtype), b.model.real)
         b.status.reserve(ROOM)
-        b.status.reserve(LOST)
         self.subdivide = SUBDIVIDE
         self.kernel = spin(b.model.real, b.model.module)
         self.stages.append(Stage("spin", "predict", self.spin, 1, 0, what=f"{len(self.wheels)} wheels"))
@@ -42,16 +41,15 @@ class Wheels(Method):
         if clock.k == clock.j == 0:
             a["turned"].zero_()
         self.model.launch(self.kernel, self.part.count, [self.drag, clock.h / self.subdivide, self.room, a["angle"], a["rate"]],
-                          [a["angle"], a["rate"], a["turned"], self.status.word(ROOM), self.status.word(LOST)])
+                          [a["angle"], a["rate"], a["turned"], self.status.word(ROOM)])
 
     def retry(self, status: Status) -> list[Remedy]:
-        wanted, lost = int(status.said(ROOM)[0]), int(status.said(LOST)[0])
+        wanted = int(status.said(ROOM)[0])
 
         def grow() -> str:
             self.room = wanted
             return f"a wheel turned {wanted} times, more than there was room for"
-        return ([Remedy("grow", grow)] if wanted > self.room else []) + (
-            [Remedy("refine", part="wheels", row=lost - 1)] if lost else [])
+        return [Remedy("grow", grow)] if wanted > self.room else []
 
     def indicators(self, x, v) -> dict[str, float]:
         return {"spin": float(np.abs(self.part.arrays["rate"].numpy()).max())}
@@ -87,7 +85,7 @@ class Wheels(Method):
 def spin(real, module):
     def spin(drag: wp.array(dtype=real), h: real, room: int, angle: wp.array(dtype=real), rate: wp.array(dtype=real),
              angle_out: wp.array(dtype=real), rate_out: wp.array(dtype=real), turned: wp.array(dtype=int),
-             wanted: wp.array(dtype=int), lost: wp.array(dtype=int)):
+             wanted: wp.array(dtype=int)):
         k = wp.tid()
         c, w = drag[k], rate[k]
         left = wp.exp(-c * h)
@@ -99,8 +97,6 @@ def spin(real, module):
         turned[k] = turned[k] + whole
         if turned[k] > room:
             wp.atomic_max(wanted, 0, turned[k])
-        if theta - theta != real(0.0):
-            wp.atomic_max(lost, 0, k + 1)
         angle_out[k] = theta
         rate_out[k] = w * left
 

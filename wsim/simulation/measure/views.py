@@ -4,15 +4,16 @@
     x = torch.from_dlpack(arrays(simulation)["positions"])         # (points, 3), the same memory
     x[view.index["/World/Cloth"]] + view.origin["/World/Cloth"]    # world positions in the author's order: one gather
 
-    state                 every field that outlives a frame, behind each other, (fields * points, 3); `View.fields` names them
+    state                 every field that outlives a frame, behind each other, (fields * points, 3); `fields` of it
     positions, remainders, velocities      parts of it: x and e [m], the position is x + e + origin; v [m/s]
     inverse_masses        [1/kg], (points,); 0: pinned
     gravity, air_drag     [m/s^2], [1/s]; a row for each body, or for each point with gradients=True or loads
                           (of what bears one it is written anew each substep, with what that adds)
     wind, drag, lift      [m/s]; air density / 6 times the coefficients; rows as gravity
-    springs.stiffness, .damping, .rest     [N/m], [N s/m], [m] of entries; `View.index["springs"]`: spring of each, -1 padding
+    springs.stiffness, .damping, .rest     [N/m], [N s/m], [m] of entries; `index["springs"]`: spring of each, -1 padding
     dihedral.stiffness, .damping           [J], [s] of each hinge; membrane.stiffness, .damping [J], [s] of each triangle;
                                            under XPBD and Newton's method distance., dihedral., membrane.compliance
+    PART.FIELD            every field of the other parts of the state; `index`: rows of each prim
     corotational.mu, .lam, .damping        [Pa], [Pa], [s] of each tet, so of each material model; pressure [Pa] of triangles
 
 What is written into them is seen by the next frame, or the next run of a recording (which begins with `Recording.initial`, not
@@ -57,11 +58,15 @@ def arrays(source, world: int = 0) -> dict[str, ArrayView]:
     whose points the indices are of; the arrays hold all."""
     sim: Simulation = getattr(source, "sim", source)
     plan, model = sim.plan, sim.model
+    others = {f"{part.name}.{f.name}": ArrayView(part.arrays[f.name], {p: r for (p, of), r in part.rows.items() if of == world})
+              for part in sim.state.parts.values() if part.name != "points" for f in part.fields}
     bodies = [b for b in model.bodies if b.world == world]
+    if not bodies:
+        return others
     index, origin = {b.path: b.index for b in bodies}, {b.path: b.origin for b in bodies}
     kept = tuple(sim.state.points.names)
     whole: Any = getattr(source, "initial", sim.state.points.every)
-    found = {"state": ArrayView(whole, index, origin, kept)}
+    found = others | {"state": ArrayView(whole, index, origin, kept)}
     for k, name in enumerate(kept):
         if name in NAMES:
             found[NAMES[name]] = ArrayView(whole[k * model.points:(k + 1) * model.points], index, origin)

@@ -1,0 +1,43 @@
+"""Guards parts of the state but the points, which have a stage of their own: a frame that leaves a value in them that is not
+finite is repeated with smaller substeps, and refused by prim path in the end."""
+
+import warp as wp
+
+from wsim.kernels.math.finite import not_finite_rows
+from wsim.model.model import Model
+from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.state import Part
+from wsim.model.status import Status
+
+
+class Guard(Method):
+    def __init__(self, model: Model, parts: list[Part], status: Status):
+        super().__init__("guard")
+        self.model, self.status, self.parts = model, status, parts
+        self.kernel = not_finite_rows(model.real, model.module)
+        self.flat = [(p.name, _flat(model, array, p.capacity)) for p in parts for array, _ in p.copies()
+                     if array.dtype is not wp.int32]
+        for part in parts:
+            status.reserve(_word(part.name))
+        size = sum(numbers.capacity for _, (numbers, _, _) in self.flat)
+        self.stages.append(Stage("guard of parts", "deform", self.look, len(self.flat), size, "frame",
+                                 ", ".join(p.name for p in parts)))
+
+    def look(self, clock: Clock) -> None:
+        for name, (numbers, width, rows) in self.flat:
+            self.model.launch(self.kernel, numbers.size, [numbers, width, rows], [self.status.word(_word(name))])
+
+    def retry(self, status: Status) -> list[Remedy]:
+        bad = {p.name: int(status.said(_word(p.name))[0]) for p in self.parts}
+        return [Remedy("refine", part=name, row=word - 1) for name, word in bad.items() if word]
+
+
+def _word(part: str) -> str:
+    return f"{part}: not finite"
+
+
+def _flat(model: Model, array: wp.array, rows: int) -> tuple[wp.array, int, int]:
+    """The same memory as numbers, how many a row has, and the rows of a field."""
+    width = wp.types.type_size(array.dtype)
+    numbers = wp.array(ptr=array.ptr, dtype=model.real, shape=array.size * width, device=array.device, copy=False)
+    return numbers, width, rows
