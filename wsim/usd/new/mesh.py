@@ -19,8 +19,8 @@ from wsim.usd import names
 from wsim.usd.attributes import author
 from wsim.usd.load import read_stage
 from wsim.usd.result.dependencies import overwritten
-from wsim.usd.save import author_units, new_stage
 from wsim.usd.stage import Units, quiet
+from wsim.usd.write import author_units, new_stage
 
 
 @dataclass(frozen=True)

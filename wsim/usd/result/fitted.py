@@ -23,9 +23,9 @@ from wsim.usd.prims.loads import author_values
 from wsim.usd.prims.solid import author_bulk
 from wsim.usd.result.as_json import as_json
 from wsim.usd.result.sublayer import choose, put_over, refuse_source
-from wsim.usd.save import new_stage
 from wsim.usd.settings import author_gravity
 from wsim.usd.stage import Reading, Units, open_stage
+from wsim.usd.write import new_stage
 
 SCOPE, SAID = "/fitted", "wsim:fit"
 PLAIN = {Springs: ("stiffness", "damping", "masses"), Soft: ("pressure",), Cloth: ()}       # of the prim itself

@@ -67,7 +67,7 @@ def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
         _parents(stage, thing.path)
         row.role("usd").author(stage, thing, units)
     if scene.varying:
-        from wsim.usd.save_varying import author_varying
+        from wsim.usd.write_varying import author_varying
         author_varying(stage, scene, settings, units)
     settings.CreateRelationship(names.ORDER, False).SetTargets(
         [Sdf.Path(thing.path) for thing in [*objects, *_skins(scene)]])
