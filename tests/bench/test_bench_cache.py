@@ -60,6 +60,8 @@ def other(value):
         return replace(value, bend=2e-5)
     if isinstance(value, Bulk):
         return replace(value, poisson=0.31)
+    if isinstance(value, dict):
+        return value | {"Wheel": [Bulk()]}
     if isinstance(value, list):
         return [*map(other, value[:-1]), other(value[-1])]
     if isinstance(value, Surface):

@@ -53,6 +53,8 @@ def plain(value, scene: Scene):
     if is_dataclass(value):
         return [type(value).__name__, *([f.name, plain(_field(value, f.name, scene), scene)] for f in fields(value)
                                         if f.name not in NAMES or isinstance(value, Varying))]
+    if isinstance(value, dict):
+        return [[name, plain(each, scene)] for name, each in sorted(value.items())]
     if isinstance(value, (list, tuple)):
         return [plain(v, scene) for v in value]
     return repr(value.item() if hasattr(value, "item") else value)

@@ -67,6 +67,7 @@ class Recording(Frames):
         every = self.state.points.every
         assert every is not None
         self.every, self.initial = every, wp.clone(every)
+        self.marks = [(array, wp.clone(array)) for array, _ in self.state.points.saved.values()]
         self.flowed = [(array, wp.clone(array)) for part in self.state.parts.values() if part is not self.state.points
                        for array, _ in part.copies()]
         self.stretches: dict[tuple, Stretch] = {}
@@ -139,7 +140,7 @@ class Recording(Frames):
 
     def rewind(self) -> None:
         """The state that the recording began with."""
-        for array, initial in ((self.every, self.initial), *self.flowed):
+        for array, initial in ((self.every, self.initial), *self.marks, *self.flowed):
             wp.copy(array, initial)
         self.plan.clock.starting = self.begins
 

@@ -61,8 +61,9 @@ def _give_way(sim: Simulation) -> None:
     name, most = (("the implicit midpoint", "MET_MIDPOINT") if clock.beyond else
                   ("sdirk3", "MET_SDIRK3") if clock.staged else ("BDF2", "MET"))
     clock.scheme = False, False, False
+    solver = "newton" if sim.plan.choice.solver == "implicit" else "xpbd"
     sim.warnings.append(f"frame {sim.frame + 1}: the solver missed the residual that {name} needs "
-                        f"(wsim.{sim.plan.choice.solver}.{most}); backward Euler from here on; more iterations or substeps "
+                        f"(wsim.physics.solver.{solver}.{most}); backward Euler from here on; more iterations or substeps "
                         f"keep {name}")
 
 
