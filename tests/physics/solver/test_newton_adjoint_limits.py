@@ -253,7 +253,7 @@ def test_a_recording_says_how_far_it_is_from_a_simulation(mu, solver, few, more)
         off, way = (float(np.linalg.norm(x - y, axis=1).max()) for y in (here, found.positions(0)))
         assert found.plan.choice.solver == plain.plan.choice.solver
         if scene.solver == "implicit":
-            assert found.apart == pytest.approx(off, rel=1e-6, abs=1e-14) and off < (few if iterations == 2 else more) * way
+            assert found.apart == pytest.approx(off, rel=1e-6, abs=1e-12) and off < (few if iterations == 2 else more) * way
             assert any("a simulation of these frames ends up to" in w for w in found.sim.warnings) == (off > 1e-3 * way)
         else:
             assert found.apart is None and off < 1e-12
