@@ -64,7 +64,7 @@ class Recording(Frames):
         self.start, self.begins, self.jumps = sim.frame, self.plan.clock.starting, self.plan.starts
         self.roots: list[Root] = []
         self.slots, self.parameters = Slots(sim.device, sim.model.real), Parameters(self.plan)
-        self.every: Any = self.state.points.every
+        self.every = self.state.points.every
         self.initial = wp.clone(self.every)
         self.marks = [(array, wp.clone(array)) for array, _ in self.state.points.saved.values()]
         self.flowed = [(array, wp.clone(array)) for part in self.state.parts.values() if part is not self.state.points

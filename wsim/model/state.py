@@ -6,6 +6,7 @@ that a repeated frame starts from, and what a restart needs of each body. What a
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -60,8 +61,8 @@ class Part:
     fields: tuple[Field, ...] = ()
     arrays: dict[str, wp.array] = field(default_factory=dict)
     rows: dict[tuple[str, int], np.ndarray] = field(default_factory=dict)
-    every: wp.array | None = None
-    aside: wp.array | None = None
+    every: Any = None
+    aside: Any = None
     saved: dict[str, tuple[wp.array, wp.array]] = field(default_factory=dict)      # persistent ones beside `every`
 
     @staticmethod
