@@ -70,8 +70,8 @@ RUN = (room("simulation", "simulation plan choice methods cost retry duration in
 XPBD = (room("physics", "solver.xpbd cloth.bending cloth.curvature") | room("kernels", "solver.xpbd math.matrix math.block")
         | room("kernels.cloth", "terms constraint curvature element"))
 AERO = {"wsim.physics.cloth.air", "wsim.kernels.cloth.air"}
-CONTACT = (room("scene.check", "contact signed_distance chord") | room("physics.contact", "contacts colliders method mesh poses")
-           | room("kernels.contact", "project search collide shape mesh"))
+CONTACT = (room("scene.check", "contact signed_distance chord") | room("kernels.contact", "project search collide shape mesh")
+           | room("physics.contact", "contacts colliders method mesh poses"))
 LEAP = (room("physics.motion", "explicit forces threads cluster packets") | room("physics.cloth", "bending curvature")
         | room("kernels.motion", "threads cluster explicit packets march_cpu") | {"wsim.kernels.math.block"}
         | room("kernels.cloth", "constraint element curvature terms"))

@@ -5,6 +5,7 @@ import pytest
 import warp as wp
 
 from tests.conftest import first_and_slow
+from tests.gradient.test_gradients import Run
 from wsim.kernels.contact.search import MOST, ROOM
 from wsim.physics.contact import Bodies, Contacts, contacts, poses
 from wsim.scene import Box, Capsule, Collider, Plane, Scene, Sphere, Surface, shapes
@@ -165,11 +166,9 @@ def crowd(seed: int, count=80) -> Scene:
     return scene
 
 
-def met(scene: Scene, frames=4, captured=True, **more):
+def met(scene: Scene, frames=4, **more):
     """State and contacts after some frames, and the contacts themselves."""
     sim = Simulation(scene, device="cpu", **more)
-    if not captured:
-        sim._replay = sim.plan.frame
     sim.run(frames)
     c = sim.plan.method("contact").contacts
     slots = c.slots
@@ -191,3 +190,28 @@ def test_a_broad_phase_changes_no_bit(monkeypatch, seed, precision):
         assert np.array_equal(tree, each)
     held = found[2]
     assert c.slots.capacity > MOST and held.max() > ROOM and (held == 0).any()
+
+
+@pytest.mark.slow
+def test_gradients_of_many_colliders_are_those_of_each(monkeypatch):
+    """By where points start and by the motions of colliders, of a recording whose frames are captured. Poses differ by the last
+    bits of float64, and gradients by as much for each of the eight substeps that multiply them."""
+    found = []
+    for most, many in ((0, 1), (1000, 10**9)):
+        monkeypatch.setattr(poses, "HOST_MOST", most)
+        monkeypatch.setattr(contacts, "MANY", many)
+        rng = np.random.default_rng(8)
+        scene = Scene(solver="xpbd", gravity=(0.0, 0.0, -9.81), up="Z", fps=60.0, substeps=4, iterations=2)
+        points = np.stack(np.meshgrid([-0.1, 0.0, 0.1], [-0.1, 0.1], [0.0]), axis=-1).reshape(-1, 3)
+        scene.net("/net", points, [(0, 1), (2, 3), (4, 5)], np.full(3, 10.0), np.full(6, 1e-2))
+        for k in range(12):
+            own = motion(rng, 3, [0.5], 0.02)
+            own.values[:, :3, 3] += (0.1 * (k % 3 - 1), 0.2 * (k % 2) - 0.1, -0.08)
+            scene.collider(f"/{k}", Sphere(0.05 + 0.001 * k), motion=own)
+        run = Run(scene, frames=2)
+        c = run.sim.plan.method("contact").contacts
+        assert (c.tree is None) == (many > 1) and len(c.poses.many) == (12 if most == 0 else 0)
+        found.append([run.gradient.positions("/net"), *(run.gradient.motion(f"/{k}") for k in range(12))])
+    assert sum(np.abs(by).max() > 1e-3 for by in found[0][1:]) > 3
+    for device, host in zip(*found, strict=True):
+        np.testing.assert_allclose(device, host, rtol=1e-11, atol=1e-12)
