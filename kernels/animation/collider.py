@@ -77,8 +77,11 @@ def place(of, module):
             c_out.step[k, row] = rounded(p1 - p0, quaternion(A1 * wp.transpose(A0)))
             own = movers.ball[j]
             center = vec3(own[0], own[1], own[2])
-            c0 = A0 * center + p0
-            c1 = A1 * center + p1
+            c0 = p0
+            c1 = p1
+            if wp.dot(center, center) > real(0.0):           # of a mesh
+                c0 = A0 * center + p0
+                c1 = A1 * center + p1
             c = real(0.5) * (c1 + c0) - o
             radius = own[3] + real(1.5) * wp.length(c1 - c0) + movers.gap[j]
             c_out.ball[k, row] = t.vec4(of(c[0]), of(c[1]), of(c[2]), of(radius))

@@ -2,7 +2,7 @@
 kernels/contact/project.py.
 
     contacts = Contacts(bodies, device=..., real=wp.float32, substeps=10, dt=1 / 24)
-    before each frame     contacts.prepare(t)                    t [s] at the frame's start; uploads what moves
+    before each frame     contacts.prepare(t)                    t [s] at the frame's start: poses of what moves
     after predict         contacts.search(k, x, d, a)            launches; may be captured
     in each iteration     contacts.project(g, d, a)              after all other constraints
     BDF2 only             contacts.settle(g, e, d, a, v)         after the last iteration; needs `struck`
