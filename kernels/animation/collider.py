@@ -11,7 +11,6 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.project import tables
 from wsim.kernels.math.real import types
 
 real, mat33, vec3, vec4 = wp.float64, wp.mat33d, wp.vec3d, wp.vec4d
@@ -57,24 +56,24 @@ def quaternion(R: mat33):
 def place(of, module):
     """Kernel over (movers, times), of the precision `of` of the table: pose, step, ball of the rows that move."""
     t = types(of)
-    Rows = tables(of)[0]
 
     @wp.func
     def rounded(p: vec3, q: vec4):
         return t.transform(t.vec3(of(p[0]), of(p[1]), of(p[2])), t.quat(of(q[0]), of(q[1]), of(q[2]), of(q[3])))
 
-    def place(movers: Movers, A: wp.array2d(dtype=mat33), p: wp.array2d(dtype=vec3), c_out: Rows):
+    def place(movers: Movers, A: wp.array2d(dtype=mat33), p: wp.array2d(dtype=vec3), pose_out: wp.array2d(dtype=t.transform),
+              step_out: wp.array2d(dtype=t.transform), ball_out: wp.array2d(dtype=t.vec4)):
         j, k = wp.tid()
         row = movers.row[j]
         m = movers.motion[j]
         o = movers.origin[j]
         A0 = A[m, k]
         p0 = p[m, k]
-        c_out.pose[k, row] = rounded(p0 - o, quaternion(A0))
+        pose_out[k, row] = rounded(p0 - o, quaternion(A0))
         if k + 1 < A.shape[1]:
             A1 = A[m, k + 1]
             p1 = p[m, k + 1]
-            c_out.step[k, row] = rounded(p1 - p0, quaternion(A1 * wp.transpose(A0)))
+            step_out[k, row] = rounded(p1 - p0, quaternion(A1 * wp.transpose(A0)))
             own = movers.ball[j]
             center = vec3(own[0], own[1], own[2])
             c0 = p0
@@ -84,6 +83,6 @@ def place(of, module):
                 c1 = A1 * center + p1
             c = real(0.5) * (c1 + c0) - o
             radius = own[3] + real(1.5) * wp.length(c1 - c0) + movers.gap[j]
-            c_out.ball[k, row] = t.vec4(of(c[0]), of(c[1]), of(c[2]), of(radius))
+            ball_out[k, row] = t.vec4(of(c[0]), of(c[1]), of(c[2]), of(radius))
 
     return wp.kernel(place, name=f"place_colliders_{t.name}", module=module, enable_backward=False)

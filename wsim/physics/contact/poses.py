@@ -133,5 +133,6 @@ class Device:
 
     def launch(self, time: float, dt: float) -> None:
         wp.launch(self.sample, self.A.shape, [self.keys, time, dt], [self.A, self.p], device=self.device)
-        wp.launch(self.place, (len(self.movers.row), self.A.shape[1]), [self.movers, self.A, self.p], [self.table],
+        c = self.table
+        wp.launch(self.place, (len(self.movers.row), self.A.shape[1]), [self.movers, self.A, self.p], [c.pose, c.step, c.ball],
                   device=self.device)
