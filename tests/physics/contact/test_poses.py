@@ -32,11 +32,11 @@ def motion(rng, count=6, angles=None, size=1.0) -> Motion:
     return Motion(times, M)
 
 
-def tried(colliders, origins=((0.0, 0.0, 0.0),), real=wp.float64, substeps=7, fps=2.0) -> Contacts:
+def tried(colliders, origins=((0.0, 0.0, 0.0),), real=wp.float64, device="cpu") -> Contacts:
     n = len(origins)
     bodies = Bodies([list(colliders)] * n, np.array(origins, float), np.zeros(1, np.int32), np.ones(1), np.zeros(1),
                     np.zeros((1, 2)), np.zeros((0, 3)), np.zeros(n), np.zeros(n))
-    return Contacts(bodies, device="cpu", real=real, substeps=substeps, dt=1.0 / fps)
+    return Contacts(bodies, device=device, real=real, substeps=7, dt=0.5)
 
 
 def table(of: Contacts) -> list[np.ndarray]:
@@ -166,9 +166,9 @@ def crowd(seed: int, count=80) -> Scene:
     return scene
 
 
-def met(scene: Scene, frames=4, **more):
+def met(scene: Scene, frames=4, device="cpu", **more):
     """State and contacts after some frames, and the contacts themselves."""
-    sim = Simulation(scene, device="cpu", **more)
+    sim = Simulation(scene, device=device, **more)
     sim.run(frames)
     c = sim.plan.method("contact").contacts
     slots = c.slots
