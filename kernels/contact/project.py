@@ -61,6 +61,11 @@ def tables(real):
         ball: wp.array2d(dtype=t.vec4)            # centre, radius [m] that hold it during substep k, (substeps, rows)
         stride: wp.array2d(dtype=t.scalar)        # greatest motion in its own frame in substep k [m], (substeps, rows)
         deep: wp.array(dtype=int)                 # 1: points may have started inside of meshes, (1,)
+        tree: wp.uint64                           # Warp's tree of balls in this substep; 0: each row is tried
+        root: wp.array(dtype=int)                 # its node above the balls of an object, (objects,)
+        leaf: wp.array(dtype=int)                 # row of each ball in it, (balls,)
+        endless: wp.array(dtype=int)              # rows without a ball, ascending
+        start: wp.array(dtype=int)                # those of object o: start[o] .. start[o + 1], (objects + 1,)
         h: t.scalar                               # substep [s]
         skin: t.scalar                            # least margin [m]
         recovery: t.scalar                        # speed out of an overlap [m/s]

@@ -2,7 +2,8 @@
 
     x  position at the start of the substep [m]     d  predicted displacement [m]      a  anchor: v = (d - a) / g
 
-Each point tries the colliders of its object, but for those whose bounding ball it cannot reach in this substep. A
+Each point tries the colliders of its object, but for those whose bounding ball it cannot reach in this substep; where there
+are many, a tree over the boxes about the balls (Warp's) names those that it may reach (`ahead`), and the same are tried. A
 contact is kept where the gap at the predicted place is under a margin of |dq| + skin, dq the motion relative to the
 collider: constraints may still move the point. A point that started too near by s0 < 0 is carried out by the same
 shift of d and a, hence without velocity, by at most `recovery` h; by what is then left its plane is moved back.
@@ -24,6 +25,10 @@ from wsim.kernels.contact.project import SUNK, slots, tables
 from wsim.kernels.math.real import types
 
 SUNK_FROM = 0.01       # part of the skin: overlaps under it are rounding and no reason to look deeper
+ROOM = 8               # rows that a look into the tree lists at most: it looks again behind the last; most points need one look
+MOST = 32              # rows that are listed so; a point that may reach more (a very fast one) tries each row of its object
+NONE = 0x7fffffff      # a row that there is not
+SLACK = 1e-6           # of coordinates and radii, that boxes are larger by: 16 roundings of float32, `reachable` has under 8
 
 
 @wp.func
@@ -62,16 +67,129 @@ def frames(real):
 
 
 @cache
-def search(kinds: tuple[str, ...], real, module):
-    """Kernel over points: contacts of substep k.
+def boxes(real, module):
+    """Kernel over the balls of the tree: boxes [m] that hold them in substep k, rounded outward."""
+    Rows = tables(real)[0]
+
+    def boxes(c: Rows, k: int, low_out: wp.array(dtype=wp.vec3f), high_out: wp.array(dtype=wp.vec3f)):
+        i = wp.tid()
+        ball = c.ball[k, c.leaf[i]]
+        center = wp.vec3f(float(ball[0]), float(ball[1]), float(ball[2]))
+        low, high = box(center, float(ball[3]))
+        low_out[i] = low
+        high_out[i] = high
+
+    return wp.kernel(boxes, name=f"box_balls_{types(real).name}", module=module, enable_backward=False)
+
+
+@wp.func
+def box(center: wp.vec3f, radius: float):
+    """Corners of a box about a ball that leaves room for rounding."""
+    r = radius + SLACK * (radius + wp.max(wp.abs(center)))
+    half = wp.vec3f(r, r, r)
+    return center - half, center + half
+
+
+@cache
+def roots(module):
+    """Kernel over objects: the node of a tree that is above the balls of each, -1 where it has none."""
+
+    def roots(tree: wp.uint64, root_out: wp.array(dtype=int)):
+        o = wp.tid()
+        root_out[o] = wp.bvh_get_group_root(tree, o)
+
+    return wp.kernel(roots, name="tree_roots", module=module, enable_backward=False)
+
+
+@cache
+def ahead(real):
+    """Function (c, o, k, x, bound, first) -> (rows, some, behind): the rows of object o from `first` on that a point may reach
+    in substep k, ascending, `some` of them, all before row `behind`. rows[0] is NONE where each row is to be tried, or none."""
+    t, Rows, list_of = types(real), tables(real)[0], wp.types.vector(ROOM, int)
+
+    @wp.func
+    def put(rows: list_of, row: int):
+        """Into an ascending list; the last is lost where it is full."""
+        more = row
+        for j in range(ROOM):
+            less = wp.min(rows[j], more)
+            more = wp.max(rows[j], more)
+            rows[j] = less
+        return rows
+
+    @wp.func
+    def ahead(c: Rows, o: int, k: int, x: t.vec3, bound: real, first: int):
+        rows = list_of(NONE)
+        end = c.first[o + 1]
+        found = int(0)
+        for j in range(c.start[o], c.start[o + 1]):
+            row = c.endless[j]
+            if row >= first and reachable(c.ball[k, row], x, bound):
+                rows = put(rows, row)
+                found += 1
+        low, high = box(wp.vec3f(float(x[0]), float(x[1]), float(x[2])), float(bound))
+        leaf = int(0)
+        query = wp.bvh_query_aabb(c.tree, low, high, c.root[o])
+        while wp.bvh_query_next(query, leaf):
+            row = c.leaf[leaf]
+            if row >= first and row < end and reachable(c.ball[k, row], x, bound):
+                rows = put(rows, row)
+                found += 1
+        some = wp.min(found, ROOM)
+        behind = end
+        if found > MOST:
+            rows[0] = NONE
+            some = end - first
+        elif some == ROOM:
+            behind = rows[ROOM - 1] + 1
+        return rows, some, behind
+
+    return ahead
+
+
+@cache
+def against(kinds: tuple[str, ...], real):
+    """Function (c, row, k, deep, reach, x, d) -> (C, margin, s0, n, way) of a point and the collider of a row in substep k.
+    They have a contact where C < margin; n and way are found only there."""
+    t = types(real)
+    Rows, touch, (inside, outside) = tables(real)[0], collide.touch(kinds, real), frames(real)
+
+    @wp.func
+    def against(c: Rows, row: int, k: int, deep: int, reach: real, x: t.vec3, d: t.vec3):
+        T0 = c.pose[k, row]
+        T1 = c.pose[k + 1, row]
+        q0, q1 = inside(T0, T1, x, d)
+        margin = wp.length(q1 - q0) + c.skin + c.stride[k, row]
+        r = reach + c.gap[row] - c.width                     # the hard contact behind a potential
+        C, m, p, s0, slip = touch(c.kind[row], c.size[row], c.mesh[row], deep, q0, q1, r, t.vec2(margin, c.width))
+        n = t.vec3()
+        way = t.vec3()
+        if C < margin:
+            n, way = outside(T0, T1, c.step[k, row], m, p, slip)
+        return C, margin, s0, n, way
+
+    return against
+
+
+@cache
+def search(kinds: tuple[str, ...], real, module, broad: bool = False):
+    """Kernel over points: contacts of substep k. broad: colliders are found by the tree of the table.
 
     d_out, a_out   written where a point is carried out of an overlap       push_out   of its contacts: zeroed
     wanted_out     greatest number of contacts of a point that has no room for them, if there is one
     struck_out     (may be None) not 0 where a point is in an overlap"""
-    t, name = types(real), f"search_{'_'.join(kinds)}_{types(real).name}"
+    t, name = types(real), f"search_{'_'.join(kinds)}_{types(real).name}{'_tree' * broad}"
     Rows, Points = tables(real)
-    Slots, touch, (inside, outside) = slots(real), collide.touch(kinds, real), frames(real)
+    Slots, meet, near = slots(real), against(kinds, real), ahead(real) if broad else None
     vectors, ints = wp.array(dtype=t.vec3), wp.array(dtype=int)
+
+    @wp.func
+    def keep(s: Slots, j: int, row: int, n: t.vec3, b: real, u: t.vec3, push_out: vectors):
+        s.row[j] = row
+        s.n[j] = n
+        s.b[j] = b
+        s.u[j] = u
+        push_out[j] = t.vec3()
 
     def search(c: Rows, points: Points, x: vectors, d: vectors, a: vectors, k: int, s: Slots,
                d_out: vectors, a_out: vectors, push_out: vectors, struck_out: wp.array(dtype=real), wanted_out: ints):
@@ -83,31 +201,31 @@ def search(kinds: tuple[str, ...], real, module):
             x0 = x[i]
             d0 = d[i]
             bound = real(2.0) * wp.length(d0) + points.reach[i] + c.skin
-            for row in range(c.first[o], c.first[o + 1]):
-                if not reachable(c.ball[k, row], x0, bound):
-                    continue
-                T0 = c.pose[k, row]
-                T1 = c.pose[k + 1, row]
-                q0, q1 = inside(T0, T1, x0 + carried, d0)
-                margin = wp.length(q1 - q0) + c.skin + c.stride[k, row]
-                r = points.reach[i] + c.gap[row] - c.width           # the hard contact behind a potential
-                C, m, p, s0, slip = touch(c.kind[row], c.size[row], c.mesh[row], deep, q0, q1, r,
-                                           t.vec2(margin, c.width))
-                if C < margin:
-                    n, way = outside(T0, T1, c.step[k, row], m, p, slip)
-                    over = wp.max(-s0, real(0.0))
-                    out = wp.min(over, c.recovery * c.h)        # of the overlap; the rest may stay for now
-                    if over > real(SUNK_FROM) * c.skin:
-                        mark = mark | SUNK
-                    if count < s.capacity:
-                        j = count * s.points + i
-                        s.row[j] = row
-                        s.n[j] = n
-                        s.b[j] = C + over - out - wp.dot(n, d0 + carried)
-                        s.u[j] = way / c.h
-                        push_out[j] = t.vec3()
-                    carried += out * n
-                    count += 1
+            first = int(c.first[o])
+            end = c.first[o + 1]
+            while first < end:
+                some = end - first
+                behind = end
+                if broad:
+                    rows, some, behind = near(c, o, k, x0, bound, first)
+                for j in range(some):
+                    row = first + j
+                    if broad:
+                        row = wp.where(rows[0] < NONE, rows[wp.min(j, ROOM - 1)], row)
+                    if not reachable(c.ball[k, row], x0, bound):
+                        continue
+                    C, margin, s0, n, way = meet(c, row, k, deep, points.reach[i], x0 + carried, d0)
+                    if C < margin:
+                        over = wp.max(-s0, real(0.0))
+                        out = wp.min(over, c.recovery * c.h)         # of the overlap; the rest may stay for now
+                        if over > real(SUNK_FROM) * c.skin:
+                            mark = mark | SUNK
+                        if count < s.capacity:
+                            b = C + over - out - wp.dot(n, d0 + carried)
+                            keep(s, count * s.points + i, row, n, b, way / c.h, push_out)
+                        carried += out * n
+                        count += 1
+                first = behind
         if count > s.capacity:
             wp.atomic_max(wanted_out, 0, count)
         s.count[i] = wp.min(count, s.capacity)

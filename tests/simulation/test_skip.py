@@ -72,8 +72,8 @@ XPBD = (room("physics", "solver.xpbd solver.batch cloth.bending cloth.curvature"
         | room("kernels", "solver.xpbd math.matrix math.block") | room("kernels.cloth", "terms constraint curvature element"))
 PINNED = {"wsim.physics.motion.pins"}
 AERO = {"wsim.physics.cloth.air", "wsim.kernels.cloth.air"}
-CONTACT = (room("scene.check", "contact signed_distance chord") | room("physics.contact", "contacts colliders method mesh")
-           | room("kernels.contact", "project search collide shape mesh"))
+CONTACT = (room("physics.contact", "contacts colliders method mesh poses") | room("scene.check", "contact")
+           | room("scene.check", "signed_distance chord") | room("kernels.contact", "project search collide shape mesh"))
 LEAP = (room("physics.motion", "explicit forces threads cluster packets") | room("physics.cloth", "bending curvature elements")
         | room("kernels.motion", "threads cluster explicit packets march_cpu") | {"wsim.kernels.math.block"}
         | room("kernels.cloth", "constraint element curvature terms"))

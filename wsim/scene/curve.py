@@ -63,12 +63,12 @@ class Curve:
 
 
 def polar(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A = R S with R a rotation (det R = 1) and S symmetric; shape (3, 3). A mirrored A has a negative S."""
+    """A = R S with R a rotation (det R = 1) and S symmetric; shape (..., 3, 3). A mirrored A has a negative S."""
     U, sigma, Vt = np.linalg.svd(A)
-    if np.linalg.det(U @ Vt) < 0:
-        U[:, 2] *= -1
-        sigma[2] *= -1
-    return U @ Vt, Vt.T @ np.diag(sigma) @ Vt
+    sign = np.where(np.linalg.det(U @ Vt) < 0, -1.0, 1.0)
+    U[..., 2] *= sign[..., None]
+    sigma[..., 2] *= sign
+    return U @ Vt, np.swapaxes(Vt, -1, -2) @ (sigma[..., None] * np.eye(3)) @ Vt
 
 
 def rotation(axis: np.ndarray, angle: float) -> np.ndarray:
@@ -92,11 +92,26 @@ def turn(R: np.ndarray) -> tuple[np.ndarray, float]:
     return skew / np.linalg.norm(skew), angle
 
 
+def turns(R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit axes (n, 3) and angles [rad] (n,) of rotation matrices (n, 3, 3), as `turn` has them."""
+    skew = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=-1)
+    length = np.linalg.norm(skew, axis=-1)
+    angle = np.arctan2(length, np.trace(R, axis1=1, axis2=2) - 1.0)
+    still, half = angle < 1e-12, angle > np.pi - 1e-6
+    axis = np.where(still[:, None], (1.0, 0.0, 0.0), skew / np.where(length > 0.0, length, 1.0)[:, None])
+    B = R[half] + np.eye(3)
+    n = B[np.arange(len(B)), :, np.argmax(np.linalg.norm(B, axis=1), axis=1)]
+    n = n / np.linalg.norm(n, axis=-1, keepdims=True)
+    axis[half] = np.where((n * skew[half]).sum(axis=-1, keepdims=True) >= 0, n, -n)
+    return axis, np.where(still, 0.0, angle)
+
+
 @dataclass(eq=False)
 class Motion(Curve):
     """Local-to-world transforms: values (keys, 4, 4) in metres."""
 
     parts: list = field(default_factory=list, repr=False)
+    turned: dict = field(default_factory=dict, repr=False)           # from a key to the next, once asked for
 
     def __post_init__(self):
         super().__post_init__()
@@ -121,7 +136,9 @@ class Motion(Curve):
         if not self.parts:
             self.parts = [polar(M[:3, :3]) for M in self.values]
         (Ra, Sa), (Rb, Sb) = self.parts[a], self.parts[b]
-        axis, angle = turn(Ra.T @ Rb)
+        if a not in self.turned:
+            self.turned[a] = turn(Ra.T @ Rb)
+        axis, angle = self.turned[a]
         M = np.eye(4)
         M[:3, :3] = Ra @ rotation(axis, s * angle) @ (Sa + s * (Sb - Sa))
         M[:3, 3] = A[:3, 3] + s * (B[:3, 3] - A[:3, 3])

@@ -134,20 +134,32 @@ class Rows:
         """Rows of the object that has most."""
         return int(np.diff(self.first).max(initial=0))
 
-    def poses(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    @property
+    def balls(self) -> int:
+        """Rows with a finite bounding ball of the object that has most."""
+        before = np.concatenate([[0], np.cumsum(np.isfinite(self.radius)[self.collider])])
+        return int(np.diff(before[self.first]).max(initial=0))
+
+    def centers(self) -> np.ndarray:
+        """Of the bounding balls, in the shapes' own frames [m], (distinct, 3)."""
+        return np.array([np.zeros(3) if m is None else m.center for m in self.meshes])
+
+    def poses(self, times: np.ndarray, number: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(pose, step, ball) at substep times (substeps + 1,) [s]: transforms (substeps + 1, rows, 7) as translation
         and quaternion (x, y, z, w), motions from one to the next (substeps, rows, 7), bounding balls
-        (substeps, rows, 4)."""
-        M = np.stack([np.stack([c.motion.at(t) for t in times]) if c.motion.moves
-                      else np.broadcast_to(c.motion.at(0.0), (len(times), 4, 4)) for c in self.colliders], axis=1)
+        (substeps, rows, 4). number: distinct colliders whose rows are wanted, ascending; None: all."""
+        number = np.arange(len(self.colliders)) if number is None else number
+        motions = [self.colliders[k].motion for k in number]
+        M = np.stack([np.stack([motion.at(t) for t in times]) if motion.moves
+                      else np.broadcast_to(motion.at(0.0), (len(times), 4, 4)) for motion in motions], axis=1)
         R, p = M[..., :3, :3], M[..., :3, 3]
         turn = quaternions(R[1:] @ np.swapaxes(R[:-1], -1, -2))
-        center = np.array([np.zeros(3) if m is None else m.center for m in self.meshes])
-        middle = (R @ center[:, :, None])[..., 0] + p
+        middle = (R @ self.centers()[number, :, None])[..., 0] + p
         way = np.linalg.norm(middle[1:] - middle[:-1], axis=-1)
-        row = self.collider
-        pose = np.concatenate([p[:, row] - self.origin, quaternions(R)[:, row]], axis=-1)
+        own = np.flatnonzero(np.isin(self.collider, number))
+        row, origin = np.searchsorted(number, self.collider[own]), self.origin[own]
+        pose = np.concatenate([p[:, row] - origin, quaternions(R)[:, row]], axis=-1)
         step = np.concatenate([p[1:, row] - p[:-1, row], turn[:, row]], axis=-1)
-        ball = np.concatenate([0.5 * (middle[1:] + middle[:-1])[:, row] - self.origin,
-                               (self.radius + 1.5 * way)[:, row, None]], axis=-1)
+        ball = np.concatenate([0.5 * (middle[1:] + middle[:-1])[:, row] - origin,
+                               (self.radius[number] + 1.5 * way)[:, row, None]], axis=-1)
         return pose, step, ball

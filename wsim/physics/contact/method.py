@@ -68,8 +68,9 @@ class Contact(Method):
         status.reserve(ROOM)
         n, size, moving = model.points, np.dtype(model.dtype).itemsize, 2 * sum(
             m.moves for m in self.contacts.meshes.values())
-        kinds = f"{len(colliders)} x {n} points: {', '.join(self.contacts.kinds)}"
-        self.stages = [Stage("find contacts", "collide", self.search, 1 + moving, n * (20 + 8 * size), what=kinds),
+        tree = self.contacts.tree is not None
+        kinds = f"{len(colliders)} x {n} points: {', '.join(self.contacts.kinds)}{'; by a tree' if tree else ''}"
+        self.stages = [Stage("find contacts", "collide", self.search, 1 + moving + 2 * tree, n * (20 + 8 * size), what=kinds),
                        Stage("contacts", "solve", self.project, 1, n * 4, "iteration", "points that touch")]
         if points.struck is not None:
             self.stages.append(Stage("settle", "solve", self.settle, 1, n * 4, what="points that touch: no history"))

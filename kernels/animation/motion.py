@@ -1,0 +1,93 @@
+"""Motions between keys on the device, in float64: formulas and their order are those of wsim/scene/curve.py (`Motion.at`).
+
+    M = T R S     T and S linear, R turned at constant speed about a fixed axis (slerp), held outside of the keys
+
+Polar parts of the keys, axes and angles come from the host: what is left are a sine, a cosine and products, so that both
+evaluations agree to some roundings of the place and of a unit matrix.
+"""
+
+from functools import cache
+
+import warp as wp
+
+real, mat33, vec3 = wp.float64, wp.mat33d, wp.vec3d
+
+
+@wp.struct
+class Keys:
+    first: wp.array(dtype=int)                # keys of motion m: first[m] .. first[m + 1], (motions + 1,)
+    time: wp.array(dtype=real)                # [s], increasing, (keys,)
+    place: wp.array(dtype=vec3)               # T [m], (keys,)
+    whole: wp.array(dtype=mat33)              # R S, as it was authored, (keys,)
+    turned: wp.array(dtype=mat33)             # R, (keys,)
+    stretch: wp.array(dtype=mat33)            # S, (keys,)
+    axis: wp.array(dtype=vec3)                # of the turn to the next key, a unit vector, (keys,)
+    angle: wp.array(dtype=real)               # of that turn [rad], in 0 .. pi, (keys,)
+
+
+@wp.func
+def segment(keys: Keys, m: int, t: real):
+    """Key before t, key behind it (the same one outside of the keys) and the fraction of the way between them."""
+    low = keys.first[m]
+    high = keys.first[m + 1]
+    while low < high:                         # the first key later than t
+        middle = (low + high) // 2
+        if keys.time[middle] <= t:
+            low = middle + 1
+        else:
+            high = middle
+    a = low - 1
+    b = low
+    s = real(0.0)
+    if low == keys.first[m]:
+        a = low
+    elif low == keys.first[m + 1]:
+        b = a
+    else:
+        s = (t - keys.time[a]) / (keys.time[b] - keys.time[a])
+    return a, b, s
+
+
+@wp.func
+def rotation(axis: vec3, angle: real):
+    """I + sin K + (1 - cos) K K, rotation by an angle about a unit axis (Rodrigues), K K without the products by zero."""
+    s = wp.sin(angle)
+    c = real(1.0) - wp.cos(angle)
+    one = real(1.0)
+    x = axis[0]
+    y = axis[1]
+    z = axis[2]
+    xy = c * (x * y)
+    xz = c * (x * z)
+    yz = c * (y * z)
+    return mat33(one - c * (y * y + z * z), xy - s * z, xz + s * y,
+                 xy + s * z, one - c * (x * x + z * z), yz - s * x,
+                 xz - s * y, yz + s * x, one - c * (x * x + y * y))
+
+
+@wp.func
+def at(keys: Keys, m: int, t: real):
+    """R S and T [m] of motion m at time t [s]."""
+    a, b, s = segment(keys, m, t)
+    A = mat33()
+    p = keys.place[a]
+    if a == b:
+        A = keys.whole[a]
+    else:
+        Sa = keys.stretch[a]
+        A = keys.turned[a] * rotation(keys.axis[a], s * keys.angle[a]) * (Sa + s * (keys.stretch[b] - Sa))
+        p = p + s * (keys.place[b] - p)
+    return A, p
+
+
+@cache
+def sample(module):
+    """Kernel over (motions, times): motions at times start + dt k / (times - 1) [s]."""
+
+    def sample(keys: Keys, start: real, dt: real, A_out: wp.array2d(dtype=mat33), p_out: wp.array2d(dtype=vec3)):
+        m, k = wp.tid()
+        A, p = at(keys, m, start + dt * real(k) / real(A_out.shape[1] - 1))
+        A_out[m, k] = A
+        p_out[m, k] = p
+
+    return wp.kernel(sample, name="sample_motion", module=module, enable_backward=False)

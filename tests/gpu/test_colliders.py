@@ -1,0 +1,34 @@
+"""On a GPU: poses of many colliders and their broad phase, captured, are those of the CPU. Skipped where there is no device."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+from tests.physics.contact.test_poses import crowd, met, mixed, table, tried
+from wsim.physics.contact import contacts
+
+wp.init()
+pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")
+
+
+def test_poses_of_many_colliders_are_those_of_the_cpu():
+    found = []
+    for device in ("cpu", "cuda:0"):
+        c = tried(mixed(np.random.default_rng(4)), device=device)
+        for time in (0.1, 0.6):
+            c.prepare(time)
+        found.append(table(c))
+    for cpu, gpu in zip(*found, strict=True):
+        np.testing.assert_allclose(cpu, gpu, rtol=0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_a_broad_phase_changes_no_bit(monkeypatch, precision):
+    """A tree that a graph builds anew and refits, of two worlds."""
+    found = []
+    for many in (contacts.MANY, 10**9):
+        monkeypatch.setattr(contacts, "MANY", many)
+        result, c = met(crowd(0), device="cuda:0", precision=precision, worlds=2)
+        assert (c.tree is None) == (many == 10**9)
+        found.append(result)
+    assert all(np.array_equal(tree, each) for tree, each in zip(*found, strict=True))

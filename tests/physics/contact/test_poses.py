@@ -1,0 +1,217 @@
+"""Many colliders: poses that the device evaluates against `Motion.at`, live motions, and a broad phase that changes no bit."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+from tests.conftest import first_and_slow
+from tests.gradient.test_gradients import Run
+from wsim.kernels.contact.search import MOST, ROOM
+from wsim.physics.contact import Bodies, Contacts, contacts, poses
+from wsim.scene import Box, Capsule, Collider, Plane, Scene, Sphere, Surface, shapes
+from wsim.scene.curve import Curve, Motion, rotation
+from wsim.simulation.simulation import Simulation
+
+# Roundings of places and sizes of 2 m: 1e-14 is 22 of them. Balls and turns are made of a few more sums.
+CLOSE = {"rtol": 0.0, "atol": 1e-14}
+
+
+def unit(rng):
+    n = rng.normal(size=3)
+    return n / np.linalg.norm(n)
+
+
+def motion(rng, count=6, angles=None, size=1.0) -> Motion:
+    """Keys at uneven times in -1 .. 2 s, turned by random angles up to pi from one to the next."""
+    times = np.sort(rng.uniform(-1.0, 2.0, count))
+    M = np.tile(np.eye(4), (count, 1, 1))
+    M[:, :3, 3] = rng.uniform(-size, size, (count, 3))
+    angles = rng.uniform(0.0, np.pi, count) if angles is None else angles
+    for k in range(1, count):
+        M[k, :3, :3] = M[k - 1, :3, :3] @ rotation(unit(rng), angles[k % len(angles)])
+    return Motion(times, M)
+
+
+def tried(colliders, origins=((0.0, 0.0, 0.0),), real=wp.float64, device="cpu") -> Contacts:
+    n = len(origins)
+    bodies = Bodies([list(colliders)] * n, np.array(origins, float), np.zeros(1, np.int32), np.ones(1), np.zeros(1),
+                    np.zeros((1, 2)), np.zeros((0, 3)), np.zeros(n), np.zeros(n))
+    return Contacts(bodies, device=device, real=real, substeps=7, dt=0.5)
+
+
+def table(of: Contacts) -> list[np.ndarray]:
+    c = of.table
+    return [array.numpy().astype(np.float64) for array in (c.pose, c.step, c.ball, c.stride)]
+
+
+def both(monkeypatch, make, time) -> list[list[np.ndarray]]:
+    """The table at the frame that begins at `time`, evaluated by the device and by the host."""
+    found = []
+    for most in (0, 1000):
+        monkeypatch.setattr(poses, "HOST_MOST", most)
+        found.append(make())
+        found[-1].prepare(time)
+    assert len(found[0].poses.many) > 0 and len(found[1].poses.many) == 0
+    return [table(c) for c in found]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_motions_on_the_device_are_those_of_the_host(seed):
+    """Before, between and behind the keys, with turns of 0, of nearly 0, of nearly and of exactly pi."""
+    rng = np.random.default_rng(seed)
+    given = [motion(rng, count) for count in (2, 3, 6, 20)] + [
+        motion(rng, 4, angles) for angles in ([np.pi], [np.pi - 1e-7], [1e-13], [1e-9], [0.0], [np.pi - 2e-6])]
+    stretched = motion(rng, 5)
+    stretched.values[:, :3, :3] = stretched.values[:, :3, :3] @ (np.eye(3) + 1e-5 * rng.uniform(-1, 1, (5, 3, 3)))
+    given.append(stretched)
+    c = tried([Collider(f"/{k}", Sphere(0.1), m) for k, m in enumerate(given)])
+    for time in (-2.0, -1.1, *rng.uniform(-1.0, 2.0, 8), 1.9, *(given[2].times[[0, 2, 5]])):
+        c.prepare(time)
+        A, p = c.poses.loaded.A.numpy(), c.poses.loaded.p.numpy()
+        for k, own in enumerate(given):
+            for j, t in enumerate(time + 0.5 * np.arange(8) / 7):
+                expected = own.at(t)
+                np.testing.assert_allclose(A[k, j], expected[:3, :3], **CLOSE)
+                np.testing.assert_allclose(p[k, j], expected[:3, 3], **CLOSE)
+                assert not t > own.times[-1] or np.array_equal(A[k, j], own.values[-1, :3, :3])
+
+
+def mixed(rng, count=12) -> list[Collider]:
+    """Moving and still shapes, a rigid mesh whose centre is not its origin, one that deforms, a plane."""
+    points, counts, indices = shapes.sphere(0.1, 8)
+    shift = np.array((0.3, 0.1, 0.0), np.float32)
+    swell = Curve(np.array([-1.0, 2.0]), np.stack([points, 1.5 * points]))
+    kinds = [Sphere(0.1), Box((0.1, 0.2, 0.1)), Capsule(0.1, 0.1), Surface(points + shift, counts, indices)]
+    found = [Collider(f"/{k}", kinds[k % 4], motion(rng), thickness=0.001 * k) for k in range(count)]
+    return [*found, Collider("/still", Sphere(0.2), Motion.at_place((0.1, 0.2, 0.3))), Collider("/floor", Plane(), motion(rng)),
+            Collider("/swelling", Surface(points, counts, indices, swell), motion(rng), thickness=0.0)]
+
+
+def test_rows_of_the_device_are_those_of_the_host(monkeypatch):
+    """Two objects with origins of their own: places, turns, balls with the distance that is kept, strides."""
+    rows = both(monkeypatch, lambda: tried(mixed(np.random.default_rng(4)), ((0.5, -0.2, 1.0), (-1.0, 0.3, 0.2))), 0.1)
+    for device, host in zip(*rows, strict=True):
+        np.testing.assert_allclose(device, host, **CLOSE)
+    assert rows[0][3].max() > 1e-3 and np.isinf(rows[0][2][..., 3]).any()
+
+
+def test_float32_is_rounded_once(monkeypatch):
+    """From two values 1e-15 apart: the same number, but for one that lies so near to the middle of two (1e-8 of them)."""
+    for device, host in zip(*both(monkeypatch, lambda: tried(mixed(np.random.default_rng(5)), real=wp.float32), 0.3),
+                            strict=True):
+        assert (device != host).sum() <= 1
+        np.testing.assert_allclose(device, host, rtol=2e-7, atol=1e-9)
+
+
+def test_few_moving_colliders_are_evaluated_by_the_host():
+    rng = np.random.default_rng(6)
+    for count in (poses.HOST_MOST, poses.HOST_MOST + 1):
+        c = tried([Collider(f"/{k}", Sphere(0.1), motion(rng)) for k in range(count)])
+        c.prepare(0.0)
+        assert len(c.poses.many) == (count if count > poses.HOST_MOST else 0)
+
+
+def test_a_motion_set_live_is_met_from_the_next_frame_on():
+    """Another motion, a still pose, a still collider that moves from now on, and so many stand that the host takes over."""
+    rng = np.random.default_rng(7)
+    count = poses.HOST_MOST + 2
+    scene = Scene(solver="xpbd", gravity=(0.0, 0.0, -9.81), up="Z", fps=24.0, substeps=3)
+    scene.cloth("/cloth", *shapes.sheet(1.0, 1.0, 2, 2, horizontal=True, up="Z"))
+    given = {f"/{k}": motion(rng) for k in range(count)} | {"/still": Motion.at_place((0.2, 0.1, -3.0))}
+    for path, own in given.items():
+        scene.collider(path, Sphere(0.01), motion=own)
+    sim = Simulation(scene, device="cpu", precision="float64")
+    contact = sim.plan.method("contact").contacts
+    changes = [{}, {"/1": motion(rng)}, {"/2": motion(rng).values[3]}, {"/still": motion(rng)}, {},
+               {f"/{k}": np.eye(4) for k in range(3, count)}, {"/3": motion(rng)}]
+    many = []
+    for frame, change in enumerate(changes):
+        for path, value in change.items():
+            sim.set(path, "motion", value)
+            given[path] = value if isinstance(value, Motion) else Motion.still(value)
+        sim.step()
+        many.append(len(contact.poses.many))
+        pose = contact.table.pose.numpy()
+        for j, t in enumerate(frame / 24.0 + np.arange(4) / 72.0):
+            expected = np.array([own.at(t)[:3, 3] for own in given.values()]) - sim.model.bodies[0].origin
+            np.testing.assert_allclose(pose[j, :, :3], expected, **CLOSE)
+    assert many == [count, count, count - 1, count, count, 0, 0]
+
+
+# the broad phase
+
+def crowd(seed: int, count=80) -> Scene:
+    """Two sheets of loose points that fall among moving and still colliders; of some, many are in one place."""
+    rng = np.random.default_rng(seed)
+    scene = Scene(solver="xpbd", gravity=(0.0, 0.0, -9.81), up="Z", fps=60.0, substeps=4, iterations=2)
+    x = np.linspace(-0.5, 0.5, 10)
+    for k in range(2):
+        points = np.stack(np.meshgrid(x + 0.1 * k, x, [0.02 * k]), axis=-1).reshape(-1, 3)
+        scene.net(f"/net{k}", points, np.arange(100).reshape(-1, 2), np.full(50, 1e-3), np.full(100, 1e-3),
+                  velocities=rng.uniform(-1.0, 1.0, (len(points), 3)))
+    mesh = Surface(*shapes.sphere(0.08, 8))
+    sizes = np.stack([shapes.sphere(r, 8)[0] for r in (0.06, 0.1)])
+    swelling = Surface(*shapes.sphere(0.06, 8), Curve(np.array([0.0, 0.1]), sizes))
+    kinds = [Sphere(0.05), Box((0.05, 0.03, 0.04)), Sphere(0.02), mesh]
+    scene.collider("/slope", Plane(), (0.0, 0.0, -0.1))
+    for k in range(count):
+        own = motion(rng, 6, [0.5], 0.6) if k % 3 else Motion.at_place(rng.uniform(-0.6, 0.6, 3))
+        own.values[:, 2, 3] *= 0.1
+        scene.collider(f"/{k}", kinds[k % 4], motion=own)
+    scene.collider("/swelling", swelling, (0.1, 0.0, -0.05))
+    for count, x in ((ROOM + 4, 0.35), (MOST + 8, -0.35)):
+        for k in range(count):
+            scene.collider(f"/heap{count}_{k}", Box((0.15, 0.15, 0.05)), (x, 0.3, -0.05 - 0.0001 * k))
+    scene.collider("/floor", Plane(), motion=motion(rng, 3, [0.02], 0.02))
+    return scene
+
+
+def met(scene: Scene, frames=4, device="cpu", **more):
+    """State and contacts after some frames, and the contacts themselves."""
+    sim = Simulation(scene, device=device, **more)
+    sim.run(frames)
+    c = sim.plan.method("contact").contacts
+    slots = c.slots
+    held = np.arange(slots.capacity)[:, None] < slots.count.numpy()
+    found = [sim.state.x.numpy(), sim.state.v.numpy(), slots.count.numpy(),
+             *(a.numpy().reshape(slots.capacity, c.count, -1)[held] for a in (slots.row, slots.n, slots.b, slots.u))]
+    return found, c
+
+
+@pytest.mark.parametrize("seed, precision", first_and_slow([(0, "float32"), (1, "float32"), (2, "float64"), (3, "float64")]))
+def test_a_broad_phase_changes_no_bit(monkeypatch, seed, precision):
+    plain = {}
+    for many in (contacts.MANY, 10**9):
+        monkeypatch.setattr(contacts, "MANY", many)
+        found, c = met(crowd(seed), precision=precision, worlds=2)
+        assert (c.tree is None) == (many == 10**9)
+        plain[many] = found
+    for tree, each in zip(*plain.values(), strict=True):
+        assert np.array_equal(tree, each)
+    held = found[2]
+    assert c.slots.capacity > MOST and held.max() > ROOM and (held == 0).any()
+
+
+@pytest.mark.slow
+def test_gradients_of_many_colliders_are_those_of_each(monkeypatch):
+    """By where points start and by the motions of colliders, of a recording whose frames are captured. Poses differ by the last
+    bits of float64, and gradients by as much for each of the eight substeps that multiply them."""
+    found = []
+    for most, many in ((0, 1), (1000, 10**9)):
+        monkeypatch.setattr(poses, "HOST_MOST", most)
+        monkeypatch.setattr(contacts, "MANY", many)
+        rng = np.random.default_rng(8)
+        scene = Scene(solver="xpbd", gravity=(0.0, 0.0, -9.81), up="Z", fps=60.0, substeps=4, iterations=2)
+        points = np.stack(np.meshgrid([-0.1, 0.0, 0.1], [-0.1, 0.1], [0.0]), axis=-1).reshape(-1, 3)
+        scene.net("/net", points, [(0, 1), (2, 3), (4, 5)], np.full(3, 10.0), np.full(6, 1e-2))
+        for k in range(12):
+            own = motion(rng, 3, [0.5], 0.02)
+            own.values[:, :3, 3] += (0.1 * (k % 3 - 1), 0.2 * (k % 2) - 0.1, -0.08)
+            scene.collider(f"/{k}", Sphere(0.05 + 0.001 * k), motion=own)
+        run = Run(scene, frames=2)
+        c = run.sim.plan.method("contact").contacts
+        assert (c.tree is None) == (many > 1) and len(c.poses.many) == (12 if most == 0 else 0)
+        found.append([run.gradient.positions("/net"), *(run.gradient.motion(f"/{k}") for k in range(12))])
+    assert sum(np.abs(by).max() > 1e-3 for by in found[0][1:]) > 3
+    for device, host in zip(*found, strict=True):
+        np.testing.assert_allclose(device, host, rtol=1e-11, atol=1e-12)

@@ -1,0 +1,55 @@
+"""Broad phase of the search: Warp's tree over boxes about the bounding balls of colliders, where an object has many.
+
+The tree is built anew in the first substep of a frame and refitted in the others, both on the device and captured: a tree that
+was only refitted is 3 times as slow after 4 frames of 1000 balls that move at 2 m/s, where building costs less than one search.
+All objects share it, each has a node of its own in it, and a point begins there. Planes have no ball and are always tried. A
+point tries the colliders that it would try without, in the same order: results are the same to the bit.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.contact import search as kernels
+from wsim.physics.contact.colliders import Rows
+
+
+class Tree:
+    """Of the rows of a table (`wsim.kernels.contact.project.tables`)."""
+
+    def __init__(self, rows: Rows, table, device, real, module):
+        self.table, self.real = table, real
+        self.boxes, self.roots = kernels.boxes(real, module), kernels.roots(module)
+        objects = np.repeat(np.arange(len(rows.first) - 1), np.diff(rows.first)).astype(np.int32)
+        finite = np.isfinite(rows.radius)[rows.collider]
+        leaf, endless = np.flatnonzero(finite).astype(np.int32), np.flatnonzero(~finite).astype(np.int32)
+
+        def array(values):
+            return wp.array(values, dtype=int, device=device)
+        table.leaf, table.endless = array(leaf), array(endless)
+        table.start = array(np.searchsorted(endless, rows.first).astype(np.int32))
+        table.root = wp.zeros(len(rows.first) - 1, dtype=int, device=device)
+        self.groups = array(objects[leaf])
+        self.low, self.high = (wp.zeros(len(leaf), dtype=wp.vec3f, device=device) for _ in range(2))
+        self.bvh: wp.Bvh | None = None
+
+    def build(self, launch: Callable) -> None:
+        """Before the first frame; not captured."""
+        if self.bvh is None:
+            self._boxes(launch, 0)
+            self.bvh = wp.Bvh(self.low, self.high, groups=self.groups)
+            self.table.tree = self.bvh.id
+
+    def fit(self, launch: Callable, k: int) -> None:
+        """To the balls of substep k; capturable."""
+        assert self.bvh is not None
+        self._boxes(launch, k)
+        if k == 0:
+            self.bvh.rebuild()
+            launch(self.roots, len(self.table.root), [self.table.tree], [self.table.root])
+        else:
+            self.bvh.refit()
+
+    def _boxes(self, launch: Callable, k: int) -> None:
+        launch(self.boxes, len(self.low), [self.table, k], [self.low, self.high])
