@@ -10,8 +10,8 @@ import warp as wp
 
 from tests.gradient.test_gradients import Run
 from wsim.gradient.recording import Recording
-from wsim.kernels.contact.project import project
-from wsim.kernels.contact.project import restitution as kernels
+from wsim.kernels.contact import project
+from wsim.kernels.contact import restitution as kernels
 from wsim.kernels.motion.points import constants
 from wsim.scene import Box, Plane, Scene, SceneError, Sphere, Surface, shapes
 from wsim.scene.check import scene as check
