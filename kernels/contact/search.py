@@ -20,7 +20,7 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.contact import collide
-from wsim.kernels.contact.project import SUNK, slots, tables
+from wsim.kernels.contact.project import SUNK, read, slots, tables
 from wsim.kernels.math.real import types
 
 SUNK_FROM = 0.01       # part of the skin: overlaps under it are rounding and no reason to look deeper
@@ -63,25 +63,25 @@ def frames(real):
 
 @cache
 def search(kinds: tuple[str, ...], real, module):
-    """Kernel over points: contacts of substep k.
+    """Kernel over points: contacts of substep k. Reads x, d, a.
 
     d_out, a_out   written where a point is carried out of an overlap       push_out   of its contacts: zeroed
-    wanted_out     greatest number of contacts of a point that has no room for them, if there is one
     struck_out     (may be None) not 0 where a point is in an overlap"""
     t, name = types(real), f"search_{'_'.join(kinds)}_{types(real).name}"
     Rows, Points = tables(real)
-    Slots, touch, (inside, outside) = slots(real), collide.touch(kinds, real), frames(real)
-    vectors, ints = wp.array(dtype=t.vec3), wp.array(dtype=int)
+    Slots, Read, touch, (inside, outside) = slots(real), read(real), collide.touch(kinds, real), frames(real)
+    vectors = wp.array(dtype=t.vec3)
 
-    def search(c: Rows, points: Points, x: vectors, d: vectors, a: vectors, k: int, s: Slots,
-               d_out: vectors, a_out: vectors, push_out: vectors, struck_out: wp.array(dtype=real), wanted_out: ints):
+    def search(c: Rows, points: Points, at: Read, s: Slots, d_out: vectors, a_out: vectors, push_out: vectors,
+               struck_out: wp.array(dtype=real)):
         i = wp.tid()
+        k = at.k
         count, mark, carried = int(0), int(0), t.vec3()
         deep = c.deep[0] | (s.mark[i] & SUNK)
         if points.w[i] > real(0.0):
             o = points.object[i]
-            x0 = x[i]
-            d0 = d[i]
+            x0 = at.x[i]
+            d0 = at.d[i]
             bound = real(2.0) * wp.length(d0) + points.reach[i] + c.skin
             for row in range(c.first[o], c.first[o + 1]):
                 if not reachable(c.ball[k, row], x0, bound):
@@ -109,12 +109,12 @@ def search(kinds: tuple[str, ...], real, module):
                     carried += out * n
                     count += 1
         if count > s.capacity:
-            wp.atomic_max(wanted_out, 0, count)
+            wp.atomic_max(s.wanted, 0, count)
         s.count[i] = wp.min(count, s.capacity)
         s.mark[i] = mark
         if wp.dot(carried, carried) > real(0.0):
-            d_out[i] = d[i] + carried
-            a_out[i] = a[i] + carried
+            d_out[i] = at.d[i] + carried
+            a_out[i] = at.a[i] + carried
         if struck_out:
             struck_out[i] = real(mark & SUNK)
 
