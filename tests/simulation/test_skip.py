@@ -63,7 +63,7 @@ SCENE = room("scene", "scene bodies solid curve fabric") | room("geometry", "tri
     "scene.check", "scene objects mesh")
 LOADER = room("geometry", "primitives")       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt measure.indicators measure.exceeded")
-       | room("model", "stage state status model midnodes separate kernel_cache") | room("scene", "masses integrator")
+       | room("model", "stage state status model midnodes separate kernel_cache structs") | room("scene", "masses integrator")
        | room("scene.check", "counts") | room("geometry", "sheet_ordering ordering color color_chains")
        | room("physics.motion", "points overstretch stability") | room("physics.cloth", "constraints")
        | room("kernels", "math.real motion.points cloth.spring"))
