@@ -25,6 +25,7 @@ def air(real):
 
     @wp.struct
     class Air:
+        object: wp.array(dtype=int)          # of each point, (points,)
         wind: wp.array(dtype=t.vec3)         # [m/s], (objects,)
         drag: wp.array(dtype=t.scalar)       # rho cd / 6 [kg/m^3], (objects,)
         lift: wp.array(dtype=t.scalar)       # rho cl / 6 [kg/m^3], (objects,)
@@ -38,12 +39,11 @@ def press(real, module):
     t, Air = types(real), air(real)
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
-    def press(triangle: wp.array(dtype=wp.vec3i), object: wp.array(dtype=int), air: Air,
-              x: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), g: real,
-              force_out: wp.array(dtype=t.vec3), k_out: wp.array(dtype=t.scalar)):
+    def press(triangle: wp.array(dtype=wp.vec3i), air: Air, x: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3),
+              d: wp.array(dtype=t.vec3), g: real, force_out: wp.array(dtype=t.vec3), k_out: wp.array(dtype=t.scalar)):
         c = wp.tid()
         p = triangle[c]
-        o = object[p[0]]
+        o = air.object[p[0]]
         x0 = x[p[0]]
         area2 = wp.cross(x[p[1]] - x0, x[p[2]] - x0)          # 2 A n
         moved = (d[p[0]] - a[p[0]]) + (d[p[1]] - a[p[1]]) + (d[p[2]] - a[p[2]])

@@ -134,12 +134,13 @@ def formulas(real) -> SimpleNamespace:
 @cache
 def turn(real, module):
     """Kernel over points, after a Newton step: what pushes is met, what sticks stops, and so does what has turned back or what
-    dynamic friction stops. Friction of what slides is for the next step: where it slides is where Newton's step has put it."""
-    t, slid = types(real), formulas(real).slid
-    (Rows, Points), Slots, vec3, ints = tables(real), slots(real), wp.array(dtype=t.vec3), wp.array(dtype=int)
+    dynamic friction stops. Friction of what slides is for the next step: where it slides is where Newton's step has put it.
+    Writes d, and push and bears of `out`."""
+    t, slid, at = types(real), formulas(real).slid, structs(real)
+    (Rows, Points), Slots, vec3 = tables(real), slots(real), wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def turn(c: Rows, points: Points, s: Slots, a: vec3, g: real, first: int, d_out: vec3, push_out: vec3, state_out: ints):
+    def turn(c: Rows, points: Points, s: Slots, a: vec3, g: real, first: int, d_out: vec3, out: at.Pushed):
         i = wp.tid()
         count = s.count[i]
         if count == 0:
@@ -149,7 +150,7 @@ def turn(real, module):
         for slot in range(count):
             j = slot * s.points + i
             n = s.n[j]
-            P = push_out[j]
+            P = out.push[j]
             lam = wp.dot(P, n)
             T = P - lam * n
             pressed = wp.max(lam - (s.b[j] + wp.dot(n, d)), real(0.0))
@@ -160,7 +161,7 @@ def turn(real, module):
                 mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
                 way, rate = slid(n, d, a[i] + g * s.u[j])
                 turned = wp.dot(way, T) > real(0.0) or wp.length(T - way) <= mu[1 - first] * pressed
-                if (state_out[j] != wp.static(STICKS) and not turned) or mu[0] == real(0.0):
+                if (out.bears[j] != wp.static(STICKS) and not turned) or mu[0] == real(0.0):
                     stop = -(mu[1] * pressed * rate) * way
                     state = wp.static(SLIDES)
                 else:
@@ -168,8 +169,8 @@ def turn(real, module):
                     d -= way
                     state = wp.static(STICKS)
                 touched = wp.static(TOUCHED)
-            push_out[j] = pressed * n + stop
-            state_out[j] = state
+            out.push[j] = pressed * n + stop
+            out.bears[j] = state
         d_out[i] = d
         s.mark[i] = (s.mark[i] & wp.static(SUNK)) | touched
 

@@ -93,6 +93,7 @@ def slots(real):
         points: int
         capacity: int                             # slots of a point
         count: wp.array(dtype=int)                # contacts of each point, (points,)
+        wanted: wp.array(dtype=int)               # most contacts of a point that has no room for them, if there is one, (1,)
         mark: wp.array(dtype=int)                 # bits TOUCHED, SUNK, (points,)
         row: wp.array(dtype=int)                  # (slots,)
         n: wp.array(dtype=t.vec3)                 # (slots,)
@@ -100,6 +101,24 @@ def slots(real):
         u: wp.array(dtype=t.vec3)                 # [m/s]
 
     return Slots
+
+
+@cache
+def read(real):
+    """Struct of what a launch reads of points and of slots; arrays that a kernel does not read stay empty."""
+    t = types(real)
+
+    @wp.struct
+    class Read:
+        x: wp.array(dtype=t.vec3)                 # position at the start of the substep [m], (points,)
+        v: wp.array(dtype=t.vec3)                 # velocity before it [m/s]
+        e: wp.array(dtype=t.vec3)
+        d: wp.array(dtype=t.vec3)
+        a: wp.array(dtype=t.vec3)
+        push: wp.array(dtype=t.vec3)              # P of each slot
+        k: int                                    # substep
+
+    return Read
 
 
 @cache
@@ -159,27 +178,26 @@ def softness(real):
 
 @cache
 def project(real, module):
-    """Kernel over points: one iteration of all contacts of a point, in order."""
+    """Kernel over points: one iteration of all contacts of a point, in order. Reads d, a, push."""
     t = types(real)
     Rows, Points = tables(real)
-    Slots, meet, soften = slots(real), meeting(real), softness(real)
+    Slots, Read, meet, soften = slots(real), read(real), meeting(real), softness(real)
 
-    def project(c: Rows, points: Points, s: Slots, d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3),
-                push: wp.array(dtype=t.vec3), g: real,
+    def project(c: Rows, points: Points, s: Slots, at: Read, g: real,
                 d_out: wp.array(dtype=t.vec3), push_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         count = s.count[i]
         if count == 0:
             return
-        d1 = d[i]
-        anchor = a[i]
+        d1 = at.d[i]
+        anchor = at.a[i]
         soft = soften(c, g)
         touched = int(0)
         for slot in range(count):
             j = slot * s.points + i
             n = s.n[j]
             mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
-            d1, P, pressed = meet(n, s.b[j], anchor, g * s.u[j], push[j], d1, mu, soft)
+            d1, P, pressed = meet(n, s.b[j], anchor, g * s.u[j], at.push[j], d1, mu, soft)
             if pressed > real(0.0):
                 touched = TOUCHED
             push_out[j] = P
@@ -195,9 +213,10 @@ def settle(real, module):
 
     A multistep formula takes the velocity before an impact for a part of the one after it and bounces. So along the
     normal of a contact that pushes, velocity is the step over h, n.(d - e) / h, by a new anchor, and the velocity
-    before this one is the same; motion across the normal keeps its order. Two and more normals: all components."""
+    before this one is the same; motion across the normal keeps its order. Two and more normals: all components.
+    Reads v, e, d, a, push."""
     t = types(real)
-    (Rows, _), Slots, vectors = tables(real), slots(real), wp.array(dtype=t.vec3)
+    (Rows, _), Slots, Read, vectors = tables(real), slots(real), read(real), wp.array(dtype=t.vec3)
 
     @wp.func
     def pushing(c: Rows, s: Slots, push: vectors, i: int, d: t.vec3):
@@ -212,17 +231,16 @@ def settle(real, module):
                 count += 1
         return last, count
 
-    def settle(c: Rows, s: Slots, push: vectors, e: vectors, d: vectors, a: vectors, v: vectors, g: real,
-               a_out: vectors, v_out: vectors):
+    def settle(c: Rows, s: Slots, at: Read, g: real, a_out: vectors, v_out: vectors):
         i = wp.tid()
-        j, count = pushing(c, s, push, i, d[i])
+        j, count = pushing(c, s, at.push, i, at.d[i])
         if count == 0:
             return
         n = s.n[j]
-        a0 = a[i]
-        v0 = v[i]
-        d1 = d[i]
-        w = (d1 - e[i]) / c.h
+        a0 = at.a[i]
+        v0 = at.v[i]
+        d1 = at.d[i]
+        w = (d1 - at.e[i]) / c.h
         da = d1 - a0 - g * w
         dv = w - v0
         if count < 2:

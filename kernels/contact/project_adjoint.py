@@ -11,7 +11,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.project import meeting, slots, softness, tables
+from wsim.kernels.contact.project import meeting, read, slots, softness, tables
 from wsim.kernels.math.real import types
 
 
@@ -44,21 +44,6 @@ def grads(real):
 def ways(real):
     """Matrix: rows shift and turn at the begin of a frame, shift and turn at its end."""
     return wp.types.matrix((4, 3), real)
-
-
-@cache
-def read(real):
-    """Struct of the arrays that a launch has read."""
-    t = types(real)
-
-    @wp.struct
-    class Read:
-        x: wp.array(dtype=t.vec3)
-        d: wp.array(dtype=t.vec3)
-        a: wp.array(dtype=t.vec3)
-        push: wp.array(dtype=t.vec3)
-
-    return Read
 
 
 @cache

@@ -36,7 +36,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.contact.project import SUNK, slots
+from wsim.kernels.contact.project import SUNK, read, slots
 from wsim.kernels.math.real import differentiable, types
 from wsim.kernels.motion.points import constants
 
@@ -121,25 +121,25 @@ def _formula(real):
 @cache
 def bounce_free(real, module):
     """Kernel over points, for explicit integrators: pair holds what they have predicted, displacements (copy `source`) and
-    velocities (2 + source); e is what both started from. normal_out: n of the impact, or 0."""
-    t = types(real)
+    velocities (2 + source); e is what both started from. Reads e, d, a, push. normal_out: n of the impact, or 0."""
+    t, Read = types(real), read(real)
     Bounces, Slots, (struck, thrown), vectors = bounces(real), slots(real), _formula(real), wp.array(dtype=t.vec3)
 
-    def bounce_free(c: Bounces, s: Slots, push: vectors, d: vectors, a: vectors, e: vectors, pair: vectors,
+    def bounce_free(c: Bounces, s: Slots, at: Read, pair: vectors,
                     d_out: vectors, a_out: vectors, push_out: vectors, normal_out: vectors):
         i = wp.tid()
-        d0 = d[i]
-        a0 = a[i]
-        D = pair[c.source * s.points + i] - e[i]
+        d0 = at.d[i]
+        a0 = at.a[i]
+        D = pair[c.source * s.points + i] - at.e[i]
         V1 = pair[(2 + c.source) * s.points + i]
         A = (c.bend / (c.h * c.h)) * (c.h * V1 - D)
         V0 = V1 - c.h * A
-        slot = struck(c, s, push, i, V0)
+        slot = struck(c, s, at.push, i, V0)
         normal = t.vec3()
         if slot >= 0:
             j = slot * s.points + i
             n = s.n[j]
-            P = push[j]
+            P = at.push[j]
             V = V1 + ((d0 - a0) - D) / c.h
             p, q = thrown(c, s, i, j, a0, V0, A, V)
             if p > real(0.0):
@@ -154,27 +154,27 @@ def bounce_free(real, module):
 
 @cache
 def bounce_held(real, module):
-    """Kernel over points, for implicit integrators: v is the velocity before, start the displacement that the substep started
-    from. thrown_out (may be None): whether it was."""
-    t = types(real)
+    """Kernel over points, for implicit integrators: v is the velocity before, e the displacement that the substep started from.
+    Reads v, e, d, a, push. thrown_out (may be None): whether it was."""
+    t, Read = types(real), read(real)
     Bounces, Slots, (struck, thrown), vectors = bounces(real), slots(real), _formula(real), wp.array(dtype=t.vec3)
     Constants = constants(real)
 
-    def bounce_held(c: Bounces, constants: Constants, s: Slots, push: vectors, d: vectors, a: vectors, start: vectors,
-                    v: vectors, d_out: vectors, a_out: vectors, push_out: vectors, thrown_out: wp.array(dtype=real)):
+    def bounce_held(c: Bounces, constants: Constants, s: Slots, at: Read,
+                    d_out: vectors, a_out: vectors, push_out: vectors, thrown_out: wp.array(dtype=real)):
         i = wp.tid()
-        d0 = d[i]
-        a0 = a[i]
-        V0 = v[i]
-        slot = struck(c, s, push, i, V0)
+        d0 = at.d[i]
+        a0 = at.a[i]
+        V0 = at.v[i]
+        slot = struck(c, s, at.push, i, V0)
         thrown_now = real(0.0)
         if slot >= 0:
             j = slot * s.points + i
             n = s.n[j]
-            P = push[j]
+            P = at.push[j]
             o = constants.object[i]
             A = constants.gravity[o] - constants.decay[o] * V0
-            p, q = thrown(c, s, i, j, start[i], V0, A, (d0 - a0) / c.g)
+            p, q = thrown(c, s, i, j, at.e[i], V0, A, (d0 - a0) / c.g)
             if p > real(0.0):
                 d_out[i] = d0 + p * n
                 a_out[i] = a0 + (p - c.g * q) * n

@@ -21,7 +21,7 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.contact import collide
-from wsim.kernels.contact.project import SUNK, slots, tables
+from wsim.kernels.contact.project import SUNK, read, slots, tables
 from wsim.kernels.math.real import types
 
 SUNK_FROM = 0.01       # part of the skin: overlaps under it are rounding and no reason to look deeper
@@ -173,15 +173,14 @@ def against(kinds: tuple[str, ...], real):
 
 @cache
 def search(kinds: tuple[str, ...], real, module, broad: bool = False):
-    """Kernel over points: contacts of substep k. broad: colliders are found by the tree of the table.
+    """Kernel over points: contacts of substep k. Reads x, d, a. broad: colliders are found by the tree of the table.
 
     d_out, a_out   written where a point is carried out of an overlap       push_out   of its contacts: zeroed
-    wanted_out     greatest number of contacts of a point that has no room for them, if there is one
     struck_out     (may be None) not 0 where a point is in an overlap"""
     t, name = types(real), f"search_{'_'.join(kinds)}_{types(real).name}{'_tree' * broad}"
     Rows, Points = tables(real)
-    Slots, meet, near = slots(real), against(kinds, real), ahead(real) if broad else None
-    vectors, ints = wp.array(dtype=t.vec3), wp.array(dtype=int)
+    Slots, Read, meet, near = slots(real), read(real), against(kinds, real), ahead(real) if broad else None
+    vectors = wp.array(dtype=t.vec3)
 
     @wp.func
     def keep(s: Slots, j: int, row: int, n: t.vec3, b: real, u: t.vec3, push_out: vectors):
@@ -191,15 +190,16 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False):
         s.u[j] = u
         push_out[j] = t.vec3()
 
-    def search(c: Rows, points: Points, x: vectors, d: vectors, a: vectors, k: int, s: Slots,
-               d_out: vectors, a_out: vectors, push_out: vectors, struck_out: wp.array(dtype=real), wanted_out: ints):
+    def search(c: Rows, points: Points, at: Read, s: Slots, d_out: vectors, a_out: vectors, push_out: vectors,
+               struck_out: wp.array(dtype=real)):
         i = wp.tid()
+        k = at.k
         count, mark, carried = int(0), int(0), t.vec3()
         deep = c.deep[0] | (s.mark[i] & SUNK)
         if points.w[i] > real(0.0):
             o = points.object[i]
-            x0 = x[i]
-            d0 = d[i]
+            x0 = at.x[i]
+            d0 = at.d[i]
             bound = real(2.0) * wp.length(d0) + points.reach[i] + c.skin
             first = int(c.first[o])
             end = c.first[o + 1]
@@ -227,12 +227,12 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False):
                         count += 1
                 first = behind
         if count > s.capacity:
-            wp.atomic_max(wanted_out, 0, count)
+            wp.atomic_max(s.wanted, 0, count)
         s.count[i] = wp.min(count, s.capacity)
         s.mark[i] = mark
         if wp.dot(carried, carried) > real(0.0):
-            d_out[i] = d[i] + carried
-            a_out[i] = a[i] + carried
+            d_out[i] = at.d[i] + carried
+            a_out[i] = at.a[i] + carried
         if struck_out:
             struck_out[i] = real(mark & SUNK)
 

@@ -17,6 +17,7 @@ import warp as wp
 
 from wsim.kernels.cloth.spring import acceleration, net
 from wsim.kernels.math.real import differentiable, types
+from wsim.kernels.motion.points import states
 
 
 @cache
@@ -40,26 +41,41 @@ def steps(real):
 
 
 @cache
+def phases(real):
+    """Struct of positions and velocities, as a launch reads them."""
+    vec3 = types(real).vec3
+
+    @wp.struct
+    class Phase:
+        x: wp.array(dtype=vec3)      # (n,)
+        d: wp.array(dtype=vec3)      # two copies of d, two of v~, (4 n,)
+        v: wp.array(dtype=vec3)      # (n,)
+        carry: wp.array(dtype=vec3)  # remainders of v and of d, (2 n,)
+        own: wp.array(dtype=vec3)    # of `stage`: displacement where the substep began, h sum b v, h sum b a so far, (3 n,)
+
+    return Phase
+
+
+@cache
 def _leap(real, flags: tuple, field=None):
     """Function: kick and drift of the point of a thread."""
     t, lanes = types(real), dict(flags).get("lanes", 1)
-    vec3, Net, Step = t.vec3, net(real), steps(real)
+    vec3, Net, Phase, Step = t.vec3, net(real), phases(real), steps(real)
     force = acceleration(real, **dict(flags), field=field)
 
     @wp.func
-    def leap(thread: int, net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3),
-             v: wp.array(dtype=vec3), carry: wp.array(dtype=vec3), step: Step,
+    def leap(thread: int, net: Net, f: wp.array(dtype=vec3), at: Phase, step: Step,
              d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3)):
         i = thread // lanes
         lane = thread % lanes
-        n = x.shape[0]
+        n = at.x.shape[0]
         into = 1 - step.source
-        d0 = d[step.source * n + i]
-        v0 = v[i]
+        d0 = at.d[step.source * n + i]
+        v0 = at.v[i]
         w = net.w[i]
-        rest = carry[i]
-        slip = carry[n + i]
-        a = force(net, f, x, d, i, lane, step.source)         # of pinned points too: nothing waits for w
+        rest = at.carry[i]
+        slip = at.carry[n + i]
+        a = force(net, f, at.x, at.d, i, lane, step.source)         # of pinned points too: nothing waits for w
         if lane > 0:
             return
         if w > real(0.0):
@@ -75,7 +91,7 @@ def _leap(real, flags: tuple, field=None):
         else:
             d1 = d0
             if step.drift > real(0.0) and net.pin[i] >= 0:
-                d1 = net.target[step.row, net.pin[i]] - x[i]
+                d1 = net.target[step.row, net.pin[i]] - at.x[i]
             v1 = (d1 - d0) / step.h
             d_out[into * n + i] = d1
             d_out[(2 + into) * n + i] = v1
@@ -90,14 +106,13 @@ def _leap(real, flags: tuple, field=None):
 def leap(real, module, flags: tuple, field=None):
     """Kernel over the lanes of the points: a kick, then a drift; from copy `source` of d to the other. flags: items of what
     `acceleration` takes."""
-    t, one = types(real), _leap(real, flags, field)
-    vec3, Net, Step = t.vec3, net(real), steps(real)
+    vec3, one = types(real).vec3, _leap(real, flags, field)
+    Net, Phase, Step = net(real), phases(real), steps(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def leap(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), v: wp.array(dtype=vec3),
-             carry: wp.array(dtype=vec3), step: Step,
+    def leap(net: Net, f: wp.array(dtype=vec3), at: Phase, step: Step,
              d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3)):
-        one(wp.tid(), net, f, x, d, v, carry, step, d_out, v_out, carry_out)
+        one(wp.tid(), net, f, at, step, d_out, v_out, carry_out)
 
     return leap
 
@@ -140,40 +155,38 @@ def _pinned(real):
 
 @cache
 def stage(real, module, flags: tuple, field=None):
-    """Kernel over the lanes of the points: one stage of a Runge-Kutta step. own: three rows of n: displacement at the start
-    of the substep, and the sums h sum b v and h sum b a so far."""
-    t, Net, Part, lanes = types(real), net(real), parts(real), dict(flags).get("lanes", 1)
+    """Kernel over the lanes of the points: one stage of a Runge-Kutta step."""
+    t, Net, Phase, Part, lanes = types(real), net(real), phases(real), parts(real), dict(flags).get("lanes", 1)
     vec3, force, pinned = t.vec3, acceleration(real, **dict(flags), field=field), _pinned(real)
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
-    def stage(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), v: wp.array(dtype=vec3),
-              carry: wp.array(dtype=vec3), own: wp.array(dtype=vec3), part: Part,
+    def stage(net: Net, f: wp.array(dtype=vec3), at: Phase, part: Part,
               d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3),
               own_out: wp.array(dtype=vec3)):
         i = wp.tid() // lanes
         lane = wp.tid() % lanes
-        n = x.shape[0]
+        n = at.x.shape[0]
         into = 1 - part.source
         free = net.w[i] > real(0.0)
-        base = own[i]
-        V = d[(2 + part.source) * n + i]
-        v1 = v[i]
+        base = at.own[i]
+        V = at.d[(2 + part.source) * n + i]
+        v1 = at.v[i]
         a = vec3()
         if free:
-            a = force(net, f, x, d, i, lane, part.source)
+            a = force(net, f, at.x, at.d, i, lane, part.source)
         d1 = base + part.c * V
         Q = v1 + part.c * a
-        moved = own[n + i] + part.b * V
-        gained = own[2 * n + i] + part.b * a
+        moved = at.own[n + i] + part.b * V
+        gained = at.own[2 * n + i] + part.b * a
         if not free:
-            d1, Q = pinned(i, net, x, base, part)
+            d1, Q = pinned(i, net, at.x, base, part)
         if lane == 0:
             if part.last != 0:
                 if free:
-                    y = gained + carry[i]
+                    y = gained + at.carry[i]
                     Q = v1 + y
                     carry_out[i] = y - (Q - v1)
-                    z = moved + carry[n + i]
+                    z = moved + at.carry[n + i]
                     d1 = base + z
                     carry_out[n + i] = z - (d1 - base)
                 own_out[i] = d1
@@ -237,25 +250,26 @@ def correct(real, module):
 
         v' = v + ((d - a) - (d~ - e)) / h,  x' = x + d;   copy `source` of the pair holds d~ and then the remainder
     """
-    vec3 = types(real).vec3
+    vec3, PointState, Step = types(real).vec3, states(real), steps(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def correct(d: wp.array(dtype=vec3), a: wp.array(dtype=vec3), e: wp.array(dtype=vec3), pair: wp.array(dtype=vec3),
-                x: wp.array(dtype=vec3), v: wp.array(dtype=vec3), h: real, source: int,
+    def correct(at: PointState, pair: wp.array(dtype=vec3), step: Step,
                 x_out: wp.array(dtype=vec3), e_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3),
                 pair_out: wp.array(dtype=vec3), change_out: wp.array(dtype=vec3)):
         i = wp.tid()
-        n = x.shape[0]
-        step = d[i]
-        change = ((step - a[i]) - (pair[source * n + i] - e[i])) / h
-        x0 = x[i]
-        x1 = x0 + step
-        rest = step - (x1 - x0)
+        n = at.x.shape[0]
+        own = step.source * n + i
+        rate = (2 + step.source) * n + i
+        moved = at.d[i]
+        change = ((moved - at.a[i]) - (pair[own] - at.e[i])) / step.h
+        x0 = at.x[i]
+        x1 = x0 + moved
+        rest = moved - (x1 - x0)
         x_out[i] = x1
         e_out[i] = rest
-        v_out[i] = v[i] + change
-        pair_out[source * n + i] = rest
-        pair_out[(2 + source) * n + i] = pair[(2 + source) * n + i] + change
+        v_out[i] = at.v[i] + change
+        pair_out[own] = rest
+        pair_out[rate] = pair[rate] + change
         change_out[i] = change
 
     return correct

@@ -41,6 +41,25 @@ def constants(real):
 
 
 @cache
+def states(real):
+    """Struct of the state of the points, as a launch reads it; arrays that a kernel does not read stay empty."""
+    t = types(real)
+
+    @wp.struct
+    class PointState:
+        x: wp.array(dtype=t.vec3)            # symbols as above, (points,)
+        e: wp.array(dtype=t.vec3)
+        v: wp.array(dtype=t.vec3)
+        d: wp.array(dtype=t.vec3)
+        a: wp.array(dtype=t.vec3)
+        s: wp.array(dtype=t.vec3)
+        u: wp.array(dtype=t.vec3)
+        struck: wp.array(dtype=real)         # 1: has left an overlap, and forgets s and u; empty: none does
+
+    return PointState
+
+
+@cache
 def predict_euler(real, module):
     """Kernel: anchor and unconstrained displacement of backward Euler."""
     t, Constants = types(real), constants(real)
@@ -123,26 +142,26 @@ def finish_beyond(real, module):
 
 @cache
 def finish_bdf2(real, module):
-    """Kernel: as finish_euler, and the history. A point that leaves an overlap (struck = 1) forgets its history and goes
-    on as if it had always moved with its new velocity; at other contacts the `settle` kernel of contact.py has already
-    made the normal part of a step one of backward Euler, since a multistep formula across an impact bounces."""
-    t = types(real)
+    """Kernel: as finish_euler, and the history; reads x, e, v, d, a, struck. A point that leaves an overlap (struck = 1)
+    forgets its history and goes on as if it had always moved with its new velocity; at other contacts the `settle` kernel of
+    kernels/contact/project.py has already made the normal part of a step one of backward Euler, since a multistep formula
+    across an impact bounces."""
+    t, PointState = types(real), states(real)
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
-    def finish_bdf2(a: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
-                    e: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), struck: wp.array(dtype=real), h: real, g: real,
+    def finish_bdf2(at: PointState, h: real, g: real,
                     x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3),
                     s_out: wp.array(dtype=t.vec3), u_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
-        x0 = x[i]
-        step = d[i]
-        e0 = e[i]
-        v0 = v[i]
-        v1 = (step - a[i]) / g
+        x0 = at.x[i]
+        step = at.d[i]
+        e0 = at.e[i]
+        v0 = at.v[i]
+        v1 = (step - at.a[i]) / g
         x1 = x0 + step
         s1 = step - e0
-        if struck:
-            if struck[i] != real(0.0):
+        if at.struck:
+            if at.struck[i] != real(0.0):
                 s1 = h * v1
                 v0 = v1
         x_out[i] = x1
@@ -181,29 +200,30 @@ def soft_pins(real):
         alpha: wp.array(dtype=t.scalar)      # compliance [m/N], (pins,)
         damping: wp.array(dtype=t.scalar)    # [N s/m], (pins,)
         w: wp.array(dtype=t.scalar)          # inverse mass [1/kg], (points,)
+        first: wp.array(dtype=int)           # pins of the j-th pinned point: item[first[j]] .. item[first[j + 1]]; empty
+        item: wp.array(dtype=int)            # where each pin is for itself
 
     return SoftPins
 
 
 @cache
 def hold_pins(real, module):
-    """Kernel: a soft pin, C = x + d - target (three rows), as a spring with damping (XPBD, eq. 18 and 26)."""
-    t, SoftPins = types(real), soft_pins(real)
+    """Kernel: a soft pin, C = x + d - target (three rows), as a spring with damping (XPBD, eq. 18 and 26); reads x, d, a."""
+    t, SoftPins, PointState = types(real), soft_pins(real), states(real)
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
-    def hold_pins(pins: SoftPins, target: wp.array2d(dtype=t.vec3), x: wp.array(dtype=t.vec3),
-                  a: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), lam: wp.array(dtype=t.vec3), k: int, g: real,
-                  d_out: wp.array(dtype=t.vec3), lam_out: wp.array(dtype=t.vec3)):
+    def hold_pins(pins: SoftPins, target: wp.array2d(dtype=t.vec3), at: PointState, lam: wp.array(dtype=t.vec3), k: int,
+                  g: real, d_out: wp.array(dtype=t.vec3), lam_out: wp.array(dtype=t.vec3)):
         p = wp.tid()
         i = pins.point[p]
-        d0 = d[i]
+        d0 = at.d[i]
         l0 = lam[p]
         c = pins.alpha[p] / (g * g)
         gamma = c * pins.damping[p] * g
         wi = pins.w[i]
         K = (real(1.0) + gamma) * wi + c
         if K > real(0.0):
-            dlam = -((x[i] - target[k, p]) + d0 + c * l0 + gamma * (d0 - a[i])) / K
+            dlam = -((at.x[i] - target[k, p]) + d0 + c * l0 + gamma * (d0 - at.a[i])) / K
             lam_out[p] = l0 + dlam
             d_out[i] = d0 + wi * dlam
 

@@ -16,25 +16,24 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import differentiable, types
+from wsim.kernels.motion.points import states
 
 C = (3.0 + 3.0**0.5) / 6.0
 
 
 @cache
 def finish_stage(real, module):
-    """Kernel: from stage 1 to where stage 2 begins; s, u of it."""
-    t, on = types(real), real((1.0 - 2.0 * C) / C)
+    """Kernel: from stage 1 to where stage 2 begins; s, u of it. Reads x, e, v, d."""
+    t, PointState, on = types(real), states(real), real((1.0 - 2.0 * C) / C)
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
-    def finish_stage(e: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
-                     v: wp.array(dtype=t.vec3), g: real, x_out: wp.array(dtype=t.vec3),
-                     e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3), s_out: wp.array(dtype=t.vec3),
-                     u_out: wp.array(dtype=t.vec3)):
+    def finish_stage(at: PointState, g: real, x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3),
+                     v_out: wp.array(dtype=t.vec3), s_out: wp.array(dtype=t.vec3), u_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
-        x0 = x[i]
-        e0 = e[i]
-        v0 = v[i]
-        own = d[i] - e0
+        x0 = at.x[i]
+        e0 = at.e[i]
+        v0 = at.v[i]
+        own = at.d[i] - e0
         gained = own / g - v0
         step = e0 + on * own
         v_out[i] = v0 + on * gained
@@ -49,21 +48,19 @@ def finish_stage(real, module):
 
 @cache
 def finish_step(real, module):
-    """Kernel: from stage 2 to the end of the step; s, u of all of it."""
-    t, half, before = types(real), real(0.5 / C), real((4.0 * C - 1.0) / (2.0 * C))
+    """Kernel: from stage 2 to the end of the step; s, u of all of it. Reads x, e, v, d, s, u."""
+    t, PointState, half, before = types(real), states(real), real(0.5 / C), real((4.0 * C - 1.0) / (2.0 * C))
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
-    def finish_step(e: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
-                    v: wp.array(dtype=t.vec3), s: wp.array(dtype=t.vec3), u: wp.array(dtype=t.vec3), g: real,
-                    x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3),
-                    s_out: wp.array(dtype=t.vec3), u_out: wp.array(dtype=t.vec3)):
+    def finish_step(at: PointState, g: real, x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3),
+                    v_out: wp.array(dtype=t.vec3), s_out: wp.array(dtype=t.vec3), u_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
-        x0 = x[i]
-        e0 = e[i]
-        v0 = v[i]
-        s0 = s[i]
-        u0 = u[i]
-        own = d[i] - e0
+        x0 = at.x[i]
+        e0 = at.e[i]
+        v0 = at.v[i]
+        s0 = at.s[i]
+        u0 = at.u[i]
+        own = at.d[i] - e0
         gained = own / g - v0
         step = e0 + (half * own + before * s0)
         v_out[i] = v0 + (half * gained + before * u0)
@@ -79,18 +76,17 @@ def finish_step(real, module):
 @cache
 def place_pins(real, module):
     """Kernel: at the end of a step of H [s], which went s far, a hard-pinned point is where its frame is, row of
-    target [m], and has its mean velocity."""
-    t = types(real)
+    target [m], and has its mean velocity. Reads x, e, s."""
+    t, PointState = types(real), states(real)
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
-    def place_pins(point: wp.array(dtype=int), target: wp.array2d(dtype=t.vec3), x: wp.array(dtype=t.vec3),
-                   e: wp.array(dtype=t.vec3), s: wp.array(dtype=t.vec3), row: int, H: real, x_out: wp.array(dtype=t.vec3),
-                   e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3)):
+    def place_pins(point: wp.array(dtype=int), target: wp.array2d(dtype=t.vec3), at: PointState, row: int, H: real,
+                   x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3)):
         p = wp.tid()
         i = point[p]
-        x0 = x[i]
+        x0 = at.x[i]
         missing = target[row, p] - x0
-        v_out[i] = ((missing - e[i]) + s[i]) / H
+        v_out[i] = ((missing - at.e[i]) + at.s[i]) / H
         x1 = x0 + missing
         x_out[i] = x1
         e_out[i] = missing - (x1 - x0)

@@ -33,6 +33,7 @@ from wsim.kernels.cloth.constraint import inverse
 from wsim.kernels.cloth.hessian import WHOLE, elements_of
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
+from wsim.kernels.motion.points import states
 
 UNIT = {wp.float32: 6e-8, wp.float64: 1.1e-16}       # rounding of a number near 1
 ASIDE = 6e-8           # unit of float32; its square shows in sums of float64: with less a step aside would seem to gain nothing
@@ -47,6 +48,7 @@ def structs(real) -> SimpleNamespace:
 
     @wp.struct
     class Rows:
+        first: wp.array(dtype=int)           # points of a system: first[b] .. first[b + 1], (systems + 1,)
         w: wp.array(dtype=t.scalar)          # inverse mass [1/kg]; 0: the point keeps its d, (points,)
         spring: wp.array(dtype=int)          # entries of a point's springs: spring[i] .. spring[i + 1]
         other: wp.array(dtype=int)           # the point at the other end, (entries,)
@@ -155,24 +157,25 @@ def gathered(rows: Any, el: Any, e: int):
 
 @cache
 def assemble(real, module, springs: bool, elements: bool):
-    """Kernel over points: force f [N] (minus the gradient of Phi), and the row of the Jacobian. Pinned points: zero."""
+    """Kernel over points: force f [N] (minus the gradient of Phi), and the row of the Jacobian. Pinned points: zero. Reads
+    x, d, a of the points."""
     t, s, Batch, Elements = types(real), structs(real), batch_of("distance", real), elements_of(real)
+    PointState = states(real)
 
-    def assemble(rows: s.Rows, batch: Batch, el: Elements, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3),
-                 a: wp.array(dtype=t.vec3), b: wp.array(dtype=t.vec3), rate: real, f_out: wp.array(dtype=t.vec3),
-                 A_out: s.Matrix):
+    def assemble(rows: s.Rows, batch: Batch, el: Elements, at: PointState, b: wp.array(dtype=t.vec3), rate: real,
+                 f_out: wp.array(dtype=t.vec3), A_out: s.Matrix):
         i = wp.tid()
         f = t.vec3()
         P = t.mat33()
         if rows.w[i] > real(0.0):
             own = A_out.own[i]
-            f = -own * (d[i] - b[i])
+            f = -own * (at.d[i] - b[i])
             D = own * wp.identity(n=3, dtype=real)
             if wp.static(springs):
                 bent = t.vec2()
                 H = t.mat33()
                 for e in range(rows.spring[i], rows.spring[i + 1]):
-                    pulled, link, across = pull(rows, batch, x, d, a, i, e, rate)
+                    pulled, link, across = pull(rows, batch, at.x, at.d, at.a, i, e, rate)
                     f += pulled
                     bent = t.vec2(bent[0] + across[0], wp.max(bent[1], across[1]))
                     m = t.vec3(link[0], link[1], link[2])
@@ -181,7 +184,7 @@ def assemble(real, module, springs: bool, elements: bool):
                     if across[0] < real(0.0):
                         H += across[0] * (wp.identity(n=3, dtype=real) - inverse(wp.dot(m, m)) * wp.outer(m, m))
                 if own + bent[0] < real(0.0) and saddle(D + H):
-                    f -= (A_out.aside[0] * bent[0] * bent[1]) * aside(x[i])
+                    f -= (A_out.aside[0] * bent[0] * bent[1]) * aside(at.x[i])
             if wp.static(elements):
                 for e in range(rows.pair[i], rows.pair[i + 1]):
                     block = gathered(rows, el, e)

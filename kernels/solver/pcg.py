@@ -140,7 +140,7 @@ def parts(real, springs: bool, elements: bool, coarse: bool = False) -> SimpleNa
 
 @cache
 def solve(real, module, springs: bool, elements: bool):
-    """Kernel over bodies times a block of threads: y of v becomes A^-1 f. first (bodies + 1,): a body's points.
+    """Kernel over bodies times a block of threads: y of v becomes A^-1 f.
 
     tolerance of sqrt(r.P r), cap of iterations; drop_out (bodies,) becomes f.y, twice what the quadratic model of Phi
     falls by [J]; count_out (bodies,) grows by the iterations.
@@ -148,12 +148,12 @@ def solve(real, module, springs: bool, elements: bool):
     s, o, Vectors, t = structs(real), parts(real, springs, elements), vectors(real), types(real)
     product, begin, step = o.product, o.begin, o.step
 
-    def solve(rows: s.Rows, A: s.Matrix, first: wp.array(dtype=int), f: wp.array(dtype=t.vec3), tolerance: wp.float64, cap: int,
-              v: Vectors, drop_out: wp.array(dtype=wp.float64), count_out: wp.array(dtype=int)):
+    def solve(rows: s.Rows, A: s.Matrix, f: wp.array(dtype=t.vec3), tolerance: wp.float64, cap: int, v: Vectors,
+              drop_out: wp.array(dtype=wp.float64), count_out: wp.array(dtype=int)):
         body = wp.tid() // wp.block_dim()
         lane = wp.tid() - body * wp.block_dim()
-        lo = first[body] + lane
-        hi = first[body + 1]
+        lo = rows.first[body] + lane
+        hi = rows.first[body + 1]
         zero = wp.float64(0.0)
         gamma = zero + zero
         for i in range(lo, hi, wp.block_dim()):

@@ -16,22 +16,22 @@ from wsim.kernels.solver.newton import structs
 
 @cache
 def pinned(real, module):
-    """Kernel over softly pinned points: own and b with their pins, first[j] .. first[j + 1] of point[j]; at substep k."""
+    """Kernel over softly pinned points: own and b with their pins; at substep k."""
     t, A, SoftPins = types(real), structs(real).Matrix, soft_pins(real)
     vec3 = wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def pinned(pins: SoftPins, first: wp.array(dtype=int), item: wp.array(dtype=int), target: wp.array2d(dtype=t.vec3),
-               x: vec3, a: vec3, k: int, rate: real, A_out: A, b_out: vec3):
+    def pinned(pins: SoftPins, target: wp.array2d(dtype=t.vec3), x: vec3, a: vec3, k: int, rate: real,
+               A_out: A, b_out: vec3):
         j = wp.tid()
-        i = pins.point[item[first[j]]]
+        i = pins.point[pins.item[pins.first[j]]]
         if pins.w[i] > real(0.0):
             own = A_out.own[i]
             whole = own
             force = t.vec3()
             b = b_out[i]
-            for m in range(first[j], first[j + 1]):
-                pin = item[m]
+            for m in range(pins.first[j], pins.first[j + 1]):
+                pin = pins.item[m]
                 stiffness = inverse(pins.alpha[pin])
                 drag = rate * pins.damping[pin]
                 whole += stiffness + drag

@@ -24,6 +24,7 @@ from wsim.kernels.cloth.constraint import membrane_response, membrane_shear, mem
 from wsim.kernels.cloth.terms import length, plane_stress, variant
 from wsim.kernels.math import block
 from wsim.kernels.math.matrix import solve_block
+from wsim.kernels.motion.points import states
 
 TINY = {wp.float32: 4.0 * 2.0**-23, wp.float64: 4.0 * 2.0**-52}       # roundings left where elimination ends in 0
 CALM = 1e-2            # strain below which no step of a membrane is too long, up to triangles of 1 : 800
@@ -38,16 +39,15 @@ def projection(constraint: str, *, real=wp.float32, module="unique", multipliers
     damped        tau and a (the anchor) are read
     uniform       alpha and tau have one entry for all
     exact         lengths are compared beyond float32, by what it has left of them (kernels/math/compensated.py)
-    The kernel's arguments: batch, x, a, first, rate, omega, d, lam, d_out, lam_out (lam vec3 for the membrane); launched
-    over the constraints of a colour, the first of which is `first`.
+    The kernel's arguments: batch, at (x, d, a of the points), first, rate, omega, lam, d_out, lam_out (lam vec3 for the
+    membrane); launched over the constraints of a colour, the first of which is `first`.
     """
     o = variant(constraint, real, multipliers, damped, uniform, exact=exact)
-    vec3, value, one = o.t.vec3, o.value, one_of(o, backward)
+    vec3, value, PointState, one = o.t.vec3, o.value, states(real), one_of(o, backward)
 
-    def project(batch: o.Batch, x: wp.array(dtype=vec3), a: wp.array(dtype=vec3), first: int, rate: real, omega: real,
-                d: wp.array(dtype=vec3), lam: wp.array(dtype=value), d_out: wp.array(dtype=vec3),
-                lam_out: wp.array(dtype=value)):
-        one(first + wp.tid(), batch, x, a, rate, omega, d, lam, d_out, lam_out)
+    def project(batch: o.Batch, at: PointState, first: int, rate: real, omega: real, lam: wp.array(dtype=value),
+                d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=value)):
+        one(first + wp.tid(), batch, at, rate, omega, lam, d_out, lam_out)
 
     name = f"project_{o.name}" + ("_backward" if backward else "")
     return o.Batch, wp.kernel(project, name=name, module=module, enable_backward=backward)
@@ -58,18 +58,17 @@ def sweep(constraint: str, *, real=wp.float32, module="unique", multipliers: boo
           uniform: bool = False, exact: bool = False):
     """(Batch, kernel) as `projection`, for all colours in one launch over `threads`: one block on a GPU, 1 on the CPU.
 
-    The kernel's arguments: batch, x, a, starts, rate, omega, d, lam, d_out, lam_out; starts (colours + 1,) int.
+    The kernel's arguments: batch, at, starts, rate, omega, lam, d_out, lam_out; starts (colours + 1,) int.
     """
     o = variant(constraint, real, multipliers, damped, uniform, exact=exact)
-    vec3, value, one = o.t.vec3, o.value, one_of(o, False)
+    vec3, value, PointState, one = o.t.vec3, o.value, states(real), one_of(o, False)
 
-    def sweep(batch: o.Batch, x: wp.array(dtype=vec3), a: wp.array(dtype=vec3), starts: wp.array(dtype=int), rate: real,
-              omega: real, d: wp.array(dtype=vec3), lam: wp.array(dtype=value), d_out: wp.array(dtype=vec3),
-              lam_out: wp.array(dtype=value)):
+    def sweep(batch: o.Batch, at: PointState, starts: wp.array(dtype=int), rate: real, omega: real,
+              lam: wp.array(dtype=value), d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=value)):
         i = wp.tid()
         for colour in range(starts.shape[0] - 1):
             for c in range(starts[colour] + i, starts[colour + 1], wp.block_dim()):
-                one(c, batch, x, a, rate, omega, d, lam, d_out, lam_out)
+                one(c, batch, at, rate, omega, lam, d_out, lam_out)
             block.meet()
 
     return o.Batch, wp.kernel(sweep, name=f"sweep_{o.name}", module=module, enable_backward=False, grid_stride=False,
@@ -77,7 +76,7 @@ def sweep(constraint: str, *, real=wp.float32, module="unique", multipliers: boo
 
 
 def one_of(o, backward: bool):
-    """Function: projection of constraint c."""
+    """Function: projection of constraint c. at: a struct that has x, d, a."""
     o.read_points, o.read_rest = block.reads(o.points, o.t.mat22 if o.rows == 3 else o.t.scalar, plain=backward)
     return _block(o) if o.rows == 3 else _row(o)
 
@@ -103,9 +102,8 @@ def _row(o):
     weights, read_points, read_length = WEIGHTS[o.points], o.read_points, length(o)
 
     @wp.func
-    def project(c: int, batch: o.Batch, x: wp.array(dtype=vec3), a: wp.array(dtype=vec3), rate: real, omega: real,
-                d: wp.array(dtype=vec3), lam: wp.array(dtype=real), d_out: wp.array(dtype=vec3),
-                lam_out: wp.array(dtype=real)):
+    def project(c: int, batch: o.Batch, at: Any, rate: real, omega: real, lam: wp.array(dtype=real),
+                d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=real)):
         p = read_points(batch.point, c)
         rest = read_length(batch, c)
         alpha = real(0.0)
@@ -118,7 +116,7 @@ def _row(o):
         if wp.static(o.lam):
             before = lam[c]
         W = weights(batch.w, p)                           # read before C is known: the reads then wait together
-        C, r, G0, G, N = terms(p, rest, x, d, a, alpha, gamma, before)
+        C, r, G0, G, N = terms(p, rest, at.x, at.d, at.a, alpha, gamma, before)
         below = real(0.0)
         for k in range(n):
             below += W[k + 1] * wp.dot(G[k], G[k])
@@ -143,9 +141,8 @@ def _block(o):
     read_points, read_rest, tiny = o.read_points, o.read_rest, TINY[real]
 
     @wp.func
-    def project(c: int, batch: o.Batch, x: wp.array(dtype=vec3), a: wp.array(dtype=vec3), rate: real, omega: real,
-                d: wp.array(dtype=vec3), lam: wp.array(dtype=vec3), d_out: wp.array(dtype=vec3),
-                lam_out: wp.array(dtype=vec3)):
+    def project(c: int, batch: o.Batch, at: Any, rate: real, omega: real, lam: wp.array(dtype=vec3),
+                d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=vec3)):
         p = read_points(batch.point, c)
         rest = read_rest(batch.rest, c)
         alpha = (rate * rate) * batch.alpha[place(c)]
@@ -158,7 +155,7 @@ def _block(o):
         w0 = batch.w[p[0]]
         w1 = batch.w[p[1]]
         w2 = batch.w[p[2]]
-        C, r, G1, G2, N = terms(p, rest, x, d, a, alpha, gamma, before)
+        C, r, G1, G2, N = terms(p, rest, at.x, at.d, at.a, alpha, gamma, before)
         G0 = -(G1 + G2)
         S = membrane_response(C, rest, w0, w1, w2)
         dlam = omega * solve_block((real(1.0) + gamma) * S + plane_stress(alpha), r, real(tiny))

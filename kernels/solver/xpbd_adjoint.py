@@ -89,7 +89,7 @@ def sweep(constraint: str, real, module, damped: bool, kept: bool, fused: bool):
             p = batch.point[c]
             for k in range(n):
                 s.kept[k, c] = s.d[p[k]]
-        one(c, batch, s.x, s.a, rate, omega, s.d, s.lam, s.d, s.lam_out)
+        one(c, batch, s, rate, omega, s.lam, s.d, s.lam_out)
 
     def forward(batch: o.Batch, s: Seen, starts: wp.array(dtype=int), first: int, rate: real, omega: real):
         i = wp.tid()

@@ -96,6 +96,19 @@ def test_what_is_too_large_is_caught(source, words):
     assert len(found) == 1 and words in found[0]
 
 
+@pytest.mark.parametrize("kernel", [
+    "@cache\ndef press(real, module):\n    @wp.kernel(module=module)\n    def press({}):\n        pass\n    return press\n",
+    "@cache\ndef made(real, module):\n    def press({}):\n        pass\n    return wp.kernel(press, name='press')\n",
+])
+def test_every_argument_of_a_kernel_counts_those_that_it_writes_too(kernel):
+    """Decorated, and handed to wp.kernel by its factory."""
+    inputs = [f"a{k}: wp.array(dtype=real)" for k in range(lint.ARGUMENTS - 1)]
+    outputs = ["x_out: wp.array(dtype=real)", "v_out: wp.array(dtype=real)"]
+    (found,) = lint.size({Path("kernels/motion/press.py"): kernel.format(", ".join(inputs + outputs))})
+    assert found.endswith(f"press takes {lint.ARGUMENTS + 1} arguments, at most {lint.ARGUMENTS}: group them")
+    assert not list(lint.size({Path("kernels/motion/press.py"): kernel.format(", ".join(inputs + outputs[:1]))}))
+
+
 def test_two_kernels_of_one_name_are_caught():
     source = "@wp.kernel(module=module)\ndef press(x: int):\n    pass\n"
     found = list(lint.kernels({Path("kernels/a.py"): source, Path("kernels/b.py"): source}))

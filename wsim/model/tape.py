@@ -2,9 +2,9 @@
 
 A method launches as ever, on the arrays of its state. While a tape records, what a launch writes goes into a new version of the
 array, and what it reads comes from the latest: Warp's adjoints then find every value that a nonlinear operation has read (an
-array written in place gives wrong gradients without a word). A version that nobody has read yet may be written once more: the
-adjoint of a write takes its gradient away. Kernels that write a part of an array after others have read it start from a copy,
-but for those in WHOLE, which write all that is ever read.
+array written in place gives wrong gradients without a word). Arrays in structs are read so too; written are only arguments. A
+version that nobody has read yet may be written once more: the adjoint of a write takes its gradient away. Kernels that write
+a part of an array after others have read it start from a copy, but for those in WHOLE, which write all that is ever read.
 
     roots     arrays that a method writes; a stretch begins with a copy (`Tape.entries`) and leaves the latest (`Tape.ends`)
     slots     memory of the versions and of their gradients, in order; stretches share it unless all of them are kept
@@ -23,6 +23,7 @@ import warp as wp
 from wsim.kernels.solver import newton_adjoint
 from wsim.model import kernel_cache
 from wsim.model.arena import Slots
+from wsim.model.structs import filled, values
 
 WHOLE = ("begin", "leap", "commit", "corners", "fem_forces", "quadratic_forces", "pressure_forces", "predict",
          "finish", "correct")
@@ -208,7 +209,9 @@ class Tape:
         return (self.slots.plain if root.plain else self.slots).take(root.base.dtype, root.base.shape)
 
     def read(self, a: Any) -> Any:
-        """The latest version of an argument."""
+        """The latest version of an argument, or a struct of those of its arrays."""
+        if hasattr(a, "_cls"):
+            return self.together(a)
         root = self.root_of(a, False) if _differs(a) else None
         if root is None:
             return a
@@ -218,6 +221,12 @@ class Tape:
             self.entries.append((root, root.latest))
         root.fresh = False
         return _view(root.latest, root.base, a)
+
+    def together(self, struct: Any) -> Any:
+        """The latest versions of a struct's arrays; the struct itself where none has any."""
+        before = values(struct)
+        read = {name: self.read(value) for name, value in before.items()}
+        return struct if all(read[name] is before[name] for name in read) else filled(struct._cls, **read)
 
     def write(self, a: Any, whole: bool) -> Any:
         """The version that a launch writes."""
@@ -287,8 +296,4 @@ def adjoint_of(a: Any) -> Any:
         return a.grad
     if not hasattr(a, "_cls"):
         return None
-    found = a._cls()
-    for name in a._cls.vars:
-        value = getattr(a, name)
-        setattr(found, name, value.grad if isinstance(value, wp.array) else value)
-    return found
+    return filled(a._cls, **{name: v.grad if isinstance(v, wp.array) else v for name, v in values(a).items()})

@@ -9,7 +9,9 @@ import warp as wp
 from tests.conftest import first_and_slow
 from tests.gradient.test_gradients import Run, everything_of_a_sheet, net, sheet
 from wsim.gradient.recording import Recording
+from wsim.kernels.motion.points import states
 from wsim.kernels.solver.xpbd import projection
+from wsim.model.structs import filled
 from wsim.physics.solver import batch, xpbd_adjoint
 from wsim.scene import Pin
 from wsim.simulation.simulation import Simulation
@@ -104,8 +106,9 @@ class Fresh(xpbd_adjoint.SweepAdjoint):
             return
         if clock.i == 0:
             tape.zero(b.lam)
+        at = filled(states(self.model.real), x=x, d=d, a=a)
         for first, last in zip(b.starts[:-1], b.starts[1:], strict=True):
-            tape.launch(self.fresh, int(last - first), [b.data, x, a, int(first), 1.0 / clock.g, b.omega(clock), d, b.lam],
+            tape.launch(self.fresh, int(last - first), [b.data, at, int(first), 1.0 / clock.g, b.omega(clock), b.lam],
                         [d, b.lam], device=self.model.device)
 
 

@@ -43,6 +43,7 @@ class Aero(Method):
         self.triangle = model.upload(triangles, wp.vec3i)
         self.first, self.item = model.upload(starts.astype(np.int32), int), model.upload(items.astype(np.int32), int)
         self.air = kernels.air(real)()
+        self.air.object = self.constants.object
         rho = model.scene.air_density / 6.0
         each = [b.count if model.by_point else 1 for b in model.bodies]        # rows, as of points
         self.air.wind = model.upload(np.tile(np.asarray(model.scene.wind, model.dtype), (sum(each), 1)), t.vec3)
@@ -58,7 +59,7 @@ class Aero(Method):
 
     def launch(self, clock: Clock) -> None:
         s, c = self.state, self.constants
-        self.model.launch(self.press, self.k.size, [self.triangle, c.object, self.air, s.x, self.points.anchor, s.d, clock.g],
+        self.model.launch(self.press, self.k.size, [self.triangle, self.air, s.x, self.points.anchor, s.d, clock.g],
                           [self.force, self.k])
         self.model.launch(self.blow, self.model.points, [self.first, self.item, self.force, self.k, c.w, s.d, clock.g], [s.d])
 

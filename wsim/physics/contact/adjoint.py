@@ -2,6 +2,7 @@
 search_adjoint.py."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -12,6 +13,7 @@ from wsim.kernels.contact.project import slots
 from wsim.kernels.contact.search_adjoint import search_adjoint
 from wsim.kernels.math.real import types
 from wsim.model.model import Model
+from wsim.model.structs import filled, values
 from wsim.model.tape import Tape, adjoint_of, without
 
 LANES = 256            # threads that sum what an object gives a collider, at most
@@ -20,10 +22,9 @@ EACH = 64              # points that one of them takes at least
 
 @dataclass
 class SearchResult:
-    """A recorded search: substep, the arrays that it has read, and how often its contacts were projected since."""
+    """A recorded search: what it has read, and how often its contacts were projected since."""
 
-    k: int
-    read: list[wp.array]
+    at: Any
     projected: int = 0
 
 
@@ -62,21 +63,19 @@ class ContactAdjoint:
             model.tape = before
         model.tape.do(shape)
 
-    def searched(self, k: int, x: wp.array, d: wp.array, a: wp.array):
-        """What a tape takes as the adjoint of the search that is launched next."""
+    def searched(self, at):
+        """What a tape takes as the adjoint of the search that is launched next; at: what that reads."""
         tape: Tape = self.model.tape
-        found = self.found = SearchResult(k, [tape.read(x), tape.read(d), tape.read(a)])
+        found = self.found = SearchResult(tape.read(at))
 
         def backward(read: list, wrote: list) -> None:
             if not found.projected:
                 self.again(found)
-            (_, points, x, d, _, k), (slots, d_out, a_out, push_out, *_) = read, wrote
+            (_, points, at), (slots, d_out, a_out, push_out, _) = read, wrote
             push_out.grad.zero_()                            # pushes begin at zero
             o = self.gradients()
-            o.x, o.d, o.d_out, o.a_out = x.grad, d.grad, d_out.grad, a_out.grad
-            at = kernels.read(self.real)()
-            at.x, at.d = x, d
-            self.model.launch(self.search_kernel, self.contacts.count, [self.contacts.table, points, slots, at, o, k], [])
+            o.x, o.d, o.d_out, o.a_out = at.x.grad, at.d.grad, d_out.grad, a_out.grad
+            self.model.launch(self.search_kernel, self.contacts.count, [self.contacts.table, points, slots, at, o, at.k], [])
         return backward
 
     def projected(self):
@@ -85,11 +84,9 @@ class ContactAdjoint:
 
         def backward(read: list, wrote: list) -> None:
             ready()
-            (table, points, slots, d, a, push, g), (d_out, push_out) = read, wrote
+            (table, points, slots, at, g), (d_out, push_out) = read, wrote
             o = self.gradients()
-            o.d_out, o.push_out, o.d, o.a, o.push = d_out.grad, push_out.grad, d.grad, a.grad, push.grad
-            at = kernels.read(self.real)()
-            at.d, at.a, at.push = d, a, push
+            o.d_out, o.push_out, o.d, o.a, o.push = d_out.grad, push_out.grad, at.d.grad, at.a.grad, at.push.grad
             self.model.launch(self.project_kernel, self.contacts.count, [table, points, slots, at, o, g], [])
         return backward
 
@@ -117,14 +114,10 @@ class ContactAdjoint:
 
     def slots(self, given):
         """Contacts whose arrays have the gradients that the search's adjoint reads: Warp finds those of structs there only."""
-        found = slots(self.model.real)()
-        for name in found._cls.vars:
-            setattr(found, name, getattr(given, name))
-        for name in ("n", "b", "u"):
-            array = without(getattr(given, name))
+        arrays = {name: without(getattr(given, name)) for name in ("n", "b", "u")}
+        for name, array in arrays.items():
             array.grad = getattr(self, name)
-            setattr(found, name, array)
-        return found
+        return filled(slots(self.model.real), **values(given) | arrays)
 
     def gradients(self):
         o = kernels.grads(self.real)()
@@ -135,9 +128,9 @@ class ContactAdjoint:
     def again(self, found: SearchResult) -> None:
         """The contacts of that search, with gradients that are zero."""
         c = self.contacts
-        c.shape(found.k)
-        self.model.launch(c.search_kernel, c.count, [c.table, c.points, *found.read, found.k],
-                          [c.slots, self.d, self.a, self.push, None, self.wanted])
+        c.shape(found.at.k)
+        again = filled(slots(self.model.real), **values(c.slots) | {"wanted": self.wanted})
+        self.model.launch(c.search_kernel, c.count, [c.table, c.points, found.at], [again, self.d, self.a, self.push, None])
         for array in (self.n, self.b, self.u):
             array.zero_()
 

@@ -26,6 +26,7 @@ from wsim.kernels.contact import search
 from wsim.kernels.contact.collide import KINDS
 from wsim.kernels.math.real import types
 from wsim.model import kernel_cache
+from wsim.model.structs import filled
 from wsim.physics.contact.colliders import Rows, check
 from wsim.physics.contact.mesh import Mesh
 from wsim.physics.contact.poses import Poses
@@ -148,7 +149,7 @@ class Contacts:
         t, n = self.types, self.count
         s = self.slots = kernels.slots(self.real)()
         s.points, s.capacity = n, capacity
-        s.mark, s.count = self.mark, wp.zeros(n, dtype=int, device=self.device)
+        s.mark, s.count, s.wanted = self.mark, wp.zeros(n, dtype=int, device=self.device), self.wanted
 
         def zeros(dtype):
             return wp.zeros(n * capacity, dtype=dtype, device=self.device)
@@ -157,7 +158,7 @@ class Contacts:
 
     def tell(self, wanted: wp.array) -> None:
         """The room that a point wants is written into this word (first entry of an int array)."""
-        self.wanted = wanted
+        self.wanted = self.slots.wanted = wanted
 
     # frames
 
@@ -216,15 +217,20 @@ class Contacts:
     def search(self, k: int, x: wp.array, d: wp.array, a: wp.array) -> None:
         """Launches the search of substep k; writes d and a where points leave an overlap."""
         self.adjoint.shaped(k) if self.recorded else self.shape(k)
-        backward = {"backward": self.adjoint.searched(k, x, d, a)} if self.recorded else {}
-        self.launch(self.search_kernel, self.count, [self.table, self.points, x, d, a, k],
-                    [self.slots, d, a, self.push, self.struck, self.wanted], **backward)
+        at = self.read(x=x, d=d, a=a, k=k)
+        backward = {"backward": self.adjoint.searched(at)} if self.recorded else {}
+        self.launch(self.search_kernel, self.count, [self.table, self.points, at], [self.slots, d, a, self.push, self.struck],
+                    **backward)
+
+    def read(self, **arrays):
+        """What a launch reads."""
+        return filled(kernels.read(self.real), **arrays)
 
     def project(self, g: float, d: wp.array, a: wp.array) -> None:
         """Launches one iteration; g [s] is the integrator's effective step, v = (d - a) / g."""
         backward = {"backward": self.adjoint.projected()} if self.recorded else {}
-        self.launch(self.project_kernel, self.count, [self.table, self.points, self.slots, d, a, self.push, g],
-                    [d, self.push], **backward)
+        self.launch(self.project_kernel, self.count,
+                    [self.table, self.points, self.slots, self.read(d=d, a=a, push=self.push), g], [d, self.push], **backward)
 
     @property
     def recorded(self) -> bool:
@@ -234,7 +240,8 @@ class Contacts:
     def settle(self, g: float, e: wp.array, d: wp.array, a: wp.array, v: wp.array) -> None:
         """After the last iteration of a multistep integrator: a and v of points in contact forget what was before."""
         backward = {"backward": self.adjoint.reading(self.settle_kernel)} if self.recorded else {}
-        self.launch(self.settle_kernel, self.count, [self.table, self.slots, self.push, e, d, a, v, g], [a, v], **backward)
+        at = self.read(v=v, e=e, d=d, a=a, push=self.push)
+        self.launch(self.settle_kernel, self.count, [self.table, self.slots, at, g], [a, v], **backward)
 
     def grow(self, wanted: int | None = None) -> bool:
         """Makes room for as many contacts of a point as were wanted; False where nothing was lacking."""

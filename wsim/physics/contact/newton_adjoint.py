@@ -7,6 +7,7 @@ from wsim.kernels.contact import coulomb, coulomb_adjoint
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import soft_pin_adjoint as kernels
 from wsim.model.model import Model
+from wsim.model.structs import filled
 
 
 class PinsAdjoint:
@@ -86,7 +87,8 @@ class ContactsAdjoint:
 
     def turn(self, d: wp.array, a: wp.array, g: float, first: bool = False) -> None:
         """Projects d. first: of what projections have left (kernels/contact/project.py), whose pushes say what sticks."""
-        self.run("turn", [*self.tables, a, g, int(first)], [d, self.contacts.push, self.frame.bears])
+        out = filled(coulomb.structs(self.model.real).Pushed, push=self.contacts.push, bears=self.frame.bears)
+        self.run("turn", [*self.tables, a, g, int(first)], [d, out])
 
     def screen(self, P: wp.array) -> None:
         self.run("screen", [self.frame.S], [P])

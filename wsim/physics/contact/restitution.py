@@ -73,10 +73,11 @@ class Bounce:
         d, a = s.d, self.points.anchor
         if self.free:
             table.source, table.bend = self.explicit.at, 2.0 if self.points.integrator.order > 1 else 1.0
-            inputs, outputs = [table, c.slots, c.push, d, a, s.e, self.explicit.pair], [d, a, c.push, self.normal]
+            at = c.read(e=s.e, d=d, a=a, push=c.push)
+            inputs, outputs = [table, c.slots, at, self.explicit.pair], [d, a, c.push, self.normal]
         else:
-            start = a if self.thrown is None else s.e
-            inputs = [table, self.points.constants, c.slots, c.push, d, a, start, self.before]
+            at = c.read(v=self.before, e=a if self.thrown is None else s.e, d=d, a=a, push=c.push)
+            inputs = [table, self.points.constants, c.slots, at]
             outputs = [d, a, c.push, self.thrown]
         self.model.launch(self.kernel, c.count, inputs, outputs, c.adjoint.reading(self.kernel) if c.recorded else None)
 

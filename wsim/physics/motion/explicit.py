@@ -22,6 +22,7 @@ from wsim.model.model import Model
 from wsim.model.stage import THROWN, Clock, Method, Port, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
+from wsim.model.structs import filled
 from wsim.physics.cloth.constraints import Constraints, changed, in_worlds
 from wsim.physics.motion import frequency
 from wsim.physics.motion.forces import ForceGather
@@ -30,7 +31,6 @@ from wsim.scene.integrator import Integrator
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
-
 
 
 def build(b: Build) -> Explicit:
@@ -58,15 +58,13 @@ class Explicit(Method):
         self.at_once: Any = None      # whole frames in a launch
         self.corrected: Callable | None = None        # adjoint of the last launch of a substep
         self.pull = ForceGather(model, points.constants, self.rows, None if pins is None else pins.columns(),
-                         alone=not (steps or self.integrator.stages), staged=bool(self.integrator.stages))
+                                alone=not (steps or self.integrator.stages), staged=bool(self.integrator.stages))
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
         state.add(*(table.kept for table in self.solids if table.kept))
         self.acts = int(any(r.body and getattr(r.body.source, "actuation", None) for r in self.rows)) + bool(model.scene.loads)
         self.make(clock.substeps)
         self.watch = None if self.marches and not self.steps else Watch(model, state, self.status, explicit=True)
         self.stages += self.watch.stages if self.watch else []
-
-    # stages
 
     def make(self, count: int) -> None:
         """Kernels and stages."""
@@ -154,6 +152,11 @@ class Explicit(Method):
         s.row = clock.k * s.stride
         return s
 
+    def phase(self):
+        """What a launch reads."""
+        s = self.state
+        return filled(kernels.phases(self.model.real), x=s.x, d=self.pair, v=s.v, carry=self.carry, own=self.own)
+
     def kick(self, clock: Clock, kick: float, drift: float, source: int) -> int:
         """From copy `source`; returns the copy that it ends in."""
         s, step = self.state, self.step(clock, kick, drift, source)
@@ -164,8 +167,7 @@ class Explicit(Method):
             return source
         self.pull.launch(source, s.x, self.pair)
         self.model.launch(self.kernel, self.model.points * self.pull.lanes,
-                          [self.net, self.pull.force, s.x, self.pair, s.v, self.carry, step],
-                          [self.pair, s.v, self.carry], self.pull.backward)
+                          [self.net, self.pull.force, self.phase(), step], [self.pair, s.v, self.carry], self.pull.backward)
         return 1 - source
 
     def act(self, clock: Clock, part: float) -> None:
@@ -191,8 +193,7 @@ class Explicit(Method):
             part.c, part.b, part.h, part.source = part.reach * clock.h, b * clock.h, clock.h, source
             part.row = clock.k * self.stride
             self.model.launch(self.kernel, self.model.points * self.pull.lanes,
-                              [self.net, self.pull.force, s.x, self.pair, s.v, self.carry, self.own, part],
-                              [self.pair, s.v, self.carry, self.own])
+                              [self.net, self.pull.force, self.phase(), part], [self.pair, s.v, self.carry, self.own])
             source = 1 - source
         return source
 
@@ -236,8 +237,8 @@ class Explicit(Method):
         self.model.copy(s.a, s.e)
 
     def finish(self, clock: Clock) -> None:
-        s = self.state
-        self.model.launch(self.correct, self.model.points, [s.d, s.a, s.e, self.pair, s.x, s.v, clock.h, self.at],
+        s, step = self.state, self.step(clock, 0.0, 0.0, self.at)
+        self.model.launch(self.correct, self.model.points, [self.points.at(d=s.d, a=s.a), self.pair, step],
                           [s.x, s.e, s.v, self.pair, self.change], self.corrected)
         if self.own is not None:
             self.model.copy(self.own, self.pair, 0, self.at * self.model.points, self.model.points)

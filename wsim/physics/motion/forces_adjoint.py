@@ -44,12 +44,12 @@ class ForceAdjoint:
 
     def leap(self, read: list, wrote: list) -> None:
         """Adjoint of the launch of a leap, of the arrays that it has read and written."""
-        (net, force, x, pair, v, _, step), (pair_out, v_out, _) = read, wrote
+        (net, force, at, step), (pair_out, v_out, _) = read, wrote
         out = kernels.outs(self.model.real)()
         out.pair, out.v = pair_out.grad, v_out.grad
         self.model.launch(self.leap_adjoint, self.model.points * self.lanes,
-                          [net, force, pair, step, out, v.grad, adjoint_of(net), self.into(x, pair, force)], [])
-        self.launch(x, pair, force, step.source)
+                          [net, force, at.d, step, out, at.v.grad, adjoint_of(net), self.into(at.x, at.d, force)], [])
+        self.launch(at.x, at.d, force, step.source)
 
 
 class Forces:

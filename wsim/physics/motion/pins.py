@@ -14,6 +14,7 @@ from wsim.model.midnodes import held, spread
 from wsim.model.model import Body, Model
 from wsim.model.stage import Clock, Method, Stage
 from wsim.model.state import State
+from wsim.model.structs import filled
 from wsim.scene import Motion, Pin
 
 if TYPE_CHECKING:
@@ -122,15 +123,16 @@ class Pins(Method):
         s = self.state
         if clock.staged and clock.k % 2:
             pinned, row = self.place["hard"], clock.k + clock.k // 2 + 1
-            self.model.launch(self.place_kernel, pinned.size, [pinned, self.target["hard"], s.x, s.e, s.s, row, 2.0 * clock.h],
+            at = filled(kernels.states(self.model.real), x=s.x, e=s.e, s=s.s)
+            self.model.launch(self.place_kernel, pinned.size, [pinned, self.target["hard"], at, row, 2.0 * clock.h],
                               [s.x, s.e, s.v])
 
     def hold(self, clock: Clock) -> None:
         s = self.state
         if clock.i == 0:
             self.model.tape.zero(self.lam) if self.model.tape else self.lam.zero_()
-        self.model.launch(self.hold_kernel, self.lam.size,
-                          [self.soft, self.target["soft"], s.x, self.points.anchor, s.d, self.lam, clock.k, clock.g],
+        at = filled(kernels.states(self.model.real), x=s.x, d=s.d, a=self.points.anchor)
+        self.model.launch(self.hold_kernel, self.lam.size, [self.soft, self.target["soft"], at, self.lam, clock.k, clock.g],
                           [s.d, self.lam])
 
     def before_frame(self, time: float, clock: Clock) -> None:

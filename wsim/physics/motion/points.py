@@ -14,6 +14,7 @@ from wsim.model.model import Body, Model, hard_places
 from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
+from wsim.model.structs import filled
 from wsim.physics.cloth.constraints import AT_REST
 from wsim.scene import Springs
 from wsim.scene.integrator import Integrator
@@ -91,6 +92,11 @@ class Points(Method):
         """Backward Euler without contacts measures velocity from e itself: no array of its own."""
         return self.state.a if self.state.has("a") else self.state.e
 
+    def at(self, **others: wp.array | None):
+        """The struct of x, e, v and others, for a launch."""
+        s = self.state
+        return filled(kernels.states(self.model.real), x=s.x, e=s.e, v=s.v, **others)
+
     def predict(self, clock: Clock) -> None:
         s, n = self.state, self.model.points
         if clock.bdf2:
@@ -104,12 +110,12 @@ class Points(Method):
         s, n = self.state, self.model.points
         if clock.multistep:
             self.model.launch(self.kernels["finish_bdf2"], n,
-                              [self.anchor, s.d, s.x, s.e, s.v, self.struck, clock.h, clock.g],
+                              [self.at(d=s.d, a=self.anchor, struck=self.struck), clock.h, clock.g],
                               [s.x, s.e, s.v, s.s, s.u])
         elif clock.staged and clock.k % 2 == 0:
-            self.model.launch(self.kernels["stage"], n, [s.e, s.d, s.x, s.v, clock.g], [s.x, s.e, s.v, s.s, s.u])
+            self.model.launch(self.kernels["stage"], n, [self.at(d=s.d), clock.g], [s.x, s.e, s.v, s.s, s.u])
         elif clock.staged:
-            self.model.launch(self.kernels["step"], n, [s.e, s.d, s.x, s.v, s.s, s.u, clock.g], [s.x, s.e, s.v, s.s, s.u])
+            self.model.launch(self.kernels["step"], n, [self.at(d=s.d, s=s.s, u=s.u), clock.g], [s.x, s.e, s.v, s.s, s.u])
         elif clock.beyond:
             self.model.launch(self.kernels["finish_beyond"], n, [s.e, s.d, s.x, s.v, clock.g], [s.x, s.e, s.v])
         else:

@@ -30,10 +30,10 @@ class CorrectAdjoint:
         self.model, self.kernel = model, kernels.correct_adjoint(model.real, model.module)
 
     def backward(self, read: list, wrote: list) -> None:
-        (d, a, e, pair, x, v, h, source), (x_out, _, v_out, pair_out, change) = read, wrote
+        (at, pair, step), (x_out, _, v_out, pair_out, change) = read, wrote
         by = kernels.corrected(self.model.real)()
-        arrays = {"x_out": x_out, "v_out": v_out, "pair_out": pair_out, "change": change, "d": d, "a": a, "e": e, "pair": pair,
-                  "x": x, "v": v}
+        arrays = {"x_out": x_out, "v_out": v_out, "pair_out": pair_out, "change": change, "pair": pair,
+                  **{name: getattr(at, name) for name in "daexv"}}
         for name, array in arrays.items():
             setattr(by, name, array.grad)
-        self.model.launch(self.kernel, self.model.points, [by, h, source], [])
+        self.model.launch(self.kernel, self.model.points, [by, step.h, step.source], [])

@@ -123,7 +123,7 @@ class System:
         for name in "yrzwps":
             setattr(self.v, name, self.zeros(n, t.vec3))
         self.starts, self.systems = model.starts, len(model.starts) - 1
-        self.first = model.upload(self.starts.astype(np.int32), int)
+        self.first = self.rows.first = model.upload(self.starts.astype(np.int32), int)
         self.of = model.upload(np.repeat(np.arange(self.systems), np.diff(self.starts)).astype(np.int32), int)
         self.drop, self.count = self.zeros(self.systems, wp.float64), self.zeros(self.systems, int)
         kinds = model.real, self.coarse.module if self.coarse else model.sweep_module, len(springs) > 0, paired
@@ -158,7 +158,7 @@ class System:
         (points,) of A, for the coarse space. A: a `Matrix`, None: that of the system."""
         A = self.A if A is None else A
         if not self.large:
-            self.launch(self.kernel, [self.rows, A, self.first, f, tolerance, cap, self.v], [self.drop, self.count])
+            self.launch(self.kernel, [self.rows, A, f, tolerance, cap, self.v], [self.drop, self.count])
             return
         c, size = self.chunks, self.chunks.body.size
 

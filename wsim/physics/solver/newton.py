@@ -259,7 +259,7 @@ class Implicit(Method):
         for table in self.solids:
             launch(self.stressed[table.name][0], table.size, [table.data, s.x, s.d, a, table.q, rate], [table.q, self.element])
         springs = self.tables["distance"].data if self.springs else hessian.batch_of("distance", self.model.real)()
-        launch(self.assemble, self.model.points, [self.rows, springs, self.element, s.x, s.d, a, self.b, rate],
+        launch(self.assemble, self.model.points, [self.rows, springs, self.element, self.points.at(d=s.d, a=a), self.b, rate],
                [self.f, self.A])
 
     @property

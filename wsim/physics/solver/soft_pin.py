@@ -16,10 +16,10 @@ class SoftPins:
         first, item = topology.incident(pins.place["soft"].numpy()[:, None], model.points)
         pins.give_way()
         self.first, self.item = (model.upload(values.astype(np.int32), int) for values in (np.unique(first), item))
+        pins.soft.first, pins.soft.item = self.first, self.item
 
     def launch(self, k: int, rate: float) -> None:
         """Their part of own and b, in substep k; rate: 1 / g."""
         m = self.method
         m.model.launch(self.kernel, self.first.size - 1,
-                       [self.pins.soft, self.first, self.item, self.pins.target["soft"], m.state.x, m.points.anchor, k, rate],
-                       [m.A, m.b])
+                       [self.pins.soft, self.pins.target["soft"], m.state.x, m.points.anchor, k, rate], [m.A, m.b])

@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
+from wsim.kernels.motion.points import states
 from wsim.model import kernel_cache
 from wsim.model.model import Model
 from wsim.model.stage import MISSED, Clock, Method, Port, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
+from wsim.model.structs import filled
 from wsim.physics.cloth.constraints import HARD, Constraints, changed, colored, in_worlds
 from wsim.physics.solver.batch import Batch
 
@@ -161,15 +163,13 @@ class Xpbd(Method):
             return
         omega = batch.omega(clock)
         batch.aim(s.x, s.d, a, 1.0 / clock.g)
+        at = filled(states(self.model.real), x=s.x, d=s.d, a=a)
         if batch.fused:
-            self.model.sweep(batch.kernel,
-                             [batch.data, s.x, a, batch.first, 1.0 / clock.g, omega, s.d, batch.lam],
-                             [s.d, batch.lam])
+            self.model.sweep(batch.kernel, [batch.data, at, batch.first, 1.0 / clock.g, omega, batch.lam], [s.d, batch.lam])
             return
         for first, last in zip(batch.starts[:-1], batch.starts[1:], strict=True):
             self.model.launch(batch.kernel, int(last - first),
-                              [batch.data, s.x, a, int(first), 1.0 / clock.g, omega, s.d, batch.lam],
-                              [s.d, batch.lam])
+                              [batch.data, at, int(first), 1.0 / clock.g, omega, batch.lam], [s.d, batch.lam])
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """stretch, weft, shear, bend, poisson, strain_limit of a cloth, stiffness of a spring net, damping [s] of either; what
