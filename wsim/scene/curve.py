@@ -110,8 +110,8 @@ def turns(R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 class Motion(Curve):
     """Local-to-world transforms: values (keys, 4, 4) in metres."""
 
-    parts: list = field(default_factory=list, repr=False)
-    turned: dict = field(default_factory=dict, repr=False)           # from a key to the next, once asked for
+    parts: list = field(default_factory=list, repr=False, compare=False)
+    turned: dict = field(default_factory=dict, repr=False, compare=False)           # from a key to the next, once asked for
 
     def __post_init__(self):
         super().__post_init__()
