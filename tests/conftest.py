@@ -1,11 +1,13 @@
 """What several test files share: a small cloth as arrays, a scene that holds one; how kernels are compiled."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 import warp as wp
 
+from tests.make.slow import SLOW
 from wsim.model.model import Model
 from wsim.scene import Scene
 
@@ -18,6 +20,15 @@ def pytest_xdist_auto_num_workers(config):
     if config.args_source != pytest.Config.ArgsSource.TESTPATHS and all(n.endswith(".py") for n in named) and len(named) < FEW:
         return 0
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items):
+    """Marks what a table of measured times names, before `-m` chooses."""
+    here = Path(__file__).parent
+    for item in items:
+        if item.name in SLOW.get(item.path.relative_to(here).as_posix(), ()):
+            item.add_marker(pytest.mark.slow)
 
 
 def first_and_slow(rows) -> list:

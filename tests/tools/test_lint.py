@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.make.slow import SLOW
 from tools import lint
 
 FILES = lint.sources()
@@ -120,6 +121,12 @@ def test_two_kernels_of_one_name_are_caught():
                                   "see share" + "d/x"])
 def test_a_word_that_does_not_belong_is_caught(line):
     assert len(list(lint.words({Path("a.py"): line}))) == 1
+
+
+def test_the_table_of_slow_tests_names_tests():
+    for file, names in SLOW.items():
+        text = (lint.ROOT / "tests" / file).read_text(encoding="utf-8")
+        assert all(f"def {name.partition('[')[0]}(" in text for name in names), file
 
 
 def run(code: str) -> str:

@@ -1,0 +1,67 @@
+"""Rows that took more than seven seconds, and tests without rows that took more than ten, in a run of all on two cores with an
+empty kernel cache (`pytest --durations`): they are marked slow, beside those that are marked where they stand. A test with rows
+keeps one that is not."""
+
+SLOW = {
+    "gradient/test_gradients.py": [
+        "test_a_sheet_by_implicit_steps[backward_euler-membrane]", "test_a_sheet_by_implicit_steps[bdf2-springs]",
+        "test_a_sheet_by_implicit_steps[sdirk3-springs]", "test_a_bar_of_quadratic_tets_under_pressure[neo_hookean-more2]"],
+    "gradient/test_reaction_adjoint.py": [
+        "test_a_soft_pin[solver0]", "test_wind[more0]", "test_wind[more1]"],
+    "physics/cloth/test_element_adjoint.py": [
+        "test_gradients_are_those_of_differences[dihedral-True]"],
+    "physics/cloth/test_live_fabric.py": [
+        "test_by_poisson_s_ratio[rk4-more6--0.4-25.0]", "test_by_a_strain_limit[membrane-newton]"],
+    "physics/cloth/test_muscles.py": [
+        "test_muscles_move_a_soft_body_over_the_ground"],
+    "physics/contact/test_collider_adjoint.py": [
+        "test_a_sheet_that_slides_on_a_mesh[sphere-xpbd]", "test_by_friction_and_thickness_of_a_collider[plane-leapfrog]"],
+    "physics/contact/test_friction_newton.py": [
+        "test_a_cloth_on_a_ball_is_strained_as_little_with_friction_as_without[bdf2]"],
+    "physics/contact/test_project_adjoint.py": [
+        "test_a_sheet_that_falls_on_a_turning_collider_and_slides[plane-leapfrog]",
+        "test_a_sheet_that_falls_on_a_turning_collider_and_slides[sphere-leapfrog]",
+        "test_a_sheet_that_falls_on_a_turning_collider_and_slides[box-leapfrog]",
+        "test_a_sheet_that_falls_on_a_turning_collider_and_slides[capsule-leapfrog]",
+        "test_a_sheet_that_falls_on_a_turning_collider_and_slides[cylinder-leapfrog]",
+        "test_a_sheet_that_falls_on_a_turning_collider_and_slides[cone-leapfrog]",
+        "test_a_sheet_that_falls_on_a_turning_collider_and_slides[box-xpbd]",
+        "test_bdf2_forgets_what_was_before_a_contact[more0]"],
+    "physics/contact/test_restitution.py": [
+        "test_a_sheet_thrown_at_a_sphere_never_gains_energy[implicit-backward_euler-0.0]",
+        "test_a_sheet_thrown_at_a_sphere_never_gains_energy[implicit-bdf2-0.0]",
+        "test_sensitivities_are_those_of_the_motion[midpoint-118-3]",
+        "test_sensitivities_are_those_of_the_motion[rk4-118-3]",
+        "test_a_sheet_thrown_at_a_sphere_has_the_gradients_of_its_scheme[xpbd-backward_euler]",
+        "test_a_sheet_thrown_at_a_sphere_has_the_gradients_of_its_scheme[xpbd-bdf2]"],
+    "physics/contact/test_soft_contacts.py": [
+        "test_a_bar_that_lands_and_slides[sphere-backward_euler]", "test_a_bar_that_sticks_is_carried[sheet-bdf2]",
+        "test_a_bar_of_quadratic_tets_under_pressure"],
+    "physics/motion/test_compensated.py": [
+        "test_a_sheet_of_996_substeps_in_float32"],
+    "physics/soft/test_plastic_adjoint.py": [
+        "test_a_bar_that_flows[neo_hookean-more1-2e-06]", "test_by_the_yield[more1]"],
+    "physics/solver/test_newton_adjoint_contacts.py": [
+        "test_a_sheet_that_falls_on_a_turning_collider_and_slides[plane-backward_euler]"],
+    "physics/solver/test_newton_adjoint_limits.py": [
+        "test_a_sheet_that_is_pulled[backward_euler-both]", "test_triangles_and_a_soft_pin",
+        "test_a_recording_ends_where_a_simulation_does[bdf2-limit-3]", "test_among_contacts[sphere-backward_euler-0.4]",
+        "test_what_is_thrown_back", "test_checkpoints_and_worlds_give_the_same[<lambda>1]",
+        "test_float32_is_near_float64[<lambda>1]",
+        "test_a_recording_says_how_far_it_is_from_a_simulation[0.0-implicit-1e-05-1e-08]"],
+    "physics/solver/test_xpbd_adjoint.py": [
+        "test_soft_pins[more1]", "test_soft_pins[more3]",
+        "test_undone_sweeps_are_as_good_as_fresh_buffers[membrane-inf-False]",
+        "test_undone_sweeps_are_as_good_as_fresh_buffers[springs-inf-True]",
+        "test_a_launch_for_each_colour_gives_the_same_as_one_for_all[membrane-0.0002]",
+        "test_a_launch_for_each_colour_gives_the_same_as_one_for_all[springs-0.0]",
+        "test_a_stiff_sheet_of_240_substeps[membrane]"],
+    "scene/test_chord.py": [
+        "test_penetration_is_that_of_the_deepest_place_of_a_triangle[cone]"],
+    "simulation/test_examples.py": [
+        "test_a_cloth_is_thrown_into_the_frame"],
+    "simulation/test_skip.py": [
+        "test_exactly_the_kernels_of_the_scene_are_compiled[shirt]", "test_a_change_of_the_scene_changes_just_its_kernels"],
+    "tools/test_scenes.py": [
+        "test_scenes_run[shirt]"],
+}
