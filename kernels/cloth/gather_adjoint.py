@@ -1,7 +1,7 @@
 """What the adjoints of elements share: where they find the gradients by forces, and how points gather what they leave.
 
 An element's adjoint writes a gradient at the place of each of its corners' forces (kernels/cloth/element_adjoint.py,
-tet_adjoint.py); a point adds up those at its corners, in their order: no atomics, and the same bits each time.
+fem_adjoint.py); a point adds up those at its corners, in their order: no atomics, and the same bits each time.
 """
 
 from functools import cache

@@ -10,7 +10,7 @@ zero to the last bit but one: f_0 is made of the others. Differences of x come f
 Damping, tau [s]: P += tau F (2 mu e + lam tr e), e = sym(F^T dF/dt) the rate of Green's strain, dF/dt from (d - a) / g, a the
 anchor. It leaves rigid motion alone, is positive, and is that of Kelvin and Voigt, tau K v, at rest.
 
-With dF = a g_l^T in the frame W = R V of the stretches, b = W^T a, h = V^T g_l, g = V^T g_k, the stiffness of stretch.py is
+With dF = a g_l^T in the frame W = R V of the stretches, b = W^T a, h = V^T g_l, g = V^T g_k, the stiffness of principal.py is
 
     V W (A o g h^T + T o h g^T + diag(S (g o h))) W^T,     S, T = (f +- t)/2 off the diagonal, o entry by entry
 """

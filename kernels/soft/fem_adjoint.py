@@ -1,4 +1,4 @@
-"""Adjoint of the forces of tets and of pressure (kernels/soft/fem.py, quadratic.py, pressure.py), by hand and gathered.
+"""Adjoint of the forces of tets and of pressure (kernels/soft/fem.py, fem10.py, pressure.py), by hand and gathered.
 
 With p_k the gradients by the forces of the nodes, Y = sum_k (p_k - p_0) n_k^T at each point of a tet: sum p_k.f_k = -V P : Y.
 The stiffness is symmetric, and so the gradients by the nodes' positions are the forces of the stress dP(F; Y). Of the damping

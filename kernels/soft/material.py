@@ -10,8 +10,8 @@ with D = R - 1 straight from q. mu, lam [Pa] are the Lame parameters of small st
     st_venant_kirchhoff    the same of (F^T F - 1)/2; softens below a stretch of 0.58, and does not resist inversion
     neo_hookean            kernels/soft/neo_hookean.py: keeps its volume better; for large strain
 
-The stiffness comes exactly, dP(F; dF), and as its positive part: `spectrum` once per element and step, `response` (stretch.py)
-for each dF. Of corotational there is a shorter form of both,
+The stiffness comes exactly, dP(F; dF), and as its positive part: `spectrum` once per element and step, `response`
+(principal.py) for each dF. Of corotational there is a shorter form of both,
 
     dP = R (2 mu sym X + lam tr X + [T axl X]x),   X = R^T dF,   T = sum_k t_k V_k V_k^T,
     t_k = 2 mu + (lam (tr S - 3) - 2 mu) 2 / (s_i + s_j)        S = R^T F = V diag(s) V^T

@@ -10,7 +10,7 @@ evaluated about rest, with c2 = tr cof H, c3 = det H:
     P   = mu (H + H^T - tr H - cof H) + mu/3 x/(1 + x) F + lam' j cof F
 
 The logarithm keeps F = 0 from being a minimum: an element pressed to nearly a point opens again. Where |j| > 1e6 the last term
-of Psi goes on linearly (same P at the seam): with moduli up to 1e11 Pa nothing leaves float32. H, q, V, A, B: stretch.py.
+of Psi goes on linearly (same P at the seam): with moduli up to 1e11 Pa nothing leaves float32. H, q, V, A, B: principal.py.
 """
 
 from typing import Any

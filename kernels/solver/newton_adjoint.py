@@ -6,7 +6,7 @@ points, 0 at pinned ones, the gradients are
 
     by b: own q (pinned: y + (df/dd)^T q)     by x: (df/dx)^T q     by a: -(df/dv)^T q / g     by any parameter: (df/d..)^T q
 
-Products with df/d.. transposed are adjoints of what makes f, by hand (kernels/motion/explicit_adjoint.py, tet_adjoint.py) or
+Products with df/d.. transposed are adjoints of what makes f, by hand (kernels/motion/explicit_adjoint.py, fem_adjoint.py) or
 Warp's: nothing is clamped, dropped or formed (the Jacobian of kernels/solver/newton.py is its positive part, and only a
 preconditioner here).
 """

@@ -1,7 +1,11 @@
 """The house rules hold in every file, each rule catches a planted fault, and imports cost what they should."""
 
+import ast
+import re
 import subprocess
 import sys
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -121,6 +125,24 @@ def test_two_kernels_of_one_name_are_caught():
                                   "see share" + "d/x"])
 def test_a_word_that_does_not_belong_is_caught(line):
     assert len(list(lint.words({Path("a.py"): line}))) == 1
+
+
+OURS = ("tools", "wsim", "tests")
+OTHERS = {"numpy", "warp", "pxr", "scipy", "matplotlib", "newton", "mujoco", *sys.stdlib_module_names}
+
+
+@pytest.mark.parametrize("path", [p for p in FILES if p.parts[0] == "tools"], ids=str)
+def test_what_a_tool_imports_of_ours_is_there(path):
+    """Tools are seldom run, and mypy does not read them. Those of peers need packages that are not here: read, not imported."""
+    for node in ast.walk(ast.parse(FILES[path])):
+        tops = [a.name for a in node.names] if isinstance(node, ast.Import) else [getattr(node, "module", None) or "tools"]
+        assert {top.split(".")[0] for top in tops} <= OTHERS | {*OURS}, tops
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in OURS:
+            own = lint.ROOT / f"{node.module.replace('.', '/')}.py"
+            peer = own.name.startswith("peer_")
+            there = dir(import_module(node.module)) if not peer else re.findall(r"(?m)^(?:def |class )?(\w+)", own.read_text())
+            for name in (alias.name for alias in node.names):
+                assert name in there or find_spec(f"{node.module}.{name}"), f"from {node.module} import {name}"
 
 
 def test_the_table_of_slow_tests_names_tests():

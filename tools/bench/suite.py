@@ -1,4 +1,4 @@
-"""The fixed suite: problems with known answers (problems.py, soft_problems.py) by every method, run time and error of each row.
+"""The fixed suite: problems with known answers (problems.py, soft/problems.py) by every method, run time and error of each row.
 
     python tools/bench/suite.py [--device cuda:0|cpu] [--only TEXT,...] [--quick] [--precision float64] [--cache FOLDER]
                                 [--warm] [--json FILE]

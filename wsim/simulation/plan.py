@@ -141,7 +141,7 @@ class Plan:
         from wsim.simulation.report import kept
         c, m = self.clock, self.model
         rows = self.table()
-        bodies = f"{len(m.bodies)} {'bodies' if len(m.bodies) > 1 else 'body'}"
+        bodies = f"{len(m.bodies)} {'body' if len(m.bodies) == 1 else 'bodies'}"
         lines = [f"{m.points} points in {bodies}, {m.worlds} world{'s' * (m.worlds > 1)}, "
                  f"{m.real.__name__} on {m.device}",
                  f"{c.steps} substeps of {c.dt / c.steps * 1e3:.4g} ms{' in two stages' * c.staged}, "

@@ -17,10 +17,11 @@ import warp as wp
 
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT))
-from tools.bench.choice.misses import error, frame_ms  # noqa: E402
+from tools.bench.choice.misses import frame_seconds  # noqa: E402
 from tools.bench.nets import reference  # noqa: E402
 from tools.bench.speed import hardware, show  # noqa: E402
 from wsim.physics.motion import cluster, forces  # noqa: E402
+from wsim.scene import Scene  # noqa: E402
 from wsim.simulation.simulation import Simulation  # noqa: E402
 
 
@@ -33,6 +34,23 @@ def plans(n: int, most: int) -> list:
         if plan.threads <= cluster.THREADS and plan.entries <= cluster.ENTRIES and plan != chosen:
             found.append(plan)
     return ([chosen] if chosen else []) + found + [None]
+
+
+def frame_ms(sim: Simulation) -> float:
+    """Milliseconds of a replayed frame."""
+    sim.run(3)
+    return 1e3 * frame_seconds(sim)
+
+
+def error(scene: Scene, sim: Simulation) -> float | None:
+    """RMS distance [m] after 15 frames from four times the substeps in float64; None of nets beyond 64 x 64 points."""
+    if sim.model.points > 64**2:
+        return None
+    fine = Simulation(replace(scene, substeps=4 * sim.plan.clock.substeps), device=sim.device, precision="float64")
+    again = Simulation(scene, device=sim.device)
+    for run in (fine, again):
+        run.run(15)
+    return reference.rms(fine.positions() - again.positions())
 
 
 def row(n: int, plan, device, first: bool) -> dict:

@@ -1,24 +1,29 @@
-"""MuJoCo's flex on a clamped beam of tets, on the CPU: the runs of soft_runs.py.
+"""MuJoCo's flex on a clamped beam of tets, on the CPU: the runs of runs.py.
 
     MUJOCO_PYTHON tools/bench/soft/peer_mujoco.py PROBLEM.npz SETTINGS.json OUT_FOLDER
 
-Run by soft_peers.py with the interpreter of an environment with MuJoCo 4; imports mujoco and numpy, nothing of wsim.
+Run by peers.py with the interpreter of an environment with MuJoCo 4; imports mujoco and numpy, nothing of wsim.
 
 `solver` is MuJoCo's integrator: "discrete" is implicit, M + h D + h^2 K solved once a step by conjugate gradients to
 `tolerance` in at most `iterations`; "Euler" (symplectic) and "RK4" are explicit in the elastic forces. "implicit" and
 "implicitfast" refuse elastic flexes since MuJoCo 3.13. `neo_hookean`: the flex of stable Neo-Hookean energy without
 logarithm, else Saint Venant-Kirchhoff's; both have the E and nu that they are given, and their forces equal those of
-soft_material.py to rounding. All in float64, on one thread.
+material.py to rounding. All in float64, on one thread.
 
 A flexcomp shares its mass equally among its points; here each has its lumped mass, as everywhere else. No contacts, no damping.
 """
 
+import sys
 import warnings
 from math import exp
+from pathlib import Path
 
 import mujoco
 import numpy as np
-from soft_runs import Make, arguments, processor, serve
+
+ROOT = Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(ROOT))
+from tools.bench.soft.runs import Make, arguments, processor, serve  # noqa: E402
 
 RADIUS = 1e-3             # [m] of gyration of a point's body, which only slides: of no effect
 

@@ -1,31 +1,36 @@
-"""Newton's solvers on a clamped beam of tets: the runs of soft_runs.py.
+"""Newton's solvers on a clamped beam of tets: the runs of runs.py.
 
     PEER_PYTHON tools/bench/soft/peer_newton.py PROBLEM.npz SETTINGS.json OUT_FOLDER [--device cuda:0|cpu]
 
-Run by soft_peers.py with the interpreter of an environment of Newton's own; imports newton, warp and numpy, nothing of wsim.
+Run by peers.py with the interpreter of an environment of Newton's own; imports newton, warp and numpy, nothing of wsim.
 
     vbd, vbd_tile     vertex block descent, backward Euler: stable Neo-Hookean without logarithm. SolverVBD takes the Lame
                       parameters of small strain and adds mu to lambda itself (particle_vbd_kernels.py): E and nu are right.
     semi_implicit     symplectic Euler: stable Neo-Hookean with logarithm. SolverSemiImplicit takes k_mu, k_lambda as the
                       parameters of that energy, so that it is given 4/3 mu and lambda + 5/6 mu; without, E is wrong by 27 %.
 
-As in peer_newton.py: no contacts, no damping, a frame is a graph that is replayed, colours by the edges of the tets.
-Tiles gather tets and run on a GPU only.
+As in tools/bench/nets/peer_newton.py: no contacts, no damping, a frame is a graph that is replayed, colours by the edges of the
+tets. Tiles gather tets and run on a GPU only.
 """
 
+import sys
 from math import exp
+from pathlib import Path
 
 import newton
 import numpy as np
 import warp as wp
-from peer_newton import EXPLICIT, Run, colors
-from soft_runs import Make, arguments, serve
+
+ROOT = Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(ROOT))
+from tools.bench.nets.peer_newton import EXPLICIT, Run, colors  # noqa: E402
+from tools.bench.soft.runs import Make, arguments, serve  # noqa: E402
 
 EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
 
 
 def parameters(problem: dict[str, np.ndarray], solver: str) -> tuple[float, float, str]:
-    """k_mu, k_lambda [Pa] that a solver wants for E and nu, and the name of its energy in soft_material.py."""
+    """k_mu, k_lambda [Pa] that a solver wants for E and nu, and the name of its energy in material.py."""
     E, nu = float(problem["young"]), float(problem["poisson"])
     mu, lam = E / (2.0 * (1.0 + nu)), E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
     return (4.0 / 3.0 * mu, lam + 5.0 / 6.0 * mu, "neo_hookean") if solver == EXPLICIT else (mu, lam, "neo_hookean_no_log")

@@ -7,7 +7,7 @@
 X as peers.py says. Y, on the CPU only: python -m venv Y; Y/bin/pip install mujoco==4.0.0 (without a net: the wheels mujoco_core
 and numpy, and pip install --no-index --no-deps). A side without its interpreter is left out.
 
-soft_problem.py has the beam and says what is measured: every row is held against the float64 answer for its own material on
+problem.py has the beam and says what is measured: every row is held against the float64 answer for its own material on
 its own mesh, so that a material or a mesh is never called a solver's error. The tables print
 
     0.25 s, 0.5 s   RMS distance [m] from the exact trajectory        static     error of the tip's drop at rest

@@ -1,7 +1,7 @@
 """The soft beam by which engines are judged, with its right answers: trajectory, place at rest, first frequency. No Warp.
 
 1 x 0.25 x 0.25 m along x, five-tet cells, nu 0.3, 1000 kg/m^3, clamped at its low end, gravity across; at an E of 1e6 Pa its
-tip sinks by a fifth of its length. soft_runs.py says what an engine runs; the answers are those of soft_reference.py for
+tip sinks by a fifth of its length. runs.py says what an engine runs; the answers are those of reference.py for
 the row's own material on the same mesh.
 
     error_025, error_05     RMS distance [m] from the exact trajectory after 0.25 and 0.5 s
@@ -63,7 +63,7 @@ class Beam:
         return float((self.points - x)[self.tip, 1].mean())
 
     def problem(self) -> dict[str, np.ndarray]:
-        """As soft_runs.py describes it. Velocities decay twice as fast as the first mode turns: critically damped."""
+        """As runs.py describes it. Velocities decay twice as fast as the first mode turns: critically damped."""
         solid = self.solid("corotational")
         values = {"points": self.points, "tets": self.tets, "masses": self.masses, "pinned": self.pinned,
                   "gravity": solid.gravity, "young": self.young, "poisson": solid.poisson, "density": solid.density,

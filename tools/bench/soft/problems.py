@@ -1,9 +1,9 @@
 """Problems with known answers of soft bodies: further rows of suite.py; see problems.py for what a problem is.
 
     soft_rest        a clamped bar under gravity: every point's place at rest on this very mesh, over the tip's drop
-                                                                                  soft_reference.rest (needs SciPy)
+                                                                                  reference.rest (needs SciPy)
     soft_frequency   the same swinging in its first mode by 1 mm: its frequency on this mesh
-                                                                                  soft_reference.frequencies (needs SciPy)
+                                                                                  reference.frequencies (needs SciPy)
     soft_modulus     a bar that hangs with a weight F: E = F / (A strain) and nu, both well inside; the worse of them, relative
     soft_spin        a free body at 10 rad/s for 1 s: change of kinetic and elastic energy, and `drift`, of angular momentum;
                      both exactly 0

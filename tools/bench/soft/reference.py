@@ -6,7 +6,7 @@
     frequencies     lowest ones of K, M about rest or any other place, and their shapes
     exact           classical Runge-Kutta of order 4, steps halved until Richardson's estimate of its error is small
 
-Energies: soft_material.py. What a beam theory says of the same body: soft_beam.py. Runge-Kutta is stable for h omega < 2.83;
+Energies: material.py. What a beam theory says of the same body: beam.py. Runge-Kutta is stable for h omega < 2.83;
 `exact` starts below that by the highest frequency about rest. A tet's stiffness is exact, so Newton's is the true tangent.
 Sifakis, Barbic 2012; Nocedal, Wright 2006, ch. 3 (line search); Hairer, Norsett, Wanner 1993, II.4 (Richardson).
 """

@@ -11,7 +11,7 @@ from wsim.model.stage import Clock
 
 
 class ActiveSet:
-    """Of the contacts (`wsim.physics.contact.Contact`) that `wsim.physics.solver.newton.Implicit.join` takes."""
+    """Of the contacts (`wsim.physics.contact.Contact`) that `wsim.physics.solver.newton.Implicit.meet` takes."""
 
     def __init__(self, method, contact):
         """method: `wsim.physics.solver.newton.Implicit`."""

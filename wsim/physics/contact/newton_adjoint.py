@@ -11,10 +11,10 @@ from wsim.model.structs import filled
 
 
 class PinsAdjoint:
-    """Of the soft pins that `wsim.physics.solver.newton.Implicit.join` takes."""
+    """Of the soft pins that `wsim.physics.solver.newton.Implicit.meet` takes."""
 
     def __init__(self, model: Model, pins, soft: list[wp.array]):
-        """pins: `wsim.physics.motion.points.Pins`; soft: (first, item), its pins by point."""
+        """pins: `wsim.physics.motion.pins.Pins`; soft: (first, item), its pins by point."""
         self.model, self.pins, self.soft = model, pins, soft
         self.forces, self.adjoint = (f(model.real, model.module) for f in (kernels.pin_forces, kernels.pin_adjoint))
 
@@ -35,7 +35,7 @@ class PinsAdjoint:
 
 
 class ContactsAdjoint:
-    """Of the contacts that `wsim.physics.solver.newton.Implicit.join` takes."""
+    """Of the contacts that `wsim.physics.solver.newton.Implicit.meet` takes."""
 
     def __init__(self, model: Model, contact, after: bool):
         """contact: `wsim.physics.contact.Contact`. after: something is projected behind a solve, and contacts once more behind

@@ -1,4 +1,4 @@
-"""Tetrahedra of soft bodies on the device, a table for each material model: what kernels/soft/fem.py and quadratic.py read."""
+"""Tetrahedra of soft bodies on the device, a table for each material model: what kernels/soft/fem.py and fem10.py read."""
 
 from collections.abc import Callable
 from math import inf, sqrt

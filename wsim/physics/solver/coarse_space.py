@@ -1,4 +1,5 @@
-"""The coarse space of large stiff bodies: which nodes there are, and the cycle of launches. Kernels: multigrid.py, cycle.py.
+"""The coarse space of large stiff bodies: which nodes there are, and the cycle of launches. Kernels: coarse_space.py,
+coarse_cycle.py.
 
 Points of a body stand in boxes of about CELLS edges a side; those of a box that the mesh joins there are a node. Boxes of
 nodes, FACTOR a side, make the next level, until no node has a neighbour.

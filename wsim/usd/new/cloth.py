@@ -1,4 +1,4 @@
-"""A bare mesh -> a small scene layer in which it is cloth. See bare.py for what that has in common with other bodies.
+"""A bare mesh -> a small scene layer in which it is cloth. See mesh.py for what that has in common with other bodies.
 
 Its rest angles are its own, since a garment is modelled in its folds and not sewn from a flat pattern; those of a flat mesh
 are flat.

@@ -1,4 +1,4 @@
-"""A bare mesh -> a small scene layer in which it is a soft body. See bare.py for what that has in common with other bodies.
+"""A bare mesh -> a small scene layer in which it is a soft body. See mesh.py for what that has in common with other bodies.
 
     TetMesh     is the body itself, with its own tets; what is wrong with them and can be mended is mended over it
     Mesh        is seen, and follows a cage of tets around it (`wsim.geometry.tetra.cage`): a TetMesh beside it, both below one

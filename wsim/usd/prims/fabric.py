@@ -1,4 +1,4 @@
-"""Materials: what is bound for the purpose "physics" (or for all purposes) <-> `Fabric` and friction. (Solids: bulk.py)
+"""Materials: what is bound for the purpose "physics" (or for all purposes) <-> `Fabric` and friction. (Solids: solid.py)
 
 The deformable proposal says a sheet by surfaceStretchStiffness K = E h / (1 - nu^2), surfaceShearStiffness G h and
 surfaceBendStiffness E h^3 / (12 (1 - nu^2)); a stiffness that is not authored (-inf) follows from youngsModulus E,
