@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pxr import Usd
 
 from tests.make.wheels import ROW
 from tests.make.wheels.objects import Wheel
@@ -118,6 +119,22 @@ def test_a_run_is_recorded_and_goes_on_to_the_bit(tmp_path, cloth):
             theta = angle(wheel, 8 / 24.0)
             assert np.abs(M[:2, 0] - (np.cos(theta), np.sin(theta))).max() < 1e-4
             assert abs(prim.GetAttribute("toy:turns").Get(8.0) - theta / (2.0 * np.pi)) < 32 * 6e-8 * 73.0 / (2.0 * np.pi)
+
+
+def test_a_run_with_other_steps_goes_on_from_where_it_was(tmp_path):
+    """Its closed form holds for steps of any length; where a result does not say where it was, that is an error."""
+    source, half, rest = (str(tmp_path / name) for name in ("s.usda", "half.usda", "rest.usda"))
+    save(wheels(True), source)
+    prepare(replace(load(source), frames=4), half, lambda s: Simulation(s, **CPU)).frames()
+    job = prepare(replace(load(source), substeps=6), rest, lambda s: Simulation(s, **CPU), restart=half)
+    job.frames()
+    assert any("not bit for bit" in w for w in job.simulation.warnings)
+    assert abs(turned(job.simulation, FAST) - angle(FAST, 8 / 24.0)) < 40 * 6e-8 * 73.0
+    stage = Usd.Stage.Open(half)
+    stage.GetPrimAtPath(SLOW.path).GetAttribute("wsim:restart:timeCode").Set(1.0)
+    stage.GetRootLayer().Save()
+    with pytest.raises(SceneError, match=f"{SLOW.path}: has no restart fields at frame 4"):
+        prepare(load(source), rest, lambda s: Simulation(s, **CPU), restart=half)
 
 
 def test_three_worlds_have_wheels_of_their_own():

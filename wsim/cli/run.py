@@ -200,13 +200,13 @@ def _go_on(sim: "Simulation", earlier: "Restart", samples: int) -> None:
     as that one was."""
     fields = earlier.fields
     if others := differences(earlier.made, settings(sim, samples)):
-        fields = {}
+        fields = {path: own for path, own in fields.items() if path not in earlier.positions}
         earlier.notes.append(Problem(earlier.path, f"was run otherwise ({'; '.join(others)}): the run goes on from positions "
                                      "and velocities, to the order of accuracy, not bit for bit", fatal=False))
-    if not fields:
+    if not fields.keys() & earlier.positions.keys():
         for path, positions in earlier.positions.items():
             sim.set(path, "positions", positions)
             if path in earlier.velocities:
                 sim.set(path, "velocities", earlier.velocities[path])
-    sim.restart(earlier.frame * samples, fields)
+    sim.restart(earlier.frame * samples, fields, alike=not others)
     sim.warnings += [str(note) for note in earlier.notes]

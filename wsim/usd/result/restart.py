@@ -172,8 +172,11 @@ def load_restart(result_path, scene: Scene) -> Restart:
     codes = {code for code, _ in kept.values()} & frames
     exact = all(f and {code} == codes for code, f in kept.values())
     code = codes.pop() if exact else max(frames)
+    if lost := [path for path in others if kept[path][0] != code]:
+        raise SceneError(Problem(lost[0], f"has no restart fields at frame {round(code - scene.start)} in {result.path}, and "
+                                 "nothing else says where it was; restart from a result that holds them, or run from the start"))
     restart = Restart(result.path, code, round(code - scene.start), {}, {},
-                      {path: f for path, (_, f) in kept.items()} if exact else {}, exact,
+                      {path: f for path, (_, f) in kept.items() if exact or path in others}, exact,
                       provenance.read(result.stage.GetRootLayer()))
     restart.notes += provenance.match(result.path, restart.made, scene)
     for body in bodies:
