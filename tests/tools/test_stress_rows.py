@@ -9,6 +9,7 @@ import pytest
 from tools.stress import acts, energy, examples, judge, rows, run, scenes, soft_rows, solvers, table
 from tools.stress.__main__ import chosen, verdict_of
 from wsim.model.separate import NUDGE, apart
+from wsim.scene.integrator import SOLVERS, TABLE
 from wsim.simulation.simulation import Simulation
 
 SWEEPS = next(s for s in solvers.SOLVERS if s.name == "xpbd/backward_euler")
@@ -250,3 +251,10 @@ def test_an_example_scene_is_held_against_a_converged_run(fault, held):
     verdict = examples.judge(replace(right, solver="xpbd/bdf2", **fault), right)
     assert verdict.held == held
     assert "tetrahedra" in verdict.text or not fault.get("refusal")
+
+
+def test_every_solver_and_integrator_of_a_scene_is_asked():
+    """A row that only `auto` runs says nothing of the others."""
+    asked = {(s.solver, s.integrator) for s in solvers.available()}
+    assert asked >= {(solver, integrator.name) for integrator in TABLE.values() for solver in SOLVERS
+                     if solver != "auto" and (solver == "explicit") == integrator.explicit}

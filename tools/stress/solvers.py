@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from math import ceil
 
 from tools.stress.energy import fastest
@@ -73,9 +72,8 @@ SOLVERS = (
 
 
 def available() -> list[Solver]:
-    """Those that this version of wsim has."""
-    return [s for s in SOLVERS if s.integrator in INTEGRATORS
-            and (s.solver == "auto" or find_spec(f"wsim.{s.solver}") is not None)]
+    """Solvers of which this version of wsim has the integrator."""
+    return [s for s in SOLVERS if s.integrator in INTEGRATORS]
 
 
 def limit(scene: Scene, solver: Solver) -> float:

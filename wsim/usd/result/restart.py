@@ -174,7 +174,7 @@ def load_restart(result_path, scene: Scene) -> Restart:
     code = codes.pop() if exact else max(frames)
     if lost := [path for path in others if kept[path][0] != code]:
         raise SceneError(Problem(lost[0], f"has no restart fields at frame {round(code - scene.start)} in {result.path}, and "
-                                 "nothing else says where it was; restart from a result that holds them, or run from the start"))
+                                 "nothing else says where it was; restart from one that holds them, or run from the start"))
     restart = Restart(result.path, code, round(code - scene.start), {}, {},
                       {path: f for path, (_, f) in kept.items() if exact or path in others}, exact,
                       provenance.read(result.stage.GetRootLayer()))
