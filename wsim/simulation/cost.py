@@ -20,7 +20,8 @@ from wsim.scene import Surface
 # at 8k); XPBD 14 colours of 2 us, 2.1e-11 s a spring (choice_h200.json). Corotational tets: leapfrog 12 us a substep of 25k,
 # 112 of 976k; a Newton step 0.27 to 0.36 ms of 2560 tets, 4.3 to 8 of 976k (soft_h200.json). Contacts: 19 to 25 us to find
 # and 7 to project a million points that touch nothing (contact_h200.json), in launches of 2 us. Choices among the runs that
-# choice_h200.json has measured: 2 of 35 take over 1.3 times the fastest that errs by less than wanted, 1.55 times at most
+# choice_h200.json has measured: 2 of 35 take over 1.3 times the fastest that errs by less than wanted, 1.54 times at most
+# (tools/bench/choice/costs.py replays it)
 # CPU: one core of an EPYC (choice_epyc_2_cores.json)
 COSTS = {
     "cuda": {"step": 3.8e-6, "spring": 1.3e-11, "element": 2.2e-11, "block": 3.2e-6, "tet": 1.05e-10, "rest": 9e-6,
