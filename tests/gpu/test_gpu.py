@@ -17,7 +17,7 @@ from tests.simulation.test_simulation import chain, drape
 from tests.simulation.test_ties import laid
 from tools.bench.nets import reference
 from wsim.gradient.recording import Recording
-from wsim.physics.solver import coarse_space, xpbd
+from wsim.physics.solver import batch, coarse_space
 from wsim.scene import Pin, Plane, Scene, Sphere, shapes
 from wsim.scene.curve import Motion
 from wsim.scene.fabric import Fabric
@@ -261,7 +261,7 @@ def test_gradients_of_xpbd_agree_however_colours_are_launched(monkeypatch):
     scene = sheet("membrane", damping=2e-4, solver="xpbd", integrator="backward_euler", substeps=8, iterations=4)
     found = []
     for device, fuse in (("cpu", 512), ("cuda:0", 512), ("cuda:0", 0)):
-        monkeypatch.setattr(xpbd, "FUSE", fuse)
+        monkeypatch.setattr(batch, "FUSE", fuse)
         found += gradients(scene, 3, devices=[device])
     for other in found[1:]:
         for name in ("positions", "velocities", "masses", "rest_shape"):

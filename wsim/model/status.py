@@ -1,7 +1,8 @@
 """Words that a frame leaves behind for the host, by name: read once after each frame.
 
 A method reserves its words while the plan is built (`reserve`), writes them by kernels (`word`, or `array` with `offset`), and
-reads its own after the frame (`said`). All of them are zero when a frame begins.
+reads its own after the frame (`said`). All of them are zero when a frame begins. `allocate` ends the build: a frame may be
+captured as a graph, and a capture cannot take pinned memory.
 """
 
 import numpy as np
@@ -28,13 +29,18 @@ class Status:
         self.places[name] = slice(self.size, self.size + count)
         self.size += count
 
-    @property
-    def array(self) -> wp.array:
-        """All words on the device; from the first use on none can be reserved."""
+    def allocate(self) -> None:
+        """Takes memory for all words; from then on none can be reserved."""
         if self._array is None:
             self._array = wp.zeros(max(self.size, 1), dtype=int, device=self.device)
             if self.device.is_cuda:                      # pinned memory that a frame copies its words to
                 self._host = wp.zeros(max(self.size, 1), dtype=int, device="cpu", pinned=True)
+
+    @property
+    def array(self) -> wp.array:
+        """All words on the device."""
+        self.allocate()
+        assert self._array is not None
         return self._array
 
     def offset(self, name: str) -> int:

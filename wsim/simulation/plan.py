@@ -181,6 +181,7 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
         b.methods["guard"] = Guard(model, others, b.status)
     for method in b.methods.values():
         method.meet(b.methods)
+    b.status.allocate()
     _start(model, b.state)
     return Plan(model, b.state, b.clock, list(b.methods.values()), b.status, b.choice, _skipped(b),
                 cost.seconds(model, cost.frame(model, b.constraints, b.choice)))
