@@ -1,7 +1,7 @@
 """Abuse that must end finite and recover, and example scenes: every row and scene with every solver that wsim has.
 
     python -m tools.stress [--device cpu] [--only NAME ...] [--solvers xpbd/bdf2,...] [--frames N] [--seconds N] [--long]
-                           [--json FILE]
+                           [--jobs N] [--json FILE]
 
 `--only "scene "` takes the example scenes alone. Exit code 1 if a row does not hold. Rows, bounds and reasons: rows.py,
 judge.py, solvers.py; scenes: examples.py.
@@ -9,7 +9,11 @@ judge.py, solvers.py; scenes: examples.py.
 
 import argparse
 import json
+import queue
 import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import warp as wp
@@ -48,7 +52,18 @@ def verdict_of(record: judge.Record, row: Row, solver: Solver) -> judge.Verdict:
     return judge.judge(record, row.reasons(solver.solver, solver.integrator) | listed(row.scene(), solver))
 
 
-def scene(worker: Worker, name: str, solvers: list[Solver], seconds: float, *how) -> list[dict]:
+def abused(worker: Worker, row: Row, solvers: list[Solver], how: tuple) -> list[dict]:
+    """A row with every solver; how: device, precision, whether it is the long one."""
+    results = []
+    for solver in (s for s in solvers if not row.solvers or s.solver in row.solvers):
+        record = watched(worker, row, solver, *how)
+        verdict = verdict_of(record, row, solver)
+        print(line(record, verdict), flush=True)
+        results.append(record.as_dict() | {"held": verdict.held, "verdict": verdict.text})
+    return results
+
+
+def scene(worker: Worker, name: str, solvers: list[Solver], seconds: float, how: tuple) -> list[dict]:
     """An example scene with every solver, each in so many seconds; how: frames, device, precision."""
     right, results = answered(worker, examples.converged, (name, *how), examples.Example(name, "converged"), seconds), []
     print(examples.line(right, judge.Verdict(True, "what others are held against")), flush=True)
@@ -67,6 +82,24 @@ def answered(worker: Worker, work, arguments: tuple, empty: examples.Example, se
     return answer if done else empty
 
 
+def spread(works: list[Callable[..., list[dict]]], jobs: int) -> Iterator[list[dict]]:
+    """What each work leaves, in their order; so many at a time, each with a worker of its own."""
+    free: queue.Queue[Worker] = queue.Queue()
+    for _ in range(jobs):
+        free.put(Worker())
+
+    def one(work: Callable[..., list[dict]]) -> list[dict]:
+        worker = free.get()
+        try:
+            return work(worker)
+        finally:
+            free.put(worker)
+    with ThreadPoolExecutor(jobs) as pool:
+        yield from pool.map(one, works)
+    while not free.empty():
+        free.get().end()
+
+
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="tools.stress", description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -77,6 +110,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--frames", type=int, default=24, help="of the example scenes")
     parser.add_argument("--seconds", type=float, default=1800.0, help="limit of an example scene with one solver")
     parser.add_argument("--long", action="store_true", help="rest of 10^5 frames")
+    parser.add_argument("--jobs", type=int, default=1, help="rows at a time; their times are then no measurement")
     parser.add_argument("--json", default=None)
     args = parser.parse_args(arguments)
     try:
@@ -86,16 +120,10 @@ def main(arguments: list[str] | None = None) -> int:
     wp.config.log_level = 40
     device = wp.get_device(args.device)
     print(f"{hardware(device)}, {args.precision}, warp {wp.config.version}\n{HEAD}", flush=True)
-    worker, results = Worker(), []
-    for row in rows:
-        for solver in (s for s in solvers if not row.solvers or s.solver in row.solvers):
-            record = watched(worker, row, solver, args.device, args.precision, args.long)
-            verdict = verdict_of(record, row, solver)
-            print(line(record, verdict), flush=True)
-            results.append(record.as_dict() | {"held": verdict.held, "verdict": verdict.text})
-    for name in scenes:
-        results += scene(worker, name, solvers, args.seconds, args.frames, args.device, args.precision)
-    worker.end()
+    works = [partial(abused, row=row, solvers=solvers, how=(args.device, args.precision, args.long)) for row in rows]
+    works += [partial(scene, name=name, solvers=solvers, seconds=args.seconds, how=(args.frames, args.device, args.precision))
+              for name in scenes]
+    results = [r for found in spread(works, args.jobs) for r in found]
     failed = [r for r in results if not r["held"]]
     print(f"{len(results) - len(failed)} of {len(results)} hold")
     if args.json:

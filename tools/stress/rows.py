@@ -21,9 +21,9 @@ FAR = ("the step of an explicit solver is chosen at rest: a spring far from it p
 DEFORMED = {("explicit", kind): FAR for kind in ("energy", "strain", "refusal")}
 COLLAPSED = ("the angle of a hinge jumps by pi where a triangle collapses to a line: scattered, a way on costs 1/2 bend pi^2,"
              " 5 kJ and more, and Newton steps never go uphill: they stay where they are (in float64 too)")
-ROUND = ("sweeps may end in a cycle of crumpled states, where single hinges hold more than the sheet: 6 of 24 scatters, at 0.1 to "
-         "0.16, and SDIRK3, which damps it less, leaves 0.005 in 5. Where hinges share angles as they are it is 5 of 16, and 8 "
-         "of 16: rounding decides which")
+ROUND = ("sweeps may end in a cycle of crumpled states, where single hinges hold more than the sheet: 6 of 24 scatters, at 0.1 "
+         "to 0.16, and SDIRK3, which damps it less, leaves 0.005 in 5. Where hinges share angles as they are it is 5 of 16 "
+         "and 8 of 16: rounding decides which")
 WALK = ("the midpoint damps nothing by itself: what float32 rounds off each step, 4e-9 m, walks up until the drag of the row "
         "takes as much away, to 3e-4 m/s (float64: 7e-7 m/s); places do not drift")
 SLOW = "beyond the explicit limit: damping by tau omega^2 = 7e6 / s of the fastest mode asks for steps of 1.3e-7 s"
