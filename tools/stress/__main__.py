@@ -123,13 +123,14 @@ def main(arguments: list[str] | None = None) -> int:
     works = [partial(abused, row=row, solvers=solvers, how=(args.device, args.precision, args.long)) for row in rows]
     works += [partial(scene, name=name, solvers=solvers, seconds=args.seconds, how=(args.frames, args.device, args.precision))
               for name in scenes]
-    results = [r for found in spread(works, args.jobs) for r in found]
+    bounds = [{"row": r.name, "what": r.what, "energy": r.energy, "work": r.work} for r in rows]
+    head, results = {"device": hardware(device), "warp": wp.config.version, "rows": bounds}, []
+    for found in spread(works, args.jobs):
+        results += found
+        if args.json:                                    # as it goes: a run that is cut short keeps what it found
+            Path(args.json).write_text(json.dumps(head | {"results": results}, indent=1))
     failed = [r for r in results if not r["held"]]
     print(f"{len(results) - len(failed)} of {len(results)} hold")
-    if args.json:
-        bounds = [{"row": r.name, "what": r.what, "energy": r.energy, "work": r.work} for r in rows]
-        Path(args.json).write_text(json.dumps({"device": hardware(device), "warp": wp.config.version, "rows": bounds,
-                                               "results": results}, indent=1))
     return 1 if failed else 0
 
 
