@@ -10,26 +10,12 @@ from math import inf
 
 import numpy as np
 
+from wsim.geometry.rotation import quaternion
 from wsim.physics.contact.mesh import Mesh
 from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Problem, SceneError, Sphere, Surface
 from wsim.scene.check import chord
 
 RIGID = 1e-4           # how far a collider's axes may be from orthonormal: float32 matrices of a stage reach 1e-6
-
-
-def quaternions(R: np.ndarray) -> np.ndarray:
-    """(x, y, z, w) with w >= 0 of rotations (..., 3, 3), from the largest of the four squares (Shepperd 1978)."""
-    xx, yy, zz = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
-    s = np.stack([1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz, 1 + xx + yy + zz], axis=-1)
-    a, b, c = R[..., 2, 1], R[..., 0, 2], R[..., 1, 0]
-    p, q, r = R[..., 1, 2], R[..., 2, 0], R[..., 0, 1]
-    products = np.stack([np.stack([s[..., 0], c + r, b + q, a - p], -1),       # rows of 4 (x, y, z, w)^T (x, y, z, w)
-                         np.stack([c + r, s[..., 1], a + p, b - q], -1),
-                         np.stack([b + q, a + p, s[..., 2], c - r], -1),
-                         np.stack([a - p, b - q, c - r, s[..., 3]], -1)], axis=-2)
-    row = np.take_along_axis(products, np.argmax(s, axis=-1)[..., None, None], axis=-2)[..., 0, :]
-    row = row / np.linalg.norm(row, axis=-1, keepdims=True)
-    return np.where(row[..., 3:] < 0, -row, row)
 
 
 def sizes(collider: Collider, mesh: Mesh | None) -> tuple[str, tuple[float, float, float], float]:
@@ -153,12 +139,12 @@ class Rows:
         M = np.stack([np.stack([motion.at(t) for t in times]) if motion.moves
                       else np.broadcast_to(motion.at(0.0), (len(times), 4, 4)) for motion in motions], axis=1)
         R, p = M[..., :3, :3], M[..., :3, 3]
-        turn = quaternions(R[1:] @ np.swapaxes(R[:-1], -1, -2))
+        turn = quaternion(R[1:] @ np.swapaxes(R[:-1], -1, -2))
         middle = (R @ self.centers()[number, :, None])[..., 0] + p
         way = np.linalg.norm(middle[1:] - middle[:-1], axis=-1)
         own = np.flatnonzero(np.isin(self.collider, number))
         row, origin = np.searchsorted(number, self.collider[own]), self.origin[own]
-        pose = np.concatenate([p[:, row] - origin, quaternions(R)[:, row]], axis=-1)
+        pose = np.concatenate([p[:, row] - origin, quaternion(R)[:, row]], axis=-1)
         step = np.concatenate([p[1:, row] - p[:-1, row], turn[:, row]], axis=-1)
         ball = np.concatenate([0.5 * (middle[1:] + middle[:-1])[:, row] - origin,
                                (self.radius[number] + 1.5 * way)[:, row, None]], axis=-1)
