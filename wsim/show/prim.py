@@ -11,8 +11,11 @@ from wsim.geometry.tetra.tets import checked, surface, volumes
 from wsim.geometry.triangulate import index_fault, triangulate
 from wsim.scene import Problem, SceneError
 from wsim.scene.methods import claimant
+from wsim.scene.solids import claimed
 from wsim.show.shading import CREASE, Look, palette, smoothing
 from wsim.usd.stage import applied
+
+SIDES = 64                    # of round shapes
 
 
 @dataclass
@@ -145,10 +148,6 @@ def _outline(prim: Usd.Prim, time: float) -> primitives.Outline:
     if role := drawn_by(prim):
         return role.triangles(prim)
     name, number = str(prim.GetTypeName()), lambda field: _number(prim, field, time)
-    if name == "Sphere":
-        return primitives.sphere(number("radius"))
-    if name == "Cube":
-        return primitives.box(np.full(3, 0.5 * number("size")))
     if name == "BasisCurves":
         return _curves(prim, time)
     if name == "Points":
@@ -159,11 +158,9 @@ def _outline(prim: Usd.Prim, time: float) -> primitives.Outline:
         sides = 0.5 * number("width"), 0.5 * number("length")
         points, triangles = primitives.plate(*(sides if axis == "Z" else sides[::-1]))
         return primitives.along(axis, points), triangles
-    round_solids = {"Capsule": primitives.capsule, "Cylinder": primitives.cylinder, "Cone": primitives.cylinder}
-    if name.removesuffix("_1") in round_solids:
-        bottom, top = ("radiusBottom", "radiusTop") if name.endswith("_1") else ("radius", "radius")
-        points, triangles = round_solids[name.removesuffix("_1")](
-            number(bottom), 0.0 if name == "Cone" else number(top), 0.5 * number("height"))
+    if found := claimed((*applied(prim), name)):
+        solid, key = found
+        points, triangles = solid.outline(solid.read(*map(number, solid.usd[key])), SIDES)
         return primitives.along(axis, points), triangles
     return np.zeros((0, 3)), np.zeros((0, 3), np.int32)
 

@@ -1,4 +1,4 @@
-"""A method that is no part of wsim: sparks that fly, and hand every kind of sample to a result. One folder and one row (`ROW`)."""
+"""A method that is no part of wsim: sparks that fly, and hand every kind of sample to a result. One folder, one row (`ROW`)."""
 
 from wsim.scene.methods import Row
 

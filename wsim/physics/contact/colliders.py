@@ -5,15 +5,16 @@ origin of its object, so that nothing is lost far from the scene's origin. Rows 
 order of the colliders: the order of contacts follows from it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import inf
 
 import numpy as np
 
 from wsim.geometry.rotation import quaternion
 from wsim.physics.contact.mesh import Mesh
-from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Problem, SceneError, Sphere, Surface
+from wsim.scene import Collider, Problem, SceneError, Surface
 from wsim.scene.check import chord
+from wsim.scene.solids import row
 
 RIGID = 1e-4           # how far a collider's axes may be from orthonormal: float32 matrices of a stage reach 1e-6
 
@@ -25,25 +26,13 @@ def sizes(collider: Collider, mesh: Mesh | None) -> tuple[str, tuple[float, floa
     if isinstance(shape, Surface):
         assert mesh is not None
         return ("solid" if mesh.closed else "sheet"), (mesh.depth, 0.0, 0.0), mesh.radius
-    if isinstance(shape, Plane):
-        return "plane", (0.0, 0.0, 0.0), inf
-    if isinstance(shape, Box):
-        found = [float(v) for v in shape.half]
-    elif isinstance(shape, Sphere):
-        found = [float(shape.radius)]
-    else:
-        found = [float(shape.radius), float(shape.half_height)]
-    least = 1 if isinstance(shape, Capsule) else len(found)          # a capsule without a straight part is a ball
-    if not (np.isfinite(found).all() and min(found[:least]) > 0.0 and min(found) >= 0.0):
+    solid = row(shape)
+    found, ball = solid.lengths(shape), solid.ball(shape)
+    least = [v for f in fields(shape) if f.name not in solid.vanishing for v in np.atleast_1d(getattr(shape, f.name))]
+    if not (np.isfinite(found).all() and min(least, default=1.0) > 0.0 and min(found, default=0.0) >= 0.0):
         raise SceneError(Problem(collider.path, f"the {type(shape).__name__.lower()} has sizes {found} m; every one "
                                  "must be finite and positive; give it a size, or remove the collider"))
-    if isinstance(shape, Box):
-        return "box", (found[0], found[1], found[2]), float(np.linalg.norm(found))
-    if isinstance(shape, Sphere):
-        return "sphere", (found[0], 0.0, 0.0), found[0]
-    radius = sum(found) if isinstance(shape, Capsule) else float(np.linalg.norm(found))
-    names = {Capsule: "capsule", Cylinder: "cylinder", Cone: "cone"}
-    return names[type(shape)], (found[0], found[1], 0.0), radius
+    return solid.kind, solid.size(shape), ball
 
 
 def check(collider: Collider) -> None:
