@@ -37,6 +37,7 @@ def triangulated(prim: Usd.Prim, kind: str, number: int, time: float, meters: fl
     """The prim as triangles; None if it has none (an empty mesh)."""
     corners: np.ndarray | None = None
     polygon: np.ndarray | None = None
+    time = _fullest(prim, time)
     if prim.IsA(UsdGeom.Mesh):
         triangles, corners, polygon = _mesh(prim, time)
     else:
@@ -52,6 +53,8 @@ def triangulated(prim: Usd.Prim, kind: str, number: int, time: float, meters: fl
 
     def points(t: float) -> np.ndarray:
         local = _local(prim, t)
+        if prim.IsA(UsdGeom.Points) and len(local) < len(first):          # those that are not there have no size
+            local = np.concatenate([local, np.repeat(first[-1:], len(first) - len(local), axis=0)])
         if local.shape != first.shape or not np.isfinite(local).all():
             bad = np.flatnonzero(~np.isfinite(local).all(axis=1))
             found = f"point {bad[0]} is not finite" if len(bad) else f"{len(local)} points, {len(first)} at the start"
@@ -69,6 +72,12 @@ def triangulated(prim: Usd.Prim, kind: str, number: int, time: float, meters: fl
     if color_of is None:
         color_of = np.zeros_like(triangles)
     return Drawn(Look(triangles, colors, color_of, groups, path), kind, points, moves(prim))
+
+
+def _fullest(prim: Usd.Prim, time: float) -> float:
+    """`time`; of particles, whose number changes, a time code at which there are most."""
+    points = UsdGeom.Points(prim).GetPointsAttr() if prim.IsA(UsdGeom.Points) else None
+    return max([time, *points.GetTimeSamples()], key=lambda code: len(points.Get(code) or ())) if points else time
 
 
 def drawn_by(prim: Usd.Prim):
