@@ -9,6 +9,7 @@ under a new name, then the layer is saved, then the one before is removed: whate
 import os
 import zipfile
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from pxr import Sdf, Usd
@@ -28,7 +29,8 @@ def large(fields: Mapping[str, np.ndarray]) -> bool:
 def store(prim: Usd.Prim, code: float, fields: Mapping[str, np.ndarray], beside: Beside) -> None:
     """Writes the fields of a prim and names the file on it. Raises OSError where it cannot be written."""
     path = str(prim.GetPath())
-    arrays = {FIELD + name: value for name, value in fields.items()} | {PATH: np.array(path), CODE: np.array(float(code))}
+    arrays: dict[str, Any] = {FIELD + name: value for name, value in fields.items()}
+    arrays |= {PATH: np.array(path), CODE: np.array(float(code))}
     name = beside.write("restart", ".npz", lambda file: np.savez(file, **arrays))
     if path in beside.restart:
         beside.old.append(beside.restart[path])
