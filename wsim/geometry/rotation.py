@@ -69,11 +69,16 @@ def about_axis(axis: np.ndarray, angle) -> np.ndarray:
     """I + sin K + (1 - cos) K K, rotation (..., 3, 3) by angles [rad] (...) about unit axes (..., 3) (Rodrigues).
 
     The device leaves out the products of K K by zero, which differ by a fused multiply-add: one unit of rounding."""
+    if np.ndim(axis) == 1 and np.ndim(angle) == 0:          # a motion asks for one at a time, in each substep
+        x, y, z = axis
+        K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        return np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K)
     axis, angle = np.asarray(axis, np.float64), np.asarray(angle, np.float64)
-    x, y, z = np.moveaxis(axis, -1, 0)
-    o = np.zeros_like(x)
-    K = np.stack([np.stack([o, -z, y], -1), np.stack([z, o, -x], -1), np.stack([-y, x, o], -1)], axis=-2)
-    return np.eye(3) + np.sin(angle)[..., None, None] * K + (1.0 - np.cos(angle))[..., None, None] * (K @ K)
+    K = np.zeros((*axis.shape[:-1], 3, 3))
+    K[..., 2, 1], K[..., 0, 2], K[..., 1, 0] = np.moveaxis(axis, -1, 0)
+    K = K - np.swapaxes(K, -1, -2)
+    s, c = np.sin(angle)[..., None, None], 1.0 - np.cos(angle)[..., None, None]
+    return np.eye(3) + s * K + c * (K @ K)
 
 
 def axis_angle(R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -69,7 +69,8 @@ def test_its_distance_is_that_of_a_rounded_cylinder_on_the_device_too(real):
     assert collide.code("rounded") < 0 and collide.code("cone") == 5 and collide.split(("sheet", "rounded"))[0] == ("rounded",)
 
 
-@pytest.mark.parametrize("solver, more", [("xpbd", {}), ("implicit", {"iterations": 4}), ("explicit", {"substeps": 96, "integrator": "leapfrog"})])
+@pytest.mark.parametrize("solver, more", [("xpbd", {}), ("implicit", {"iterations": 4}),
+                                          ("explicit", {"substeps": 96, "integrator": "leapfrog"})])
 def test_cloth_rests_on_it(solver, more):
     """On the flat top at the distance that both keep; around the rim no point is nearer."""
     scene = table(solver=solver, **more)
