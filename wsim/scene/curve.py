@@ -95,7 +95,8 @@ class Motion(Curve):
             self.parts = [polar(M[:3, :3]) for M in self.values]
         (Ra, Sa), (Rb, Sb) = self.parts[a], self.parts[b]
         if a not in self.turned:
-            self.turned[a] = axis_angle(Ra.T @ Rb)
+            turn = axis_angle(Ra.T @ Rb)
+            self.turned[a] = turn[0], float(turn[1])
         axis, angle = self.turned[a]
         M = np.eye(4)
         M[:3, :3] = Ra @ about_axis(axis, s * angle) @ (Sa + s * (Sb - Sa))
