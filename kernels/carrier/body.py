@@ -6,10 +6,10 @@ A body in a substep: its centre goes by d, it turns by the rotation vector t [ra
     W   = w 1 - [r]x J [r]x,   J = R I^-1 R^T     the inverse inertia in the world
     take: d += c w p,  t += c J (r x p)           recoil: a -= g w q,  b -= g J (r x q)
 
-id = (body, ., ., .), at = r: from its centre to where it is touched, in the world at the start of the substep [m]. Both sides
-of a pair keep angular momentum where r leads to the place of the partner's feature; where it leads to another, a friction T makes
-the moment (what is between the two) x T. W is that of the start of the substep: of a body that turns far in one the response is
-of first order in |t|, and what iterations leave is seen in the residual; momentum is kept all the same.
+id = (body, ., ., .), at = r: from its centre to where it is touched, in the world at the start of the substep [m]. A pair keeps
+angular momentum where both features have one place; where they are apart by s, an impulse P makes the moment s x P, none along
+s. W is that of the start of the substep: of a body that turns far in one the response is of first order in |t|, and sweeps
+converge as they do for any other nonlinearity; momentum is kept all the same.
 
 A kinematic body (`kinematic`) goes from pose T0 to T1 whatever pushes it: id = (row, ...), at = the place in its own frame [m];
 W = 0 and it is no vertex of a colouring.
@@ -73,7 +73,7 @@ def turned(real):
     def turned(t: vec3, r: vec3):
         square = wp.dot(t, t)
         across = wp.cross(t, r)
-        sine = real(1.0) - square / real(6.0)             # sin |t| / |t| and (1 - cos |t|) / |t|^2, right to rounding below 1e-3
+        sine = real(1.0) - square / real(6.0)             # sin |t| / |t|, and (1 - cos |t|) / |t|^2: 1e-14 off at 1e-3
         cosine = real(0.5) - square / real(24.0)
         if square > real(1.0e-6):
             size = wp.sqrt(square)

@@ -88,12 +88,9 @@ def vertices(a: Any, b: Any, real, module):
 @wp.func
 def vertex(a: wp.vec4i, b: wp.vec4i, k: int):
     """The k-th of eight."""
-    found = int(0)
     if k < CORNERS:
-        found = a[k]
-    else:
-        found = b[k - CORNERS]
-    return found
+        return a[k]
+    return b[k - CORNERS]
 
 
 @cache

@@ -16,14 +16,15 @@ One pair without friction, or with K isotropic, is solved by one visit. Both sid
 kept to rounding whatever integrates them, and however few sweeps there are.
 
 What an integrator makes of an impulse within a substep is not always the velocity that a contact leaves: BDF2 throws back half
-of the speed at which it meets a wall, the implicit midpoint all of it. So after the last sweep pairs that push are gone through
-again (`settle`), by impulses that change no place: relative velocity along n becomes the relative motion over h without what led
-out of an overlap (gap < 0), or that of a rebound,
+of the speed at which it meets a wall, the implicit midpoint all of it. So after the last sweep those pairs that push are gone
+through again, by impulses that change no place (`aim`, `settle`): relative velocity along n becomes the relative motion over h
+without what led out of an overlap (gap < 0), or that of a rebound,
 
     n.v' = max((n.V + min(gap, 0)) / h, -restitution n.v_before)          the latter where n.v_before < -slow
 
-and where the pair sticks, across n too; friction keeps to its cone with the total impulse. (`settle` of kernels/contact/project.py
-does the first for points that use BDF2.) Of backward Euler, without an overlap and a rebound, it changes nothing but rounding.
+and where the pair sticks, across n too; friction keeps to its cone with the total impulse. (`settle` of
+kernels/contact/project.py does the first for points that use BDF2.) Of backward Euler, without an overlap and a rebound, it
+changes nothing but rounding.
 """
 
 from functools import cache
@@ -107,32 +108,45 @@ def project(a: Any, b: Any, real, module):
 
 
 @cache
-def settle(a: Any, b: Any, real, module):
-    """Kernel over the threads that walk a group, after the last sweep: the velocities of its pairs. `total` begins as `push`."""
-    t, A, B, Pairs, (across, cone) = types(real), a(real), b(real), lists(real), formulas(real)
+def aim(a: Any, b: Any, real, module):
+    """Kernel over the threads that walk a group, once after the last sweep: the relative velocity that its pairs shall have,
+    and which of them stick: those that one more sweep would let. `total` begins as `push`."""
+    t, A, B, Pairs, (across, _) = types(real), a(real), b(real), lists(real), formulas(real)
 
-    @wp.func
-    def restored(pairs: Pairs, i: int, miss: t.vec3, V: t.vec3, W: t.mat33, K: t.mat33):
-        """The impulse that a pair which pushes has in all. miss: relative velocity less V / h. It sticks where one more sweep
-        would let it."""
-        n = pairs.n[i]
-        P = pairs.push[i]
-        mu = pairs.friction[i]
-        bounce = pairs.bounce[i]
-        lam = wp.dot(P, n)
-        wanted = wp.min(pairs.gap[i], real(0.0)) / pairs.h
-        if bounce[1] < -pairs.slow:
-            wanted = wp.max(wanted, -bounce[0] * bounce[1] - wp.dot(n, V) / pairs.h)
-        had = wp.dot(pairs.total[i], n)
-        T = pairs.total[i] - had * n
-        pressed = wp.max(had - (wp.dot(n, miss) - wanted) * inverse(wp.dot(n, W * n)), real(0.0))
-        if mu[0] > real(0.0):
-            stay = P - lam * n
-            if wp.length(stay + across(K, V, n)) <= mu[0] * lam:
-                T = cone(T + across(W, miss + (pressed - had) * (W * n), n), pressed, mu)
-            else:
-                T = (pressed / lam) * stay
-        return pressed * n + T
+    def aim(data_a: A.Data, data_b: B.Data, pairs: Pairs, walk: wp.vec2i, aim_out: wp.array(dtype=t.vec3),
+            sticks_out: wp.array(dtype=int), total_out: wp.array(dtype=t.vec3)):
+        s = pairs.first[walk[0]] + wp.tid()
+        last = pairs.first[walk[0] + 1]
+        while s < last:
+            i = pairs.order[s]
+            s += walk[1]
+            id_a = pairs.id_a[i]
+            id_b = pairs.id_b[i]
+            at_a = pairs.at_a[i]
+            at_b = pairs.at_b[i]
+            n = pairs.n[i]
+            P = pairs.push[i]
+            bounce = pairs.bounce[i]
+            lam = wp.dot(P, n)
+            V = A.slide(data_a, id_a, at_a) - B.slide(data_b, id_b, at_b)
+            K = A.reach(data_a) * A.mass(data_a, id_a, at_a) + B.reach(data_b) * B.mass(data_b, id_b, at_b)
+            more = wp.min(pairs.gap[i], real(0.0)) / pairs.h
+            if bounce[1] < -pairs.slow:
+                more = wp.max(more, -bounce[0] * bounce[1] - wp.dot(n, V) / pairs.h)
+            sticks = int(0)
+            if wp.length(P - lam * n + across(K, V, n)) <= pairs.friction[i][0] * lam:
+                sticks = int(1)
+            aim_out[i] = V / pairs.h + more * n
+            sticks_out[i] = sticks
+            total_out[i] = P
+
+    return wp.kernel(aim, name=f"aim_{A.name}_{B.name}_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def settle(a: Any, b: Any, real, module):
+    """Kernel over the threads that walk a group, after `aim`: one sweep over the velocities of the pairs that push."""
+    t, A, B, Pairs, (across, cone) = types(real), a(real), b(real), lists(real), formulas(real)
 
     def settle(data_a: A.Data, data_b: B.Data, pairs: Pairs, walk: wp.vec2i,
                out_a: A.Pushed, out_b: B.Pushed, total_out: wp.array(dtype=t.vec3)):
@@ -141,17 +155,23 @@ def settle(a: Any, b: Any, real, module):
         while s < last:
             i = pairs.order[s]
             s += walk[1]
-            if wp.dot(pairs.push[i], pairs.n[i]) > real(0.0):
+            n = pairs.n[i]
+            P = pairs.push[i]
+            lam = wp.dot(P, n)
+            if lam > real(0.0):
                 id_a = pairs.id_a[i]
                 id_b = pairs.id_b[i]
                 at_a = pairs.at_a[i]
                 at_b = pairs.at_b[i]
-                V = A.slide(data_a, id_a, at_a) - B.slide(data_b, id_b, at_b)
-                miss = A.speed(data_a, id_a, at_a) - B.speed(data_b, id_b, at_b) - V / pairs.h
+                W = A.mass(data_a, id_a, at_a) + B.mass(data_b, id_b, at_b)
+                miss = A.speed(data_a, id_a, at_a) - B.speed(data_b, id_b, at_b) - pairs.aim[i]
                 before = pairs.total[i]
-                W_a = A.mass(data_a, id_a, at_a)
-                W_b = B.mass(data_b, id_b, at_b)
-                given = restored(pairs, i, miss, V, W_a + W_b, A.reach(data_a) * W_a + B.reach(data_b) * W_b)
+                had = wp.dot(before, n)
+                pressed = wp.max(had - wp.dot(n, miss) * inverse(wp.dot(n, W * n)), real(0.0))
+                T = (pressed / lam) * (P - lam * n)
+                if pairs.sticks[i] != 0:
+                    T = cone(before - had * n + across(W, miss + (pressed - had) * (W * n), n), pressed, pairs.friction[i])
+                given = pressed * n + T
                 A.recoil(data_a, id_a, at_a, given - before, out_a)
                 B.recoil(data_b, id_b, at_b, before - given, out_b)
                 total_out[i] = given

@@ -1,9 +1,9 @@
 """The list of pairs of features in contact, its keys and its order.
 
-A search appends pairs in any order (`add`, one integer atomic a pair) up to the room that there is, and says how many it wanted.
-Then they are put in the order of their keys: what follows depends on which pairs there are, not on who found them first. A key
-is 63 bits: kind of the carrier (7), object (24), feature within it (32); it holds no place, so that it is the same from substep
-to substep and wherever the scene stands. Two features make one pair: key_a, key_b, found once.
+A search appends pairs in any order (`add`, one integer atomic a pair) up to the room that there is, and says how many it
+wanted. Then they are put in the order of their keys: what follows depends on which pairs there are, not on who found them.
+A key is 63 bits: kind of the feature (7), object (24), number within it (32); it holds no place, so that it is the same from
+substep to substep and wherever the scene stands. Two features make one pair: key_a, key_b, found once.
 
 Warp has no indirect launch: lists are walked by a fixed number of threads up to a count on the device.
 """
@@ -18,7 +18,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 
 ABSENT = wp.constant(wp.int64(0x7fffffffffffffff))          # the key of no pair
-TURNED = 0.5                         # cosine: an impulse is not carried over to a pair whose normal has turned further, 60 degrees
+TURNED = 0.5                         # cosine: a pair whose normal has turned further than 60 degrees begins without an impulse
 
 
 @wp.func
@@ -53,7 +53,9 @@ def lists(real):
         first: wp.array(dtype=int)                # of each group in `order`, (groups + 1,)
         order: wp.array(dtype=int)                # pairs, group by group
         push: wp.array(dtype=t.vec3)              # impulse that a has received in this substep and b its opposite [N s]
-        total: wp.array(dtype=t.vec3)             # and with what restores its velocity
+        aim: wp.array(dtype=t.vec3)               # relative velocity that it shall have in the end [m/s]
+        sticks: wp.array(dtype=int)               # whether friction holds it
+        total: wp.array(dtype=t.vec3)             # impulse with what restores the velocity [N s]
 
     return Pairs
 

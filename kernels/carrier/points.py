@@ -1,7 +1,7 @@
 """Points, edges, triangles and tets as carriers: a feature is a mean of up to four points. See kernels/carrier/response.py.
 
     id = (i, j, k, l)     numbers of the points; those of no weight may be any
-    at = (b1, b2, b3)     weights of the points behind the first, which has b0 = 1 - b1 - b2 - b3: the barycentric coordinates of
+    at = (b1, b2, b3)     weights of the points behind the first, which has b0 = 1 - b1 - b2 - b3: barycentric coordinates of
                           the place where the feature is touched. A point: 0. An edge: its parameter, 0, 0
 
     place, way, speed  sum b_k of the points'      W = sum b_k^2 w_k 1       take: point k receives b_k p, together p

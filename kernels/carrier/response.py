@@ -11,15 +11,16 @@ A carrier is a function of the precision that returns a namespace with
     reach(data)                        its way changes by reach W p [s] with an impulse p [N s] that it takes in the substep
     take(data, id, at, p, out)         takes p: writes its unknowns
     recoil(data, id, at, q, out)       takes q [N s], which changes the velocity and not the place; after the last `take`
-    remember(data, id, at, p, q, out)  of a carrier with a memory: what it has taken so, and by `recoil`, is no part of its history
+    remember(data, id, at, p, q, out)  of a carrier with a memory: what it has taken so, p by `take` and q by `recoil`, is put
+                                       into its history
     vertex(data, id, at, k)            number of the k-th thing (< 4) that an impulse moves among those of all carriers, or -1
 
 `id` (four integers) and `at` (three numbers) say which feature: of points their numbers and barycentric weights, of a body its
 number and the arm [m].
 
-An impulse p is N s. Every carrier turns it into the same change W p of its velocity, whatever integrates it, so that momentum is
-kept between any two; the displacement follows from the integrator. With x + d solved at a part of the substep h (`ahead` times
-that is the substep), d what changes by c W p, e what it started from:
+An impulse p is N s. Every carrier turns it into the same change W p of its velocity, whatever integrates it, so that momentum
+is kept between any two; the displacement follows from the integrator. x + d is solved at a part of the substep h, which is
+`ahead` times as long; d changes by c W p, e is what it started from:
 
     integrator           g        c         ahead   memory      v at the end
     backward Euler       h        h         1       0           (d - a) / g
@@ -27,8 +28,8 @@ that is the substep), d what changes by c W p, e what it started from:
     BDF2                 2h/3     2h/3      1       1           (d - a) / g, a = e + s/3
     implicit midpoint    h/2      h/4       2       0           2 (d - e) / g - v
 
-memory: the multistep formula would make half as much again of W p in the steps after. So the step s and the velocity u before are
-put where they would be had the point always moved with the W p that it has now: u += W p, s += h W p.
+memory: the multistep formula would make half as much again of W p in the steps after. So the step s and the velocity u before
+are put where they would be had the point always moved with the W p that it has now: u += W p, s += h W p.
 """
 
 from functools import cache

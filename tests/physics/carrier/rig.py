@@ -18,7 +18,7 @@ from wsim.physics.carrier.pairs import Pairs
 REAL, MODULE, H = wp.float64, "test_carriers_f64", 0.01
 T = types(REAL)
 for both in ((points, points), (points, body), (body, body), (points, kinematic), (body, kinematic)):
-    for make in (exchange.project, exchange.settle, exchange.remember, colour.vertices):
+    for make in (exchange.project, exchange.aim, exchange.settle, exchange.remember, colour.vertices):
         make(*both, REAL, MODULE)                        # all in the module before it is compiled, once
 for make in (kernels.predict_euler, kernels.predict_bdf2, kernels.finish_euler, kernels.finish_bdf2, kernels.finish_beyond):
     make(REAL, MODULE)
@@ -44,8 +44,7 @@ def matrix(q: np.ndarray) -> np.ndarray:
 
 def model() -> SimpleNamespace:
     return SimpleNamespace(real=REAL, device=wp.get_device("cpu"), module=MODULE, points=0,
-                           launch=lambda kernel, dim, inputs, outputs: wp.launch(kernel, dim, inputs, outputs, device="cpu"),
-                           copy=lambda into, source: wp.copy(into, source))
+                           launch=lambda kernel, dim, inputs, outputs: wp.launch(kernel, dim, inputs, outputs, device="cpu"))
 
 
 class Points(PointCarrier):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.carrier.rig import H, INTEGRATORS, MODULE, REAL, Bodies, Points, Rig, T, Walls, feature, rotation
+from tests.physics.carrier.rig import INTEGRATORS, REAL, Bodies, H, Points, Rig, T, Walls, feature, rotation
 from wsim.kernels.carrier.body import body
 from wsim.kernels.carrier.points import points
 from wsim.model.stage import Clock

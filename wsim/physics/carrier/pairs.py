@@ -12,26 +12,27 @@ All of it launches and may be captured. With `warm`, pairs begin a substep with 
 the last list with, unless its normal has turned; that list is a part of the state, which is put back when a frame is repeated.
 """
 
+from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import warp as wp
 
 from wsim.kernels.carrier import colour, exchange
 from wsim.kernels.carrier import pairs as kernels
 from wsim.kernels.math.real import types
-from wsim.model.stage import Clock, Remedy
+from wsim.model.stage import Clock, Remedy, Stage
 from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.carrier.carriers import Carrier
 
 COLOURS = 32           # at most 62; a launch each for every combination and sweep
+ROUNDS = 8             # sweeps of a substep where no iterations are
 THREADS = 65_536       # that walk a group on a GPU: pairs of a group in a round
 RECOVERY = 0.5         # [m/s] at which features leave an overlap, as wsim.physics.contact.contacts.RECOVERY
 SLOW = 0.05            # [m/s] of approach below which pairs do not throw back: what gravity adds in a substep of 5 ms
-COLUMNS = {"kind": int, "key_a": wp.int64, "key_b": wp.int64, "id_a": wp.vec4i, "id_b": wp.vec4i}
+COLUMNS = {"kind": int, "sticks": int, "key_a": wp.int64, "key_b": wp.int64, "id_a": wp.vec4i, "id_b": wp.vec4i}
 REALS = {"at_a": "vec3", "at_b": "vec3", "n": "vec3", "gap": "scalar", "friction": "vec2", "bounce": "vec2",
-         "push": "vec3", "total": "vec3"}
+         "push": "vec3", "aim": "vec3", "total": "vec3"}
 
 
 class Pairs:
@@ -55,9 +56,9 @@ class Pairs:
     def _kernels(self) -> None:
         real, module = self.real, self.model.module
         each = [(a.formulas, b.formulas) for a, b in self.combinations]
-        self.project_kernels, self.settle_kernels, self.remember_kernels, self.vertex_kernels = (
+        self.project_kernels, self.aim_kernels, self.settle_kernels, self.remember_kernels, self.vertex_kernels = (
             [make(*both, real, module) for both in each]
-            for make in (exchange.project, exchange.settle, exchange.remember, colour.vertices))
+            for make in (exchange.project, exchange.aim, exchange.settle, exchange.remember, colour.vertices))
         self.tally, self.rank, self.permute = kernels.tally(module), kernels.rank(module), kernels.permute(real, module)
         self.claim, self.pick, self.proceed = colour.claim(module), colour.pick(module), colour.proceed(module)
         self.number, self.bounds = colour.number(module), colour.bounds(module)
@@ -95,6 +96,26 @@ class Pairs:
         """Data and Pushed of the two carriers of a combination."""
         each = [c.at(clock, self.bases[id(c)]) for c in self.combinations[which]]
         return [data for data, _ in each], [pushed for _, pushed in each]
+
+    def stages(self, search: Callable[[Clock], None], within: bool) -> list[Stage]:
+        """Of a method that has these pairs. search: launches what appends to `found`. within: a sweep in each iteration of the
+        other constraints (XPBD); else ROUNDS behind them, which is how impulses meet forces that were solved for."""
+        kinds, rounds = len(self.combinations), 1 if within else ROUNDS
+
+        def find(clock: Clock) -> None:
+            self.begin()
+            search(clock)
+            self.order(clock)
+
+        def sweep(clock: Clock) -> None:
+            for _ in range(rounds):
+                self.project(clock)
+        what = f"{' and '.join(f'{a.formulas.__name__} with {b.formulas.__name__}' for a, b in self.combinations)}"
+        return [Stage("find pairs", "collide", find, 12 + kinds, self.capacity * 120, what=what),
+                Stage("pairs", "solve", sweep, rounds * self.groups, self.capacity * 120,
+                      "iteration" if within else "substep", f"room for {self.capacity} in {self.colours} colours"),
+                Stage("pairs: velocities", "solve", self.settle, (2 + self.sweeps) * self.groups, self.capacity * 120,
+                      what="those that push")]
 
     # phase collide
 
@@ -134,8 +155,8 @@ class Pairs:
 
     # phase solve
 
-    def walk(self, clock: Clock, kernels_: list, *outputs) -> None:
-        """Every group in turn: threads that walk it; the remainder, and all on a CPU, by one."""
+    def walk(self, clock: Clock, kernels_: list, *outputs, moves: bool = True) -> None:
+        """Every group in turn: threads that walk it; the remainder, and all on a CPU, by one. moves: what pairs push."""
         pairs, combinations = self.list, len(self.combinations)
         pairs.h = clock.h
         sides = [self.sides(clock, kind) for kind in range(combinations)]
@@ -143,7 +164,8 @@ class Pairs:
             data, pushed = sides[group % combinations]
             alone = self.device.is_cpu or group >= self.colours * combinations
             threads = 1 if alone else min(THREADS, self.capacity)
-            self.launch(kernels_[group % combinations], threads, [*data, pairs, wp.vec2i(group, threads)], [*pushed, *outputs])
+            self.launch(kernels_[group % combinations], threads, [*data, pairs, wp.vec2i(group, threads)],
+                        [*(pushed if moves else []), *outputs])
 
     def project(self, clock: Clock) -> None:
         """One sweep."""
@@ -151,9 +173,10 @@ class Pairs:
 
     def settle(self, clock: Clock) -> None:
         """After the last sweep, and before velocities are made."""
-        self.model.copy(self.list.total, self.list.push)
+        pairs = self.list
+        self.walk(clock, self.aim_kernels, pairs.aim, pairs.sticks, pairs.total, moves=False)
         for _ in range(self.sweeps):
-            self.walk(clock, self.settle_kernels, self.list.total)
+            self.walk(clock, self.settle_kernels, pairs.total)
         if any(c.remembers(clock) for both in self.combinations for c in both):
             self.walk(clock, self.remember_kernels)
 

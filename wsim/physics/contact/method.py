@@ -119,6 +119,10 @@ class Contact(Method):
         """Newton steps hold contacts themselves; press: behind what moves points after them, if something does."""
         self.within, self.press = True, press
 
+    def carriers(self) -> dict[str, Any]:
+        from wsim.physics.carrier.carriers import KinematicCarrier
+        return {"kinematic": KinematicCarrier(self.contacts)}
+
     def retry(self, status: Status) -> list[Remedy]:
         wanted = int(status.said(ROOM)[0])
 
