@@ -151,8 +151,7 @@ class Method:
         """Connects itself with other methods of the plan, by name, when all are made."""
 
     def carriers(self) -> dict[str, Any]:
-        """What contacts can push of this method, by name, see `wsim.physics.carrier.carriers`; asked for when a method has pairs.
-        """
+        """What contacts can push of this method, by name (`wsim.physics.carrier.carriers`); asked for by methods that push."""
         return {}
 
     def retry(self, status: Status) -> list[Remedy]:

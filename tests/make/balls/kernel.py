@@ -1,4 +1,4 @@
-"""Balls as a carrier (wsim/kernels/carrier/response.py): x' = x + d, v = (d - a) / h, W = w 1. And the search of their pairs."""
+"""Balls as a carrier (wsim/kernels/carrier/response.py): x' = x + d, v = (d - a) / h, W = w 1; and their search."""
 
 from functools import cache
 from types import SimpleNamespace

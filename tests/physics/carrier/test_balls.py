@@ -25,7 +25,7 @@ def row(monkeypatch):
 
 def thrown(solver: str = "xpbd", integrator: str = "backward_euler", iterations: int = 4, far: float = 0.0, **more) -> Scene:
     """Two balls fly into a free sheet without gravity."""
-    scene = Scene(fps=60.0, frames=8, substeps=40 if solver == "explicit" else 8, iterations=iterations, solver=solver,
+    scene = Scene(fps=60.0, frames=8, substeps=20 if solver == "explicit" else 8, iterations=iterations, solver=solver,
                   integrator=integrator, gravity=(0.0, 0.0, 0.0), up="Z")
     points, counts, indices = shapes.sheet(0.6, 0.6, 6, 6, horizontal=True, up="Z")
     scene.cloth("/World/cloth", points + (far, 0.0, 0.0), counts, indices)
