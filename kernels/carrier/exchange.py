@@ -20,7 +20,7 @@ of the speed at which it meets a wall, the implicit midpoint all of it. So after
 through again, by impulses that change no place (`aim`, `settle`): relative velocity along n becomes the relative motion over h
 without what led out of an overlap (gap < 0), or that of a rebound,
 
-    n.v' = max((n.V + min(gap, 0)) / h, -restitution n.v_before)          the latter where n.v_before < -slow
+    n.v' = max((n.V - min(max(n.V, 0), max(-gap, 0))) / h, -restitution n.v_before)     the latter where n.v_before < -slow
 
 and where the pair sticks, across n too; friction keeps to its cone with the total impulse. (`settle` of
 kernels/contact/project.py does the first for points that use BDF2.) Of backward Euler, without an overlap and a rebound, it
@@ -130,13 +130,14 @@ def aim(a: Any, b: Any, real, module):
             lam = wp.dot(P, n)
             V = A.slide(data_a, id_a, at_a) - B.slide(data_b, id_b, at_b)
             K = A.reach(data_a) * A.mass(data_a, id_a, at_a) + B.reach(data_b) * B.mass(data_b, id_b, at_b)
-            more = wp.min(pairs.gap[i], real(0.0)) / pairs.h
+            apart = wp.dot(n, V)
+            more = -wp.clamp(apart, real(0.0), wp.max(-pairs.gap[i], real(0.0)))
             if bounce[1] < -pairs.slow:
-                more = wp.max(more, -bounce[0] * bounce[1] - wp.dot(n, V) / pairs.h)
+                more = wp.max(more, -bounce[0] * bounce[1] * pairs.h - apart)
             sticks = int(0)
             if wp.length(P - lam * n + across(K, V, n)) <= pairs.friction[i][0] * lam:
                 sticks = int(1)
-            aim_out[i] = V / pairs.h + more * n
+            aim_out[i] = (V + more * n) / pairs.h
             sticks_out[i] = sticks
             total_out[i] = P
 

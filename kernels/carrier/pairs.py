@@ -18,7 +18,6 @@ import warp as wp
 from wsim.kernels.math.real import types
 
 ABSENT = wp.constant(wp.int64(0x7fffffffffffffff))          # the key of no pair
-TURNED = 0.5                         # cosine: a pair whose normal has turned further than 60 degrees begins without an impulse
 
 
 @wp.func

@@ -14,6 +14,7 @@ from wsim.physics.carrier.pairs import Pairs
 FIELDS = (Field("x", "m", True, "place"), Field("v", "m/s", True, "velocity"), Field("d", "m", False, "displacement"),
           Field("a", "m", False, "anchor"))
 ROOM = 8               # pairs at first: less than a ball meets
+WARM = False           # whether pairs begin with the impulses of the last substep
 
 
 def build(b) -> Method:
@@ -49,8 +50,8 @@ class Balls(Method):
         self.origin = model.upload(np.array([body.origin for body in model.bodies], model.dtype), t.vec3)
         self.reach = model.upload(model.stack("reach").astype(model.dtype), model.real)
         self.kernels = [make(model.real, model.module) for make in (kernel.fly, kernel.land, kernel.meet)]
-        self.pairs = Pairs(model, b.status, [(b.carriers()["points"], BallCarrier(self))], name="balls", capacity=ROOM,
-                           colours=4, sweeps=4)
+        self.pairs = Pairs(model, b.status, [(b.carriers()["points"], BallCarrier(self))], name="pairs of balls",
+                           capacity=ROOM, colours=4, warm=b.state if WARM else None)
         self.stages = [Stage("fly", "predict", self.fly, 1, 0), *self.pairs.stages(self.search, b.choice.solver == "xpbd"),
                        Stage("land", "finish", self.land, 1, 0)]
 

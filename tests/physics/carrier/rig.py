@@ -5,12 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import warp as wp
 
-from wsim.kernels.carrier import colour, exchange
+from wsim.kernels.carrier import colour, exchange, warm
 from wsim.kernels.carrier.body import body, kinematic
 from wsim.kernels.carrier.points import points
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import points as kernels
 from wsim.model.stage import Clock
+from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.physics.carrier.carriers import BodyCarrier, KinematicCarrier, PointCarrier
 from wsim.physics.carrier.pairs import Pairs
@@ -18,7 +19,7 @@ from wsim.physics.carrier.pairs import Pairs
 REAL, MODULE, H = wp.float64, "test_carriers_f64", 0.01
 T = types(REAL)
 for both in ((points, points), (points, body), (body, body), (points, kinematic), (body, kinematic)):
-    for make in (exchange.project, exchange.aim, exchange.settle, exchange.remember, colour.vertices):
+    for make in (exchange.project, exchange.aim, exchange.settle, exchange.remember, colour.vertices, warm.give):
         make(*both, REAL, MODULE)                        # all in the module before it is compiled, once
 for make in (kernels.predict_euler, kernels.predict_bdf2, kernels.finish_euler, kernels.finish_bdf2, kernels.finish_beyond):
     make(REAL, MODULE)
@@ -180,9 +181,11 @@ def feature(ids, at=()) -> tuple[np.ndarray, np.ndarray]:
 class Rig:
     """sides: carriers above; pairs: rows (kind, feature a, feature b, n, gap, more) put into the list."""
 
-    def __init__(self, *combinations, capacity: int = 64, colours: int = 4, sweeps: int = 4):
+    def __init__(self, *combinations, capacity: int = 64, colours: int = 4, sweeps: int = 4,
+                 warm: State | None = None):
         self.status = Status("cpu")
-        self.pairs = Pairs(model(), self.status, list(combinations), capacity=capacity, colours=colours, sweeps=sweeps)
+        self.pairs = Pairs(model(), self.status, list(combinations), capacity=capacity, colours=colours, sweeps=sweeps,
+                           warm=warm)
         self.sides = list({id(c): c for both in combinations for c in both}.values())
         self.clock = Clock(H, 1, 1, False, starting=False)
 

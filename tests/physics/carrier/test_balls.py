@@ -54,8 +54,11 @@ def test_momentum_of_a_toy_carrier_and_a_cloth_is_kept(scheme):
     assert np.abs(after.sum(axis=0) - before.sum(axis=0)).max() < 1e-12
 
 
-def test_a_list_that_was_too_short_grows_and_the_frame_is_repeated_to_the_bit(monkeypatch):
+@pytest.mark.parametrize("warm", [False, True])
+def test_a_list_that_was_too_short_grows_and_the_frame_is_repeated_to_the_bit(warm, monkeypatch):
+    """With the impulses of the last substep too, which are put back."""
     from tests.make.balls import method
+    monkeypatch.setattr(method, "WARM", warm)
     ends = []
     for room in (8, 500):
         monkeypatch.setattr(method, "ROOM", room)
@@ -64,6 +67,7 @@ def test_a_list_that_was_too_short_grows_and_the_frame_is_repeated_to_the_bit(mo
         ends.append((sim.positions(), sim.state.parts["balls"].arrays["x"].numpy()))
         said = [w for w in sim.warnings if "pairs were in contact" in w]
         assert bool(said) == (room == 8) and all("the frame was repeated" in w for w in said)
+        assert ("pairs of balls" in sim.state.parts) == warm
     assert np.array_equal(ends[0][0], ends[1][0]) and np.array_equal(ends[0][1], ends[1][1])
 
 

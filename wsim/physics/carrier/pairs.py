@@ -9,7 +9,8 @@
     after the frame       pairs.retry(status)          room for what was wanted: the frame is repeated, nothing is dropped
 
 All of it launches and may be captured. With `warm`, pairs begin a substep with the impulse that the pair of the same keys ended
-the last list with, unless its normal has turned; that list is a part of the state, which is put back when a frame is repeated.
+the last one with (kernels/carrier/warm.py); that list is a part of the state, so that a repeated frame has it as it was. It
+belongs to no prim: a restart begins without.
 """
 
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from wsim.kernels.carrier import colour, exchange
 from wsim.kernels.carrier import pairs as kernels
 from wsim.kernels.math.real import types
 from wsim.model.stage import Clock, Remedy, Stage
+from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.carrier.carriers import Carrier
@@ -33,14 +35,12 @@ SLOW = 0.05            # [m/s] of approach below which pairs do not throw back: 
 COLUMNS = {"kind": int, "sticks": int, "key_a": wp.int64, "key_b": wp.int64, "id_a": wp.vec4i, "id_b": wp.vec4i}
 REALS = {"at_a": "vec3", "at_b": "vec3", "n": "vec3", "gap": "scalar", "friction": "vec2", "bounce": "vec2",
          "push": "vec3", "aim": "vec3", "total": "vec3"}
-
-
 class Pairs:
     """found: what a search appends to; list: in order. combinations: two carriers for each `kind` of pair."""
 
     def __init__(self, model, status: Status, combinations: list[tuple[Carrier, Carrier]], *, name: str = "pairs",
-                 capacity: int = 1024, colours: int = COLOURS, sweeps: int = 4):
-        """name: of this list among those of a plan. sweeps: of `settle`."""
+                 capacity: int = 1024, colours: int = COLOURS, sweeps: int = 4, warm: State | None = None):
+        """name: of this list among those of a plan. sweeps: of `settle`. warm: the state that the last list is kept in."""
         self.model, self.real, self.device = model, model.real, model.device
         self.combinations, self.colours, self.sweeps, self.word = combinations, colours, sweeps, f"{name}: pairs wanted"
         self.status = status
@@ -49,8 +49,11 @@ class Pairs:
         self.bases, count = {}, 0
         for number, carrier in every.items():
             self.bases[number], count = count, count + carrier.vertices
-        self.vertices = max(count, 1)
+        self.vertices, self.last = max(count, 1), None
         self._kernels()
+        if warm is not None:
+            from wsim.physics.carrier.warm import Warm
+            self.last = Warm(self, warm, name, capacity)
         self.room(capacity)
 
     def _kernels(self) -> None:
@@ -133,6 +136,8 @@ class Pairs:
             self.sort(self.keys, self.rows)
         self.launch(self.permute, room, [found, self.rows], [pairs])
         self.color(clock)
+        if self.last:
+            self.last.recall(clock)
 
     def color(self, clock: Clock) -> None:
         c, pairs, room = self.coloring, self.list, self.capacity
@@ -179,6 +184,8 @@ class Pairs:
             self.walk(clock, self.settle_kernels, pairs.total)
         if any(c.remembers(clock) for both in self.combinations for c in both):
             self.walk(clock, self.remember_kernels)
+        if self.last:
+            self.last.keep()
 
     # around a frame
 
@@ -190,5 +197,7 @@ class Pairs:
                 return ""
             before = self.capacity
             self.room(wanted + wanted // 4)
+            if self.last:
+                self.last.grow()
             return f"{wanted} pairs were in contact, and there was room for {before}"
         return [Remedy("grow", grow)] if wanted else []
