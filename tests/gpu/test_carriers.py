@@ -21,7 +21,7 @@ def row(monkeypatch):
 
 
 @pytest.mark.parametrize("warm", [False, True])
-@pytest.mark.parametrize("scheme", [("xpbd", "bdf2", 8), ("explicit", "symplectic_euler", 1), ("implicit", "backward_euler", 1)],
+@pytest.mark.parametrize("scheme", [("xpbd", "bdf2", 8), ("explicit", "leapfrog", 1), ("implicit", "backward_euler", 1)],
                          ids=lambda scheme: scheme[0])
 def test_frames_are_those_of_the_cpu_twice_the_same_bits_and_keep_momentum(scheme, warm, monkeypatch):
     """Pairs are found in another order there: keys give the order, and colours no atomic to the sums. With a frame that is
