@@ -18,7 +18,7 @@ from wsim.kernels.math.eigen import rounding
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.narrow.capsule import finishing
 from wsim.kernels.rigid.narrow.clip import structs
-from wsim.kernels.rigid.narrow.epa import penetration
+from wsim.kernels.rigid.narrow.epa import NEVER, RAN_OUT, penetration
 from wsim.kernels.rigid.narrow.shape import extent, hulls, shape, support
 
 MOST = wp.constant(64)                   # steps; polyhedra take 3 to 10, two rims up to 30
@@ -199,7 +199,7 @@ def apart(kinds: frozenset[str], real):
     vec3, rows, place, search = t.vec3, wp.types.matrix((4, 3), real), simplex(real).place, descent(kinds, real)
     radius, _size = extent(real)
     _aside, nearest = finishing(real)
-    inner = penetration(kinds, real)
+    farthest, inner = support(kinds, real), penetration(kinds, real)
 
     @wp.func
     def direction(W: rows, count: int, v: vec3):
@@ -218,12 +218,35 @@ def apart(kinds: frozenset[str], real):
         return n, far
 
     @wp.func
+    def settled(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, found: Nearest):
+        """With B pushed out along n by twice the depth the nearest places give a better n, as long as the depth along it falls."""
+        near = found
+        near.key = 0
+        radii = t.vec2(radius(a), radius(b))
+        depth = -(near.gap + radii[0] + radii[1])
+        for _k in range(int(MOST)):
+            W, A, weights, count, v, _far, how = search(a, b, H, R, p - real(2.0) * depth * near.n, real(NEVER))
+            if how != 0:
+                break
+            n, _gap = direction(W, count, v)
+            pa = farthest(a, H, -n)
+            less = -wp.dot(n, pa - (R * farthest(b, H, wp.transpose(R) * n) + p))
+            if less >= depth * (real(1.0) - rounding(depth)):
+                break
+            depth = less
+            pa = place(A, weights)
+            near = nearest(pa, pa + depth * n, n, -depth, radii, 0)
+        return near
+
+    @wp.func
     def apart(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, margin: real):
         radii = t.vec2(radius(a), radius(b))
         W, A, weights, count, v, far, how = search(a, b, H, R, p, margin + radii[0] + radii[1])
         near = Nearest()
         if how == 1:
             near = inner(a, b, H, R, p, v)
+            if near.key == RAN_OUT:
+                near = settled(a, b, H, R, p, near)
         elif how == 2:
             near.n = v / wp.length(v)
             near.gap = far - radii[0] - radii[1]
