@@ -5,9 +5,9 @@ pushed out to the place w of D farthest along f, until f.w is d: every f.w bound
 answer, every least d from below. Distances have signs, so that the start need not hold 0: a tetrahedron of places that lie far
 from one another, whatever GJK ended with. Faces that see w are taken away and what is left of their edges is joined to w.
 
-n = -f, gap = -f.w. A face too thin for a normal is never pushed. There is room for VERTICES places: polyhedra come to rounding, as
-do round shapes with one nearest place. Where a whole ring is as near (a place on the axis of a cone) it ends early, near the answer,
-and says so: kernels/rigid/narrow/gjk.py goes on from there.
+n = -f, gap = -f.w. A face too thin for a normal is never pushed. There is room for VERTICES places: polyhedra come to rounding,
+as do round shapes with one nearest place. Where a whole ring is as near (a place on the axis of a cone) it ends early, near the
+answer, and says so: kernels/rigid/narrow/gjk.py goes on from there.
 """
 
 from functools import cache
@@ -105,7 +105,7 @@ def polytope(real) -> SimpleNamespace:
 
 @cache
 def beginning(kinds: frozenset[str], real):
-    """(far, tetrahedron): functions. far: place of D farthest along d, and where it is on A. tetrahedron: -> whether D is flat."""
+    """(far, tetrahedron): functions. far: place of D farthest along d, and where it is on A. """
     t, Shape, Hulls = types(real), shape(real), hulls(real)
     vec3, vec3s = t.vec3, wp.array(dtype=t.vec3)
     farthest = support(kinds, real)

@@ -1,12 +1,13 @@
-"""Distance of two convex cores (Gilbert, Johnson, Keerthi 1988) in A's frame; where they overlap, EPA (kernels/rigid/narrow/epa.py).
+"""Distance of two convex cores (Gilbert, Johnson, Keerthi 1988) in A's frame; where they overlap, EPA (epa.py beside this).
 
-The difference D = {a - b} is nearest to 0 at v. A simplex of at most four places of D is kept, v is its nearest; the place w of D
-farthest along -v bounds the distance from below by v.w / |v|. Of a simplex the nearest part is found by trying all: the inside of
-a triangle where all three areas are above 0, else the best edge; of a tetrahedron the best triangle that 0 lies outside of. So a
-flat or needle-shaped simplex has a nearest place too, and the distance falls with each step or the search ends.
+The difference D = {a - b} is nearest to 0 at v. A simplex of at most four places of D is kept, v is its nearest; the place w
+of D farthest along -v bounds the distance from below by v.w / |v|. Of a simplex the nearest part is found by trying all: the
+inside of a triangle where all three areas are above 0, else the best edge; of a tetrahedron the best triangle that 0 lies
+outside of. So a flat or needle-shaped simplex has a nearest place too, and the distance falls with each step or the end is
+reached.
 
-Every tolerance is a number of roundings of the two sizes. Where v ends inside a triangle its plane gives n, which keeps its digits
-however near the two are.
+Every tolerance is a number of roundings of the two sizes. Where v ends inside a triangle its plane gives n, which keeps its
+digits however near the two are.
 """
 
 from functools import cache
@@ -29,7 +30,7 @@ CLOSE = wp.constant(8.0)                 # roundings: the distance is known, or 
 def simplex(real) -> SimpleNamespace:
     """Functions of the nearest place to 0 of simplices: weights of four places, 0 of those that do not count."""
     t = types(real)
-    vec3, vec4, rows = t.vec3, t.vec4, wp.types.matrix((4, 3), real)
+    vec4, rows = t.vec4, wp.types.matrix((4, 3), real)
 
     @wp.func
     def place(W: rows, lam: vec4):
@@ -98,7 +99,7 @@ def simplex(real) -> SimpleNamespace:
 
 @cache
 def reducing(real):
-    """Function (W, A, count) -> (W, A, count, weights): the part of the simplex that is nearest to 0; 4 places if it holds 0."""
+    """Function (W, A, count) -> (W, A, count, weights): the part of the simplex nearest to 0; 4 places if it holds 0."""
     t, s = types(real), simplex(real)
     vec4, rows = t.vec4, wp.types.matrix((4, 3), real)
     edge, triangle, tetrahedron = s.edge, s.triangle, s.tetrahedron
@@ -219,7 +220,7 @@ def apart(kinds: frozenset[str], real):
 
     @wp.func
     def settled(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, found: Nearest):
-        """With B pushed out along n by twice the depth the nearest places give a better n, as long as the depth along it falls."""
+        """With B pushed out along n by twice the depth the nearest places give a better n, while the depth along it falls."""
         near = found
         near.key = 0
         radii = t.vec2(radius(a), radius(b))
