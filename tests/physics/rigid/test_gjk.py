@@ -87,6 +87,26 @@ def test_hulls_anywhere_have_the_gap_of_their_differences(real, scale):
 
 
 @both
+def test_hulls_that_nearly_touch_are_told_apart_from_those_that_do(real):
+    """Any two hulls pushed together along their normal until 1e-8 to 1e-2 of their size is left between them, or overlaps:
+    corners, edges and faces against one another, where directions are rounding."""
+    rng = np.random.default_rng(11)
+    n, of = 600, clouds(rng, 40)
+    rows = rng.integers(0, 40, (2, n))
+    a, b = ([("hull", 0.0, int(k)) for k in row] for row in rows)
+    pose_a, pose_b = poses(rng, n), poses(rng, n)
+    pose_b[:, :3] = pose_a[:, :3] + rng.uniform(0.3, 1.6, (n, 1)) * (matrix(turns(rng, n)) @ (0, 0, 1.0))
+    before = apart_by(a, pose_a, b, pose_b, wp.float64, tables(of, wp.float64, "cpu"))
+    left = rng.choice([-1, 1], n) * 10.0 ** rng.uniform(-8, -2, n)
+    normal = np.einsum("nij,nj->ni", matrix(pose_a[:, 3:]), before["n"])
+    pose_b[:, :3] -= normal * (left - before["gap"])[:, None]
+    want = np.array([polyhedra(("hull", of[i].vertices), pose_a[k], ("hull", of[j].vertices), pose_b[k])
+                     for k, (i, j) in enumerate(rows.T)])
+    assert (np.abs(want) < 1e-2 + 1e-9).all() and 0.4 < (want < 0).mean() < 0.6
+    judged(apart_by(a, pose_a, b, pose_b, real, tables(of, real, "cpu"))["gap"], want, 2.0, real)
+
+
+@both
 def test_boxes_with_parallel_faces_and_edges_have_the_gap_that_is_theirs(real):
     """Faces, edges and corners that face each other, shifted along them, from deep to 1e-7 apart; closed forms."""
     rng = np.random.default_rng(2)

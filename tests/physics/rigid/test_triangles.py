@@ -13,7 +13,7 @@ from wsim.geometry.convex_hull import convex_hull
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.manifold import manifold
 from wsim.kernels.rigid.narrow import mesh
-from wsim.kernels.rigid.narrow.shape import hulls, shape
+from wsim.kernels.rigid.narrow.shape import hulls
 from wsim.kernels.rigid.narrow.triangle import against
 from wsim.physics.rigid import hulls as hull_tables
 from wsim.physics.rigid.surfaces import beside, tables
@@ -105,7 +105,8 @@ def test_a_box_anywhere_on_a_flat_floor_of_triangles_is_held_up_and_by_nothing_e
     points span the footprint, but for corners that the reduction to four of a face's points cuts."""
     rng, half, n = np.random.default_rng(1), np.array((0.3, 0.2, 0.1)), 60
     a = rng.uniform(0, np.pi, n)
-    pose = np.column_stack([rng.uniform(-0.5, 0.5, (n, 2)), np.full(n, half[2] + gap), 0 * a, 0 * a, np.sin(a / 2), np.cos(a / 2)])
+    turn = [0 * a, 0 * a, np.sin(a / 2), np.cos(a / 2)]
+    pose = np.column_stack([rng.uniform(-0.5, 0.5, (n, 2)), np.full(n, half[2] + gap), *turn])
     m, where, _ = meet([("box", half)] * n, pose, [floor()], 5e-3, real)
     for k in range(len(m)):
         R = matrix(pose[where[k, 0], 3:])

@@ -38,8 +38,8 @@ def around(faces: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def tables(meshes: Sequence[tuple[np.ndarray, np.ndarray]], real, device) -> tuple:
-    """(struct, trees) of meshes (points (n, 3) [m], triangles (m, 3)); the trees live as long as they are held. A mesh is closed
-    where no edge is a rim."""
+    """(struct, trees) of meshes (points (n, 3) [m], triangles (m, 3)); the trees live as long as they are held.
+    A mesh is closed where no edge is a rim."""
     t, found = types(real), surfaces(real)()
     trees, faces, across, points, sided, first, base = [], [], [], [], [], [0], 0
     for X, given in meshes:
