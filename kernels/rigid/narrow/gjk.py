@@ -135,8 +135,8 @@ def reducing(real):
 
 @cache
 def bearing(real):
-    """Function (W, count, v) -> unit vector along v. By itself it rounds by the size over |v|: of a triangle wider than |v| it comes
-    from the plane, of an edge it is made to be across."""
+    """Function (W, count, v) -> unit vector along v. By itself it rounds by the size over |v|: of a triangle wider than |v| it
+    comes from the plane, of an edge it is made to be across."""
     vec3, rows = types(real).vec3, wp.types.matrix((4, 3), real)
 
     @wp.func

@@ -193,3 +193,29 @@ def test_hulls_face_to_face_touch_at_four_points_with_equal_gaps(real):
     assert m["count"] == 4 and len(set(m["key"])) == 4
     np.testing.assert_allclose(m["gap"], 0.005, atol=2e-6 if real is wp.float32 else 1e-12)
     np.testing.assert_allclose(m["n"], -matrix(q)[:, 2], atol=2e-6)
+
+
+@both
+def test_coal_finds_the_same_gaps(real):
+    """Where coal is installed. Apart: to 1e-5. Overlapping, each depth is a bound from above; ours is never the greater."""
+    coal = pytest.importorskip("coal")
+    make = {"box": lambda s: coal.Box(*(2 * np.array(s))), "capsule": lambda s: coal.Capsule(s[0], 2 * s[1]),
+            "cylinder": lambda s: coal.Cylinder(s[0], 2 * s[1]), "cone": lambda s: coal.Cone(s[0], 2 * s[1])}
+    size = {"box": (0.3, 0.5, 0.7), "capsule": (0.25, 0.6), "cylinder": (0.4, 0.5), "cone": (0.5, 0.6)}
+    rng, n = np.random.default_rng(21), 600
+    a, b = ([(k, size[k]) for k in rng.choice(list(size), n)] for _ in range(2))
+    pose_a, pose_b = poses(rng, n), poses(rng, n)
+    pose_b[:, :3] = pose_a[:, :3] + rng.uniform(0.2, 1.5, (n, 1)) * (matrix(turns(rng, n)) @ (0, 0, 1.0))
+    asked = coal.DistanceRequest()
+    asked.gjk_tolerance = asked.epa_tolerance = 1e-10
+    asked.gjk_max_iterations = asked.epa_max_iterations = 1000
+    want = []
+    for (kind_a, size_a), p, (kind_b, size_b), q in zip(a, pose_a, b, pose_b, strict=True):
+        placed = [coal.Transform3s(matrix(pose[3:]), pose[:3]) for pose in (p, q)]
+        want.append(coal.distance(make[kind_a](size_a), placed[0], make[kind_b](size_b), placed[1], asked,
+                                  coal.DistanceResult()))
+    want, got = np.array(want), apart_by(a, pose_a, b, pose_b, real)["gap"]
+    apart_ones = want > 0
+    assert 0.2 < apart_ones.mean() < 0.8 and np.median(np.abs(got - want)) < (MEDIAN if real is wp.float32 else 1e-10)
+    assert np.abs(got - want)[apart_ones].max() < MOST
+    assert (got < 0)[want < -MOST].all() and (got > want - MOST).all()
