@@ -19,7 +19,7 @@ import numpy as np
 
 from wsim.fitting.least_squares.bounds import LARGE, LOG, PLAIN, WIDE, Map
 from wsim.scene import Cloth, Collider, Load, Problem, Scene, SceneError, Soft, Springs
-from wsim.scene.check.varying import unfit
+from wsim.scene.check.varying import painted, unfit
 from wsim.scene.curve import Curve
 from wsim.scene.masses import density_of
 
@@ -133,6 +133,8 @@ def _has(row: Fittable, thing) -> bool:
         return False
     if isinstance(thing, Load):
         return thing.name == row.name
+    if isinstance(thing, Cloth) and painted(thing, row.name.partition("_")[0]):
+        return False                                     # a map of faces, not one number
     return not isinstance(thing, Cloth) or {"poisson": thing.model == "membrane",
                                             "strain_limit": isfinite(thing.material.strain_limit)}.get(row.name, True)
 

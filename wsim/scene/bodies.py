@@ -76,6 +76,8 @@ class Cloth(Compared):
     tethers: bool = False                    # long-range attachments to the nearest pin
     drag: float = 0.0                        # aerodynamic drag coefficient (against the relative wind)
     lift: float = 0.0                        # aerodynamic lift coefficient (across the relative wind)
+    stretches: np.ndarray | None = None      # [N/m] of each polygon (shear and weft in its ratio), (faces,); None: material
+    bends: np.ndarray | None = None          # [N m] of each polygon, (faces,); None: material bend
 
     def __post_init__(self):
         self.points = reals(self.points, -1, 3)
@@ -83,6 +85,7 @@ class Cloth(Compared):
         self.velocities = reals(self.velocities, -1, 3)
         self.rest_points = reals(self.rest_points, -1, 3)
         self.masses, self.thicknesses = reals(self.masses, -1), reals(self.thicknesses, -1)
+        self.stretches, self.bends = reals(self.stretches, -1), reals(self.bends, -1)
 
 
 @dataclass(eq=False)

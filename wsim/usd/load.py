@@ -19,7 +19,7 @@ from wsim.usd.attributes import read
 from wsim.usd.load_varying import finish
 from wsim.usd.prims.cloth import load_cloth
 from wsim.usd.prims.colliders import load_collider
-from wsim.usd.prims.pins import load_pin
+from wsim.usd.prims.pins import load_painted, load_pin
 from wsim.usd.prims.springs import load_springs
 from wsim.usd.prims.ties import is_tie, load_tie
 from wsim.usd.settings import frames_of, load_settings
@@ -128,10 +128,12 @@ def _load_body(reading: Reading, scene: Scene, prim: Usd.Prim, body: Usd.Prim) -
         soft = load_soft(reading, prim, body)
         if soft is not None:
             scene.softs.append(soft)
+            scene.pins += load_painted(reading, prim, soft)
     elif names.SURFACE_SIM in apis:
         cloth = load_cloth(reading, prim, body)
         if cloth is not None:
             scene.cloths.append(cloth)
+            scene.pins += load_painted(reading, prim, cloth)
     else:
         springs = load_springs(reading, prim, body)
         if springs is not None:

@@ -15,6 +15,7 @@ import numpy as np
 from wsim.geometry import topology
 from wsim.geometry.sheet_ordering import color
 from wsim.model.model import Body, Model, hard_places
+from wsim.physics.cloth import painted
 from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
 
 HARD = ("tether", "limit")           # kinds without compliance and multiplier
@@ -136,9 +137,9 @@ def tethers(body: Body, pinned: np.ndarray) -> list[Constraints]:
 def _membrane(body: Body, cloth: Cloth) -> list[Constraints]:
     """Triangle strain: rest is the inverse of the edge matrix in the triangle's plane, shape 1 / area."""
     local, areas = flat(body.rest[body.triangles - body.first])
-    good, fabric = areas > 0.0, cloth.material
-    k = {name: np.array([getattr(fabric, name)]) for name in ("stretch", "shear", "weft", "poisson")}
-    return [Constraints("membrane", body.triangles[good], np.linalg.inv(local[good]), 1.0 / areas[good], k, fabric.damping)]
+    good, k = areas > 0.0, painted.of_triangles(body, cloth, areas > 0.0)
+    return [Constraints("membrane", body.triangles[good], np.linalg.inv(local[good]), 1.0 / areas[good], k,
+                        cloth.material.damping)]
 
 
 def flat(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -215,25 +216,16 @@ def _edges(body: Body, cloth: Cloth, hinges: np.ndarray) -> list[Constraints]:
             good = net.good(body)
             ids, area = net.ids[good], net.areas(body)[good]
             length = _lengths(body, ids)
-            found.append(Constraints("distance", ids, length, length**2 / area, {net.parameter: np.array([stiffness])},
+            k = painted.of_springs(body, cloth, net.parameter, net.triangles, net.owner, len(good))
+            found.append(Constraints("distance", ids, length, length**2 / area, {net.parameter: k[good] if len(k) > 1 else k},
                               fabric.damping))
     return found
 
 
 def _same_polygon(body: Body, hinges: np.ndarray) -> np.ndarray:
     """Whether both triangles of a hinge were cut from one authored quad."""
-    size = np.bincount(body.polygon, minlength=1)
-    t = np.sort(body.triangles, axis=1).astype(np.int64)
-    n = body.last + 1
-    key = (t[:, 0] * n + t[:, 1]) * n + t[:, 2]
-    order = np.argsort(key)
-
-    def polygon(corners):
-        s = np.sort(corners, axis=1).astype(np.int64)
-        return body.polygon[order[np.searchsorted(key[order], (s[:, 0] * n + s[:, 1]) * n + s[:, 2])]]
-
-    left, right = (polygon(hinges[:, [0, 1, k]]) for k in (2, 3))
-    return (left == right) & (size[left] == 2)
+    left, right = painted.polygons(body, hinges)
+    return (left == right) & (np.bincount(body.polygon, minlength=1)[left] == 2)
 
 
 def _hinges(body: Body, cloth: Cloth, hinges: np.ndarray, pinned: np.ndarray) -> Constraints:
@@ -249,7 +241,7 @@ def _hinges(body: Body, cloth: Cloth, hinges: np.ndarray, pinned: np.ndarray) ->
     held[pinned[(pinned >= body.first) & (pinned < body.last)] - body.first] = True
     patches = bending.patches(body.rest, body.triangles - body.first, hinges[good] - body.first, held)
     coupling, shape = bending.coupling(body.rest, patches)
-    k = {"bend": np.array([cloth.material.bend])}
+    k = {"bend": painted.of_hinges(cloth, painted.polygons(body, hinges[good]))}
     return Constraints("dihedral", hinges[good], rest[good], shape, k, cloth.material.damping, body, coupling)
 
 

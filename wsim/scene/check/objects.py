@@ -111,6 +111,8 @@ def cloth(thing: Cloth) -> list[Problem]:
     found += array(path, "rest points", thing.rest_points, n)
     found += array(path, "masses", thing.masses, n, 0.0, True)
     found += array(path, "thicknesses", thing.thicknesses, n, 0.0, True)
+    found += array(path, "stretches", thing.stretches, (len(thing.counts),), 0.0, True)
+    found += array(path, "bends", thing.bends, (len(thing.counts),), 0.0)
     if thing.mass is not None:
         found += number(path, "mass", thing.mass, 0.0, True, "author physics:mass, or leave it to the density")
     for name in ("weld", "drag", "lift"):

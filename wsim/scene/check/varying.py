@@ -21,6 +21,11 @@ LIVE: dict[type, tuple[str, ...]] = {                # of what may vary; the nam
 }
 
 
+def painted(cloth: Cloth, name: str) -> bool:
+    """Whether the faces of a cloth have their own values of a stiffness, so that the material's does not count."""
+    return (cloth.bends if name == "bend" else cloth.stretches if name in ("stretch", "shear", "weft") else None) is not None
+
+
 def fixed(path: str, name: str, scene: Scene) -> str:
     """Why a value cannot vary while the scene runs, in words; "" where it can."""
     thing = _thing(path, scene)
@@ -37,6 +42,8 @@ def fixed(path: str, name: str, scene: Scene) -> str:
             c.restitution for c in scene.colliders) else ""
     if name == "density" and (density_of(thing) is None or scene.ties):
         return "the masses do not follow it: they are authored, or materials differ, or points are shared"
+    if isinstance(thing, Cloth) and painted(thing, name):
+        return "its faces have values of their own"
     material = getattr(thing, "material", thing)
     if name in ("damping", "pressure") and not getattr(thing if name == "pressure" else material, name):
         return "it is 0 at the start, so that nothing of it runs"

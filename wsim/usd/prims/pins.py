@@ -2,16 +2,18 @@
 
 src0 is the simulation geometry, indices0 its points; src1 is an Xform, still or animated, and coords1 are the places
 in its space (none: where the points are at the start). An attachment without src1 hangs on the world. Other kinds are
-left out with a note.
+left out with a note. Weights that are painted on a mesh are pins without a prim (`wsim.usd.prims.painted`).
 """
 
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
+from wsim.geometry.tetra.tets import edges
 from wsim.scene import Cloth, Pin, Soft, Springs
 from wsim.scene.curve import Motion
 from wsim.usd import names
 from wsim.usd.attributes import author, read
+from wsim.usd.prims.painted import LEVELS, read_map
 from wsim.usd.prims.springs import curve_vertices
 from wsim.usd.stage import Reading, Units
 from wsim.usd.transforms import author_motion, placement, split
@@ -132,6 +134,40 @@ def _follow(prim: Usd.Prim, pin: Pin, body: Body, units: Units) -> bool:
     if len(pin.places) != len(pin.points) or not np.isfinite(body.motion.values).all():
         return False                                           # reported by wsim.scene.check.scene
     return np.allclose(pin.places, _places(pin, body).astype(np.float32), rtol=1e-6, atol=1e-6)
+
+
+def load_painted(reading: Reading, mesh: Usd.Prim, body: Cloth | Soft) -> list[Pin]:
+    """Pins of the weights that are painted on a mesh: PATH/painted of 1, PATH/painted_K of K / LEVELS."""
+    found = read_map(reading, mesh, "pin", "1", {"point": len(body.points)})
+    if found is None:
+        return []
+    weights = found[1]
+    if weights.max(initial=0.0) > 1.0:
+        k = int(np.argmax(weights > 1.0))
+        reading.fail(mesh.GetPath(), f"primvars:wsim:pin[{k}] is {weights[k]:g}; allowed is 0 (free) to 1 (held): paint it "
+                     "again there")
+        return []
+    level = np.where((weights > 0.0) & (weights < 1.0), np.clip(np.rint(weights * LEVELS), 1, LEVELS - 1),
+                     LEVELS * weights).astype(int)
+    pins = []
+    for k in (int(k) for k in np.unique(level) if k):
+        pin = Pin(f"{body.path}/painted" + (f"_{k}" if k < LEVELS else ""), body.path, np.flatnonzero(level == k))
+        if k < LEVELS:
+            pin.stiffness = k / (LEVELS - k) * _own(body)
+        if _hang(reading, mesh, pin, body.path):
+            pins.append(pin)
+    return pins
+
+
+def _own(body: Cloth | Soft) -> float:
+    """Stiffness of a body as a point of it feels it [N/m]."""
+    if isinstance(body, Cloth):
+        return body.material.stretch
+    if not len(body.tets) or body.tets.min() < 0 or body.tets.max() >= len(body.points):
+        return 1.0                                             # reported by wsim.scene.check.soft
+    x = body.motion.points(body.points if body.rest_points is None else body.rest_points, 0.0)
+    a, b = edges(body.tets).T
+    return body.material.young * float(np.linalg.norm(x[b] - x[a], axis=1).mean())
 
 
 def author_pin(stage: Usd.Stage, pin: Pin, body: Body, units: Units, frames: int) -> None:

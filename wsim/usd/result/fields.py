@@ -1,6 +1,7 @@
 """Fields that a fit has found, in its layer, and back.
 
-    young, poisson of each tet        primvars:wsim:young (double[], uniform) on the TetMesh, read by `load_fields`
+    young, poisson of each tet        primvars:wsim:young (double[], uniform) on the TetMesh, read by `load_fields`, which
+                                      takes painted ones too: with interpolation vertex a tet has the mean of its points
     stretch, bend .. of each element  primvars:wsim:bend (double[], constant) on the Mesh: kept, and not read
     velocities, rest_shape            the attributes of the points
     lengths of each spring            the attribute of the curves
@@ -19,6 +20,7 @@ from wsim.scene.per_tet import parted, values_of
 from wsim.scene.solid import Bulk
 from wsim.usd import names
 from wsim.usd.attributes import author
+from wsim.usd.prims.painted import ELEMENTS
 from wsim.usd.prims.pins import FRAME
 from wsim.usd.prims.springs import author_muscles
 from wsim.usd.stage import Reading, Units
@@ -37,6 +39,8 @@ def author_fields(stage: Usd.Stage, fields: list[tuple[str, str, np.ndarray]], b
         if name in SOLID or name in FLAT:
             kind = UsdGeom.Tokens.uniform if name in SOLID else UsdGeom.Tokens.constant
             primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(f"wsim:{name}", Sdf.ValueTypeNames.DoubleArray, kind)
+            if name in FLAT:
+                primvar.GetAttr().SetCustomDataByKey(ELEMENTS, True)
             primvar.Set(Vt.DoubleArray.FromNumpy(values / units.factor((SOLID | FLAT)[name])))
         elif name == "velocities":
             owner = next(kind.__name__ for kind in (Cloth, Springs, Soft) if isinstance(thing, kind))
@@ -88,9 +92,11 @@ def load_fields(reading: Reading, mesh: Usd.Prim, soft: Soft) -> Soft:
                          "left out")
             continue
         values = values * reading.units.factor(unit)
+        if primvar.GetInterpolation() in ("vertex", "varying") and values.shape == (len(soft.points),):     # painted
+            values = values[np.clip(soft.tets, 0, len(soft.points) - 1)].mean(axis=1)
         if values.shape != (len(soft.tets),):
             reading.warn(mesh.GetPath(), f"{primvar.GetName()} has {values.size} values; allowed is {len(soft.tets)}, one for "
-                         "each tet: it is left out")
+                         f"each tet, or {len(soft.points)} of points with interpolation vertex: it is left out")
             continue
         try:
             for value in (values.min(), values.max()):

@@ -151,7 +151,7 @@ class Recorder:
         positions    {body path: (n, 3)} world [m], author's order      velocities   the same [m/s]
         poses        {collider path: (4, 4)} world [m]; written where they are not what the source says
         primvars     {body path: {name: (n,)}} [SI], author's order: see `wsim.usd.result.samples.PRIMVARS`
-        reactions    {pin path: (k, 3)} [N], world: see `wsim.usd.prims.reactions`
+        reactions    {pin path: (k, 3)} [N], world: see `wsim.usd.prims.reactions`; not of painted pins
         others       what else methods have, see `wsim.scene.samples`
         time_code    later than all before; any fraction (subframes), before the scene's start too (pre-roll). The first
                      one may repeat the last of the result that the run continues.
@@ -167,7 +167,8 @@ class Recorder:
             samples += over.sample(code, self._of(path, positions), self._of(path, velocities) if velocities else None)
         for path, values in (primvars or {}).items():
             samples += self.overs[path].color(values)
-        samples += [sample(self.stage.GetPrimAtPath(path), values) for path, values in (reactions or {}).items()]
+        held = {self.stage.GetPrimAtPath(path): values for path, values in (reactions or {}).items()}
+        samples += [sample(prim, values) for prim, values in held.items() if prim]
         samples += [taken(self.stage, each) for each in others]
         time = (code - self.scene.start) / self.rate
         for path, pose in (poses or {}).items():
