@@ -76,6 +76,7 @@ def _run(commands) -> None:
     run.add_argument("--restart", type=named, metavar="RESULT",
                      help="go on from an earlier result, or the .partial.usdc of a run")
     run.add_argument("--flatten", action="store_true", help="one file that holds the scene too")
+    run.add_argument("--clips", action="store_true", help="one file a frame, in OUT.clips, which OUT names (value clips)")
     run.add_argument("--stress", action="store_true",
                      help="write von Mises stress and strain of soft bodies as primvars vonMises and strain")
     run.add_argument("--reactions", action="store_true", help="write the forces of pins as wsim:reaction")
@@ -224,6 +225,8 @@ def _main(argv: list[str] | None) -> int:
     args = parser().parse_args(argv)
     if args.command == "run" and args.restart and args.preroll:
         parser().error("--restart goes on from a frame, --preroll settles before the first one: give one of them")
+    if args.command == "run" and args.clips and args.flatten:
+        parser().error("--clips writes a file a frame, --flatten one file of all: give one of them")
     if args.command == "run" and args.error:
         named = [f"--{name}" for name in CHOSEN if getattr(args, name) is not None]
         if named:

@@ -131,7 +131,7 @@ def _prepared(scene: "Scene", args) -> Iterator["Run"]:
     try:
         job = prepare(scene, args.output, simulate, samples=args.samples, preroll=args.preroll, flatten=args.flatten,
                       restart=args.restart, stress=args.stress)
-        job.reactions = args.reactions
+        job.reactions, job.recorder.clips = args.reactions, args.clips
         if args.reactions and not scene.pins:
             job.recorder.notes.append(Problem("--reactions", "there is no pin whose force could be written", fatal=False))
         job.watchers += [viewer.log for viewer in viewers]

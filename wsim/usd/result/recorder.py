@@ -19,6 +19,7 @@ from pxr import Usd, UsdUtils
 
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.skin import held
+from wsim.usd import clips
 from wsim.usd.prims.reactions import sample
 from wsim.usd.result import provenance
 from wsim.usd.result.dependencies import overwritten
@@ -76,6 +77,7 @@ class Recorder:
         self.made: str | None = None          # source written by this recorder
         self.result: str | None = None        # the finished file
         self.kept: str | None = None          # the unfinished one that stays
+        self.clips = False                    # one file a frame beside the result, see `wsim.usd.clips`
         check_result(scene, self.path, continues.path if continues else None)
         self.file, self.closed = Partial(self.path), False
         try:
@@ -263,10 +265,13 @@ class Recorder:
         if interrupted:
             return
         flat = flattened(self.stage, os.path.dirname(self.path)) if self.flatten else None
+        if self.clips:
+            flat = clips.split(layer, self.path)
         layer = None
         self._let_go()
         self.file.finish(flat)
         self.result, self.kept = self.path, None
+        clips.tidy(self.path)
         if not self.scene.source:
             remove_sources(self.path, None if self.flatten else self.source)
 

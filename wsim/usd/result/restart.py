@@ -25,6 +25,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, Vt
 
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
 from wsim.scene.methods import every
+from wsim.usd.clips import joined
 from wsim.usd.prims.reactions import REACTION
 from wsim.usd.result import crate, provenance
 from wsim.usd.result.samples import PRIMVARS, Frame, body_prim, particles_of
@@ -232,7 +233,7 @@ def copy_samples(restart: Restart, stage: Usd.Stage, scene: Scene) -> list[float
     Of a flattened result only bodies and skins: its other samples are the source's own.
     """
     try:
-        layer = crate.read(restart.path)
+        layer = joined(crate.read(restart.path), os.path.dirname(os.path.realpath(restart.path)))
     except (Tf.ErrorException, OSError) as error:
         raise SceneError(Problem(restart.path, f"cannot be read any more: {reason(error)}")) from None
     wanted: list[tuple[str, tuple[str, ...]]] = [(b.path, SAMPLED) for b in scene.bodies()]
