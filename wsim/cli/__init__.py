@@ -79,9 +79,12 @@ def _run(commands) -> None:
     run.add_argument("--clips", action="store_true", help="one file a frame, in OUT.clips, which OUT names (value clips)")
     run.add_argument("--stress", action="store_true",
                      help="write von Mises stress and strain of soft bodies as primvars vonMises and strain")
+    run.add_argument("--colour", "--color", dest="colour", choices=("strain", "stress"),
+                     help="write displayColor over time: blue 0, red 10 %% of strain, or the stress that takes")
     run.add_argument("--reactions", action="store_true", help="write the forces of pins as wsim:reaction")
     run.add_argument("--png", type=image, metavar="FILE", help="picture of the last frame")
     run.add_argument("--view", action="store_true", help="live view (needs the extra `view`)")
+    _web(run)
     run.add_argument("--json", action="store_true", help="print the closing report as JSON")
     run.add_argument("--quiet", action="store_true", help="no progress and no closing report")
 
@@ -174,6 +177,12 @@ def _view(commands) -> None:
     view.add_argument("result")
     view.add_argument("-o", "--output", "--save", type=named, dest="save", metavar="FILE",
                       help="write a .rrd file instead, for: rerun FILE")
+    _web(view)
+
+
+def _web(command) -> None:
+    command.add_argument("--web", action="store_true", help="serve the viewer as a web page: no screen is needed")
+    command.add_argument("--port", type=whole, default=9090, metavar="N", help="of the page; N + 1 of its data (default: 9090)")
 
 
 def _picture(commands) -> None:
@@ -185,6 +194,8 @@ def _picture(commands) -> None:
     what.add_argument("--frame", type=float, metavar="CODE", help="time code of a still (default: the last)")
     what.add_argument("--sheet", type=whole, metavar="N", help="contact sheet of N frames")
     what.add_argument("--animate", action="store_true", help="all frames: an animated PNG, or a GIF")
+    picture.add_argument("--colour", "--color", dest="colour", choices=("strain", "stress", "contact"),
+                         help="of bodies: red is 10 %% of strain, the stress that takes, or touching a collider")
     picture.add_argument("--size", type=pixels, default=(960, 540), metavar="WxH")
     picture.add_argument("--camera", type=named, metavar="PATH", help="a camera of the stage, or auto (default: its first)")
     picture.add_argument("--device", type=named, help="cpu, cuda:0 ... (default: the GPU if there is one)")
@@ -225,6 +236,8 @@ def _main(argv: list[str] | None) -> int:
     args = parser().parse_args(argv)
     if args.command == "run" and args.restart and args.preroll:
         parser().error("--restart goes on from a frame, --preroll settles before the first one: give one of them")
+    if args.command == "view" and args.web and args.save:
+        parser().error("--web serves a page, -o writes a file: give one of them")
     if args.command == "run" and args.clips and args.flatten:
         parser().error("--clips writes a file a frame, --flatten one file of all: give one of them")
     if args.command == "run" and args.error:

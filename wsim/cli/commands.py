@@ -122,16 +122,19 @@ def _prepared(scene: "Scene", args) -> Iterator["Run"]:
     viewers: list = []
 
     def simulate(simulated: "Scene") -> "Simulation":
-        if args.view:
+        if args.view or args.web:
             from wsim.show.viewer import Viewer
+            from wsim.show.web import words
 
-            viewers.append(Viewer(simulated))
+            viewers.append(Viewer(simulated, web=args.port if args.web else None))
+            if args.web:
+                _say(words(args.port))
         return _simulation(simulated, args)
 
     try:
         job = prepare(scene, args.output, simulate, samples=args.samples, preroll=args.preroll, flatten=args.flatten,
                       restart=args.restart, stress=args.stress)
-        job.reactions, job.recorder.clips = args.reactions, args.clips
+        job.reactions, job.recorder.clips, job.colour = args.reactions, args.clips, args.colour or ""
         if args.reactions and not scene.pins:
             job.recorder.notes.append(Problem("--reactions", "there is no pin whose force could be written", fatal=False))
         job.watchers += [viewer.log for viewer in viewers]
@@ -170,7 +173,7 @@ def _draw(args, seconds: dict[str, float]) -> None:
     from wsim.show.picture import picture
 
     began = perf_counter()
-    picture(args.output, args.png, device=args.device)
+    picture(args.output, args.png, device=args.device, colour=args.colour)
     seconds["picture"] = perf_counter() - began
 
 
@@ -262,11 +265,16 @@ def fit(args) -> int:
 
 
 def view(args) -> int:
-    """`wsim view`: a result in rerun, or as a file for it."""
+    """`wsim view`: a result in rerun, as a file for it, or as a web page until Ctrl-C."""
     from wsim.show.viewer import view as show
+    from wsim.show.web import words
 
     interrupt.begin("throw")
-    show(args.result, save=args.save)
+
+    def served() -> None:
+        _say(words(args.port) + "\nview: Ctrl-C ends it")
+        interrupt.wait()
+    show(args.result, save=args.save, web=args.port if args.web else None, served=served)
     return DONE
 
 
@@ -278,7 +286,7 @@ def picture(args) -> int:
     _ready()
     frames = "all" if args.animate else args.frame
     drawn = draw(args.result, args.output, frames=frames, size=args.size, sheet=args.sheet, device=args.device,
-                 camera=args.camera)
+                 camera=args.camera, colour=args.colour)
     for note in drawn.get("notes", ()):
         _say(str(note))
     print(f"{drawn['out']}: {count(len(drawn['frames']), 'frame')}, {drawn['size'][0]} x {drawn['size'][1]} pixels")

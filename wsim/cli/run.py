@@ -84,6 +84,7 @@ class Run:
     preroll: int = 0
     first: int = 0                                # frames that an earlier run has done and written
     stress: bool = False                          # written with the points of soft bodies, see `wsim.simulation.measure.stress`
+    colour: str = ""                              # displayColor by strain or stress, see `wsim.show.colour`; "": not written
     reactions: bool = False                       # of every pin, written with it, see `wsim.simulation.measure.reaction`
     shown: Callable[[int], None] = lambda done: None
     watchers: list[Callable] = field(default_factory=list)
@@ -142,10 +143,16 @@ class Run:
             stress = {s.path: sim.stress(s.path).at_points() for s in self.scene.softs if self.stress}
             forces = {p.path: sim.reactions(p.path) for p in self.scene.pins if self.reactions}
             self.recorder.append(code, {p: sim.positions(p) for p in paths}, {p: sim.velocities(p) for p in paths},
-                                 sim.poses(), stress, forces, sim.samples())
+                                 sim.poses(), stress, forces, [*sim.samples(), *self._colours()])
         self.written = self.first + k // self.samples
         for watch in self.watchers:
             watch(sim)
+
+    def _colours(self) -> list:
+        if not self.colour:
+            return []
+        from wsim.show.colour import live
+        return live(self.simulation, self.colour)
 
 
 def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"], *, samples: int = 1, preroll: int = 0,

@@ -22,4 +22,12 @@ class Value:
     value: float
 
 
-Sample = Transform | Value
+@dataclass(frozen=True)
+class Colour:
+    """Linear colours of the points of a body or skin, (n, 3), in the author's order."""
+
+    path: str
+    values: np.ndarray
+
+
+Sample = Transform | Value | Colour

@@ -15,7 +15,6 @@ import numpy as np
 from wsim.geometry import topology
 from wsim.geometry.sheet_ordering import color
 from wsim.model.model import Body, Model, hard_places
-from wsim.physics.cloth import painted
 from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
 
 HARD = ("tether", "limit")           # kinds without compliance and multiplier
@@ -137,7 +136,10 @@ def tethers(body: Body, pinned: np.ndarray) -> list[Constraints]:
 def _membrane(body: Body, cloth: Cloth) -> list[Constraints]:
     """Triangle strain: rest is the inverse of the edge matrix in the triangle's plane, shape 1 / area."""
     local, areas = flat(body.rest[body.triangles - body.first])
-    good, k = areas > 0.0, painted.of_triangles(body, cloth, areas > 0.0)
+    good, k = areas > 0.0, {name: np.array([getattr(cloth.material, name)]) for name in ("stretch", "shear", "weft", "poisson")}
+    if cloth.stretches is not None:
+        from wsim.physics.cloth.painted import of_triangles
+        k = of_triangles(body, cloth, good, k)
     return [Constraints("membrane", body.triangles[good], np.linalg.inv(local[good]), 1.0 / areas[good], k,
                         cloth.material.damping)]
 
@@ -214,18 +216,24 @@ def _edges(body: Body, cloth: Cloth, hinges: np.ndarray) -> list[Constraints]:
         stiffness = getattr(fabric, net.parameter)
         if net.parameter == "stretch" or stiffness > 0.0:
             good = net.good(body)
-            ids, area = net.ids[good], net.areas(body)[good]
+            ids, area, k = net.ids[good], net.areas(body)[good], np.array([stiffness])
             length = _lengths(body, ids)
-            k = painted.of_springs(body, cloth, net.parameter, net.triangles, net.owner, len(good))
-            found.append(Constraints("distance", ids, length, length**2 / area, {net.parameter: k[good] if len(k) > 1 else k},
-                              fabric.damping))
+            if cloth.stretches is not None:
+                from wsim.physics.cloth.painted import of_springs
+                k = stiffness * of_springs(body, cloth, net.triangles, net.owner, len(good))[good]
+            found.append(Constraints("distance", ids, length, length**2 / area, {net.parameter: k}, fabric.damping))
     return found
 
 
 def _same_polygon(body: Body, hinges: np.ndarray) -> np.ndarray:
     """Whether both triangles of a hinge were cut from one authored quad."""
-    left, right = painted.polygons(body, hinges)
+    left, right = _polygons(body, hinges)
     return (left == right) & (np.bincount(body.polygon, minlength=1)[left] == 2)
+
+
+def _polygons(body: Body, hinges: np.ndarray) -> np.ndarray:
+    """The polygons on both sides of each hinge, (2, m)."""
+    return body.polygon[np.stack([topology.places(body.triangles, hinges[:, [0, 1, k]]) for k in (2, 3)])]
 
 
 def _hinges(body: Body, cloth: Cloth, hinges: np.ndarray, pinned: np.ndarray) -> Constraints:
@@ -241,8 +249,8 @@ def _hinges(body: Body, cloth: Cloth, hinges: np.ndarray, pinned: np.ndarray) ->
     held[pinned[(pinned >= body.first) & (pinned < body.last)] - body.first] = True
     patches = bending.patches(body.rest, body.triangles - body.first, hinges[good] - body.first, held)
     coupling, shape = bending.coupling(body.rest, patches)
-    k = {"bend": painted.of_hinges(cloth, painted.polygons(body, hinges[good]))}
-    return Constraints("dihedral", hinges[good], rest[good], shape, k, cloth.material.damping, body, coupling)
+    bend = np.array([cloth.material.bend]) if cloth.bends is None else cloth.bends[_polygons(body, hinges[good])].mean(axis=0)
+    return Constraints("dihedral", hinges[good], rest[good], shape, {"bend": bend}, cloth.material.damping, body, coupling)
 
 
 def changed(model: Model, rows: list[Constraints], path: str, name: str, value, world: int | None,

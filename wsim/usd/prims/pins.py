@@ -8,7 +8,6 @@ left out with a note. Weights that are painted on a mesh are pins without a prim
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
-from wsim.geometry.tetra.tets import edges
 from wsim.scene import Cloth, Pin, Soft, Springs
 from wsim.scene.curve import Motion
 from wsim.usd import names
@@ -165,6 +164,7 @@ def _own(body: Cloth | Soft) -> float:
         return body.material.stretch
     if not len(body.tets) or body.tets.min() < 0 or body.tets.max() >= len(body.points):
         return 1.0                                             # reported by wsim.scene.check.soft
+    from wsim.geometry.tetra.tets import edges
     x = body.motion.points(body.points if body.rest_points is None else body.rest_points, 0.0)
     a, b = edges(body.tets).T
     return body.material.young * float(np.linalg.norm(x[b] - x[a], axis=1).mean())

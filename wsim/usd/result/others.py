@@ -1,10 +1,11 @@
 """Samples of anything but points (`wsim.scene.samples`), put over the prims of a result."""
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from wsim.scene import Problem, SceneError
-from wsim.scene.samples import Sample, Transform
+from wsim.scene.samples import Colour, Sample, Transform
+from wsim.usd.result.samples import particles_of
 
 OP = "xformOp:transform"
 
@@ -16,6 +17,8 @@ def taken(stage: Usd.Stage, sample: Sample) -> tuple:
         raise SceneError(Problem(sample.path, "is no prim that a layer can write over; the result needs it outside instances"))
     if isinstance(sample, Transform):
         return _transform(prim, sample.matrix)
+    if isinstance(sample, Colour):
+        return _colour(prim, sample.values)
     return prim.GetAttribute(sample.name) or prim.CreateAttribute(sample.name, Sdf.ValueTypeNames.Double, True), sample.value
 
 
@@ -32,3 +35,13 @@ def _transform(prim: Usd.Prim, world: np.ndarray) -> tuple:
     M[:3, 3] /= scale
     local = np.linalg.solve(np.eye(4) if xformable.GetResetXformStack() else above, M)
     return op.GetAttr(), Gf.Matrix4d(*local.T.ravel().tolist())
+
+
+def _colour(prim: Usd.Prim, colours: np.ndarray) -> tuple:
+    """displayColor of each point; the indices that a source may have for its own count no more."""
+    primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex)
+    if primvar.IsIndexed():
+        primvar.BlockIndices()
+    particles = particles_of(prim)
+    colours = colours if particles is None else colours[particles]
+    return primvar.GetAttr(), Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(colours, np.float32))

@@ -35,7 +35,7 @@ CODE, FIELDS = "wsim:restart:timeCode", "wsim:restart:fields:"
 TYPES = {np.dtype(np.float32): (Sdf.ValueTypeNames.FloatArray, Vt.FloatArray),
          np.dtype(np.float64): (Sdf.ValueTypeNames.DoubleArray, Vt.DoubleArray),
          np.dtype(np.int32): (Sdf.ValueTypeNames.IntArray, Vt.IntArray)}
-STRESS = tuple(f"primvars:{name}" for name in PRIMVARS)
+STRESS = tuple(f"primvars:{name}" for name in (*PRIMVARS, "displayColor"))       # only where they are asked for
 SAMPLED = ("points", "velocities", "extent", "normals", "primvars:normals", *STRESS)     # what a recorder samples on a body
 NAME = re.compile(r"[A-Za-z_]\w*\Z")
 
