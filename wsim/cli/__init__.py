@@ -38,7 +38,7 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="wsim", description="A USD scene in, a simulated USD layer out.")
     top.add_argument("--version", action="version", version=f"wsim {__version__}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for add in (_run, _new, _check, _plan, _bench, _fit, _view, _picture):
+    for add in (_run, _new, _check, _plan, _bench, _fit, _view, _picture, _schema):
         add(commands)
     for command in commands.choices.values():
         command.add_argument("--debug", action="store_true", help="show where an error came from")
@@ -178,6 +178,10 @@ def _view(commands) -> None:
     view.add_argument("-o", "--output", "--save", type=named, dest="save", metavar="FILE",
                       help="write a .rrd file instead, for: rerun FILE")
     _web(view)
+
+
+def _schema(commands) -> None:
+    commands.add_parser("schema", help="the setting by which other USD programs know the schemas of wsim")
 
 
 def _web(command) -> None:

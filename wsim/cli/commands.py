@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from wsim.cli.inventory import count, inventory
 from wsim.cli.progress import line
+from wsim.cli.schema import schema  # noqa: F401  (a command)
 from wsim.simulation import interrupt
 from wsim.simulation import report as reports
 from wsim.usd.result.as_json import as_json
