@@ -161,7 +161,7 @@ class Varying(Compared):
     them. A frame has the value at its middle (`wsim.simulation.varying`)."""
 
     path: str                                # of a body or collider; "/": the whole scene
-    name: str                                # gravity, wind, stretch, young ... (`wsim.scene.check.varying.LIVE`)
+    name: str                                # gravity, wind, stretch, young ... (`wsim.scene.values.table`)
     curve: Curve                             # values (keys, ...) [SI]
 
 

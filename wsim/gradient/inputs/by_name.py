@@ -26,7 +26,7 @@ from wsim.gradient.inputs.controls import Actuation, Loaded, Targets
 from wsim.gradient.inputs.rest import Rest
 from wsim.scene import Problem, SceneError, Springs
 from wsim.scene.masses import density_of
-from wsim.simulation.retry import STIFFENS
+from wsim.scene.values.table import stiffens
 
 SCENE = {"gravity": (3,), "wind": (3,), "air_drag": ()}
 
@@ -197,6 +197,6 @@ def _input(recording, name: str) -> Input:
 def stable(recording, names) -> None:
     """Raises SceneError where the values that were written want shorter explicit steps than were recorded."""
     explicit, found = recording.plan.method("explicit"), recording.plan.clock.substeps
-    if explicit and any(name.rpartition(":")[2] in STIFFENS for name in names) and (least := explicit.least()) > found:
+    if explicit and any(stiffens(name.rpartition(":")[2]) for name in names) and (least := explicit.least()) > found:
         raise SceneError(Problem("substeps", f"found {found}; these values want {least}. Give the scene more substeps before "
                                  "it is recorded, or keep stiffness and damping below"))

@@ -149,8 +149,6 @@ class Contact(Method):
     def rub(self, path: str, name: str, value: float, world: int | None) -> bool:
         """Friction of a body."""
         bodies = [b for b in self.model.bodies if b.path == path and world in (None, b.world)]
-        if bodies and not (np.isfinite(value) and value >= 0.0):
-            raise SceneError(Problem(path, f"{name} is {value}; allowed is a finite number >= 0"))
         values = self.contacts.points.friction.numpy()
         for b in bodies:
             values[b.first:b.last, FRICTION.index(name)] = value

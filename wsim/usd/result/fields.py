@@ -15,8 +15,8 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from wsim.scene import Cloth, Collider, Motion, Pin, Soft, Springs
-from wsim.scene.per_tet import parted, values_of
 from wsim.scene.solid import Bulk
+from wsim.scene.values.per_tet import parted, values_of
 from wsim.usd import names
 from wsim.usd.attributes import author
 from wsim.usd.prims.pins import FRAME
