@@ -60,7 +60,7 @@ def room(place: str, names: str) -> set[str]:
 
 
 SCENE = room("scene", "scene bodies solid curve fabric") | room("geometry", "triangulate topology memo") | room(
-    "scene.check", "scene objects mesh")
+    "scene.check", "scene objects mesh") | room("scene.values", "table value")
 LOADER = room("geometry", "primitives")       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt sweep_strain")
        | room("simulation.measure", "indicators exceeded") | room("scene", "masses integrator methods samples")

@@ -75,7 +75,7 @@ def varying(thing: Varying, scene: Scene) -> Iterator[Problem]:
 
 def unfit(scene: Scene, what: str, path: str) -> list[Problem]:
     """Why a parameter of a fit, of one object or of all (""), cannot be one number."""
-    names = {"stretch": ("stretch", "weft"), "stretch_warp": ("stretch",), "stretch_weft": ("weft",)}.get(what, (what,))
+    names = table.PARTS.get(what, (what,))
     return [Problem(v.path, f"{v.name} varies in time, and a fit finds one value; author one value, or leave {what} out")
             for v in scene.varying if v.name in names and path in ("", v.path)]
 

@@ -19,6 +19,7 @@ OWN, AIR, FLAT = "WsimMaterialAPI", "WsimSceneAPI", "WsimClothAPI"
 MATERIALS = (SHEET, SOLID, RUB, OWN)                 # schemas of materials: what they say is no attribute of the prim itself
 DAMPING = {"Cloth": OWN, "Springs": "WsimSpringsAPI", "Soft": OWN}
 FIXED = "fixed while a scene runs"
+PARTS = {"stretch": ("stretch", "weft"), "stretch_warp": ("stretch",), "stretch_weft": ("weft",)}    # values of a parameter
 
 VALUES: list[Value] = [
     Value("Cloth", "stretch", "N/m", POSITIVE, varies=True, stiffens=True, fit=LOG, each=Each("edges", LOG),
@@ -51,7 +52,7 @@ VALUES: list[Value] = [
     Value("Springs", "mass", "kg", POSITIVE, stiffens=True, needs=("apart",), fit=LOG, gradient="mass"),
     *(Value(owner, "mass", "kg", POSITIVE, live=False, why=f"{FIXED}; take density, or masses()",
             mend="author physics:mass, or leave it to the density") for owner in ("Cloth", "Soft")),
-    *(Value(owner, f"{kind}_friction", "1", varies=True, needs=("collider", "alone"), fit=LOG,
+    *(Value(owner, f"{kind}_friction", "1", varies=True, needs=("collider", "alone"), fit=None if owner == "Springs" else LOG,
             usd=Usd(RUB, f"physics:{kind}Friction", "float"), gradient="contact")
       for kind in ("static", "dynamic") for owner in (*BODIES, "Collider")),
     Value("Collider", "thickness", "m", varies=True, usd=Usd("WsimColliderAPI", "wsim:thickness"), gradient="contact"),
