@@ -10,7 +10,8 @@ import warp as wp
 from wsim.gradient.rest_shape import RestShape, by_masses
 from wsim.gradient.tables import Parameters
 from wsim.physics.cloth.constraints import LEAST, SLACK, Constraints
-from wsim.scene import Problem, SceneError, Springs
+from wsim.scene import Springs
+from wsim.scene.values.coverage import refuse
 
 
 class ElementGradient:
@@ -34,7 +35,7 @@ class ElementGradient:
         """By the rest lengths of a spring net [1/m], (edges,), in the author's order."""
         body = self.model.body(path, world)
         if not isinstance(body.source, Springs):
-            raise SceneError(Problem(body.path, "is no spring net: it has no rest lengths of its own"))
+            raise refuse("lengths", body.path)
         found = [self.entries["rest"][part] for r, part in _parts(self.parameters.springs) if r.body is body]
         for batch in self.parameters.batches:
             rest = batch.lengths or batch.data.rest
@@ -49,7 +50,7 @@ class ElementGradient:
         found = [f(name, body) for f in (self.rows, self.flat, self.projected, self.solid)]
         parts = [each for some in found for each in some]
         if not parts:
-            raise SceneError(Problem(body.path, f"has no {name!r} with a derivative; there are {', '.join(self.names(body))}"))
+            raise refuse("material", body.path, name=name, names=", ".join(self.names(body)))
         every = np.concatenate(parts)
         return every if elements else float(every.sum())
 
@@ -202,10 +203,10 @@ def _by_stiffness(r: Constraints, name: str, kind: str, parts: np.ndarray) -> np
         return parts / (np.maximum(value, SLACK) if kind == "dihedral" else value)
     same = r.stiffness["weft"] <= 0.0
     if name == "weft" and same.any():
-        raise SceneError(Problem(r.body.path, "its weft is 0 and follows stretch: it has no derivative of its own"))
+        raise refuse("weft", r.body.path)
     clamped = r.stiffness["shear"] < LEAST * r.stiffness["stretch"]
     if name == "shear" and clamped.any():
-        raise SceneError(Problem(r.body.path, f"its shear is below {LEAST:g} of stretch, and taken as that: no derivative"))
+        raise refuse("shear", r.body.path, least=LEAST)
     powers = np.array({"shear": (0.0, 0.0, 1.0, 0.0), "weft": (0.0, 0.5, 0.0, 1.0), "stretch": (1.0, 0.5, 0.0, 0.0)}[name])
     if name == "stretch":
         powers = np.where(same[:, None], (1.0, 1.0, 0.0, 1.0), powers) + (0.0, 0.0, 1.0, 0.0) * clamped[:, None]

@@ -17,7 +17,7 @@ from wsim.model.model import Body, edge_lengths
 from wsim.model.separate import apart
 from wsim.scene import Motion, Problem, SceneError, Soft
 from wsim.scene.check import objects
-from wsim.scene.methods import every
+from wsim.scene.methods import named, things
 from wsim.scene.values import table
 from wsim.scene.values.value import Value
 from wsim.simulation import retry
@@ -31,7 +31,7 @@ def set_value(sim: Simulation, path: str, name: str, value, world: int | None) -
     if world is not None and (isinstance(world, bool) or world not in range(sim.worlds)):
         raise SceneError(Problem(path, f"{name}: there is nothing in world {world} of {sim.worlds}; allowed are 0 to "
                                  f"{sim.worlds - 1}, or None for all"))
-    thing = _thing(sim, path)
+    thing = named(sim.scene, path)
     if name in ("positions", "velocities"):
         place(sim, path, name, _floats(path, name, value), world)
         return
@@ -57,24 +57,10 @@ def set_value(sim: Simulation, path: str, name: str, value, world: int | None) -
 
 def _unknown(sim: Simulation, thing, path: str, name: str, world: int | None) -> SceneError:
     """What there is, by the table of values."""
-    there = "" if thing is not None else f"; paths there are {', '.join(_paths(sim))}"
+    there = "" if thing is not None else f"; paths there are {', '.join(['/', *(t.path for t in things(sim.scene))])}"
     where = "" if world is None else f" in world {world} of {sim.worlds}"
     names = ", ".join(table.live("" if thing is None else type(thing).__name__)) or "none"
     return SceneError(Problem(path, f"has no live parameter {name!r}{where}; there are {names}{there}"))
-
-
-def _things(sim: Simulation) -> list:
-    scene = sim.scene
-    return [*scene.bodies(), *scene.pins, *scene.colliders, *scene.loads, *(thing for _, thing in every(scene))]
-
-
-def _paths(sim: Simulation) -> list[str]:
-    return ["/", *(thing.path for thing in _things(sim))]
-
-
-def _thing(sim: Simulation, path: str | None) -> Any:
-    """The object of a path, the scene of "/"; None: there is none."""
-    return sim.scene if path == "/" else next((t for t in _things(sim) if t.path == path), None)
 
 
 def _floats(path: str, name: str, value) -> np.ndarray:
@@ -91,9 +77,9 @@ def _remembered(sim: Simulation) -> Callable[[], None]:
     if explicit is None:
         return lambda: None
     solver, owner = cast(Any, explicit), cast(Any, points)
-    kept = [(thing, {name: getattr(thing, name) for name in names}) for things, names in (
+    kept = [(thing, {name: getattr(thing, name) for name in names}) for owners, names in (
         (sim.model.bodies, ("masses", "rest", "source")), (solver.rows, ("stiffness", "tau", "rest", "shape")))
-        for thing in things]
+        for thing in owners]
     parts = [(p, dict(p.values)) for solid in solver.solids for p in solid.parts if hasattr(p, "values")]
     densities = dict(owner.densities)
 

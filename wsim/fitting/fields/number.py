@@ -16,7 +16,7 @@ from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.values.table import PARTS
 from wsim.simulation.simulation import Simulation
 
-FRICTION = ("static_friction", "dynamic_friction")
+LOADS = ("force", "traction")             # whose gradients have a row for each key
 
 
 class Number:
@@ -56,15 +56,8 @@ class Number:
         return np.array([[total]])
 
     def derivative(self, gradient: Gradient, path: str, name: str, each: bool):
-        if path == "/":
-            return getattr(gradient, name)()
-        if name in FRICTION:
-            return gradient.friction(path)[FRICTION.index(name)]
-        if name in ("density", "mass", "restitution"):
-            return getattr(gradient, name)(path)
-        if name in ("force", "traction"):
-            return gradient.load(path)[0]
-        return gradient.material(name, path, elements=each)
+        found = gradient.value(path, name, elements=each)
+        return found[0] if name in LOADS else found
 
     def written(self, scene: Scene, values: np.ndarray) -> Scene:
         return self.parameter.written(scene, float(values[0, 0]))

@@ -13,8 +13,8 @@ from wsim.scene.values.value import LARGE, Fit
 
 @dataclass(frozen=True)
 class Map(Fit):
-    """theta of a value, the value of theta, and d value / d theta, by what a row of the table of values says: low, high of "bounded";
-    of "plain" high is the value of theta = 1."""
+    """theta of a value, the value of theta, and d value / d theta, by what a row of the table of values says: low, high of
+    "bounded"; of "plain" high is the value of theta = 1."""
 
     @staticmethod
     def of(row: Fit) -> "Map":

@@ -9,7 +9,7 @@ import numpy as np
 from wsim.scene import Problem, Scene, Soft, Springs, Varying
 from wsim.scene.check.objects import error
 from wsim.scene.masses import density_of
-from wsim.scene.methods import every
+from wsim.scene.methods import named
 from wsim.scene.values import table
 from wsim.scene.values.value import Value, holder
 
@@ -43,7 +43,7 @@ def idle(row: Value, thing, scene: Scene) -> str:
 
 def fixed(path: str, name: str, scene: Scene) -> str:
     """Why a value cannot vary while the scene runs, in words; "" where it can."""
-    thing = _thing(path, scene)
+    thing = named(scene, path)
     if thing is None:
         return "nothing of that path is simulated"
     owner = type(thing).__name__
@@ -58,7 +58,7 @@ def varying(thing: Varying, scene: Scene) -> Iterator[Problem]:
     if reason := fixed(thing.path, thing.name, scene):
         yield error(thing.path, f"{thing.name} varies in time, and {reason}", "a value that is live", "author one value")
         return
-    values, owner = np.asarray(thing.curve.values), _thing(thing.path, scene)
+    values, owner = np.asarray(thing.curve.values), named(scene, thing.path)
     row = table.of(type(owner).__name__)[thing.name]
     shape = (3,) if row.form == "vector" else ()
     if thing.name == "stiffness" and isinstance(owner, Springs):
@@ -78,9 +78,3 @@ def unfit(scene: Scene, what: str, path: str) -> list[Problem]:
     names = table.PARTS.get(what, (what,))
     return [Problem(v.path, f"{v.name} varies in time, and a fit finds one value; author one value, or leave {what} out")
             for v in scene.varying if v.name in names and path in ("", v.path)]
-
-
-def _thing(path: str, scene: Scene) -> Any:
-    """The object of a path, the scene of "/"; None: there is none."""
-    every_one = (*scene.bodies(), *scene.colliders, *(thing for _, thing in every(scene)))
-    return scene if path == "/" else next((t for t in every_one if t.path == path), None)

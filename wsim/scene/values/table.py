@@ -77,9 +77,11 @@ VALUES: list[Value] = [
           usd=Usd("WsimSpringsAPI", "wsim:lengths", "float[]"), gradient="rest"),
     Value("Springs", "actuation", "1", POSITIVE, "curve", each=Each("keys", LOG, 0.05),
           usd=Usd("WsimSpringsAPI", "wsim:actuation", "double[]"), gradient="actuation"),
-    *(Value(owner, "motion", "m", ANY, "motion", each=Each("frames", Fit("plain"), 0.05)) for owner in ("Pin", "Collider")),
+    *(Value(owner, "motion", "m", ANY, "motion", each=Each("frames", Fit("plain"), 0.05), why=f"it is no array; take {what}")
+      for owner, what in (("Pin", "targets"), ("Collider", "shift"))),
     Value("Pin", "targets", "m", ANY, "array", live=False, gradient="targets"),
-    Value("Collider", "shift", "m", ANY, "array", live=False, gradient="contact"),
+    Value("Collider", "points", "m", ANY, "array", live=False, why="the shape of a mesh that deforms has none yet"),
+    Value("Collider", "shift", "m", ANY, "array", live=False, gradient="shift"),
 
     Value("Cloth", "thickness", "m", POSITIVE, live=False, usd=Usd(OWN, "wsim:thickness"), why=FIXED),
     *(Value("Cloth", name, "1", live=False, usd=Usd(FLAT, f"wsim:{name}"), why=f"{FIXED}, and no input; take air_coefficient()")
@@ -116,6 +118,11 @@ def live(owner: str) -> list[str]:
     """Names that `Simulation.set` takes of a class; of "" those of all classes."""
     return list(dict.fromkeys(row.name for row in VALUES if row.live and (owner in ("", row.owner)
                                                                          or (row.local and owner in BODIES))))
+
+
+def inputs(owner: str) -> list[str]:
+    """Names of a class that recordings are differentiated with respect to."""
+    return [row.name for row in VALUES if row.gradient and row.owner == owner]
 
 
 def varying(owner: str) -> list[str]:
