@@ -13,11 +13,11 @@ import warp as wp
 from wsim.gradient.element_gradient import ElementGradient
 from wsim.gradient.reactions.adjoint import Inertia
 from wsim.gradient.tables import Parameters
-from wsim.physics.contact.contacts import FRICTION
 from wsim.physics.contact.gradient import ContactGradient
 from wsim.scene import Problem, SceneError, Springs
 from wsim.scene.masses import density_of
 from wsim.scene.values.coverage import refuse, row_of
+from wsim.scene.values.table import FRICTION
 
 
 class Fetched(dict):

@@ -13,11 +13,12 @@ from pxr import Usd
 
 from wsim.scene import Scene, Varying
 from wsim.scene.curve import Curve
-from wsim.scene.values.table import varying
+from wsim.scene.values.table import VALUES, varying
 from wsim.usd.stage import Reading
 
 OWN = ("physics:", "wsim:")        # namespaces whose samples are looked at
-CURVES = ("wsim:actuation", "wsim:reaction", "wsim:load:force", "wsim:load:traction")     # sampled by nature, read elsewhere
+# sampled by nature, read elsewhere
+CURVES = ("wsim:reaction", *(row.usd.attribute for row in VALUES if row.form == "curve" and row.usd))
 
 
 def steady(reading: Reading, prim: Usd.Prim, *names: str) -> bool:

@@ -8,9 +8,9 @@
 import numpy as np
 
 from wsim.gradient.inputs.base import PART, Input
-from wsim.physics.contact.contacts import FRICTION
 from wsim.scene import Problem, SceneError
 from wsim.scene.curve import Motion
+from wsim.scene.values.table import FRICTION
 
 
 class Touch(Input):

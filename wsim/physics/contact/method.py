@@ -9,9 +9,10 @@ import numpy as np
 
 from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import Field, State
-from wsim.physics.contact.contacts import FRICTION, Bodies, Contacts
+from wsim.physics.contact.contacts import Bodies, Contacts
 from wsim.scene import Motion, Problem, SceneError
 from wsim.scene.check import chord
+from wsim.scene.values.table import FRICTION
 
 if TYPE_CHECKING:
     from wsim.model.model import Model
