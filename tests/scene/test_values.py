@@ -1,6 +1,8 @@
 """A value of one row and one file (tests/make/brake) goes through all that those of wsim go through; the table says what is."""
 
+import re
 from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +10,8 @@ import pytest
 from tests.make.brake import ROW, VALUE
 from tests.make.brake.objects import Brake
 from wsim import Bulk, Cloth, Collider, Fabric, Simulation, Soft, Springs
-from wsim.fitting import Settings, Track, fit
+from wsim.fitting import Settings, Track, fit, parameter
+from wsim.fitting.fields import field
 from wsim.fitting.parameter import parameters
 from wsim.gradient.inputs.by_name import KINDS, inputs
 from wsim.gradient.recording import Recording
@@ -164,3 +167,10 @@ def test_a_material_refuses_by_the_bounds_of_the_table():
         bounds = table.of(owner)[name].range
         assert str(said.value) == bounds.wrong(name, value) == f"{name} is {value:g}; allowed is {bounds.words}"
     assert holder(Cloth("/c", [], [], []), "stretch") == Fabric()
+
+
+def test_documents_name_every_value():
+    """What is live in the words of `Simulation.set`, what is fitted in the README."""
+    said, readme = str(Simulation.set.__doc__), (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
+    assert [name for name in table.live("") if not re.search(rf"\b{name}\b", said)] == []
+    assert [name for name in (*parameter.names(), *(f"{kind.name}[]" for kind in field.kinds())) if name not in readme] == []

@@ -139,7 +139,8 @@ def _put(row: Value, thing, value: float, axis: int | None = None):
         return replace(thing, material=replace(thing.material, **{row.name: value}))
     if not isinstance(thing, Springs):
         return replace(thing, **{row.name: value})
-    copy = replace(thing) if row.name in ("stiffness", "mass") else replace(thing, **{row.name: value})
+    own: Any = {} if row.name in ("stiffness", "mass") else {row.name: value}
+    copy = replace(thing, **own)
     now, masses = np.asarray(thing.stiffness, np.float64), np.asarray(thing.masses, np.float64)      # stay in float64
     copy.stiffness = now * (value / now.mean()) if row.name == "stiffness" else now
     copy.masses = masses * (value / _get(row, thing, None)) if row.name == "mass" else masses

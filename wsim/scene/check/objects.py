@@ -6,6 +6,7 @@ Each rule yields Problems in one form: what was found, what is allowed (or expec
 from collections.abc import Iterator
 from dataclasses import fields
 from math import inf, isfinite
+from typing import Any
 
 import numpy as np
 
@@ -43,7 +44,8 @@ def values(thing) -> Iterator[Problem]:
     """Numbers and vectors that an object (or the scene, at "/") has itself, by the bounds of the table of values."""
     path = getattr(thing, "path", "/")
     for name, row in table.of(type(thing).__name__).items():
-        value, mend = getattr(thing, name, None), row.mend or f"author another {row.usd.attribute if row.usd else name}"
+        value: Any = getattr(thing, name, None)
+        mend = row.mend or f"author another {row.usd.attribute if row.usd else name}"
         if row.form == "vector" and (np.shape(value) != (3,) or not np.all(np.isfinite(value))):
             yield error(path, f"{name} is {value}", "three finite numbers", mend)
         elif row.form == "number" and np.ndim(value) == 0 and value is not None and not row.range.holds(value, True):

@@ -191,6 +191,16 @@ def lines() -> list[tuple[str, str, str]]:
     return found + [("refused", row.what, "") for key, row in REFUSED.items() if key not in ("value", "material")]
 
 
+def summary() -> dict[str, str]:
+    """What is covered, in a sentence a kind: of documents."""
+    by: dict[str, list[str]] = {}
+    for owner, name in (pair for row in COVERED for pair in row.names()):
+        by.setdefault(owner, []).append(name)
+    return {THROUGH: "; ".join(row.what for row in COVERED if row.kind == THROUGH),
+            BY: "; ".join(f"{', '.join(names)} of {owner}" for owner, names in by.items()),
+            OF: "; ".join(row.what for row in COVERED if row.kind == OF)}
+
+
 def text() -> str:
     """The table in plain text."""
     return "\n".join(f"    {kind:<16}{what}{f'   [{solvers}]' if solvers else ''}" for kind, what, solvers in lines())
