@@ -1,4 +1,4 @@
-"""Gradients of recordings. What has some is one table (`wsim.scene.values.coverage`), which refusals and tests read too; what is
+"""Gradients of recordings. What has some is one table (`wsim.scene.values.coverage`), which refusals and tests read; what is
 not in it raises, and never gives a zero. In brackets stand the solvers by which a row is tested.
 """
 

@@ -56,14 +56,7 @@ class ElementGradient:
 
     def names(self, body) -> list[str]:
         """What `material` knows of a body."""
-        p = self.parameters
-        rows = [r for r in (*p.springs, *(r for source in (*p.flat, *p.batches) for r in source.rows)) if r.body is body]
-        values = [part.values for t in p.tables for part in t.parts if part.body is body]
-        damped = any(r.tau > 0.0 for r in rows) or any(v["damping"].any() for v in values)
-        pressed = any(b is body for t in p.tables for b in getattr(t, "bodies", ()))
-        flows = any(part.body is body for t in p.tables if t.plastic for part in t.parts)
-        return sorted({name for d in (*(r.stiffness for r in rows), *values) for name in d} - {"damping"}
-                      | set(["damping"] * damped + ["pressure"] * pressed + ["yield_strain"] * flows))
+        return self.parameters.names(body)
 
     def rest_shape(self, path: str | None = None, world: int = 0) -> np.ndarray:
         """By where its points are at rest [1/m], (n, 3), by all that follows from it: lengths, angles, areas, volumes, and

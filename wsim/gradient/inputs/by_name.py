@@ -71,14 +71,9 @@ class Mass(Input):
 class MaterialInput(Input):
     """A live parameter of a material, one for the body or one for each element."""
 
-    @staticmethod
-    def constraints(recording, body) -> list:
-        p = recording.parameters
-        return [r for r in (*p.springs, *(r for source in (*p.flat, *p.batches) for r in source.rows)) if r.body is body]
-
     def values(self, body) -> list[np.ndarray]:
         """By the tables that have it, one for each element."""
-        rows = self.constraints(self.recording, body)
+        rows = self.recording.parameters.rows(body)
         found = [np.broadcast_to(r.stiffness[self.what], len(r.ids)) for r in rows if self.what in r.stiffness]
         if self.what == "damping":
             found += [np.full(len(r.ids), r.tau) for r in rows if r.tau > 0.0]
@@ -113,15 +108,8 @@ class MaterialInput(Input):
     @staticmethod
     def names(recording, body) -> list[str]:
         """What of a body can be written, besides where it is."""
-        tables, rows = recording.parameters.tables, MaterialInput.constraints(recording, body)
-        tets = [part for table in tables for part in table.parts if part.body is body]
-        damped = any(r.tau > 0.0 for r in rows) or any(part.values["damping"].any() for part in tets)
-        pressed = any(b is body for table in tables for b in getattr(table, "bodies", ()))
-        flows = any(p.body is body for table in tables if table.plastic for p in table.parts)
-        return sorted({name for d in (*(r.stiffness for r in rows), *(part.values for part in tets)) for name in d}
-                      - {"damping"} | set(["damping"] * damped + ["pressure"] * pressed + ["yield_strain"] * flows)
-                      | set(["density"] * (density_of(body.source) is not None))
-                      | set(["mass"] * isinstance(body.source, Springs)))
+        more = ["density"] * (density_of(body.source) is not None) + ["mass"] * isinstance(body.source, Springs)
+        return sorted({*recording.parameters.names(body), *more})
 
     def allowed(self, value: np.ndarray) -> np.ndarray:
         """0 too: what is slackened to nothing has a derivative."""
