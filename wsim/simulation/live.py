@@ -59,8 +59,11 @@ def _unknown(sim: Simulation, thing, path: str, name: str, world: int | None) ->
     """What there is, by the table of values."""
     there = "" if thing is not None else f"; paths there are {', '.join(['/', *(t.path for t in things(sim.scene))])}"
     where = "" if world is None else f" in world {world} of {sim.worlds}"
-    names = ", ".join(table.live("" if thing is None else type(thing).__name__)) or "none"
-    return SceneError(Problem(path, f"has no live parameter {name!r}{where}; there are {names}{there}"))
+    owner = "" if thing is None else type(thing).__name__
+    others = [row.owner.lower() for row in table.VALUES if row.live and row.name == name and row.owner != owner]
+    whose = f"; {name} is of {', '.join(others)}" if thing is not None and others else ""
+    return SceneError(Problem(path, f"has no live parameter {name!r}{where}; there are "
+                              f"{', '.join(table.live(owner)) or 'none'}{whose}{there}"))
 
 
 def _floats(path: str, name: str, value) -> np.ndarray:
