@@ -56,14 +56,18 @@ def set_value(sim: Simulation, path: str, name: str, value, world: int | None) -
 
 
 def _unknown(sim: Simulation, thing, path: str, name: str, world: int | None) -> SceneError:
-    """What there is, by the table of values."""
+    """What there is, by the table of values; of what no method takes, why."""
     there = "" if thing is not None else f"; paths there are {', '.join(['/', *(t.path for t in things(sim.scene))])}"
     where = "" if world is None else f" in world {world} of {sim.worlds}"
     owner = "" if thing is None else type(thing).__name__
-    others = [row.owner.lower() for row in table.VALUES if row.live and row.name == name and row.owner != owner]
-    whose = f"; {name} is of {', '.join(others)}" if thing is not None and others else ""
-    return SceneError(Problem(path, f"has no live parameter {name!r}{where}; there are "
-                              f"{', '.join(table.live(owner)) or 'none'}{whose}{there}"))
+    row, why = table.find(owner, name), ""
+    if row is not None and row.live:
+        from wsim.scene.check.varying import idle
+        why = f": {idle(row, thing, sim.scene) or 'nothing that runs here has it'}"
+    elif others := [r.owner.lower() for r in table.VALUES if thing is not None and r.live and r.name == name]:
+        why = f", which is of {', '.join(others)}"
+    names = ", ".join(n for n in table.live(owner) if n != name or not why) or "none"
+    return SceneError(Problem(path, f"has no live parameter {name!r}{where}{why}; there are {names}{there}"))
 
 
 def _floats(path: str, name: str, value) -> np.ndarray:
