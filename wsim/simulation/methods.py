@@ -42,7 +42,7 @@ class Build:
 
     @property
     def within(self) -> bool:
-        """Whether wind, contacts, soft pins or hard constraints act within a substep."""
+        """Whether wind, contacts, soft pins, hard constraints or what else pushes act within a substep."""
         return (any(self.reasons[row.name] for row in METHODS if row.pushes)
                 or any(np.isfinite(p.stiffness) for p in self.scene.pins))
 

@@ -74,5 +74,8 @@ class Balls(Method):
                        origin=self.origin, reach=self.reach)
         self.model.launch(self.kernels[2], (self.model.points, self.part.count), [cloth, self.data(clock)], [self.pairs.found])
 
+    def indicators(self, x, v) -> dict[str, float]:
+        return self.pairs.indicators()
+
     def retry(self, status: Status) -> list[Remedy]:
         return self.pairs.retry(status)

@@ -107,6 +107,17 @@ def test_sweeps_converge_to_where_nothing_penetrates_and_impulses_only_press():
         other = (0.0, 0.0, 0.1 * H) if row.get("kind") else weights @ (b.place() - places[1])[ids]
         gaps.append(row["gap"] + row["n"] @ (moved - other))
     assert min(gaps) > -1e-12 and lam.min() >= 0.0 and np.abs(lam * gaps).max() < 1e-13 and (lam > 0.0).sum() > 5
+    said = rig.pairs.indicators()
+    assert said["pairs"] == 20 and said["pair_residual"] < 1e-12
+
+
+def test_what_few_sweeps_leave_is_said():
+    """Points in a row run into each other: the residual is the deepest gap after a sweep, to rounding."""
+    points = Points(np.ones(5), np.zeros((5, 3)), [(1.0 - 0.5 * k, 0.0, 0.0) for k in range(5)])
+    rig = Rig((points, points))
+    rig.substep([{"a": feature(k + 1), "b": feature(k), "n": (1.0, 0.0, 0.0), "gap": 0.0, "keys": (k, 0)} for k in range(4)])
+    deepest = np.diff(points.place()[:, 0]).min()
+    assert deepest < -1e-4 and abs(rig.pairs.indicators()["pair_residual"] + deepest) < 1e-17
 
 
 def test_sweeps_converge_as_gauss_seidel_does_on_a_chain():
