@@ -151,7 +151,8 @@ class Run:
         """Of colliders that may move otherwise than their source says, since they were given a motion here or in an earlier
         run. All are not asked: that takes 0.1 to 0.4 ms each, which the simulation does not need on the host."""
         sim = self.simulation
-        given = self.recorder.moved | {path for path, name, *_ in sim.changes if name == "motion"}
+        given = {path for path, over in self.recorder.colliders.items() if over.op is not None}
+        given |= {path for path, name, *_ in sim.changes if name == "motion"}
         return {c.path: c.motion.at(sim.time) for c in sim.scene.colliders if c.path in given}
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.carrier.rig import H, Points, Rig, Walls, feature
+from tests.physics.carrier.rig import REAL, H, Points, Rig, Walls, feature
 from wsim.kernels.carrier.pairs import key
-from wsim.model.state import State
+from wsim.model.state import Field, Part, State
 from wsim.physics.carrier.carriers import EDGE, POINT, TRIANGLE
 
 
@@ -197,3 +197,22 @@ def test_an_impulse_is_found_by_its_keys_and_dropped_where_the_normal_has_turned
     rig.put([row(2, n, 1.0), row(0, turned / np.linalg.norm(turned), 1.0)])
     rig.pairs.order(rig.clock)
     assert np.array_equal(rig.push(), [(0.0, 0.0, 0.0), n])
+
+
+def test_a_part_that_grows_keeps_its_rows_and_those_of_its_snapshot():
+    fields = (Field("p", "m", True, "first"), Field("k", "", True, "of 64 bits", "long"), Field("q", "m", True, "third"),
+              Field("r", "m", False, "of a substep"))
+    part, state, rng = Part.allocate("list", fields, 0, REAL, "cpu", 3), State(), np.random.default_rng(0)
+    state.add(part)
+    values = {"p": rng.normal(size=(3, 3)), "q": rng.normal(size=(3, 3)), "k": rng.integers(2**60, size=3)}
+    for name, value in values.items():
+        part.arrays[name].assign(value)
+    state.snapshot()
+    for name in values:
+        part.arrays[name].zero_()
+    part.enlarge(7, REAL, "cpu")
+    assert all(not part.arrays[name].numpy().any() and len(part.arrays[name]) == 7 for name in values)
+    state.restore()
+    for name, value in values.items():
+        found = part.arrays[name].numpy()
+        assert np.array_equal(found[:3], value) and not found[3:].any()
