@@ -15,7 +15,7 @@ from wsim.model.stage import Clock, Method
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import HARD, Constraints
-from wsim.scene import Problem, Scene, SceneError
+from wsim.scene import Scene
 from wsim.scene.methods import METHODS, Row
 from wsim.simulation.choice import Choice
 
@@ -95,9 +95,9 @@ def needed(row: Row, b: Build) -> str:
 def built(row: Row, b: Build) -> Method | None:
     """Raises SceneError where gradients are asked for and the method has none."""
     if b.model.gradients and not row.gradients:
+        from wsim.scene.values.coverage import refuse
         path = b.scene.things(row.owns[0])[0].path if row.owns else "/"
-        raise SceneError(Problem(path, f"gradients do not go through {row.name}; leave out gradients=True, or take these "
-                                 "objects out of the scene"))
+        raise refuse("method", path, method=row.name)
     return (import_module(row.folder) if not row.owns else row.role("method")).build(b)
 
 

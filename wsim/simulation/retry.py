@@ -8,16 +8,13 @@ from typing import TYPE_CHECKING
 
 from wsim.scene import Problem, SceneError
 from wsim.scene.check import counts
+from wsim.scene.values.table import stiffens
 from wsim.simulation import plan as plans
 from wsim.simulation.duration import duration
 
 if TYPE_CHECKING:
     from wsim.model.state import Part, State
     from wsim.simulation.simulation import Simulation
-
-# live parameters that bound explicit steps
-STIFFENS = ("stretch", "shear", "weft", "bend", "damping", "stiffness", "air_drag", "young", "poisson", "density", "mass",
-            "rest_shape", "lengths")
 
 
 def begin(sim: Simulation) -> None:
@@ -131,7 +128,7 @@ def keep_stable(sim: Simulation, name: str) -> None:
     explicit, clock = sim.plan.method("explicit"), sim.plan.clock
     if explicit is not None and name == "motion":
         sim.graph = None                                  # it knows one target a frame, or one a substep
-    if explicit is None or name not in STIFFENS:
+    if explicit is None or not stiffens(name):
         return
     least = explicit.least()                              # type: ignore[attr-defined]
     counts.refuse(f"substeps a frame, which {name} of that size wants of {sim.plan.integrator},", least,

@@ -9,9 +9,10 @@ import numpy as np
 
 from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import Field, State
-from wsim.physics.contact.contacts import FRICTION, Bodies, Contacts
+from wsim.physics.contact.contacts import Bodies, Contacts
 from wsim.scene import Motion, Problem, SceneError
 from wsim.scene.check import chord
+from wsim.scene.values.table import FRICTION
 
 if TYPE_CHECKING:
     from wsim.model.model import Model
@@ -161,8 +162,6 @@ class Contact(Method):
     def rub(self, path: str, name: str, value: float, world: int | None) -> bool:
         """Friction of a body."""
         bodies = [b for b in self.model.bodies if b.path == path and world in (None, b.world)]
-        if bodies and not (np.isfinite(value) and value >= 0.0):
-            raise SceneError(Problem(path, f"{name} is {value}; allowed is a finite number >= 0"))
         values = self.contacts.points.friction.numpy()
         for b in bodies:
             values[b.first:b.last, FRICTION.index(name)] = value
