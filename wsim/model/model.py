@@ -67,6 +67,7 @@ class Model:
     module: str                          # name of the Warp module that holds the plan's kernels
     bodies: list[Body]
     modules: dict[str, int] = field(default_factory=dict)     # with blocks of their own, by name: threads of a block
+    constraints: list = field(default_factory=list)       # `wsim.physics.cloth.constraints.Constraints` of every world
     alias: np.ndarray | None = None      # place that stands for each place, (points,), where bodies share points
     by_point: bool = False               # gravity, wind, drag of the air stand once a point, not a body: gradients, loads
     gradients: bool = False              # kernels have adjoints, and no method works in place where those cannot follow
@@ -105,9 +106,8 @@ class Model:
         """The body of that path (None: the only one). Raises KeyError that lists the paths there are."""
         found = [b for b in self.bodies if b.world == world and path in (None, b.path)]
         if len(found) != 1:
-            paths = sorted({b.path for b in self.bodies})
-            raise KeyError(f"path={path!r}, world={world} names {len(found)} bodies; there are {paths} in worlds 0 to "
-                           f"{self.worlds - 1}")
+            there = f"{sorted({b.path for b in self.bodies})} in worlds 0 to {self.worlds - 1}"
+            raise KeyError(f"path={path!r}, world={world} names {len(found)} bodies; there are {there}")
         return found[0]
 
     def rows(self, path: str, world: int | None = None) -> list[int]:

@@ -9,7 +9,8 @@ import pytest
 from tools.bench.bending.strips import strip
 from tools.bench.nets import reference
 from wsim.model.model import make_body
-from wsim.physics.cloth.constraints import rows_of, tethers
+from wsim.physics.cloth.constraints import rows_of
+from wsim.physics.cloth.kinds.tether import tethers
 from wsim.scene import Cloth, Scene, shapes
 from wsim.scene.fabric import Fabric
 from wsim.simulation.simulation import Simulation

@@ -10,7 +10,8 @@ from wsim.kernels.math.real import types
 from wsim.model import kernel_cache
 from wsim.model.model import Model
 from wsim.model.state import State
-from wsim.physics.cloth.constraints import HARD, Constraints
+from wsim.physics.cloth.constraints import Constraints
+from wsim.physics.cloth.kind import SHEET, row
 
 LANES = 4096          # threads that sum
 
@@ -18,21 +19,21 @@ LANES = 4096          # threads that sum
 def energy(model: Model, rows: list[Constraints], state: State) -> float:
     """Energy [J] of the soft rows at x + e. Tables are uploaded anew each time; kernels compile when first asked for."""
     total, t = 0.0, types(model.real)
-    for kind in sorted({r.kind for r in rows if r.kind not in HARD}):
-        same = [r for r in rows if r.kind == kind]
-        data = batch_of(kind, model.real)()
+    for kind in sorted({r.kind for r in rows if not r.hard}):
+        same, own = [r for r in rows if r.kind == kind], row(kind)
+        data = batch_of(own.equation, model.real)()
         ids = model.shared(np.concatenate([r.ids for r in same]).astype(np.int32))
         rest = np.concatenate([r.rest for r in same])
         alpha = np.concatenate([np.broadcast_to(r.alpha, (len(r.ids), *r.alpha.shape[1:])) for r in same])
         data.point = model.upload(ids, wp.types.vector(ids.shape[1], int))
         data.rest = model.upload(rest, t.mat22 if rest.ndim == 3 else t.scalar)
         data.alpha = model.upload(alpha, t.vec4 if alpha.ndim == 2 else t.scalar)
-        if kind == "dihedral":
+        if own.gather == SHEET:
             from wsim.physics.cloth.curvature import Curvature
             total += Curvature(model, same).energy(data, data.rest, state.x, state.e, f"{model.module}_report")
             continue
         out = wp.zeros(min(LANES, len(ids)), dtype=wp.vec3d, device=model.device)
-        kernel = statistics(kind, real=model.real, module=f"{model.module}_report")
+        kernel = statistics(own.equation, real=model.real, module=f"{model.module}_report")
         kernel_cache.ready(kernel, model)
         model.launch(kernel, out.size, [data, state.x, len(ids), state.e], [out])
         total += float(out.numpy()[:, 2].sum())

@@ -11,7 +11,8 @@ from wsim.kernels.math.real import types
 from wsim.kernels.solver import xpbd as kernels
 from wsim.model.model import Model
 from wsim.model.stage import Clock
-from wsim.physics.cloth.constraints import HARD, Constraints
+from wsim.physics.cloth.constraints import Constraints
+from wsim.physics.cloth.kind import SHEET, row
 
 FUSE = 512            # constraints of the largest colour up to which one block takes all colours in a launch. H200: 1k points
                       # 9.9 us against 18.6; a shirt with 1.3k hinges a colour 4.1 ms a frame against 1.3
@@ -21,7 +22,8 @@ class Batch:
     """All constraints of one kind, on the device, by colour."""
 
     def __init__(self, kind: str, rows: list[Constraints], model: Model, clock: Clock):
-        self.kind, self.rows, self.model = kind, rows, model
+        self.kind, self.rows, self.model, self.row = kind, rows, model, row(kind)
+        self.hard, sheet = self.row.hard, self.row.gather == SHEET
         colors = np.concatenate([r.colors for r in rows if r.colors is not None])
         ids = np.concatenate([r.ids for r in rows]).astype(np.int32)
         self.order = order_of(colors.astype(np.int64) * (model.points + 1) + lowest(ids))
@@ -33,7 +35,7 @@ class Batch:
         alpha, tau = self.values()
         paths = {r.body.path for r in rows if r.body is not None}
         self.uniform = len(paths) == model.worlds == 1 and bool(np.all(alpha == alpha[0]) and np.all(tau == tau[0])) \
-            and not model.gradients and kind != "dihedral"
+            and not model.gradients and not sheet
         self.fused = FUSE > 0 and (not model.device.is_cuda or int(np.diff(self.starts).max()) <= FUSE)
         self.remade = False
         table, self.kernel = self.make()
@@ -50,7 +52,7 @@ class Batch:
                             device=model.device)
         self.lengths: wp.array | None = None          # rest values before muscles or curvatures change them
         self.curvature: Any = None                    # of hinges
-        if kind == "dihedral":
+        if sheet:
             self.bend()
         self.adjoint = None
         if model.gradients:
@@ -79,7 +81,7 @@ class Batch:
         """Struct of the table, and the kernel."""
         model = self.model
         make, module = (kernels.sweep, model.sweep_module) if self.fused else (kernels.projection, model.module)
-        return make(self.kind, real=model.real, module=module, multipliers=self.multipliers, damped=self.damped,
+        return make(self.row.equation, real=model.real, module=module, multipliers=self.multipliers, damped=self.damped,
                     uniform=self.uniform, exact=model.gradients)
 
     def rest(self) -> np.ndarray:
@@ -88,7 +90,7 @@ class Batch:
 
     def omega(self, clock: Clock) -> float:
         """Over-relaxation of this iteration."""
-        return 1.0 if self.kind in HARD else clock.omega
+        return 1.0 if self.hard else clock.omega
 
     def values(self) -> tuple[np.ndarray, np.ndarray]:
         """Compliance and relaxation time of each constraint in the order of the rows."""

@@ -5,6 +5,7 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.solver import line_search
+from wsim.physics.cloth.kind import SHEET
 
 
 class LineSearch:
@@ -24,7 +25,8 @@ class LineSearch:
                                            *(("curvature", b.first) for b in [method.bending] if b),
                                            *((s.name, s.first) for s in method.solids)]}
         self.inertia, self.move = line_search.inertia(real, module), line_search.move(real, module)
-        self.elastic = {kind: line_search.elastic(kind, real, module) for kind in method.tables if kind != "dihedral"}
+        self.elastic = {kind: line_search.elastic(t.row.equation, real, module) for kind, t in method.tables.items()
+                        if t.row.gather != SHEET}
         self.choose = line_search.choose(real, model.sweep_module)
 
     def trial(self, first: wp.array, begin: int, end: int):
@@ -47,7 +49,7 @@ class LineSearch:
             for kind, kernel in self.elastic.items():
                 launch(kernel, rows, [trials[kind], m.tables[kind].data, s.x, s.d, a, y, rate], [])
             if m.bending:
-                m.bending.search(trials["dihedral"], trials["curvature"], [s.x, s.d, a, y, rate])
+                m.bending.search(trials[m.bending.table.kind], trials["curvature"], [s.x, s.d, a, y, rate])
             for solid in m.solids:
                 launch(m.stressed[solid.name][1], rows, [trials[solid.name], solid.data, s.x, s.d, a, y, solid.q, rate], [])
             system.launch(self.choose, [trials[""], system.drop], [self.step])
