@@ -13,7 +13,7 @@ from wsim.geometry import topology
 from wsim.kernels.cloth import general
 from wsim.kernels.cloth.hessian import elements_of
 from wsim.kernels.cloth.terms import batch_of
-from wsim.physics.cloth import kind
+from wsim.physics.cloth import constraints, kind
 from wsim.physics.motion import frequency
 from wsim.scene import Cloth, Pin, Scene, shapes
 from wsim.simulation.simulation import Simulation
@@ -221,3 +221,26 @@ def test_gradients_go_through_every_solver(how):
     rest = film().cloths[0].rest_points
     way = np.random.default_rng(8).normal(size=rest.shape)
     run.check((run.gradient.rest_shape() * way).sum(), lambda s: ("/cloth", "rest_shape", rest + s * way), 1e-5, 1e-7)
+
+
+@pytest.mark.parametrize("how", [LEAPT, SOLVED, SWEPT])
+def test_constraints_are_made_once_a_build(how, monkeypatch):
+    """One list, of which whoever steps, chooses, reports and draws bounds reads."""
+    made, rows_of = [], constraints.rows_of
+    monkeypatch.setattr(constraints, "rows_of", lambda body, pinned: made.append(body.path) or rows_of(body, pinned))
+    sim = Simulation(film(1e-4, **how), worlds=2, gradients=how is not SWEPT, **DOUBLE)
+    sim.step()
+    sim.indicators()
+    assert made == ["/cloth"]
+    assert len({id(r) for r in sim.model.constraints}) == len(sim.model.constraints) == 4
+
+
+def test_a_solve_its_adjoint_and_the_energy_read_one_table():
+    sim = Simulation(film(1e-4, **SOLVED), gradients=True, **DOUBLE)
+    implicit = sim.plan.method("implicit")
+    (elements,) = implicit.adjoint.pull.elements
+    table = implicit.tables["area"]
+    assert table is elements.table is sim.model.tables["area"]
+    assert all(getattr(table.data, name).ptr == getattr(elements.data, name).ptr for name in ("point", "rest", "tau"))
+    sim.set("/cloth", "area", 2.0 * AREA)
+    assert np.all(table.data.alpha.numpy() == 0.5 / AREA) and np.all(elements.data.stiffness.numpy() == 2.0 * AREA)

@@ -27,7 +27,7 @@ class Beside:
         xpbd: Any = plan.method("xpbd")
         points: Any = plan.method("points")
         own = copy.copy(plan.model)
-        own.module, own.modules, own.tape = f"{own.module}_reactions{ADJOINT}", {}, None
+        own.module, own.modules, own.tables, own.tape = f"{own.module}_reactions{ADJOINT}", {}, {}, None
         self.pull = ForceGather(own, points.constants, soft(plan.model), None, shared=False)
         self.elements = {e.kind: e for e in self.pull.elements if isinstance(e, Elements)}
         self.batches = [b for b in xpbd.batches if not b.hard]

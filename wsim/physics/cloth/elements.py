@@ -10,10 +10,10 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.cloth import element
-from wsim.kernels.math.real import types
 from wsim.model.model import Model
 from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.kind import SHEET, row
+from wsim.physics.cloth.table import table_of
 
 if TYPE_CHECKING:
     from wsim.physics.motion.forces import ForceGather
@@ -29,14 +29,11 @@ class Elements:
     def __init__(self, model: Model, kind: str, rows: list[Constraints]):
         self.model, self.kind, self.rows, self.row, self.first, self.damped = model, kind, rows, row(kind), 0, False
         self.backward: Callable | None = None         # adjoint of `launch`
-        t, real = types(model.real), model.real
-        self.ids = model.shared(np.concatenate([r.ids for r in rows]).astype(np.int32))
-        self.data = element.elements(self.row.equation, real)()
-        self.data.point = model.upload(self.ids, wp.types.vector(self.ids.shape[1], int))
-        rest, stiffness = np.concatenate([r.rest for r in rows]), self.stiffness()
-        self.data.rest = model.upload(rest, t.mat22 if rest.ndim == 3 else real)
-        self.data.stiffness = model.upload(stiffness, t.vec4 if stiffness.ndim == 2 else real)
-        self.data.tau = model.upload(self.tau(), real)
+        self.table = table = table_of(model, kind).relax()
+        self.ids, self.data = table.ids, element.elements(self.row.equation, model.real)()
+        for name in ("point", "rest", "tau"):
+            setattr(self.data, name, getattr(table.data, name))
+        self.data.stiffness = model.upload(self.stiffness(), table.entry)
         self.curvature: Any = None
         if self.row.gather == SHEET:
             from wsim.physics.cloth.curvature import Curvature
@@ -44,20 +41,16 @@ class Elements:
 
     def stiffness(self) -> np.ndarray:
         """alpha^-1, (m,); of a membrane (m, 4): (uu, uv, shear, vv) of plane stress."""
-        alpha = np.concatenate([np.broadcast_to(r.alpha, (len(r.ids), *r.alpha.shape[1:])) for r in self.rows])
+        alpha, _ = self.table.values()
         if alpha.ndim == 1:
             return 1.0 / alpha
         uu, uv, shear, vv = alpha.T
         det = uu * vv - uv**2
         return np.stack([vv / det, -uv / det, 1.0 / shear, uu / det], axis=1)
 
-    def tau(self) -> np.ndarray:
-        return np.concatenate([np.full(len(r.ids), r.tau) for r in self.rows])
-
     def refresh(self) -> None:
-        self.data.rest.assign(np.concatenate([r.rest for r in self.rows]).astype(self.model.dtype))
+        self.table.refresh()
         self.data.stiffness.assign(self.stiffness().astype(self.model.dtype))
-        self.data.tau.assign(self.tau().astype(self.model.dtype))
         if self.curvature:
             self.curvature.refresh()
 

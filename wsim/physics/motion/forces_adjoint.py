@@ -1,6 +1,7 @@
 """Adjoints of `wsim.physics.motion.forces` and of a leap, by hand: see kernels/motion/explicit_adjoint.py."""
 
 from functools import partial
+from typing import Any
 
 import warp as wp
 
@@ -141,7 +142,7 @@ class FlatAdjoint:
     def __init__(self, model: Model, elements, pull):
         """elements, pull: of `wsim.physics.motion.forces`."""
         self.elements, self.gathering = elements, Gathering(model, pull, elements, elements.damped)
-        make = flat.corners
+        make: Any = flat.corners
         if elements.row.equation.rows == 1:
             from wsim.kernels.cloth.general import corners_adjoint
             make = partial(corners_adjoint, elements.row.equation)

@@ -280,7 +280,7 @@ class Implicit(Method):
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]; residual of the frame's last Newton step (kernels/solver/line_search.py, `left`), largest of all
         bodies; pcg_iterations of the last substep, largest of all bodies."""
-        from wsim.physics.cloth.energy import energy
+        from wsim.physics.cloth.table import energy
         solid = self.solids[0].indicators(self.solids, self.state) if self.solids else {}
         stored = energy(self.model, self.present(self.every), self.state) + solid.get("solid_energy", 0.0)
         return {"elastic_energy": stored, **solid, "residual": float(self.residual.numpy().max()),
@@ -292,8 +292,7 @@ class Implicit(Method):
         own = self.adjoint.pull.tables if self.adjoint else ()
         hit = any([t.set(path, name, value, world) for t in (*self.solids, *own)])
         for table in self.tables.values():
-            if changed(self.model, table.rows, path, name, value, world):
-                table.stale = hit = True
+            hit = bool(changed(self.model, table.rows, path, name, value, world)) or hit
             table.refresh()
         if self.adjoint:
             self.adjoint.pull.refresh()

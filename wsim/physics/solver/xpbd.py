@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from wsim.simulation.methods import Build
 
 
-LANES = 4096          # threads that sum the energy
 MET = 2e-2            # largest residual (strain, radians) with which BDF2 goes on. On a 32 x 32 cloth of 1e3 to 1e6 N/m the
                       # runs that gained energy had a median of 8e-2 to 1.7e-1, those of 10 substeps or more that did not,
                       # at most 2.1e-2. Larger cloths stayed calm at 3e-2 too and give way all the same: on the safe side
@@ -129,7 +128,7 @@ class Xpbd(Method):
         for."""
         soft, module = [b for b in self.batches if not b.hard], self.model.module + "_report"
         self.lengthen()
-        found = {"elastic_energy": sum((self.energy(b, module) for b in soft), 0.0)}
+        found = {"elastic_energy": sum((b.energy(self.state, module) for b in soft), 0.0)}
         if any(b.multipliers for b in soft):
             if self.clock.beyond:                        # the end of a substep is not where the multipliers are
                 largest = self.largest
@@ -141,17 +140,6 @@ class Xpbd(Method):
                 self.measure(looks, self.state.x, self.state.e, [b.lam for b in soft], largest)
             found["residual"] = float(largest.numpy().max())
         return found
-
-    def energy(self, batch: Batch, module: str) -> float:
-        """1/2 C alpha^-1 C [J] of a batch, summed in float64."""
-        from wsim.kernels.cloth.energy import statistics
-        if batch.curvature:
-            return batch.curvature.energy(batch.data, batch.lengths, self.state.x, self.state.e, module)
-        out = wp.zeros(min(LANES, batch.size), dtype=wp.vec3d, device=self.model.device)
-        kernel = statistics(batch.row.equation, real=self.model.real, module=module, uniform=batch.uniform)
-        kernel_cache.ready(kernel, self.model)
-        self.model.launch(kernel, out.size, [batch.data, self.state.x, batch.size, self.state.e], [out])
-        return float(out.numpy()[:, 2].sum())
 
     def zero(self, clock: Clock) -> None:
         for batch in self.batches if not self.model.tape else ():
@@ -166,7 +154,7 @@ class Xpbd(Method):
         batch.aim(s.x, s.d, a, 1.0 / clock.g)
         at = filled(states(self.model.real), x=s.x, d=s.d, a=a)
         if batch.fused:
-            self.model.sweep(batch.kernel, [batch.data, at, batch.first, 1.0 / clock.g, omega, batch.lam], [s.d, batch.lam])
+            self.model.sweep(batch.kernel, [batch.data, at, batch.begin, 1.0 / clock.g, omega, batch.lam], [s.d, batch.lam])
             return
         for first, last in zip(batch.starts[:-1], batch.starts[1:], strict=True):
             self.model.launch(batch.kernel, int(last - first),
@@ -175,9 +163,7 @@ class Xpbd(Method):
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """stretch, weft, shear, bend, poisson, strain_limit of a cloth, stiffness of a spring net, damping [s] of either; what
         a rest shape and rest lengths change."""
-        for batch in self.batches:
-            batch.stale = bool(changed(self.model, batch.rows, path, name, value, world, batch.damped))
-        hit = any(batch.stale for batch in self.batches)
+        hit = any([changed(self.model, batch.rows, path, name, value, world, batch.damped) for batch in self.batches])
         for batch in self.batches:
             batch.refresh()
         if any(batch.remade for batch in self.batches):

@@ -127,9 +127,9 @@ class SweepAdjoint:
         """Of all colours, in their order or against it."""
         batch, more = self.batch, [rate, omega]
         if batch.fused:
-            self.model.sweep(kernel, [*tables, batch.first, 0, *more], [])
+            self.model.sweep(kernel, [*tables, batch.begin, 0, *more], [])
             return
         device, sizes = self.model.device, list(enumerate(batch.starts[1:] - batch.starts[:-1]))
         how: dict = {"block_dim": self.model.block} if device.is_cuda else {}
         for number, size in sizes[::way]:                # not by the model, whose tape would take each colour for itself
-            wp.launch(kernel, int(size), [*tables, batch.first, number, *more], device=device, **how)
+            wp.launch(kernel, int(size), [*tables, batch.begin, number, *more], device=device, **how)

@@ -87,6 +87,7 @@ class Reactions:
         """Forces of their own: the plan's may be summed on the way, or differ in what is hard."""
         plan, own = self.plan, copy.copy(self.plan.model)
         own.module, own.modules, own.gradients, own.tape = f"{own.module}_reactions", {}, False, None
+        own.tables = dict(own.tables)
         self.pull = ForceGather(own, self.constants, soft(self.model), None, shared=False)
         self.pull.need_springs()
         for table, live in zip(self.pull.tables, plan.solids, strict=True):
