@@ -2,7 +2,7 @@
 
     C = |X1 x X2| / 2 - A0 [m^2],   G_1 = X2 x n / 2,   G_2 = n x X1 / 2,   n the unit normal;   energy k C^2 / 2, k [N/m^3]
 
-All else is derived (`wsim.physics.cloth.kind`). Its row: TABLE["area"] = "tests.make.area".
+All else is derived (`wsim.physics.cloth.kind`).
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,8 @@ from wsim.geometry import topology
 from wsim.kernels.cloth.constraint import Constraint, inverse
 from wsim.model.model import Body
 from wsim.physics.cloth.constraints import Constraints
-from wsim.physics.cloth.kind import Kind
+from wsim.physics.cloth.kind import Kind, Row
+from wsim.scene import Cloth
 from wsim.scene.fabric import Fabric
 
 
@@ -35,11 +36,11 @@ def area(X: Any, A0: Any):
 
 
 def areas(body: Body, pinned: np.ndarray) -> list[Constraints]:
-    film = getattr(body.source, "material", None)
-    if not isinstance(film, Film) or film.area <= 0.0:
-        return []
+    assert isinstance(body.source, Cloth)
+    film = body.source.material
     rest = topology.areas(body.rest, body.triangles - body.first)
     return [Constraints("area", body.triangles, rest, np.ones(len(rest)), {"area": np.array([film.area])}, film.damping)]
 
 
 KIND = Kind(Constraint("area", area, 3, 1, "m^2", "m^3/N"), areas)
+ROW = Row("tests.make.area", lambda source: getattr(getattr(source, "material", None), "area", 0.0) > 0.0)

@@ -230,7 +230,7 @@ def test_tethers_are_the_shortest_ways_along_rest_edges():
 def test_no_tethers_without_a_pin_or_a_wish():
     points, counts, indices = shapes.sheet(1.0, 1.0, 2, 2)
     assert tethers(body(points, counts, indices, tethers=True), np.zeros(0, np.int64)) == []
-    assert tethers(body(points, counts, indices), np.array([0])) == []
+    assert not any(r.kind == "tether" for r in rows_of(body(points, counts, indices), np.array([0])))
 
 
 @pytest.mark.parametrize("model, name, kind", [("membrane", "stretch", "membrane"), ("membrane", "shear", "membrane"),

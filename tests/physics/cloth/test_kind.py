@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from tests.gradient.test_gradients import Run
-from tests.make.area import KIND, Film
+from tests.make.area import KIND, ROW, Film
 from wsim.geometry import topology
 from wsim.kernels.cloth import general
 from wsim.kernels.cloth.hessian import elements_of
@@ -27,7 +27,7 @@ LEAPT = {"solver": "explicit", "integrator": "leapfrog", "substeps": 100}
 
 @pytest.fixture(autouse=True)
 def row(monkeypatch):
-    monkeypatch.setitem(kind.TABLE, "area", "tests.make.area")
+    monkeypatch.setitem(kind.TABLE, "area", ROW)
 
 
 def film(damping: float = 0.0, area: float = AREA, **more) -> Scene:

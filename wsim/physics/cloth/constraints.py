@@ -58,7 +58,7 @@ def hard(r: Constraints) -> np.ndarray:
 def rows_of(body: Body, pinned: np.ndarray | None = None) -> list[Constraints]:
     """Every constraint of a body, without colours; pinned: places in the arrays of hard-pinned points, of any body."""
     pinned = np.zeros(0, np.int64) if pinned is None else pinned
-    made = [r for name in TABLE for r in row(name).of(body, pinned)]
+    made = [r for name, entry in TABLE.items() if entry.wanted(body.source) for r in row(name).of(body, pinned)]
     for r in made:
         r.body = body
     return [r for r in made if len(r.ids)]

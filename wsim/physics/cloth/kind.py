@@ -1,8 +1,9 @@
 """The table of constraint kinds: all that solvers, reports and gradients ask of one kind is in its row.
 
-A row names the module that has a `KIND`, in the order of sweeps (long-range attachments first, strain limits last); nothing is
-imported by it. A new kind is a module with an equation (kernels/cloth/constraint.py) and those constraints of a body, and a row
-here. Where a row says no more, all is derived from the formula (X, rest) -> C, G:
+A row names the module that has a `KIND`, and what can have such constraints, in the order of sweeps (long-range attachments
+first, strain limits last); nothing is imported by it that no body has. A new kind is a module with an equation
+(kernels/cloth/constraint.py) and those constraints of a body, and a row here. Where a `KIND` says no more, all is derived from
+the formula (X, rest) -> C, G:
 
     forces, Hessian, adjoint     kernels/cloth/general.py
     bound of the frequency       G at rest, evaluated by the same formula
@@ -15,12 +16,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 
 from wsim.kernels.cloth.constraint import Constraint
+from wsim.scene import Cloth, Springs
 
 if TYPE_CHECKING:
     from wsim.model.model import Body
@@ -28,13 +31,28 @@ if TYPE_CHECKING:
 
 SPRINGS, SHEET, CORNERS = "springs", "sheet", "corners"        # how forces reach points, see `Kind.gather`
 
-TABLE: dict[str, str] = {name: f"wsim.physics.cloth.kinds.{name}" for name in (
-    "tether", "membrane", "distance", "dihedral", "limit")}
+
+@dataclass(frozen=True)
+class Row:
+    """module: that has the `KIND`; wanted: whether an object of the scene may have constraints of it."""
+
+    module: str
+    wanted: Callable[[Any], bool] = lambda source: True
+
+
+TABLE: dict[str, Row] = {
+    "tether": Row("wsim.physics.cloth.kinds.tether", lambda s: getattr(s, "tethers", False)),
+    "membrane": Row("wsim.physics.cloth.kinds.membrane", lambda s: isinstance(s, Cloth) and s.model == "membrane"),
+    "distance": Row("wsim.physics.cloth.kinds.distance", lambda s: isinstance(s, Springs) or (
+        isinstance(s, Cloth) and s.model == "springs")),
+    "dihedral": Row("wsim.physics.cloth.kinds.dihedral", lambda s: isinstance(s, Cloth) and s.material.bend > 0.0),
+    "limit": Row("wsim.physics.cloth.kinds.limit", lambda s: isinstance(s, Cloth) and isfinite(s.material.strain_limit)),
+}
 
 
 def row(name: str) -> Kind:
-    """The row of a kind."""
-    return import_module(TABLE[name]).KIND
+    """What a row of the table leads to."""
+    return import_module(TABLE[name].module).KIND
 
 
 def named(names) -> list[Kind]:
@@ -78,10 +96,10 @@ def as_measured(shape: Any, r: Constraints, by_rest: np.ndarray, by_shape: np.nd
 
 @dataclass(frozen=True)
 class Kind:
-    """A row.
+    """All that is asked of one kind.
 
     equation       formula, points, values of C, units, for kernels; unilateral: hard, without compliance and multiplier
-    of             (body, places of hard-pinned points) -> constraints of that kind on a body, those without any (0, k) or none
+    of             (body that is wanted, places of hard-pinned points) -> constraints of that kind on it, or none
     gather         how forces reach points: SPRINGS, by both ends of each; SHEET, as curvatures of triangles; CORNERS, by
                    corners of elements. The first two are kernels of one kind each
     weight         work of a projection over that of a spring (CPU), see `wsim.simulation.cost`

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.kernels.cloth.energy import statistics
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
 from wsim.model import kernel_cache
@@ -106,6 +105,7 @@ class Table:
     def energy(self, state: State, module: str, rest: wp.array | None = None) -> float:
         """Elastic energy [J] at x + e, summed in float64: 1/2 C alpha^-1 C; of hinges that of the curvatures of triangles.
         rest: values in place of those of the table. Kernels of that module, compiled when first asked for."""
+        from wsim.kernels.cloth.energy import statistics
         self.comply().bend()
         model, data = self.model, self.data
         if self.curvature:

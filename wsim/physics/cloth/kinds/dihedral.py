@@ -17,8 +17,7 @@ SLACK = 1e-20          # bend [N m] that is none, whose root still has a derivat
 
 
 def hinges(body: Body, pinned: np.ndarray) -> list[Constraints]:
-    if not isinstance(body.source, Cloth) or body.source.material.bend <= 0.0:
-        return []
+    assert isinstance(body.source, Cloth)
     found = topology.hinges(body.triangles)
     return [_hinges(body, body.source, found, pinned)] if len(found) else []
 

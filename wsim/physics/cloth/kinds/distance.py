@@ -18,9 +18,11 @@ from wsim.scene import Cloth, Springs
 
 
 def springs(body: Body, pinned: np.ndarray) -> list[Constraints]:
-    if isinstance(body.source, Springs):
-        return _net(body, body.source)
-    return _edges(body, body.source) if isinstance(body.source, Cloth) and body.source.model != "membrane" else []
+    source = body.source
+    if isinstance(source, Springs):
+        return _net(body, source)
+    assert isinstance(source, Cloth)
+    return _edges(body, source)
 
 
 def _net(body: Body, net: Springs) -> list[Constraints]:

@@ -21,8 +21,7 @@ LEAST = 1e-6           # shear over stretch that a membrane has at least: withou
 
 def strains(body: Body, pinned: np.ndarray) -> list[Constraints]:
     """Rest values are the inverses of the edge matrices in the planes of the triangles, shapes 1 / area."""
-    if not isinstance(body.source, Cloth) or body.source.model != "membrane":
-        return []
+    assert isinstance(body.source, Cloth)
     local, areas = flat(body.rest[body.triangles - body.first])
     good, fabric = areas > 0.0, body.source.material
     k = {name: np.array([getattr(fabric, name)]) for name in ("stretch", "shear", "weft", "poisson")}

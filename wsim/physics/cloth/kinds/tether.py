@@ -13,7 +13,7 @@ from wsim.physics.cloth.kind import Kind
 def tethers(body: Body, pinned: np.ndarray) -> list[Constraints]:
     """pinned: places in the arrays."""
     mine = pinned[(pinned >= body.first) & (pinned < body.last)]
-    if not getattr(body.source, "tethers", False) or not len(mine):
+    if not len(mine):
         return []
     way, source = topology.geodesic(body.rest, body.edges - body.first, np.unique(mine) - body.first)
     free = np.flatnonzero(np.isfinite(way) & (way > 0.0))
