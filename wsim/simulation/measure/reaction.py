@@ -25,6 +25,7 @@ from wsim.model.midnodes import held
 from wsim.model.model import Model
 from wsim.physics.motion.forces import ForceGather
 from wsim.scene import Problem, SceneError
+from wsim.scene.values.coverage import refuse
 from wsim.simulation.plan import Plan
 
 
@@ -76,8 +77,7 @@ class Reactions:
         self.plan, self.model = plan, plan.model
         for c in self.model.scene.cloths:
             if c.tethers or np.isfinite(c.material.strain_limit):
-                raise SceneError(Problem(c.path, "has tethers or a strain limit, which pull at pins without a law of force; "
-                                         "reactions are not to be had: leave them out"))
+                raise refuse("limits", c.path)
         points: Any = plan.method("points")
         pins: Any = plan.method("pins")
         self.constants, self.held = points.constants, [HeldPoints.of(p) for group in pins.groups.values() for p in group]

@@ -14,7 +14,7 @@ from wsim.kernels.cloth.constraint import MEMBRANE
 from wsim.model.model import Body
 from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.kind import Kind
-from wsim.scene import Cloth, Problem, SceneError
+from wsim.scene import Cloth
 
 LEAST = 1e-6           # shear over stretch that a membrane has at least: without shear it still has a direction
 
@@ -91,14 +91,15 @@ def by_compliance(r: Constraints, name: str, by: np.ndarray, alpha: np.ndarray) 
 def _by_threads(r: Constraints, name: str, parts: np.ndarray) -> np.ndarray:
     """Of each triangle by one of its stiffnesses, from those by the logarithms of its table, (uu, uv, shear, vv); uu is in
     proportion to stretch, vv to weft, uv to the root of both; a weft of 0 stands for stretch."""
+    from wsim.scene.values.coverage import refuse
     value = r.stiffness[name]
     assert r.body is not None
     same = r.stiffness["weft"] <= 0.0
     if name == "weft" and same.any():
-        raise SceneError(Problem(r.body.path, "its weft is 0 and follows stretch: it has no derivative of its own"))
+        raise refuse("weft", r.body.path)
     clamped = r.stiffness["shear"] < LEAST * r.stiffness["stretch"]
     if name == "shear" and clamped.any():
-        raise SceneError(Problem(r.body.path, f"its shear is below {LEAST:g} of stretch, and taken as that: no derivative"))
+        raise refuse("shear", r.body.path, least=LEAST)
     powers = np.array({"shear": (0.0, 0.0, 1.0, 0.0), "weft": (0.0, 0.5, 0.0, 1.0), "stretch": (1.0, 0.5, 0.0, 0.0)}[name])
     if name == "stretch":
         powers = np.where(same[:, None], (1.0, 1.0, 0.0, 1.0), powers) + (0.0, 0.0, 1.0, 0.0) * clamped[:, None]
