@@ -5,6 +5,7 @@
     cycles      no module imports itself by way of others
     size        files, functions, arguments
     kernels     names, which are unique
+    ports       methods are asked for what they offer, not by their names
     words       no place of one machine, nothing unfinished
 
 Each rule is a function from sources to complaints, `file:line: what is wrong`; tests/tools/test_lint.py shows each of them
@@ -199,6 +200,18 @@ def kernels(files: dict[Path, str]) -> Iterator[str]:
                     yield f"{place}: kernel {node.name} has the name of {seen[node.name]}"
 
 
+def ports(files: dict[Path, str]) -> Iterator[str]:
+    """`plan.method(...)` of anything but a row of the table, and `methods[...]`: see `wsim.model.stage.Methods`."""
+    for path, text in files.items():
+        for node in ast.walk(ast.parse(text)) if path.parts[0] == "wsim" else ():
+            said = (ast.unparse(node.args[0]) if isinstance(node, ast.Call) and node.args
+                    and isinstance(node.func, ast.Attribute) and node.func.attr == "method" else
+                    ast.unparse(node.slice) if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Attribute)
+                    and node.value.attr == "methods" else "row.name")
+            if said != "row.name":
+                yield f"{path}:{node.lineno}: the method {said}: ask for what it offers (Methods.find)"     # type: ignore[attr-defined]
+
+
 def words(files: dict[Path, str]) -> Iterator[str]:
     for path, text in files.items():
         for number, line in enumerate(text.splitlines(), 1):
@@ -219,7 +232,8 @@ def texts(root: Path = ROOT) -> dict[Path, str]:
 
 def main() -> int:
     files = sources()
-    complaints = [*layers(files), *entries(), *cycles(files), *size(files), *kernels(files), *words(files), *words(texts())]
+    complaints = [*layers(files), *entries(), *cycles(files), *size(files), *kernels(files), *ports(files), *words(files),
+                  *words(texts())]
     print("\n".join(complaints) if complaints else f"house rules hold in {len(files)} files")
     return 1 if complaints else 0
 

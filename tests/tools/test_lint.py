@@ -16,7 +16,7 @@ from tools import lint
 FILES = lint.sources()
 
 
-@pytest.mark.parametrize("rule", [lint.layers, lint.cycles, lint.size, lint.kernels, lint.words])
+@pytest.mark.parametrize("rule", [lint.layers, lint.cycles, lint.size, lint.kernels, lint.ports, lint.words])
 def test_the_sources_keep(rule):
     assert list(rule(FILES)) == []
 
@@ -150,6 +150,13 @@ def test_the_table_of_slow_tests_names_tests():
     for file, names in SLOW.items():
         text = (lint.ROOT / "tests" / file).read_text(encoding="utf-8")
         assert all(f"def {name.partition('[')[0]}(" in text for name in names), file
+
+
+@pytest.mark.parametrize("source", ['pull = plan.method("explicit").pull', "a, b = (sim.plan.method(name) for name in NAMES)",
+                                    'points = b.methods["points"]'])
+def test_a_method_that_is_asked_for_by_its_name_is_caught(source):
+    found = list(lint.ports(planted(simulation__plan=f"row = plan.method(row.name)\n{source}")))
+    assert len(found) == 1 and "wsim/simulation/plan.py:2: the method" in found[0], found
 
 
 def run(code: str) -> str:

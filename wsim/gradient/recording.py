@@ -114,9 +114,8 @@ class Recording(Frames):
     @property
     def shape(self) -> tuple:
         """What of a simulation may not change after it was recorded."""
-        clock, explicit = self.plan.clock, self.plan.method("explicit")
-        stride = explicit.stride if explicit else 0                                       # type: ignore[attr-defined]
-        return clock.substeps, clock.scheme, stride, *(array.ptr for array in self.parameters.targets())
+        clock, stride = self.plan.clock, self.plan.find("stride")
+        return clock.substeps, clock.scheme, stride() if stride else 0, *(array.ptr for array in self.parameters.targets())
 
     def key(self, frame: int, part: int) -> tuple:
         return frame % self.group, part, self.jumps and frame == 0
@@ -180,7 +179,7 @@ class Recording(Frames):
             self.keep(frame + 1)
         self.sim.frame, self.plan.clock.starting, self.ran = self.start + self.frames, False, True
         judge(self, f"an edge is more than twice its rest length: {EXPLICIT}")
-        if self.apart is None and self.plan.method("implicit"):
+        if self.apart is None and self.plan.find("adjoint"):
             self.apart = self.compare()
 
     def compare(self) -> float:
@@ -207,8 +206,8 @@ class Recording(Frames):
 
     def misses(self) -> list[wp.array]:
         """What the worst forward and the worst adjoint solve of implicit steps have left."""
-        implicit = self.plan.method("implicit")
-        return [implicit.adjoint.missed, implicit.adjoint.left] if implicit else []       # type: ignore[attr-defined]
+        adjoint = self.plan.find("adjoint")
+        return [adjoint.missed, adjoint.left] if adjoint else []
 
     def warn(self, text: str) -> None:
         if text not in self.sim.warnings:

@@ -7,6 +7,7 @@ device array, no branch on one, so that a frame can be captured.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -142,15 +143,20 @@ class Method:
     stages: list[Stage] = field(default_factory=list)
     subdivide: int = 1                                         # steps of its own in a substep, each all its phases
     remade: bool = False                                       # kernels that are not compiled yet, since a value was set
+    offers: dict[str, Any] = field(default_factory=dict)       # what others may ask for, by name: see `Methods`
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Uploads what is known on the host about the frame that starts at `time` [s]."""
 
-    def meet(self, others: dict[str, "Method"]) -> None:
-        """Connects itself with other methods of the plan, by name, when all are made."""
+    def meet(self, others: "Methods") -> None:
+        """Connects itself with what other methods of the plan offer, when all are made."""
 
     def retry(self, status: Status) -> list[Remedy]:
         """What the frame that has just ended lacked, by this method's own words of the status; none: it holds."""
+        return []
+
+    def kept(self) -> list[dict]:
+        """Distances [m] that colliders keep from bodies where the scene leaves them open: collider, body, thickness."""
         return []
 
     def samples(self, world: int = 0) -> list[Sample]:
@@ -171,3 +177,24 @@ class Method:
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """Takes a live parameter of one world, or of all (None); False if it is none of this method's."""
         return False
+
+
+class Methods(list[Method]):
+    """The methods of a plan, in order. Who needs something asks for the thing by its name, not for the method that has it:
+
+    points, constants, densities     what is known of points; their inverse masses, gravity ...; densities that were set
+    rows, batches, solids, tables    lists: constraints as a solver has them, XPBD's batches, tets, Newton's tables
+    spring tables, gather, adjoint   where rest lengths stand; the force gather; the adjoint of an implicit solve
+    pins, hard pins, soft pins, contact, contacts, bounce, muscles, loads, air, wind, watch
+    least, send, stride              of explicit steps: how many are stable; uploads constraints; rows of targets a substep
+    copies, forces, impacts          of explicit steps: what they predict; ports before forces and the last half kick
+    terms                            port of a Newton step: what acts there beside the forces of bodies
+    """
+
+    def find(self, name: str) -> Any:
+        """The thing of a name; None where no method offers one."""
+        return next((m.offers[name] for m in self if name in m.offers), None)
+
+    def every(self, name: str) -> list:
+        """All things of a name, of lists that several methods may offer."""
+        return [thing for m in self for thing in m.offers.get(name, ())]

@@ -15,6 +15,7 @@ import numpy as np
 from wsim.model.midnodes import places, spread
 from wsim.model.model import Body, edge_lengths
 from wsim.model.separate import apart
+from wsim.physics.cloth.constraints import HARD
 from wsim.scene import Cloth, Collider, Motion, Problem, SceneError, Soft, fabric, solid
 from wsim.scene.check import objects
 from wsim.scene.methods import every
@@ -85,15 +86,15 @@ def _floats(path: str, name: str, value) -> np.ndarray:
 
 def _remembered(sim: Simulation) -> Callable[[], None]:
     """Puts what explicit steps depend on back to where it is now, to the bit: bodies, constraints, materials of tets."""
-    points, explicit = (sim.plan.method(name) for name in ("points", "explicit"))
-    if explicit is None:
+    points, send = sim.plan.find("points"), sim.plan.find("send")
+    if send is None:
         return lambda: None
-    solver, owner = cast(Any, explicit), cast(Any, points)
+    rows = [r for r in sim.plan.methods.every("rows") if r.kind not in HARD]
     kept = [(thing, {name: getattr(thing, name) for name in names}) for things, names in (
-        (sim.model.bodies, ("masses", "rest", "source")), (solver.rows, ("stiffness", "tau", "rest", "shape")))
+        (sim.model.bodies, ("masses", "rest", "source")), (rows, ("stiffness", "tau", "rest", "shape")))
         for thing in things]
-    parts = [(p, dict(p.values)) for table in solver.solids for p in table.parts if hasattr(p, "values")]
-    densities = dict(owner.densities)
+    parts = [(p, dict(p.values)) for table in sim.plan.solids for p in table.parts if hasattr(p, "values")]
+    densities = dict(points.densities)
 
     def undo() -> None:
         for thing, values in kept:
@@ -101,15 +102,15 @@ def _remembered(sim: Simulation) -> Callable[[], None]:
                 setattr(thing, name, value)
         for part, values in parts:
             part.values = values
-        owner.densities.clear()
-        owner.densities.update(densities)
-        owner.send(sim.model.bodies)
-        for table in solver.solids:
+        points.densities.clear()
+        points.densities.update(densities)
+        points.send(sim.model.bodies)
+        for table in sim.plan.solids:
             for body in sim.model.bodies:
                 table.set(body.path, "rest_shape", None, body.world)
             if hasattr(table, "send"):
                 table.send()
-        solver.send()
+        send()
     return undo
 
 
@@ -167,16 +168,9 @@ def _counts(sim: Simulation, thing, path: str, name: str, world: int | None) -> 
     """Numbers of elements that may have a value each: of all of a body's constraints of that name, or its tets."""
     if isinstance(thing, Soft):
         return {len(thing.tets)} if name in ("young", "poisson", "damping") else set()
-    sizes = {len(r.ids) for m in sim.plan.methods for r in _rows(m)
+    sizes = {len(r.ids) for r in sim.plan.methods.every("rows")
              if r.body is not None and r.body.path == path and world in (None, r.body.world) and name in r.stiffness}
     return sizes if len(sizes) == 1 else set()
-
-
-def _rows(method) -> list:
-    """Constraints of a solver."""
-    if method.name == "xpbd":
-        return [r for batch in method.batches for r in batch.rows]
-    return {"explicit": lambda: method.rows, "implicit": lambda: method.every}.get(method.name, list)()
 
 
 def _motion(path: str, value) -> Motion:

@@ -6,12 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib import import_module
 from math import isfinite
-from typing import Any
 
 import numpy as np
 
 from wsim.model.model import Model
-from wsim.model.stage import Clock, Method
+from wsim.model.stage import Clock, Method, Methods
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import HARD, Constraints
@@ -34,7 +33,7 @@ class Build:
     status: Status
     clock: Clock
     reasons: dict[str, str] = field(default_factory=dict)
-    methods: dict[str, Any] = field(default_factory=dict)
+    methods: Methods = field(default_factory=Methods)
 
     @property
     def scene(self) -> Scene:

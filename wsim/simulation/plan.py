@@ -10,6 +10,7 @@
 import hashlib
 import json
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from wsim.model import model as models
 from wsim.model.midnodes import places
 from wsim.model.model import Model, edge_lengths, hard_places
 from wsim.model.separate import apart
-from wsim.model.stage import PHASES, Clock, Method, Stage
+from wsim.model.stage import PHASES, Clock, Method, Methods, Stage
 from wsim.model.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, STAGED, Field, Part, State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import HARD, LOOKS, rows_of
@@ -37,7 +38,7 @@ class Plan:
     model: Model
     state: State
     clock: Clock
-    methods: list[Method]
+    methods: Methods
     status: Status
     choice: Choice
     skipped: list[dict] = field(default_factory=list)
@@ -64,18 +65,23 @@ class Plan:
                         if stage.phase == phase and stage.rate == "substep":
                             stage.launch(self.clock)
 
+    def find(self, name: str) -> Any:
+        """What a method offers by that name, see `wsim.model.stage.Methods`; None: there is none."""
+        return self.methods.find(name)
+
     def method(self, name: str) -> Method | None:
+        """The method of a row of the table, for those who have the row or look inside."""
         return next((m for m in self.methods if m.name == name), None)
 
     @property
     def hard(self) -> bool:
         """Whether tethers or strain limits hold something."""
-        return any(batch.kind in HARD for batch in getattr(self.method("xpbd"), "batches", []))
+        return any(batch.kind in HARD for batch in self.methods.every("batches"))
 
     @property
     def solids(self) -> list:
         """Tables of tets (`wsim.physics.soft.fem`), of whichever method has them."""
-        return [table for m in self.methods for table in getattr(m, "solids", [])]
+        return self.methods.every("solids")
 
     def before_frame(self, time: float) -> None:
         for method in self.methods:
@@ -154,7 +160,7 @@ class Plan:
         a_substep = [r for r in rows if r["rate"] != "frame"]
         lines.append(f"a substep: {sum(r['launches'] for r in a_substep)} launches, "
                      f"{sum(r['bytes'] for r in a_substep) / 1e6:.2f} MB moved; state {self.state.bytes / 1e6:.2f} MB")
-        lines += kept([k for method in self.methods for k in getattr(method, "kept", list)()])
+        lines += kept([k for method in self.methods for k in method.kept()])
         if self.hard:
             lines.append(f"tethers and strain limits are {LOOKS}")
         return "\n".join(lines + [f"left out: {s['stage']}: {s['why']}" for s in self.skipped])
@@ -174,16 +180,16 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
     for row in METHODS:
         made = built(row, b) if b.reasons[row.name] else None
         if made:
-            b.methods[row.name] = made
+            b.methods.append(made)
     others = [part for part in b.state.parts.values() if part.name != "points"]
     if others:
         from wsim.model.guard import Guard
-        b.methods["guard"] = Guard(model, others, b.status)
-    for method in b.methods.values():
+        b.methods.append(Guard(model, others, b.status))
+    for method in b.methods:
         method.meet(b.methods)
     b.status.allocate()
     _start(model, b.state)
-    return Plan(model, b.state, b.clock, list(b.methods.values()), b.status, b.choice, _skipped(b),
+    return Plan(model, b.state, b.clock, b.methods, b.status, b.choice, _skipped(b),
                 cost.seconds(model, cost.frame(model, b.constraints, b.choice)))
 
 

@@ -73,7 +73,7 @@ def _refine(sim: Simulation, part: str, row: int) -> None:
     clock = sim.plan.clock
     path, where = author(sim.plan, part, row)
     if clock.substeps >= 16 * sim.plan.choice.substeps:
-        least = getattr(sim.plan.method("explicit"), "least", None)
+        least = sim.plan.find("least")
         hint = f", or name a solver without a limit ({sim.plan.integrator} needs {least()} substeps at rest, more where the " \
                "shape is far from it)" if least else ""
         said = first(sim.plan, sim.time)
@@ -124,12 +124,12 @@ def _others(state: State) -> list[Part]:
 
 def keep_stable(sim: Simulation, name: str) -> None:
     """Explicit steps follow a live parameter that makes the scene stiffer, and a pin that begins to move."""
-    explicit, clock = sim.plan.method("explicit"), sim.plan.clock
-    if explicit is not None and name == "motion":
+    stable, clock = sim.plan.find("least"), sim.plan.clock
+    if stable and name == "motion":
         sim.graph = None                                  # it knows one target a frame, or one a substep
-    if explicit is None or name not in STIFFENS:
+    if stable is None or name not in STIFFENS:
         return
-    least = explicit.least()                              # type: ignore[attr-defined]
+    least = stable()
     counts.refuse(f"substeps a frame, which {name} of that size wants of {sim.plan.integrator},", least,
                   "set another value, or name a solver without a limit")
     if least > clock.substeps:

@@ -15,7 +15,7 @@ import warp as wp
 
 from wsim.kernels.cloth import muscle as kernels
 from wsim.model.model import Body, Model
-from wsim.model.stage import Clock, Method, Stage
+from wsim.model.stage import Clock, Method, Methods, Stage
 from wsim.physics.cloth.constraints import Constraints
 from wsim.scene import Problem, SceneError
 from wsim.scene.bodies import Springs
@@ -87,6 +87,7 @@ class Muscles(Method):
                 last = self.muscles[-1].columns.stop
         self.groups, self.sites, self.changed, self.time = last, [], True, -clock.dt
         self.watch: Any = None               # how long edges may become
+        self.offers = {"muscles": self}
         self.contract = kernels.contract(model.real, model.module)
         if model.gradients:
             self.shares, self.release = kernels.shares(model.real, model.module), kernels.release(model.real, model.module)
@@ -107,18 +108,19 @@ class Muscles(Method):
         known = next((s for s in self.sites if s.length.ptr == length.ptr), None)
         return known or _Site(self.model, length, np.where(entry < 0, self.groups, self.columns(rows)[entry]), self.groups)
 
-    def meet(self, others: dict[str, Method]) -> None:
+    def meet(self, others: Methods) -> None:
         """Takes the springs of the method that solves for them, and who watches edges (`wsim.physics.motion.overstretch`)."""
-        solver: Any = next(m for m in others.values() if getattr(m, "spring_tables", list)())
-        self.watch = solver.watch if solver.name == "explicit" else others.get("watch")
+        self.watch = others.find("watch")
         if self.watch:
             self.watch.follow(self.longest)
-        tables = solver.spring_tables()
+        tables = others.find("spring tables")()
         for table in tables:
             table.given(self.join(table.rows, table.length, table.entry))
-        solver.drive(self)
-        if solver.name != "explicit":                    # which asks for rows by itself
+        forces = others.find("forces")
+        if forces is None:
             self.stage(len(tables[-1].entry))
+        else:                                            # an explicit integrator asks for rows by itself
+            forces.append(self.act)
 
     def columns(self, rows: list[Constraints]) -> np.ndarray:
         """Column of each spring of the rows."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, State
 from wsim.physics.contact.contacts import FRICTION, Bodies, Contacts
 from wsim.scene import Motion, Problem, SceneError
@@ -31,7 +31,7 @@ def build(b: Build) -> Contact:
     if b.scene.contact_width > 0.0 and b.choice.solver == "implicit":
         raise SceneError(Problem("/", f"contact_width is {b.scene.contact_width:g} m, and Newton's method has hard contacts; "
                                  "set it to 0, or wsim:solver = explicit or xpbd"))
-    return Contact(b.model, b.state, b.methods["points"], b.status, b.clock)
+    return Contact(b.model, b.state, b.methods.find("points"), b.status, b.clock)
 
 
 class Contact(Method):
@@ -79,6 +79,7 @@ class Contact(Method):
             from wsim.physics.contact.restitution import Bounce
             self.bounce = Bounce(model, state, points, self.contacts)
             self.stages += self.bounce.stages
+        self.offers = {"contact": self, "contacts": self.contacts} | ({"bounce": self.bounce} if self.bounce else {})
 
     def kept(self) -> list[dict]:
         """Distances [m] that colliders keep from the bodies of world 0, besides half of their thickness, where the scene leaves
@@ -109,11 +110,10 @@ class Contact(Method):
     def before_frame(self, time: float, clock: Clock) -> None:
         self.contacts.prepare(time, substeps=clock.substeps, deep=True if clock.starting or self.model.gradients else None)
 
-    def meet(self, others: dict[str, Method]) -> None:
+    def meet(self, others: Methods) -> None:
         self.contacts.tell(self.status.word(ROOM))
-        explicit: Any = others.get("explicit")
-        if self.bounce and explicit:
-            self.bounce.join(explicit)
+        if self.bounce:
+            self.bounce.meet(others)
 
     def give_way(self, press: Callable[[Clock], None] | None) -> None:
         """Newton steps hold contacts themselves; press: behind what moves points after them, if something does."""

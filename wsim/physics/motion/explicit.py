@@ -19,7 +19,7 @@ from wsim.kernels.motion import cluster, march_cpu
 from wsim.kernels.motion import explicit as kernels
 from wsim.kernels.motion.threads import teams
 from wsim.model.model import Model
-from wsim.model.stage import THROWN, Clock, Method, Port, Remedy, Stage
+from wsim.model.stage import THROWN, Clock, Method, Methods, Port, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.model.structs import filled
@@ -34,9 +34,8 @@ if TYPE_CHECKING:
 
 
 def build(b: Build) -> Explicit:
-    pins = b.methods.get("pins")
-    return Explicit(b.model, b.state, b.methods["points"], b.kept(soft=True), b.clock, b.within,
-                    pins if pins and pins.groups["hard"] else None)
+    return Explicit(b.model, b.state, b.methods.find("points"), b.kept(soft=True), b.clock, b.within,
+                    b.methods.find("hard pins"))
 
 
 class Explicit(Method):
@@ -52,7 +51,7 @@ class Explicit(Method):
         self.target = None            # of the pins, as the net has it
         self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
         self.forces = Port()          # called with a row of time tables before forces are evaluated: muscles, loads
-        self.impacts = Port()         # take impacts (restitution) out of `change` before leapfrog's last half kick
+        self.impacts = Port()         # called with `change` before leapfrog's last half kick: restitution takes impacts out
         self.muscles: Any = None      # change rest lengths over time
         self.moving: Any = None       # what a march works on
         self.at_once: Any = None      # whole frames in a launch
@@ -65,6 +64,10 @@ class Explicit(Method):
         self.make(clock.substeps)
         self.watch = None if self.marches and not self.steps else Watch(model, state, self.status, explicit=True)
         self.stages += self.watch.stages if self.watch else []
+        self.offers = {"gather": self.pull, "rows": self.rows, "solids": self.solids, "spring tables": self.spring_tables,
+                       "forces": self.forces, "impacts": self.impacts, "copies": lambda: (self.at, self.pair),
+                       "least": self.least, "send": self.send, "stride": lambda: self.stride,
+                       **(self.watch.offers if self.watch else {})}
 
     def make(self, count: int) -> None:
         """Kernels and stages."""
@@ -247,7 +250,7 @@ class Explicit(Method):
         if clock.k == clock.substeps - 1 and len(self.integrator.steps) == 2:
             self.model.copy(s.b, s.v)
             self.read_out(clock, self.at)
-            self.impacts()
+            self.impacts(self.change)
             self.model.launch(self.settle, self.model.points, [s.b, self.change, s.v, 0.5], [s.v])
 
     # around a frame
@@ -256,12 +259,8 @@ class Explicit(Method):
         from wsim.physics.cloth.springs import SpringTable
         return [SpringTable(self.pull.springs, self.pull.table.rest, self.pull.entry, self.pull.given)]
 
-    def drive(self, muscles) -> None:
-        """Evaluates forces with the rest lengths that muscles put."""
-        self.muscles = muscles
-        self.forces.append(muscles.act)
-
-    def meet(self, others: dict[str, Method]) -> None:
+    def meet(self, others: Methods) -> None:
+        self.muscles = others.find("muscles")
         if self.moving is not None:
             self.moving.status = self.status.word(THROWN)
 
@@ -293,7 +292,7 @@ class Explicit(Method):
         """Uploads constraints."""
         self.pull.refresh()
         if self.watch:
-            self.watch.follow(*([self.muscles.longest] if self.muscles else []))
+            self.watch.follow()
 
     def least(self) -> int:
         """Substeps that keep the present stiffness stable, in every world."""

@@ -15,7 +15,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import load as kernels
 from wsim.model.model import Body, Model
-from wsim.model.stage import Clock, Method, Stage
+from wsim.model.stage import Clock, Method, Methods, Stage
 from wsim.scene import Load, Problem, SceneError
 from wsim.scene.curve import Curve
 from wsim.scene.nodal_loads import nodal
@@ -52,7 +52,7 @@ class Borne:
 
 
 def build(b: Build) -> Loads:
-    return Loads(b.model, b.clock, b.methods["points"])
+    return Loads(b.model, b.clock, b.methods.find("points"))
 
 
 class Loads(Method):
@@ -70,14 +70,14 @@ class Loads(Method):
         if model.gradients:
             self.shares, self.release = kernels.shares(real, module), kernels.release(real, module)
             self.part = wp.zeros(len(self.borne) * kernels.LANES, dtype=t.vec3, device=model.device)
+        self.offers = {"loads": self}
         self.make(clock)
         if not points.integrator.explicit:               # which asks for rows by itself
             self.stage()
 
-    def meet(self, others: dict[str, Method]) -> None:
-        self.points.bear(self)
-        if explicit := others.get("explicit"):
-            explicit.forces.append(self.act)              # type: ignore[attr-defined]
+    def meet(self, others: Methods) -> None:
+        if self.points.integrator.explicit:              # which asks for rows by itself
+            others.find("forces").append(self.act)
 
     def tables(self, t) -> None:
         """Entries by point and by load."""

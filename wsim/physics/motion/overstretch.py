@@ -37,6 +37,7 @@ class Watch(Method):
         super().__init__("watch")
         self.model, self.state, self.status, self.own = model, state, status, THROWN if explicit else LONG
         self.factor = lambda body: 1.0
+        self.offers = {"watch": self}
         self.bodies = [(b, edge_lengths(b) > 0.0) for b in model.bodies]
         counts = [int(long.sum()) for _, long in self.bodies]
         if not sum(counts):

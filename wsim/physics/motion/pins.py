@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def build(b: Build) -> Pins:
-    return Pins(b.model, b.state, b.methods["points"], b.choice.integrator.explicit)
+    return Pins(b.model, b.state, b.methods.find("points"), b.choice.integrator.explicit)
 
 
 class _Pinned:
@@ -83,6 +83,7 @@ class Pins(Method):
                 self.stages.append(Stage("pins placed", "finish", self.put, 1, n * 60, what=f"{n} points"))
         if self.groups["soft"]:
             self.add_soft(t, real, module)
+        self.offers = {"pins": self} | {f"{kind} pins": self for kind, group in self.groups.items() if group}
 
     def add_soft(self, t, real, module) -> None:
         group, n = self.groups["soft"], self.place["soft"].size

@@ -11,7 +11,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import points as kernels
 from wsim.model.model import Body, Model, hard_places
-from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.model.structs import filled
@@ -45,6 +45,7 @@ class Points(Method):
         self.densities: dict[int, float] = {}         # that were set, by number of the body
         self.loads: Any = None                        # the method that adds to gravity, see `wsim.physics.motion.loads`
         self.constants = self.tables()
+        self.offers = {"points": self, "constants": self.constants, "densities": self.densities}
         self.kernels = {"guard": kernels.not_finite(model.real, model.module)}
         size = 3 * np.dtype(model.dtype).itemsize * model.points
         if integrator.g:
@@ -150,9 +151,8 @@ class Points(Method):
         array.assign(values)
         return True
 
-    def bear(self, loads) -> None:
-        """What `gravity` leaves out, see `wsim.physics.motion.loads`."""
-        self.loads = loads
+    def meet(self, others: Methods) -> None:
+        self.loads = others.find("loads")
 
     def gravity(self) -> np.ndarray:
         """Of each point [m/s^2], without what loads add, (points, 3)."""

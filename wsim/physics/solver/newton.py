@@ -14,7 +14,7 @@ gradients, `wsim.physics.solver.newton_adjoint`).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -23,7 +23,7 @@ from wsim.kernels.cloth import hessian
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import line_search, newton
 from wsim.model.model import Model
-from wsim.model.stage import MISSED, UNSOLVED, Clock, Method, Remedy, Stage
+from wsim.model.stage import MISSED, UNSOLVED, Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import Constraints, changed, in_worlds
@@ -33,7 +33,6 @@ from wsim.physics.solver.line_search import LineSearch
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
-
 
 TOLERANCE = 1e-2       # of conjugate gradients. 32 x 32 cloth, 4 x 1: error 3.5e-3 m at 0.25 s with 1e-3 and 1e-2, 4.0e-3 with
                        # 3e-2, 5.9e-3 with 1e-1, for 47, 19, 16 and 14 iterations; further Newton steps solve what is left
@@ -47,7 +46,7 @@ MET_SDIRK3 = 0.1       # as MET, for sdirk3. A scrambled bar of nu 0.49 stayed s
 
 
 def build(b: Build) -> Implicit:
-    return Implicit(b.model, b.state, b.methods["points"], b.status, b.clock, b.kept(soft=True))
+    return Implicit(b.model, b.state, b.methods.find("points"), b.status, b.clock, b.kept(soft=True))
 
 
 def coarse_space(model: Model, h: float) -> tuple[list, str]:
@@ -67,10 +66,8 @@ class Implicit(Method):
         self.every = every = in_worlds(model, rows)
         self.tables = {kind: Table(kind, [r for r in every if r.kind == kind], model)
                        for kind in KINDS if any(r.kind == kind for r in every)}
-        self.contact = self.pins = self.adjoint = self.hard = None          # type: Any
-        self.free: Any = None                      # `wsim.physics.solver.rigid_translation.Momentum`
-        self.soft: Any = None                      # `wsim.physics.solver.soft_pin.SoftPins`
-        self.active: Any = None                    # `wsim.physics.contact.active_set.ActiveSet`
+        self.hard, self.contact, self.pins, self.adjoint = False, None, None, None          # type: Any
+        self.free = self.soft = self.active = None              # type: Any      # what there is of Momentum, pins, contacts
         self.solids: list = []
         self.present: Any = list                   # rows, with muscles as they are
         if model.scene.softs:
@@ -90,6 +87,11 @@ class Implicit(Method):
         if model.gradients:
             from wsim.physics.solver.newton_adjoint import ImplicitAdjoint
             self.adjoint = ImplicitAdjoint(self, every)
+        self.offers = {"rows": every, "solids": self.solids, "tables": self.tables.values()}
+        if self.adjoint:
+            self.offers |= {"gather": self.adjoint.pull, "adjoint": self.adjoint}
+        if self.springs:
+            self.offers["spring tables"] = self.spring_tables
         what = [f"{b.size} {b.kind}" for b in self.tables.values()] + [f"{t.size} {t.name} {t.noun}" for t in self.solids]
         stage = Stage("newton", "solve", self.iterate, self.launches, self.bytes, "iteration", ", ".join(what) + why)
         self.stages.append(stage)
@@ -141,26 +143,24 @@ class Implicit(Method):
             found.append(SpringTable(pull.springs, pull.table.rest, pull.entry, pull.given))
         return found + ([SpringTable(table.rows, table.data.rest, np.arange(table.size), table.given)] if table else [])
 
-    def drive(self, muscles) -> None:
-        """The energy is that of the rest lengths that muscles have put."""
-        self.present = muscles.present
-
-    def meet(self, others: dict[str, Method]) -> None:
+    def meet(self, others: Methods) -> None:
         """Takes contacts and soft pins into the system; tethers and strain limits are projected behind it."""
-        pins, contact, hard = (cast(Any, others.get(name)) for name in ("pins", "contact", "xpbd"))
-        self.hard, self.contact, self.pins = hard, contact, pins if pins and pins.groups["soft"] else None
+        hard = bool(others.every("batches"))
+        self.hard, self.contact, self.pins = hard, others.find("contact"), others.find("soft pins")
+        if muscles := others.find("muscles"):
+            self.present = muscles.present
         w, starts = self.rows.w.numpy(), self.system.starts
-        free = [int(not contact and w[i:j].all()) for i, j in zip(starts[:-1], starts[1:], strict=True)]
+        free = [int(not self.contact and w[i:j].all()) for i, j in zip(starts[:-1], starts[1:], strict=True)]
         if any(free):
             from wsim.physics.solver.rigid_translation import Momentum
             self.free = Momentum(self, free)
         if self.contact:
             from wsim.physics.contact.active_set import ActiveSet
-            self.active = ActiveSet(self, contact)
-            contact.give_way(self.active.press if hard else None)
+            self.active = ActiveSet(self, self.contact)
+            self.contact.give_way(self.active.press if hard else None)
         if self.pins:
             from wsim.physics.solver.soft_pin import SoftPins
-            self.soft = SoftPins(self, pins)
+            self.soft = SoftPins(self, self.pins)
         if self.adjoint:
             self.adjoint.join(hard)
 

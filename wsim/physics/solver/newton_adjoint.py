@@ -70,12 +70,12 @@ class ImplicitAdjoint(Forces):
         own.plastic, own.flows, own.data.edge, own.data.gradient = live.plastic, False, live.data.edge, live.data.gradient
         return live.plastic
 
-    def join(self, hard) -> None:
-        """Takes what the method has taken into its system. hard: what is projected once behind a solve, or None."""
+    def join(self, hard: bool) -> None:
+        """Takes what the method has taken into its system. hard: whether something is projected once behind a solve."""
         if self.method.pins:
             self.pins = PinsAdjoint(self.model, self.method.pins, [self.method.soft.first, self.method.soft.item])
         if self.method.contact:
-            self.contacts = ContactsAdjoint(self.model, self.method.contact, hard is not None)
+            self.contacts = ContactsAdjoint(self.model, self.method.contact, hard)
 
     def forget(self) -> None:
         """Rotations, here and in the method, are sought anew."""

@@ -9,7 +9,7 @@ substep and kept through its iterations; with one iteration they do not exist.
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -17,7 +17,7 @@ import warp as wp
 from wsim.kernels.motion.points import states
 from wsim.model import kernel_cache
 from wsim.model.model import Model
-from wsim.model.stage import MISSED, Clock, Method, Port, Remedy, Stage
+from wsim.model.stage import MISSED, Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.model.structs import filled
@@ -39,7 +39,7 @@ MET_MIDPOINT = 1e-3   # as MET, for the implicit midpoint, which damps nothing o
 
 
 def build(b: Build) -> Xpbd:
-    return Xpbd(b.model, b.state, b.methods["points"], b.status, b.clock,
+    return Xpbd(b.model, b.state, b.methods.find("points"), b.status, b.clock,
                 b.constraints if b.choice.solver == "xpbd" else b.kept(soft=False))
 
 
@@ -51,10 +51,13 @@ class Xpbd(Method):
         super().__init__("xpbd")
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
         self.watched: list[Batch] = []
-        self.lengthen = Port()            # puts rest lengths of the end of a frame (`wsim.physics.cloth.muscles`)
+        self.muscles: Any = None
         every = in_worlds(model, {path: colored(found) for path, found in rows.items()})
         self.batches = [Batch(kind, [r for r in every if r.kind == kind], model, clock)
                         for kind in ORDER if any(r.kind == kind for r in every)]
+        self.offers = {"batches": self.batches, "rows": [r for b in self.batches for r in b.rows]}
+        if any(b.kind == "distance" for b in self.batches):
+            self.offers["spring tables"] = self.spring_tables
         if any(b.multipliers for b in self.batches):
             size = sum(b.lam.capacity for b in self.batches)
             self.stages.append(Stage("multipliers", "collide", self.zero, len(self.batches), size, what="zeroed"))
@@ -72,9 +75,9 @@ class Xpbd(Method):
         from wsim.physics.cloth.springs import SpringTable
         return [SpringTable(b.rows, b.data.rest, b.order, b.given) for b in self.batches if b.kind == "distance"]
 
-    def drive(self, muscles) -> None:
+    def meet(self, others: Methods) -> None:
         """The energy is that of the rest lengths at the end of a frame."""
-        self.lengthen.append(muscles.finish)
+        self.muscles = others.find("muscles")
 
     def watch(self) -> None:
         """BDF2 gains energy where sweeps leave too much: the last substep of a frame is measured. The midpoint's way to the end
@@ -127,7 +130,8 @@ class Xpbd(Method):
         radians). A single iteration keeps no multipliers and has no residual. Kernels of their own module, compiled when asked
         for."""
         soft, module = [b for b in self.batches if b.kind not in HARD], self.model.module + "_report"
-        self.lengthen()
+        if self.muscles:
+            self.muscles.finish()
         found = {"elastic_energy": sum((self.energy(b, module) for b in soft), 0.0)}
         if any(b.multipliers for b in soft):
             if self.clock.beyond:                        # the end of a substep is not where the multipliers are

@@ -14,7 +14,7 @@ NAMES = {"limit": "edges at their strain limit", "tether": "tethers taut"}
 def acting(plan: Plan, x: np.ndarray) -> dict[str, tuple[int, int]]:
     """Constraints of each hard kind that act, and all there are. x: positions relative to origins [m], solver order."""
     found = {kind: (0, 0) for kind in HARD}
-    for batch in getattr(plan.method("xpbd"), "batches", []):
+    for batch in plan.methods.every("batches"):
         for r in batch.rows if batch.kind in HARD else ():
             ends = x[r.ids]
             held = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) >= (1.0 - CLOSE) * r.rest

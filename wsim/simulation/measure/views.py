@@ -70,12 +70,11 @@ def arrays(source, world: int = 0) -> dict[str, ArrayView]:
     for k, name in enumerate(kept):
         if name in NAMES:
             found[NAMES[name]] = ArrayView(whole[k * model.points:(k + 1) * model.points], index, origin)
-    method: Any = plan.method("points")
-    constants = method.constants
+    constants = plan.find("constants")
     points = index if model.by_point else {}
     found["inverse_masses"] = ArrayView(constants.w, index)
     found["gravity"], found["air_drag"] = ArrayView(constants.gravity, points), ArrayView(constants.decay, points)
-    if air := getattr(plan.method("aero"), "air", None):
+    if air := plan.find("air"):
         found |= {name: ArrayView(getattr(air, name), points) for name in ("wind", "drag", "lift")}
     return found | {name: view for method in plan.methods for name, view in _materials(method).items()}
 
@@ -83,7 +82,7 @@ def arrays(source, world: int = 0) -> dict[str, ArrayView]:
 def _materials(method) -> dict[str, ArrayView]:
     """Of whichever method solves for the forces."""
     found, pull = {}, getattr(method, "pull", None)
-    if method.name not in ("explicit", "implicit", "xpbd") or getattr(method, "adjoint", None):
+    if "rows" not in method.offers or getattr(method, "adjoint", None):
         return {}                                       # Newton's method keeps them twice, for the solve and for its adjoint
     if pull is not None and pull.springs:
         entry = {"springs": np.asarray(pull.entry)}
