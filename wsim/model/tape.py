@@ -151,7 +151,8 @@ class Tape:
     def solve(self, solver, clock) -> None:
         """The implicit solve of a substep (`wsim.physics.solver.newton_adjoint`), with its own adjoint; what it launches is not
         recorded."""
-        s, anchor, model, now = solver.method.state, solver.method.points.anchor, solver.model, replace(clock)
+        own, model, now = solver.assembly, solver.model, replace(clock)
+        s, anchor = own.state, own.points.anchor
         a, x, b, contacts = self.read(anchor), self.read(s.x), self.read(s.d), solver.contacts
         shapes = [(p, self.read(p.F)) for p in solver.plastic]
         self.write(s.d, True)

@@ -114,10 +114,16 @@ class Contact(Method):
         self.contacts.tell(self.status.word(ROOM))
         if self.bounce:
             self.bounce.meet(others)
-
-    def give_way(self, press: Callable[[Clock], None] | None) -> None:
-        """Newton steps hold contacts themselves; press: behind what moves points after them, if something does."""
-        self.within, self.press = True, press
+        terms, adjoint, behind = others.find("terms"), others.find("adjoint"), bool(others.every("batches"))
+        if terms is None:
+            return
+        from wsim.physics.contact.active_set import ActiveSet  # Newton steps hold contacts themselves
+        active = ActiveSet(others.find("assembly"), self.contacts)
+        terms.append(active)
+        self.within, self.press = True, active.press if behind else None
+        if adjoint:
+            self.solved, self.after = True, behind
+            adjoint.enter("contacts", self.contacts, behind)
 
     def retry(self, status: Status) -> list[Remedy]:
         wanted = int(status.said(ROOM)[0])

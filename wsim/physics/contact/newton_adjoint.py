@@ -11,11 +11,11 @@ from wsim.model.structs import filled
 
 
 class PinsAdjoint:
-    """Of the soft pins that `wsim.physics.solver.newton.Implicit.meet` takes."""
+    """Of soft pins."""
 
-    def __init__(self, model: Model, pins, soft: list[wp.array]):
-        """pins: `wsim.physics.motion.pins.Pins`; soft: (first, item), its pins by point."""
-        self.model, self.pins, self.soft = model, pins, soft
+    def __init__(self, model: Model, pins, term):
+        """pins: `wsim.physics.motion.pins.Pins`; term: `wsim.physics.solver.soft_pin.SoftPins`, its pins by point."""
+        self.model, self.pins, self.soft = model, pins, [term.first, term.item]
         self.forces, self.adjoint = (f(model.real, model.module) for f in (kernels.pin_forces, kernels.pin_adjoint))
 
     def table(self):
@@ -35,13 +35,12 @@ class PinsAdjoint:
 
 
 class ContactsAdjoint:
-    """Of the contacts that `wsim.physics.solver.newton.Implicit.meet` takes."""
+    """Of contacts."""
 
-    def __init__(self, model: Model, contact, after: bool):
-        """contact: `wsim.physics.contact.Contact`. after: something is projected behind a solve, and contacts once more behind
-        that."""
-        self.model, self.contacts = model, contact.contacts
-        contact.solved, contact.after, self.after = True, after, after
+    def __init__(self, model: Model, contacts, after: bool):
+        """contacts: `wsim.physics.contact.contacts.Contacts`. after: something is projected behind a solve, and contacts once
+        more behind that."""
+        self.model, self.contacts, self.after = model, contacts, after
         real, t, n = model.real, types(model.real), model.points
         self.kernels = {f.__name__: f(real, model.module) for f in (
             coulomb.turn, coulomb.bear, coulomb.screen, coulomb_adjoint.held_adjoint, coulomb_adjoint.spread_out,

@@ -12,7 +12,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion import points as kernels
 from wsim.model.midnodes import held, spread
 from wsim.model.model import Body, Model
-from wsim.model.stage import Clock, Method, Stage
+from wsim.model.stage import Clock, Method, Methods, Stage
 from wsim.model.state import State
 from wsim.model.structs import filled
 from wsim.scene import Motion, Pin
@@ -101,9 +101,18 @@ class Pins(Method):
         """Whether any pin does."""
         return any(p.motion.moves for g in self.groups.values() for p in g)
 
-    def give_way(self) -> None:
-        """Soft pins act within Newton steps."""
+    def meet(self, others: Methods) -> None:
+        """Soft pins act within Newton steps, where there are some."""
+        terms, adjoint = others.find("terms"), others.find("adjoint")
+        if terms is None or not self.groups["soft"]:
+            return
+        from wsim.physics.solver.soft_pin import SoftPins
         self.stages = [s for s in self.stages if s.name != "soft pins"]
+        term = SoftPins(others.find("assembly"), self)
+        self.soft.first, self.soft.item = term.first, term.item
+        terms.append(term)
+        if adjoint:
+            adjoint.enter("pins", self, term)
 
     def columns(self) -> np.ndarray:
         """Column of the hard target of each point, or -1, (points,)."""
