@@ -90,7 +90,7 @@ class Recording(Frames):
         self.checkpoints = length > 0
         self.group, self.cuts = max(length // S, 1) if length else F, [0, S]
         if 0 < length < S:
-            length += length % 2 * self.plan.clock.staged        # a step is not cut
+            length += -length % self.plan.clock.integrator.solves        # a step is not cut
             self.cuts = [*range(0, S, length), S]
         count = length if len(self.cuts) > 2 else S * min(F, self.group + self.jumps)
         share = 1.0 + self.cost.over / (count * self.cost.each)
@@ -115,7 +115,8 @@ class Recording(Frames):
     def shape(self) -> tuple:
         """What of a simulation may not change after it was recorded."""
         clock, stride = self.plan.clock, self.plan.find("stride")
-        return clock.substeps, clock.scheme, stride() if stride else 0, *(array.ptr for array in self.parameters.targets())
+        return (clock.substeps, clock.integrator.name, stride() if stride else 0,
+                *(array.ptr for array in self.parameters.targets()))
 
     def key(self, frame: int, part: int) -> tuple:
         return frame % self.group, part, self.jumps and frame == 0

@@ -98,7 +98,7 @@ def built(row: Row, b: Build) -> Method | None:
 
 # what is no method of its own, and why it is left out where it is
 PARTS: list[tuple[str, str, Callable[[Build], bool]]] = [
-    ("history", "backward Euler needs no earlier step", lambda b: b.clock.multistep),
+    ("history", "backward Euler needs no earlier step", lambda b: b.clock.integrator.memory > 0.0),
     ("fem", "there is no soft body", lambda b: bool(b.scene.softs)),
     ("rigid", "there is no rigid body", lambda b: False),
     ("fluid", "there is no fluid", lambda b: False),

@@ -48,7 +48,7 @@ class Plan:
     @property
     def starts(self) -> bool:
         """Whether the frame to come differs from those after it: it is not worth a graph of its own."""
-        return self.clock.starting and (self.clock.multistep or self.state.has("b"))
+        return self.clock.starting and (self.clock.integrator.memory > 0.0 or self.state.has("b"))
 
     def stages(self, phase: str, rate: str) -> list[Stage]:
         """Of methods that step with the others."""
@@ -138,9 +138,7 @@ class Plan:
     @property
     def integrator(self) -> str:
         """Name of the integrator now: one that needs its residual may have given way."""
-        named = self.choice.integrator
-        given_way = (named.name == "bdf2" or named.beyond or named.solves > 1) and not self.clock.watched
-        return "backward_euler" if given_way else named.name
+        return self.clock.integrator.name
 
     def describe(self) -> str:
         """The plan in words: what `wsim plan` prints."""
@@ -150,7 +148,7 @@ class Plan:
         bodies = f"{len(m.bodies)} {'body' if len(m.bodies) == 1 else 'bodies'}"
         lines = [f"{m.points} points in {bodies}, {m.worlds} world{'s' * (m.worlds > 1)}, "
                  f"{m.real.__name__} on {m.device}",
-                 f"{c.steps} substeps of {c.dt / c.steps * 1e3:.4g} ms{' in two stages' * c.staged}, "
+                 f"{c.steps} substeps of {c.dt / c.steps * 1e3:.4g} ms{' in two stages' * (c.integrator.solves > 1)}, "
                  f"{c.iterations} iteration{'s' * (c.iterations > 1)}, solver "
                  f"{self.choice.solver}, integrator {self.integrator}{' while its residual is met' * c.watched}: "
                  f"{self.choice.why}",
@@ -200,15 +198,14 @@ def _chosen(model: Model) -> Build:
     choice = choose(model, rows)
     counts.refuse("substeps a frame, for steps that are short enough," if choice.steps > scene.substeps else "substeps",
                   choice.steps, "take softer materials, larger masses or elements, or another solver")
-    clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator.name == "bdf2",
-                  choice.integrator.beyond, choice.integrator.solves > 1)
+    clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator)
     return Build(model, choice, rows, State(), Status(model.device), clock)
 
 
 def _fields(b: Build) -> tuple[Field, ...]:
     """Fields of the points that this scene needs."""
     integrator = b.choice.integrator
-    multistep, steps = integrator.name == "bdf2", integrator.explicit and b.within
+    multistep, steps = integrator.memory > 0.0, integrator.explicit and b.within
     return (POINTS + (ANCHOR if multistep or b.scene.colliders or steps else ()) + (HISTORY if multistep else ())
             + (STAGED if integrator.solves > 1 else ()) + (CARRY if integrator.explicit else ())
             + (HALF if steps and len(integrator.steps) > 1 else ()))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from wsim.scene import Problem, SceneError
 from wsim.scene.check import counts
+from wsim.scene.integrator import TABLE
 from wsim.simulation import plan as plans
 from wsim.simulation.duration import duration
 
@@ -58,13 +59,9 @@ def mend(sim: Simulation) -> bool:
 def _give_way(sim: Simulation) -> None:
     """Backward Euler, which damps what is left unsolved, from this frame on."""
     clock = sim.plan.clock
-    name, most = (("the implicit midpoint", "MET_MIDPOINT") if clock.beyond else
-                  ("sdirk3", "MET_SDIRK3") if clock.staged else ("BDF2", "MET"))
-    clock.scheme = False, False, False
-    solver = "newton" if sim.plan.choice.solver == "implicit" else "xpbd"
-    sim.warnings.append(f"frame {sim.frame + 1}: the solver missed the residual that {name} needs "
-                        f"(wsim.physics.solver.{solver}.{most}); backward Euler from here on; more iterations or substeps "
-                        f"keep {name}")
+    name, clock.integrator = clock.integrator.title, TABLE["backward_euler"]
+    sim.warnings.append(f"frame {sim.frame + 1}: the solver missed the residual that {name} needs (`met` in "
+                        f"wsim.scene.integrator); backward Euler from here on; more iterations or substeps keep {name}")
 
 
 def _refine(sim: Simulation, part: str, row: int) -> None:

@@ -247,7 +247,7 @@ def copied(recording: Recording, worlds: int) -> Recording:
                     substeps=clock.substeps // choice.integrator.solves, iterations=choice.iterations)
     copy = Simulation(scene, device=sim.device, precision="float64", worlds=worlds, gradients=True)
     other = copy.plan.clock
-    copy.frame, other.scheme, other.starting = recording.start, clock.scheme, recording.begins
+    copy.frame, other.integrator, other.starting = recording.start, clock.integrator, recording.begins
     _parameters(sim, copy)
     return Recording(copy, recording.frames)
 

@@ -1,8 +1,7 @@
 """Muscles of spring nets: factors of rest lengths over time, put where forces are evaluated. See kernels/cloth/muscle.py.
 
-A table holds the factors of a frame at every half of a substep, of sdirk3 at every stage, so that each evaluation has those of
-its own time: leapfrog's kicks the beginning of a substep, stages of a Runge-Kutta step theirs, implicit steps and sweeps the
-time that they solve for.
+A table holds the factors of a frame at the times when forces are evaluated (`Clock.acting`): leapfrog's kicks have those of the
+beginning of a substep, stages of a Runge-Kutta step theirs, implicit steps and sweeps those of the time that they solve for.
 """
 
 from __future__ import annotations
@@ -94,7 +93,7 @@ class Muscles(Method):
         self.make(clock)
 
     def make(self, clock: Clock) -> None:
-        self.factor = wp.ones((len(self.moments(clock)), self.groups + 1), dtype=self.model.real, device=self.model.device,
+        self.factor = wp.ones((len(clock.acting()), self.groups + 1), dtype=self.model.real, device=self.model.device,
                               requires_grad=self.model.gradients)
 
     def join(self, rows: list[Constraints], length: wp.array, entry: np.ndarray) -> wp.array:
@@ -133,12 +132,12 @@ class Muscles(Method):
         size = np.dtype(self.model.dtype).itemsize
 
         def act(clock: Clock) -> None:
-            self.act(clock.k if clock.staged else 2 * clock.k + round(2.0 * clock.part))
+            self.act(clock.k)
         self.stages.append(Stage("muscles", "pose", act, len(self.sites), springs * (4 + 2 * size),
                                  what=f"{self.groups} groups"))
 
     def act(self, row: int) -> None:
-        """Rest lengths of a row: a half of a substep, or a stage."""
+        """Rest lengths of a row, see `Clock.acting`."""
         if self.model.tape:
             self.model.tape.put(self.name, lambda: self.put(row), lambda: self.take(row))
         else:
@@ -172,7 +171,7 @@ class Muscles(Method):
     def before_frame(self, time: float, clock: Clock) -> None:
         moves = any(m.curve.moves for m in self.muscles)
         self.time = time
-        if self.factor.shape[0] != len(self.moments(clock)):
+        if self.factor.shape[0] != len(clock.acting()):
             self.make(clock)
             self.changed = True
         if not (moves or self.changed):
@@ -185,11 +184,7 @@ class Muscles(Method):
     @property
     def times(self) -> np.ndarray:
         """[s] of the rows."""
-        return self.time + self.moments(self.clock)
-
-    def moments(self, clock: Clock) -> np.ndarray:
-        """[s] of the rows in a frame."""
-        return clock.moments(False) if clock.staged else 0.5 * clock.h * np.arange(2 * clock.substeps + 1)
+        return self.time + self.clock.acting()
 
     def by_keys(self) -> list[np.ndarray]:
         """Derivatives by the curves' values, (keys, groups) of each net, from those by the factors of this frame, which are

@@ -104,7 +104,7 @@ class Contact(Method):
 
     def settle(self, clock: Clock) -> None:
         s = self.state
-        if clock.multistep:
+        if clock.integrator.memory:
             self.contacts.settle(clock.g, s.e, s.d, self.anchor, s.v)
 
     def before_frame(self, time: float, clock: Clock) -> None:

@@ -1,8 +1,7 @@
 """Loads: forces on points and tractions on triangles over time, put beside gravity where a substep begins. See
 kernels/motion/load.py.
 
-A table holds the values of a frame at every half of a substep, of sdirk3 at every stage, so that each evaluation of the forces
-has those of its own time (as `wsim.physics.cloth.muscles`).
+A table holds the values of a frame at the times when forces are evaluated (`Clock.acting`; as `wsim.physics.cloth.muscles`).
 """
 
 from __future__ import annotations
@@ -96,18 +95,18 @@ class Loads(Method):
         self.own = model.upload(self.gravity.numpy()[self.point], t.vec3)      # gravity alone, of those points
 
     def make(self, clock: Clock) -> None:
-        self.value = wp.zeros((len(self.moments(clock)), len(self.borne)), dtype=types(self.model.real).vec3,
+        self.value = wp.zeros((len(clock.acting()), len(self.borne)), dtype=types(self.model.real).vec3,
                               device=self.model.device, requires_grad=self.model.gradients)
 
     def stage(self) -> None:
         """For solvers whose forces of a substep are at one time."""
         def act(clock: Clock) -> None:
-            self.act(clock.k if clock.staged else 2 * clock.k + round(2.0 * clock.part))
+            self.act(clock.k)
         size = len(self.point) * 40 + self.entries.load.size * 16
         self.stages.append(Stage("loads", "pose", act, 1, size, what=f"{len(self.point)} points"))
 
     def act(self, row: int) -> None:
-        """Accelerations of a row: a half of a substep, or a stage."""
+        """Accelerations of a row, see `Clock.acting`."""
         if self.model.tape:
             self.model.tape.put(self.name, lambda: self.put(row), lambda: self.take(row))
         else:
@@ -132,7 +131,7 @@ class Loads(Method):
 
     def before_frame(self, time: float, clock: Clock) -> None:
         self.time = time
-        if self.value.shape[0] != len(self.moments(clock)):
+        if self.value.shape[0] != len(clock.acting()):
             self.make(clock)
             self.changed = True
         if not (self.changed or any(b.curve.moves for b in self.borne)):
@@ -144,11 +143,7 @@ class Loads(Method):
     @property
     def times(self) -> np.ndarray:
         """[s] of the rows."""
-        return self.time + self.moments(self.clock)
-
-    def moments(self, clock: Clock) -> np.ndarray:
-        """[s] of the rows in a frame."""
-        return clock.moments(False) if clock.staged else 0.5 * clock.h * np.arange(2 * clock.substeps + 1)
+        return self.time + self.clock.acting()
 
     def by_keys(self) -> list[np.ndarray]:
         """Derivatives by the curves' values, (keys, 3) of each load and world, from those by the values of this frame, which

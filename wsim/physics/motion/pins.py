@@ -52,8 +52,8 @@ def pins_of(model: Model) -> list[_Pinned]:
 
 
 class Pins(Method):
-    """Stages pose and, where a step of sdirk3 ends, put (hard pins), hold (soft pins). Targets of a whole frame are computed in
-    float64 on the host and uploaded only when a pin moves or was set."""
+    """Stages pose and, where a step of several solves ends, put (hard pins), hold (soft pins). Targets of a whole frame are
+    computed in float64 on the host and uploaded only when a pin moves or was set."""
 
     def __init__(self, model: Model, state: State, points: Points, explicit: bool = False):
         """explicit: hard pins are moved by the integrator itself, which reads `target` and `columns`."""
@@ -124,17 +124,18 @@ class Pins(Method):
 
     def pose(self, clock: Clock) -> None:
         s = self.state
-        row, part = (clock.k + clock.k // 2, 1.0) if clock.staged else (clock.k, clock.part)
+        solves = clock.integrator.solves
+        row, part = (clock.k + clock.k // solves, 1.0) if solves > 1 else (clock.k, clock.part)
         self.model.launch(self.move, self.place["hard"].size,
                           [self.place["hard"], self.target["hard"], s.x, s.e, row, part], [s.d])
 
     def put(self, clock: Clock) -> None:
         """Behind the last stage of a step."""
-        s = self.state
-        if clock.staged and clock.k % 2:
-            pinned, row = self.place["hard"], clock.k + clock.k // 2 + 1
+        s, solves = self.state, clock.integrator.solves
+        if solves > 1 and clock.ends:
+            pinned, row = self.place["hard"], clock.k + clock.k // solves + 1
             at = filled(kernels.states(self.model.real), x=s.x, e=s.e, s=s.s)
-            self.model.launch(self.place_kernel, pinned.size, [pinned, self.target["hard"], at, row, 2.0 * clock.h],
+            self.model.launch(self.place_kernel, pinned.size, [pinned, self.target["hard"], at, row, solves * clock.h],
                               [s.x, s.e, s.v])
 
     def hold(self, clock: Clock) -> None:

@@ -120,12 +120,12 @@ class Implicit(Method):
         self.line.search(rate, 0, 1, terms=self.terms)
         if clock.i == clock.iterations - 1:
             self.model.launch(self.kernels["end"], self.model.points, [self.state.d, own.b], [self.c])
-            if clock.k == clock.substeps - 1 or clock.beyond:      # one unsolved step of the midpoint can gain energy
+            if clock.k == clock.substeps - 1 or clock.integrator.beyond:   # one unsolved step of the midpoint can gain energy
                 self.residual.measure(clock, self.terms)
 
     def flow(self, clock: Clock) -> None:
         """Tets beyond their yield, where a step has ended: between the stages of one no body has ever been."""
-        for table in (s for s in self.assembly.solids if s.plastic and not (clock.staged and clock.k % 2 == 0)):
+        for table in (s for s in self.assembly.solids if s.plastic and clock.ends):
             table.plastic.flow(self.state.x, self.state.e)
 
     def start(self, clock: Clock) -> None:

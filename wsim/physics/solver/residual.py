@@ -10,12 +10,6 @@ from wsim.model.stage import MISSED, UNSOLVED, Clock
 from wsim.model.status import Status
 from wsim.physics.solver.assembly import Assembly, Term
 
-MET = 0.5              # largest residual with which BDF2 goes on. 32 x 32 cloth, 1e3 N/m, 1 to 8 substeps: runs that left up to
-                       # 1.5 were as right as solved ones, with 8 or more not. float32 leaves 1e-3 at best, 0.2 with 1e5 N/m
-MET_MIDPOINT = 1e-2    # as MET, for the implicit midpoint, which damps nothing of what is left. Rows of tools/stress (nets
-                       # scattered, or in one place) gained energy with 0.1, and did not with this
-MET_SDIRK3 = 0.1       # as MET, for sdirk3. A scrambled bar of nu 0.49 stayed so with 0.5, and came back with this
-
 
 class Residual:
     """Of each system, and the words of the status that say where it is too large."""
@@ -40,8 +34,7 @@ class Residual:
         own.system.launch(self.left, [own.points.constants, own.A, own.system.first, f, own.state.d, own.b], [self.array])
         self.launch(self.unmet, [self.array, self.status.offset(UNSOLVED)], [self.status.array])
         if clock.watched:
-            most = MET_MIDPOINT if clock.beyond else MET_SDIRK3 if clock.staged else MET
-            self.launch(self.judge, [self.array, most], [self.status.word(MISSED)])
+            self.launch(self.judge, [self.array, clock.integrator.met[0]], [self.status.word(MISSED)])
 
     def launch(self, kernel, inputs: list, outputs: list[wp.array]) -> None:
         self.assembly.model.launch(kernel, self.array.size, inputs, outputs)

@@ -30,12 +30,6 @@ if TYPE_CHECKING:
 
 ORDER = ("tether", "membrane", "distance", "dihedral", "limit")        # of the kinds within an iteration
 LANES = 4096          # threads that sum the energy
-MET = 2e-2            # largest residual (strain, radians) with which BDF2 goes on. On a 32 x 32 cloth of 1e3 to 1e6 N/m the
-                      # runs that gained energy had a median of 8e-2 to 1.7e-1, those of 10 substeps or more that did not,
-                      # at most 2.1e-2. Larger cloths stayed calm at 3e-2 too and give way all the same: on the safe side
-MET_SDIRK3 = MET      # as MET, for sdirk3
-MET_MIDPOINT = 1e-3   # as MET, for the implicit midpoint, which damps nothing of what is left. Rows of tools/stress (folded net
-                      # and sheet, gravity that turns) gained energy with 5e-3, and did not with this
 
 
 def build(b: Build) -> Xpbd:
@@ -91,7 +85,7 @@ class Xpbd(Method):
         self.judge = judge(model.real, model.module)
         self.stages.append(Stage("residual", "solve", self.look, len(self.watched) + 1, 0,
                                  what=f"{self.points.integrator.name}'s, in "
-                                      f"{'every' if self.clock.beyond else 'the last'} substep of a frame"))
+                                      f"{'every' if self.clock.integrator.beyond else 'the last'} substep of a frame"))
 
     def retry(self, status: Status) -> list[Remedy]:
         return [Remedy("give way")] if self.watched and status.said(MISSED)[0] else []
@@ -104,7 +98,7 @@ class Xpbd(Method):
     def look(self, clock: Clock) -> None:
         """Residual of every batch after the last substep's sweeps, of the midpoint after each (it damps nothing of what one of
         them leaves), and whether the integrator may go on."""
-        if not clock.watched or (clock.k < clock.substeps - 1 and not clock.beyond):
+        if not clock.watched or (clock.k < clock.substeps - 1 and not clock.integrator.beyond):
             return
         model, s, tape = self.model, self.state, self.model.tape
         x, d = (tape.read(s.x), tape.read(s.d)) if tape else (s.x, s.d)
@@ -114,8 +108,7 @@ class Xpbd(Method):
             before, model.tape = model.tape, None        # looks, and changes nothing
             self.largest.zero_()
             self.measure(self.look_kernels, x, d, lam, self.largest)
-            most = MET_MIDPOINT if clock.beyond else MET_SDIRK3 if clock.staged else MET
-            model.launch(self.judge, len(lam), [self.largest, most], [self.status.word(MISSED)])
+            model.launch(self.judge, len(lam), [self.largest, clock.integrator.met[1]], [self.status.word(MISSED)])
             model.tape = before
         tape.do(judge) if tape else judge()
 
@@ -134,7 +127,7 @@ class Xpbd(Method):
             self.muscles.finish()
         found = {"elastic_energy": sum((self.energy(b, module) for b in soft), 0.0)}
         if any(b.multipliers for b in soft):
-            if self.clock.beyond:                        # the end of a substep is not where the multipliers are
+            if self.clock.integrator.beyond:                        # the end of a substep is not where the multipliers are
                 largest = self.largest
             else:
                 largest = wp.zeros(len(soft), dtype=self.model.real, device=self.model.device)
