@@ -52,14 +52,17 @@ def mend(sim: Simulation) -> bool:
         if grown:
             sim.warnings.append(f"frame {sim.frame + 1}: {grown}; the frame was repeated")
     if "give way" in kinds:
-        _give_way(sim)
+        _give_way(sim, next((r.why for r in said if r.kind == "give way" and r.why), ""))
     return bool(kinds - {"doubt"})
 
 
-def _give_way(sim: Simulation) -> None:
-    """Backward Euler, which damps what is left unsolved, from this frame on."""
+def _give_way(sim: Simulation, why: str) -> None:
+    """Backward Euler, which damps what is left unsolved, from this frame on. why: if it is not for a residual."""
     clock = sim.plan.clock
     name, clock.integrator = clock.integrator.title, TABLE["backward_euler"]
+    if why:
+        sim.warnings.append(f"frame {sim.frame + 1}: {why}, so that {name} gains energy; backward Euler from here on")
+        return
     sim.warnings.append(f"frame {sim.frame + 1}: the solver missed the residual that {name} needs (`met` in "
                         f"wsim.scene.integrator); backward Euler from here on; more iterations or substeps keep {name}")
 
