@@ -124,7 +124,7 @@ class Recording(Frames):
     def record(self, first: int, last: int) -> Tape:
         """Runs substeps first .. last once, recording."""
         model = self.sim.model
-        tape = model.tape = Tape(self.slots, self.roots, model.plain)
+        tape = model.tape = Tape(self.slots, self.roots, model.plain, model.vjp)
         try:
             tape.begin()
             for table in self.plan.solids:               # run once more, it begins as it did

@@ -73,7 +73,7 @@ class Parameters:
         return found + keys
 
     def take_motions(self) -> wp.array | None:
-        """Of colliders, as `wsim.physics.contact.adjoint.ContactAdjoint.take_motion`."""
+        """Of colliders, as `wsim.physics.contact.contacts_adjoint.ContactAdjoint.take_motion`."""
         return self.contact.take_motion() if self.contact else None
 
     def ends(self, grad: np.ndarray) -> np.ndarray:

@@ -3,7 +3,6 @@ kernels/cloth/curvature.py."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,11 +14,7 @@ from wsim.model.model import Model
 from wsim.physics.cloth.constraints import Constraints
 
 if TYPE_CHECKING:
-    from wsim.physics.motion.forces import ForceGather
-
-
-def _nothing(read: list, wrote: list) -> None:
-    """Adjoint of launches that another's adjoint takes along."""
+    pass
 
 
 class Elements:
@@ -27,7 +22,6 @@ class Elements:
 
     def __init__(self, model: Model, kind: str, rows: list[Constraints]):
         self.model, self.kind, self.rows, self.first, self.damped = model, kind, rows, 0, False
-        self.backward: Callable | None = None         # adjoint of `launch`
         t, real = types(model.real), model.real
         self.ids = model.shared(np.concatenate([r.ids for r in rows]).astype(np.int32))
         self.data = element.elements(kind, real)()
@@ -67,15 +61,11 @@ class Elements:
         else:
             self.kernel = element.corners(real=real, module=module, damped=damped)
 
-    def differentiate(self, pull: ForceGather) -> None:
-        from wsim.physics.motion.forces_adjoint import BentAdjoint, FlatAdjoint
-        self.backward = (BentAdjoint if self.curvature else FlatAdjoint)(self.model, self, pull).backward
-
     def launch(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> None:
         read: list = [self.data, x, pair, source, self.first]
         if self.curvature:
             cur = self.curvature
-            self.model.launch(self.strained, cur.hinges, [self.data, x, pair, source, cur.data], [], _nothing)
-            cur.launch_sums(_nothing)
+            self.model.launch(self.strained, cur.hinges, [self.data, x, pair, source, cur.data], [])
+            cur.launch_sums()
             read.append(cur.data)
-        self.model.launch(self.kernel, len(self.ids), read, [force], self.backward)
+        self.model.launch(self.kernel, len(self.ids), read, [force])

@@ -9,6 +9,7 @@ import numpy as np
 
 from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, State
+from wsim.model.vjp import beside
 from wsim.physics.contact.contacts import FRICTION, Bodies, Contacts
 from wsim.scene import Motion, Problem, SceneError
 from wsim.scene.check import chord
@@ -59,10 +60,7 @@ class Contact(Method):
                                  substeps=clock.substeps, dt=clock.dt, struck=points.struck)
         self.contacts.launch = model.launch
         self.contacts.smooth(model.scene, points.integrator.explicit)
-        if model.gradients:
-            from wsim.physics.contact.adjoint import ContactAdjoint
-            self.contacts.grow(self.contacts.rows.most)              # lists do not grow while they are recorded
-            self.contacts.adjoint = ContactAdjoint(self.contacts, model)
+        self.contacts.adjoint = beside(model, Contacts.__module__, "ContactAdjoint", self.contacts, model)
         state.points.take(Field("mark", "", True, "whether a point touched or was inside", "int"), self.contacts.mark)
         self.status = status
         status.reserve(ROOM)

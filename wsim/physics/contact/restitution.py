@@ -9,6 +9,7 @@ from wsim.kernels.contact import restitution as kernels
 from wsim.model.model import Model
 from wsim.model.stage import Clock, Methods, Stage
 from wsim.model.state import State
+from wsim.model.vjp import beside
 
 
 class Bounce:
@@ -26,6 +27,7 @@ class Bounce:
         self.before, self.thrown = state.v, None         # velocity before this substep; who was thrown in it
         self.free = m.explicit and len(m.steps) != 1     # symplectic Euler goes as backward Euler does, in a straight line
         self.kernel = (kernels.bounce_free if self.free else kernels.bounce_held)(real, module)
+        beside(model, type(contacts).__module__, "ReadingAdjoint", contacts, self.kernel)
         self.spare = kernels.spare(real, module) if len(m.steps) == 2 else None
         self.normal = wp.zeros_like(state.v) if self.free else None
         self.stages = [Stage("bounce", "solve", self.launch, 1, n * 12 * state.v.strides[0], what="points that hit")]
@@ -80,7 +82,7 @@ class Bounce:
             at = c.read(v=self.before, e=a if self.thrown is None else s.e, d=d, a=a, push=c.push)
             inputs = [table, self.points.constants, c.slots, at]
             outputs = [d, a, c.push, self.thrown]
-        self.model.launch(self.kernel, c.count, inputs, outputs, c.adjoint.reading(self.kernel) if c.recorded else None)
+        self.model.launch(self.kernel, c.count, inputs, outputs)
 
     def passed(self, change: wp.array) -> None:
         """Before leapfrog's last half kick."""

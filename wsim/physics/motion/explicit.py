@@ -8,7 +8,6 @@ at its end, and what they changed becomes a velocity.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from wsim.model.stage import THROWN, Clock, Method, Methods, Port, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.model.structs import filled
+from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints, changed, in_worlds
 from wsim.physics.motion import frequency
 from wsim.physics.motion.forces import ForceGather
@@ -55,7 +55,6 @@ class Explicit(Method):
         self.muscles: Any = None      # change rest lengths over time
         self.moving: Any = None       # what a march works on
         self.at_once: Any = None      # whole frames in a launch
-        self.corrected: Callable | None = None        # adjoint of the last launch of a substep
         self.pull = ForceGather(model, points.constants, self.rows, None if pins is None else pins.columns(),
                                 alone=not (steps or self.integrator.stages), staged=bool(self.integrator.stages))
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
@@ -98,13 +97,13 @@ class Explicit(Method):
             pull.need_springs()
             make = kernels.stage if self.integrator.stages else kernels.leap
             self.kernel = make(real, module, pull.flags(), self.field)
+            if not self.integrator.stages:
+                beside(model, "wsim.physics.motion.forces", "LeapAdjoint", pull, self.kernel)
         launches = self.integrator.forces * (1 + pull.launches + self.acts)
         if self.steps:
             self.correct, self.settle = kernels.correct(real, module), kernels.settle(real, module)
             self.change = wp.zeros(model.points, dtype=types(real).vec3, device=model.device)
-            if model.gradients:
-                from wsim.physics.motion.points_adjoint import CorrectAdjoint
-                self.corrected = CorrectAdjoint(model).backward
+            beside(model, "wsim.physics.motion.points", "CorrectAdjoint", model, self.correct)
             self.stages = [Stage("start", "pose", self.resume, 2, 0, "frame", "displacements are zero"),
                            Stage(self.integrator.name, "predict", self.predict, launches + 1, size, what=what),
                            Stage("correct", "finish", self.finish, 1, 0, what="what others changed")]
@@ -170,7 +169,7 @@ class Explicit(Method):
             return source
         self.pull.launch(source, s.x, self.pair)
         self.model.launch(self.kernel, self.model.points * self.pull.lanes,
-                          [self.net, self.pull.force, self.phase(), step], [self.pair, s.v, self.carry], self.pull.backward)
+                          [self.net, self.pull.force, self.phase(), step], [self.pair, s.v, self.carry])
         return 1 - source
 
     def act(self, clock: Clock, part: float) -> None:
@@ -242,7 +241,7 @@ class Explicit(Method):
     def finish(self, clock: Clock) -> None:
         s, step = self.state, self.step(clock, 0.0, 0.0, self.at)
         self.model.launch(self.correct, self.model.points, [self.points.at(d=s.d, a=s.a), self.pair, step],
-                          [s.x, s.e, s.v, self.pair, self.change], self.corrected)
+                          [s.x, s.e, s.v, self.pair, self.change])
         if self.own is not None:
             self.model.copy(self.own, self.pair, 0, self.at * self.model.points, self.model.points)
         if clock.k == clock.substeps - 1:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +15,7 @@ from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.model.structs import filled
+from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import AT_REST
 from wsim.scene import Springs
 from wsim.scene.integrator import Integrator
@@ -47,18 +47,14 @@ class Euler:
         self.points, self.row, self.model, self.state = points, row, points.model, points.state
         real, module = self.model.real, self.model.module
         self.kernels = {"predict": kernels.predict_euler(real, module), "finish": kernels.finish_euler(real, module)}
-        self.adjoints: dict[str, Callable] = {}       # by hand
-        if self.model.gradients:
-            from wsim.physics.motion.points_adjoint import EulerAdjoint
-            euler = EulerAdjoint(self.model)
-            self.adjoints = {"predict": euler.predict, "finish": euler.finish}
+        beside(self.model, __name__, "EulerAdjoint", self)
         self.make(real, module)
 
     def make(self, real, module: str) -> None:
         """Further kernels."""
 
     def launch(self, name: str, inputs: list, outputs: list) -> None:
-        self.model.launch(self.kernels[name], self.model.points, inputs, outputs, self.adjoints.get(name))
+        self.model.launch(self.kernels[name], self.model.points, inputs, outputs)
 
     def predict(self, clock: Clock) -> None:
         s, points = self.state, self.points

@@ -4,14 +4,17 @@ kernels/motion/points_adjoint.py."""
 from wsim.kernels.motion import points_adjoint as kernels
 from wsim.model.model import Model
 from wsim.model.tape import adjoint_of
+from wsim.model.vjp import fixed
 
 
 class EulerAdjoint:
     """Of the launches of the prediction and of the end of a substep, of the arrays that they have read and written."""
 
-    def __init__(self, model: Model):
-        self.model = model
+    def __init__(self, euler):
+        """euler: `wsim.physics.motion.points.Euler`."""
+        model = self.model = euler.model
         self.kernels = kernels.predict_adjoint(model.real, model.module), kernels.finish_adjoint(model.real, model.module)
+        self.vjp = {euler.kernels[name]: fixed(getattr(self, name)) for name in ("predict", "finish")}
 
     def predict(self, read: list, wrote: list) -> None:
         (constants, e, v, g), (a, d) = read, wrote
@@ -26,8 +29,10 @@ class EulerAdjoint:
 class CorrectAdjoint:
     """Of the launch that makes velocities of what others have changed, in `wsim.physics.motion.explicit`."""
 
-    def __init__(self, model: Model):
+    def __init__(self, model: Model, correct):
+        """correct: the kernel."""
         self.model, self.kernel = model, kernels.correct_adjoint(model.real, model.module)
+        self.vjp = {correct: fixed(self.backward)}
 
     def backward(self, read: list, wrote: list) -> None:
         (at, pair, step), (x_out, _, v_out, pair_out, change) = read, wrote

@@ -11,6 +11,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.solver import xpbd as kernels
 from wsim.model.model import Model
 from wsim.model.stage import Clock
+from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import HARD, Constraints
 
 FUSE = 512            # constraints of the largest colour up to which one block takes all colours in a launch. H200: 1k points
@@ -52,10 +53,7 @@ class Batch:
         self.curvature: Any = None                    # of hinges
         if kind == "dihedral":
             self.bend()
-        self.adjoint = None
-        if model.gradients:
-            from wsim.physics.solver.xpbd_adjoint import SweepAdjoint
-            self.adjoint = SweepAdjoint(self, model)
+        self.adjoint = beside(model, "wsim.physics.solver.xpbd", "SweepAdjoint", self, model)
 
     def bend(self) -> None:
         """Hinges get angles at rest from the curvatures of their sheets, each time that they are swept."""

@@ -24,6 +24,7 @@ from wsim.model.model import Model
 from wsim.model.stage import MISSED, Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, State
 from wsim.model.status import Status
+from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints, in_worlds
 from wsim.physics.solver.assembly import Assembly, Term
 from wsim.physics.solver.line_search import LineSearch
@@ -56,10 +57,7 @@ class Implicit(Method):
         self.line, self.residual = LineSearch(own), Residual(own, status, clock)
         self.behind = False                        # something is projected behind the last step
         self.present: Any = list                   # rows, with muscles as they are
-        self.adjoint: Any = None
-        if model.gradients:
-            from wsim.physics.solver.newton_adjoint import ImplicitAdjoint
-            self.adjoint = ImplicitAdjoint(self, self.every)
+        self.adjoint = beside(model, __name__, "ImplicitAdjoint", self, self.every)
         self.offer()
         what = [f"{b.size} {b.kind}" for b in own.tables.values()] + [f"{t.size} {t.name} {t.noun}" for t in own.solids]
         stage = Stage("newton", "solve", self.iterate, 8 + own.launches, own.bytes, "iteration", ", ".join(what) + own.why)

@@ -22,10 +22,11 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import newton_adjoint
 from wsim.model.tape import without
-from wsim.physics.contact.newton_adjoint import ContactsAdjoint, PinsAdjoint
+from wsim.physics.contact.active_set_adjoint import ContactsAdjoint
 from wsim.physics.motion.forces import ForceGather
 from wsim.physics.motion.forces_adjoint import Forces
 from wsim.physics.solver.gcr import Directions
+from wsim.physics.solver.soft_pin_adjoint import PinsAdjoint
 
 CLOSE = {"float32": 1e-5, "float64": 1e-13}     # forces left over those of inertia, |own (d - a)|
 AMONG = {"float32": 1e-5, "float64": 1e-15}     # among contacts, whose steps gain less: to where rounding ends it
