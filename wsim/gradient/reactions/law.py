@@ -112,7 +112,7 @@ class Contracted:
 
     def take(self) -> None:
         """From the derivatives by the lengths."""
-        self.muscles.hand(self.site, self.factor, 0)
+        self.site.adjoint.hand(self.muscles.launch, self.factor, 0)
         self.by = [a + b for a, b in zip(self.by, self.muscles.keyed(self.factor, [self.time]), strict=True)]
 
 

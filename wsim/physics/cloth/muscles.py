@@ -15,6 +15,7 @@ import warp as wp
 from wsim.kernels.cloth import muscle as kernels
 from wsim.model.model import Body, Model
 from wsim.model.stage import Clock, Method, Methods, Stage
+from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
 from wsim.scene import Problem, SceneError
 from wsim.scene.bodies import Springs
@@ -63,11 +64,7 @@ class _Site:
     def __init__(self, model: Model, length: wp.array, column: np.ndarray, groups: int):
         self.length, self.rest, self.size = length, wp.clone(length), max(length.size, groups)
         self.column = model.upload(column.astype(np.int32), int)
-        if model.gradients:
-            order = np.argsort(column, kind="stable")
-            first = np.searchsorted(column[order], np.arange(groups + 1))
-            self.item, self.first = model.upload(order.astype(np.int32), int), model.upload(first.astype(np.int32), int)
-            self.share = wp.zeros(groups * kernels.LANES, dtype=model.real, device=model.device)
+        self.adjoint = beside(model, __name__, "SiteAdjoint", self, model, column, groups)
 
 
 def build(b: Build) -> Muscles:
@@ -88,8 +85,6 @@ class Muscles(Method):
         self.watch: Any = None               # how long edges may become
         self.offers = {"muscles": self}
         self.contract = kernels.contract(model.real, model.module)
-        if model.gradients:
-            self.shares, self.release = kernels.shares(model.real, model.module), kernels.release(model.real, model.module)
         self.make(clock)
 
     def make(self, clock: Clock) -> None:
@@ -150,16 +145,11 @@ class Muscles(Method):
     def take(self, row: int) -> None:
         """From the derivatives by the lengths that `put` has left."""
         for s in self.sites:
-            self.hand(s, self.factor, row)
+            s.adjoint.hand(self.launch, self.factor, row)
 
     def shorten(self, s: _Site, factor: wp.array, row: int) -> None:
         """A table of springs gets the lengths of a row of factors."""
         self.launch(self.contract, s.length.size, [s.column, s.rest, factor, row], [s.length])
-
-    def hand(self, s: _Site, factor: wp.array, row: int) -> None:
-        """The adjoint of `shorten`."""
-        self.launch(self.shares, s.share.size, [s.first, s.item, s.rest, s.length.grad], [s.share])
-        self.launch(self.release, s.size, [s.column, factor, s.share, row], [s.length.grad, s.rest.grad, factor.grad])
 
     def launch(self, kernel, dim: int, inputs: list, outputs: list) -> None:
         """Not by the model, whose tape would give lengths in structs another version."""

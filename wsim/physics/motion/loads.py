@@ -15,6 +15,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion import load as kernels
 from wsim.model.model import Body, Model
 from wsim.model.stage import Clock, Method, Methods, Stage
+from wsim.model.vjp import beside
 from wsim.scene import Load, Problem, SceneError
 from wsim.scene.curve import Curve
 from wsim.scene.nodal_loads import nodal
@@ -66,9 +67,7 @@ class Loads(Method):
         self.gravity = points.constants.gravity
         self.tables(t)
         self.bear = kernels.bear(real, module)
-        if model.gradients:
-            self.shares, self.release = kernels.shares(real, module), kernels.release(real, module)
-            self.part = wp.zeros(len(self.borne) * kernels.LANES, dtype=t.vec3, device=model.device)
+        self.adjoint = beside(model, "wsim.physics.motion.points", "LoadsAdjoint", self)
         self.offers = {"loads": self}
         self.make(clock)
         if not points.integrator.explicit:               # which asks for rows by itself
@@ -108,19 +107,12 @@ class Loads(Method):
     def act(self, row: int) -> None:
         """Accelerations of a row, see `Clock.acting`."""
         if self.model.tape:
-            self.model.tape.put(self.name, lambda: self.put(row), lambda: self.take(row))
+            self.model.tape.put(self.name, lambda: self.put(row), lambda: self.adjoint.take(row))
         else:
             self.put(row)
 
     def put(self, row: int) -> None:
         self.launch(self.bear, len(self.point), [self.entries, self.own, self.value, row], [self.gravity])
-
-    def take(self, row: int) -> None:
-        """From the derivatives by what `put` has left."""
-        by = self.gravity.grad
-        self.launch(self.shares, self.part.size, [self.entries, by], [self.part])
-        self.launch(self.release, max(len(self.point), len(self.borne)), [self.entries, self.value, self.part, row],
-                    [by, self.own.grad, self.entries.w.grad, self.value.grad])
 
     def launch(self, kernel, dim: int, inputs: list, outputs: list) -> None:
         """Not by the model, whose tape would give gravity, which stands in structs, another version."""
