@@ -10,7 +10,8 @@ import warp as wp
 from wsim.gradient.rest_shape import RestShape, by_masses
 from wsim.gradient.tables import Parameters
 from wsim.physics.cloth.constraints import LEAST, SLACK, Constraints
-from wsim.scene import Problem, SceneError, Springs
+from wsim.scene import Springs
+from wsim.scene.values.coverage import refuse
 
 
 class ElementGradient:
@@ -34,7 +35,7 @@ class ElementGradient:
         """By the rest lengths of a spring net [1/m], (edges,), in the author's order."""
         body = self.model.body(path, world)
         if not isinstance(body.source, Springs):
-            raise SceneError(Problem(body.path, "is no spring net: it has no rest lengths of its own"))
+            raise refuse("lengths", body.path)
         found = [self.entries["rest"][part] for r, part in _parts(self.parameters.springs) if r.body is body]
         for batch in self.parameters.batches:
             rest = batch.lengths or batch.data.rest
@@ -49,20 +50,13 @@ class ElementGradient:
         found = [f(name, body) for f in (self.rows, self.flat, self.projected, self.solid)]
         parts = [each for some in found for each in some]
         if not parts:
-            raise SceneError(Problem(body.path, f"has no {name!r} with a derivative; there are {', '.join(self.names(body))}"))
+            raise refuse("material", body.path, name=name, names=", ".join(self.names(body)))
         every = np.concatenate(parts)
         return every if elements else float(every.sum())
 
     def names(self, body) -> list[str]:
         """What `material` knows of a body."""
-        p = self.parameters
-        rows = [r for r in (*p.springs, *(r for source in (*p.flat, *p.batches) for r in source.rows)) if r.body is body]
-        values = [part.values for t in p.tables for part in t.parts if part.body is body]
-        damped = any(r.tau > 0.0 for r in rows) or any(v["damping"].any() for v in values)
-        pressed = any(b is body for t in p.tables for b in getattr(t, "bodies", ()))
-        flows = any(part.body is body for t in p.tables if t.plastic for part in t.parts)
-        return sorted({name for d in (*(r.stiffness for r in rows), *values) for name in d} - {"damping"}
-                      | set(["damping"] * damped + ["pressure"] * pressed + ["yield_strain"] * flows))
+        return self.parameters.names(body)
 
     def rest_shape(self, path: str | None = None, world: int = 0) -> np.ndarray:
         """By where its points are at rest [1/m], (n, 3), by all that follows from it: lengths, angles, areas, volumes, and
@@ -202,10 +196,10 @@ def _by_stiffness(r: Constraints, name: str, kind: str, parts: np.ndarray) -> np
         return parts / (np.maximum(value, SLACK) if kind == "dihedral" else value)
     same = r.stiffness["weft"] <= 0.0
     if name == "weft" and same.any():
-        raise SceneError(Problem(r.body.path, "its weft is 0 and follows stretch: it has no derivative of its own"))
+        raise refuse("weft", r.body.path)
     clamped = r.stiffness["shear"] < LEAST * r.stiffness["stretch"]
     if name == "shear" and clamped.any():
-        raise SceneError(Problem(r.body.path, f"its shear is below {LEAST:g} of stretch, and taken as that: no derivative"))
+        raise refuse("shear", r.body.path, least=LEAST)
     powers = np.array({"shear": (0.0, 0.0, 1.0, 0.0), "weft": (0.0, 0.5, 0.0, 1.0), "stretch": (1.0, 0.5, 0.0, 0.0)}[name])
     if name == "stretch":
         powers = np.where(same[:, None], (1.0, 1.0, 0.0, 1.0), powers) + (0.0, 0.0, 1.0, 0.0) * clamped[:, None]

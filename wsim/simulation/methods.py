@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib import import_module
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from wsim.model.stage import Clock, Method, Methods
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import HARD, Constraints
-from wsim.scene import Problem, Scene, SceneError
+from wsim.scene import Scene
 from wsim.scene.methods import METHODS, Row
 from wsim.simulation.choice import Choice
 
@@ -41,9 +42,13 @@ class Build:
 
     @property
     def within(self) -> bool:
-        """Whether wind, contacts, soft pins or hard constraints act within a substep."""
-        return (any(self.reasons[name] for name in ("aero", "xpbd", "contact"))
+        """Whether wind, contacts, soft pins, hard constraints or what else pushes act within a substep."""
+        return (any(self.reasons[row.name] for row in METHODS if row.pushes)
                 or any(np.isfinite(p.stiffness) for p in self.scene.pins))
+
+    def carriers(self) -> dict[str, Any]:
+        """What contacts can push, by name, of the methods that are made (`Method.carriers`)."""
+        return {name: carrier for method in self.methods for name, carrier in method.carriers().items()}
 
     def kept(self, soft: bool) -> dict[str, list[Constraints]]:
         """The constraints that have a stiffness, or those that have none: XPBD holds the hard ones whatever solves for the
@@ -90,9 +95,9 @@ def needed(row: Row, b: Build) -> str:
 def built(row: Row, b: Build) -> Method | None:
     """Raises SceneError where gradients are asked for and the method has none."""
     if b.model.gradients and not row.gradients:
+        from wsim.scene.values.coverage import refuse
         path = b.scene.things(row.owns[0])[0].path if row.owns else "/"
-        raise SceneError(Problem(path, f"gradients do not go through {row.name}; leave out gradients=True, or take these "
-                                 "objects out of the scene"))
+        raise refuse("method", path, method=row.name)
     return (import_module(row.folder) if not row.owns else row.role("method")).build(b)
 
 

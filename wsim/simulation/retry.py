@@ -9,16 +9,13 @@ from typing import TYPE_CHECKING
 from wsim.scene import Problem, SceneError
 from wsim.scene.check import counts
 from wsim.scene.integrator import TABLE
+from wsim.scene.values.table import stiffens
 from wsim.simulation import plan as plans
 from wsim.simulation.duration import duration
 
 if TYPE_CHECKING:
     from wsim.model.state import Part, State
     from wsim.simulation.simulation import Simulation
-
-# live parameters that bound explicit steps
-STIFFENS = ("stretch", "shear", "weft", "bend", "damping", "stiffness", "air_drag", "young", "poisson", "density", "mass",
-            "rest_shape", "lengths")
 
 
 def begin(sim: Simulation) -> None:
@@ -104,7 +101,8 @@ def _switch(sim: Simulation) -> bool:
         sim.state.points.arrays[name].assign(values)
     for part in _others(sim.state):
         for f in part.kept:
-            part.arrays[f.name].assign(flowed[part.name, f.name])
+            if len(flowed[part.name, f.name]) == part.capacity:             # else a list that has grown: it begins anew
+                part.arrays[f.name].assign(flowed[part.name, f.name])
     for path, name, value, world in sim.changes:
         for method in sim.plan.methods:
             method.set(path, name, value, world)
@@ -127,7 +125,7 @@ def keep_stable(sim: Simulation, name: str) -> None:
     stable, clock = sim.plan.find("least"), sim.plan.clock
     if stable and name == "motion":
         sim.graph = None                                  # it knows one target a frame, or one a substep
-    if stable is None or name not in STIFFENS:
+    if stable is None or not stiffens(name):
         return
     least = stable()
     counts.refuse(f"substeps a frame, which {name} of that size wants of {sim.plan.integrator},", least,

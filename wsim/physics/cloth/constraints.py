@@ -257,7 +257,7 @@ def changed(model: Model, rows: list[Constraints], path: str, name: str, value, 
             damped: bool = True) -> list[Constraints]:
     """Gives constraints a live value, and returns those that have it: a stiffness of theirs, damping [s] where some are damped,
     or what a new rest shape or new lengths of their body make of them. Raises SceneError, before anything is changed, for a
-    Poisson's ratio or a strain limit that there cannot be."""
+    strain limit where there is none from the start."""
     mine = [r for r in rows if r.body is not None and r.body.path == path and world in (None, r.body.world)]
     if name in AT_REST:
         for r in mine:
@@ -267,8 +267,8 @@ def changed(model: Model, rows: list[Constraints], path: str, name: str, value, 
         for r in mine if damped else ():
             r.tau = float(value)
         return mine if damped else []
-    if mine and name in ("poisson", "strain_limit"):
-        _check(mine[0].body, name, np.asarray(value, np.float64).ravel())
+    if mine and name == "strain_limit":
+        _check(mine[0].body)
     mine = [r for r in mine if name in r.stiffness]
     for r in mine:
         r.stiffness = r.stiffness | {name: np.atleast_1d(np.asarray(value, np.float64))}
@@ -277,18 +277,13 @@ def changed(model: Model, rows: list[Constraints], path: str, name: str, value, 
     return mine
 
 
-def _check(body: Body | None, name: str, value: np.ndarray) -> None:
+def _check(body: Body | None) -> None:
     """Of a cloth, whose limits are there from the start or not at all."""
     if body is None or not isinstance(body.source, Cloth):
         return
-    if name == "strain_limit" and not isfinite(body.source.material.strain_limit):
+    if not isfinite(body.source.material.strain_limit):
         raise SceneError(Problem(body.path, "strain_limit is inf, so that no edge has a limit, and to give them one changes "
                                  "the constraints; give the scene a finite one and make another Simulation"))
-    good = (value > -1.0) & (value < 0.5) if name == "poisson" else np.isfinite(value) & (value >= 0.0)
-    if not good.all():
-        allowed = "> -1 and < 0.5" if name == "poisson" else ("a finite number >= 0 (inf takes the constraints away: that "
-                                                              "needs another Simulation)")
-        raise SceneError(Problem(body.path, f"{name} is {value[~good][0]:g}; allowed is {allowed}"))
 
 
 def renew(r: Constraints, pinned: np.ndarray) -> None:

@@ -26,6 +26,7 @@ from wsim.model.model import Model
 from wsim.physics.cloth.constraints import HARD
 from wsim.physics.motion.forces import ForceGather
 from wsim.scene import Problem, SceneError
+from wsim.scene.values.coverage import refuse
 from wsim.simulation.plan import Plan
 
 
@@ -77,8 +78,7 @@ class Reactions:
         self.plan, self.model = plan, plan.model
         for c in self.model.scene.cloths:
             if c.tethers or np.isfinite(c.material.strain_limit):
-                raise SceneError(Problem(c.path, "has tethers or a strain limit, which pull at pins without a law of force; "
-                                         "reactions are not to be had: leave them out"))
+                raise refuse("limits", c.path)
         pins = plan.find("pins")
         self.constants, self.held = plan.find("constants"), [HeldPoints.of(p) for group in pins.groups.values() for p in group]
         self.make()
