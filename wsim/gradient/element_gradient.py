@@ -9,7 +9,7 @@ import warp as wp
 
 from wsim.gradient.rest_shape import RestShape, by_masses
 from wsim.gradient.tables import Parameters
-from wsim.physics.cloth.constraints import LEAST, SLACK, Constraints
+from wsim.physics.cloth.constraints import Constraints
 from wsim.scene import Springs
 from wsim.scene.values.coverage import refuse
 
@@ -114,11 +114,7 @@ class ElementGradient:
         for e in self.parameters.flat:
             for r, part, damping in _having(name, body, e.rows):
                 by = self.of(e.data.tau if damping else e.data.stiffness)[part]
-                if name == "poisson":
-                    by = _by_poisson(r, by)
-                elif not damping:
-                    by = by / r.shape if e.kind != "membrane" else _by_stiffness(r, name, e.kind, by * e.stiffness()[part])
-                found.append(by)
+                found.append(by if damping else r.row.by_stiffness(r, name, by, e.stiffness()[part]))
         return found
 
     def projected(self, name: str, body) -> list[np.ndarray]:
@@ -126,14 +122,11 @@ class ElementGradient:
         found = []
         for b in self.parameters.batches:
             for r, part, damping in _having(name, body, b.rows):
-                limit = name == "strain_limit"
-                by = self.by_rows(b, b.data.tau if damping else b.data.rest if limit else b.data.alpha)[part]
-                if limit:
-                    by = by * r.rest / (1.0 + r.stiffness[name])
-                elif name == "poisson":
-                    by = -by[:, 1] * r.shape / np.sqrt(np.prod(r.threads(), axis=0))
+                by = self.by_rows(b, b.data.tau if damping else b.data.rest if r.row.by_longest else b.data.alpha)[part]
+                if r.row.by_longest and not damping:
+                    by = r.row.by_longest(r, name, by)
                 elif not damping:
-                    by = _by_stiffness(r, name, b.kind, -by * b.values()[0][part])
+                    by = r.row.by_compliance(r, name, by, b.values()[0][part])
                 found.append(by)
         return found
 
@@ -185,30 +178,3 @@ def _having(name: str, body, rows: list[Constraints]) -> Iterator[tuple[Constrai
         damping = name == "damping" and r.tau > 0.0
         if r.body is body and (damping or name in r.stiffness):
             yield r, part, damping
-
-
-def _by_stiffness(r: Constraints, name: str, kind: str, parts: np.ndarray) -> np.ndarray:
-    """Of each element by one of its stiffnesses, from those by the logarithms of its table. That of a membrane is (uu, uv,
-    shear, vv); uu is in proportion to stretch, vv to weft, uv to the root of both; a weft of 0 stands for stretch."""
-    value = r.stiffness[name]
-    assert r.body is not None
-    if kind != "membrane":
-        return parts / (np.maximum(value, SLACK) if kind == "dihedral" else value)
-    same = r.stiffness["weft"] <= 0.0
-    if name == "weft" and same.any():
-        raise refuse("weft", r.body.path)
-    clamped = r.stiffness["shear"] < LEAST * r.stiffness["stretch"]
-    if name == "shear" and clamped.any():
-        raise refuse("shear", r.body.path, least=LEAST)
-    powers = np.array({"shear": (0.0, 0.0, 1.0, 0.0), "weft": (0.0, 0.5, 0.0, 1.0), "stretch": (1.0, 0.5, 0.0, 0.0)}[name])
-    if name == "stretch":
-        powers = np.where(same[:, None], (1.0, 1.0, 0.0, 1.0), powers) + (0.0, 0.0, 1.0, 0.0) * clamped[:, None]
-    return (parts * powers).sum(axis=1) / value
-
-
-def _by_poisson(r: Constraints, by: np.ndarray) -> np.ndarray:
-    """Of each triangle, from those by its stiffness: uu, uv, vv are (s, nu sqrt(s t), t) / (shape (1 - nu^2)), s and t those of
-    warp and weft. Where nu is 0 uv has no logarithm."""
-    nu, (warp, weft) = r.stiffness["poisson"], r.threads()
-    straight, across = by[:, 0] * warp + by[:, 3] * weft, by[:, 1] * np.sqrt(warp * weft)
-    return (2.0 * nu * straight + (1.0 + nu**2) * across) / (r.shape * (1.0 - nu**2)**2)

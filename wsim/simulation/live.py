@@ -15,7 +15,6 @@ import numpy as np
 from wsim.model.midnodes import places, spread
 from wsim.model.model import Body, edge_lengths
 from wsim.model.separate import apart
-from wsim.physics.cloth.constraints import HARD
 from wsim.scene import Motion, Problem, SceneError, Soft
 from wsim.scene.check import objects
 from wsim.scene.methods import named, things
@@ -84,7 +83,7 @@ def _remembered(sim: Simulation) -> Callable[[], None]:
     points, send = sim.plan.find("points"), sim.plan.find("send")
     if send is None:
         return lambda: None
-    rows = [r for r in sim.plan.methods.every("rows") if r.kind not in HARD]
+    rows = [r for r in sim.plan.methods.every("rows") if not r.hard]
     kept = [(thing, {name: getattr(thing, name) for name in names}) for owners, names in (
         (sim.model.bodies, ("masses", "rest", "source")), (rows, ("stiffness", "tau", "rest", "shape")))
         for thing in owners]

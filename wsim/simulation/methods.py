@@ -14,7 +14,7 @@ from wsim.model.model import Model
 from wsim.model.stage import Clock, Method, Methods
 from wsim.model.state import State
 from wsim.model.status import Status
-from wsim.physics.cloth.constraints import HARD, Constraints
+from wsim.physics.cloth.constraints import Constraints
 from wsim.scene import Scene
 from wsim.scene.methods import METHODS, Row
 from wsim.simulation.choice import Choice
@@ -22,14 +22,10 @@ from wsim.simulation.choice import Choice
 
 @dataclass
 class Build:
-    """What methods are made of: the tables of a scene, what it chose, and the methods that stand before in the table.
-
-    constraints    of each body of world 0, by path
-    """
+    """What methods are made of: the tables of a scene, what it chose, and the methods that stand before in the table."""
 
     model: Model
     choice: Choice
-    constraints: dict[str, list[Constraints]]
     state: State
     status: Status
     clock: Clock
@@ -50,10 +46,10 @@ class Build:
         """What contacts can push, by name, of the methods that are made (`Method.carriers`)."""
         return {name: carrier for method in self.methods for name, carrier in method.carriers().items()}
 
-    def kept(self, soft: bool) -> dict[str, list[Constraints]]:
+    def kept(self, soft: bool) -> list[Constraints]:
         """The constraints that have a stiffness, or those that have none: XPBD holds the hard ones whatever solves for the
         forces."""
-        return {path: [r for r in found if (r.kind not in HARD) == soft] for path, found in self.constraints.items()}
+        return [r for r in self.model.constraints if r.hard != soft]
 
 
 def _solver(name: str) -> Callable[[Build], str]:
@@ -61,7 +57,7 @@ def _solver(name: str) -> Callable[[Build], str]:
 
 
 def _xpbd(b: Build) -> str:
-    hard = any(r.kind in HARD for found in b.constraints.values() for r in found)
+    hard = any(r.hard for r in b.model.constraints)
     return b.choice.why if b.choice.solver == "xpbd" else "tethers or strain limits" if hard else ""
 
 
@@ -112,6 +108,9 @@ PARTS: list[tuple[str, str, Callable[[Build], bool]]] = [
 ]
 
 
+TOLD = {"tether", "membrane", "distance", "dihedral", "limit"}          # kinds that the lines below tell of
+
+
 def signature(b: Build) -> list:
     """What of a scene decides which kernels it needs: scenes that agree in it share a Warp module."""
     scene, inf = b.scene, float("inf")
@@ -128,4 +127,4 @@ def signature(b: Build) -> list:
             sorted({isfinite(p.stiffness) for p in scene.pins}),
             *("bounce" for c in scene.colliders[:1] if any(k.restitution > 0.0 for k in scene.colliders)),
             *("muscles" for s in scene.springs[:1] if any(n.actuation for n in scene.springs)),
-            *("loads" for _ in scene.loads[:1])]
+            *("loads" for _ in scene.loads[:1]), *sorted({r.kind for r in b.model.constraints} - TOLD)]

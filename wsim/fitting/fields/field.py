@@ -27,7 +27,7 @@ from wsim.fitting.fields.prior import Belief, faces, neighbours
 from wsim.fitting.least_squares.bounds import LARGE, Map
 from wsim.gradient.gradient import Gradient
 from wsim.model.model import edge_lengths
-from wsim.physics.cloth.constraints import AT_REST, rows_of
+from wsim.physics.cloth.constraints import AT_REST, of_body
 from wsim.physics.cloth.rest_shape import rest_shape, written
 from wsim.scene import Cloth, Collider, Load, Motion, Pin, Problem, Scene, SceneError, Soft, Springs
 from wsim.scene.curve import Curve
@@ -114,7 +114,7 @@ class ParameterField:
 
     def rows(self, sim: Simulation) -> tuple[np.ndarray, np.ndarray]:
         """Places of the points of each spring, edge or hinge, and their stiffness."""
-        found = [r for r in rows_of(sim.model.body(self.path)) if self.kind.name in r.stiffness]
+        found = [r for r in of_body(sim.model, sim.model.body(self.path)) if self.kind.name in r.stiffness]
         if len(found) != 1 or not np.all(found[0].stiffness[self.kind.name] > 0.0):
             raise SceneError(Problem(self.path, f"has no {self.kind.noun} with a {self.kind.name} of their own > 0; give it "
                                      "one, or leave it out"))

@@ -10,16 +10,16 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.cloth import hessian
+from wsim.kernels.cloth.constraint import DISTANCE
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import newton
 from wsim.model.model import Model
 from wsim.model.stage import Clock
 from wsim.model.state import State
 from wsim.physics.cloth.constraints import Constraints, changed
-from wsim.physics.cloth.table import Table, bending_of
+from wsim.physics.cloth.kind import CORNERS, SHEET, SPRINGS
+from wsim.physics.cloth.table import Table, bending_of, tables_of
 from wsim.physics.solver import linear
-
-KINDS = ("distance", "dihedral", "membrane")
 
 
 class Term:
@@ -61,37 +61,37 @@ class Assembly:
     def __init__(self, model: Model, state: State, points, every: list[Constraints], h: float):
         """every: springs, hinges and triangles, of all worlds; h: a substep [s]."""
         self.model, self.state, self.points = model, state, points
-        self.tables = {kind: Table(kind, [r for r in every if r.kind == kind], model)
-                       for kind in KINDS if any(r.kind == kind for r in every)}
+        self.tables = tables_of(model, every)
         self.solids: list = []
         if model.scene.softs:
-            from wsim.physics.soft.fem import tables_of
-            self.solids = tables_of(model)
+            from wsim.physics.soft import fem
+            self.solids = fem.tables_of(model)
             state.add(*(table.kept for table in self.solids if table.kept))
-        self.springs = "distance" in self.tables
-        self.elements = bool(self.solids or self.tables.keys() - {"distance"})
-        self.bending = bending_of(model, self.tables.get("dihedral"))
+        self.springs = bool(self.of(SPRINGS))
+        self.elements = bool(self.solids or self.of(SHEET) or self.of(CORNERS))
+        self.bending = bending_of(model, self.of(SHEET))
         coarse, self.why = coarse_space(model, h) if self.solids else ([], "")
-        self.system = linear.System(model, points.constants.w, self.ids("distance", 2), self.ids("dihedral", 4),
-                                    [self.ids("membrane", 3), *(s.ids for s in self.solids)], coarse,
+        self.system = linear.System(model, points.constants.w, self.ids(SPRINGS, 2), self.ids(SHEET, 4),
+                                    [table.ids for table in (*self.of(CORNERS), *self.solids)], coarse,
                                     self.bending.spans if self.bending else None)
         self.rows, self.A, self.v = self.system.rows, self.system.A, self.system.v
         self.work()
-        self.triangles = hessian.triangles(model.real, model.module) if "membrane" in self.tables else None
         self.assemble = newton.assemble(model.real, model.module, self.springs, self.elements)
         self.stressed = {s.name: s.kernels() for s in self.solids}
 
-    def ids(self, kind: str, corners: int) -> np.ndarray:
-        return self.tables[kind].ids if kind in self.tables else np.zeros((0, corners), np.int32)
+    def of(self, gather: str) -> list[Table]:
+        return [table for table in self.tables.values() if table.row.gather == gather]
+
+    def ids(self, gather: str, corners: int) -> np.ndarray:
+        return next((table.ids for table in self.of(gather)), np.zeros((0, corners), np.int32))
 
     def work(self) -> None:
         """Vectors over points, and forces and blocks of elements."""
         model, t, over = self.model, types(self.model.real), self.system.zeros
         self.b, self.f = (over(model.points, t.vec3) for _ in range(2))
         self.element = hessian.elements_of(model.real)()
-        hinges, triangles = len(self.ids("dihedral", 4)), len(self.ids("membrane", 3))
-        force, block = 4 * hinges + 3 * triangles, 3 * triangles
-        for table in self.solids:
+        force, block = self.ids(SHEET, 4).size, 0
+        for table in (*self.of(CORNERS), *self.solids):
             table.place(force, block)
             corners = table.ids.shape[1]
             force, block = force + corners * table.size, block + corners * (corners - 1) // 2 * table.size
@@ -109,12 +109,11 @@ class Assembly:
         s, a, launch = self.state, self.points.anchor, self.model.launch
         if self.bending:
             self.bending.linearise(s.x, s.d, a, rate, self.element)
-        if self.triangles:
-            triangles, offset = self.tables["membrane"], 4 * len(self.ids("dihedral", 4))
-            launch(self.triangles, triangles.size, [triangles.data, s.x, s.d, a, rate, offset], [self.element])
+        for elements in self.of(CORNERS):
+            elements.linearise(s.x, s.d, a, rate, self.element)
         for table in self.solids:
             launch(self.stressed[table.name][0], table.size, [table.data, s.x, s.d, a, table.q, rate], [table.q, self.element])
-        springs = self.tables["distance"].data if self.springs else hessian.batch_of("distance", self.model.real)()
+        springs = self.of(SPRINGS)[0].data if self.springs else hessian.batch_of(DISTANCE, self.model.real)()
         launch(self.assemble, self.model.points, [self.rows, springs, self.element, self.points.at(d=s.d, a=a), self.b, rate],
                [self.f, self.A])
 
@@ -124,22 +123,21 @@ class Assembly:
 
     def spring_tables(self) -> list:
         from wsim.physics.cloth.springs import SpringTable
-        table = self.tables["distance"]
+        table = self.of(SPRINGS)[0]
         return [SpringTable(table.rows, table.data.rest, np.arange(table.size), table.given)]
 
     def set(self, path: str, name: str, value, world: int | None, own: Sequence = ()) -> bool:
         """A live parameter of a body; own: further tables that have it."""
         hit = any([t.set(path, name, value, world) for t in (*self.solids, *own)])
         for table in self.tables.values():
-            if changed(self.model, table.rows, path, name, value, world):
-                table.stale = hit = True
+            hit = bool(changed(self.model, table.rows, path, name, value, world)) or hit
             table.refresh()
         return hit
 
     @property
     def launches(self) -> int:
         """Of an assembly and a line search, of what stands in tables."""
-        return 2 * len(self.tables) + 3 * len(self.solids) + 6 * bool(self.bending) + bool(self.triangles)
+        return 2 * len(self.tables) + 3 * len(self.solids) + 6 * bool(self.bending) + len(self.of(CORNERS))
 
     @property
     def bytes(self) -> int:

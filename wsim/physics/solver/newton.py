@@ -25,7 +25,7 @@ from wsim.model.stage import MISSED, Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, State
 from wsim.model.status import Status
 from wsim.model.vjp import beside
-from wsim.physics.cloth.constraints import Constraints, in_worlds
+from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.solver.assembly import Assembly, Term
 from wsim.physics.solver.line_search import LineSearch
 from wsim.physics.solver.residual import Residual
@@ -46,10 +46,10 @@ def build(b: Build) -> Implicit:
 class Implicit(Method):
     """Stage newton. `terms` is the port where others enter a Newton step."""
 
-    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: dict[str, list[Constraints]]):
-        """rows: soft constraints of each body of world 0, by path."""
+    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: list[Constraints]):
+        """rows: soft constraints of all bodies."""
         super().__init__("implicit")
-        self.model, self.state, self.every, self.terms = model, state, in_worlds(model, rows), list[Term]()
+        self.model, self.state, self.every, self.terms = model, state, rows, list[Term]()
         self.assembly = own = Assembly(model, state, points, self.every, clock.h)
         self.c = own.system.zeros(model.points, types(model.real).vec3)
         state.points.take(Field("c", "m", True, "what forces changed in the substep before (Newton's method)"), self.c)
@@ -162,7 +162,7 @@ class Implicit(Method):
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]; residual of the frame's last Newton step (kernels/solver/line_search.py, `left`), largest of all
         bodies; pcg_iterations of the last substep, largest of all bodies."""
-        from wsim.physics.cloth.energy import energy
+        from wsim.physics.cloth.table import energy
         solids = self.assembly.solids
         solid = solids[0].indicators(solids, self.state) if solids else {}
         stored = energy(self.model, self.present(self.every), self.state) + solid.get("solid_energy", 0.0)

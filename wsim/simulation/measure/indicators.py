@@ -17,7 +17,6 @@ import numpy as np
 import warp as wp
 
 from wsim.model.model import Body, edge_lengths
-from wsim.physics.cloth.constraints import HARD
 from wsim.scene import Pin
 from wsim.simulation.plan import Plan
 
@@ -163,7 +162,7 @@ def rows(plan: Plan) -> tuple[int, int]:
     """Springs, triangles, hinges, limits, tets of all methods; and how many are worked on in a substep: once each in a sweep, a
     Newton step, an evaluation of the forces."""
     clock, integrator, found = plan.clock, plan.choice.integrator, plan.methods.every("rows")
-    hard, soft = (sum(len(r.ids) for r in found if (r.kind in HARD) == which) for which in (True, False))
+    hard, soft = (sum(len(r.ids) for r in found if r.hard == which) for which in (True, False))
     soft += sum(table.size for table in plan.solids)
     return hard + soft, hard * clock.iterations + soft * (integrator.forces if integrator.explicit else clock.iterations)
 
