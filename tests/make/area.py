@@ -2,7 +2,7 @@
 
     C = |X1 x X2| / 2 - A0 [m^2],   G_1 = X2 x n / 2,   G_2 = n x X1 / 2,   n the unit normal;   energy k C^2 / 2, k [N/m^3]
 
-All else is derived (`wsim.physics.cloth.kind`).
+All else is derived (`wsim.physics.cloth.kind`). `VALUE` is its stiffness in the table of values, by which it is set and fitted.
 """
 
 from dataclasses import dataclass
@@ -18,6 +18,7 @@ from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.kind import Kind, Row
 from wsim.scene import Cloth
 from wsim.scene.fabric import Fabric
+from wsim.scene.values.value import Fit, Range, Value
 
 
 @dataclass(frozen=True)
@@ -43,4 +44,5 @@ def areas(body: Body, pinned: np.ndarray) -> list[Constraints]:
 
 
 KIND = Kind(Constraint("area", area, 3, 1, "m^2", "m^3/N"), areas)
+VALUE = Value("Cloth", "area", "N/m^3", Range(strict=True), varies=True, stiffens=True, fit=Fit("log"), gradient="material")
 ROW = Row("tests.make.area", lambda source: getattr(getattr(source, "material", None), "area", 0.0) > 0.0)

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from tests.gradient.test_gradients import Run
-from tests.make.area import KIND, ROW, Film
+from tests.make.area import KIND, ROW, VALUE, Film
 from wsim.geometry import topology
 from wsim.kernels.cloth import general
 from wsim.kernels.cloth.hessian import elements_of
@@ -16,6 +16,7 @@ from wsim.kernels.cloth.terms import batch_of
 from wsim.physics.cloth import constraints, kind
 from wsim.physics.motion import frequency
 from wsim.scene import Cloth, Pin, Scene, shapes
+from wsim.scene.values import table
 from wsim.simulation.simulation import Simulation
 
 DOUBLE = {"device": "cpu", "precision": "float64"}
@@ -28,6 +29,7 @@ LEAPT = {"solver": "explicit", "integrator": "leapfrog", "substeps": 100}
 @pytest.fixture(autouse=True)
 def row(monkeypatch):
     monkeypatch.setitem(kind.TABLE, "area", ROW)
+    monkeypatch.setattr(table, "VALUES", [*table.VALUES, VALUE])
 
 
 def film(damping: float = 0.0, area: float = AREA, **more) -> Scene:
@@ -239,8 +241,8 @@ def test_a_solve_its_adjoint_and_the_energy_read_one_table():
     sim = Simulation(film(1e-4, **SOLVED), gradients=True, **DOUBLE)
     implicit = sim.plan.method("implicit")
     (elements,) = implicit.adjoint.pull.elements
-    table = implicit.tables["area"]
-    assert table is elements.table is sim.model.tables["area"]
-    assert all(getattr(table.data, name).ptr == getattr(elements.data, name).ptr for name in ("point", "rest", "tau"))
+    own = implicit.tables["area"]
+    assert own is elements.table is sim.model.tables["area"]
+    assert all(getattr(own.data, name).ptr == getattr(elements.data, name).ptr for name in ("point", "rest", "tau"))
     sim.set("/cloth", "area", 2.0 * AREA)
-    assert np.all(table.data.alpha.numpy() == 0.5 / AREA) and np.all(elements.data.stiffness.numpy() == 2.0 * AREA)
+    assert np.all(own.data.alpha.numpy() == 0.5 / AREA) and np.all(elements.data.stiffness.numpy() == 2.0 * AREA)
