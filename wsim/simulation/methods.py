@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from wsim.model.model import Model
-from wsim.model.stage import Clock, Method
+from wsim.model.stage import Clock, Method, Methods
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import Constraints
@@ -30,7 +30,7 @@ class Build:
     status: Status
     clock: Clock
     reasons: dict[str, str] = field(default_factory=dict)
-    methods: dict[str, Any] = field(default_factory=dict)
+    methods: Methods = field(default_factory=Methods)
 
     @property
     def scene(self) -> Scene:
@@ -44,7 +44,7 @@ class Build:
 
     def carriers(self) -> dict[str, Any]:
         """What contacts can push, by name, of the methods that are made (`Method.carriers`)."""
-        return {name: carrier for method in self.methods.values() for name, carrier in method.carriers().items()}
+        return {name: carrier for method in self.methods for name, carrier in method.carriers().items()}
 
     def kept(self, soft: bool) -> list[Constraints]:
         """The constraints that have a stiffness, or those that have none: XPBD holds the hard ones whatever solves for the
@@ -99,7 +99,7 @@ def built(row: Row, b: Build) -> Method | None:
 
 # what is no method of its own, and why it is left out where it is
 PARTS: list[tuple[str, str, Callable[[Build], bool]]] = [
-    ("history", "backward Euler needs no earlier step", lambda b: b.clock.multistep),
+    ("history", "backward Euler needs no earlier step", lambda b: b.clock.integrator.memory > 0.0),
     ("fem", "there is no soft body", lambda b: bool(b.scene.softs)),
     ("rigid", "there is no rigid body", lambda b: False),
     ("fluid", "there is no fluid", lambda b: False),

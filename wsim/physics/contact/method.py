@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, State
+from wsim.model.vjp import beside
 from wsim.physics.contact.contacts import Bodies, Contacts
 from wsim.scene import Motion, Problem, SceneError
 from wsim.scene.check import chord
@@ -32,7 +33,7 @@ def build(b: Build) -> Contact:
     if b.scene.contact_width > 0.0 and b.choice.solver == "implicit":
         raise SceneError(Problem("/", f"contact_width is {b.scene.contact_width:g} m, and Newton's method has hard contacts; "
                                  "set it to 0, or wsim:solver = explicit or xpbd"))
-    return Contact(b.model, b.state, b.methods["points"], b.status, b.clock)
+    return Contact(b.model, b.state, b.methods.find("points"), b.status, b.clock)
 
 
 class Contact(Method):
@@ -60,10 +61,7 @@ class Contact(Method):
                                  substeps=clock.substeps, dt=clock.dt, struck=points.struck)
         self.contacts.launch = model.launch
         self.contacts.smooth(model.scene, points.integrator.explicit)
-        if model.gradients:
-            from wsim.physics.contact.adjoint import ContactAdjoint
-            self.contacts.grow(self.contacts.rows.most)              # lists do not grow while they are recorded
-            self.contacts.adjoint = ContactAdjoint(self.contacts, model)
+        self.contacts.adjoint = beside(model, Contacts.__module__, "ContactAdjoint", self.contacts, model)
         state.points.take(Field("mark", "", True, "whether a point touched or was inside", "int"), self.contacts.mark)
         self.status = status
         status.reserve(ROOM)
@@ -80,6 +78,7 @@ class Contact(Method):
             from wsim.physics.contact.restitution import Bounce
             self.bounce = Bounce(model, state, points, self.contacts)
             self.stages += self.bounce.stages
+        self.offers = {"contact": self, "contacts": self.contacts} | ({"bounce": self.bounce} if self.bounce else {})
 
     def kept(self) -> list[dict]:
         """Distances [m] that colliders keep from the bodies of world 0, besides half of their thickness, where the scene leaves
@@ -104,21 +103,26 @@ class Contact(Method):
 
     def settle(self, clock: Clock) -> None:
         s = self.state
-        if clock.multistep:
+        if clock.integrator.memory:
             self.contacts.settle(clock.g, s.e, s.d, self.anchor, s.v)
 
     def before_frame(self, time: float, clock: Clock) -> None:
         self.contacts.prepare(time, substeps=clock.substeps, deep=True if clock.starting or self.model.gradients else None)
 
-    def meet(self, others: dict[str, Method]) -> None:
+    def meet(self, others: Methods) -> None:
         self.contacts.tell(self.status.word(ROOM))
-        explicit: Any = others.get("explicit")
-        if self.bounce and explicit:
-            self.bounce.join(explicit)
-
-    def give_way(self, press: Callable[[Clock], None] | None) -> None:
-        """Newton steps hold contacts themselves; press: behind what moves points after them, if something does."""
-        self.within, self.press = True, press
+        if self.bounce:
+            self.bounce.meet(others)
+        terms, adjoint, behind = others.find("terms"), others.find("adjoint"), bool(others.every("batches"))
+        if terms is None:
+            return
+        from wsim.physics.contact.active_set import ActiveSet  # Newton steps hold contacts themselves
+        active = ActiveSet(others.find("assembly"), self.contacts)
+        terms.append(active)
+        self.within, self.press = True, active.press if behind else None
+        if adjoint:
+            self.solved, self.after = True, behind
+            adjoint.enter("contacts", self.contacts, behind)
 
     def carriers(self) -> dict[str, Any]:
         from wsim.physics.carrier.carriers import KinematicCarrier
