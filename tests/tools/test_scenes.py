@@ -229,8 +229,8 @@ def test_the_cube_on_the_trampoline_bounces_and_loses_nothing():
 
 
 def test_the_bunny_tumbles_off_the_step_in_one_piece():
-    """It hits the step after 0.2 s, bounces, and is down at its side after 2 s; nothing is stretched to twice its length, and the
-    skin that is seen is in the cage, whose filled part is the volume of the mesh (0.8758 at scale 1)."""
+    """It hits the step after 0.2 s, bounces, and is down at its side after 2 s; nothing is stretched to twice its length, and
+    the skin that is seen is in the cage, whose filled part is the volume of the mesh (0.8758 at scale 1)."""
     scene, soft, start, end = after("bunny", 48)
     (skin,) = soft.skins
     assert len(skin.points) == 6102

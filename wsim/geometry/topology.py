@@ -235,3 +235,8 @@ def places(triangles: np.ndarray, corners: np.ndarray) -> np.ndarray:
     keys = key(triangles)
     order = np.argsort(keys)
     return order[np.searchsorted(keys[order], key(corners))]
+
+
+def beside(triangles: np.ndarray, hinges: np.ndarray) -> np.ndarray:
+    """Rows in `triangles` of the two triangles of each hinge (m, 4), (2, m)."""
+    return np.stack([places(triangles, hinges[:, [0, 1, k]]) for k in (2, 3)])

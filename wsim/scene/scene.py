@@ -17,45 +17,10 @@ import numpy as np
 
 from wsim.scene.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, array, reals, single
 from wsim.scene.curve import Curve, Motion
+from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Sphere
 
 __all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylinder", "Load", "Motion", "Pin", "Plane",
            "Problem", "Scene", "SceneError", "Shape", "Skin", "Soft", "Sphere", "Springs", "Surface", "Tie", "Varying"]
-
-
-@dataclass(frozen=True)
-class Plane:
-    """Half space z <= 0 of the own frame is solid."""
-
-
-@dataclass(frozen=True)
-class Sphere:
-    radius: float                            # [m]
-
-
-@dataclass(frozen=True)
-class Box:
-    half: tuple[float, float, float]         # half edges [m]
-
-
-@dataclass(frozen=True)
-class Capsule:
-    """Along own z; half_height [m] of the straight part."""
-    radius: float
-    half_height: float
-
-
-@dataclass(frozen=True)
-class Cylinder:
-    """Along own z."""
-    radius: float
-    half_height: float
-
-
-@dataclass(frozen=True)
-class Cone:
-    """Along own z, apex at +half_height, base of `radius` at -half_height."""
-    radius: float
-    half_height: float
 
 
 @dataclass(eq=False)
@@ -161,7 +126,7 @@ class Varying(Compared):
     them. A frame has the value at its middle (`wsim.simulation.varying`)."""
 
     path: str                                # of a body or collider; "/": the whole scene
-    name: str                                # gravity, wind, stretch, young ... (`wsim.scene.check.varying.LIVE`)
+    name: str                                # gravity, wind, stretch, young ... (`wsim.scene.values.table`)
     curve: Curve                             # values (keys, ...) [SI]
 
 
@@ -210,6 +175,13 @@ class Scene(Compared):
     def things(self, name: str) -> list:
         """What `add` was given of a class, by its name."""
         return self.others.get(name, [])
+
+    def exchanged(self, thing, new) -> "Scene":
+        """The scene with another object in the place of one; the given one stays as it is."""
+        lists: dict = {name: [new if each is thing else each for each in getattr(self, name)]
+                       for name in ("cloths", "springs", "softs", "colliders", "pins", "ties", "loads")}
+        others = {name: [new if each is thing else each for each in found] for name, found in self.others.items()}
+        return replace(self, **lists, others=others)
 
     def cloth(self, path: str, points, counts, indices, **more) -> Cloth:
         """Adds a cloth; see `Cloth` for the fields."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from wsim.geometry.tetra.tets import volumes
 from wsim.model.model import Body
-from wsim.physics.cloth.constraints import flat
+from wsim.physics.cloth.kinds.membrane import flat
 from wsim.scene import Cloth, Soft, Springs
 from wsim.scene.samples import Colour
 from wsim.scene.skin import Embedding, held

@@ -7,7 +7,8 @@
 The clips are cut from the finished layer of a run (`wsim.usd.result.partial`), so that a run that is killed leaves the same
 partial file as without them. The folder is written under a name of its own and renamed before the layer that names it is; an
 earlier result keeps its folder until then: the new one is out.clips2, and so on. Between frames USD interpolates from one clip
-to the next. Every root prim with samples has the clips of the whole stage, at its own path.
+to the next. Samples that name files (of volumes) stay in the layer, from which their paths are. Every root prim with samples
+has the clips of the whole stage, at its own path.
 """
 
 import os
@@ -32,7 +33,8 @@ def split(layer: Sdf.Layer, path: str) -> Sdf.Layer:
     """Writes the samples of a result layer, to lie at `path`, as clips beside it; returns the layer without them that names the
     clips. Raises OSError where the folder cannot be written; nothing of it stays then."""
     tidy(path)
-    codes = sampled(layer)
+    codes = {name: times for name, times in sampled(layer).items()
+             if layer.GetAttributeAtPath(name).typeName not in (Sdf.ValueTypeNames.Asset, Sdf.ValueTypeNames.AssetArray)}
     folder = _free(path)
     draft = os.path.join(os.path.dirname(path), f".{os.path.basename(path)}.{secrets.token_hex(4)}.{PART}")
     frames: dict[int, list[float]] = {}

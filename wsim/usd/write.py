@@ -12,8 +12,10 @@ from wsim.scene.check.scene import check
 from wsim.scene.fabric import Fabric
 from wsim.scene.methods import every
 from wsim.scene.solid import Bulk
+from wsim.scene.values import table
 from wsim.usd import names
 from wsim.usd.attributes import author
+from wsim.usd.names import HOLDERS
 from wsim.usd.prims.cloth import author_cloth_prim
 from wsim.usd.prims.colliders import author_collider, surface
 from wsim.usd.prims.fabric import bound, plane_stress
@@ -24,9 +26,6 @@ from wsim.usd.result.atomic import replacing
 from wsim.usd.result.crate import PARTIAL
 from wsim.usd.settings import author_settings, author_varying_gravity
 from wsim.usd.stage import SUFFIXES, Reading, Units, reason
-
-OWN = {(Soft, "pressure"), (Collider, "thickness"), (Springs, "stiffness"), (Springs, "damping")}    # of the prim itself
-MATERIALS = {Cloth: "Fabric", Soft: "Bulk", Springs: "Friction", Collider: "Friction"}
 
 
 def save(scene: Scene, path) -> None:
@@ -212,7 +211,7 @@ def _why(error: Exception, target: Path) -> str:
 
 def author_varying(stage: Usd.Stage, scene: Scene, settings: Usd.Prim, units: Units) -> None:
     """Samples at the keys of every curve; the prims and their materials are there."""
-    things = {thing.path: thing for thing in (*scene.bodies(), *scene.colliders)}
+    things = {thing.path: thing for thing in (*scene.bodies(), *scene.colliders, *(thing for _, thing in every(scene)))}
     for varying in scene.varying:
         times = varying.curve.times
         if varying.name == "stretch":                          # what is written follows Poisson's ratio too
@@ -233,11 +232,12 @@ def _poisson(scene: Scene, path: str) -> list[Varying]:
 
 def _of(reading: Reading, scene: Scene, thing, varying: Varying, value, time: float) -> None:
     prim, units, kind, name = reading.stage.GetPrimAtPath(thing.path), reading.units, type(thing), varying.name
-    if (kind, name) in OWN:
+    row = table.of(kind.__name__)[name]
+    if row.usd is None or row.usd.schema not in table.MATERIALS:
         author(prim, kind.__name__, name, value, units, time=units.code(time))
         return
     through = None
     if kind is Cloth and name == "stretch":
         nu = [float(v.curve.at(time)) for v in _poisson(scene, thing.path)]
         through = plane_stress(nu[0] if nu else thing.material.poisson)
-    author(bound(reading, prim), MATERIALS[kind], name, value, units, through, units.code(time))
+    author(bound(reading, prim), HOLDERS[kind.__name__], name, value, units, through, units.code(time))

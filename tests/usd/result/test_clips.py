@@ -10,6 +10,7 @@ from tests.make.validate import validate
 from tests.usd.result.test_recorder import CLOTH, author, world
 from wsim.cli import main
 from wsim.usd import clips
+from wsim.usd.result.kinds.beside import Beside
 from wsim.usd.result.recorder import Recorder
 from wsim.usd.result.restart import Result, copy_samples, load_restart
 
@@ -115,12 +116,12 @@ def test_a_run_goes_on_from_clips_with_their_samples(tmp_path):
     record(scene, tmp_path / "out.usdc")
     restart = load_restart(tmp_path / "out.usdc", scene)
     assert restart.frame == 2
-    stage = Usd.Stage.CreateInMemory()
+    stage, beside = Usd.Stage.CreateInMemory(), Beside(str(tmp_path / "next.usdc"))
     stage.DefinePrim(CLOTH, "Mesh")
-    assert copy_samples(restart, stage, scene) == [1.0, 2.0, 3.0]
+    assert copy_samples(restart, stage, scene, beside) == [1.0, 2.0, 3.0]
     os.remove(tmp_path / "out.clips/frame.0002.usdc")
     with pytest.raises(Exception, match="cannot be read any more"):
-        copy_samples(restart, stage, scene)
+        copy_samples(restart, stage, scene, beside)
 
 
 def test_the_command_writes_clips_and_takes_one_form_only(tmp_path, capsys):

@@ -20,10 +20,10 @@ from pxr import Usd, UsdUtils
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.skin import held
 from wsim.usd import clips
-from wsim.usd.prims.reactions import sample
+from wsim.usd.prims.reactions import forces_of
 from wsim.usd.result import provenance
 from wsim.usd.result.dependencies import overwritten
-from wsim.usd.result.others import Sample, taken
+from wsim.usd.result.kinds.rows import Sample, taken
 from wsim.usd.result.partial import Partial, check_output, partial_path
 from wsim.usd.result.restart import Restart, check_fields, copy_samples, is_frame, store
 from wsim.usd.result.samples import BodyOver, ColliderOver, body_prim
@@ -76,8 +76,7 @@ class Recorder:
         self.fields_code = 0.0
         self.made: str | None = None          # source written by this recorder
         self.result: str | None = None        # the finished file
-        self.kept: str | None = None          # the unfinished one that stays
-        self.clips = False                    # one file a frame beside the result, see `wsim.usd.clips`
+        self.kept, self.clips = None, False   # the unfinished one that stays; as `wsim.usd.clips` has it: a file a frame
         check_result(scene, self.path, continues.path if continues else None)
         self.file, self.closed = Partial(self.path), False
         try:
@@ -120,7 +119,7 @@ class Recorder:
         self.overs = {path: BodyOver(prim, velocities=velocities, normals=normals, notes=self.notes)
                       for path, (prim, _) in {**self.bodies, **followers}.items()}
         if self.continues:
-            self.codes += copy_samples(self.continues, self.stage, self.scene)
+            self.codes += copy_samples(self.continues, self.stage, self.scene, self.file.beside)
         self.colliders = {c.path: ColliderOver(self.stage, self._original, c, self.codes) for c in self.scene.colliders}
         layer.startTimeCode = self.scene.start
 
@@ -153,7 +152,7 @@ class Recorder:
         positions    {body path: (n, 3)} world [m], author's order      velocities   the same [m/s]
         poses        {collider path: (4, 4)} world [m]; written where they are not what the source says
         primvars     {body path: {name: (n,)}} [SI], author's order: see `wsim.usd.result.samples.PRIMVARS`
-        reactions    {pin path: (k, 3)} [N], world: see `wsim.usd.prims.reactions`; not of painted pins
+        reactions    {pin path: (k, 3)} [N], world: see `wsim.usd.prims.reactions`
         others       what else methods have, see `wsim.scene.samples`
         time_code    later than all before; any fraction (subframes), before the scene's start too (pre-roll). The first
                      one may repeat the last of the result that the run continues.
@@ -164,25 +163,21 @@ class Recorder:
         self._check(code, positions, velocities)
         whole = is_frame(code, self.scene, self.rate)
         fields = self._checked_fields() if whole else {}
-        samples = []
-        for path, over in self.overs.items():
-            samples += over.sample(code, self._of(path, positions), self._of(path, velocities) if velocities else None)
-        for path, values in (primvars or {}).items():
-            samples += self.overs[path].color(values)
-        held = {self.stage.GetPrimAtPath(path): values for path, values in (reactions or {}).items()}
-        samples += [sample(prim, values) for prim, values in held.items() if prim]
-        samples += [taken(self.stage, each) for each in others]
-        time = (code - self.scene.start) / self.rate
-        for path, pose in (poses or {}).items():
-            if path in self.colliders:
-                self.colliders[path].write(code, time, pose)
+        samples: list[tuple] = []
         try:
+            samples += self._samples(code, positions, velocities, primvars or {})
+            samples += forces_of(self.stage, reactions or {})
+            samples += [pair for each in others for pair in taken(self.stage, each, code, self.file.beside)]
+            for path in (poses or {}).keys() & self.colliders.keys():
+                self.colliders[path].write(code, (code - self.scene.start) / self.rate, (poses or {})[path])
             for attribute, value in samples:
                 attribute.Set(value, code)
         except BaseException:                  # Ctrl-C too: a sample is there whole or not at all
             for attribute, _ in samples:
                 attribute.ClearAtTime(code)
+            self.file.beside.undo()
             raise
+        self.file.beside.keep()
         self.bytes_since_fields += sum(12 * len(value) if hasattr(value, "__len__") else 8 for _, value in samples)
         if code not in self.codes[-1:]:
             self.codes.append(code)
@@ -191,6 +186,15 @@ class Recorder:
             self.fields, self.fields_code = fields, code
             if self.file.due():
                 self._save(self.bytes_since_fields >= FIELDS_SHARE * _bytes(self.fields))
+
+    def _samples(self, code: float, positions: Arrays, velocities: Arrays | None, primvars: Mapping[str, Arrays]) -> list:
+        """(attribute, value) of each sample of bodies and skins."""
+        found = []
+        for path, over in self.overs.items():
+            found += over.sample(code, self._of(path, positions), self._of(path, velocities) if velocities else None)
+        for path, values in primvars.items():
+            found += self.overs[path].color(values)
+        return found
 
     def _of(self, path: str, values: Arrays) -> np.ndarray:
         """Values of a body, or those that a skin has from its body."""
@@ -225,7 +229,7 @@ class Recorder:
     def _save(self, with_fields: bool) -> None:
         if with_fields:
             for path, fields in self.fields.items():
-                store(self.stage.GetPrimAtPath(path), self.fields_code, fields)
+                store(self.stage.GetPrimAtPath(path), self.fields_code, fields, None if self.flatten else self.file.beside)
             self.bytes_since_fields = 0
         layer = self.file.layer
         provenance.write(layer, self.scene, self.settings())
@@ -265,9 +269,7 @@ class Recorder:
         if interrupted:
             return
         flat = flattened(self.stage, os.path.dirname(self.path)) if self.flatten else None
-        if self.clips:
-            flat = clips.split(layer, self.path)
-        layer = None
+        flat, layer = clips.split(layer, self.path) if self.clips else flat, None
         self._let_go()
         self.file.finish(flat)
         self.result, self.kept = self.path, None
