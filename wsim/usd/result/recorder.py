@@ -70,13 +70,13 @@ class Recorder:
         self.restart_fields, self.continues, self.settings = restart_fields, continues, settings
         self.notes: list[Problem] = []
         self.codes: list[float] = []          # time codes written, this run's and those it continues
-        self.count = 0                        # appends of this run
+        self.count, self.fields_code = 0, 0.0             # appends of this run
+        self.clips = False                    # one file a frame, see `wsim.usd.clips`
         self.bytes_since_fields = math.inf    # of samples; the first save takes the fields along
         self.fields: Mapping[str, Arrays] = {}   # of the last whole frame
-        self.fields_code = 0.0
         self.made: str | None = None          # source written by this recorder
         self.result: str | None = None        # the finished file
-        self.kept, self.clips = None, False   # the unfinished one that stays; as `wsim.usd.clips` has it: a file a frame
+        self.kept: str | None = None          # the unfinished one that stays
         check_result(scene, self.path, continues.path if continues else None)
         self.file, self.closed = Partial(self.path), False
         try:
