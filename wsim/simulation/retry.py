@@ -20,6 +20,12 @@ STIFFENS = ("stretch", "shear", "weft", "bend", "damping", "stiffness", "air_dra
             "rest_shape", "lengths")
 
 
+def enter(sim: Simulation) -> None:
+    """A frame begins."""
+    for method in sim.plan.methods:
+        method.enter(sim.plan.clock)
+
+
 def begin(sim: Simulation) -> None:
     """The tables of the frame to come; what varies in time has its values of that frame."""
     if sim.scene.varying:
@@ -41,6 +47,10 @@ def mend(sim: Simulation) -> bool:
     if not said:
         return False
     kinds = {remedy.kind for remedy in said}
+    if "meet" in kinds:                                   # whatever else is wrong may come of that
+        sim.plan.clock.free = False
+        sim.forms["repeated"] += 1
+        return True
     if sim.plan.choice.solver == "explicit" and kinds & {"doubt", "refine"} and _switch(sim):
         return True
     for remedy in said:
@@ -52,6 +62,7 @@ def mend(sim: Simulation) -> bool:
             sim.warnings.append(f"frame {sim.frame + 1}: {grown}; the frame was repeated")
     if "give way" in kinds:
         _give_way(sim)
+    sim.graph = sim.graph if kinds == {"doubt"} else None
     return bool(kinds - {"doubt"})
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.stage import MET, Clock, Method, Remedy, Stage
 from wsim.model.state import Field, State
 from wsim.physics.contact.contacts import FRICTION, Bodies, Contacts
 from wsim.scene import Motion, Problem, SceneError
@@ -31,7 +31,11 @@ def build(b: Build) -> Contact:
     if b.scene.contact_width > 0.0 and b.choice.solver == "implicit":
         raise SceneError(Problem("/", f"contact_width is {b.scene.contact_width:g} m, and Newton's method has hard contacts; "
                                  "set it to 0, or wsim:solver = explicit or xpbd"))
-    return Contact(b.model, b.state, b.methods["points"], b.status, b.clock)
+    contact = Contact(b.model, b.state, b.methods["points"], b.status, b.clock)
+    if b.free:
+        from wsim.physics.contact.clearance import Clearance
+        contact.part(Clearance(contact, b.clock, getattr(b.methods.get("explicit"), "apart", False)))
+    return contact
 
 
 class Contact(Method):
@@ -74,11 +78,19 @@ class Contact(Method):
                        Stage("contacts", "solve", self.project, 1, n * 4, "iteration", "points that touch")]
         if points.struck is not None:
             self.stages.append(Stage("settle", "solve", self.settle, 1, n * 4, what="points that touch: no history"))
+        self.clearance: Any = None                       # `wsim.physics.contact.clearance.Clearance`
         self.bounce: Any = None
         if any(c.restitution > 0.0 for c in colliders):
             from wsim.physics.contact.restitution import Bounce
             self.bounce = Bounce(model, state, points, self.contacts)
             self.stages += self.bounce.stages
+
+    def part(self, clearance) -> None:
+        """Frames with contacts from those without."""
+        self.clearance = clearance
+        for stage in self.stages:
+            stage.frames = MET
+        self.stages += clearance.stages
 
     def kept(self) -> list[dict]:
         """Distances [m] that colliders keep from the bodies of world 0, besides half of their thickness, where the scene leaves
@@ -106,8 +118,15 @@ class Contact(Method):
         if clock.multistep:
             self.contacts.settle(clock.g, s.e, s.d, self.anchor, s.v)
 
+    def enter(self, clock: Clock) -> None:
+        if self.clearance:
+            self.clearance.enter(clock)
+
     def before_frame(self, time: float, clock: Clock) -> None:
-        self.contacts.prepare(time, substeps=clock.substeps, deep=True if clock.starting or self.model.gradients else None)
+        deep = True if clock.starting or self.model.gradients else None
+        placed = self.contacts.prepare(time, substeps=clock.substeps, deep=deep)
+        if placed and self.clearance:
+            self.clearance.moved()
 
     def meet(self, others: dict[str, Method]) -> None:
         self.contacts.tell(self.status.word(ROOM))
@@ -120,6 +139,8 @@ class Contact(Method):
         self.within, self.press = True, press
 
     def retry(self, status: Status) -> list[Remedy]:
+        if self.clearance and self.clearance.hear():
+            return [Remedy("meet")]
         wanted = int(status.said(ROOM)[0])
 
         def grow() -> str:
@@ -129,6 +150,8 @@ class Contact(Method):
 
     def resumed(self, time: float) -> None:
         self.contacts.time = time
+        if self.clearance:
+            self.clearance.said = None
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         return self.contacts.indicators(self.state.x) if self.contacts.time is not None else {}
