@@ -2,13 +2,14 @@
 contacts.
 
     x0   position where the frame begins [m]      T_k  pose of a collider at substep k, c_k its centre, R the radius about it
-    D    lower bound of the distance of x0 from the collider in T_0 [m]: from its bounding ball, of convex shapes the exact one
+    D    lower bound of the distance of x0 from the collider in T_0 [m]: of convex shapes the distance, of meshes that of the ball
     s    max_k |c_k - c_0|,  S = max_k |R_k - R_0|       w  max_k |c_(k+1) - c_k|,  W = max_k |R_(k+1) - R_k|
 
 A point of the collider moves by at most s + S L in the frame, L = R (of a plane, where all that counts is the turn of its
 normal about x, L = 2 |x0 - c_0| + s). In the collider's own frame a straight step of the point is straight up to what the
 collider moves meanwhile at the point's place, no more than V = w + W (2 |x0 - c_0| + s), as long as the point goes no further
-than D, which no clearance exceeds. So every place that a point, or its straight path, has in a frame, and that is no more than
+than D, which no clearance exceeds. |x0 - c_0| is taken a bit too long. So every place that a point, or its straight path, has
+in a frame, and that is no more than
 
     C = min over colliders (D - s - S L - 2 V - gap) - reach - 2 skin
 
@@ -86,44 +87,43 @@ def sweeps(real, module):
 
 
 @cache
-def room(kinds: tuple[str, ...], real):
-    """Function (c, points, m, k, i, x) -> C of point i at x, colliders as they are at substep k."""
-    t, Movements = types(real), movements(real)
-    Rows, Points = tables(real)
-    convex = tuple(kind for kind in kinds if kind in CONVEX)
-    shaped, formula = bool(convex), distance(convex)
+def away(kinds: tuple[str, ...], real):
+    """Function (T0, ball, way, kind, size, x) -> D - s - S L - 2 V of a point at x and a collider, less what is rounded."""
+    t, convex = types(real), tuple(kind for kind in kinds if kind in CONVEX)
+    shaped, meshed, formula = bool(convex), len(convex) < len(kinds), distance(convex)
 
     @wp.func
-    def room(c: Rows, points: Points, m: Movements, k: int, i: int, x: t.vec3):
-        least = real(FREE)
-        o = points.object[i]
-        for row in range(c.first[o], c.first[o + 1]):
-            T0 = c.pose[k, row]
-            ball = m.ball[row]
-            way = m.way[row]
-            away = wp.length(x - wp.transform_point(T0, t.vec3(ball[0], ball[1], ball[2])))
-            further = real(2.0) * away + way[0]
-            D = away - ball[3]
-            lever = ball[3]
-            if ball[3] < real(0.0):
-                D = real(-FREE)
-                lever = further
-            if shaped:
-                if c.kind[row] < SOLID:
-                    q = wp.quat_rotate_inv(wp.transform_get_rotation(T0), x - wp.transform_get_translation(T0))
-                    phi, n = formula(c.kind[row], c.size[row], q)
-                    D = wp.max(D, phi)
-            lost = way[0] + way[1] * lever + real(2.0) * (way[2] + way[3] * further)
-            least = wp.min(least, (D - lost) - (c.gap[row] + real(SLACK) * (away + wp.length(x))))
-        return least - (points.reach[i] + real(2.0) * c.skin)
+    def sum(a: t.vec3):
+        """No less than |a|, without a root."""
+        return wp.abs(a[0]) + wp.abs(a[1]) + wp.abs(a[2])
 
-    return room
+    @wp.func
+    def away(T0: t.transform, ball: t.vec4, way: t.vec4, kind: int, size: t.vec3, x: t.vec3):
+        p = wp.transform_get_translation(T0)
+        q = wp.quat_rotate_inv(wp.transform_get_rotation(T0), x - p)
+        apart = q - t.vec3(ball[0], ball[1], ball[2])
+        most = sum(apart)
+        further = real(2.0) * most + way[0]
+        D = real(-FREE)
+        if shaped:
+            if kind < SOLID:
+                D, n = formula(kind, size, q)
+        if meshed:
+            if kind >= SOLID:
+                D = wp.length(apart) - ball[3]
+        lever = ball[3]
+        if lever < real(0.0):
+            lever = further
+        lost = way[0] + way[1] * lever + real(2.0) * (way[2] + way[3] * further)
+        return (D - lost) - real(SLACK) * (most + sum(p))
+
+    return away
 
 
 @cache
 def clearance(kinds: tuple[str, ...], real, module):
     """Kernel over points, before a frame without contacts: the clearance, and no contacts in the slots."""
-    t, Movements, Slots, of = types(real), movements(real), slots(real), room(kinds, real)
+    t, Movements, Slots, of = types(real), movements(real), slots(real), away(kinds, real)
     Rows, Points = tables(real)
 
     def clearance(c: Rows, points: Points, m: Movements, x: wp.array(dtype=t.vec3), s: Slots,
@@ -131,10 +131,13 @@ def clearance(kinds: tuple[str, ...], real, module):
         i = wp.tid()
         found = real(FREE)
         if points.w[i] > real(0.0):
-            found = of(c, points, m, 0, i, x[i])
+            o = points.object[i]
+            for row in range(c.first[o], c.first[o + 1]):
+                D = of(c.pose[0, row], m.ball[row], m.way[row], c.kind[row], c.size[row], x[i])
+                found = wp.min(found, D - c.gap[row])
+            found -= points.reach[i] + real(2.0) * c.skin
         room_out[i] = found
         s.count[i] = 0
-        s.mark[i] = 0
         if struck_out:
             struck_out[i] = real(0.0)
 
@@ -160,7 +163,7 @@ def stray(real, module):
 def near(kinds: tuple[str, ...], real, module):
     """Kernel over points, after a frame with contacts: `met` becomes 1 where one touches, or its clearance is less than `ahead`
     [s] at its present speed; then it has a mark."""
-    t, Movements, Slots, of = types(real), movements(real), slots(real), room(kinds, real)
+    t, Movements, Slots, of = types(real), movements(real), slots(real), away(kinds, real)
     Rows, Points = tables(real)
 
     def near(c: Rows, points: Points, m: Movements, x: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), ahead: real,
@@ -168,9 +171,13 @@ def near(kinds: tuple[str, ...], real, module):
         i = wp.tid()
         mark = s.mark[i]
         if mark == 0 and points.w[i] > real(0.0):
-            if not ahead * wp.length(v[i]) <= of(c, points, m, c.ball.shape[0], i, x[i]):
-                mark = NEAR
-                s.mark[i] = mark
+            o = points.object[i]
+            need = ahead * wp.length(v[i]) + points.reach[i] + real(2.0) * c.skin
+            for row in range(c.first[o], c.first[o + 1]):
+                D = of(c.pose[c.ball.shape[0], row], m.ball[row], m.way[row], c.kind[row], c.size[row], x[i])
+                if not need + c.gap[row] <= D:
+                    mark = NEAR
+            s.mark[i] = mark
         if mark != 0:
             wp.atomic_max(met_out, 0, 1)
 

@@ -52,7 +52,7 @@ class Clearance:
         m.way = wp.zeros(len(rows.collider), dtype=t.vec4, device=model.device)
         self.moves, self.sweeps = m, kernels.sweeps(real, module)
         self.measure, self.near = kernels.clearance(kinds, real, module), kernels.near(kinds, real, module)
-        self.stray = kernels.stray(real, module)
+        self.stray = None if whole and not contact.points.integrator.stages else kernels.stray(real, module)
         k, width = state.points.names.index("x"), state.points.capacity
         self.start = state.points.aside[k * width:(k + 1) * width]             # positions where the frame began
         self.said: bool | None = None        # whether the frame tried last might meet something

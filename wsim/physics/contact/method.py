@@ -47,7 +47,7 @@ class Contact(Method):
         self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
         self.within = False                              # of a Newton step
         self.press: Callable[[Clock], None] | None = None        # behind what moves points after Newton steps
-        self.model, self.state, self.anchor = model, state, points.anchor
+        self.model, self.state, self.anchor, self.points = model, state, points.anchor, points
         colliders = model.scene.colliders
         own = points.constants.object
         if model.gradients:                              # there each point has a row of its own

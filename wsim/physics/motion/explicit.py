@@ -175,7 +175,7 @@ class Explicit(Method):
         m = self.integrator
         if m.stages:
             return self.stage_by_stage(clock, source)
-        half = len(m.steps) == 2 and clock.k == 0 and (clock.halved or clock.free or not self.steps)
+        half = len(m.steps) == 2 and clock.k == 0 and (clock.halved or not self.steps or bool(self.free) and clock.free)
         return self.kick(clock, 0.5 if half else 1.0, 1.0, source)
 
     def stage_by_stage(self, clock: Clock, source: int) -> int:
