@@ -57,9 +57,9 @@ def state(sim: Simulation) -> np.ndarray:
 
 # nothing near
 
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("shape", [Sphere(0.5), Plane(), Surface(*shapes.sphere(0.5, 8))])
-@pytest.mark.parametrize("form", WHOLE)
+@pytest.mark.parametrize(("form", "shape", "precision"), [
+    ("march", Sphere(0.5), "float32"), ("march", Surface(*shapes.sphere(0.5, 8)), "float64"), ("march", Plane(), "float64"),
+    ("leaps", Sphere(0.5), "float32"), ("leaps", Plane(), "float64"), ("stages", Plane(), "float64")])
 def test_a_far_collider_leaves_explicit_steps_their_bits(form, shape, precision):
     alone, far = (Simulation(sheet(s, **FORMS[form]), device="cpu", precision=precision) for s in (None, shape))
     for sim in (alone, far):
@@ -68,7 +68,7 @@ def test_a_far_collider_leaves_explicit_steps_their_bits(form, shape, precision)
     assert np.abs(far.positions()[:, 2]).max() > 0.1                           # it has moved
 
 
-@pytest.mark.parametrize("integrator", ["backward_euler", "bdf2", "implicit_midpoint"])
+@pytest.mark.parametrize("integrator", ["backward_euler", "bdf2"])
 @pytest.mark.parametrize("form", ["xpbd", "newton"])
 def test_implicit_steps_have_the_bits_of_contacts_that_find_nothing(form, integrator, held):
     scene = sheet(Sphere(0.5), integrator=integrator, **FORMS[form] | {"iterations": 8})
@@ -186,15 +186,17 @@ def passing(shape, there, middle, turn=0.0) -> tuple:
     return shape, Motion(np.array([0.2, 0.25, 0.3]), keys)
 
 
-@forms
-@pytest.mark.parametrize("by", [passing(Sphere(0.2), (0.0, 0.0, -3.0), (0.0, 0.0, -0.1)),
-                                passing(Surface(*shapes.sphere(0.2, 8)), (0.0, 0.0, -3.0), (0.0, 0.0, -0.1)),
-                                passing(Capsule(0.05, 2.0), (0.0, 2.0, -2.0), (0.0, 2.0, -2.0), np.pi / 4),
-                                passing(Plane(), (0.0, 0.0, -0.5), (0.0, 0.0, 0.2)),
-                                passing(Plane(), (0.0, 3.0, -1.0), (0.0, 3.0, -1.0), -0.4)],
-                         ids=["ball", "mesh", "swing", "floor", "tilt"])
+BALL = passing(Sphere(0.3), (0.0, 0.0, -3.0), (0.0, 0.0, -0.1))
+MESH = passing(Surface(*shapes.sphere(0.3, 8)), (0.0, 0.0, -3.0), (0.0, 0.0, -0.1))
+SWING = passing(Capsule(0.05, 3.0), (0.0, 2.0, -2.0), (0.0, 2.0, -2.0), np.pi / 4)
+FLOOR = passing(Plane(), (0.0, 0.0, -0.5), (0.0, 0.0, 0.2))
+TILT = passing(Plane(), (0.0, 3.0, -1.0), (0.0, 3.0, -1.0), -0.4)
+
+
+@pytest.mark.parametrize(("form", "by"), [("march", BALL), ("march", MESH), ("march", SWING), ("march", FLOOR), ("march", TILT),
+                                          ("leaps", FLOOR), ("stages", BALL), ("xpbd", SWING), ("newton", BALL)])
 def test_a_collider_that_comes_by_within_a_frame_is_met(form, by, held):
-    scene = sheet(by[0], motion=by[1], fps=10.0, gravity=(0.0, 0.0, 0.0), **FORMS[form] | {"substeps": 20})
+    scene = sheet(by[0], motion=by[1], fps=10.0, gravity=(0.0, 0.0, 0.0), **FORMS[form] | {"substeps": 50})
     sim, met, seen = Simulation(scene, **CPU), held(scene), []
     for _ in range(4):
         sim.step()
@@ -275,8 +277,7 @@ def test_one_world_that_meets_gives_all_of_them_contacts(held):
     assert np.abs(sim.positions(world=1) - met.positions(world=1)).max() < 1e-12
 
 
-@forms
-@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize(("form", "precision"), [("march", "float32"), *((form, "float64") for form in FORMS)])
 def test_a_restart_goes_on_to_the_bit_from_every_frame(form, precision):
     """Through frames without contacts, the first that has some, and later ones."""
     scene = sheet(Plane(), at=(0.0, 0.0, 0.0), height=0.1, pinned=False, **FORMS[form])
