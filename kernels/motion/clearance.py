@@ -2,7 +2,7 @@
 contacts.
 
     x0   position where the frame begins [m]      T_k  pose of a collider at substep k, c_k its centre, R the radius about it
-    D    lower bound of the distance of x0 from the collider in T_0 [m]: of convex shapes the distance, of meshes that of the ball
+    D    lower bound of the distance of x0 from the collider in T_0 [m]: of convex shapes the distance, of meshes the ball's
     s    max_k |c_k - c_0|,  S = max_k |R_k - R_0|       w  max_k |c_(k+1) - c_k|,  W = max_k |R_(k+1) - R_k|
 
 A point of the collider moves by at most s + S L in the frame, L = R (of a plane, where all that counts is the turn of its
@@ -32,13 +32,11 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.cloth.spring import net
 from wsim.kernels.contact.collide import CONVEX
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import slots, tables
 from wsim.kernels.contact.shape import distance
 from wsim.kernels.math.real import types
-from wsim.kernels.motion.explicit import leaper, phases, steps
 
 FREE = 1.0e30          # [m] of a point that has no contacts
 SLACK = 1.0e-5         # of distances, that clearances are smaller by: what poses and shapes a kilometre away are rounded by
@@ -199,6 +197,8 @@ def bounds(real):
 @cache
 def leap_bounded(real, module, flags: tuple, field=None):
     """Kernel: as `leap` of kernels/motion/explicit.py, and whether the displacement is within the clearance."""
+    from wsim.kernels.cloth.spring import net
+    from wsim.kernels.motion.explicit import leaper, phases, steps
     vec3, one, lanes = types(real).vec3, leaper(real, flags, field), dict(flags).get("lanes", 1)
     Net, Phase, Step, Bounds = net(real), phases(real), steps(real), bounds(real)
 

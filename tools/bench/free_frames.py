@@ -3,8 +3,8 @@ frame, as a frame was before it could do without.
 
     python tools/bench/free_frames.py [--device cuda:0] [--sides 32,100] [--rounds 20] [--json FILE]
 
-A net of n x n points, 1 m wide, hangs by one edge and falls (`wsim.shapes.spring_sheet`, 60 frames a second, leapfrog); a ball of
-0.5 m stands 10 m below. Frames of the runs take turns, so that they share whatever else the machine does: the least time of
+A net of n x n points, 1 m wide, hangs by one edge and falls (`wsim.shapes.spring_sheet`, 60 frames a second, leapfrog); a ball
+of 0.5 m stands 10 m below. Frames of the runs take turns, so that they share whatever else the machine does: the least time of
 all frames, and their median. Whole `Simulation.step` calls, with what the host does. The error is the RMS distance of the
 points after 0.25 s from float64 steps a quarter as long without a collider; `bits` says whether the positions are those of the
 net without the collider.

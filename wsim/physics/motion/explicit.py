@@ -49,7 +49,7 @@ class Explicit(Method):
         super().__init__("explicit")
         self.model, self.state, self.points, self.status = model, state, points, points.status
         self.integrator: Integrator = points.integrator
-        self.rows, self.pins, self.steps = in_worlds(model, rows), pins, steps
+        self.rows, self.pins, self.steps, self.apart = in_worlds(model, rows), pins, steps, free
         self.target = None            # of the pins, as the net has it
         self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
         self.forces = Port()          # called with a row of time tables before forces are evaluated: muscles, loads
@@ -64,7 +64,7 @@ class Explicit(Method):
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
         state.add(*(table.kept for table in self.solids if table.kept))
         self.acts = int(any(r.body and getattr(r.body.source, "actuation", None) for r in self.rows)) + bool(model.scene.loads)
-        self.apart, self.free = free, None        # type: Any  # `wsim.physics.motion.one_launch.FreeFrames`
+        self.free: Any = None         # `wsim.physics.motion.one_launch.FreeFrames`
         self.make(clock.substeps)
         self.watch = None if self.marches and not self.steps else Watch(model, state, self.status, explicit=True)
         self.stages += self.watch.stages if self.watch else []
