@@ -46,19 +46,19 @@ NEAR = 4               # bit of a point's mark: where the frame ended it was so 
 @cache
 def movements(real):
     """Struct of how colliders move in a frame, a row each as in the table of colliders."""
-    vec4 = types(real).vec4
+    t = types(real)
 
     @wp.struct
     class Movements:
-        ball: wp.array(dtype=vec4)           # centre in the collider's frame, radius [m]; < 0: it has none, (rows,)
-        way: wp.array(dtype=vec4)            # s, S, w, W, (rows,)
+        ball: wp.array(dtype=t.vec4)         # centre in the collider's frame, radius [m]; < 0: it has none, (rows,)
+        loss: wp.array(dtype=t.vec2)         # of D: constant [m], and times |x0 - c_0|, (rows,)
 
     return Movements
 
 
 @cache
 def sweeps(real, module):
-    """Kernel over rows: s, S, w, W of a frame."""
+    """Kernel over rows: what D loses in a frame, S L + s + 2 V + gap and what is rounded."""
     t, Rows, Movements = types(real), tables(real)[0], movements(real)
 
     @wp.func
@@ -66,42 +66,41 @@ def sweeps(real, module):
         q = wp.transform_get_rotation(b) * wp.quat_inverse(wp.transform_get_rotation(a))
         return real(2.0) * wp.length(t.vec3(q[0], q[1], q[2]))
 
-    def sweeps(c: Rows, m: Movements, way_out: wp.array(dtype=t.vec4)):
+    def sweeps(c: Rows, m: Movements, loss_out: wp.array(dtype=t.vec2)):
         row = wp.tid()
         ball = m.ball[row]
         center = t.vec3(ball[0], ball[1], ball[2])
         T0 = c.pose[0, row]
+        c0 = wp.transform_point(T0, center)
         before = T0
-        way = t.vec4()
+        way = t.vec4()                                                     # s, S, w, W
         for k in range(1, c.pose.shape[0]):
             T1 = c.pose[k, row]
             c1 = wp.transform_point(T1, center)
-            way = wp.max(way, t.vec4(wp.length(c1 - wp.transform_point(T0, center)), turn(T0, T1),
-                                     wp.length(c1 - wp.transform_point(before, center)), turn(before, T1)))
+            way = wp.max(way, t.vec4(wp.length(c1 - c0), turn(T0, T1), wp.length(c1 - wp.transform_point(before, center)),
+                                     turn(before, T1)))
             before = T1
-        way_out[row] = way
+        lever = ball[3]
+        slope = real(4.0) * way[3] + real(SLACK)
+        if lever < real(0.0):
+            lever = way[0]
+            slope += real(2.0) * way[1]
+        moved = way[0] + way[1] * lever + real(2.0) * (way[2] + way[3] * way[0])
+        loss_out[row] = t.vec2(moved + c.gap[row] + real(SLACK) * (wp.length(c0) + wp.abs(ball[3])), slope)
 
     return wp.kernel(sweeps, name=f"sweeps_{t.name}", module=module, enable_backward=False)
 
 
 @cache
 def away(kinds: tuple[str, ...], real):
-    """Function (T0, ball, way, kind, size, x) -> D - s - S L - 2 V of a point at x and a collider, less what is rounded."""
+    """Function (T0, ball, loss, kind, size, x) -> D - s - S L - 2 V - gap of a point at x and a collider."""
     t, convex = types(real), tuple(kind for kind in kinds if kind in CONVEX)
     shaped, meshed, formula = bool(convex), len(convex) < len(kinds), distance(convex)
 
     @wp.func
-    def sum(a: t.vec3):
-        """No less than |a|, without a root."""
-        return wp.abs(a[0]) + wp.abs(a[1]) + wp.abs(a[2])
-
-    @wp.func
-    def away(T0: t.transform, ball: t.vec4, way: t.vec4, kind: int, size: t.vec3, x: t.vec3):
-        p = wp.transform_get_translation(T0)
-        q = wp.quat_rotate_inv(wp.transform_get_rotation(T0), x - p)
+    def away(T0: t.transform, ball: t.vec4, loss: t.vec2, kind: int, size: t.vec3, x: t.vec3):
+        q = wp.quat_rotate_inv(wp.transform_get_rotation(T0), x - wp.transform_get_translation(T0))
         apart = q - t.vec3(ball[0], ball[1], ball[2])
-        most = sum(apart)
-        further = real(2.0) * most + way[0]
         D = real(-FREE)
         if shaped:
             if kind < SOLID:
@@ -109,11 +108,8 @@ def away(kinds: tuple[str, ...], real):
         if meshed:
             if kind >= SOLID:
                 D = wp.length(apart) - ball[3]
-        lever = ball[3]
-        if lever < real(0.0):
-            lever = further
-        lost = way[0] + way[1] * lever + real(2.0) * (way[2] + way[3] * further)
-        return (D - lost) - real(SLACK) * (most + sum(p))
+        most = wp.abs(apart[0]) + wp.abs(apart[1]) + wp.abs(apart[2])      # no less than its length, and no root
+        return D - (loss[0] + loss[1] * most)
 
     return away
 
@@ -131,8 +127,7 @@ def clearance(kinds: tuple[str, ...], real, module):
         if points.w[i] > real(0.0):
             o = points.object[i]
             for row in range(c.first[o], c.first[o + 1]):
-                D = of(c.pose[0, row], m.ball[row], m.way[row], c.kind[row], c.size[row], x[i])
-                found = wp.min(found, D - c.gap[row])
+                found = wp.min(found, of(c.pose[0, row], m.ball[row], m.loss[row], c.kind[row], c.size[row], x[i]))
             found -= points.reach[i] + real(2.0) * c.skin
         room_out[i] = found
         s.count[i] = 0
@@ -172,8 +167,8 @@ def near(kinds: tuple[str, ...], real, module):
             o = points.object[i]
             need = ahead * wp.length(v[i]) + points.reach[i] + real(2.0) * c.skin
             for row in range(c.first[o], c.first[o + 1]):
-                D = of(c.pose[c.ball.shape[0], row], m.ball[row], m.way[row], c.kind[row], c.size[row], x[i])
-                if not need + c.gap[row] <= D:
+                T1 = c.pose[c.ball.shape[0], row]
+                if not need <= of(T1, m.ball[row], m.loss[row], c.kind[row], c.size[row], x[i]):
                     mark = NEAR
             s.mark[i] = mark
         if mark != 0:

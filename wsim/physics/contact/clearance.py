@@ -49,7 +49,7 @@ class Clearance:
         rows, m = contacts.rows, kernels.movements(real)()
         radius = np.where(np.isfinite(rows.radius), rows.radius, -1.0)
         m.ball = model.upload(np.concatenate([rows.centers(), radius[:, None]], axis=1)[rows.collider], t.vec4)
-        m.way = wp.zeros(len(rows.collider), dtype=t.vec4, device=model.device)
+        m.loss = wp.zeros(len(rows.collider), dtype=t.vec2, device=model.device)
         self.moves, self.sweeps = m, kernels.sweeps(real, module)
         self.measure, self.near = kernels.clearance(kinds, real, module), kernels.near(kinds, real, module)
         self.stray = None if whole and not contact.points.integrator.stages else kernels.stray(real, module)
@@ -81,7 +81,7 @@ class Clearance:
     def moved(self) -> None:
         """Colliders have other poses in the frame to come."""
         c = self.contacts
-        self.model.launch(self.sweeps, len(self.moves.way), [c.table, self.moves], [self.moves.way])
+        self.model.launch(self.sweeps, len(self.moves.loss), [c.table, self.moves], [self.moves.loss])
 
     def begin(self, clock: Clock) -> None:
         c = self.contacts
