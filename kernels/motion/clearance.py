@@ -8,7 +8,7 @@ contacts.
 A point of the collider moves by at most s + S L in the frame, L = R (of a plane, where all that counts is the turn of its
 normal about x, L = 2 |x0 - c_0| + s). In the collider's own frame a straight step of the point is straight up to what the
 collider moves meanwhile at the point's place, no more than V = w + W (2 |x0 - c_0| + s), as long as the point goes no further
-than D, which no clearance exceeds. |x0 - c_0| is taken a bit too long. So every place that a point, or its straight path, has
+than |x0 - c_0|, which is taken a bit too long, and is the most that D may be. So every place that a point, or its straight path, has
 in a frame, and that is no more than
 
     C = min over colliders (D - s - S L - 2 V - gap) - reach - 2 skin
@@ -32,7 +32,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.collide import CONVEX
+from wsim.kernels.contact.collide import split
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import slots, tables
 from wsim.kernels.contact.shape import distance
@@ -94,8 +94,8 @@ def sweeps(real, module):
 @cache
 def away(kinds: tuple[str, ...], real):
     """Function (T0, ball, loss, kind, size, x) -> D - s - S L - 2 V - gap of a point at x and a collider."""
-    t, convex = types(real), tuple(kind for kind in kinds if kind in CONVEX)
-    shaped, meshed, formula = bool(convex), len(convex) < len(kinds), distance(convex)
+    t, (convex, meshes) = types(real), split(kinds)
+    shaped, meshed, formula = bool(convex), bool(meshes), distance(convex)
 
     @wp.func
     def away(T0: t.transform, ball: t.vec4, loss: t.vec2, kind: int, size: t.vec3, x: t.vec3):
@@ -109,7 +109,7 @@ def away(kinds: tuple[str, ...], real):
             if kind >= SOLID:
                 D = wp.length(apart) - ball[3]
         most = wp.abs(apart[0]) + wp.abs(apart[1]) + wp.abs(apart[2])      # no less than its length, and no root
-        return D - (loss[0] + loss[1] * most)
+        return wp.min(D, most) - (loss[0] + loss[1] * most)
 
     return away
 

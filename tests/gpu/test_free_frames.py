@@ -37,7 +37,8 @@ def test_a_far_collider_leaves_the_bits(n, precision):
 
 @pytest.mark.parametrize("n", [32, 100])
 def test_a_thin_wall_within_a_frame_is_met(n):
-    sim = Simulation(net(n, Box((5.0, 5.0, 1e-3)), at=(0.0, 0.0, -0.9), velocity=(0.0, 0.0, -100.0), pinned=False), device="cuda:0")
+    scene = net(n, Box((5.0, 5.0, 1e-3)), at=(0.0, 0.0, -0.9), velocity=(0.0, 0.0, -100.0), pinned=False)
+    sim = Simulation(scene, device="cuda:0")
     sim.step()
     assert sim.forms == {"free": 0, "met": 1, "repeated": 1} and sim.positions()[:, 2].min() > -0.9
 

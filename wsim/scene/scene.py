@@ -17,45 +17,10 @@ import numpy as np
 
 from wsim.scene.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, array, reals, single
 from wsim.scene.curve import Curve, Motion
+from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Sphere
 
 __all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylinder", "Load", "Motion", "Pin", "Plane",
            "Problem", "Scene", "SceneError", "Shape", "Skin", "Soft", "Sphere", "Springs", "Surface", "Tie", "Varying"]
-
-
-@dataclass(frozen=True)
-class Plane:
-    """Half space z <= 0 of the own frame is solid."""
-
-
-@dataclass(frozen=True)
-class Sphere:
-    radius: float                            # [m]
-
-
-@dataclass(frozen=True)
-class Box:
-    half: tuple[float, float, float]         # half edges [m]
-
-
-@dataclass(frozen=True)
-class Capsule:
-    """Along own z; half_height [m] of the straight part."""
-    radius: float
-    half_height: float
-
-
-@dataclass(frozen=True)
-class Cylinder:
-    """Along own z."""
-    radius: float
-    half_height: float
-
-
-@dataclass(frozen=True)
-class Cone:
-    """Along own z, apex at +half_height, base of `radius` at -half_height."""
-    radius: float
-    half_height: float
 
 
 @dataclass(eq=False)

@@ -22,7 +22,7 @@ from wsim.scene.skin import held
 from wsim.usd.prims.reactions import sample
 from wsim.usd.result import provenance
 from wsim.usd.result.dependencies import overwritten
-from wsim.usd.result.others import Sample, taken
+from wsim.usd.result.kinds.rows import Sample, taken
 from wsim.usd.result.partial import Partial, check_output, partial_path
 from wsim.usd.result.restart import Restart, check_fields, copy_samples, is_frame, store
 from wsim.usd.result.samples import BodyOver, ColliderOver, body_prim
@@ -118,7 +118,7 @@ class Recorder:
         self.overs = {path: BodyOver(prim, velocities=velocities, normals=normals, notes=self.notes)
                       for path, (prim, _) in {**self.bodies, **followers}.items()}
         if self.continues:
-            self.codes += copy_samples(self.continues, self.stage, self.scene)
+            self.codes += copy_samples(self.continues, self.stage, self.scene, self.file.beside)
         self.colliders = {c.path: ColliderOver(self.stage, self._original, c, self.codes) for c in self.scene.colliders}
         layer.startTimeCode = self.scene.start
 
@@ -162,24 +162,21 @@ class Recorder:
         self._check(code, positions, velocities)
         whole = is_frame(code, self.scene, self.rate)
         fields = self._checked_fields() if whole else {}
-        samples = []
-        for path, over in self.overs.items():
-            samples += over.sample(code, self._of(path, positions), self._of(path, velocities) if velocities else None)
-        for path, values in (primvars or {}).items():
-            samples += self.overs[path].color(values)
-        samples += [sample(self.stage.GetPrimAtPath(path), values) for path, values in (reactions or {}).items()]
-        samples += [taken(self.stage, each) for each in others]
-        time = (code - self.scene.start) / self.rate
-        for path, pose in (poses or {}).items():
-            if path in self.colliders:
-                self.colliders[path].write(code, time, pose)
+        samples: list[tuple] = []
         try:
+            samples += self._samples(code, positions, velocities, primvars or {})
+            samples += [sample(self.stage.GetPrimAtPath(path), values) for path, values in (reactions or {}).items()]
+            samples += [pair for each in others for pair in taken(self.stage, each, code, self.file.beside)]
+            for path in (poses or {}).keys() & self.colliders.keys():
+                self.colliders[path].write(code, (code - self.scene.start) / self.rate, (poses or {})[path])
             for attribute, value in samples:
                 attribute.Set(value, code)
         except BaseException:                  # Ctrl-C too: a sample is there whole or not at all
             for attribute, _ in samples:
                 attribute.ClearAtTime(code)
+            self.file.beside.undo()
             raise
+        self.file.beside.keep()
         self.bytes_since_fields += sum(12 * len(value) if hasattr(value, "__len__") else 8 for _, value in samples)
         if code not in self.codes[-1:]:
             self.codes.append(code)
@@ -188,6 +185,15 @@ class Recorder:
             self.fields, self.fields_code = fields, code
             if self.file.due():
                 self._save(self.bytes_since_fields >= FIELDS_SHARE * _bytes(self.fields))
+
+    def _samples(self, code: float, positions: Arrays, velocities: Arrays | None, primvars: Mapping[str, Arrays]) -> list:
+        """(attribute, value) of each sample of bodies and skins."""
+        found = []
+        for path, over in self.overs.items():
+            found += over.sample(code, self._of(path, positions), self._of(path, velocities) if velocities else None)
+        for path, values in primvars.items():
+            found += self.overs[path].color(values)
+        return found
 
     def _of(self, path: str, values: Arrays) -> np.ndarray:
         """Values of a body, or those that a skin has from its body."""
@@ -222,7 +228,7 @@ class Recorder:
     def _save(self, with_fields: bool) -> None:
         if with_fields:
             for path, fields in self.fields.items():
-                store(self.stage.GetPrimAtPath(path), self.fields_code, fields)
+                store(self.stage.GetPrimAtPath(path), self.fields_code, fields, None if self.flatten else self.file.beside)
             self.bytes_since_fields = 0
         layer = self.file.layer
         provenance.write(layer, self.scene, self.settings())
