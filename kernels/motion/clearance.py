@@ -8,8 +8,8 @@ contacts.
 A point of the collider moves by at most s + S L in the frame, L = R (of a plane, where all that counts is the turn of its
 normal about x, L = 2 |x0 - c_0| + s). In the collider's own frame a straight step of the point is straight up to what the
 collider moves meanwhile at the point's place, no more than V = w + W (2 |x0 - c_0| + s), as long as the point goes no further
-than |x0 - c_0|, which is taken a bit too long, and is the most that D may be. So every place that a point, or its straight path, has
-in a frame, and that is no more than
+than |x0 - c_0|, which is taken a bit too long, and is the most that D may be. So every place that a point, or its straight
+path, has in a frame, and that is no more than
 
     C = min over colliders (D - s - S L - 2 V - gap) - reach - 2 skin
 

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 import warp as wp
 
+from wsim.geometry.rotation import about_axis
 from wsim.model.stage import FREE
 from wsim.physics.contact import clearance
 from wsim.scene import Box, Capsule, Plane, Scene, Sphere, Surface, shapes
-from wsim.scene.curve import Motion, rotation
+from wsim.scene.curve import Motion
 from wsim.simulation.report import text
 from wsim.simulation.simulation import Simulation
 
@@ -184,7 +185,7 @@ def passing(shape, there, middle, turn=0.0) -> tuple:
     """A collider that is at `there` [m] and comes by `middle` within a frame of 0.1 s, back by its end."""
     keys = np.tile(np.eye(4), (3, 1, 1))
     keys[:, :3, 3] = there, middle, there
-    keys[1, :3, :3] = rotation(np.array([1.0, 0.0, 0.0]), turn)
+    keys[1, :3, :3] = about_axis(np.array([1.0, 0.0, 0.0]), turn)
     return shape, Motion(np.array([0.2, 0.25, 0.3]), keys)
 
 
@@ -214,7 +215,7 @@ def turning(rng) -> Motion:
     keys = np.tile(np.eye(4), (4, 1, 1))
     for M in keys:
         axis = rng.normal(size=3)
-        M[:3, :3] = rotation(axis / np.linalg.norm(axis), rng.uniform(0.0, 0.03))
+        M[:3, :3] = about_axis(axis / np.linalg.norm(axis), rng.uniform(0.0, 0.03))
         M[:3, 3] = rng.uniform(-0.5, 0.5, 3)
     return Motion(np.array([0.0, 0.004, 0.01, 0.02]), keys)
 
