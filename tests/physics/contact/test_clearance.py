@@ -15,6 +15,7 @@ from wsim.model.stage import FREE
 from wsim.physics.contact import clearance
 from wsim.scene import Box, Capsule, Plane, Scene, Sphere, Surface, shapes
 from wsim.scene.curve import Motion
+from wsim.scene.fabric import Fabric
 from wsim.simulation.report import text
 from wsim.simulation.simulation import Simulation
 
@@ -165,7 +166,8 @@ def test_what_is_in_and_out_of_reach_within_a_frame_is_caught(form):
         named = {name: value for name, value in FORMS[form].items() if name != "cloth"}
         scene = Scene(fps=1.0, substeps=256, gravity=(0.0, 0.0, 0.0), up="Z", **named)
         if form == "leaps":                        # a cloth with bending far away: elements, and so launches of their own
-            scene.cloth("/far", *shapes.sheet(0.1, 0.1, 2, 2, up="Z"), motion=Motion.at_place((50.0, 0.0, 0.0)))
+            scene.cloth("/far", *shapes.sheet(1.0, 1.0, 2, 2, up="Z"), motion=Motion.at_place((50.0, 0.0, 0.0)),
+                        material=Fabric(stretch=1.0))
         net = scene.net("/mass", [[0, 0, 0], [0, 0, 2]], [[0, 1]], [k], [mass], lengths=[1.5])
         scene.pin("/pin", net, [0])
         if shape:
