@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wsim.model.stage import MET, Clock, Method, Remedy, Stage
+from wsim.model.stage import MET, Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, State
-from wsim.physics.contact.contacts import FRICTION, Bodies, Contacts
+from wsim.model.vjp import beside
+from wsim.physics.contact.contacts import Bodies, Contacts
 from wsim.scene import Motion, Problem, SceneError
 from wsim.scene.check import chord
+from wsim.scene.values.table import FRICTION
 
 if TYPE_CHECKING:
     from wsim.model.model import Model
@@ -31,10 +33,10 @@ def build(b: Build) -> Contact:
     if b.scene.contact_width > 0.0 and b.choice.solver == "implicit":
         raise SceneError(Problem("/", f"contact_width is {b.scene.contact_width:g} m, and Newton's method has hard contacts; "
                                  "set it to 0, or wsim:solver = explicit or xpbd"))
-    contact = Contact(b.model, b.state, b.methods["points"], b.status, b.clock)
+    contact = Contact(b.model, b.state, b.methods.find("points"), b.status, b.clock)
     if b.free:
         from wsim.physics.contact.clearance import Clearance
-        contact.part(Clearance(contact, b.clock, getattr(b.methods.get("explicit"), "apart", False)))
+        contact.part(Clearance(contact, b.clock, bool(b.methods.find("whole frames"))))
     return contact
 
 
@@ -63,10 +65,7 @@ class Contact(Method):
                                  substeps=clock.substeps, dt=clock.dt, struck=points.struck)
         self.contacts.launch = model.launch
         self.contacts.smooth(model.scene, points.integrator.explicit)
-        if model.gradients:
-            from wsim.physics.contact.adjoint import ContactAdjoint
-            self.contacts.grow(self.contacts.rows.most)              # lists do not grow while they are recorded
-            self.contacts.adjoint = ContactAdjoint(self.contacts, model)
+        self.contacts.adjoint = beside(model, Contacts.__module__, "ContactAdjoint", self.contacts, model)
         state.points.take(Field("mark", "", True, "whether a point touched or was inside", "int"), self.contacts.mark)
         self.status = status
         status.reserve(ROOM)
@@ -84,6 +83,7 @@ class Contact(Method):
             from wsim.physics.contact.restitution import Bounce
             self.bounce = Bounce(model, state, points, self.contacts)
             self.stages += self.bounce.stages
+        self.offers = {"contact": self, "contacts": self.contacts} | ({"bounce": self.bounce} if self.bounce else {})
 
     def part(self, clearance) -> None:
         """Frames with contacts from those without."""
@@ -115,7 +115,7 @@ class Contact(Method):
 
     def settle(self, clock: Clock) -> None:
         s = self.state
-        if clock.multistep:
+        if clock.integrator.memory:
             self.contacts.settle(clock.g, s.e, s.d, self.anchor, s.v)
 
     def enter(self, clock: Clock) -> None:
@@ -128,15 +128,24 @@ class Contact(Method):
         if placed and self.clearance:
             self.clearance.moved()
 
-    def meet(self, others: dict[str, Method]) -> None:
+    def meet(self, others: Methods) -> None:
         self.contacts.tell(self.status.word(ROOM))
-        explicit: Any = others.get("explicit")
-        if self.bounce and explicit:
-            self.bounce.join(explicit)
+        if self.bounce:
+            self.bounce.meet(others)
+        terms, adjoint, behind = others.find("terms"), others.find("adjoint"), bool(others.every("batches"))
+        if terms is None:
+            return
+        from wsim.physics.contact.active_set import ActiveSet  # Newton steps hold contacts themselves
+        active = ActiveSet(others.find("assembly"), self.contacts)
+        terms.append(active)
+        self.within, self.press = True, active.press if behind else None
+        if adjoint:
+            self.solved, self.after = True, behind
+            adjoint.enter("contacts", self.contacts, behind)
 
-    def give_way(self, press: Callable[[Clock], None] | None) -> None:
-        """Newton steps hold contacts themselves; press: behind what moves points after them, if something does."""
-        self.within, self.press = True, press
+    def carriers(self) -> dict[str, Any]:
+        from wsim.physics.carrier.carriers import KinematicCarrier
+        return {"kinematic": KinematicCarrier(self.contacts)}
 
     def retry(self, status: Status) -> list[Remedy]:
         if self.clearance and self.clearance.hear():
@@ -160,7 +169,7 @@ class Contact(Method):
         """static_friction, dynamic_friction of a body or a collider; thickness [m] and restitution of a collider, the latter
         where one throws back from the start; motion of a collider, a Motion or a (4, 4) matrix, which worlds share."""
         if name == "motion":
-            return world is None and self.contacts.move(path, value if isinstance(value, Motion) else Motion.still(value))
+            return world is None and self.move(path, value if isinstance(value, Motion) else Motion.still(value))
         if name not in (*FRICTION, "thickness", "restitution") or (name == "restitution" and not self.bounce):
             return False
         objects = [k for k, b in enumerate(self.model.bodies) if world in (None, b.world)]
@@ -169,11 +178,17 @@ class Contact(Method):
             self.bounce.set(rows, objects, value)
         return bool(rows) or (name in FRICTION and self.rub(path, name, value, world))
 
+    def move(self, path: str, motion: Motion) -> bool:
+        """A collider's motion, and in the scene, which results and `Simulation.poses` read."""
+        moved = self.contacts.move(path, motion)
+        for collider in self.model.scene.colliders if moved else ():
+            if collider.path == path:
+                collider.motion = motion
+        return moved
+
     def rub(self, path: str, name: str, value: float, world: int | None) -> bool:
         """Friction of a body."""
         bodies = [b for b in self.model.bodies if b.path == path and world in (None, b.world)]
-        if bodies and not (np.isfinite(value) and value >= 0.0):
-            raise SceneError(Problem(path, f"{name} is {value}; allowed is a finite number >= 0"))
         values = self.contacts.points.friction.numpy()
         for b in bodies:
             values[b.first:b.last, FRICTION.index(name)] = value

@@ -8,7 +8,6 @@ at its end, and what they changed becomes a velocity. Frames without contacts: `
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,11 +18,12 @@ from wsim.kernels.motion import explicit as kernels
 from wsim.kernels.motion import march_cpu
 from wsim.kernels.motion.threads import teams
 from wsim.model.model import Model
-from wsim.model.stage import THROWN, Clock, Method, Port, Remedy, Stage
+from wsim.model.stage import THROWN, Clock, Method, Methods, Port, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.model.structs import filled
-from wsim.physics.cloth.constraints import Constraints, changed, in_worlds
+from wsim.model.vjp import beside
+from wsim.physics.cloth.constraints import Constraints, changed
 from wsim.physics.motion import frequency
 from wsim.physics.motion.forces import ForceGather
 from wsim.physics.motion.overstretch import Watch
@@ -34,30 +34,28 @@ if TYPE_CHECKING:
 
 
 def build(b: Build) -> Explicit:
-    pins = b.methods.get("pins")
-    return Explicit(b.model, b.state, b.methods["points"], b.kept(soft=True), b.clock, b.within,
-                    pins if pins and pins.groups["hard"] else None, b.free and not b.others_within)
+    return Explicit(b.model, b.state, b.methods.find("points"), b.kept(soft=True), b.clock, b.within,
+                    b.methods.find("hard pins"), b.free and not b.others_within)
 
 
 class Explicit(Method):
     """Stages of an explicit integrator. `steps`: whether others act within a substep."""
 
-    def __init__(self, model: Model, state: State, points, rows: dict[str, list[Constraints]], clock: Clock,
+    def __init__(self, model: Model, state: State, points, rows: list[Constraints], clock: Clock,
                  steps: bool, pins=None, free: bool = False):
-        """rows: soft constraints of each body of world 0, by path; pins: the method that knows the hard pins, or None; free:
-        only contacts act within a substep, and some frames have none."""
+        """rows: soft constraints of all bodies; pins: the method that knows the hard pins, or None; free: only contacts act
+        within a substep, and some frames have none."""
         super().__init__("explicit")
         self.model, self.state, self.points, self.status = model, state, points, points.status
         self.integrator: Integrator = points.integrator
-        self.rows, self.pins, self.steps, self.apart = in_worlds(model, rows), pins, steps, free
+        self.rows, self.pins, self.steps, self.apart = rows, pins, steps, free
         self.target = None            # of the pins, as the net has it
         self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
         self.forces = Port()          # called with a row of time tables before forces are evaluated: muscles, loads
-        self.impacts = Port()         # take impacts (restitution) out of `change` before leapfrog's last half kick
+        self.impacts = Port()         # called with `change` before leapfrog's last half kick: restitution takes impacts out
         self.muscles: Any = None      # change rest lengths over time
         self.moving: Any = None       # what a march works on
         self.at_once: Any = None      # whole frames in a launch
-        self.corrected: Callable | None = None        # adjoint of the last launch of a substep
         self.columns = None if pins is None else pins.columns()
         self.pull = ForceGather(model, points.constants, self.rows, self.columns, staged=bool(self.integrator.stages),
                                 alone=not (self.integrator.stages or steps and (not free or model.device.is_cuda)))
@@ -68,6 +66,10 @@ class Explicit(Method):
         self.make(clock.substeps)
         self.watch = None if self.marches and not self.steps else Watch(model, state, self.status, explicit=True)
         self.stages += self.watch.stages if self.watch else []
+        self.offers = {"gather": self.pull, "rows": self.rows, "solids": self.solids, "spring tables": self.spring_tables,
+                       "forces": self.forces, "impacts": self.impacts, "copies": lambda: (self.at, self.pair),
+                       "least": self.least, "send": self.send, "stride": lambda: self.stride, "whole frames": self.apart,
+                       **(self.watch.offers if self.watch else {})}
         if free:
             from wsim.physics.motion.one_launch import FreeFrames
             self.free = FreeFrames(self, clock)
@@ -94,13 +96,13 @@ class Explicit(Method):
             pull.need_springs()
             make = kernels.stage if self.integrator.stages else kernels.leap
             self.kernel = make(real, module, pull.flags(), self.field)
+            if not self.integrator.stages:
+                beside(model, "wsim.physics.motion.forces", "LeapAdjoint", pull, self.kernel)
         launches = self.integrator.forces * (1 + pull.launches + self.acts)
         if self.steps:
             self.correct, self.settle = kernels.correct(real, module), kernels.settle(real, module)
             self.change = wp.zeros(model.points, dtype=types(real).vec3, device=model.device)
-            if model.gradients:
-                from wsim.physics.motion.points_adjoint import CorrectAdjoint
-                self.corrected = CorrectAdjoint(model).backward
+            beside(model, "wsim.physics.motion.points", "CorrectAdjoint", model, self.correct)
             self.stages = [Stage("start", "pose", self.resume, 2, 0, "frame", "displacements are zero"),
                            Stage(self.integrator.name, "predict", self.predict, launches + 1, size, what=what),
                            Stage("correct", "finish", self.finish, 1, 0, what="what others changed")]
@@ -163,7 +165,7 @@ class Explicit(Method):
         self.pull.launch(source, s.x, self.pair)
         kernel, more = (self.free.kernel, [self.free.bounds]) if self.free and clock.free else (self.kernel, [])
         self.model.launch(kernel, self.model.points * self.pull.lanes, [self.net, self.pull.force, self.phase(), step, *more],
-                          [self.pair, s.v, self.carry], self.pull.backward)
+                          [self.pair, s.v, self.carry])
         return 1 - source
 
     def act(self, clock: Clock, part: float) -> None:
@@ -236,7 +238,7 @@ class Explicit(Method):
     def finish(self, clock: Clock) -> None:
         s, step = self.state, self.step(clock, 0.0, 0.0, self.at)
         self.model.launch(self.correct, self.model.points, [self.points.at(d=s.d, a=s.a), self.pair, step],
-                          [s.x, s.e, s.v, self.pair, self.change], self.corrected)
+                          [s.x, s.e, s.v, self.pair, self.change])
         if self.own is not None:
             self.model.copy(self.own, self.pair, 0, self.at * self.model.points, self.model.points)
         if clock.k == clock.substeps - 1:
@@ -244,7 +246,7 @@ class Explicit(Method):
         if clock.k == clock.substeps - 1 and len(self.integrator.steps) == 2:
             self.model.copy(s.b, s.v)
             self.read_out(clock, self.at)
-            self.impacts()
+            self.impacts(self.change)
             self.model.launch(self.settle, self.model.points, [s.b, self.change, s.v, 0.5], [s.v])
 
     # around a frame
@@ -253,16 +255,12 @@ class Explicit(Method):
         from wsim.physics.cloth.springs import SpringTable
         return [SpringTable(self.pull.springs, self.pull.table.rest, self.pull.entry, self.pull.given)]
 
-    def drive(self, muscles) -> None:
-        """Evaluates forces with the rest lengths that muscles put."""
-        self.muscles = muscles
-        self.forces.append(muscles.act)
-
-    def meet(self, others: dict[str, Method]) -> None:
+    def meet(self, others: Methods) -> None:
+        self.muscles = others.find("muscles")
         if self.moving is not None:
             self.moving.status = self.status.word(THROWN)
         if self.free:
-            self.free.meet(others["contact"].clearance)              # type: ignore[attr-defined]
+            self.free.meet(others.find("contact").clearance)
 
     def retry(self, status: Status) -> list[Remedy]:
         return [Remedy("doubt")] if status.said(THROWN)[0] else []
@@ -275,7 +273,7 @@ class Explicit(Method):
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]."""
-        from wsim.physics.cloth.energy import energy
+        from wsim.physics.cloth.table import energy
         solid = self.solids[0].indicators(self.solids, self.state) if self.solids else {}
         now = self.muscles.present(self.rows) if self.muscles else self.rows
         return {"elastic_energy": energy(self.model, now, self.state) + solid.get("solid_energy", 0.0), **solid}
@@ -293,8 +291,8 @@ class Explicit(Method):
         for pull in {self.pull, self.free.pull if self.free else self.pull}:
             pull.refresh()
         if self.watch:
-            self.watch.follow(*([self.muscles.longest] if self.muscles else []))
+            self.watch.follow()
 
     def least(self) -> int:
         """Substeps that keep the present stiffness stable, in every world."""
-        return frequency.least(self.model, self.integrator, self.rows, self.solids)
+        return frequency.least(self.model, self.integrator, self.solids)

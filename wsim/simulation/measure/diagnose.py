@@ -112,10 +112,10 @@ def words(plan: Plan, substeps: int, substep: int, stage, arrays: dict[tuple, in
     part, name = next((("points", n) for n in ("d", "v", "x") if ("points", n) in arrays), next(iter(arrays)))
     body, point = author(plan, part, arrays[part, name])
     meaning = next(f.meaning for f in plan.state.parts[part].fields if f.name == name)
-    solves = 2 if plan.clock.staged else 1
+    solves = plan.clock.integrator.solves
     where = "when the frame begins" if stage is None else (
         f"in substep {substep // solves + 1} of {substeps // solves}"
-        f"{f' (stage {substep % 2 + 1} of sdirk3)' * plan.clock.staged}, stage {stage.name}")
+        f"{f' (stage {substep % solves + 1} of {plan.integrator})' * (solves > 1)}, stage {stage.name}")
     row = f"{'point' if part == 'points' else part} {point} of {body}"
     return f"first {where}: array {name} ({meaning}) of {row}"
 
@@ -124,7 +124,8 @@ def author(plan: Plan, part: str, place: int) -> tuple[str, int]:
     """Path of the body, and number of the author's point (of another part: of the body's row), at a row of a part."""
     model = plan.model
     if part != "points":
-        path, rows = next((path, rows) for (path, _), rows in plan.state.parts[part].rows.items() if place in rows)
+        path, rows = next(((path, rows) for (path, _), rows in plan.state.parts[part].rows.items() if place in rows),
+                          ("/", np.array([place])))             # a list of pairs belongs to no prim
         return path, int(np.flatnonzero(rows == place)[0])
     body = next(b for b in model.bodies if b.first <= place < b.last)
     where = np.flatnonzero(places(body) == place)
