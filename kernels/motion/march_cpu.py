@@ -130,7 +130,8 @@ BOUNDED = {"least": """
             if (order[i] >= 0) least = !(p.room.data[order[i]] > least) ? p.room.data[order[i]] : least;
         p.least.data[b] = least > 0 ? least * least : -1;
     }}
-    bool met = false;""", "most": "eight wide = none;", "widen": "const eight square = d1 * d1; wide = square > wide ? square : wide;",
+    bool met = false;""", "most": "eight wide = none;",
+           "widen": "const eight square = d1 * d1; wide = square > wide ? square : wide;",
            "within": """if (p.frame) {{
                     const vec far = __builtin_elementwise_max(first(wide), second(wide));
                     met |= !(far[0] + far[1] + far[2] <= p.least.data[b]);
