@@ -23,6 +23,7 @@ OVER = 1.3     # spring cloth of 64 x 64 points, BDF2, 16 x 16: error at 0.25 s 
 # `wsim.simulation.measure.exceeded`; for each system by how much its residual is above 1 [%]
 MISSED, THROWN, LONG, STRETCHED = "residual missed", "edge thrown", "edge too long", "edges too long, by body"
 UNSOLVED = "residual left, by system"
+FREE, MET = "without contacts", "with contacts"          # frames that a stage belongs to; "": to all
 
 
 @dataclass
@@ -38,10 +39,21 @@ class Clock:
     i: int = 0                    # iteration of the substep
     j: int = 0                    # step of a method that takes several in a substep
     starting: bool = True         # no history yet: the first substep of a run is backward Euler
+    free: bool = False            # the frame has no contacts, see `wsim.physics.contact.clearance`
+    after_free: bool = False      # the frame before had none, or left nothing near: no half step to go on from
 
     @property
     def h(self) -> float:
         return self.dt / self.substeps
+
+    @property
+    def halved(self) -> bool:
+        """Whether leapfrog begins with half a kick, from the velocity where the frame begins."""
+        return self.starting or self.after_free
+
+    @property
+    def form(self) -> str:
+        return FREE if self.free else MET
 
     @property
     def steps(self) -> int:
@@ -105,6 +117,7 @@ class Stage:
     bytes: int
     rate: str = "substep"         # "frame", "substep" or "iteration"
     what: str = ""                # how many of what, in words
+    frames: str = ""              # FREE, MET: only of such frames
 
 
 class Port(list):
@@ -123,6 +136,7 @@ class Remedy:
     refine    more substeps; `row` of `part` is not finite
     grow      `act` makes room for what overflowed, and says so in words ("" if nothing was lacking)
     give way  an integrator that needs small residuals goes on as backward Euler; `why` where it is not for a residual
+    meet      contacts: a point could reach a collider in a frame that had none
     """
 
     kind: str
@@ -141,6 +155,9 @@ class Method:
     subdivide: int = 1                                         # steps of its own in a substep, each all its phases
     remade: bool = False                                       # kernels that are not compiled yet, since a value was set
     offers: dict[str, Any] = field(default_factory=dict)       # what others may ask for, by name: see `Methods`
+
+    def enter(self, clock: Clock) -> None:
+        """A frame begins that has not been tried yet: which form it takes first."""
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Uploads what is known on the host about the frame that starts at `time` [s]."""

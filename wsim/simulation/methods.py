@@ -39,8 +39,21 @@ class Build:
     @property
     def within(self) -> bool:
         """Whether wind, contacts, soft pins, hard constraints or what else pushes act within a substep."""
-        return (any(self.reasons[row.name] for row in METHODS if row.pushes)
+        return bool(self.reasons["contact"]) or self.others_within
+
+    @property
+    def others_within(self) -> bool:
+        """Whether something else than contacts with colliders does."""
+        return (any(self.reasons[row.name] for row in METHODS if row.pushes and row.name != "contact")
                 or any(np.isfinite(p.stiffness) for p in self.scene.pins))
+
+    @property
+    def free(self) -> bool:
+        """Whether frames in which nothing can touch leave contacts out."""
+        if not self.reasons["contact"]:
+            return False
+        from wsim.physics.contact.clearance import possible
+        return possible(self.scene, self.model.gradients)
 
     def carriers(self) -> dict[str, Any]:
         """What contacts can push, by name, of the methods that are made (`Method.carriers`)."""
@@ -125,6 +138,7 @@ def signature(b: Build) -> list:
             sorted({(m.model, m.damping > 0, m.yield_strain < inf, s.pressure != 0.0, s.quadratic)
                     for s in scene.softs for m in s.materials}),
             sorted({isfinite(p.stiffness) for p in scene.pins}),
+            *("clearance" for _ in [0] if b.free),
             *("bounce" for c in scene.colliders[:1] if any(k.restitution > 0.0 for k in scene.colliders)),
             *("muscles" for s in scene.springs[:1] if any(n.actuation for n in scene.springs)),
             *("loads" for _ in scene.loads[:1]), *sorted({r.kind for r in b.model.constraints} - TOLD)]

@@ -19,7 +19,7 @@ from wsim.model import model as models
 from wsim.model.midnodes import places
 from wsim.model.model import Model, edge_lengths
 from wsim.model.separate import apart
-from wsim.model.stage import PHASES, Clock, Method, Methods, Stage
+from wsim.model.stage import FREE, MET, PHASES, Clock, Method, Methods, Stage
 from wsim.model.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, STAGED, Field, Part, State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import LOOKS, constrain
@@ -48,12 +48,19 @@ class Plan:
     @property
     def starts(self) -> bool:
         """Whether the frame to come differs from those after it: it is not worth a graph of its own."""
-        return self.clock.starting and (self.clock.integrator.memory > 0.0 or self.state.has("b"))
+        clock, half = self.clock, self.state.has("b")
+        return clock.starting and (clock.integrator.memory > 0.0 or half) or clock.after_free and half and not clock.free
 
-    def stages(self, phase: str, rate: str) -> list[Stage]:
-        """Of methods that step with the others."""
+    def stages(self, phase: str, rate: str, form: str = "") -> list[Stage]:
+        """Of methods that step with the others. form: of frames; "": of the present one."""
+        form = form or self.clock.form
         return [s for m in self.methods if m.subdivide == 1 or rate == "frame"
-                for s in m.stages if s.phase == phase and s.rate == rate]
+                for s in m.stages if s.phase == phase and s.rate == rate and s.frames in ("", form)]
+
+    @property
+    def parted(self) -> bool:
+        """Whether frames without contacts leave their stages out."""
+        return any(s.frames == FREE for m in self.methods for s in m.stages)
 
     def subdivided(self) -> None:
         """Methods that take several steps in a substep: all of them, before the others predict; what these exchange with others
@@ -121,12 +128,12 @@ class Plan:
             for stage in self.stages(phase, "substep"):
                 stage.launch(clock)
 
-    def table(self) -> list[dict]:
-        """Stages in the order of a substep: name, phase, rate, what, launches and bytes a substep."""
+    def table(self, form: str = MET) -> list[dict]:
+        """Stages in the order of a substep: name, phase, rate, what, launches and bytes a substep. form: of frames."""
         rows = []
         for phase in PHASES:
             for rate in ("frame", "iteration", "substep"):
-                for s in self.stages(phase, rate):
+                for s in self.stages(phase, rate, form):
                     times = self.clock.iterations if rate == "iteration" else 1
                     rows.append({"name": s.name, "phase": phase, "rate": rate, "what": s.what,
                                  "launches": s.launches * times, "bytes": int(s.bytes) * times})
@@ -143,7 +150,7 @@ class Plan:
     def describe(self) -> str:
         """The plan in words: what `wsim plan` prints."""
         from wsim.simulation.measure.columns import columns
-        from wsim.simulation.report import kept
+        from wsim.simulation.report import kept, parted
         c, m = self.clock, self.model
         rows = self.table()
         bodies = f"{len(m.bodies)} {'body' if len(m.bodies) == 1 else 'bodies'}"
@@ -159,6 +166,8 @@ class Plan:
         a_substep = [r for r in rows if r["rate"] != "frame"]
         lines.append(f"a substep: {sum(r['launches'] for r in a_substep)} launches, "
                      f"{sum(r['bytes'] for r in a_substep) / 1e6:.2f} MB moved; state {self.state.bytes / 1e6:.2f} MB")
+        if self.parted:
+            lines.append(parted(self.table(FREE)))
         lines += kept([k for method in self.methods for k in method.kept()])
         if self.hard:
             lines.append(f"tethers and strain limits are {LOOKS}")

@@ -18,6 +18,12 @@ if TYPE_CHECKING:
     from wsim.simulation.simulation import Simulation
 
 
+def enter(sim: Simulation) -> None:
+    """A frame begins."""
+    for method in sim.plan.methods:
+        method.enter(sim.plan.clock)
+
+
 def begin(sim: Simulation) -> None:
     """The tables of the frame to come; what varies in time has its values of that frame."""
     if sim.scene.varying:
@@ -39,6 +45,10 @@ def mend(sim: Simulation) -> bool:
     if not said:
         return False
     kinds = {remedy.kind for remedy in said}
+    if "meet" in kinds:                                   # whatever else is wrong may come of that
+        sim.plan.clock.free = False
+        sim.forms["repeated"] += 1
+        return True
     if sim.plan.choice.solver == "explicit" and kinds & {"doubt", "refine"} and _switch(sim):
         return True
     for remedy in said:
@@ -50,6 +60,7 @@ def mend(sim: Simulation) -> bool:
             sim.warnings.append(f"frame {sim.frame + 1}: {grown}; the frame was repeated")
     if "give way" in kinds:
         _give_way(sim, next((r.why for r in said if r.kind == "give way" and r.why), ""))
+    sim.graph = sim.graph if kinds == {"doubt"} else None
     return bool(kinds - {"doubt"})
 
 

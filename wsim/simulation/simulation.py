@@ -51,7 +51,7 @@ class Simulation:
         self.device = kernel_cache.device(device)
         self.warnings = [str(p) for p in (*scene.notes, *problems) if not p.fatal]
         self.seconds: dict[str, float] = {}
-        self.graph: wp.Graph | None = None
+        self.graphs: dict[bool, wp.Graph] = {}           # of frames with contacts, and of those without
         self._build()
         self.seconds["build"] = time.perf_counter() - began
 
@@ -63,6 +63,7 @@ class Simulation:
         self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])
         if self.precision == "float32":
             self.scene = self.scene.single()
+        self.forms = {"free": 0, "met": 0, "repeated": 0}        # frames without contacts, with them, tried without first
         self.notes: dict[tuple, Note] = {}     # frames that were beyond a bound, see `wsim.simulation.measure.exceeded`
         self.changes: list[tuple] = []         # live parameters that were set, for another plan of the same scene
         try:
@@ -94,6 +95,7 @@ class Simulation:
         interrupt.check()
         if self.plan.clock.starting:
             self.balance = measure.balance(self)
+        retry.enter(self)
         for _ in range(REPEATS):
             try:
                 retry.begin(self)
@@ -104,11 +106,11 @@ class Simulation:
             if not retry.mend(self):
                 break
             self.state.restore()
-            self.graph = None
         else:
             raise SceneError(Problem("frame", f"frame {self.frame + 1} was repeated {REPEATS} times and still does not "
                                      "hold; give it more substeps"))
         self.plan.clock.starting = False
+        self.forms["free" if self.plan.clock.free else "met"] += 1
         self.frame += 1
         note(self)
         self.milliseconds.append(1e3 * (time.perf_counter() - began))
@@ -138,6 +140,18 @@ class Simulation:
             return
         graph = self.graph or self._capture()
         wp.capture_launch(graph)
+
+    @property
+    def graph(self) -> wp.Graph | None:
+        """Of frames of the present form. None forgets both."""
+        return self.graphs.get(self.plan.clock.free)
+
+    @graph.setter
+    def graph(self, value: wp.Graph | None) -> None:
+        if value is None:
+            self.graphs.clear()
+        else:
+            self.graphs[self.plan.clock.free] = value
 
     def _capture(self) -> wp.Graph:
         began = time.perf_counter()

@@ -9,7 +9,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation, Vt
 from wsim import cli
 from wsim.geometry.tetra.tets import volumes
 from wsim.scene import Plane, SceneError, shapes
-from wsim.scene.masses import soft_masses
+from wsim.scene.nodal.masses import soft_masses
 from wsim.scene.solid import Bulk
 from wsim.usd import load
 from wsim.usd.new.softbody import author_softbody

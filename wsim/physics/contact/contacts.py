@@ -164,8 +164,8 @@ class Contacts:
 
     # frames
 
-    def prepare(self, time: float, *, substeps: int | None = None, deep: bool | None = None) -> None:
-        """Before the frame that starts at `time` [s]: colliders at its substeps, in float64 from their motions.
+    def prepare(self, time: float, *, substeps: int | None = None, deep: bool | None = None) -> bool:
+        """Before the frame that starts at `time` [s]: colliders at its substeps, in float64; whether they are placed anew.
 
         deep: points may start inside of closed meshes; None: yes at first and after a jump in time."""
         again, before = time == self.time, self.time
@@ -177,11 +177,12 @@ class Contacts:
         self.time = time
         if substeps is not None and substeps != self.substeps:
             self._frame(substeps, self.dt)
-        if self.changed or self.rows.moves:
+        if placed := self.changed or self.rows.moves:
             self.poses.place(time, self.dt, self.gap, self.changed)
             if self.tree:
                 self.tree.build(self.launch)
         self.changed = False
+        return placed
 
     def move(self, path: str, motion: Motion) -> bool:
         """Gives the collider of that path another motion, from the next frame on. False: there is none."""

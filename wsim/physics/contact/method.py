@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
+from wsim.model.stage import MET, Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, State
 from wsim.model.vjp import beside
 from wsim.physics.contact.contacts import Bodies, Contacts
@@ -33,7 +33,11 @@ def build(b: Build) -> Contact:
     if b.scene.contact_width > 0.0 and b.choice.solver == "implicit":
         raise SceneError(Problem("/", f"contact_width is {b.scene.contact_width:g} m, and Newton's method has hard contacts; "
                                  "set it to 0, or wsim:solver = explicit or xpbd"))
-    return Contact(b.model, b.state, b.methods.find("points"), b.status, b.clock)
+    contact = Contact(b.model, b.state, b.methods.find("points"), b.status, b.clock)
+    if b.free:
+        from wsim.physics.contact.clearance import Clearance
+        contact.part(Clearance(contact, b.clock, bool(b.methods.find("whole frames"))))
+    return contact
 
 
 class Contact(Method):
@@ -45,7 +49,7 @@ class Contact(Method):
         self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
         self.within = False                              # of a Newton step
         self.press: Callable[[Clock], None] | None = None        # behind what moves points after Newton steps
-        self.model, self.state, self.anchor = model, state, points.anchor
+        self.model, self.state, self.anchor, self.points = model, state, points.anchor, points
         colliders = model.scene.colliders
         own = points.constants.object
         if model.gradients:                              # there each point has a row of its own
@@ -73,12 +77,20 @@ class Contact(Method):
                        Stage("contacts", "solve", self.project, 1, n * 4, "iteration", "points that touch")]
         if points.struck is not None:
             self.stages.append(Stage("settle", "solve", self.settle, 1, n * 4, what="points that touch: no history"))
+        self.clearance: Any = None                       # `wsim.physics.contact.clearance.Clearance`
         self.bounce: Any = None
         if any(c.restitution > 0.0 for c in colliders):
             from wsim.physics.contact.restitution import Bounce
             self.bounce = Bounce(model, state, points, self.contacts)
             self.stages += self.bounce.stages
         self.offers = {"contact": self, "contacts": self.contacts} | ({"bounce": self.bounce} if self.bounce else {})
+
+    def part(self, clearance) -> None:
+        """Frames with contacts from those without."""
+        self.clearance = clearance
+        for stage in self.stages:
+            stage.frames = MET
+        self.stages += clearance.stages
 
     def kept(self) -> list[dict]:
         """Distances [m] that colliders keep from the bodies of world 0, besides half of their thickness, where the scene leaves
@@ -106,8 +118,15 @@ class Contact(Method):
         if clock.integrator.memory:
             self.contacts.settle(clock.g, s.e, s.d, self.anchor, s.v)
 
+    def enter(self, clock: Clock) -> None:
+        if self.clearance:
+            self.clearance.enter(clock)
+
     def before_frame(self, time: float, clock: Clock) -> None:
-        self.contacts.prepare(time, substeps=clock.substeps, deep=True if clock.starting or self.model.gradients else None)
+        deep = True if clock.starting or self.model.gradients else None
+        placed = self.contacts.prepare(time, substeps=clock.substeps, deep=deep)
+        if placed and self.clearance:
+            self.clearance.moved()
 
     def meet(self, others: Methods) -> None:
         self.contacts.tell(self.status.word(ROOM))
@@ -129,6 +148,8 @@ class Contact(Method):
         return {"kinematic": KinematicCarrier(self.contacts)}
 
     def retry(self, status: Status) -> list[Remedy]:
+        if self.clearance and self.clearance.hear():
+            return [Remedy("meet")]
         wanted = int(status.said(ROOM)[0])
 
         def grow() -> str:
@@ -138,6 +159,8 @@ class Contact(Method):
 
     def resumed(self, time: float) -> None:
         self.contacts.time = time
+        if self.clearance:
+            self.clearance.said = None
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         return self.contacts.indicators(self.state.x) if self.contacts.time is not None else {}

@@ -104,6 +104,7 @@ class ForceGather:
         for name in ("order", "group", "runs", "start"):
             setattr(self.table, name, model.upload(getattr(found, name).astype(np.int32), int))
         self.table.ends = model.upload(found.words(), wp.uint64)
+        self.blocks = len(found.cost)
         self.abreast = Abreast(model, found, cores() if self.whole else 1)
         self.table.row = lots.row(len(found.order))
         self.space = lots.room(model.real, self.table.row, len(found.entry), model.device)

@@ -144,7 +144,7 @@ def profile(plan: Plan) -> dict[str, float]:
     spent: dict[str, float] = {}
     clock, repeats = plan.clock, 3
     device = plan.model.device
-    for stage in (s for m in plan.methods for s in m.stages if s.rate != "frame"):
+    for stage in (s for m in plan.methods for s in m.stages if s.rate != "frame" and s.frames in ("", clock.form)):
         times = clock.iterations if stage.rate == "iteration" else 1
         clock.k = clock.i = 0
         stage.launch(clock)
@@ -183,6 +183,7 @@ def report(sim, with_profile: bool = True) -> dict:
     spent = profile(plan) if with_profile and sim.frame else {}
     constraints, a_substep = rows(plan)
     a_second = 1e3 * plan.clock.substeps / ms if ms else 0.0
+    forms = {"forms": dict(sim.forms)} if plan.parted else {}
     return {
         "device": str(sim.device), "device_name": sim.device.name, "precision": sim.precision, "worlds": sim.worlds,
         "frames": sim.frame, "substeps": plan.clock.steps, "iterations": plan.clock.iterations,
@@ -194,5 +195,5 @@ def report(sim, with_profile: bool = True) -> dict:
         "stages": [{k: r[k] for k in ("name", "phase", "launches", "bytes")} | {"ms": spent.get(r["name"])}
                    for r in plan.table()],
         "kept": [k for method in plan.methods for k in method.kept()],
-        "skipped": plan.skipped, "warnings": sim.warnings, **limits,
+        "skipped": plan.skipped, "warnings": sim.warnings, **limits, **forms,
     }
