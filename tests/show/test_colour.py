@@ -103,6 +103,18 @@ def test_contact_is_red_where_it_touches_and_blue_above(tmp_path, result):
     assert sheet_.colors(0.0) == pytest.approx(np.tile(scale(np.zeros(1)), (4, 1)))
 
 
+def test_what_lies_at_the_distance_that_a_collider_keeps_touches_it(tmp_path, result):
+    """A sheet of 1 mm at 2 cm + half a millimetre above a floor that keeps 2 cm."""
+    from wsim.show.paint import paint
+    text = (tmp_path / "scene.usda").read_text().replace("double size = 4", "double size = 4\ndouble wsim:thickness = 0.02")
+    text = text.replace('["PhysicsCollisionAPI"]', '["PhysicsCollisionAPI", "WsimColliderAPI"]').replace("-2.001", "-2.0205")
+    (tmp_path / "kept.usda").write_text(text)
+    seen = visible(tmp_path / "kept.usda")
+    paint(seen, "contact", "cpu")
+    sheet_ = next(d for d in seen.drawn if d.look.path == "/cloth")
+    assert sheet_.colors(0.0) == pytest.approx(np.tile(scale(np.ones(1)), (4, 1)), abs=0.01)
+
+
 def test_pictures_of_different_measures_differ(tmp_path, result):
     for kind in ("strain", "stress", "contact", None):
         picture(result, tmp_path / f"{kind}.png", size=(64, 36), device="cpu", colour=kind)

@@ -7,6 +7,7 @@ import numpy as np
 
 from wsim.model.model import make_body
 from wsim.scene import Problem, SceneError
+from wsim.scene.check.contact import kept
 from wsim.scene.skin import held
 from wsim.show.colour import KINDS, NEAR, measured, scale, through
 from wsim.show.prim import Drawn
@@ -31,7 +32,9 @@ def paint(seen: Visible, kind: str, device=None) -> None:
         body = bodies[skins[d.look.path].body if d.look.path in skins else d.look.path]
         d.look = replace(d.look, colors=np.zeros((len(d.points(seen.times[0])), 3)), color_of=d.look.triangles)
         if kind == "contact":
-            d.colors = _touching(seen, d, touched, body.reach.max(initial=0.0), near, device)
+            apart = {c: gap for c, path, gap, _ in kept(scene) if path == body.path}
+            reaches = [(c, float(body.reach.max(initial=0.0)) + apart.get(c.look.path, 0.0)) for c in touched]
+            d.colors = _touching(seen, d, reaches, float(body.reach.max(initial=0.0)), near, device)
         else:
             d.colors = _measured(seen, body, kind, skins.get(d.look.path))
 
@@ -55,14 +58,18 @@ def _positions(seen: Visible, path: str, t: float) -> np.ndarray:
     return own
 
 
-def _touching(seen: Visible, d: Drawn, touched: list[Drawn], reach: float, near: float,
+def _touching(seen: Visible, d: Drawn, reaches: list[tuple[Drawn, float]], reach: float, near: float,
               device) -> Callable[[float], np.ndarray]:
+    """reaches: colliders, and how far from each what touches it stays; reach: from the floor [m]."""
     def colors(t: float) -> np.ndarray:
         points = d.points(t)
-        gap = gaps(points, [(c.points(t), c.look.triangles) for c in touched], reach + near, device)
+        gap = np.full(len(points), near)
+        for collider, own in reaches:
+            surface = collider.points(t), collider.look.triangles
+            gap = np.minimum(gap, gaps(points, [surface], own + near, device) - own)
         if seen.floor is not None:
-            gap = np.minimum(gap, points[:, "XYZ".index(seen.up)] - seen.floor(t))
-        return scale(1.0 - np.maximum(gap - reach, 0.0) / near)
+            gap = np.minimum(gap, points[:, "XYZ".index(seen.up)] - seen.floor(t) - reach)
+        return scale(1.0 - np.maximum(gap, 0.0) / near)
     return colors
 
 
