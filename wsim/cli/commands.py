@@ -127,7 +127,7 @@ def _prepared(scene: "Scene", args) -> Iterator["Run"]:
             from wsim.show.viewer import Viewer
             from wsim.show.web import words
 
-            viewers.append(Viewer(simulated, web=args.port if args.web else None))
+            viewers.append(Viewer(simulated, web=args.port) if args.web else Viewer(simulated))
             if args.web:
                 _say(words(args.port))
         return _simulation(simulated, args)
