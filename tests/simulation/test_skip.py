@@ -59,7 +59,7 @@ def room(place: str, names: str) -> set[str]:
     return {f"wsim.{place}.{name}" for name in names.split()}
 
 
-SCENE = room("scene", "scene bodies solid curve fabric") | room("geometry", "triangulate topology memo") | room(
+SCENE = room("scene", "scene bodies colliders solid curve fabric") | room("geometry", "triangulate topology memo") | room(
     "scene.check", "scene objects mesh")
 LOADER = room("geometry", "primitives")       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt sweep_strain")

@@ -114,6 +114,22 @@ def open_stage(path, variants: dict | None = None, notes: list | None = None) ->
     return stage
 
 
+def source_of(stage: Usd.Stage, notes: list[Problem], variants: dict | None = None) -> str | None:
+    """The file of an open stage, where it says what the stage says. None, with a warning in `notes`, of a stage in memory or
+    with edits that are not saved. Raises SceneError where variants are asked for."""
+    root, session = stage.GetRootLayer(), stage.GetSessionLayer()
+    if variants:
+        raise SceneError(Problem(root.identifier, "variants of an open stage are chosen on it: "
+                                 "prim.GetVariantSet(name).SetVariantSelection(value)"))
+    edited = [layer for layer in stage.GetUsedLayers() if layer.dirty and not (layer == session and layer.empty)]
+    if root.realPath and not edited:
+        return root.realPath
+    name = (edited[0] if root.realPath else root).identifier
+    notes.append(Problem(name, "is not saved: a result lies over a copy of what is simulated, without materials that are only "
+                         "seen; save the stage first to keep them", fatal=False))
+    return None
+
+
 def unfinished(path: str) -> Sdf.Layer | None:
     """The layer of a file that a run writes or left unfinished, apart from that run; None for all other files."""
     real = os.path.realpath(path)

@@ -29,8 +29,8 @@ from wsim.model.model import edge_lengths
 from wsim.physics.cloth.constraints import AT_REST, rows_of
 from wsim.physics.cloth.rest_shape import rest_shape, written
 from wsim.scene import Cloth, Collider, Load, Motion, Pin, Problem, Scene, SceneError, Soft, Springs
+from wsim.scene.bodies import parted
 from wsim.scene.curve import Curve
-from wsim.scene.per_tet import parted
 from wsim.simulation.simulation import Simulation
 
 WHOLE = ("velocities", "rest_shape", "actuation", "force", "traction")         # of more than one column

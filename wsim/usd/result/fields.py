@@ -15,7 +15,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from wsim.scene import Cloth, Collider, Motion, Pin, Soft, Springs
-from wsim.scene.per_tet import parted, values_of
+from wsim.scene.bodies import parted, values_of
 from wsim.scene.solid import Bulk
 from wsim.usd import names
 from wsim.usd.attributes import author
