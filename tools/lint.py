@@ -139,7 +139,8 @@ def entries(root: Path = ROOT, folders=("wsim", "kernels", "tests", "tools")) ->
         for folder in [root / top, *sorted((root / top).rglob("*"))]:
             if not folder.is_dir() or folder.is_symlink() or folder.name == "__pycache__" or not any(folder.glob("*.py")):
                 continue
-            found = [entry for entry in folder.iterdir() if entry.name not in MARKERS and entry.is_file() or any(entry.glob("*.*"))]
+            found = [entry for entry in folder.iterdir() if entry.name not in MARKERS
+                     and (entry.is_file() or any(entry.glob("*.*")))]
             if len(found) > ENTRIES:
                 yield f"{folder.relative_to(root)}: {len(found)} entries, at most {ENTRIES}: make a room"
 

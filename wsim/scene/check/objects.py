@@ -235,8 +235,8 @@ def collider(thing: Collider) -> list[Problem]:
             for value in np.atleast_1d(getattr(shape, f.name)):
                 found += number(path, f.name, float(value), 0.0, not may_vanish, "author its size; its scale may be 0")
     elif shape.axis not in (None, "Z"):
-        found.append(error(path, f"its plane faces {shape.axis}, which came too late to turn it", "an axis given to a new Collider",
-                           f"make it by scene.collider({path!r}, Plane({shape.axis!r}))"))
+        found.append(error(path, f"its plane faces {shape.axis}, which came too late to turn it",
+                           "an axis given to a new Collider", f"make it by scene.collider({path!r}, Plane({shape.axis!r}))"))
     return [*found, *rigid(path, thing.motion, "put the scale into the shape: radius, half, points")]
 
 

@@ -89,8 +89,9 @@ def _settings(scene: Scene) -> Iterator[Problem]:
     other = {"Y": "Z", "Z": "Y"}.get(scene.up, "")
     g = dict(zip("XYZ", scene.gravity, strict=False))
     if other and len(g) == 3 and g[other] < 0.0 and g["X"] == g[scene.up] == 0.0:
-        yield warning("/", f"gravity acts along -{other}, and {scene.up} is up", f"up = '{other}', or gravity along -{scene.up}",
-                      f"author upAxis = {other} on the stage (Scene(up='{other}')), or leave gravity out: it is 9.81 against up")
+        yield warning("/", f"gravity acts along -{other}, and {scene.up} is up",
+                      f"up = '{other}', or gravity along -{scene.up}", f"author upAxis = {other} on the stage "
+                      f"(Scene(up='{other}')), or leave gravity out: it is 9.81 m/s^2 against up")
     size = float(np.linalg.norm(scene.gravity))
     if size > STRONG:
         yield warning("/", f"gravity is {size:g} m/s^2", "9.81 or so",
