@@ -115,6 +115,12 @@ def test_a_mesh_far_from_the_origin_has_a_cage_as_exact_as_near(source, tmp_path
     assert np.minimum(np.abs(size - 1 / 3), np.abs(size - 1 / 6)).max() < 20 * np.finfo(np.float32).eps
 
 
+def _volume(skin) -> float:
+    """[m^3] that the triangles of a skin enclose, positive where they face outwards."""
+    a, b, c = skin.points.astype(float)[skin.indices.reshape(-1, 3)].transpose(1, 0, 2)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+
 @pytest.mark.parametrize("left", [False, True])
 def test_a_tet_mesh_is_used_as_it_is(source, tmp_path, left):
     tets = shapes.block((1, 1, 1), 2)[1]
@@ -123,10 +129,14 @@ def test_a_tet_mesh_is_used_as_it_is(source, tmp_path, left):
     ball(source)                                                   # the TetMesh counts where there are both
     scene, notes = made(source, tmp_path, ground=1.0)
     (soft,) = scene.softs
-    assert soft.path == "/block" and np.array_equal(soft.tets, tets) and notes == [] and soft.filled is None
+    assert soft.path == "/block_body/block" and np.array_equal(soft.tets, tets) and notes == [] and soft.filled is None
     assert scene.colliders[0].motion.at(0.0)[2, 3] == pytest.approx(-1.5)
     layer = Sdf.Layer.FindOrOpen(str(tmp_path / "scene.usda"))
-    assert not layer.GetAttributeAtPath("/block.tetVertexIndices") and not layer.GetAttributeAtPath("/block.points")
+    assert not layer.GetAttributeAtPath("/block_body/block.tetVertexIndices")
+    assert not layer.GetAttributeAtPath("/block_body/block.points")
+    (skin,) = soft.skins                                           # what tools without TetMesh show, and follows it
+    assert skin.path == "/block_body/surface" and 2 * len(skin.counts) == 2 * 6 * 2 * 2 * 2
+    assert _volume(skin) == pytest.approx(1.0) and faults(Usd.Stage.Open(str(tmp_path / "scene.usda"))) == []
 
 
 def test_flaws_of_a_tet_mesh_are_mended_with_a_warning(source, tmp_path):
