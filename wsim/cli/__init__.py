@@ -64,8 +64,8 @@ def _choices(command) -> None:
 def _run(commands) -> None:
     run = commands.add_parser("run", help="simulate a scene into a result layer over it")
     run.add_argument("scene")
-    run.add_argument("-o", "--output", type=named, required=True, metavar="OUT",
-                     help="result: .usdc, .usda or .usd; an earlier one stays until this one is whole")
+    run.add_argument("-o", "--output", type=named, metavar="OUT",
+                     help="result: .usdc, .usda or .usd; an earlier one stays until it is whole (default: SCENE.sim.usdc)")
     run.add_argument("--frames", type=whole_or_none, metavar="N", help="default: the scene's")
     _solver(run)
     run.add_argument("--error", type=fraction, metavar="E",
@@ -82,6 +82,7 @@ def _run(commands) -> None:
     run.add_argument("--png", type=image, metavar="FILE", help="picture of the last frame")
     run.add_argument("--view", action="store_true", help="live view (needs the extra `view`)")
     run.add_argument("--json", action="store_true", help="print the closing report as JSON")
+    run.add_argument("-v", "--verbose", action="store_true", help="report also each stage and what was left out")
     run.add_argument("--quiet", action="store_true", help="no progress and no closing report")
 
 

@@ -145,6 +145,13 @@ class Run:
             watch(self.simulation)
 
 
+def default_output(scene: str) -> str:
+    """Where a run without -o writes: SCENE.sim.usdc beside the scene, or here where that folder takes no file."""
+    folder, name = os.path.split(os.path.abspath(scene))
+    name = f"{os.path.splitext(name)[0]}.sim.usdc"
+    return os.path.relpath(os.path.join(folder, name)) if os.access(folder, os.W_OK) else name
+
+
 def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"], *, samples: int = 1, preroll: int = 0,
             flatten: bool = False, restart: str | None = None, stress: bool = False) -> Run:
     """Everything that comes before the first frame, so that what cannot work fails before it has cost time.
@@ -167,7 +174,7 @@ def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"]
         for what, each in (("--samples times frames", samples * scene.frames), ("--preroll times samples", preroll * samples)):
             refuse(what, each, "give fewer of either")
         sim = simulate(later(finer(scene, samples), preroll / scene.fps))
-        sim.warnings += long_run(sim.plan, (preroll + scene.frames - (earlier.frame if earlier else 0)) * samples)
+        sim.warnings += long_run(sim.plan, preroll + scene.frames - (earlier.frame if earlier else 0), samples)
         if earlier:
             _go_on(sim, earlier, samples)
 

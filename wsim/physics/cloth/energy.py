@@ -29,10 +29,10 @@ def energy(model: Model, rows: list[Constraints], state: State) -> float:
         data.alpha = model.upload(alpha, t.vec4 if alpha.ndim == 2 else t.scalar)
         if kind == "dihedral":
             from wsim.physics.cloth.curvature import Curvature
-            total += Curvature(model, same).energy(data, data.rest, state.x, state.e, f"{model.module}_report")
+            total += Curvature(model, same).energy(data, data.rest, state.x, state.e, kernel_cache.report_module(model, kind))
             continue
         out = wp.zeros(min(LANES, len(ids)), dtype=wp.vec3d, device=model.device)
-        kernel = statistics(kind, real=model.real, module=f"{model.module}_report")
+        kernel = statistics(kind, real=model.real, module=kernel_cache.report_module(model, kind))
         kernel_cache.ready(kernel, model)
         model.launch(kernel, out.size, [data, state.x, len(ids), state.e], [out])
         total += float(out.numpy()[:, 2].sum())

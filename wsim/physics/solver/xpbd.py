@@ -126,7 +126,12 @@ class Xpbd(Method):
         """elastic_energy [J]; residual: what the last substep's sweeps left, see kernels/solver/xpbd_residual.py (strain,
         radians). A single iteration keeps no multipliers and has no residual. Kernels of their own module, compiled when asked
         for."""
-        soft, module = [b for b in self.batches if b.kind not in HARD], self.model.module + "_report"
+        soft = [b for b in self.batches if b.kind not in HARD]
+        looked = any(b.multipliers for b in soft) and not self.clock.beyond
+        module = kernel_cache.report_module(self.model, f"xpbd {looked}", *sorted({f"{b.kind} {b.uniform}" for b in soft}))
+        looks = self.residual_kernels(module) if looked else []
+        for b in soft:
+            self.energy_kernels(b, module)
         self.lengthen()
         found = {"elastic_energy": sum((self.energy(b, module) for b in soft), 0.0)}
         if any(b.multipliers for b in soft):
@@ -134,20 +139,23 @@ class Xpbd(Method):
                 largest = self.largest
             else:
                 largest = wp.zeros(len(soft), dtype=self.model.real, device=self.model.device)
-                looks = self.residual_kernels(module)
                 for kernel in looks:
                     kernel_cache.ready(kernel, self.model)
                 self.measure(looks, self.state.x, self.state.e, [b.lam for b in soft], largest)
             found["residual"] = float(largest.numpy().max())
         return found
 
+    def energy_kernels(self, batch: Batch, module: str) -> list:
+        from wsim.kernels.cloth.energy import statistics
+        return batch.curvature.energy_kernels(module) if batch.curvature else [
+            statistics(batch.kind, real=self.model.real, module=module, uniform=batch.uniform)]
+
     def energy(self, batch: Batch, module: str) -> float:
         """1/2 C alpha^-1 C [J] of a batch, summed in float64."""
-        from wsim.kernels.cloth.energy import statistics
         if batch.curvature:
             return batch.curvature.energy(batch.data, batch.lengths, self.state.x, self.state.e, module)
         out = wp.zeros(min(LANES, batch.size), dtype=wp.vec3d, device=self.model.device)
-        kernel = statistics(batch.kind, real=self.model.real, module=module, uniform=batch.uniform)
+        (kernel,) = self.energy_kernels(batch, module)
         kernel_cache.ready(kernel, self.model)
         self.model.launch(kernel, out.size, [batch.data, self.state.x, batch.size, self.state.e], [out])
         return float(out.numpy()[:, 2].sum())

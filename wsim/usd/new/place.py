@@ -13,6 +13,7 @@ from pxr import Gf, Usd, UsdGeom
 from wsim.usd import names
 from wsim.usd.attributes import author
 from wsim.usd.new.mesh import Bare
+from wsim.usd.prims.surface import free
 from wsim.usd.stage import Units
 
 
@@ -41,15 +42,6 @@ def enclosed(stage: Usd.Stage, mesh: Usd.Prim) -> Usd.Prim:
 def under(stage: Usd.Stage, name: str) -> str:
     """A free path below the default prim: name may be of several parts."""
     return free(stage, f"{stage.GetDefaultPrim().GetPath()}/{name}")
-
-
-def free(stage: Usd.Stage, path: str) -> str:
-    """path, or path_1, path_2 ... where no prim is yet."""
-    candidate, i = path, 0
-    while stage.GetPrimAtPath(candidate):
-        i += 1
-        candidate = f"{path}_{i}"
-    return candidate
 
 
 def frame(prim: Usd.Prim, units: Units) -> np.ndarray:

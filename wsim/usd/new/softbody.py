@@ -31,9 +31,9 @@ from wsim.usd.new.colliders import author_colliders
 from wsim.usd.new.material import bind_material
 from wsim.usd.new.mesh import Bare, Wanted, bare_mesh, scene_over, size_notes
 from wsim.usd.new.pins import author_pins
-from wsim.usd.new.place import author_ground, author_settings, enclosed, frame, free, settle, under
+from wsim.usd.new.place import author_ground, author_settings, enclosed, frame, settle, under
 from wsim.usd.prims.solid import author_bulk
-from wsim.usd.prims.surface import author_surface
+from wsim.usd.prims.surface import author_surface, free
 from wsim.usd.stage import applied, open_stage
 
 CELLS = 10                         # of a cage along the longest side: bodies bend as they should from 4 cells across

@@ -1,9 +1,15 @@
-"""The surface of a TetMesh as a Mesh, for tools that show no TetMesh: the same points, renumbered without those inside."""
+"""The surface of a TetMesh as a Mesh, for tools that show no TetMesh: the same points, renumbered without those inside.
+
+`wsim new softbody` authors one, which follows as a skin; a result gets one for each soft body that has no skin.
+"""
 
 import numpy as np
 from pxr import Usd, UsdGeom, UsdShade, Vt
 
 from wsim.geometry.tetra.tets import surface
+from wsim.scene import Soft
+
+OF = "wsim:surfaceOf"              # custom data of the Mesh: path of its TetMesh
 
 
 def faces(tets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -45,5 +51,51 @@ def author_surface(stage: Usd.Stage, mesh: UsdGeom.TetMesh, tets: np.ndarray, pa
     color = UsdGeom.Gprim(prim).GetDisplayColorAttr().Get()
     if color is not None and len(color) == 1:
         shown.CreateDisplayColorAttr(color)
-    mesh.CreatePurposeAttr(UsdGeom.Tokens.guide)
+    if prim != stage.GetDefaultPrim():                          # else who refers to it would see nothing
+        mesh.CreatePurposeAttr(UsdGeom.Tokens.guide)
+    shown.GetPrim().SetCustomDataByKey(OF, str(prim.GetPath()))
     return own
+
+
+class SurfaceOver:
+    """The Mesh of a soft body without skins in a result: what is written of the TetMesh, at the points of its surface."""
+
+    def __init__(self, prim: Usd.Prim, soft: Soft, start: float, codes: list[float]):
+        """codes: time codes that the TetMesh has samples of already."""
+        stage, self.path = prim.GetStage(), free(prim.GetStage(), f"{prim.GetPath()}_surface")
+        self.own = author_surface(stage, UsdGeom.TetMesh(prim), soft.tets, self.path, start)
+        self.prim = stage.GetPrimAtPath(self.path)
+        for code in codes:
+            for attribute, value in self.of([(a, a.Get(code)) for a in prim.GetAttributes() if self._follows(a)]):
+                attribute.Set(value, code)
+
+    def _follows(self, attribute: Usd.Attribute) -> bool:
+        name = attribute.GetName()
+        return name in ("points", "velocities") or name.startswith("primvars:") and attribute.GetNumTimeSamples() > 0
+
+    def of(self, samples: list) -> list:
+        """(attribute, value) of the Mesh for those of the TetMesh."""
+        found: list = []
+        for attribute, value in samples:
+            name = attribute.GetName()
+            if value is None or name != "points" and name != "velocities" and not name.startswith("primvars:"):
+                continue
+            own = type(value).FromNumpy(np.ascontiguousarray(np.array(value)[self.own]))
+            if name == "points":
+                found.append((UsdGeom.Boundable(self.prim).CreateExtentAttr(), UsdGeom.PointBased.ComputeExtent(own)))
+            mine = self.prim.GetAttribute(name)
+            if not mine:
+                mine = self.prim.CreateAttribute(name, attribute.GetTypeName(), False)
+                if name.startswith("primvars:"):
+                    UsdGeom.Primvar(mine).SetInterpolation(UsdGeom.Tokens.vertex)
+            found.append((mine, own))
+        return found
+
+
+def free(stage: Usd.Stage, path: str) -> str:
+    """path, or path_1, path_2 ... where no prim is yet."""
+    candidate, i = path, 0
+    while stage.GetPrimAtPath(candidate):
+        i += 1
+        candidate = f"{path}_{i}"
+    return candidate

@@ -4,10 +4,11 @@
         recorder.append(recorder.time_code(0), {"/flag": positions}, {"/flag": velocities})
 
 The result sublayers the scene's file by a relative path and has `over`s alone: time samples of points, velocities,
-normals and extent, of the bodies and of the skins that follow them (`wsim.scene.skin`). Default values stay those of the
-source, because unauthored rest shapes are read from them. The file grows under a name of its own and is renamed when it is
-whole (`wsim.usd.result.partial`): a run that is killed, interrupted or fails leaves NAME.partial.usdc with its frames and an
-earlier result as it was, and the next run to the same output puts that aside as NAME.recovered.usdc."""
+normals and extent, of the bodies and of the skins that follow them (`wsim.scene.skin`); but a soft body without a skin gets its
+surface as a Mesh (`wsim.usd.prims.surface`). Default values stay those of the source, because unauthored rest shapes are read
+from them. The file grows under a name of its own and is renamed when it is whole (`wsim.usd.result.partial`): a run that is
+killed, interrupted or fails leaves NAME.partial.usdc with its frames and an earlier result as it was, and the next run to the
+same output puts that aside as NAME.recovered.usdc."""
 
 import math
 import os
@@ -20,6 +21,7 @@ from pxr import Usd, UsdUtils
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.skin import held
 from wsim.usd.prims.reactions import sample
+from wsim.usd.prims.surface import SurfaceOver
 from wsim.usd.result import provenance
 from wsim.usd.result.dependencies import overwritten
 from wsim.usd.result.others import Sample, taken
@@ -119,6 +121,8 @@ class Recorder:
                       for path, (prim, _) in {**self.bodies, **followers}.items()}
         if self.continues:
             self.codes += copy_samples(self.continues, self.stage, self.scene)
+        self.surfaces = {s.path: SurfaceOver(self.bodies[s.path][0], s, self.scene.start, self.codes)
+                         for s in self.scene.softs if not s.skins}
         self.colliders = {c.path: ColliderOver(self.stage, self._original, c, self.codes) for c in self.scene.colliders}
         layer.startTimeCode = self.scene.start
 
@@ -164,9 +168,9 @@ class Recorder:
         fields = self._checked_fields() if whole else {}
         samples = []
         for path, over in self.overs.items():
-            samples += over.sample(code, self._of(path, positions), self._of(path, velocities) if velocities else None)
-        for path, values in (primvars or {}).items():
-            samples += self.overs[path].color(values)
+            own = over.sample(code, self._of(path, positions), self._of(path, velocities) if velocities else None)
+            own += over.color((primvars or {}).get(path, {}))
+            samples += own + (self.surfaces[path].of(own) if path in self.surfaces else [])
         samples += [sample(self.stage.GetPrimAtPath(path), values) for path, values in (reactions or {}).items()]
         samples += [taken(self.stage, each) for each in others]
         time = (code - self.scene.start) / self.rate
@@ -271,7 +275,8 @@ class Recorder:
 
     def _let_go(self) -> None:
         """Releases stage and prims, so that the file can be renamed on every system."""
-        self.overs, self.skins, self.colliders, self.bodies, self.stage, self.closed = {}, {}, {}, {}, None, True
+        self.overs, self.skins, self.surfaces, self.colliders, self.bodies = {}, {}, {}, {}, {}
+        self.stage, self.closed = None, True
 
     def _drop(self) -> None:
         """Ends without a result: no file of this recorder stays, and that of an earlier run has its name again."""
