@@ -89,6 +89,10 @@ def case(row: Row, solver: Solver, device=None, precision: str = "float32", long
         return record
     try:
         run = Run.start(row, solver, device, precision)
+        steps = run.scene.fps * run.sim.plan.clock.substeps
+        if solver.needs and solver.integrator == "auto" and steps > MOST:
+            record.refusal = f"not run: it takes the {steps:.3g} substeps a second that it needs, and says so"
+            return record
         run.sim.plan.before_frame(0.0)
         _frames(run, record, long)
         _bounds(run, record, solver)

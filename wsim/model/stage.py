@@ -125,13 +125,14 @@ class Remedy:
     doubt     an edge was thrown by explicit steps: another solver where the scene leaves it open, else the frame holds
     refine    more substeps; `row` of `part` is not finite
     grow      `act` makes room for what overflowed, and says so in words ("" if nothing was lacking)
-    give way  an integrator that needs small residuals goes on as backward Euler
+    give way  an integrator that needs small residuals goes on as backward Euler; `why` where it is not for a residual
     """
 
     kind: str
     act: Callable[[], str] | None = None
     part: str = ""
     row: int = 0
+    why: str = ""
 
 
 @dataclass

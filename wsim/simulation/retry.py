@@ -51,16 +51,19 @@ def mend(sim: Simulation) -> bool:
         if grown:
             sim.warnings.append(f"frame {sim.frame + 1}: {grown}; the frame was repeated")
     if "give way" in kinds:
-        _give_way(sim)
+        _give_way(sim, next((r.why for r in said if r.kind == "give way" and r.why), ""))
     return bool(kinds - {"doubt"})
 
 
-def _give_way(sim: Simulation) -> None:
-    """Backward Euler, which damps what is left unsolved, from this frame on."""
+def _give_way(sim: Simulation, why: str) -> None:
+    """Backward Euler, which damps what is left unsolved, from this frame on. why: if it is not for a residual."""
     clock = sim.plan.clock
     name, most = (("the implicit midpoint", "MET_MIDPOINT") if clock.beyond else
                   ("sdirk3", "MET_SDIRK3") if clock.staged else ("BDF2", "MET"))
     clock.scheme = False, False, False
+    if why:
+        sim.warnings.append(f"frame {sim.frame + 1}: {why}, so that {name} gains energy; backward Euler from here on")
+        return
     solver = "newton" if sim.plan.choice.solver == "implicit" else "xpbd"
     sim.warnings.append(f"frame {sim.frame + 1}: the solver missed the residual that {name} needs "
                         f"(wsim.physics.solver.{solver}.{most}); backward Euler from here on; more iterations or substeps "

@@ -1,7 +1,10 @@
 """Edges that are more than twice as long as at rest, or not finite, where a frame ends: an unstable step may have thrown them,
 or the solver has not held them. `Simulation` repeats the frame of explicit steps with another solver where the scene leaves it
 the choice, and warns else (`wsim.simulation.measure.exceeded`). Whole frames of a march look at their springs themselves
-(kernels/motion/march_cpu.py)."""
+(kernels/motion/march_cpu.py).
+
+The implicit midpoint solves for the middle of a step and goes on from there as far again: what tethers and strain limits
+have projected in the middle it throws as far to the other side. Where that leaves such edges it gives way to backward Euler."""
 
 from __future__ import annotations
 
@@ -12,10 +15,10 @@ import warp as wp
 
 from wsim.kernels.cloth import spring as kernels
 from wsim.model.model import Model, edge_lengths
-from wsim.model.stage import LONG, STRETCHED, THROWN, Clock, Method, Stage
+from wsim.model.stage import LONG, STRETCHED, THROWN, Clock, Method, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
-from wsim.physics.cloth.constraints import AT_REST
+from wsim.physics.cloth.constraints import AT_REST, HARD
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -26,6 +29,8 @@ MOST = 2.0             # length over rest length from which an edge is suspect, 
 
 def build(b: Build) -> Watch | None:
     watch = Watch(b.model, b.state, b.status)
+    if b.choice.integrator.beyond and any(r.kind in HARD for found in b.constraints.values() for r in found):
+        watch.thrown_by = b.clock
     return watch if watch.stages else None
 
 
@@ -36,6 +41,7 @@ class Watch(Method):
         """explicit: the frame is in doubt, and not only reported."""
         super().__init__("watch")
         self.model, self.state, self.status, self.own = model, state, status, THROWN if explicit else LONG
+        self.thrown_by: Clock | None = None            # of a midpoint whose middle is projected
         self.factor = lambda body: 1.0
         self.bodies = [(b, edge_lengths(b) > 0.0) for b in model.bodies]
         counts = [int(long.sum()) for _, long in self.bodies]
@@ -64,6 +70,11 @@ class Watch(Method):
         if name in AT_REST:
             self.follow()
         return False
+
+    def retry(self, status: Status) -> list[Remedy]:
+        if self.thrown_by is None or not self.thrown_by.beyond or not status.said(self.own)[0]:
+            return []
+        return [Remedy("give way", why="tethers or strain limits act while edges are more than twice as long as at rest")]
 
     def look(self, clock: Clock) -> None:
         if len(self.rest):
