@@ -22,7 +22,7 @@ from wsim.usd.prims.colliders import load_collider
 from wsim.usd.prims.pins import load_pin
 from wsim.usd.prims.springs import load_springs
 from wsim.usd.prims.ties import is_tie, load_tie
-from wsim.usd.settings import frames_of, load_settings
+from wsim.usd.settings import frames_of, load_settings, note_range
 from wsim.usd.spelling import spelling
 from wsim.usd.stage import Reading, Units, applied, open_stage, quiet, source_of
 
@@ -269,6 +269,7 @@ def _finished(reading: Reading, scene: Scene, found: Prims) -> Scene:
         skinned(reading, found.skel_roots, [reading.stage.GetPrimAtPath(thing.path) for thing in solid])
     fatal = [problem for problem in reading.problems if problem.fatal]
     if scene.bodies() or scene.others:
+        note_range(reading)
         fatal += [problem for problem in check(scene) if problem.fatal]
     elif not fatal:                               # the notes say why: a reference without a file, a body left out
         from wsim.usd.new.hints import nothing

@@ -95,6 +95,9 @@ def open_stage(path, variants: dict | None = None, notes: list | None = None) ->
     What a run writes or left unfinished is read as it was saved last (`wsim.usd.result.crate.read`). Raises SceneError if the
     file is missing, is no USD, or cannot be read, or if a variant does not exist.
     """
+    if not isinstance(path, (str, os.PathLike)):
+        raise SceneError(Problem("scene", f"is a {type(path).__name__}; give a wsim.Scene, the path of a USD file or a "
+                                 "Usd.Stage"))
     path, found = os.fspath(path), [] if notes is None else notes
     if not os.path.exists(path):
         raise SceneError(Problem(path, "there is no such file; give the path of a .usda, .usdc, .usd or .usdz file"))
