@@ -1,5 +1,6 @@
 """Runs in parts of frames and with a delay: what the simulated scene becomes."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from wsim import cli
 from wsim.cli.run import finer, later
 from wsim.scene import Scene, Surface
 from wsim.scene.curve import Curve, Motion
+from wsim.simulation import duration
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load, save
 
@@ -117,3 +119,16 @@ def test_run_has_a_default_output_beside_the_scene_and_tells_of_its_making(scene
             again.run(frames)
         hashes.add(Sdf.Layer.FindOrOpen(str(out)).customLayerData["wsim"]["sceneHash"])
     assert len(hashes) == 2
+
+
+def test_a_run_that_will_take_long_says_so_before_it_starts_and_its_report_counts_itself(scene, tmp_path, capsys, monkeypatch):
+    stage = str(tmp_path / "scene.usda")
+    save(scene, stage)
+    monkeypatch.setattr(duration, "SLOW", 1e-9)
+    assert cli.main(["run", stage, "-o", str(tmp_path / "a.usdc"), "--device", "cpu", "--frames", "2", "--json"]) == 0
+    said = capsys.readouterr()
+    first = said.err.splitlines()[0]
+    assert first.startswith("warning: /: a frame takes about") and "--substeps, a coarser mesh or a GPU" in first
+    spent = json.loads(said.out)["seconds"]
+    parts = ("import", "load", "build", "simulate", "write", "report")
+    assert 0.0 < spent["report"] < spent["total"] and sum(spent[name] for name in parts) <= spent["total"]

@@ -52,7 +52,8 @@ class Record:
         if sim.worlds > 1:
             raise SceneError(Problem(str(path), f"a result holds one world, and the simulation has {sim.worlds}; record one of "
                                      "worlds=1"))
-        self.sim, self.stress, self.reactions, self.result = sim, stress, reactions, None
+        self.sim, self.stress, self.reactions = sim, stress, reactions
+        self.result: str | None = None
         self.recorder = Recorder(sim.given, path, restart_fields=lambda: {p: sim.fields(p) for p in sim.state.paths()},
                                  settings=lambda: settings(sim), **more)
         try:
