@@ -12,6 +12,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
+from wsim.kernels.math.rotation import quaternion
 
 real, mat33, vec3, vec4 = wp.float64, wp.mat33d, wp.vec3d, wp.vec4d
 
@@ -23,33 +24,6 @@ class Movers:
     origin: wp.array(dtype=vec3)              # of the row's object [m], (movers,)
     ball: wp.array(dtype=vec4)                # centre in the shape's own frame, radius [m], (movers,)
     gap: wp.array(dtype=real)                 # distance that the collider keeps [m], (movers,)
-
-
-@wp.func
-def quaternion(R: mat33):
-    """(x, y, z, w) with w >= 0 of a rotation, from the largest of the four squares (Shepperd 1978)."""
-    one = real(1.0)
-    s = vec4(one + R[0, 0] - R[1, 1] - R[2, 2], one - R[0, 0] + R[1, 1] - R[2, 2],
-             one - R[0, 0] - R[1, 1] + R[2, 2], one + R[0, 0] + R[1, 1] + R[2, 2])
-    a = R[2, 1]
-    b = R[0, 2]
-    c = R[1, 0]
-    p = R[1, 2]
-    q = R[2, 0]
-    r = R[0, 1]
-    found = vec4()
-    if s[3] > s[0] and s[3] > s[1] and s[3] > s[2]:
-        found = vec4(a - p, b - q, c - r, s[3])
-    elif s[2] > s[0] and s[2] > s[1]:
-        found = vec4(b + q, a + p, s[2], c - r)
-    elif s[1] > s[0]:
-        found = vec4(c + r, s[1], a + p, b - q)
-    else:
-        found = vec4(s[0], c + r, b + q, a - p)
-    found = found / wp.length(found)
-    if found[3] < real(0.0):
-        found = -found
-    return found
 
 
 @cache

@@ -10,6 +10,8 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.math.rotation import about_axis
+
 real, mat33, vec3 = wp.float64, wp.mat33d, wp.vec3d
 
 
@@ -49,23 +51,6 @@ def segment(keys: Keys, m: int, t: real):
 
 
 @wp.func
-def rotation(axis: vec3, angle: real):
-    """I + sin K + (1 - cos) K K, rotation by an angle about a unit axis (Rodrigues), K K without the products by zero."""
-    s = wp.sin(angle)
-    c = real(1.0) - wp.cos(angle)
-    one = real(1.0)
-    x = axis[0]
-    y = axis[1]
-    z = axis[2]
-    xy = c * (x * y)
-    xz = c * (x * z)
-    yz = c * (y * z)
-    return mat33(one - c * (y * y + z * z), xy - s * z, xz + s * y,
-                 xy + s * z, one - c * (x * x + z * z), yz - s * x,
-                 xz - s * y, yz + s * x, one - c * (x * x + y * y))
-
-
-@wp.func
 def at(keys: Keys, m: int, t: real):
     """R S and T [m] of motion m at time t [s]."""
     a, b, s = segment(keys, m, t)
@@ -75,7 +60,7 @@ def at(keys: Keys, m: int, t: real):
         A = keys.whole[a]
     else:
         Sa = keys.stretch[a]
-        A = keys.turned[a] * rotation(keys.axis[a], s * keys.angle[a]) * (Sa + s * (keys.stretch[b] - Sa))
+        A = keys.turned[a] * about_axis(keys.axis[a], s * keys.angle[a]) * (Sa + s * (keys.stretch[b] - Sa))
         p = p + s * (keys.place[b] - p)
     return A, p
 

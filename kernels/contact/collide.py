@@ -25,13 +25,24 @@ from typing import Any
 
 import warp as wp
 
+from wsim.kernels.contact import shape
 from wsim.kernels.contact.mesh import SOLID, touch_mesh
 from wsim.kernels.contact.shape import CONVEX, distance
 from wsim.kernels.math.real import types
 
-KINDS = (*CONVEX, "solid", "sheet")                  # the position is the kind's number
+KINDS = (*CONVEX, "solid", "sheet")                  # the position is the kind's number, see `code`
 NEWTON_LIMIT = 16      # steps of a sweep; 3 to 5 are usual, grazing takes more and may stop early (see above)
 TOUCHING = 1e-4        # part of |dq| that a sweep ends within
+
+
+def code(kind: str) -> int:
+    """By which kernels tell the kinds."""
+    return KINDS.index(kind) if kind in KINDS else shape.code(kind)
+
+
+def split(kinds: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Convex shapes and meshes among `kinds`."""
+    return tuple(k for k in kinds if k not in KINDS[SOLID:]), tuple(k for k in kinds if k in KINDS[SOLID:])
 
 
 @wp.func
@@ -88,9 +99,9 @@ def touch_convex(kinds: tuple[str, ...], real):
 def touch(kinds: tuple[str, ...], real):
     """Function (kind, size, mesh, deep, q0, q1, r, reach: margin and width) -> (C, n, p, s0, slip) over all of `kinds`."""
     t = types(real)
-    convex, surface = any(k in kinds for k in KINDS[:SOLID]), any(k in kinds for k in KINDS[SOLID:])
-    of_convex = touch_convex(tuple(k for k in kinds if k in KINDS[:SOLID]), real)
-    of_mesh = touch_mesh(tuple(k for k in kinds if k in KINDS[SOLID:]), real)
+    shapes, meshes = split(kinds)
+    convex, surface = bool(shapes), bool(meshes)
+    of_convex, of_mesh = touch_convex(shapes, real), touch_mesh(meshes, real)
 
     @wp.func
     def touch(kind: int, size: t.vec3, mesh: wp.uint64, deep: int, q0: t.vec3, q1: t.vec3, r: real, reach: t.vec2):

@@ -21,7 +21,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.collide import KINDS, touch
+from wsim.kernels.contact.collide import split, touch
 from wsim.kernels.contact.mesh import SHEET, SOLID, touch_mesh
 from wsim.kernels.contact.project import TOUCHED, slots, tables
 from wsim.kernels.contact.shape import distance
@@ -198,7 +198,7 @@ def sink(kinds: tuple[str, ...], real, module):
     pose k [m]."""
     t, name = types(real), f"sink_{'_'.join(kinds)}_{types(real).name}"
     Rows, Points = tables(real)
-    shapes = tuple(k for k in kinds if k in KINDS[:SOLID])
+    shapes = split(kinds)[0]
     convex, meshes = bool(shapes), "solid" in kinds
     of_convex, of_mesh, meet = convex_least(shapes, real), mesh_least(real), touch(kinds, real)
 

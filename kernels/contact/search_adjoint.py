@@ -55,16 +55,10 @@ def products(kinds: tuple[str, ...], real):
 
 
 @cache
-def split(kinds: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Convex shapes and meshes among `kinds`."""
-    return tuple(k for k in kinds if k in collide.KINDS[:SOLID]), tuple(k for k in kinds if k in collide.KINDS[SOLID:])
-
-
-@cache
 def need(kinds: tuple[str, ...], real, module) -> None:
     """A kernel that never runs: see kernels/solver/xpbd_vjp.py."""
     t, (bent, faced) = types(real), products(kinds, real)
-    convex, meshes = map(bool, split(kinds))
+    convex, meshes = map(bool, collide.split(kinds))
     vec3 = t.vec3
 
     def called(kind: int, b: real, out: wp.array(dtype=real)):
@@ -199,7 +193,7 @@ def overlap(gb: Any, by_out: Any, how: Any, most: Any):
 def search_adjoint(kinds: tuple[str, ...], real, module):
     """Kernel over points: the adjoint of the search of substep k; gradients by d and a that it has moved are left where they
     are, for the copies before it. Arguments: rows, points, slots, what was read (x, d), gradients, k."""
-    t, (meet, carry), (shapes, surfaces) = types(real), met(kinds, real), split(kinds)
+    t, (meet, carry), (shapes, surfaces) = types(real), met(kinds, real), collide.split(kinds)
     of_convex, of_mesh = convex_adjoint(shapes, real), mesh_adjoint(surfaces, real)
     convex, meshes = bool(shapes), bool(surfaces)
     (Rows, Points), Slots, Read, Grads, vec3 = tables(real), slots(real), read(real), grads(real), t.vec3

@@ -18,6 +18,18 @@ import warp as wp
 
 PLANE, SPHERE, BOX, CAPSULE, CYLINDER, CONE = range(6)
 CONVEX = ("plane", "sphere", "box", "capsule", "cylinder", "cone")
+MORE: dict[str, Any] = {}            # formulas (size, q) -> (phi, n) of further convex shapes, see `add`
+
+
+def add(kind: str, formula: Any) -> None:
+    """Makes a convex shape of another place known. formula: a generic function of Warp, phi convex in q, |n| = 1."""
+    if kind not in CONVEX and MORE.setdefault(kind, formula) is not formula:
+        raise ValueError(f"there is another shape of colliders called {kind}")
+
+
+def code(kind: str) -> int:
+    """By which kernels tell shapes: the place in CONVEX, below 0 for those of `add`; meshes are above all of them."""
+    return CONVEX.index(kind) if kind in CONVEX else -1 - list(MORE).index(kind)
 
 
 @wp.func
@@ -152,4 +164,22 @@ def distance(kinds: tuple[str, ...]):
                 phi, n = cone(size[0], size[1], q)
         return phi, n
 
-    return distance
+    found = distance
+    for name in kinds:
+        if name in MORE:
+            found = _also(found, name)
+    return found
+
+
+def _also(before: Any, name: str) -> Any:
+    """`before`, and a shape of `add`."""
+    own, formula = code(name), MORE[name]
+
+    def distance(kind: int, size: Any, q: Any):
+        phi, n = before(kind, size, q)
+        if kind == own:
+            phi, n = formula(size, q)
+        return phi, n
+
+    distance.__qualname__ = f"distance_or_{name}"
+    return wp.func(distance)

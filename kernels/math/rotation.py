@@ -1,42 +1,161 @@
-"""Rotation of a deformation gradient, and eigenvectors of small symmetric matrices.
+"""Rotations: quaternions, matrices and rotation vectors, and the rotation of a deformation gradient.
 
-R is the rotation that turns F most nearly: the largest tr(R^T F) over proper rotations. Then S = R^T F is symmetric, F = R S,
-and of its eigenvalues (the signed stretches) no two sum below 0; at most one is negative, where det F < 0 (Irving, Teran,
-Fedkiw 2004, section 5). With the quaternion q of R, tr(R^T F) = q^T K q (Horn 1987, section 4.A): on the unit sphere such a
-form has one maximum (and its opposite), everything else that is stationary is a saddle or the minimum. Two ways to it:
+Quaternions are (x, y, z, w), unit, and act as q v q*; q and -q are one rotation. A rotation vector is axis times angle [rad].
+The first half has the names and the formulas of wsim/geometry/rotation.py, which does the same on the host in float64:
+
+    exponential(u) = (sin(a / 2) u / a, cos(a / 2)),  a = |u|         logarithm(q) = 2 atan2(|v|, w) v / |v|,  w >= 0
+    slerp          = p exponential(s logarithm(p* q))                 integrated   = exponential(h omega) q
+
+(Sola 2017, Quaternion kinematics, sections 2.4, 2.7 and 4.6.) The second half is the rotation of a deformation gradient: R
+turns F most nearly, with the largest tr(R^T F) of all proper rotations. Then S = R^T F is symmetric, F = R S, and of its
+eigenvalues (the signed stretches) no two sum below 0; at most one is negative, where det F < 0 (Irving, Teran, Fedkiw 2004,
+section 5). With the quaternion q of R, tr(R^T F) = q^T K q (Horn 1987, section 4.A): on the unit sphere such a form has one
+maximum (and its opposite), everything else that is stationary is a saddle or the minimum. Two ways to it:
 
     Newton   B = R^T F, G = tr(B) - sym(B), w = G^-1 axl(B - B^T), R <- R exp [w]x      cubic, as tr(exp [w]x S) is even in w
     Jacobi   the eigenvector of the largest eigenvalue of K; any F, also 0, flat, mirrored or half a turn away
 
 Newton is taken from the last rotation as long as G is positive definite: it then ends in the maximum, whatever the sign of
-det F. Quaternions are (x, y, z, w), unit.
+det F.
 """
 
 from typing import Any
 
 import warp as wp
 
+from wsim.kernels.math.eigen import eigen_four, identity, rounding
+
 ITERATIONS = wp.constant(6)     # of Newton before Jacobi: cubic, so that what needs more does not converge
-SWEEPS = wp.constant(8)         # of Jacobi; 4 do for nearly all matrices, the loop ends by itself
 
 
 @wp.func
-def rounding(s: wp.float32):
-    """Spacing of the numbers at 1."""
-    return wp.float32(1.1920929e-07)
+def multiply(p: Any, q: Any):
+    """Quaternion of the rotation q, then p (Hamilton)."""
+    return p * q
 
 
 @wp.func
-def rounding(s: wp.float64):  # noqa: F811 - an overload
-    """Spacing of the numbers at 1."""
-    return wp.float64(2.220446049250313e-16)
+def conjugate(q: Any):
+    """Quaternion of the rotation back."""
+    return type(q)(-q[0], -q[1], -q[2], q[3])
 
 
 @wp.func
-def identity(A: Any):
-    """1 of the type of the 3 x 3 matrix A."""
-    one = type(A[0, 0])(1.0)
-    return wp.diag(wp.vector(one, one, one))
+def normalized(q: Any):
+    """q / |q|; no rotation, (0, 0, 0, 1), where q is 0."""
+    zero = type(q[0])(0.0)
+    size = wp.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    found = type(q)(zero, zero, zero, type(q[0])(1.0))
+    if size > zero:
+        found = type(q)(q[0] / size, q[1] / size, q[2] / size, q[3] / size)
+    return found
+
+
+@wp.func
+def rotate(q: Any, v: Any):
+    """q v q* = v + w t + u x t, t = 2 u x v with q = (u, w): a small turn keeps its digits."""
+    u = type(v)(q[0], q[1], q[2])
+    t = type(q[0])(2.0) * wp.cross(u, v)
+    return v + q[3] * t + wp.cross(u, t)
+
+
+@wp.func
+def matrix(q: Any):
+    """R of a unit quaternion."""
+    D = turned(q)
+    return identity(D) + D
+
+
+@wp.func
+def quaternion(R: Any):
+    """Components (x, y, z, w), as a vector, with w >= 0 of a rotation, from the largest of the four squares (Shepperd 1978)."""
+    one = type(R[0, 0])(1.0)
+    s = wp.vector(one + R[0, 0] - R[1, 1] - R[2, 2], one - R[0, 0] + R[1, 1] - R[2, 2],
+                  one - R[0, 0] - R[1, 1] + R[2, 2], one + R[0, 0] + R[1, 1] + R[2, 2])
+    a = R[2, 1]
+    b = R[0, 2]
+    c = R[1, 0]
+    p = R[1, 2]
+    q = R[2, 0]
+    r = R[0, 1]
+    found = wp.vector(s[0], c + r, b + q, a - p)
+    if s[3] > s[0] and s[3] > s[1] and s[3] > s[2]:
+        found = wp.vector(a - p, b - q, c - r, s[3])
+    elif s[2] > s[0] and s[2] > s[1]:
+        found = wp.vector(b + q, a + p, s[2], c - r)
+    elif s[1] > s[0]:
+        found = wp.vector(c + r, s[1], a + p, b - q)
+    found = found / wp.length(found)
+    if found[3] < one - one:
+        found = -found
+    return found
+
+
+@wp.func
+def about_axis(axis: Any, angle: Any):
+    """I + sin K + (1 - cos) K K, rotation by an angle [rad] about a unit axis (Rodrigues), K K without the products by zero."""
+    one = type(angle)(1.0)
+    s = wp.sin(angle)
+    c = one - wp.cos(angle)
+    x = axis[0]
+    y = axis[1]
+    z = axis[2]
+    xy = c * (x * y)
+    xz = c * (x * z)
+    yz = c * (y * z)
+    return wp.matrix_from_rows(wp.vector(one - c * (y * y + z * z), xy - s * z, xz + s * y),
+                               wp.vector(xy + s * z, one - c * (x * x + z * z), yz - s * x),
+                               wp.vector(xz - s * y, yz + s * x, one - c * (x * x + y * y)))
+
+
+@wp.func
+def exponential(u: Any):
+    """Components (x, y, z, w), as a vector, of the quaternion of a rotation vector [rad]; by a series below 0.01 rad."""
+    one = type(u[0])(1.0)
+    aa = wp.dot(u, u)
+    a = wp.sqrt(aa)
+    k = type(one)(0.5) - aa / type(one)(48.0) + aa * aa / type(one)(3840.0)       # sin(a / 2) / a
+    if aa > type(one)(1.0e-4):
+        k = wp.sin(type(one)(0.5) * a) / a
+    return wp.vector(k * u[0], k * u[1], k * u[2], wp.cos(type(one)(0.5) * a))
+
+
+@wp.func
+def logarithm(q: Any):
+    """Rotation vector [rad] of a unit quaternion, the short way: |u| <= pi. Half a turn goes about q's own axis."""
+    zero = type(q[0])(0.0)
+    v = wp.vector(q[0], q[1], q[2])
+    c = q[3]
+    if c < zero:
+        v = -v
+        c = -c
+    s = wp.length(v)
+    tt = s / wp.max(c, type(c)(1.0e-3))
+    tt = tt * tt
+    k = type(c)(2.0) / wp.max(c, type(c)(1.0e-3)) * (type(c)(1.0) - tt / type(c)(3.0) + tt * tt / type(c)(5.0))
+    if tt > type(c)(1.0e-5):
+        k = type(c)(2.0) * wp.atan2(s, c) / s
+    return k * v
+
+
+@wp.func
+def slerp(p: Any, q: Any, s: Any):
+    """Rotation a part s of the short way from p to q, at constant speed about a fixed axis."""
+    e = exponential(s * logarithm(multiply(conjugate(p), q)))
+    return multiply(p, type(p)(e[0], e[1], e[2], e[3]))
+
+
+@wp.func
+def angular_velocity(p: Any, q: Any, h: Any):
+    """Angular velocity [rad/s], in world axes, that turns p into q in h [s], the short way."""
+    return logarithm(multiply(q, conjugate(p))) / h
+
+
+@wp.func
+def integrated(q: Any, omega: Any, h: Any):
+    """Orientation q after h [s] at the angular velocity omega [rad/s] in world axes."""
+    e = exponential(h * omega)
+    return normalized(multiply(type(q)(e[0], e[1], e[2], e[3]), q))
 
 
 @wp.func
@@ -63,109 +182,6 @@ def turned(q: Any):
     wz = z * q[3]
     return wp.matrix_from_rows(wp.vector(-yy - zz, xy - wz, xz + wy), wp.vector(xy + wz, -xx - zz, yz - wx),
                                wp.vector(xz - wy, yz + wx, -xx - yy))
-
-
-@wp.func
-def jacobi(a: Any, b: Any, c: Any):
-    """cos and sin of the turn that makes [[a, c], [c, b]] diagonal, |angle| <= pi/4 (Golub, Van Loan 2013, section 8.5.2)."""
-    one = type(a)(1.0)
-    t = one - one
-    if c != t:
-        theta = (b - a) / (c + c)
-        t = one / (wp.abs(theta) + wp.sqrt(one + theta * theta))
-        if theta < one - one:
-            t = -t
-    r = one / wp.sqrt(one + t * t)
-    return r, t * r
-
-
-@wp.func
-def lone_eigenvector(B: Any):
-    """Unit eigenvector of the eigenvalue farthest from the others, of a symmetric B with tr B = 0, |B|^2 = 6.
-
-    That is the root of largest size, sqrt(3) to 2, of x^3 - 3 x - 2 r, r = det B / 2 in [-1, 1]: Newton from a straight line
-    that is off by less than 0.01. The rows of B - x are normal to the vector, and two of them are far from parallel.
-    """
-    one = type(B[0, 0])(1.0)
-    r = type(one)(0.5) * wp.determinant(B)
-    s = wp.min(wp.abs(r), one)
-    x = type(one)(1.7320508075688772) + type(one)(0.2679491924311228) * s
-    for _k in range(3):
-        x -= (x * x * x - type(one)(3.0) * x - (s + s)) / (type(one)(3.0) * (x * x - one))
-    if r < one - one:
-        x = -x
-    C = B - x * identity(B)
-    v0 = wp.cross(C[0], C[1])
-    v1 = wp.cross(C[1], C[2])
-    v2 = wp.cross(C[2], C[0])
-    if wp.dot(v1, v1) > wp.dot(v0, v0):
-        v0 = v1
-    if wp.dot(v2, v2) > wp.dot(v0, v0):
-        v0 = v2
-    return wp.normalize(v0)
-
-
-@wp.func
-def eigen(A: Any):
-    """(d, V): A = V diag(d) V^T of a symmetric 3 x 3 matrix, in no order, columns of V orthonormal.
-
-    The lone eigenvector in closed form, the other two by one Jacobi turn in the plane across it (after Eberly 2014). Right to
-    10 units of rounding of the largest entry, whatever the gaps; below 1e-30 A counts as diagonal. Half the time of Jacobi
-    sweeps (CPU: 270 ns, 570).
-    """
-    zero = type(A[0, 0])(0.0)
-    one = type(A[0, 0])(1.0)
-    V = identity(A)
-    d = wp.get_diag(A)
-    size = wp.max(wp.max(wp.max(wp.abs(A[0])), wp.max(wp.abs(A[1]))), wp.max(wp.abs(A[2])))
-    if size > type(one)(1.0e-30):
-        B = (one / size) * A
-        B = B - (wp.trace(B) / type(one)(3.0)) * V
-        p = wp.ddot(B, B) / type(one)(6.0)
-        if p > type(one)(0.01) * rounding(one) * rounding(one):
-            B = (one / wp.sqrt(p)) * B
-            v = lone_eigenvector(B)
-            e = type(v)(one, zero, zero)
-            if wp.abs(v[0]) > type(one)(0.6):
-                e = type(v)(zero, one, zero)
-            u = wp.normalize(wp.cross(v, e))
-            w = wp.cross(v, u)
-            Bw = B * w
-            c, s = jacobi(wp.dot(u, B * u), wp.dot(w, Bw), wp.dot(u, Bw))
-            V = wp.matrix_from_cols(v, c * u - s * w, s * u + c * w)
-            W = wp.transpose(V)
-            d = wp.vector(wp.dot(W[0], A * W[0]), wp.dot(W[1], A * W[1]), wp.dot(W[2], A * W[2]))
-    return d, V
-
-
-@wp.func
-def eigen_four(A: Any):
-    """(D, V): A = V D V^T of a symmetric 4 x 4 matrix, eigenvalues on the diagonal of D, in no order, columns of V orthonormal.
-
-    Cyclic Jacobi; eigenvalues right to a few units of rounding of the largest, whatever their gaps.
-    """
-    one = type(A[0, 0])(1.0)
-    D = one * A
-    unit = wp.diag(wp.vector(one, one, one, one))
-    V = one * unit
-    n = int(4)                                       # a variable: the loops are not unrolled, this is rarely run
-    for _sweep in range(SWEEPS):
-        left = int(0)
-        for i in range(n - 1):
-            for j in range(i + 1, n):
-                if wp.abs(D[i, j]) > type(one)(0.25) * rounding(one) * wp.max(wp.abs(D[i, i]), wp.abs(D[j, j])):
-                    c, s = jacobi(D[i, i], D[j, j], D[i, j])
-                    J = one * unit
-                    J[i, i] = c
-                    J[j, j] = c
-                    J[i, j] = s
-                    J[j, i] = -s
-                    D = wp.transpose(J) * D * J
-                    V = V * J
-                    left += 1
-        if left == 0:
-            break
-    return D, V
 
 
 @wp.func

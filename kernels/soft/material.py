@@ -34,7 +34,8 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.math.rotation import eigen, identity, rounding, twice_axis
+from wsim.kernels.math.eigen import eigen
+from wsim.kernels.math.rotation import identity, rounding, twice_axis
 from wsim.kernels.soft.neo_hookean import (
     cofactor,
     neo_hookean_derivative,

@@ -17,7 +17,8 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.math.rotation import eigen, identity
+from wsim.kernels.math.eigen import eigen
+from wsim.kernels.math.rotation import identity
 from wsim.kernels.soft.principal import LARGEST, held, off_diagonal, positive_part, strain
 
 

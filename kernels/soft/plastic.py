@@ -19,8 +19,9 @@ from typing import Any
 
 import warp as wp
 
+from wsim.kernels.math.eigen import eigen
 from wsim.kernels.math.real import types
-from wsim.kernels.math.rotation import eigen, identity, rotation
+from wsim.kernels.math.rotation import identity, rotation
 from wsim.kernels.soft.fem import displaced, elements
 from wsim.kernels.soft.principal import strain
 

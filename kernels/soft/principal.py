@@ -15,7 +15,8 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.math.rotation import eigen, turned
+from wsim.kernels.math.eigen import eigen
+from wsim.kernels.math.rotation import turned
 
 LARGEST = wp.constant(1.0e6)      # of |H_ij| and |J - 1|: lam J^2 of float32 ends at 3e38
 

@@ -7,13 +7,13 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 from tests.conftest import grid
 from tests.usd.result.test_recorder import CLOTH, author, record, world
 from wsim.geometry.normals import Normals, fans
-from wsim.scene.curve import rotation
+from wsim.geometry.rotation import about_axis
 from wsim.usd.result.recorder import Recorder
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
 FACES = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])      # outward
 OUT = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]], float)
-TURN = rotation(np.array([0.6, 0.0, 0.8]), 1.1)
+TURN = about_axis(np.array([0.6, 0.0, 0.8]), 1.1)
 COUNTS = np.full(6, 4)
 FLOAT = 4 * np.finfo(np.float32).eps
 

@@ -7,6 +7,7 @@ import pytest
 
 from wsim.scene import Scene, shapes
 from wsim.scene.fabric import Fabric
+from wsim.simulation.measure.columns import columns
 from wsim.simulation.measure.indicators import edge_strain, rows
 from wsim.simulation.simulation import Simulation
 
@@ -160,3 +161,9 @@ def test_before_the_first_frame_a_report_says_so():
     report = Simulation(net(), **DOUBLE).report()
     assert report["frames"] == 0 and report["ms_per_frame"] == 0.0 and report["points_per_second"] == 0.0
     assert json.loads(json.dumps(report)) == report
+
+
+def test_cells_of_a_table_stand_below_each_other():
+    rows = [("a", "1", "x"), ("long", "22", "")]
+    assert columns(rows, "<><") == ["a      1  x", "long  22   "]
+    assert columns(rows, "<><", (6, None, 0), gap="|") == ["a     | 1|x", "long  |22|"]

@@ -59,8 +59,8 @@ def room(place: str, names: str) -> set[str]:
     return {f"wsim.{place}.{name}" for name in names.split()}
 
 
-SCENE = room("scene", "scene bodies colliders solid curve fabric") | room("geometry", "triangulate topology memo") | room(
-    "scene.check", "scene objects mesh")
+SCENE = (room("scene", "scene bodies solid solids curve fabric") | room("scene.check", "scene objects mesh")
+         | room("geometry", "triangulate topology memo rotation"))
 LOADER = room("geometry", "primitives")       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt sweep_strain")
        | room("simulation.measure", "indicators exceeded") | room("scene", "masses integrator methods samples")

@@ -94,6 +94,18 @@ def test_no_deformable_names_the_meshes_and_the_command(read):
     assert "has no Mesh" in errors(read, 'def Xform "empty" {}\n')
 
 
+def test_an_empty_stage_says_what_could_be_by_the_rows_of_methods_too(read, monkeypatch):
+    from tests.make.wheels import ROW
+    from wsim.usd.new import hints
+    monkeypatch.setattr(hints, "METHODS", [*hints.METHODS, ROW])
+    text = errors(read, 'def Xform "empty" {}\n')
+    for thing in ("cloth (a Mesh with PhysicsDeformableBodyAPI and PhysicsSurfaceDeformableSimAPI)", "pin or tie (Physics",
+                  "soft body (a TetMesh with", "spring net (a BasisCurves", "load (WsimLoadAPI)", "wheel (ToyWheelAPI)",
+                  "collider (PhysicsCollisionAPI on Plane, Sphere, Cube, Capsule, Cylinder, Cone, Mesh or TetMesh)"):
+        assert thing in text
+    assert "A scene may hold" not in errors(read, f'def Mesh "shirt" {{{SHEET}\n}}\n')
+
+
 def test_a_kinematic_body_is_a_collider_and_a_disabled_one_is_left_out(read):
     scene = read(cloth() + cloth("bool physics:kinematicEnabled = 1", "moving")
                  + cloth("bool physics:bodyEnabled = 0", "off"))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdValidation
 
+from wsim.geometry.rotation import about_axis
 from wsim.scene import (
     Box,
     Capsule,
@@ -23,7 +24,7 @@ from wsim.scene import (
     Surface,
 )
 from wsim.scene.bodies import same
-from wsim.scene.curve import Curve, Motion, rotation
+from wsim.scene.curve import Curve, Motion
 from wsim.scene.fabric import Fabric
 from wsim.usd import load, names, save
 from wsim.usd.stage import Units
@@ -31,7 +32,7 @@ from wsim.usd.stage import Units
 
 def _turned(rng) -> np.ndarray:
     axis = rng.normal(size=3)
-    return rotation(axis / np.linalg.norm(axis), rng.uniform(0.0, 3.0))
+    return about_axis(axis / np.linalg.norm(axis), rng.uniform(0.0, 3.0))
 
 
 def _matrix(rng, rigid: bool, far: float) -> np.ndarray:

@@ -22,6 +22,7 @@ import warp as wp
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from tools.bench.speed import hardware, show, timed  # noqa: E402
+from wsim.geometry.rotation import about_axis  # noqa: E402
 from wsim.scene import (  # noqa: E402
     Box,
     Capsule,
@@ -33,7 +34,7 @@ from wsim.scene import (  # noqa: E402
     Surface,
     shapes,  # noqa: E402
 )
-from wsim.scene.curve import Motion, rotation  # noqa: E402
+from wsim.scene.curve import Motion  # noqa: E402
 from wsim.simulation.simulation import Simulation  # noqa: E402
 
 SHAPES = {"plane": Plane("Z"), "sphere": Sphere(0.3), "box": Box((0.3, 0.3, 0.3)), "capsule": Capsule(0.2, 0.1),
@@ -98,7 +99,7 @@ def wandering(count: int) -> Scene:
         keys = np.tile(np.eye(4), (6, 1, 1))
         for M in keys:
             axis = rng.normal(size=3)
-            M[:3, :3] = rotation(axis / np.linalg.norm(axis), rng.uniform(0.0, 2.0))
+            M[:3, :3] = about_axis(axis / np.linalg.norm(axis), rng.uniform(0.0, 2.0))
         keys[:, :3, 3] = (*rng.uniform(-0.5, 0.5, 2), -0.03) + rng.uniform(-0.05, 0.05, (6, 3))
         scene.collider(f"/{k}", Sphere(0.02), motion=Motion(np.linspace(0.0, 2.0, 6), keys))
     return scene

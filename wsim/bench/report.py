@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from math import inf, isfinite
 
 from wsim.bench.front import AMPLIFIES, MARGIN, PERTURBED, Measured, front, within_error, within_time
+from wsim.simulation.measure.columns import columns
 
 CALM = 0.1                             # energy beside the reference's that a recommendation bears
 GOALS = (0.01, 0.001)                  # errors for which settings are recommended
@@ -102,18 +103,17 @@ class Report:
     def _table(self) -> list[str]:
         best = {id(row) for row in self.front}
         three = ("energy", "residual", "rms strain") if self.refused else ("end", "largest", "")
-        lines = [f"  {'solver':<10}{'integrator':<16}{'substeps x it.':>15}  {'precision':<10}{'ms/frame':>9}"
-                 f"{three[0]:>11}{three[1]:>11}{three[2]:>12}".rstrip()]
+        rows: list[tuple[str, ...]] = [("", "solver", "integrator", "substeps x it.", "  precision", "ms/frame", *three, "")]
         for row in sorted(self.rows, key=lambda r: (r.setting.solver, r.setting.integrator, r.setting.precision,
                                                     r.setting.iterations, r.setting.substeps)):
             s = row.setting
             values = ((percent(row.drift, sign=True), short(row.residual), percent(row.strain)) if self.refused else
                       (self._error(row.end), self._error(row.largest), ""))
             note = "; ".join(filter(None, ["the scene's own" * row.own, row.note]))
-            lines.append(f"{'*' if id(row) in best else ' '} {s.solver:<10}{s.integrator:<16}"
-                         f"{f'{s.substeps} x {s.iterations}':>15}  {s.precision:<10}{row.ms:>9.4g}{values[0]:>11}"
-                         f"{values[1]:>11}{values[2]:>12}  {note}".rstrip())
-        return [*lines, "* nothing else here is both faster and nearer to the reference"]
+            rows.append(("*" * (id(row) in best), s.solver, s.integrator, f"{s.substeps} x {s.iterations}", f"  {s.precision}",
+                         f"{row.ms:.4g}", *values, f"  {note}"))
+        lines = columns(rows, "<<<><>>>><", (2, 10, 16, 15, 12, 9, 11, 11, 12, 0), gap="")
+        return [*(line.rstrip() for line in lines), "* nothing else here is both faster and nearer to the reference"]
 
     def _error(self, value: float | None) -> str:
         """An error; where it is below what the reference knows, that."""

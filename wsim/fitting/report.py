@@ -4,6 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wsim.simulation.measure.columns import columns
+
 if TYPE_CHECKING:
     from wsim.fitting.fit import Fit
 
@@ -26,9 +28,7 @@ def text(fit: "Fit") -> str:
         known, error = np.isfinite(e.errors[k]), float(e.errors[k])
         rows.append((p.name, number(e.values[k], error), f"{error:.2g}" if known else "unknown",
                      f"{number(e.low[k], error)} to {number(e.high[k], error)}" if known else "not identifiable", p.unit))
-    wide = [max(len(r[k]) for r in rows) for k in range(4)]
-    lines = ["  ".join([r[0].ljust(wide[0]), r[1].rjust(wide[1]), r[2].rjust(wide[2]), r[3].ljust(wide[3]), r[4]]).rstrip()
-             for r in rows]
+    lines = [line.rstrip() for line in columns(rows, "<>><<")]
     lines += [f"not identifiable: {w}" for w in e.words]
     lines += _correlated(fit)
     lines.append(f"singular values {', '.join(f'{s:.3g}' for s in e.singular)} (of the Jacobian over the noise)")

@@ -15,18 +15,18 @@ _OCTAHEDRON = (np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1]
 
 def lathe(profile, sides: int = 64) -> Outline:
     """Surface of revolution about z. profile: (r, z) from the lower to the upper end, shape (m, 2); of rows that are
-    equal the first counts."""
+    equal the first counts. Points by row, from below; triangles likewise."""
     profile = np.asarray(profile, float)
     r, z = profile[np.r_[True, (profile[1:] != profile[:-1]).any(axis=1)]].T
-    phi = np.arange(sides) * (2.0 * np.pi / sides)
+    phi = 2.0 * np.pi * np.arange(sides) / sides
     points = np.stack([np.outer(r, np.cos(phi)), np.outer(r, np.sin(phi)), np.tile(z[:, None], sides)], axis=-1)
     real = (r[:, None] > 0) | (np.arange(sides) == 0)                 # a pole is the first point of its row
     number = np.cumsum(real).reshape(real.shape) - 1
     number = np.where(r[:, None] > 0, number, number[:, :1])
     a, b = number, np.roll(number, -1, axis=1)
-    lower = np.stack([a[:-1], b[:-1], b[1:]], axis=-1)[r[:-1] > 0]    # at a pole one of the two has no area
-    upper = np.stack([a[:-1], b[1:], a[1:]], axis=-1)[r[1:] > 0]
-    return points[real], np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)]).astype(np.int32)
+    lower, upper = np.stack([a[:-1], b[:-1], b[1:]], axis=-1), np.stack([a[:-1], b[1:], a[1:]], axis=-1)
+    both = np.stack([lower, upper], axis=1)                           # by row; at a pole one of the two has no area
+    return points[real], both[np.stack([r[:-1] > 0, r[1:] > 0], axis=1)].reshape(-1, 3).astype(np.int32)
 
 
 def _arc(radius: float, center: float, start: float, end: float, steps: int) -> np.ndarray:

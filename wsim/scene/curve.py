@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from wsim.geometry.rotation import about_axis, axis_angle, polar
+
 
 def _segment(times: np.ndarray, t: float) -> tuple[int, int, float]:
     """Keys (a, b) around time t and the fraction of the way from a to b."""
@@ -69,50 +71,6 @@ class Curve:
                 and np.array_equal(self.values, other.values))
 
 
-def polar(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A = R S with R a rotation (det R = 1) and S symmetric; shape (..., 3, 3). A mirrored A has a negative S."""
-    U, sigma, Vt = np.linalg.svd(A)
-    sign = np.where(np.linalg.det(U @ Vt) < 0, -1.0, 1.0)
-    U[..., 2] *= sign[..., None]
-    sigma[..., 2] *= sign
-    return U @ Vt, np.swapaxes(Vt, -1, -2) @ (sigma[..., None] * np.eye(3)) @ Vt
-
-
-def rotation(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Rotation by angle [rad] about a unit axis (Rodrigues), shape (3, 3)."""
-    x, y, z = axis
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K)
-
-
-def turn(R: np.ndarray) -> tuple[np.ndarray, float]:
-    """Unit axis and angle [rad] in [0, pi] of a rotation matrix; the axis of no rotation is x."""
-    skew = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    angle = float(np.arctan2(np.linalg.norm(skew), np.trace(R) - 1.0))
-    if angle < 1e-12:
-        return np.array([1.0, 0.0, 0.0]), 0.0
-    if angle > np.pi - 1e-6:                      # R = 2 n n^T - I nearly: the longest column of R + I is the axis
-        B = R + np.eye(3)
-        n = B[:, int(np.argmax(np.linalg.norm(B, axis=0)))]
-        n = n / np.linalg.norm(n)
-        return (n if n @ skew >= 0 else -n), angle
-    return skew / np.linalg.norm(skew), angle
-
-
-def turns(R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit axes (n, 3) and angles [rad] (n,) of rotation matrices (n, 3, 3), as `turn` has them."""
-    skew = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=-1)
-    length = np.linalg.norm(skew, axis=-1)
-    angle = np.arctan2(length, np.trace(R, axis1=1, axis2=2) - 1.0)
-    still, half = angle < 1e-12, angle > np.pi - 1e-6
-    axis = np.where(still[:, None], (1.0, 0.0, 0.0), skew / np.where(length > 0.0, length, 1.0)[:, None])
-    B = R[half] + np.eye(3)
-    n = B[np.arange(len(B)), :, np.argmax(np.linalg.norm(B, axis=1), axis=1)]
-    n = n / np.linalg.norm(n, axis=-1, keepdims=True)
-    axis[half] = np.where((n * skew[half]).sum(axis=-1, keepdims=True) >= 0, n, -n)
-    return axis, np.where(still, 0.0, angle)
-
-
 @dataclass(eq=False)
 class Motion(Curve):
     """Local-to-world transforms over time, as matrices that act on columns; a rotation between keys turns at constant speed.
@@ -152,10 +110,11 @@ class Motion(Curve):
             self.parts = [polar(M[:3, :3]) for M in self.values]
         (Ra, Sa), (Rb, Sb) = self.parts[a], self.parts[b]
         if a not in self.turned:
-            self.turned[a] = turn(Ra.T @ Rb)
+            turn = axis_angle(Ra.T @ Rb)
+            self.turned[a] = turn[0], float(turn[1])
         axis, angle = self.turned[a]
         M = np.eye(4)
-        M[:3, :3] = Ra @ rotation(axis, s * angle) @ (Sa + s * (Sb - Sa))
+        M[:3, :3] = Ra @ about_axis(axis, s * angle) @ (Sa + s * (Sb - Sa))
         M[:3, 3] = A[:3, 3] + s * (B[:3, 3] - A[:3, 3])
         return M
 

@@ -1,8 +1,22 @@
-"""What a method hands to a result, each frame: by prim path, in SI units and world space."""
+"""What a method hands to a result, each frame: by prim path, in SI units and world space. NumPy only.
 
+A prim that is not in the scene's stage is made in the result. How each kind is written: `wsim.usd.result.kinds.rows`.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import BinaryIO
 
 import numpy as np
+
+
+@dataclass(frozen=True)
+class Points:
+    """Positions [m] (n, 3) and velocities [m/s] (n, 3) of a prim's own points, as many as it has at rest."""
+
+    path: str
+    positions: np.ndarray
+    velocities: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -14,12 +28,34 @@ class Transform:
 
 
 @dataclass(frozen=True)
+class Particles:
+    """Particles, of another number each frame: positions [m] (n, 3), widths (diameters) [m] (n,), ids (n,), which stay with a
+    particle, velocities [m/s] (n, 3)."""
+
+    path: str
+    positions: np.ndarray
+    widths: np.ndarray
+    ids: np.ndarray
+    velocities: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
 class Value:
-    """A number, as a sampled attribute of type double."""
+    """A number, or numbers (n,) such as joint values, as a sampled attribute of type double or double[]."""
 
     path: str
     name: str
-    value: float
+    value: float | np.ndarray
 
 
-Sample = Transform | Value
+@dataclass(frozen=True)
+class Volume:
+    """A file a frame, beside the layer, that a field prim names. data: its bytes, or what writes them into an open file;
+    suffix: of its name (".vdb", ".nvdb", ...)."""
+
+    path: str
+    suffix: str
+    data: bytes | Callable[[BinaryIO], object]
+
+
+Sample = Points | Transform | Particles | Value | Volume

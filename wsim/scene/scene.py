@@ -15,10 +15,10 @@ from math import inf
 
 import numpy as np
 
-from wsim.scene import colliders
+from wsim.scene import solids
 from wsim.scene.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, array, reals, single
-from wsim.scene.colliders import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
 from wsim.scene.curve import Curve, Motion
+from wsim.scene.solids import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
 
 __all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylinder", "Load", "Motion", "Pin", "Plane",
            "Problem", "Scene", "SceneError", "Shape", "Skin", "Soft", "Sphere", "Springs", "Surface", "Tie", "Varying"]
@@ -227,7 +227,7 @@ class Scene(Compared):
         """Adds a collider at a place `at` (3,) [m], or with motion=Motion(...); see `Collider` for the fields. A `Plane()` that
         is placed by `at` is a floor: it faces the scene's `up`."""
         if "motion" not in more:
-            shape, more["motion"] = colliders.upright(shape, self.up), Motion.at_place(at)
+            shape, more["motion"] = solids.upright(shape, self.up), Motion.at_place(at)
         self.colliders.append(Collider(path, shape, **more))
         return self.colliders[-1]
 

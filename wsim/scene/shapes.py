@@ -12,6 +12,7 @@ ValueError naming the argument, what was found and what is allowed.
 
 import numpy as np
 
+from wsim.geometry import primitives
 from wsim.geometry.tetra import lattice
 
 CUTS = ("alternating", "diagonal", "quads")
@@ -95,31 +96,11 @@ def spring_sheet(side: float, n: int, *, stretch: float = 1.0e3, diagonal: float
     return points, edges, stiffness, np.full(n * n, density * side * side / (n * n))
 
 
-def _loft(rings: np.ndarray, bottom, top) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Closes rings (k, segments, 3), counter-clockwise from above and stacked upward, by a point at each end."""
-    k, segments, _ = rings.shape
-    points = np.concatenate([[bottom], rings.reshape(-1, 3), [top]])
-    i = np.arange(segments)
-    j = (i + 1) % segments
-    faces = [np.stack([np.zeros_like(i), 1 + j, 1 + i], axis=1)]
-    for ring in range(k - 1):
-        a = 1 + ring * segments
-        faces += [np.stack([a + i, a + j, a + segments + j], axis=1),
-                  np.stack([a + i, a + segments + j, a + segments + i], axis=1)]
-    last = 1 + (k - 1) * segments
-    faces.append(np.stack([last + i, last + j, np.full_like(i, len(points) - 1)], axis=1))
-    triangles = np.concatenate(faces).astype(np.int32)
-    return points, np.full(len(triangles), 3, np.int32), triangles.ravel()
-
-
 def _revolve(profile, bottom: float, top: float, segments: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Surface of revolution about z of the (radius, z) pairs [m], closed by axis points at heights bottom and top."""
     _count(3, segments=segments)
-    angle = 2.0 * np.pi * np.arange(segments) / segments
-    r, z = np.asarray(profile, np.float64).T
-    rings = np.stack([r[:, None] * np.cos(angle), r[:, None] * np.sin(angle),
-                      np.broadcast_to(z[:, None], (len(r), segments))], axis=2)
-    return _loft(rings, (0.0, 0.0, bottom), (0.0, 0.0, top))
+    points, triangles = primitives.lathe([(0.0, bottom), *profile, (0.0, top)], segments)
+    return points, np.full(len(triangles), 3, np.int32), triangles.ravel()
 
 
 def sphere(radius: float, segments: int = 32) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -189,10 +170,9 @@ def torso(height: float = 0.85, segments: int = 24) -> tuple[np.ndarray, np.ndar
     k = np.clip(np.searchsorted(sections[:, 0], z, side="right") - 1, 0, len(sections) - 2)
     s = ((z - sections[k, 0]) / (sections[k + 1, 0] - sections[k, 0]))[:, None]
     half = sections[k, 1:] + s * s * (3.0 - 2.0 * s) * (sections[k + 1, 1:] - sections[k, 1:])
-    angle = 2.0 * np.pi * np.arange(segments) / segments
-    rings = np.stack([half[:, :1] * np.cos(angle), half[:, 1:] * np.sin(angle),
-                      np.broadcast_to(z[:, None], (len(z), segments))], axis=2)
-    return _loft(rings * height, (0.0, 0.0, 0.0), (0.0, 0.0, height))
+    points, counts, indices = _revolve([(1.0, each) for each in z], 0.0, 1.0, segments)
+    points[1:-1, :2] *= np.repeat(half, segments, axis=0)            # circles become ellipses
+    return points * height, counts, indices
 
 
 def block(size, cells, kind: str = "five", *, at=(0.0, 0.0, 0.0)) -> tuple[np.ndarray, np.ndarray]:

@@ -11,8 +11,11 @@ from wsim.geometry.tetra.tets import checked, surface, volumes
 from wsim.geometry.triangulate import index_fault, triangulate
 from wsim.scene import Problem, SceneError
 from wsim.scene.methods import claimant
+from wsim.scene.solids import claimed
 from wsim.show.shading import CREASE, Look, palette, smoothing
 from wsim.usd.stage import applied
+
+SIDES = 64                    # of round shapes
 
 
 @dataclass
@@ -34,6 +37,7 @@ def triangulated(prim: Usd.Prim, kind: str, number: int, time: float, meters: fl
     """The prim as triangles; None if it has none (an empty mesh)."""
     corners: np.ndarray | None = None
     polygon: np.ndarray | None = None
+    time = _fullest(prim, time)
     if prim.IsA(UsdGeom.Mesh):
         triangles, corners, polygon = _mesh(prim, time)
     else:
@@ -49,6 +53,8 @@ def triangulated(prim: Usd.Prim, kind: str, number: int, time: float, meters: fl
 
     def points(t: float) -> np.ndarray:
         local = _local(prim, t)
+        if prim.IsA(UsdGeom.Points) and len(local) < len(first):          # those that are not there have no size
+            local = np.concatenate([local, np.repeat(first[-1:], len(first) - len(local), axis=0)])
         if local.shape != first.shape or not np.isfinite(local).all():
             bad = np.flatnonzero(~np.isfinite(local).all(axis=1))
             found = f"point {bad[0]} is not finite" if len(bad) else f"{len(local)} points, {len(first)} at the start"
@@ -66,6 +72,12 @@ def triangulated(prim: Usd.Prim, kind: str, number: int, time: float, meters: fl
     if color_of is None:
         color_of = np.zeros_like(triangles)
     return Drawn(Look(triangles, colors, color_of, groups, path), kind, points, moves(prim))
+
+
+def _fullest(prim: Usd.Prim, time: float) -> float:
+    """`time`; of particles, whose number changes, a time code at which there are most."""
+    points = UsdGeom.Points(prim).GetPointsAttr() if prim.IsA(UsdGeom.Points) else None
+    return max([time, *points.GetTimeSamples()], key=lambda code: len(points.Get(code) or ())) if points else time
 
 
 def drawn_by(prim: Usd.Prim):
@@ -145,10 +157,6 @@ def _outline(prim: Usd.Prim, time: float) -> primitives.Outline:
     if role := drawn_by(prim):
         return role.triangles(prim)
     name, number = str(prim.GetTypeName()), lambda field: _number(prim, field, time)
-    if name == "Sphere":
-        return primitives.sphere(number("radius"))
-    if name == "Cube":
-        return primitives.box(np.full(3, 0.5 * number("size")))
     if name == "BasisCurves":
         return _curves(prim, time)
     if name == "Points":
@@ -159,11 +167,9 @@ def _outline(prim: Usd.Prim, time: float) -> primitives.Outline:
         sides = 0.5 * number("width"), 0.5 * number("length")
         points, triangles = primitives.plate(*(sides if axis == "Z" else sides[::-1]))
         return primitives.along(axis, points), triangles
-    round_solids = {"Capsule": primitives.capsule, "Cylinder": primitives.cylinder, "Cone": primitives.cylinder}
-    if name.removesuffix("_1") in round_solids:
-        bottom, top = ("radiusBottom", "radiusTop") if name.endswith("_1") else ("radius", "radius")
-        points, triangles = round_solids[name.removesuffix("_1")](
-            number(bottom), 0.0 if name == "Cone" else number(top), 0.5 * number("height"))
+    if found := claimed((*applied(prim), name)):
+        solid, key = found
+        points, triangles = solid.outline(solid.read(*map(number, solid.usd[key])), SIDES)
         return primitives.along(axis, points), triangles
     return np.zeros((0, 3)), np.zeros((0, 3), np.int32)
 

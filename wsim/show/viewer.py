@@ -12,31 +12,17 @@ from pathlib import Path
 
 import numpy as np
 
-from wsim.geometry import primitives
 from wsim.geometry.tetra.tets import surface
 from wsim.geometry.triangulate import triangulate
-from wsim.scene import (
-    Box,
-    Capsule,
-    Cloth,
-    Collider,
-    Cone,
-    Cylinder,
-    Plane,
-    Scene,
-    Shape,
-    Soft,
-    Sphere,
-    Springs,
-    Surface,
-)
+from wsim.scene import Cloth, Collider, Scene, Shape, Soft, Springs, Surface
 from wsim.scene.skin import held
+from wsim.scene.solids import row
 from wsim.show.rerun_log import Log, Shown, checked, srgb
 from wsim.show.shading import CREASE, Look, palette, smoothing
 from wsim.show.visible import Visible, visible
 from wsim.usd.result.atomic import replacing
 
-FLOOR = 10.0                     # half side [m] of the plate that shows an endless plane
+SIDES = 64                       # of round shapes
 
 
 class Viewer:
@@ -152,17 +138,8 @@ def _shape(shape: Shape, path: str, number: int) -> tuple[np.ndarray, Look]:
     if isinstance(shape, Surface):
         points = shape.points.astype(float)
         triangles, _ = triangulate(points, shape.counts, shape.indices)
-    elif isinstance(shape, Sphere):
-        points, triangles = primitives.sphere(shape.radius)
-    elif isinstance(shape, Box):
-        points, triangles = primitives.box(shape.half)
-    elif isinstance(shape, Capsule):
-        points, triangles = primitives.capsule(shape.radius, shape.radius, shape.half_height)
-    elif isinstance(shape, Cylinder | Cone):
-        top = shape.radius if isinstance(shape, Cylinder) else 0.0
-        points, triangles = primitives.cylinder(shape.radius, top, shape.half_height)
     else:
-        assert isinstance(shape, Plane)
-        points, triangles = primitives.plate(FLOOR, FLOOR)
+        solid = row(shape)
+        points, triangles = solid.outline(solid.given(shape), SIDES)
     colors = np.array([palette("collider", number)])
     return points, Look(triangles, colors, normal_of=smoothing(points, triangles, CREASE), path=path)

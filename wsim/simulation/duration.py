@@ -35,4 +35,4 @@ def long_run(plan, frames: int, samples: int = 1) -> list[str]:
     each = plan.seconds * samples
     found = [f"warning: /: a frame takes about {duration(each)}, and {frames} of them {duration(each * frames)}; fewer "
              "--substeps, a coarser mesh or a GPU (--device cuda:0) take less"] if each > SLOW else []
-    return found + ([f"warning: /: {frames} frames take about {duration(each * frames)}"] if frames * samples > MANY else [])
+    return found + ([f"warning: /: {frames * samples} frames take about {duration(each * frames)}"] if frames * samples > MANY else [])

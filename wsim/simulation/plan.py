@@ -138,6 +138,7 @@ class Plan:
 
     def describe(self) -> str:
         """The plan in words: what `wsim plan` prints."""
+        from wsim.simulation.measure.columns import columns
         from wsim.simulation.report import kept
         c, m = self.clock, self.model
         rows = self.table()
@@ -147,10 +148,10 @@ class Plan:
                  f"{c.steps} substeps of {c.dt / c.steps * 1e3:.4g} ms{' in two stages' * c.staged}, "
                  f"{c.iterations} iteration{'s' * (c.iterations > 1)}, solver "
                  f"{self.choice.solver}, integrator {self.integrator}{' while its residual is met' * c.watched}: "
-                 f"{self.choice.why}",
-                 f"{'phase':<9}{'stage':<14}{'rate':<10}{'launches':>9}{'MB':>9}  on"]
-        lines += [f"{r['phase']:<9}{r['name']:<14}{r['rate']:<10}{r['launches']:>9}{r['bytes'] / 1e6:>9.2f}  {r['what']}"
-                  for r in rows]
+                 f"{self.choice.why}"]
+        cells = [(r["phase"], r["name"], r["rate"], str(r["launches"]), f"{r['bytes'] / 1e6:.2f}", f"  {r['what']}")
+                 for r in rows]
+        lines += columns([("phase", "stage", "rate", "launches", "MB", "  on"), *cells], "<<<>><", (9, 14, 10, 9, 9, 0), gap="")
         a_substep = [r for r in rows if r["rate"] != "frame"]
         lines.append(f"a substep: {sum(r['launches'] for r in a_substep)} launches, "
                      f"{sum(r['bytes'] for r in a_substep) / 1e6:.2f} MB moved; state {self.state.bytes / 1e6:.2f} MB")

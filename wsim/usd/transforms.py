@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom
 
+from wsim.geometry.rotation import polar
 from wsim.scene import Problem, SceneError
-from wsim.scene.curve import Motion, polar
+from wsim.scene.curve import Motion
 from wsim.usd.attributes import author_times, read_times
 from wsim.usd.stage import Reading, Units
 

@@ -6,10 +6,11 @@ import warp as wp
 
 from tests.conftest import first_and_slow
 from tests.gradient.test_gradients import Run
+from wsim.geometry.rotation import about_axis
 from wsim.kernels.contact.search import MOST, ROOM
 from wsim.physics.contact import Bodies, Contacts, contacts, poses
 from wsim.scene import Box, Capsule, Collider, Plane, Scene, Sphere, Surface, shapes
-from wsim.scene.curve import Curve, Motion, rotation
+from wsim.scene.curve import Curve, Motion
 from wsim.simulation.simulation import Simulation
 
 # Roundings of places and sizes of 2 m: 1e-14 is 22 of them. Balls and turns are made of a few more sums.
@@ -28,7 +29,7 @@ def motion(rng, count=6, angles=None, size=1.0) -> Motion:
     M[:, :3, 3] = rng.uniform(-size, size, (count, 3))
     angles = rng.uniform(0.0, np.pi, count) if angles is None else angles
     for k in range(1, count):
-        M[k, :3, :3] = M[k - 1, :3, :3] @ rotation(unit(rng), angles[k % len(angles)])
+        M[k, :3, :3] = M[k - 1, :3, :3] @ about_axis(unit(rng), angles[k % len(angles)])
     return Motion(times, M)
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import warp as wp
 
+from wsim.geometry.rotation import about_axis, quaternion
 from wsim.kernels.contact.project import TOUCHED
 from wsim.kernels.math.real import types
 from wsim.physics.contact import Bodies, Contacts
-from wsim.physics.contact.colliders import quaternions
 from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, SceneError, Sphere, Surface, shapes
-from wsim.scene.curve import Curve, Motion, rotation
+from wsim.scene.curve import Curve, Motion
 
 G = 9.81
 REALS = [wp.float32, wp.float64]
@@ -66,7 +66,7 @@ class Driver:
 def tilted(angle):
     """A plane through the origin, turned about y: down the slope is +x."""
     M = np.eye(4)
-    M[:3, :3] = rotation(np.array([0.0, 1.0, 0.0]), angle)
+    M[:3, :3] = about_axis(np.array([0.0, 1.0, 0.0]), angle)
     return Collider("/slope", Plane(), Motion.still(M))
 
 
@@ -155,7 +155,7 @@ def test_a_small_fast_ball_misses_nothing():
 def test_a_turning_wall_sweeps_points_before_it():
     times = np.linspace(0.0, 0.1, 11)
     keys = np.tile(np.eye(4), (11, 1, 1))
-    keys[:, :3, :3] = [rotation(np.array([0.0, 1.0, 0.0]), -20.0 * t) for t in times]      # 10 m/s at 0.5 m
+    keys[:, :3, :3] = [about_axis(np.array([0.0, 1.0, 0.0]), -20.0 * t) for t in times]      # 10 m/s at 0.5 m
     wall = Collider("/wall", Box((0.5, 0.5, 0.005)), Motion(times, keys), static_friction=0.0, dynamic_friction=0.0)
     d = Driver([wall], [[0.4, 0.0, 0.02], [0.2, 0.1, 0.05]], gravity=(0, 0, 0), mu=(0, 0)).run(1 / 60)
     above = d.x.astype(float) @ wall.motion.at(d.time)[:3, :3]                             # in the wall's frame
@@ -175,7 +175,7 @@ def test_a_moving_plane_carries_a_point_by_friction(real):
 def test_a_point_rides_on_a_turning_disc():
     turns = np.linspace(0.0, 2.0, 41)
     keys = np.tile(np.eye(4), (41, 1, 1))
-    keys[:, :3, :3] = [rotation(np.array([0.0, 0.0, 1.0]), 2.0 * t) for t in turns]
+    keys[:, :3, :3] = [about_axis(np.array([0.0, 0.0, 1.0]), 2.0 * t) for t in turns]
     disc = Collider("/disc", Cylinder(1.0, 0.1), Motion(turns, keys))
     d = Driver([disc], (0.5, 0, 0.1), v=(0, 1.0, 0)).run(1.0)               # v^2 / r = 2 m/s^2 is under mu g
     np.testing.assert_allclose(d.x[0], (0.5 * np.cos(2), 0.5 * np.sin(2), 0.1), atol=2e-3)   # first order: w^2 r h t
@@ -391,7 +391,7 @@ def test_quaternions_turn_as_their_matrices():
     for angle in (0.0, 1e-9, 0.7, np.pi - 1e-9, np.pi, 4.0):
         axis = rng.normal(size=3)
         axis /= np.linalg.norm(axis)
-        q = quaternions(rotation(axis, angle))
+        q = quaternion(about_axis(axis, angle))
         half = 0.5 * angle if angle <= np.pi else 0.5 * angle - np.pi
         expected = np.array([*(axis * np.sin(half)), np.cos(half)])
         assert min(np.abs(q - expected).max(), np.abs(q + expected).max()) < 1e-15

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import warp as wp
 
+from wsim.kernels.math.eigen import eigen
 from wsim.kernels.math.real import types
-from wsim.kernels.math.rotation import eigen, rotation
+from wsim.kernels.math.rotation import rotation
 from wsim.kernels.soft.material import TABLE, corotational_response, lame, twist
 from wsim.kernels.soft.principal import response
 

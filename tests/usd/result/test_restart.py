@@ -6,6 +6,7 @@ from pxr import Sdf
 
 from tests.usd.result.test_recorder import CLOTH, SIDE, author, world
 from wsim.scene import SceneError
+from wsim.usd.result.kinds import sidecar
 from wsim.usd.result.recorder import Recorder
 from wsim.usd.result.restart import Result, load_restart
 
@@ -28,7 +29,10 @@ def record(scene, path, frames, with_fields=True, first=0, **more) -> Recorder:
     return recorder
 
 
-def test_fields_of_the_last_frame_come_back_to_the_bit(tmp_path):
+@pytest.mark.parametrize("large", [sidecar.LARGE, 0])
+def test_fields_of_the_last_frame_come_back_to_the_bit(tmp_path, monkeypatch, large):
+    """As attributes, and where they are large as a file."""
+    monkeypatch.setattr(sidecar, "LARGE", large)
     scene = author(tmp_path / "s.usda")
     record(scene, tmp_path / "out.usdc", 4)
     restart = load_restart(tmp_path / "out.usdc", scene)
@@ -38,6 +42,7 @@ def test_fields_of_the_last_frame_come_back_to_the_bit(tmp_path):
     for name, value in wanted.items():
         found = restart.fields[CLOTH][name]
         assert found.dtype == value.dtype and found.shape == value.shape and found.tobytes() == value.tobytes()
+    assert (tmp_path / "out.files").is_dir() == (large == 0)
 
 
 def test_points_and_velocities_alone_say_that_they_are_rounded(tmp_path):

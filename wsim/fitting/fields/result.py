@@ -10,6 +10,7 @@ from wsim.fitting.least_squares.bounds import Map
 from wsim.fitting.least_squares.uncertainty import OPEN
 from wsim.fitting.report import ORIGIN, number
 from wsim.scene import Scene
+from wsim.simulation.measure.columns import columns
 
 
 @dataclass
@@ -91,15 +92,15 @@ class FieldFit:
             v, unseen = self.values[f.name], int(self.unseen(f.name).sum())
             middle = [f"{q:.4g}" for q in np.quantile(v if f.kind.unit == "1" else _size(v), (0.0, 0.5, 1.0))]
             rows.append((f.name, f"{len(v)} {f.kind.noun} of {f.path}", *middle, f.kind.unit, str(unseen)))
-        wide = [max(len(r[k]) for r in rows) for k in range(7)]
-        lines += ["  ".join(cell.ljust(w) for cell, w in zip(r, wide, strict=True)).rstrip() for r in rows]
+        lines += [line.rstrip() for line in columns(rows, "<" * 7)]
         for f in self.fields:
             count = int(self.unseen(f.name).sum())
             if count:
                 lines.append(f"{count} of {len(self.values[f.name])} {f.kind.noun} change nothing that was observed by more "
                              f"than the noise: their {f.kind.name} is what was believed, not what was seen")
-        lines += ["step  frames [s]  rms         F           |gradient|  gradients"]
-        lines += [f"{s:4d}  {t:10.3g}  {r:<10.4g}  {v:<10.4g}  {g:<10.3g}  {w:.4g}" for s, t, r, v, g, w in self.shown()]
+        steps = [(f"{s:d}", f"{t:.3g}", f"{r:.4g}", f"{v:.4g}", f"{g:.3g}", f"{w:.4g}") for s, t, r, v, g, w in self.shown()]
+        head = ("step", "frames [s]", "rms", "F", "|gradient|", "gradients")
+        lines += columns([head, *steps], ">><<<<", (4, 10, 10, 10, 10, 0))
         lines.append(f"noise {self.sigma:.3g} {self.unit}, residuals over it {self.misfit:.3g}; noise {ORIGIN[self.origin]}")
         end = "converged" if self.converged else "NOT converged"
         lines.append(f"{end} after {self.steps} steps, {self.simulations:.3g} gradients ({self.launches} runs), "

@@ -11,10 +11,13 @@ with v the fastest speeds of points and of colliders at first, H the way from an
 length: what falls from where the scene starts is stopped before s = w. What is faster meets the hard contact there.
 """
 
+from math import isinf
+
 import numpy as np
 
-from wsim.scene import Plane, Scene, Surface
+from wsim.scene import Scene, Surface
 from wsim.scene.check import signed_distance
+from wsim.scene.solids import row
 
 MARGIN = 1.5
 LEAST = 5e-3           # [m^2/s^2] where nothing falls or moves at first: 0.1 m/s
@@ -26,7 +29,7 @@ def energy(scene: Scene) -> float:
     for body in scene.bodies():
         points = body.motion.points(body.points)
         for collider in scene.colliders:
-            if isinstance(collider.shape, Plane):
+            if not isinstance(collider.shape, Surface) and isinf(row(collider.shape).ball(collider.shape)):
                 away = np.abs(signed_distance.distance(collider, points, 0.0))
             else:
                 M, own = collider.motion.at(0.0), np.zeros(3)

@@ -10,26 +10,13 @@ from math import inf
 
 import numpy as np
 
+from wsim.geometry.rotation import quaternion
 from wsim.physics.contact.mesh import Mesh
-from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Problem, SceneError, Sphere, Surface
+from wsim.scene import Collider, Problem, SceneError, Surface
 from wsim.scene.check import chord
+from wsim.scene.solids import row
 
 RIGID = 1e-4           # how far a collider's axes may be from orthonormal: float32 matrices of a stage reach 1e-6
-
-
-def quaternions(R: np.ndarray) -> np.ndarray:
-    """(x, y, z, w) with w >= 0 of rotations (..., 3, 3), from the largest of the four squares (Shepperd 1978)."""
-    xx, yy, zz = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
-    s = np.stack([1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz, 1 + xx + yy + zz], axis=-1)
-    a, b, c = R[..., 2, 1], R[..., 0, 2], R[..., 1, 0]
-    p, q, r = R[..., 1, 2], R[..., 2, 0], R[..., 0, 1]
-    products = np.stack([np.stack([s[..., 0], c + r, b + q, a - p], -1),       # rows of 4 (x, y, z, w)^T (x, y, z, w)
-                         np.stack([c + r, s[..., 1], a + p, b - q], -1),
-                         np.stack([b + q, a + p, s[..., 2], c - r], -1),
-                         np.stack([a - p, b - q, c - r, s[..., 3]], -1)], axis=-2)
-    row = np.take_along_axis(products, np.argmax(s, axis=-1)[..., None, None], axis=-2)[..., 0, :]
-    row = row / np.linalg.norm(row, axis=-1, keepdims=True)
-    return np.where(row[..., 3:] < 0, -row, row)
 
 
 def sizes(collider: Collider, mesh: Mesh | None) -> tuple[str, tuple[float, float, float], float]:
@@ -39,25 +26,13 @@ def sizes(collider: Collider, mesh: Mesh | None) -> tuple[str, tuple[float, floa
     if isinstance(shape, Surface):
         assert mesh is not None
         return ("solid" if mesh.closed else "sheet"), (mesh.depth, 0.0, 0.0), mesh.radius
-    if isinstance(shape, Plane):
-        return "plane", (0.0, 0.0, 0.0), inf
-    if isinstance(shape, Box):
-        found = [float(v) for v in shape.half]
-    elif isinstance(shape, Sphere):
-        found = [float(shape.radius)]
-    else:
-        found = [float(shape.radius), float(shape.half_height)]
-    least = 1 if isinstance(shape, Capsule) else len(found)          # a capsule without a straight part is a ball
-    if not (np.isfinite(found).all() and min(found[:least]) > 0.0 and min(found) >= 0.0):
+    solid = row(shape)
+    found, ball = solid.lengths(shape), solid.ball(shape)
+    least = [v for name, value in solid.named(shape).items() if name not in solid.vanishing for v in np.atleast_1d(value)]
+    if not (np.isfinite(found).all() and min(least, default=1.0) > 0.0 and min(found, default=0.0) >= 0.0):
         raise SceneError(Problem(collider.path, f"the {type(shape).__name__.lower()} has sizes {found} m; every one "
                                  "must be finite and positive; give it a size, or remove the collider"))
-    if isinstance(shape, Box):
-        return "box", (found[0], found[1], found[2]), float(np.linalg.norm(found))
-    if isinstance(shape, Sphere):
-        return "sphere", (found[0], 0.0, 0.0), found[0]
-    radius = sum(found) if isinstance(shape, Capsule) else float(np.linalg.norm(found))
-    names = {Capsule: "capsule", Cylinder: "cylinder", Cone: "cone"}
-    return names[type(shape)], (found[0], found[1], 0.0), radius
+    return solid.kind, solid.size(shape), ball
 
 
 def check(collider: Collider) -> None:
@@ -153,12 +128,12 @@ class Rows:
         M = np.stack([np.stack([motion.at(t) for t in times]) if motion.moves
                       else np.broadcast_to(motion.at(0.0), (len(times), 4, 4)) for motion in motions], axis=1)
         R, p = M[..., :3, :3], M[..., :3, 3]
-        turn = quaternions(R[1:] @ np.swapaxes(R[:-1], -1, -2))
+        turn = quaternion(R[1:] @ np.swapaxes(R[:-1], -1, -2))
         middle = (R @ self.centers()[number, :, None])[..., 0] + p
         way = np.linalg.norm(middle[1:] - middle[:-1], axis=-1)
         own = np.flatnonzero(np.isin(self.collider, number))
         row, origin = np.searchsorted(number, self.collider[own]), self.origin[own]
-        pose = np.concatenate([p[:, row] - origin, quaternions(R)[:, row]], axis=-1)
+        pose = np.concatenate([p[:, row] - origin, quaternion(R)[:, row]], axis=-1)
         step = np.concatenate([p[1:, row] - p[:-1, row], turn[:, row]], axis=-1)
         ball = np.concatenate([0.5 * (middle[1:] + middle[:-1])[:, row] - origin,
                                (self.radius[number] + 1.5 * way)[:, row, None]], axis=-1)

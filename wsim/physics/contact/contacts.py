@@ -16,14 +16,15 @@ a frame is repeated. Colliders are carriers that push and are not pushed; `impul
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 import warp as wp
 
 from wsim.kernels.contact import project as kernels
-from wsim.kernels.contact import search
-from wsim.kernels.contact.collide import KINDS
+from wsim.kernels.contact import search, shape
+from wsim.kernels.contact.collide import code
 from wsim.kernels.math.real import types
 from wsim.model import kernel_cache
 from wsim.model.structs import filled
@@ -31,6 +32,7 @@ from wsim.physics.contact.colliders import Rows, check
 from wsim.physics.contact.mesh import Mesh
 from wsim.physics.contact.poses import Poses
 from wsim.scene import Collider, Motion, Problem, Scene, SceneError, Surface
+from wsim.scene.solids import SOLIDS
 
 SKIN = 2e-3            # [m] least margin of the search: what constraints may move a point that predicts no motion
 RECOVERY = 0.5         # [m/s] at which points leave an overlap: 10 cm in 0.2 s; faster tears at the cloth around them
@@ -69,7 +71,7 @@ class Contacts:
         surfaces = {id(c.shape): c for group in bodies.colliders for c in group if isinstance(c.shape, Surface)}
         self.meshes = {key: Mesh.build(c) for key, c in surfaces.items()}
         self.rows = Rows.build(bodies.colliders, bodies.origins, self.meshes)
-        self.kinds = tuple(k for k in KINDS if k in self.rows.kind)
+        self.kinds = _kinds(self.rows.kind)
         self.gap, self.friction = self.rows.live(bodies.breadth, bodies.thin)
         self.wanted = wp.zeros(1, dtype=int, device=self.device)
         self.struck = struck
@@ -139,7 +141,7 @@ class Contacts:
         t, c, rows = self.types, self.table, self.rows
         of = rows.collider
         mesh = np.array([0 if m is None else m.id for m in rows.meshes], np.uint64)
-        kind = np.array([KINDS.index(k) for k in rows.kind], np.int32)
+        kind = np.array([code(k) for k in rows.kind], np.int32)
         c.first = self._array(rows.first, int)
         c.kind, c.mesh = self._array(kind[of], int), self._array(mesh[of], wp.uint64)
         c.size, c.gap = self._array(rows.size[of], t.vec3), self._array(self.gap, t.scalar)
@@ -286,3 +288,12 @@ class Contacts:
         total = np.zeros((len(self.rows.colliders), 3))
         np.subtract.at(total, number, given)
         return {c.path: total[i] for i, c in enumerate(self.rows.colliders)}
+
+
+def _kinds(found: list[str]) -> tuple[str, ...]:
+    """Those that there are, in the order of their numbers. Formulas of shapes that have a place of their own are made known."""
+    for solid in SOLIDS:
+        if solid.formula and solid.kind in found:
+            place, _, name = solid.formula.partition(":")
+            shape.add(solid.kind, getattr(import_module(place), name))
+    return tuple(sorted(set(found), key=code))

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from wsim.geometry.rotation import axis_angle, polar
 from wsim.kernels.math.real import types
 from wsim.physics.contact.colliders import Rows
-from wsim.scene.curve import Motion, polar, turns
+from wsim.scene.curve import Motion
 
 # Moving colliders that the host evaluates. The device differs in the last bits of float64, so that scenes of few keep theirs.
 # Measured on one core at 10 substeps: the host takes 0.35 ms and 0.2 ms for each (4: 1.2 ms), the device 0.04 ms for 4.
@@ -23,7 +24,7 @@ def keys(motion: Motion) -> tuple[np.ndarray, ...]:
     """Columns of `wsim.kernels.animation.motion.Keys` behind the first, of one motion."""
     whole = motion.values[:, :3, :3]
     R, S = polar(whole)
-    axis, angle = turns(np.swapaxes(R[:-1], 1, 2) @ R[1:])
+    axis, angle = axis_angle(np.swapaxes(R[:-1], 1, 2) @ R[1:])
     return (motion.times, motion.values[:, :3, 3], whole, R, S, np.concatenate([axis, [[1.0, 0.0, 0.0]]]),
             np.append(angle, 0.0))
 

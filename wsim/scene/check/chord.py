@@ -15,13 +15,14 @@ Sharp edges (of a box, a rim, a crease) have no g that hides them and lets cloth
 tells how far they stand out.
 """
 
-from math import hypot, inf, isinf, sqrt
+from math import inf, isinf, sqrt
 
 import numpy as np
 
 from wsim.geometry import topology
 from wsim.geometry.triangulate import triangulate
-from wsim.scene import Box, Cloth, Collider, Cone, Plane, Soft, Springs, Surface
+from wsim.scene import Cloth, Collider, Soft, Springs, Surface
+from wsim.scene.solids import row
 
 STRAINED = 1.1         # edges of a sheet that drapes over a ball are up to so much longer, by its shear
 CREASE = np.deg2rad(50.0)
@@ -45,11 +46,7 @@ def breadth(points: np.ndarray, faces: np.ndarray) -> float:
 def radius(collider: Collider) -> float:
     """Least radius of curvature [m] of what bends outward and is no edge; inf where all is flat."""
     shape = collider.shape
-    if isinstance(shape, (Plane, Box)):
-        return inf
-    if isinstance(shape, Cone):
-        return 0.5 * shape.radius * hypot(shape.radius, 2.0 * shape.half_height) / (2.0 * shape.half_height)
-    return _bent(shape) if isinstance(shape, Surface) else shape.radius
+    return _bent(shape) if isinstance(shape, Surface) else row(shape).curvature(shape)
 
 
 def _bent(surface: Surface) -> float:

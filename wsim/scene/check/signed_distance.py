@@ -12,7 +12,8 @@ import numpy as np
 
 from wsim.geometry import topology
 from wsim.geometry.triangulate import triangulate
-from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Sphere, Surface
+from wsim.scene import Collider, Surface
+from wsim.scene.solids import row
 
 SOME = 64              # of the points inside of a mesh have their distance taken: those furthest from their crossings
 ASIDE = 1e-7 * np.array([0.61, 0.37, 0.83])         # of the extent: rays pass beside edges and points of triangles
@@ -25,20 +26,7 @@ def distance(collider: Collider, points: np.ndarray, near: float) -> np.ndarray:
     q, shape = (points - M[:3, 3]) @ M[:3, :3], collider.shape
     if isinstance(shape, Surface):
         return _mesh(shape, q, near)
-    rho = np.hypot(q[:, 0], q[:, 1])
-    if isinstance(shape, Plane):
-        return q[:, 2]
-    if isinstance(shape, Sphere):
-        return np.linalg.norm(q, axis=1) - shape.radius
-    if isinstance(shape, Box):
-        return (np.abs(q) - np.asarray(shape.half)).max(axis=1)
-    if isinstance(shape, Capsule):
-        return np.hypot(rho, np.maximum(np.abs(q[:, 2]) - shape.half_height, 0.0)) - shape.radius
-    if isinstance(shape, Cylinder):
-        return np.maximum(rho - shape.radius, np.abs(q[:, 2]) - shape.half_height)
-    assert isinstance(shape, Cone)
-    H, R = shape.half_height, shape.radius
-    return np.maximum((2.0 * H * (rho - R) + R * (q[:, 2] + H)) / np.hypot(R, 2.0 * H), -H - q[:, 2])
+    return row(shape).distance(shape, q)
 
 
 def _mesh(shape: Surface, q: np.ndarray, near: float) -> np.ndarray:

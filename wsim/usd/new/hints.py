@@ -6,6 +6,8 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from wsim.scene import Problem
+from wsim.scene.methods import METHODS
+from wsim.scene.solids import SOLIDS
 from wsim.usd import names
 
 SEEN = 8              # meshes that are looked at: a set may have thousands
@@ -21,7 +23,22 @@ def nothing(stage: Usd.Stage, simulated: list, meshes: list, tet_meshes: list) -
     hints = [_hint(os.path.basename(file), *kind) for kind in (
         ("meshes", "cloth", meshes), ("closed meshes", "softbody", [m for m in meshes[:SEEN] if _closed(m)]),
         ("TetMeshes", "softbody", tet_meshes)) if kind[2]]
-    return Problem(file, ". ".join([text, *hints]) if hints else f"{text}; it has no Mesh and no TetMesh to make one of")
+    if not hints:
+        hints = [f"A scene may hold: {'; '.join(could())}"] if not left_out else []
+        text += "; it has no Mesh and no TetMesh to make one of"
+    return Problem(file, ". ".join([text, *hints]))
+
+
+def could() -> list[str]:
+    """What a stage may hold and by which schemas it is found: a line for each kind of thing, those of methods by their rows."""
+    shapes = ", ".join(dict.fromkeys(solid.written[0] for solid in SOLIDS))
+    ours = [("cloth", f"a Mesh with {names.BODY} and {names.SURFACE_SIM}"),
+            ("spring net", f"a BasisCurves with {names.BODY} and {names.WSIM_SPRINGS} or {names.CURVES_SIM}"),
+            ("soft body", f"a TetMesh with {names.BODY} and {names.VOLUME_SIM}"),
+            ("collider", f"{names.COLLISION} on {shapes}, Mesh or TetMesh"), ("pin or tie", names.ATTACHMENT),
+            ("load", names.WSIM_LOAD)]
+    rows = [(name.lower(), " or ".join(row.claims)) for row in METHODS for name in row.owns if row.claims]
+    return [f"{what} ({how})" for what, how in [*ours, *rows]]
 
 
 def _closed(mesh: Usd.Prim) -> bool:

@@ -8,32 +8,32 @@ X or Y is turned there.
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
-from wsim.geometry import primitives
-from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
+from wsim.scene import Collider, Shape, Surface
 from wsim.scene.curve import Curve, Motion
+from wsim.scene.solids import SAME, Solid, claimed, row
 from wsim.usd import names
 from wsim.usd.attributes import DEFAULT, array, author, author_times, read, read_times, size
 from wsim.usd.load_varying import attributes_of, steady, vary
 from wsim.usd.prims.fabric import author_friction, bind, bound, load_contact
-from wsim.usd.stage import Reading, Units
+from wsim.usd.stage import Reading, Units, applied
 from wsim.usd.transforms import Placement, author_motion, placement, split
 
 TURN = {"X": [1, 2, 0], "Y": [2, 0, 1], "Z": [0, 1, 2]}      # columns of the prim's frame as own x, y, z
-SAME = 1e-6                                                    # relative difference of scales that counts as none
 AROUND = 32                                                    # points on a circle of a shape that becomes a mesh
 
 
 @dataclass
-class Sizes:
-    """A primitive along its own z: kind; radius at the bottom and top [m]; half height [m]; half edges [m]."""
+class Authored:
+    """A primitive as its prim says it: its row, the parameters of that [m]."""
 
-    kind: str
-    bottom: float = 0.0
-    top: float = 0.0
-    half: float = 0.0
-    edges: tuple = ()
+    solid: Solid
+    parameters: tuple[float, ...]
+
+    @property
+    def endless(self) -> bool:
+        return not self.parameters                              # a plane, which any scale leaves as it is
 
 
 def load_collider(reading: Reading, prim: Usd.Prim) -> Collider | None:
@@ -66,7 +66,7 @@ def _axis(prim: Usd.Prim) -> str:
     return str(attribute.Get()) if attribute else "Z"
 
 
-def _sizes(reading: Reading, prim: Usd.Prim) -> Sizes | None:
+def _sizes(reading: Reading, prim: Usd.Prim) -> Authored | None:
     """What the prim's own attributes say at the start; None if it is no primitive."""
     def value(name: str) -> float:
         attribute = prim.GetAttribute(name)
@@ -74,27 +74,13 @@ def _sizes(reading: Reading, prim: Usd.Prim) -> Sizes | None:
             reading.warn(attribute.GetPath(), "is animated; its value at startTimeCode is held")
         return size(attribute, reading.start) * reading.units.metres
 
-    match prim.GetTypeName():
-        case "Plane":
-            return Sizes("plane")
-        case "Sphere":
-            r = value("radius")
-            return Sizes("sphere", r, r)
-        case "Cube":
-            return Sizes("box", edges=(value("size") / 2.0,) * 3)
-        case "Capsule" | "Cylinder" as kind:
-            r = value("radius")
-            return Sizes(kind.lower(), r, r, value("height") / 2.0)
-        case "Capsule_1" | "Cylinder_1" as kind:
-            return Sizes(kind[:-2].lower(), value("radiusBottom"), value("radiusTop"), value("height") / 2.0)
-        case "Cone":
-            return Sizes("cone", value("radius"), 0.0, value("height") / 2.0)
-    return None
+    found = claimed((*applied(prim), str(prim.GetTypeName())))
+    return found and Authored(found[0], found[0].read(*map(value, found[0].usd[found[1]])))
 
 
-def _rigid(place: Placement, turned: list[int], sizes: Sizes | None) -> tuple[Placement, np.ndarray]:
+def _rigid(place: Placement, turned: list[int], sizes: Authored | None) -> tuple[Placement, np.ndarray]:
     """The rigid part, (k, 4, 4) with scale 1, and S of each key, (k, 3, 3), in the shape's own frame."""
-    if sizes is not None and sizes.kind == "plane":
+    if sizes is not None and sizes.endless:
         return _plane_frames(place, turned), np.eye(3)[None]
     frames, stretches = place.frame.copy(), []
     for k in range(len(frames)):
@@ -125,43 +111,17 @@ def _plane_frames(place: Placement, turned: list[int]) -> Placement:
     return Placement(place.times, frames, np.ones((len(frames), 3)))
 
 
-def _shape(reading: Reading, path: str, sizes: Sizes, place: Placement, S: np.ndarray) -> Shape:
+def _shape(reading: Reading, path: str, sizes: Authored, place: Placement, S: np.ndarray) -> Shape:
     """The primitive with S in its sizes, or a mesh of it with a note."""
-    if sizes.kind == "plane":
-        return Plane()
     constant = np.abs(S - S[0]).max() <= SAME * np.abs(S[0]).max()
-    diagonal = np.array_equal(S[0], np.diag(np.diag(S[0])))
-    x, y, z = np.abs(np.diag(S[0]))
-    round_ = abs(x - y) <= SAME * x and sizes.bottom == sizes.top or sizes.kind == "cone" and abs(x - y) <= SAME * x
-    even = round_ and abs(x - z) <= SAME * x
-    if constant and diagonal:
-        match sizes.kind:
-            case "box":
-                a, b, c = sizes.edges
-                return Box((float(a * x), float(b * y), float(c * z)))
-            case "sphere" if even:
-                return Sphere(float(sizes.bottom * x))
-            case "capsule" if even:
-                return Capsule(float(sizes.bottom * x), float(sizes.half * z))
-            case "cylinder" if round_:
-                return Cylinder(float(sizes.bottom * x), float(sizes.half * z))
-            case "cone" if round_ and S[0][2, 2] > 0:
-                return Cone(float(sizes.bottom * x), float(sizes.half * z))
+    if sizes.endless or constant and np.array_equal(S[0], np.diag(np.diag(S[0]))):
+        shape = sizes.solid.scaled(sizes.parameters, np.diag(S[0]))
+        if shape is not None:
+            return shape
     why = "its scale is animated" if not constant else "its scale differs by axis, or it is sheared"
-    reading.warn(path, f"this {sizes.kind} collides as a mesh ({why})")
-    return _stretched(_tessellated(sizes), place, S, None)
-
-
-def _tessellated(sizes: Sizes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(points (n, 3), counts, indices) of a shape along z."""
-    if sizes.kind == "box":
-        points, triangles = primitives.box(sizes.edges)
-    elif sizes.kind == "sphere":
-        points, triangles = primitives.sphere(sizes.bottom, AROUND)
-    else:
-        solid = primitives.capsule if sizes.kind == "capsule" else primitives.cylinder
-        points, triangles = solid(sizes.bottom, sizes.top, sizes.half, AROUND)
-    return points, np.full(len(triangles), 3), triangles.ravel()
+    reading.warn(path, f"this {sizes.solid.kind} collides as a mesh ({why})")
+    points, triangles = sizes.solid.outline(sizes.parameters, AROUND)
+    return _stretched((points, np.full(len(triangles), 3), triangles.ravel()), place, S, None)
 
 
 def _stretched(mesh, place: Placement, S: np.ndarray, poses: Curve | None) -> Surface:
@@ -239,9 +199,10 @@ def author_collider(stage: Usd.Stage, collider: Collider, material: str, units: 
     geometry = _author_shape(stage, collider, units)
     prim = geometry.GetPrim()
     author_motion(prim, collider.motion, units, frames)
-    if isinstance(collider.shape, Box):
+    solid = None if isinstance(collider.shape, Surface) else row(collider.shape)
+    if solid and solid.stretch:
         UsdGeom.Xformable(prim).AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(
-            tuple(v / units.metres for v in collider.shape.half))
+            tuple(v / units.metres for v in solid.stretch(collider.shape)))
     prim.AddAppliedSchema(names.COLLISION)
     if isinstance(collider.shape, Surface):
         prim.AddAppliedSchema(names.MESH_COLLISION)
@@ -258,27 +219,21 @@ def surface(collider: Collider) -> tuple[float, ...]:
 
 
 def _author_shape(stage: Usd.Stage, collider: Collider, units: Units) -> UsdGeom.Gprim:
-    shape, path, m = collider.shape, collider.path, units.metres
+    shape, path = collider.shape, collider.path
     if isinstance(shape, Surface):
         return _author_surface(stage, path, shape, units)
-    if isinstance(shape, Box):
-        geometry = UsdGeom.Cube.Define(stage, path)
-        geometry.CreateSizeAttr(2.0)
-    elif isinstance(shape, Sphere):
-        geometry = UsdGeom.Sphere.Define(stage, path)
-        geometry.CreateRadiusAttr(shape.radius / m)
-    else:
-        geometry = {Plane: UsdGeom.Plane, Capsule: UsdGeom.Capsule, Cylinder: UsdGeom.Cylinder,
-                    Cone: UsdGeom.Cone}[type(shape)].Define(stage, path)
-        geometry.CreateAxisAttr(UsdGeom.Tokens.z)
-        if isinstance(shape, Plane):
-            geometry.CreateWidthAttr(10.0 / m)                 # as seen; the collider has no end
-            geometry.CreateLengthAttr(10.0 / m)
-        else:
-            geometry.CreateRadiusAttr(shape.radius / m)
-            geometry.CreateHeightAttr(2.0 * shape.half_height / m)
-    extent = UsdGeom.Boundable.ComputeExtentFromPlugins(geometry, Usd.TimeCode.Default())
-    geometry.CreateExtentAttr(extent)
+    solid = row(shape)
+    name, *apis = solid.written
+    prim = stage.DefinePrim(path, name)
+    for api in apis:
+        prim.AddAppliedSchema(api)
+    geometry = UsdGeom.Gprim(prim)
+    if prim.HasAttribute("axis"):
+        prim.CreateAttribute("axis", Sdf.ValueTypeNames.Token, False, Sdf.VariabilityUniform).Set(UsdGeom.Tokens.z)
+    for field, value in solid.write(shape).items():
+        attribute = prim.GetAttribute(field) or prim.CreateAttribute(field, Sdf.ValueTypeNames.Double, True)
+        attribute.Set(float(value) if solid.stretch else value / units.metres)
+    geometry.CreateExtentAttr(UsdGeom.Boundable.ComputeExtentFromPlugins(geometry, Usd.TimeCode.Default()))
     return geometry
 
 

@@ -3,11 +3,13 @@
 `wsim new softbody` authors one, which follows as a skin; a result gets one for each soft body that has no skin.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from pxr import Usd, UsdGeom, UsdShade, Vt
 
 from wsim.geometry.tetra.tets import surface
-from wsim.scene import Soft
+from wsim.scene import Scene, Soft
 
 OF = "wsim:surfaceOf"              # custom data of the Mesh: path of its TetMesh
 
@@ -90,6 +92,11 @@ class SurfaceOver:
                     UsdGeom.Primvar(mine).SetInterpolation(UsdGeom.Tokens.vertex)
             found.append((mine, own))
         return found
+
+
+def surfaces(scene: Scene, bodies: Mapping[str, tuple[Usd.Prim, int]], codes: list[float]) -> dict[str, SurfaceOver]:
+    """Of the soft bodies without skins, by path. bodies: prim and count by path; codes as `SurfaceOver` has them."""
+    return {s.path: SurfaceOver(bodies[s.path][0], s, scene.start, codes) for s in scene.softs if not s.skins}
 
 
 def free(stage: Usd.Stage, path: str) -> str:

@@ -17,6 +17,7 @@ from typing import Any
 from pxr import Sdf, Tf
 
 from wsim.usd.result import atomic, crate
+from wsim.usd.result.kinds import beside
 from wsim.usd.result.lock import Lock
 from wsim.usd.stage import reason
 
@@ -66,7 +67,9 @@ def recover(path: str) -> str | None:
     if not there:
         return None
     if not Sdf.Layer.OpenAsAnonymous(partial).ListAllTimeSamples():
+        files = beside.of(partial, path)
         os.remove(partial)
+        beside.remove(os.path.dirname(path), files)
         return None
     stem, k = os.path.splitext(path)[0], 1
     while os.path.lexists(kept := f"{stem}.recovered{'' if k == 1 else k}.usdc"):
@@ -100,6 +103,7 @@ class Partial:
     """The growing file. `layer` takes the opinions; `save` keeps them; `finish` gives the file its name, `leave` leaves it,
     `discard` removes it.
 
+    beside       files of this run that the layer names, see `wsim.usd.result.kinds.beside`
     recovered    where the frames of an earlier run that did not end are now; None if there are none
     Raises OSError, with the path and the mend, where the folder or the disk does not take it, where another run writes it
     (BlockingIOError), and where files of others have the names that it needs (FileExistsError).
@@ -112,12 +116,13 @@ class Partial:
         self.good = True                  # the file on the disk and the layer hold the same or the layer holds more
         self.recovered: str | None = None
         self.put_back = False             # by `discard`: the partial file is that of the earlier run again
+        self.beside = beside.Beside(path)
         self.lock = Lock(self.path + crate.LOCK, path)
         try:
             if Sdf.Layer.Find(self.path):
                 raise OSError(f"{self.path} is open in this process; close its stage first")
             self.recovered = recover(path)
-            self.layer: Any = _created(self.path)
+            self.layer: Any = _created(self.path, self.beside.folder)
         except BaseException:
             self.discard()
             raise
@@ -139,6 +144,7 @@ class Partial:
             self.good = False
             crate.put_index_back(self.path)
             raise _failure(self.path, error, "; the frames saved so far are in that file") from None
+        self.beside.saved()
         self.saved = perf_counter()
         self.cost = self.saved - began
 
@@ -149,6 +155,7 @@ class Partial:
         """
         if flat is None and self.final.endswith(".usda"):
             flat = self.layer
+        before = beside.of(self.final, self.final)
         if flat is None:
             self.layer = None
             os.replace(self.path, self.final)
@@ -156,6 +163,7 @@ class Partial:
             self._export(flat)
             self.layer = None
             os.remove(self.path)
+        beside.remove(self.beside.place, before)
         self.lock.release()
         stale = Sdf.Layer.Find(self.final)
         if stale:
@@ -181,6 +189,7 @@ class Partial:
             for path in (self.path, self.path + crate.INDEX):
                 with suppress(FileNotFoundError):
                     os.remove(path)
+            self.beside.discard()
         if self.recovered:
             with suppress(OSError):
                 os.rename(self.recovered, self.path)
@@ -188,12 +197,12 @@ class Partial:
         self.lock.release()
 
 
-def _created(path: str) -> Any:
-    """A new crate layer that says whose it is, from its first byte on."""
+def _created(path: str, files: str) -> Any:
+    """A new crate layer that says whose it is, and where its files are, from its first byte on."""
     try:
         with atomic.replacing(path) as temporary:
             layer = Sdf.Layer.CreateAnonymous(".usdc")
-            layer.customLayerData = {crate.MADE: True}
+            layer.customLayerData = {crate.MADE: True, beside.KEY: files}
             if not layer.Export(str(temporary)):
                 raise OSError("USD refused to write it")
         return Sdf.Layer.FindOrOpen(path)

@@ -4,11 +4,9 @@
         recorder.append(recorder.time_code(0), {"/flag": positions}, {"/flag": velocities})
 
 The result sublayers the scene's file by a relative path and has `over`s alone: time samples of points, velocities,
-normals and extent, of the bodies and of the skins that follow them (`wsim.scene.skin`); but a soft body without a skin gets its
-surface as a Mesh (`wsim.usd.prims.surface`). Default values stay those of the source, because unauthored rest shapes are read
-from them. The file grows under a name of its own and is renamed when it is whole (`wsim.usd.result.partial`): a run that is
-killed, interrupted or fails leaves NAME.partial.usdc with its frames and an earlier result as it was, and the next run to the
-same output puts that aside as NAME.recovered.usdc."""
+normals and extent, of bodies and skins that follow them (`wsim.scene.skin`), and the surface of a soft body without a skin.
+Default values stay those of the source, because unauthored rest shapes are read from them. The file grows under a name of its
+own and is renamed when it is whole: `wsim.usd.result.partial` says what stays of a run that does not get so far."""
 
 import math
 import os
@@ -21,10 +19,10 @@ from pxr import Usd, UsdUtils
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.skin import held
 from wsim.usd.prims.reactions import sample
-from wsim.usd.prims.surface import SurfaceOver
+from wsim.usd.prims.surface import surfaces
 from wsim.usd.result import provenance
 from wsim.usd.result.dependencies import overwritten
-from wsim.usd.result.others import Sample, taken
+from wsim.usd.result.kinds.rows import Sample, taken
 from wsim.usd.result.partial import Partial, check_output, partial_path
 from wsim.usd.result.restart import Restart, check_fields, copy_samples, is_frame, store
 from wsim.usd.result.samples import BodyOver, ColliderOver, body_prim
@@ -120,9 +118,8 @@ class Recorder:
         self.overs = {path: BodyOver(prim, velocities=velocities, normals=normals, notes=self.notes)
                       for path, (prim, _) in {**self.bodies, **followers}.items()}
         if self.continues:
-            self.codes += copy_samples(self.continues, self.stage, self.scene)
-        self.surfaces = {s.path: SurfaceOver(self.bodies[s.path][0], s, self.scene.start, self.codes)
-                         for s in self.scene.softs if not s.skins}
+            self.codes += copy_samples(self.continues, self.stage, self.scene, self.file.beside)
+        self.surfaces = surfaces(self.scene, self.bodies, self.codes)
         self.colliders = {c.path: ColliderOver(self.stage, self._original, c, self.codes) for c in self.scene.colliders}
         layer.startTimeCode = self.scene.start
 
@@ -166,24 +163,21 @@ class Recorder:
         self._check(code, positions, velocities)
         whole = is_frame(code, self.scene, self.rate)
         fields = self._checked_fields() if whole else {}
-        samples = []
-        for path, over in self.overs.items():
-            own = over.sample(code, self._of(path, positions), self._of(path, velocities) if velocities else None)
-            own += over.color((primvars or {}).get(path, {}))
-            samples += own + (self.surfaces[path].of(own) if path in self.surfaces else [])
-        samples += [sample(self.stage.GetPrimAtPath(path), values) for path, values in (reactions or {}).items()]
-        samples += [taken(self.stage, each) for each in others]
-        time = (code - self.scene.start) / self.rate
-        for path, pose in (poses or {}).items():
-            if path in self.colliders:
-                self.colliders[path].write(code, time, pose)
+        samples: list[tuple] = []
         try:
+            samples += self._samples(code, positions, velocities, primvars or {})
+            samples += [sample(self.stage.GetPrimAtPath(path), values) for path, values in (reactions or {}).items()]
+            samples += [pair for each in others for pair in taken(self.stage, each, code, self.file.beside)]
+            for path in (poses or {}).keys() & self.colliders.keys():
+                self.colliders[path].write(code, (code - self.scene.start) / self.rate, (poses or {})[path])
             for attribute, value in samples:
                 attribute.Set(value, code)
         except BaseException:                  # Ctrl-C too: a sample is there whole or not at all
             for attribute, _ in samples:
                 attribute.ClearAtTime(code)
+            self.file.beside.undo()
             raise
+        self.file.beside.keep()
         self.bytes_since_fields += sum(12 * len(value) if hasattr(value, "__len__") else 8 for _, value in samples)
         if code not in self.codes[-1:]:
             self.codes.append(code)
@@ -192,6 +186,15 @@ class Recorder:
             self.fields, self.fields_code = fields, code
             if self.file.due():
                 self._save(self.bytes_since_fields >= FIELDS_SHARE * _bytes(self.fields))
+
+    def _samples(self, code: float, positions: Arrays, velocities: Arrays | None, primvars: Mapping[str, Arrays]) -> list:
+        """(attribute, value) of each sample of bodies and skins."""
+        found = []
+        for path, over in self.overs.items():
+            own = over.sample(code, self._of(path, positions), self._of(path, velocities) if velocities else None)
+            own += over.color(primvars.get(path, {}))
+            found += own + (self.surfaces[path].of(own) if path in self.surfaces else [])
+        return found
 
     def _of(self, path: str, values: Arrays) -> np.ndarray:
         """Values of a body, or those that a skin has from its body."""
@@ -226,7 +229,7 @@ class Recorder:
     def _save(self, with_fields: bool) -> None:
         if with_fields:
             for path, fields in self.fields.items():
-                store(self.stage.GetPrimAtPath(path), self.fields_code, fields)
+                store(self.stage.GetPrimAtPath(path), self.fields_code, fields, None if self.flatten else self.file.beside)
             self.bytes_since_fields = 0
         layer = self.file.layer
         provenance.write(layer, self.scene, self.settings())

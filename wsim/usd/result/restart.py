@@ -6,6 +6,7 @@ attributes of the prims:
 
     double wsim:restart:timeCode        the frame the fields belong to
     T[]    wsim:restart:fields:NAME     one field, bit for bit, flat; its shape is custom data `shape`
+    string wsim:restart:file            of a large prim instead: a file with them, see `wsim.usd.result.kinds.sidecar`
 
 Points and velocities alone restart too, to the order of accuracy; `Restart.exact` says which it is.
 
@@ -27,6 +28,9 @@ from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
 from wsim.scene.methods import every
 from wsim.usd.prims.reactions import REACTION
 from wsim.usd.result import crate, provenance
+from wsim.usd.result.kinds import sidecar
+from wsim.usd.result.kinds.beside import Beside
+from wsim.usd.result.kinds.copies import copied
 from wsim.usd.result.samples import PRIMVARS, Frame, body_prim, particles_of
 from wsim.usd.stage import open_stage, reason
 
@@ -62,14 +66,22 @@ class Restart:
     notes: list[Problem] = field(default_factory=list)
 
 
-def store(prim: Usd.Prim, code: float, fields: Mapping[str, np.ndarray]) -> None:
-    """Puts the restart fields of one body over its prim."""
+def store(prim: Usd.Prim, code: float, fields: Mapping[str, np.ndarray], beside: Beside | None = None) -> None:
+    """Puts the restart fields of one body over its prim; large ones into a file, where there are files beside the layer."""
+    prim.CreateAttribute(CODE, Sdf.ValueTypeNames.Double, True).Set(float(code))
+    if beside and sidecar.large(fields):
+        for attribute in prim.GetAuthoredAttributes():
+            if attribute.GetName().startswith(FIELDS):
+                prim.RemoveProperty(attribute.GetName())
+        return sidecar.store(prim, code, fields, beside)
+    if beside:
+        sidecar.forget(prim, beside)
     for name, value in fields.items():
         usd, vt = TYPES[value.dtype]
         attribute = prim.CreateAttribute(FIELDS + name, usd, True)
         attribute.Set(vt.FromNumpy(np.ascontiguousarray(value).reshape(-1)) if value.size else vt())
         attribute.SetCustomDataByKey("shape", Vt.IntArray(list(value.shape)))
-    prim.CreateAttribute(CODE, Sdf.ValueTypeNames.Double, True).Set(float(code))
+    return None
 
 
 def check_fields(path: str, fields: Mapping[str, np.ndarray]) -> None:
@@ -83,10 +95,11 @@ def check_fields(path: str, fields: Mapping[str, np.ndarray]) -> None:
                              "float64 and int32")
 
 
-def stored(prim: Usd.Prim) -> tuple[float, dict[str, np.ndarray]]:
-    """(time code, fields) that `store` left on a prim; (nan, {}) if nothing."""
+def stored(prim: Usd.Prim, folder: str) -> tuple[float, dict[str, np.ndarray]]:
+    """(time code, fields) that `store` left on a prim of a layer in `folder`; (nan, {}) if nothing. Raises SceneError for a
+    file of them that is not whole."""
     code = prim.GetAttribute(CODE).Get() if prim.HasAttribute(CODE) else None
-    fields = {}
+    fields = sidecar.stored(prim, code, folder) if code is not None else {}
     for attribute in prim.GetAuthoredAttributes():
         if attribute.GetName().startswith(FIELDS):
             shape = [int(s) for s in attribute.GetCustomDataByKey("shape")]
@@ -117,11 +130,12 @@ class Result:
         return UsdGeom.PointBased(self._prim(path)).GetPointsAttr().GetTimeSamples()
 
     def codes(self, path: str) -> list[float]:
-        """Time codes of what is sampled on a prim: of points, else of whatever there is."""
+        """Time codes of what is sampled on a prim: of points, else of whatever there is on it and below."""
         prim = self.stage.GetPrimAtPath(path)
         if prim.IsA(UsdGeom.PointBased):
             return self.time_codes(path)
-        return sorted({c for attribute in prim.GetAuthoredAttributes() for c in attribute.GetTimeSamples()})
+        return sorted({c for each in Usd.PrimRange(prim) for attribute in each.GetAuthoredAttributes()
+                       for c in attribute.GetTimeSamples()})
 
     def positions(self, path: str, code: float) -> np.ndarray:
         """World positions [m], (n, 3) float64; of a spring net one row a point of its curves."""
@@ -168,7 +182,7 @@ def load_restart(result_path, scene: Scene) -> Restart:
         raise SceneError(Problem(lost[0], f"is not in {result.path}; restart from a result of this scene"))
     prims = {b.path: body_prim(result.stage, b.path, len(b.points)) for b in bodies} | others
     frames = _whole_frames(result, scene, list(prims))
-    kept = {path: stored(prim) for path, prim in prims.items()}
+    kept = {path: stored(prim, os.path.dirname(result.path)) for path, prim in prims.items()}
     codes = {code for code, _ in kept.values()} & frames
     exact = all(f and {code} == codes for code, f in kept.values())
     code = codes.pop() if exact else max(frames)
@@ -226,8 +240,9 @@ def _read_body(result: Result, body: Cloth | Springs | Soft, restart: Restart) -
         restart.velocities[path] = speeds
 
 
-def copy_samples(restart: Restart, stage: Usd.Stage, scene: Scene) -> list[float]:
-    """Copies what the earlier result recorded up to the restart into the stage's edit target; returns its time codes.
+def copy_samples(restart: Restart, stage: Usd.Stage, scene: Scene, beside: Beside) -> list[float]:
+    """Copies what the earlier result recorded up to the restart into the stage's edit target, and the files that it names to
+    those of this run; returns its time codes.
 
     Of a flattened result only bodies and skins: its other samples are the source's own.
     """
@@ -240,11 +255,8 @@ def copy_samples(restart: Restart, stage: Usd.Stage, scene: Scene) -> list[float
     wanted += [(p.path, (REACTION,)) for p in scene.pins]
     if layer.subLayerPaths:
         wanted += [(c.path, ("xformOp:transform",)) for c in scene.colliders]
-    others = [(thing.path, tuple(spec.name for spec in layer.GetPrimAtPath(thing.path).attributes
-                                 if layer.GetNumTimeSamplesForPath(spec.path)))
-              for _, thing in every(scene) if layer.GetPrimAtPath(thing.path)]
-    codes: set[float] = set()
-    for path, names in [*wanted, *others]:
+    codes = copied(layer, stage, restart, [thing.path for _, thing in every(scene)], beside)
+    for path, names in wanted:
         for name in names:
             spec = layer.GetAttributeAtPath(f"{path}.{name}")
             times = [c for c in layer.ListTimeSamplesForPath(spec.path) if c <= restart.frame_time_code] if spec else []
@@ -257,5 +269,5 @@ def copy_samples(restart: Restart, stage: Usd.Stage, scene: Scene) -> list[float
                     attribute.Set(layer.QueryTimeSample(spec.path, c), c)
                 if name in (*STRESS, REACTION):             # else the last one would stay, where this run writes none
                     attribute.Set(Sdf.ValueBlock(), restart.frame_time_code + stage.GetTimeCodesPerSecond() / scene.fps)
-                codes.update(times if name == "points" or (path, names) in others else ())
+                codes.update(times if name == "points" else ())
     return sorted(codes)

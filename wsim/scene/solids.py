@@ -1,0 +1,300 @@
+"""Colliders of a scene, and their shapes: a dataclass each, and of every convex one a row in a table that says all that the
+rest of wsim asks of it.
+
+A row names the shape's signed distance on the device (kernels/contact/shape.py has ours), its sizes there, its bounding ball,
+the signed distance on the host, what curvature it has, the USD types that it is read from and written as, how it takes a scale,
+and its triangles. Lengths in [m]; round shapes lie along their own z, the origin in the middle. NumPy only.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from math import hypot, inf
+from typing import Any
+
+import numpy as np
+
+from wsim.geometry import primitives
+from wsim.scene.bodies import Compared, array
+from wsim.scene.curve import Curve, Motion
+
+SAME = 1e-6                # relative difference of scales that counts as none
+FLOOR = 10.0               # [m] edge of a plane as it is written, half of it as the viewer draws it
+Numbers = tuple[float, ...]
+TURN = {"X": (1, 2, 0), "Y": (2, 0, 1), "Z": (0, 1, 2)}      # axes of a frame whose z is that axis: a rotation
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A half space: all on one side of a plane through the own origin is solid, without end.
+
+    axis    own axis out of the solid, "X", "Y" or "Z"; None: the scene's up where `Scene.collider` places it by `at`, else "Z"
+    """
+
+    axis: str | None = None
+
+    def __post_init__(self):
+        if self.axis is not None and self.axis not in TURN:
+            raise ValueError(f"axis is {self.axis!r}; allowed is 'X', 'Y', 'Z', or None for the scene's up")
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A ball about the own origin.
+
+    radius    [m]
+    """
+
+    radius: float
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box about the own origin.
+
+    half    half of its edge lengths along x, y, z, (3,) [m]
+    """
+
+    half: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """A cylinder with round caps, along own z.
+
+    radius         [m]
+    half_height    half the length of the straight part [m]
+    """
+
+    radius: float
+    half_height: float
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder along own z.
+
+    radius         [m]
+    half_height    half its height [m]
+    """
+
+    radius: float
+    half_height: float
+
+
+@dataclass(frozen=True)
+class Cone:
+    """A cone along own z, its apex at +half_height.
+
+    radius         of its base at -half_height [m]
+    half_height    half its height [m]
+    """
+
+    radius: float
+    half_height: float
+
+
+@dataclass(eq=False)
+class Surface(Compared):
+    """A triangle mesh. Closed: its inside is solid. Open: both sides keep `Collider.thickness` away.
+
+    points     (n, 3) [m], own frame, float32
+    counts     corners of each polygon, (faces,)
+    indices    point of each corner, (sum of counts,)
+    poses      of a deforming mesh: points over time, a Curve with values (keys, n, 3) [m]; None: it keeps its shape
+    """
+
+    points: np.ndarray
+    counts: np.ndarray
+    indices: np.ndarray
+    poses: Curve | None = None
+
+    def __post_init__(self):
+        self.points = array(self.points, np.float32, -1, 3)
+        self.counts, self.indices = array(self.counts, np.int32, -1), array(self.indices, np.int32, -1)
+
+
+Shape = Plane | Sphere | Box | Capsule | Cylinder | Cone | Surface
+
+
+def upright(shape: Shape, up: str) -> Shape:
+    """A plane without an axis as one that faces `up` ("Y" or "Z"); any other shape as it is."""
+    return Plane(up) if isinstance(shape, Plane) and shape.axis is None and up in TURN else shape
+
+
+@dataclass(eq=False)
+class Collider(Compared):
+    """A solid that pushes and is not pushed.
+
+    path                prim path
+    shape               Plane, Sphere, Box, Capsule, Cylinder, Cone or Surface
+    motion              own frame to world over time, rigid, lengths [m]; a scale belongs into the shape's sizes
+    static_friction     coefficient of friction [1] up to which a contact sticks
+    dynamic_friction    coefficient of friction of a contact that slides [1]
+    thickness           kept free around it [m], besides half of the cloth's own; None: what hides the chords of the cloth's
+                        mesh (`wsim.scene.check.chord`)
+    restitution         share of the speed along its normal with which a point rebounds [1], 0 to 1
+
+    A plane that faces X or Y becomes one that faces the z of a turned frame.
+    """
+
+    path: str
+    shape: Shape
+    motion: Motion = field(default_factory=Motion.still)
+    static_friction: float = 0.5
+    dynamic_friction: float = 0.5
+    thickness: float | None = None
+    restitution: float = 0.0
+
+    def __post_init__(self):
+        if isinstance(self.shape, Plane) and self.shape.axis is not None:
+            turn = np.eye(4)
+            turn[:3, :3] = np.eye(3)[:, TURN[self.shape.axis]]
+            self.shape = Plane()
+            if not np.array_equal(turn, np.eye(4)):
+                self.motion = Motion(self.motion.times, self.motion.values @ turn)
+
+
+@dataclass(frozen=True)
+class Solid:
+    """kind      its name, as kernels and messages have it          shape    its dataclass, the fields of which are lengths
+    ball      (shape) -> radius of the ball about its origin that holds it [m]; inf: it has no end
+    curvature (shape) -> least radius of what bends outward and is no edge [m]; inf where all is flat
+    distance  (shape, q (n, 3)) -> signed distance (n,) [m], exact inside, a bound from below outside
+    usd       {prim type or applied API: names of its lengths}
+    written   prim type, and APIs to apply
+    read      (lengths in that order) -> parameters, of which the shape is `scaled` and drawn; they may be more than it has
+    scaled    (parameters, scale (3,)) -> the shape; None where it is none of this kind, and collides as a mesh
+    outline   (parameters, sides) -> points (n, 3), triangles (t, 3)
+    write     (shape) -> lengths by name [m]
+    given     (shape) -> parameters
+    vanishing fields that may be 0
+    stretch   (shape) -> scale op [m] that is written, of which the lengths (here without unit) are multiples; None: none
+    formula   "module:function" of the device: (size, q) -> (phi, n), generic, phi convex in q; "": it is in
+              kernels/contact/shape.py"""
+
+    kind: str
+    shape: type
+    ball: Callable[[Any], float]
+    curvature: Callable[[Any], float]
+    distance: Callable[[Any, np.ndarray], np.ndarray]
+    usd: Mapping[str, tuple[str, ...]]
+    written: tuple[str, ...]
+    read: Callable[..., Numbers]
+    scaled: Callable[[Numbers, np.ndarray], Any]
+    outline: Callable[[Numbers, int], primitives.Outline]
+    write: Callable[[Any], dict[str, float]]
+    given: Callable[[Any], Numbers]
+    vanishing: tuple[str, ...] = ()
+    stretch: Callable[[Any], Numbers] | None = None
+    formula: str = ""
+
+    def named(self, shape: Any) -> dict[str, Any]:
+        """Fields of the dataclass that are lengths [m]; an axis is none."""
+        return {f.name: getattr(shape, f.name) for f in fields(shape) if f.name != "axis"}
+
+    def lengths(self, shape: Any) -> list[float]:
+        """All lengths that the dataclass has [m]."""
+        return [float(v) for value in self.named(shape).values() for v in np.atleast_1d(value)]
+
+    def size(self, shape: Any) -> tuple[float, float, float]:
+        """As the device has it: `lengths`, filled up."""
+        found = [*self.lengths(shape), 0.0, 0.0, 0.0]
+        return found[0], found[1], found[2]
+
+
+def row(shape: Any) -> Solid:
+    """That of a shape. Raises KeyError where there is none."""
+    found = next((each for each in SOLIDS if each.shape is type(shape)), None)
+    if found is None:
+        known = ", ".join(each.shape.__name__ for each in SOLIDS)
+        raise KeyError(f"no shape of colliders is a {type(shape).__name__}; there are {known} and Surface")
+    return found
+
+
+def claimed(names) -> tuple[Solid, str] | None:
+    """Row that reads prims of one of these applied APIs or types, the first that one does, and that name."""
+    return next(((each, name) for name in names for each in reversed(SOLIDS) if name in each.usd), None)
+
+
+def even(scale: np.ndarray, axes: tuple[int, ...]) -> bool:
+    """Whether a scale is the same along these axes."""
+    return all(abs(abs(scale[0]) - abs(scale[k])) <= SAME * abs(scale[0]) for k in axes)
+
+
+def _round(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.hypot(q[:, 0], q[:, 1]), q[:, 2]
+
+
+def _norm(shape: Any) -> float:
+    return float(np.linalg.norm([shape.radius, shape.half_height]))
+
+
+def _straight(lengths: Numbers) -> Numbers:
+    """(bottom, top, half) of (radius, height) or (bottom, top, height)."""
+    return lengths[0], lengths[-2], lengths[-1] / 2.0
+
+
+def _of_round(make: type, axes: tuple[int, ...]) -> Callable[[Numbers, np.ndarray], Any]:
+    def scaled(p: Numbers, scale: np.ndarray):
+        if p[0] != p[1] or not even(scale, axes):
+            return None
+        return make(float(p[0] * abs(scale[0])), float(p[2] * abs(scale[2])))
+    return scaled
+
+
+def _radius_and_height(shape: Any) -> dict[str, float]:
+    return {"radius": shape.radius, "height": 2.0 * shape.half_height}
+
+
+def _cone_distance(c: Cone, q: np.ndarray) -> np.ndarray:
+    H, R, (rho, z) = c.half_height, c.radius, _round(q)
+    return np.maximum((2.0 * H * (rho - R) + R * (z + H)) / np.hypot(R, 2.0 * H), -H - z)
+
+
+def _capsule_distance(c: Capsule, q: np.ndarray) -> np.ndarray:
+    rho, z = _round(q)
+    return np.hypot(rho, np.maximum(np.abs(z) - c.half_height, 0.0)) - c.radius
+
+
+def _cylinder_distance(c: Cylinder, q: np.ndarray) -> np.ndarray:
+    rho, z = _round(q)
+    return np.maximum(rho - c.radius, np.abs(z) - c.half_height)
+
+
+ROUND = ("radius", "height")
+ENDS = ("radiusBottom", "radiusTop", "height")
+
+SOLIDS: list[Solid] = [
+    Solid("plane", Plane, ball=lambda p: inf, curvature=lambda p: inf, distance=lambda p, q: q[:, 2],
+          usd={"Plane": ()}, written=("Plane",), read=lambda: (), scaled=lambda p, scale: Plane(),
+          outline=lambda p, sides: primitives.plate(FLOOR, FLOOR), write=lambda p: {"width": FLOOR, "length": FLOOR},
+          given=lambda p: ()),
+    Solid("sphere", Sphere, ball=lambda s: float(s.radius), curvature=lambda s: s.radius,
+          distance=lambda s, q: np.linalg.norm(q, axis=1) - s.radius, usd={"Sphere": ("radius",)}, written=("Sphere",),
+          read=lambda r: (r,),
+          scaled=lambda p, scale: Sphere(float(p[0] * abs(scale[0]))) if even(scale, (1, 2)) else None,
+          outline=lambda p, sides: primitives.sphere(p[0], sides), write=lambda s: {"radius": s.radius},
+          given=lambda s: (s.radius,)),
+    Solid("box", Box, ball=lambda b: float(np.linalg.norm([float(v) for v in b.half])), curvature=lambda b: inf,
+          distance=lambda b, q: (np.abs(q) - np.asarray(b.half)).max(axis=1), usd={"Cube": ("size",)}, written=("Cube",),
+          read=lambda size: (size / 2.0,) * 3,
+          scaled=lambda p, scale: Box((float(p[0] * abs(scale[0])), float(p[1] * abs(scale[1])), float(p[2] * abs(scale[2])))),
+          outline=lambda p, sides: primitives.box(p), write=lambda b: {"size": 2.0}, given=lambda b: tuple(b.half),
+          stretch=lambda b: b.half),
+    Solid("capsule", Capsule, ball=lambda c: float(c.radius) + float(c.half_height),
+          curvature=lambda c: c.radius, distance=_capsule_distance, usd={"Capsule": ROUND, "Capsule_1": ENDS},
+          written=("Capsule",), read=lambda *lengths: _straight(lengths), scaled=_of_round(Capsule, (1, 2)),
+          outline=lambda p, sides: primitives.capsule(p[0], p[1], p[2], sides), write=_radius_and_height,
+          given=lambda c: (c.radius, c.radius, c.half_height), vanishing=("half_height",)),
+    Solid("cylinder", Cylinder, ball=_norm, curvature=lambda c: c.radius, distance=_cylinder_distance,
+          usd={"Cylinder": ROUND, "Cylinder_1": ENDS}, written=("Cylinder",), read=lambda *lengths: _straight(lengths),
+          scaled=_of_round(Cylinder, (1,)), outline=lambda p, sides: primitives.cylinder(p[0], p[1], p[2], sides),
+          write=_radius_and_height, given=lambda c: (c.radius, c.radius, c.half_height)),
+    Solid("cone", Cone, ball=_norm, distance=_cone_distance, usd={"Cone": ROUND}, written=("Cone",),
+          curvature=lambda c: 0.5 * c.radius * hypot(c.radius, 2.0 * c.half_height) / (2.0 * c.half_height),
+          read=lambda radius, height: (radius, 0.0, height / 2.0),
+          scaled=lambda p, scale: (Cone(float(p[0] * abs(scale[0])), float(p[2] * abs(scale[2])))
+                                   if even(scale, (1,)) and scale[2] > 0 else None),
+          outline=lambda p, sides: primitives.cylinder(p[0], p[1], p[2], sides), write=_radius_and_height,
+          given=lambda c: (c.radius, 0.0, c.half_height)),
+]

@@ -1,0 +1,113 @@
+"""Files beside a result layer: what is too large for a layer, or has a format of its own.
+
+A run keeps them in a folder of its own, NAME.files/1f2e3d4c beside NAME.usdc, which the layer names (custom data) from its
+first byte on and by which it names each file, relative to itself. So they need no other name when the growing layer gets its
+own, or is put aside for recovery; and they go when that layer does. A file is there whole or not at all.
+"""
+
+import os
+import re
+import secrets
+import shutil
+from collections.abc import Callable
+from contextlib import suppress
+from typing import BinaryIO
+
+from pxr import Sdf, Tf
+
+from wsim.usd.result import atomic, crate
+
+KEY = "wsim:files"              # custom data of a layer: the folder of its files
+FOLDER = re.compile(r"[^/\\]+\.files/[0-9a-f]{8}\Z")
+
+
+class Beside:
+    """Files of the run that writes the result `final`. folder: of them, relative to the layer's; made with the first one."""
+
+    def __init__(self, final: str):
+        self.place = os.path.dirname(os.path.abspath(final))
+        self.folder = f"{os.path.splitext(os.path.basename(final))[0]}.files/{secrets.token_hex(4)}"
+        self.count = 0                            # files written: part of their names, so that none is written twice
+        self.written: list[str] = []              # and not yet sure to stay, see `undo`
+        self.old: list[str] = []                  # that the layer, once saved, does not name any more
+        self.restart: dict[str, str] = {}         # {prim path: file of its restart fields}
+
+    def write(self, name: str, suffix: str, write: bytes | Callable[[BinaryIO], object]) -> str:
+        """A new file NAME.K.SUFFIX; returns its path relative to the layer. write: its bytes, or what writes them into an open
+        file. Raises OSError where it cannot be."""
+        target = os.path.join(self.place, self.folder, name)
+        try:
+            target = self._new(name, suffix)
+            with atomic.replacing(target) as temporary, open(temporary, "xb") as file:
+                if isinstance(write, bytes):
+                    file.write(write)
+                else:
+                    write(file)
+        except OSError as error:
+            raise type(error)(f"{target} could not be written: {error.strerror or error}. Free space, or write elsewhere with "
+                              "-o") from None
+        return self._named(target)
+
+    def take(self, source: str, name: str) -> str:
+        """A file of an earlier run as one of this run, linked where the file system can, else copied."""
+        target = self._new(name, os.path.splitext(source)[1])
+        try:
+            os.link(source, target)
+        except OSError:
+            with atomic.replacing(target) as temporary:
+                shutil.copyfile(source, temporary)
+        return self._named(target)
+
+    def _new(self, name: str, suffix: str) -> str:
+        os.makedirs(os.path.join(self.place, self.folder), exist_ok=True)
+        self.count += 1
+        return os.path.join(self.place, self.folder, f"{name}.{self.count}{suffix}")
+
+    def _named(self, target: str) -> str:
+        name = f"./{self.folder}/{os.path.basename(target)}"
+        self.written.append(name)
+        return name
+
+    def undo(self) -> None:
+        """Removes what was written since `saved` or `keep`: the layer does not name it."""
+        for name in self.written:
+            self._unlink(name)
+        self.written = []
+
+    def keep(self) -> None:
+        """What was written since belongs to a sample of the layer."""
+        self.written = []
+
+    def saved(self) -> None:
+        """Removes what the layer, as it is on the disk now, does not name any more."""
+        for name in self.old:
+            self._unlink(name)
+        self.old = []
+
+    def _unlink(self, name: str) -> None:
+        with suppress(OSError):
+            os.remove(os.path.join(self.place, name))
+
+    def discard(self) -> None:
+        """All of them go, with their folder."""
+        remove(self.place, self.folder)
+
+
+def remove(place: str, folder: str) -> None:
+    """Removes a folder that a layer in `place` named as its own; anything that is not named so stays."""
+    path = os.path.join(place, folder)
+    if FOLDER.match(folder) and os.path.isdir(path) and not os.path.islink(path) and not os.path.islink(os.path.dirname(path)):
+        shutil.rmtree(path, ignore_errors=True)
+        with suppress(OSError):
+            os.rmdir(os.path.dirname(path))
+
+
+def of(path: str, final: str) -> str:
+    """The folder that the layer file `path`, made by a run of the result `final`, names as its own; "" if none."""
+    if not os.path.isdir(os.path.splitext(final)[0] + ".files") or not os.path.lexists(path):
+        return ""
+    try:
+        layer = Sdf.Layer.OpenAsAnonymous(path)
+    except Tf.ErrorException:
+        return ""
+    return str(layer.customLayerData.get(KEY, "")) if layer and crate.made(layer) else ""

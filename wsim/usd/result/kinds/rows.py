@@ -1,0 +1,122 @@
+"""Samples of methods (`wsim.scene.samples`), put over the prims of a result: a row for each kind.
+
+    Points      points, velocities, extent                        of a UsdGeom.PointBased
+    Transform   xformOp:transform                                 of a UsdGeom.Xformable
+    Particles   points, widths, ids, velocities, extent           of a UsdGeom.Points
+    Value       an attribute double or double[]                   of any prim
+    Volume      asset filePath, a file a frame beside the layer   of any prim; a UsdVol.OpenVDBAsset where none is there
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+
+from wsim.scene import Problem, SceneError
+from wsim.scene.samples import Particles, Points, Sample, Transform, Value, Volume
+from wsim.usd.result.kinds.beside import Beside
+from wsim.usd.result.samples import Frame
+
+OP = "xformOp:transform"
+Written = list[tuple[Usd.Attribute, Any]]           # (attribute, value), not yet set
+
+
+@dataclass(frozen=True)
+class Row:
+    """type: of the prim that is made where none is there; write(prim, sample, time code, files) -> Written."""
+
+    type: str
+    write: Callable[[Usd.Prim, Any, float, Beside], Written]
+
+
+def taken(stage: Usd.Stage, sample: Sample, code: float, beside: Beside) -> Written:
+    """(attribute, value) of a sample at a time code, in the units of the stage, not yet set; its file is written. Raises
+    SceneError where its prim cannot take it, OSError where the disk does not."""
+    row = KINDS.get(type(sample))
+    if row is None:
+        known = ", ".join(kind.__name__ for kind in KINDS)
+        raise SceneError(Problem("/", f"a method hands a {type(sample).__name__} to the result; there are {known}"))
+    prim = stage.GetPrimAtPath(sample.path)
+    if not prim:
+        prim = stage.DefinePrim(sample.path, row.type)
+    if not prim or prim.IsInstanceProxy():
+        raise SceneError(Problem(sample.path, "is no prim that a layer can write over; the result needs it outside instances"))
+    return row.write(prim, sample, code, beside)
+
+
+def _vectors(values: np.ndarray) -> Vt.Vec3fArray:
+    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32).reshape(-1, 3))
+
+
+def _based(prim: Usd.Prim, schema: type) -> Any:
+    found = schema(prim)
+    if not found:
+        raise SceneError(Problem(str(prim.GetPath()), f"is a {prim.GetTypeName() or 'prim without type'}; the result has "
+                                 f"points for it, which want a {schema.__name__}"))
+    return found
+
+
+def _points(prim: Usd.Prim, sample: Points, code: float, beside: Beside) -> Written:
+    base, frame = _based(prim, UsdGeom.PointBased), Frame.of(prim, code)
+    q = frame.points(np.asarray(sample.positions, np.float64).reshape(-1, 3))
+    points = _vectors(q)
+    found = [(base.GetPointsAttr(), points), (base.CreateExtentAttr(), UsdGeom.PointBased.ComputeExtent(points))]
+    if sample.velocities is not None:
+        found.append((base.CreateVelocitiesAttr(), _vectors(frame.velocities(np.asarray(sample.velocities, np.float64), q))))
+    return found
+
+
+def _particles(prim: Usd.Prim, sample: Particles, code: float, beside: Beside) -> Written:
+    """Widths as the prim's scale leaves them: of the cube root of its volume."""
+    base, frame = _based(prim, UsdGeom.Points), Frame.of(prim, code)
+    q = frame.points(np.asarray(sample.positions, np.float64).reshape(-1, 3))
+    scale = frame.unit * np.cbrt(abs(np.linalg.det(frame.L)))
+    widths = Vt.FloatArray.FromNumpy(np.broadcast_to(np.asarray(sample.widths) / scale, (len(q),)).astype(np.float32))
+    points = _vectors(q)
+    found = [(base.GetPointsAttr(), points), (base.CreateWidthsAttr(), widths),
+             (base.CreateIdsAttr(), Vt.Int64Array.FromNumpy(np.ascontiguousarray(sample.ids, np.int64))),
+             (base.CreateExtentAttr(), UsdGeom.Points.ComputeExtent(points, widths))]
+    if sample.velocities is not None:
+        found.append((base.CreateVelocitiesAttr(), _vectors(frame.velocities(np.asarray(sample.velocities, np.float64), q))))
+    return found
+
+
+def _transform(prim: Usd.Prim, sample: Transform, code: float, beside: Beside) -> Written:
+    """The transform op of a prim whose world matrix [m] that is. What is above it must stand still."""
+    xformable = UsdGeom.Xformable(prim)
+    if not xformable:
+        raise SceneError(Problem(str(prim.GetPath()), "moves and is not Xformable; author it as an Xform or a shape"))
+    ops = xformable.GetOrderedXformOps()
+    op = ops[0] if len(ops) == 1 and ops[0].GetOpName() == OP else xformable.MakeMatrixXform()
+    scale = UsdGeom.GetStageMetersPerUnit(prim.GetStage())
+    above = np.array(xformable.ComputeParentToWorldTransform(Usd.TimeCode.Default())).T
+    M = np.array(sample.matrix, np.float64)
+    M[:3, 3] /= scale
+    local = np.linalg.solve(np.eye(4) if xformable.GetResetXformStack() else above, M)
+    return [(op.GetAttr(), Gf.Matrix4d(*local.T.ravel().tolist()))]
+
+
+def _value(prim: Usd.Prim, sample: Value, code: float, beside: Beside) -> Written:
+    several = np.ndim(sample.value) > 0
+    kind = Sdf.ValueTypeNames.DoubleArray if several else Sdf.ValueTypeNames.Double
+    attribute = prim.GetAttribute(sample.name) or prim.CreateAttribute(sample.name, kind, True)
+    if not several:
+        return [(attribute, float(sample.value))]
+    return [(attribute, Vt.DoubleArray.FromNumpy(np.ascontiguousarray(sample.value, np.float64).reshape(-1)))]
+
+
+def _volume(prim: Usd.Prim, sample: Volume, code: float, beside: Beside) -> Written:
+    name = beside.write(prim.GetName(), sample.suffix, sample.data)
+    attribute = prim.GetAttribute("filePath") or prim.CreateAttribute("filePath", Sdf.ValueTypeNames.Asset, False)
+    return [(attribute, Sdf.AssetPath(name))]
+
+
+KINDS: dict[type, Row] = {
+    Points: Row("Points", _points),
+    Transform: Row("Xform", _transform),
+    Particles: Row("Points", _particles),
+    Value: Row("", _value),
+    Volume: Row("OpenVDBAsset", _volume),
+}
