@@ -126,6 +126,13 @@ def test_new_answers_with_one_line_that_has_the_cure(what, tmp_path, capsys):
     assert len(lines) == 1 and where in lines[0] and cure in lines[0], lines
 
 
+@pytest.mark.parametrize("mesh, offered", [(BALL, True), (RAG, False)])
+def test_a_closed_mesh_is_offered_as_a_soft_body_too(mesh, offered, tmp_path, capsys):
+    assert cli.main(["check", write(tmp_path / "mesh.usda", *mesh)]) == 1
+    said = capsys.readouterr().out
+    assert "`wsim new cloth mesh.usda" in said and ("`wsim new softbody mesh.usda" in said) == offered
+
+
 def rag() -> wsim.Scene:
     scene = wsim.Scene()
     scene.cloth("/rag", *RAG)

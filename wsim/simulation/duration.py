@@ -35,4 +35,5 @@ def long_run(plan, frames: int, samples: int = 1) -> list[str]:
     each = plan.seconds * samples
     found = [f"warning: /: a frame takes about {duration(each)}, and {frames} of them {duration(each * frames)}; fewer "
              "--substeps, a coarser mesh or a GPU (--device cuda:0) take less"] if each > SLOW else []
-    return found + ([f"warning: /: {frames * samples} frames take about {duration(each * frames)}"] if frames * samples > MANY else [])
+    steps = frames * samples
+    return found + ([f"warning: /: {steps} frames take about {duration(each * frames)}"] if steps > MANY else [])

@@ -1,7 +1,7 @@
 """The closing report of a run, in words. The report's numbers are those of `Simulation.report()`;
 `--json` prints them."""
 
-UNITS = {"penetration": "m"}
+UNITS = {"penetration": "m", "too_near": "m"}
 ORDER = ("import", "load", "build", "compile", "capture", "first_frame", "simulate", "write", "picture", "report", "total")
 
 
