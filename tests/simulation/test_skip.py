@@ -60,21 +60,23 @@ def room(place: str, names: str) -> set[str]:
 
 
 SCENE = (room("scene", "scene bodies solid solids curve fabric") | room("scene.check", "scene objects mesh")
-         | room("geometry", "triangulate topology memo rotation"))
+         | room("scene.values", "table value") | room("geometry", "triangulate topology memo rotation"))
 LOADER = room("geometry", "primitives")       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt sweep_strain")
        | room("simulation.measure", "indicators exceeded") | room("scene", "masses integrator methods samples")
        | room("model", "stage state status model midnodes separate kernel_cache structs")
        | room("scene.check", "counts") | room("geometry", "sheet_ordering ordering color color_chains")
-       | room("physics.motion", "points overstretch stability") | room("physics.cloth", "constraints")
+       | room("physics.motion", "points overstretch stability")
+       | room("physics.cloth", "constraints kind kinds.membrane kinds.dihedral")
        | room("kernels", "math.real motion.points cloth.spring"))
-XPBD = (room("physics", "solver.xpbd solver.batch cloth.bending cloth.curvature")
+XPBD = (room("physics", "solver.xpbd solver.batch cloth.bending cloth.curvature cloth.table")
         | room("kernels", "solver.xpbd math.matrix math.block") | room("kernels.cloth", "terms constraint curvature element"))
 PINNED = {"wsim.physics.motion.pins"}
 AERO = {"wsim.physics.cloth.air", "wsim.kernels.cloth.air"}
 CONTACT = (room("physics.contact", "contacts colliders method mesh poses") | room("scene.check", "contact")
            | room("scene.check", "signed_distance chord") | room("kernels.contact", "project search collide shape mesh"))
-LEAP = (room("physics.motion", "explicit forces threads cluster packets") | room("physics.cloth", "bending curvature elements")
+LEAP = (room("physics.motion", "explicit forces threads cluster packets")
+        | room("physics.cloth", "bending curvature elements table")
         | room("kernels.motion", "threads cluster explicit packets march_cpu") | {"wsim.kernels.math.block"}
         | room("kernels.cloth", "constraint element curvature terms"))
 WEIGHED = room("physics.motion", "frequency")                  # where leapfrog comes into question

@@ -148,7 +148,7 @@ PYTHON = {
     "an empty scene": (lambda: wsim.Simulation(wsim.Scene()), "nothing here can move", "wsim new cloth MESH"),
     "another precision": (lambda: wsim.Simulation(rag(), precision="double"), "found 'double'", "allowed are float32, float64"),
     "a device that is none": (lambda: wsim.Simulation(rag(), device="gpu"), "there is no device 'gpu'", "allowed are"),
-    "a fabric out of range": (lambda: wsim.Fabric(stretch=-1.0), "stretch is -1", "allowed is > 0"),
+    "a fabric out of range": (lambda: wsim.Fabric(stretch=-1.0), "stretch is -1", "allowed is a finite number > 0"),
     "a solid that cannot be": (lambda: wsim.Bulk(poisson=0.5), "poisson is 0.5", "allowed is > -1 and < 0.5"),
     "a plane that faces nowhere": (lambda: wsim.Plane("up"), "axis is 'up'", "allowed is 'X', 'Y', 'Z', or None"),
     "a solver for cloth alone": (lambda: wsim.Simulation(wsim.Scene(solver="xpbd", softs=[wsim.Soft(

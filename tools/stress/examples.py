@@ -92,13 +92,13 @@ def steps(scene: Scene, solver: Solver) -> int:
     import warp as wp
 
     from wsim.model import model
-    from wsim.physics.cloth.constraints import rows_of
+    from wsim.physics.cloth.constraints import constrain
     from wsim.physics.motion import frequency
     from wsim.scene.integrator import TABLE
     from wsim.simulation.choice import needed
     built = model.build(scene, 1, wp.get_device("cpu"), wp.float64)
-    pinned = model.hard_places(built)
-    omega, c = frequency.bound(built, {b.path: rows_of(b, pinned) for b in built.bodies})
+    constrain(built)
+    omega, c = frequency.bound(built)
     assert solver.needs is not None
     return max(needed(scene, TABLE[solver.integrator], omega, c), ceil(1.05 * solver.needs(omega) / scene.fps))
 

@@ -44,6 +44,19 @@ class Parameters:
             found.append(self.bounce.restitution)
         return found + self.targets()
 
+    def rows(self, body) -> list:
+        """Constraints of a body."""
+        return [r for r in (*self.springs, *(r for table in (*self.flat, *self.batches) for r in table.rows)) if r.body is body]
+
+    def names(self, body) -> list[str]:
+        """Values of a body's material that are there, and have derivatives."""
+        rows, values = self.rows(body), [part.values for t in self.tables for part in t.parts if part.body is body]
+        damped = any(r.tau > 0.0 for r in rows) or any(v["damping"].any() for v in values)
+        pressed = any(b is body for t in self.tables for b in getattr(t, "bodies", ()))
+        flows = any(part.body is body for t in self.tables if t.plastic for part in t.parts)
+        return sorted({name for d in (*(r.stiffness for r in rows), *values) for name in d} - {"damping"}
+                      | set(["damping"] * damped + ["pressure"] * pressed + ["yield_strain"] * flows))
+
     def net(self) -> dict[str, wp.array]:
         """Tables of the entries of springs."""
         found = {name: getattr(self.pull.net, name) for name in ("k", "rest", "damping")

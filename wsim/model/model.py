@@ -67,6 +67,8 @@ class Model:
     module: str                          # name of the Warp module that holds the plan's kernels
     bodies: list[Body]
     modules: dict[str, int] = field(default_factory=dict)     # with blocks of their own, by name: threads of a block
+    constraints: list = field(default_factory=list)       # `wsim.physics.cloth.constraints.Constraints` of every world
+    tables: dict = field(default_factory=dict)            # `wsim.physics.cloth.table.Table` of them by kind, of who has asked
     alias: np.ndarray | None = None      # place that stands for each place, (points,), where bodies share points
     by_point: bool = False               # gravity, wind, drag of the air stand once a point, not a body: gradients, loads
     gradients: bool = False              # kernels have adjoints, and no method works in place where those cannot follow
@@ -105,9 +107,8 @@ class Model:
         """The body of that path (None: the only one). Raises KeyError that lists the paths there are."""
         found = [b for b in self.bodies if b.world == world and path in (None, b.path)]
         if len(found) != 1:
-            paths = sorted({b.path for b in self.bodies})
-            raise KeyError(f"path={path!r}, world={world} names {len(found)} bodies; there are {paths} in worlds 0 to "
-                           f"{self.worlds - 1}")
+            there = f"{sorted({b.path for b in self.bodies})} in worlds 0 to {self.worlds - 1}"
+            raise KeyError(f"path={path!r}, world={world} names {len(found)} bodies; there are {there}")
         return found[0]
 
     def rows(self, path: str, world: int | None = None) -> list[int]:
@@ -280,8 +281,7 @@ def _distinct(triangles: np.ndarray) -> np.ndarray:
 def build(scene: Scene, worlds: int, device, real, module: str = "") -> Model:
     """Bodies of all worlds; worlds are copies of one scene standing behind each other in the arrays."""
     from dataclasses import replace
-    bodies: list[Body] = []
-    first, single = 0, []
+    first, single, bodies = 0, [], list[Body]()
     for number, source in enumerate(scene.bodies()):
         single.append(make_body(source, 0, number, first))
         first = single[-1].last

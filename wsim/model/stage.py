@@ -7,6 +7,7 @@ device array, no branch on one, so that a frame can be captured.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -150,6 +151,10 @@ class Method:
     def meet(self, others: dict[str, "Method"]) -> None:
         """Connects itself with other methods of the plan, by name, when all are made."""
 
+    def carriers(self) -> dict[str, Any]:
+        """What contacts can push of this method, by name (`wsim.physics.carrier.carriers`); asked for by methods that push."""
+        return {}
+
     def retry(self, status: Status) -> list[Remedy]:
         """What the frame that has just ended lacked, by this method's own words of the status; none: it holds."""
         return []
@@ -157,10 +162,6 @@ class Method:
     def samples(self, world: int = 0) -> list[Sample]:
         """What results hold of this method, now, of one world."""
         return []
-
-    def accept(self, path: str, name: str, value):
-        """A value that `set` may be given for a path of this method's own objects, as it is then. Raises SceneError."""
-        return value
 
     def resumed(self, time: float) -> None:
         """A run goes on exactly where an earlier one has ended; its last frame began at `time` [s]."""
@@ -170,5 +171,6 @@ class Method:
         return {}
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
-        """Takes a live parameter of one world, or of all (None); False if it is none of this method's."""
+        """Takes a live parameter of one world, or of all (None), within the bounds of its row in `wsim.scene.values.table`;
+        False if it is none of this method's."""
         return False

@@ -1,7 +1,6 @@
 """Bodies of a scene: what has points that move. Plain data in SI units, NumPy only; see `wsim.scene`."""
 
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
 
 import numpy as np
 
@@ -219,17 +218,3 @@ class Soft(Compared):
     def materials(self) -> list[Bulk]:
         """All materials, in the order that `which` counts."""
         return [self.material, *self.others]
-
-
-def parted(soft: Soft, name: str, values: np.ndarray) -> Soft:
-    """`soft` with values (t,) of young, poisson or another field of its materials; its first material has their median, which
-    no tet need have."""
-    which = np.zeros(len(soft.tets), np.int64) if soft.which is None else soft.which
-    each, number = np.unique(np.stack([which, values]), axis=1, return_inverse=True)
-    others = [replace(soft.materials[int(k)], **values_of(name, v)) for k, v in each.T]
-    middle = replace(soft.material, **values_of(name, np.median(values)))
-    return replace(soft, material=middle, others=others, which=1 + number.reshape(-1))
-
-
-def values_of(name: str, value) -> dict[str, Any]:
-    return {name: float(value)}

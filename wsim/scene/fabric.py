@@ -11,8 +11,10 @@ so `stretch` = E t is the stiffness of a strip, force per width and strain [N/m]
 rolled up one way), and has no Poisson's ratio of its own: see `wsim.physics.cloth.bending`.
 """
 
-from dataclasses import dataclass, fields
-from math import inf, isfinite, pi
+from dataclasses import dataclass
+from math import inf, pi
+
+from wsim.scene.values.table import validate
 
 
 @dataclass(frozen=True)
@@ -47,18 +49,7 @@ class Fabric:
     dynamic_friction: float = 0.5
 
     def __post_init__(self):
-        for f in fields(self):
-            value = getattr(self, f.name)
-            low, strict, high = RANGES.get(f.name, (0.0, False, inf))
-            if not (isfinite(value) or (f.name == "strain_limit" and value == inf)):
-                raise ValueError(f"{f.name} is {value}; it must be finite")
-            if value < low or (strict and value == low) or (high < inf and value >= high):
-                raise ValueError(f"{f.name} is {value:g}; allowed is {'>' if strict else '>='} {low:g}"
-                                 + (f" and < {high:g}" if high < inf else ""))
-
-
-RANGES = {"stretch": (0.0, True, inf), "thickness": (0.0, True, inf), "density": (0.0, True, inf),
-           "poisson": (-1.0, True, 0.5), "strain_limit": (0.0, False, inf)}
+        validate("Cloth", self)
 
 
 def isotropic(youngs: float, poisson: float, thickness: float, density: float, **more) -> Fabric:

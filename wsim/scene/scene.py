@@ -121,7 +121,7 @@ class Varying(Compared):
     (`wsim.simulation.varying`).
 
     path        prim path of a body or collider; "/": the whole scene
-    name        as `Simulation.set` takes it: gravity, wind, stretch, young ... (`wsim.scene.check.varying.LIVE`)
+    name        as `Simulation.set` takes it: gravity, wind, stretch, young ... (`wsim.scene.values.table`)
     curve       values (keys, ...), in the SI unit of that name [m, kg, s]
     """
 
@@ -207,6 +207,13 @@ class Scene(Compared):
     def things(self, name: str) -> list:
         """What `add` was given of a class, by its name."""
         return self.others.get(name, [])
+
+    def exchanged(self, thing, new) -> "Scene":
+        """The scene with another object in the place of one; the given one stays as it is."""
+        lists: dict = {name: [new if each is thing else each for each in getattr(self, name)]
+                       for name in ("cloths", "springs", "softs", "colliders", "pins", "ties", "loads")}
+        others = {name: [new if each is thing else each for each in found] for name, found in self.others.items()}
+        return replace(self, **lists, others=others)
 
     def cloth(self, path: str, points, counts, indices, **more) -> Cloth:
         """Adds a cloth; see `Cloth` for the fields."""

@@ -14,8 +14,10 @@ to flow at the strain sqrt(3/2) y / (1 + nu), and keeps what goes beyond it (ker
 Nothing tears.
 """
 
-from dataclasses import dataclass, fields
-from math import inf, isfinite
+from dataclasses import dataclass
+from math import inf
+
+from wsim.scene.values.table import validate
 
 MODELS = ("corotational", "neo_hookean", "st_venant_kirchhoff", "linear")
 
@@ -46,17 +48,4 @@ class Bulk:
     def __post_init__(self):
         if self.model not in MODELS:
             raise ValueError(f"model is {self.model!r}; allowed is one of {', '.join(MODELS)}")
-        for f in fields(self):
-            value = getattr(self, f.name)
-            if f.name == "model":
-                continue
-            low, strict, high = RANGES.get(f.name, (0.0, False, inf))
-            if not (isfinite(value) or (f.name == "yield_strain" and value == inf)):
-                raise ValueError(f"{f.name} is {value}; it must be finite")
-            if value < low or (strict and value == low) or (high < inf and value >= high):
-                raise ValueError(f"{f.name} is {value:g}; allowed is {'>' if strict else '>='} {low:g}"
-                                 + (f" and < {high:g}" if high < inf else ""))
-
-
-RANGES = {"young": (0.0, True, inf), "density": (0.0, True, inf), "poisson": (-1.0, True, 0.5),
-           "yield_strain": (0.0, True, inf)}
+        validate("Soft", self)

@@ -16,12 +16,12 @@ import numpy as np
 from wsim.kernels.math.real import ADJOINT
 from wsim.model import model as models
 from wsim.model.midnodes import places
-from wsim.model.model import Model, edge_lengths, hard_places
+from wsim.model.model import Model, edge_lengths
 from wsim.model.separate import apart
 from wsim.model.stage import PHASES, Clock, Method, Stage
 from wsim.model.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, STAGED, Field, Part, State
 from wsim.model.status import Status
-from wsim.physics.cloth.constraints import HARD, LOOKS, rows_of
+from wsim.physics.cloth.constraints import LOOKS, constrain
 from wsim.scene import Scene
 from wsim.scene.check import counts
 from wsim.scene.methods import METHODS
@@ -70,7 +70,7 @@ class Plan:
     @property
     def hard(self) -> bool:
         """Whether tethers or strain limits hold something."""
-        return any(batch.kind in HARD for batch in getattr(self.method("xpbd"), "batches", []))
+        return any(batch.hard for batch in getattr(self.method("xpbd"), "batches", []))
 
     @property
     def solids(self) -> list:
@@ -185,19 +185,19 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
     b.status.allocate()
     _start(model, b.state)
     return Plan(model, b.state, b.clock, list(b.methods.values()), b.status, b.choice, _skipped(b),
-                cost.seconds(model, cost.frame(model, b.constraints, b.choice)))
+                cost.seconds(model, cost.frame(model, b.choice)))
 
 
 def _chosen(model: Model) -> Build:
     """Constraints of every body, and the solver, integrator and steps that they are given."""
-    scene, pinned = model.scene, hard_places(model)
-    rows = {b.path: rows_of(b, pinned) for b in model.bodies if b.world == 0}
-    choice = choose(model, rows)
+    scene = model.scene
+    constrain(model)
+    choice = choose(model)
     counts.refuse("substeps a frame, for steps that are short enough," if choice.steps > scene.substeps else "substeps",
                   choice.steps, "take softer materials, larger masses or elements, or another solver")
     clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator.name == "bdf2",
                   choice.integrator.beyond, choice.integrator.solves > 1)
-    return Build(model, choice, rows, State(), Status(model.device), clock)
+    return Build(model, choice, State(), Status(model.device), clock)
 
 
 def _fields(b: Build) -> tuple[Field, ...]:

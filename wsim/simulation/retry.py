@@ -8,16 +8,13 @@ from typing import TYPE_CHECKING
 
 from wsim.scene import Problem, SceneError
 from wsim.scene.check import counts
+from wsim.scene.values.table import stiffens
 from wsim.simulation import plan as plans
 from wsim.simulation.duration import duration
 
 if TYPE_CHECKING:
     from wsim.model.state import Part, State
     from wsim.simulation.simulation import Simulation
-
-# live parameters that bound explicit steps
-STIFFENS = ("stretch", "shear", "weft", "bend", "damping", "stiffness", "air_drag", "young", "poisson", "density", "mass",
-            "rest_shape", "lengths")
 
 
 def begin(sim: Simulation) -> None:
@@ -107,7 +104,8 @@ def _switch(sim: Simulation) -> bool:
         sim.state.points.arrays[name].assign(values)
     for part in _others(sim.state):
         for f in part.kept:
-            part.arrays[f.name].assign(flowed[part.name, f.name])
+            if len(flowed[part.name, f.name]) == part.capacity:             # else a list that has grown: it begins anew
+                part.arrays[f.name].assign(flowed[part.name, f.name])
     for path, name, value, world in sim.changes:
         for method in sim.plan.methods:
             method.set(path, name, value, world)
@@ -130,7 +128,7 @@ def keep_stable(sim: Simulation, name: str) -> None:
     explicit, clock = sim.plan.method("explicit"), sim.plan.clock
     if explicit is not None and name == "motion":
         sim.graph = None                                  # it knows one target a frame, or one a substep
-    if explicit is None or name not in STIFFENS:
+    if explicit is None or not stiffens(name):
         return
     least = explicit.least()                              # type: ignore[attr-defined]
     counts.refuse(f"substeps a frame, which {name} of that size wants of {sim.plan.integrator},", least,

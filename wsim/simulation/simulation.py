@@ -207,16 +207,17 @@ class Simulation:
         return [sample for method in self.plan.methods for sample in method.samples(world)]
 
     def set(self, path: str, name: str, value, world: int | None = None) -> None:
-        """A live parameter, from the next frame on, without rebuilding, of one world or of all (None).
+        """A live value, from the next frame on, without rebuilding, of one world or of all (None). Names, units and bounds are
+        those of `wsim.scene.values.table`.
 
         "/" names the whole scene. gravity, air_drag, wind; stretch, weft, shear, bend, damping, strain_limit (a finite one),
-        poisson (of the model "membrane") of a cloth; stiffness of springs; young, poisson, damping, pressure of a soft body
-        (the last two where there is some from the start); density of a cloth or soft body whose masses follow it; mass of
-        springs; rest_shape [m] of a body, lengths [m] of springs (`wsim.physics.cloth.rest_shape`); actuation of springs that
-        have muscles (a Curve, or values of its present keys); force or traction of a load (as actuation, or one (3,) for all
-        times); static_friction, dynamic_friction of a body or a collider; thickness and restitution of a collider (the latter
-        where one throws back from the start); motion (rigid) of a pin, or of a collider (which all worlds share); positions and
-        velocities (in world space, author's order) of a body.
+        poisson (of the model "membrane") of a cloth; stiffness of springs; young, poisson, damping, pressure, yield_strain of a
+        soft body (the last three where there is some from the start); density of a cloth or soft body whose masses follow it;
+        mass of springs; rest_shape [m] of a body, lengths [m] of springs (`wsim.physics.cloth.rest_shape`); actuation of
+        springs that have muscles (a Curve, or values of its present keys); force or traction of a load (as actuation, or one
+        (3,) for all times); static_friction, dynamic_friction of a body or a collider; thickness and restitution of a collider
+        (the latter where one throws back from the start); motion (rigid) of a pin, or of a collider (which all worlds share);
+        positions and velocities (in world space, author's order) of a body.
         Values are copied. Raises SceneError, with nothing changed, if nothing of that path has such a parameter, for what a
         scene would not take, and for what would need more than `wsim.scene.check.counts.MOST` substeps.
         """

@@ -12,10 +12,10 @@ from pxr import Gf, Usd
 from wsim.scene import Scene
 from wsim.usd.attributes import EXACT, author, decimal, read
 from wsim.usd.load_varying import attributes_of, vary
-from wsim.usd.names import GRAVITY, PHYSICS_SCENE, STEPS_HINT, WSIM_SCENE, row
+from wsim.usd.names import GRAVITY, PHYSICS_SCENE, STEPS_HINT, WSIM_SCENE, fields, row
 from wsim.usd.stage import Reading, Units
 
-FIELDS = ("substeps", "iterations", "solver", "integrator", "error", "wind", "air_density", "air_drag", "contact_width")
+FIELDS = ("substeps", "iterations", "solver", "integrator", *fields("Scene"))
 
 
 def frames_of(reading: Reading) -> int:

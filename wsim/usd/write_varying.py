@@ -4,19 +4,19 @@ digits."""
 import numpy as np
 from pxr import Usd
 
-from wsim.scene import Cloth, Collider, Scene, Soft, Springs, Varying
+from wsim.scene import Cloth, Scene, Varying
+from wsim.scene.methods import every
+from wsim.scene.values import table
 from wsim.usd.attributes import author
+from wsim.usd.names import HOLDERS
 from wsim.usd.prims.fabric import bound, plane_stress
 from wsim.usd.settings import author_varying_gravity
 from wsim.usd.stage import Reading, Units
 
-OWN = {(Soft, "pressure"), (Collider, "thickness"), (Springs, "stiffness"), (Springs, "damping")}    # of the prim itself
-MATERIALS = {Cloth: "Fabric", Soft: "Bulk", Springs: "Friction", Collider: "Friction"}
-
 
 def author_varying(stage: Usd.Stage, scene: Scene, settings: Usd.Prim, units: Units) -> None:
     """Samples at the keys of every curve; the prims and their materials are there."""
-    things = {thing.path: thing for thing in (*scene.bodies(), *scene.colliders)}
+    things = {thing.path: thing for thing in (*scene.bodies(), *scene.colliders, *(thing for _, thing in every(scene)))}
     for varying in scene.varying:
         times = varying.curve.times
         if varying.name == "stretch":                          # what is written follows Poisson's ratio too
@@ -37,11 +37,12 @@ def _poisson(scene: Scene, path: str) -> list[Varying]:
 
 def _of(reading: Reading, scene: Scene, thing, varying: Varying, value, time: float) -> None:
     prim, units, kind, name = reading.stage.GetPrimAtPath(thing.path), reading.units, type(thing), varying.name
-    if (kind, name) in OWN:
+    row = table.of(kind.__name__)[name]
+    if row.usd is None or row.usd.schema not in table.MATERIALS:
         author(prim, kind.__name__, name, value, units, time=units.code(time))
         return
     through = None
     if kind is Cloth and name == "stretch":
         nu = [float(v.curve.at(time)) for v in _poisson(scene, thing.path)]
         through = plane_stress(nu[0] if nu else thing.material.poisson)
-    author(bound(reading, prim), MATERIALS[kind], name, value, units, through, units.code(time))
+    author(bound(reading, prim), HOLDERS[kind.__name__], name, value, units, through, units.code(time))

@@ -8,11 +8,9 @@
 import numpy as np
 
 from wsim.gradient.inputs.base import PART, Input
-from wsim.physics.contact.contacts import FRICTION
 from wsim.scene import Problem, SceneError
 from wsim.scene.curve import Motion
-
-NAMES = (*FRICTION, "restitution", "thickness")
+from wsim.scene.values.table import FRICTION
 
 
 class Touch(Input):
@@ -35,16 +33,8 @@ class Touch(Input):
             raise SceneError(Problem(self.name, "no collider throws back, so nothing of that runs; give one a restitution > 0"))
         return np.array(method.bounce.of(rows[0], self.model.bodies[objects[0]].first))
 
-    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        if self.what in FRICTION:
-            return np.array(gradient.friction(self.path, world)[FRICTION.index(self.what)])
-        return np.array(getattr(gradient, self.what)(self.path, world))
-
     def scale(self) -> float:
         return PART * max(float(self.read()), 1e-3)
-
-    def bounds(self) -> tuple[float, float]:
-        return 0.0, 1.0 if self.what == "restitution" else np.inf
 
 
 class Shifted(Motion):
@@ -89,17 +79,5 @@ class Shift(Input):
         self.sim.plan.method("contact").contacts.move(
             self.path, Shifted(own, value.copy(), self.recording.start, self.sim.scene.fps))
 
-    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        return gradient.motion(self.path, world)[:, 0]
-
     def scale(self) -> float:
         return 1e-4
-
-
-def contact_input(recording, name: str) -> Input:
-    what = name.rpartition(":")[2]
-    if what == "shift":
-        return Shift(recording, name)
-    if what not in NAMES:
-        raise SceneError(Problem(name, f"a collider has {', '.join((*NAMES, 'shift'))}"))
-    return Touch(recording, name)

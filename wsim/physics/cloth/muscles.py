@@ -17,6 +17,7 @@ from wsim.kernels.cloth import muscle as kernels
 from wsim.model.model import Body, Model
 from wsim.model.stage import Clock, Method, Stage
 from wsim.physics.cloth.constraints import Constraints
+from wsim.physics.cloth.kind import SPRINGS
 from wsim.scene import Problem, SceneError
 from wsim.scene.bodies import Springs
 from wsim.scene.curve import Curve
@@ -211,7 +212,7 @@ class Muscles(Method):
     def present(self, rows: list[Constraints], time: float | None = None) -> list[Constraints]:
         """The rows with their rest lengths at a time [s]; None: at the end of the last frame."""
         factor = self.factors(time)
-        return [r if r.kind != "distance" else replace(r, rest=r.rest * factor[self.columns([r])]) for r in rows]
+        return [r if r.row.gather != SPRINGS else replace(r, rest=r.rest * factor[self.columns([r])]) for r in rows]
 
     def factors(self, time: float | None = None) -> np.ndarray:
         """Of each column, as `present`."""

@@ -33,10 +33,10 @@ from wsim.physics.contact.mesh import Mesh
 from wsim.physics.contact.poses import Poses
 from wsim.scene import Collider, Motion, Problem, Scene, SceneError, Surface
 from wsim.scene.solids import SOLIDS
+from wsim.scene.values.table import FRICTION
 
 SKIN = 2e-3            # [m] least margin of the search: what constraints may move a point that predicts no motion
 RECOVERY = 0.5         # [m/s] at which points leave an overlap: 10 cm in 0.2 s; faster tears at the cloth around them
-FRICTION = ("static_friction", "dynamic_friction")
 LANES = 4096           # threads of the indicators
 MANY = 64              # balls of an object; 1024 points search 2.3 ms a frame of 10 substeps without a tree, 1.4 with it (one
                        # CPU core; even at 24 balls, 7.9 and 2.5 at 256; a GPU was not measured)

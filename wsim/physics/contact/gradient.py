@@ -3,6 +3,7 @@
 import numpy as np
 
 from wsim.scene import Problem, SceneError
+from wsim.scene.values.coverage import refuse
 
 
 class ContactGradient:
@@ -41,7 +42,7 @@ class ContactGradient:
     def restitution(self, path: str, world: int) -> float:
         part = np.ix_(np.array(self.rows(path)), self.places(world))
         if self.by_restitution is None or self.throws is None or not self.throws[part].all():
-            raise SceneError(Problem(path, "its restitution is 0, and nothing is thrown back: no derivative; give it one > 0"))
+            raise refuse("restitution", path)
         return float(self.by_restitution[part].sum())
 
     def thickness(self, path: str, world: int) -> float:

@@ -9,9 +9,10 @@ import numpy as np
 
 from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import Field, State
-from wsim.physics.contact.contacts import FRICTION, Bodies, Contacts
+from wsim.physics.contact.contacts import Bodies, Contacts
 from wsim.scene import Motion, Problem, SceneError
 from wsim.scene.check import chord
+from wsim.scene.values.table import FRICTION
 
 if TYPE_CHECKING:
     from wsim.model.model import Model
@@ -119,6 +120,10 @@ class Contact(Method):
         """Newton steps hold contacts themselves; press: behind what moves points after them, if something does."""
         self.within, self.press = True, press
 
+    def carriers(self) -> dict[str, Any]:
+        from wsim.physics.carrier.carriers import KinematicCarrier
+        return {"kinematic": KinematicCarrier(self.contacts)}
+
     def retry(self, status: Status) -> list[Remedy]:
         wanted = int(status.said(ROOM)[0])
 
@@ -137,7 +142,7 @@ class Contact(Method):
         """static_friction, dynamic_friction of a body or a collider; thickness [m] and restitution of a collider, the latter
         where one throws back from the start; motion of a collider, a Motion or a (4, 4) matrix, which worlds share."""
         if name == "motion":
-            return world is None and self.contacts.move(path, value if isinstance(value, Motion) else Motion.still(value))
+            return world is None and self.move(path, value if isinstance(value, Motion) else Motion.still(value))
         if name not in (*FRICTION, "thickness", "restitution") or (name == "restitution" and not self.bounce):
             return False
         objects = [k for k, b in enumerate(self.model.bodies) if world in (None, b.world)]
@@ -146,11 +151,17 @@ class Contact(Method):
             self.bounce.set(rows, objects, value)
         return bool(rows) or (name in FRICTION and self.rub(path, name, value, world))
 
+    def move(self, path: str, motion: Motion) -> bool:
+        """A collider's motion, and in the scene, which results and `Simulation.poses` read."""
+        moved = self.contacts.move(path, motion)
+        for collider in self.model.scene.colliders if moved else ():
+            if collider.path == path:
+                collider.motion = motion
+        return moved
+
     def rub(self, path: str, name: str, value: float, world: int | None) -> bool:
         """Friction of a body."""
         bodies = [b for b in self.model.bodies if b.path == path and world in (None, b.world)]
-        if bodies and not (np.isfinite(value) and value >= 0.0):
-            raise SceneError(Problem(path, f"{name} is {value}; allowed is a finite number >= 0"))
         values = self.contacts.points.friction.numpy()
         for b in bodies:
             values[b.first:b.last, FRICTION.index(name)] = value

@@ -23,7 +23,7 @@ from wsim.model.stage import THROWN, Clock, Method, Port, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.model.structs import filled
-from wsim.physics.cloth.constraints import Constraints, changed, in_worlds
+from wsim.physics.cloth.constraints import Constraints, changed
 from wsim.physics.motion import frequency
 from wsim.physics.motion.forces import ForceGather
 from wsim.physics.motion.overstretch import Watch
@@ -42,13 +42,13 @@ def build(b: Build) -> Explicit:
 class Explicit(Method):
     """Stages of an explicit integrator. `steps`: whether others act within a substep."""
 
-    def __init__(self, model: Model, state: State, points, rows: dict[str, list[Constraints]], clock: Clock,
+    def __init__(self, model: Model, state: State, points, rows: list[Constraints], clock: Clock,
                  steps: bool, pins=None):
-        """rows: soft constraints of each body of world 0, by path; pins: the method that knows the hard pins, or None."""
+        """rows: soft constraints of all bodies; pins: the method that knows the hard pins, or None."""
         super().__init__("explicit")
         self.model, self.state, self.points, self.status = model, state, points, points.status
         self.integrator: Integrator = points.integrator
-        self.rows, self.pins, self.steps = in_worlds(model, rows), pins, steps
+        self.rows, self.pins, self.steps = rows, pins, steps
         self.target = None            # of the pins, as the net has it
         self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
         self.forces = Port()          # called with a row of time tables before forces are evaluated: muscles, loads
@@ -276,7 +276,7 @@ class Explicit(Method):
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]."""
-        from wsim.physics.cloth.energy import energy
+        from wsim.physics.cloth.table import energy
         solid = self.solids[0].indicators(self.solids, self.state) if self.solids else {}
         now = self.muscles.present(self.rows) if self.muscles else self.rows
         return {"elastic_energy": energy(self.model, now, self.state) + solid.get("solid_energy", 0.0), **solid}
@@ -297,4 +297,4 @@ class Explicit(Method):
 
     def least(self) -> int:
         """Substeps that keep the present stiffness stable, in every world."""
-        return frequency.least(self.model, self.integrator, self.rows, self.solids)
+        return frequency.least(self.model, self.integrator, self.solids)

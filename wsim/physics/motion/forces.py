@@ -19,6 +19,7 @@ from wsim.kernels.motion.cluster import Shares
 from wsim.model.model import Model
 from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.elements import Elements
+from wsim.physics.cloth.kind import SPRINGS
 from wsim.physics.motion.cluster import LARGE, MANY, Cluster, cluster_of, halo
 from wsim.physics.motion.packets import Packets
 from wsim.physics.motion.threads import Abreast, cores, orders
@@ -39,7 +40,7 @@ class ForceGather:
         self.shared = shared and model.device.is_cuda and not (staged and model.gradients)
         self.cluster: Cluster | None = None
         self.backward: Callable | None = None         # adjoint of a leap
-        self.springs = [r for r in rows if r.kind == "distance"]
+        self.springs = [r for r in rows if r.row.gather == SPRINGS]
         self.tables: list = []
         if model.scene.softs:
             from wsim.physics.soft.fem import tables_of
@@ -59,7 +60,7 @@ class ForceGather:
         if self.springs:
             self.place(model.shared(np.concatenate([r.ids for r in self.springs]).astype(np.int32)))
             self.values()
-        kinds = sorted({r.kind for r in rows} - {"distance"})
+        kinds = sorted({r.kind for r in rows if r.row.gather != SPRINGS})
         flat = [Elements(model, kind, [r for r in rows if r.kind == kind]) for kind in kinds]
         self.elements: list[Elements | Solid] = [*flat, *(Solid(table) for table in self.tables)]
         # adjoints of elements ask p, the gradient by forces on points; those of stages, which are Warp's, leave it at corners

@@ -1,5 +1,8 @@
 """Adjoints of `wsim.physics.motion.forces` and of a leap, by hand: see kernels/motion/explicit_adjoint.py."""
 
+from functools import partial
+from typing import Any
+
 import warp as wp
 
 from wsim.kernels.cloth import curvature
@@ -134,12 +137,16 @@ class CornerAdjoint:
 
 
 class FlatAdjoint:
-    """Of the forces of membranes."""
+    """Of the forces of membranes, or of any kind that is known by its formula alone."""
 
     def __init__(self, model: Model, elements, pull):
         """elements, pull: of `wsim.physics.motion.forces`."""
         self.elements, self.gathering = elements, Gathering(model, pull, elements, elements.damped)
-        self.kernels = [flat.corners(model.real, model.module, elements.damped, parameters, pull.direct)
+        make: Any = flat.corners
+        if elements.row.equation.rows == 1:
+            from wsim.kernels.cloth.general import corners_adjoint
+            make = partial(corners_adjoint, elements.row.equation)
+        self.kernels = [make(model.real, model.module, elements.damped, parameters, pull.direct)
                         for parameters in (False, True)]
 
     def backward(self, read: list, wrote: list) -> None:

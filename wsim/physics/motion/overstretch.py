@@ -18,7 +18,7 @@ from wsim.model.model import Model, edge_lengths
 from wsim.model.stage import LONG, STRETCHED, THROWN, Clock, Method, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
-from wsim.physics.cloth.constraints import AT_REST, HARD
+from wsim.physics.cloth.constraints import AT_REST
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -29,7 +29,7 @@ MOST = 2.0             # length over rest length from which an edge is suspect, 
 
 def build(b: Build) -> Watch | None:
     watch = Watch(b.model, b.state, b.status)
-    if b.choice.integrator.beyond and any(r.kind in HARD for found in b.constraints.values() for r in found):
+    if b.choice.integrator.beyond and any(r.hard for r in b.model.constraints):
         watch.thrown_by = b.clock
     return watch if watch.stages else None
 

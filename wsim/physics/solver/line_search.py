@@ -5,6 +5,7 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.solver import line_search
+from wsim.physics.cloth.kind import SHEET
 
 
 class LineSearch:
@@ -15,16 +16,20 @@ class LineSearch:
         self.method, model = method, method.model
         bodies, real, module, over = method.system.systems, model.real, model.module, method.system.zeros
         self.step = over(bodies, wp.float64)
-        most = max([int(np.diff(model.starts).max())] + [t.most for t in method.tables.values()]
+        kinds = {kind: table.first() for kind, table in method.tables.items()}
+        most = max([int(np.diff(model.starts).max())] + [most for _, most in kinds.values()]
                    + [s.most for s in method.solids])
         self.lanes = int(np.clip(most // 8, 32, 2**16)) if model.device.is_cuda else 1
         self.change = wp.zeros((bodies * self.lanes, 1 + line_search.HALVINGS), dtype=wp.float64, device=model.device)
+        firsts = {"": method.system.first} | {kind: model.upload(first, int) for kind, (first, _) in kinds.items()}
+        firsts |= {s.name: s.first for s in method.solids}
+        if method.bending:
+            firsts["curvature"] = method.bending.first
         self.trials = {kind: [self.trial(first, begin, end) for begin, end in ((0, 1), (1, 1 + line_search.HALVINGS))]
-                       for kind, first in [("", method.system.first), *((k, b.first) for k, b in method.tables.items()),
-                                           *(("curvature", b.first) for b in [method.bending] if b),
-                                           *((s.name, s.first) for s in method.solids)]}
+                       for kind, first in firsts.items()}
         self.inertia, self.move = line_search.inertia(real, module), line_search.move(real, module)
-        self.elastic = {kind: line_search.elastic(kind, real, module) for kind in method.tables if kind != "dihedral"}
+        self.elastic = {kind: line_search.elastic(t.row.equation, real, module) for kind, t in method.tables.items()
+                        if t.row.gather != SHEET}
         self.choose = line_search.choose(real, model.sweep_module)
 
     def trial(self, first: wp.array, begin: int, end: int):
@@ -47,7 +52,7 @@ class LineSearch:
             for kind, kernel in self.elastic.items():
                 launch(kernel, rows, [trials[kind], m.tables[kind].data, s.x, s.d, a, y, rate], [])
             if m.bending:
-                m.bending.search(trials["dihedral"], trials["curvature"], [s.x, s.d, a, y, rate])
+                m.bending.search(trials[m.bending.table.kind], trials["curvature"], [s.x, s.d, a, y, rate])
             for solid in m.solids:
                 launch(m.stressed[solid.name][1], rows, [trials[solid.name], solid.data, s.x, s.d, a, y, solid.q, rate], [])
             system.launch(self.choose, [trials[""], system.drop], [self.step])

@@ -20,14 +20,16 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.cloth import hessian
+from wsim.kernels.cloth.constraint import DISTANCE
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import line_search, newton
 from wsim.model.model import Model
 from wsim.model.stage import MISSED, UNSOLVED, Clock, Method, Remedy, Stage
 from wsim.model.state import Field, State
 from wsim.model.status import Status
-from wsim.physics.cloth.constraints import Constraints, changed, in_worlds
-from wsim.physics.cloth.table import Table, bending_of
+from wsim.physics.cloth.constraints import Constraints, changed
+from wsim.physics.cloth.kind import CORNERS, SHEET, SPRINGS
+from wsim.physics.cloth.table import Table, bending_of, tables_of
 from wsim.physics.solver import linear
 from wsim.physics.solver.line_search import LineSearch
 
@@ -38,7 +40,6 @@ if TYPE_CHECKING:
 TOLERANCE = 1e-2       # of conjugate gradients. 32 x 32 cloth, 4 x 1: error 3.5e-3 m at 0.25 s with 1e-3 and 1e-2, 4.0e-3 with
                        # 3e-2, 5.9e-3 with 1e-1, for 47, 19, 16 and 14 iterations; further Newton steps solve what is left
 CAP = 300              # iterations of conjugate gradients: 1e5 N/m at 1/60 s takes them all, and still goes downhill
-KINDS = ("distance", "dihedral", "membrane")
 MET = 0.5              # largest residual with which BDF2 goes on. 32 x 32 cloth, 1e3 N/m, 1 to 8 substeps: runs that left up to
                        # 1.5 were as right as solved ones, with 8 or more not. float32 leaves 1e-3 at best, 0.2 with 1e5 N/m
 MET_MIDPOINT = 1e-2    # as MET, for the implicit midpoint, which damps nothing of what is left. Rows of tools/stress (nets
@@ -60,13 +61,12 @@ def coarse_space(model: Model, h: float) -> tuple[list, str]:
 class Implicit(Method):
     """Stage newton, and what it reports."""
 
-    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: dict[str, list[Constraints]]):
-        """rows: soft constraints of each body of world 0, by path."""
+    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: list[Constraints]):
+        """rows: soft constraints of all bodies."""
         super().__init__("implicit")
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
-        self.every = every = in_worlds(model, rows)
-        self.tables = {kind: Table(kind, [r for r in every if r.kind == kind], model)
-                       for kind in KINDS if any(r.kind == kind for r in every)}
+        self.every = every = rows
+        self.tables = tables_of(model, every)
         self.contact = self.pins = self.adjoint = self.hard = None          # type: Any
         self.free: Any = None                      # `wsim.physics.solver.rigid_translation.Momentum`
         self.soft: Any = None                      # `wsim.physics.solver.soft_pin.SoftPins`
@@ -74,15 +74,15 @@ class Implicit(Method):
         self.solids: list = []
         self.present: Any = list                   # rows, with muscles as they are
         if model.scene.softs:
-            from wsim.physics.soft.fem import tables_of
-            self.solids = tables_of(model)
+            from wsim.physics.soft import fem
+            self.solids = fem.tables_of(model)
             state.add(*(table.kept for table in self.solids if table.kept))
-        self.springs = "distance" in self.tables
-        self.elements = bool(self.solids or self.tables.keys() - {"distance"})
-        self.bending = bending_of(model, self.tables.get("dihedral"))
+        self.springs = bool(self.of(SPRINGS))
+        self.elements = bool(self.solids or self.of(SHEET) or self.of(CORNERS))
+        self.bending = bending_of(model, self.of(SHEET))
         coarse, why = coarse_space(model, self.clock.h) if self.solids else ([], "")
-        self.system = linear.System(model, points.constants.w, self.ids("distance", 2), self.ids("dihedral", 4),
-                                    [self.ids("membrane", 3), *(s.ids for s in self.solids)], coarse,
+        self.system = linear.System(model, points.constants.w, self.ids(SPRINGS, 2), self.ids(SHEET, 4),
+                                    [table.ids for table in (*self.of(CORNERS), *self.solids)], coarse,
                                     self.bending.spans if self.bending else None)
         self.rows, self.A, self.v = self.system.rows, self.system.A, self.system.v
         self.work()
@@ -97,8 +97,11 @@ class Implicit(Method):
             size = sum(s.size for s in self.solids if s.plastic)
             self.stages.append(Stage("flow", "deform", self.flow, 1, size * 150, what=f"{size} plastic tets"))
 
-    def ids(self, kind: str, corners: int) -> np.ndarray:
-        return self.tables[kind].ids if kind in self.tables else np.zeros((0, corners), np.int32)
+    def of(self, gather: str) -> list[Table]:
+        return [table for table in self.tables.values() if table.row.gather == gather]
+
+    def ids(self, gather: str, corners: int) -> np.ndarray:
+        return next((table.ids for table in self.of(gather)), np.zeros((0, corners), np.int32))
 
     def work(self) -> None:
         """Vectors over points, and numbers of each body."""
@@ -108,9 +111,8 @@ class Implicit(Method):
         self.state.points.take(Field("c", "m", True, "what forces changed in the substep before (Newton's method)"), self.c)
         self.status.reserve(UNSOLVED, len(model.bodies))
         self.element = hessian.elements_of(model.real)()
-        hinges, triangles = len(self.ids("dihedral", 4)), len(self.ids("membrane", 3))
-        force, block = 4 * hinges + 3 * triangles, 3 * triangles
-        for table in self.solids:
+        force, block = self.ids(SHEET, 4).size, 0
+        for table in (*self.of(CORNERS), *self.solids):
             table.place(force, block)
             corners = table.ids.shape[1]
             force, block = force + corners * table.size, block + corners * (corners - 1) // 2 * table.size
@@ -123,7 +125,6 @@ class Implicit(Method):
         """Kernels."""
         real, module, block = self.model.real, self.model.module, self.model.sweep_module
         self.begin, self.stay, self.end = (f(real, module) for f in (newton.begin, newton.stay, newton.end))
-        self.triangles = hessian.triangles(real, module) if "membrane" in self.tables else None
         self.assemble = newton.assemble(real, module, self.springs, self.elements)
         self.stressed = {s.name: s.kernels() for s in self.solids}
         self.left, self.unmet = line_search.left(real, block), line_search.unmet(real, module)
@@ -135,7 +136,7 @@ class Implicit(Method):
 
     def spring_tables(self) -> list:
         from wsim.physics.cloth.springs import SpringTable
-        table, found = self.tables.get("distance"), []
+        table, found = next(iter(self.of(SPRINGS)), None), []
         if self.adjoint and table:
             pull = self.adjoint.pull
             found.append(SpringTable(pull.springs, pull.table.rest, pull.entry, pull.given))
@@ -253,12 +254,11 @@ class Implicit(Method):
         s, a, launch = self.state, self.points.anchor, self.model.launch
         if self.bending:
             self.bending.linearise(s.x, s.d, a, rate, self.element)
-        if self.triangles:
-            triangles, offset = self.tables["membrane"], 4 * len(self.ids("dihedral", 4))
-            launch(self.triangles, triangles.size, [triangles.data, s.x, s.d, a, rate, offset], [self.element])
+        for elements in self.of(CORNERS):
+            elements.linearise(s.x, s.d, a, rate, self.element)
         for table in self.solids:
             launch(self.stressed[table.name][0], table.size, [table.data, s.x, s.d, a, table.q, rate], [table.q, self.element])
-        springs = self.tables["distance"].data if self.springs else hessian.batch_of("distance", self.model.real)()
+        springs = self.of(SPRINGS)[0].data if self.springs else hessian.batch_of(DISTANCE, self.model.real)()
         launch(self.assemble, self.model.points, [self.rows, springs, self.element, self.points.at(d=s.d, a=a), self.b, rate],
                [self.f, self.A])
 
@@ -266,7 +266,7 @@ class Implicit(Method):
     def launches(self) -> int:
         """Of a Newton step; conjugate gradients by several blocks take two more an iteration."""
         return (8 + 3 * (self.free is not None) + 2 * len(self.tables) + 3 * len(self.solids)
-                + 6 * bool(self.bending) + bool(self.triangles))
+                + 6 * bool(self.bending) + len(self.of(CORNERS)))
 
     @property
     def bytes(self) -> int:
@@ -280,7 +280,7 @@ class Implicit(Method):
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]; residual of the frame's last Newton step (kernels/solver/line_search.py, `left`), largest of all
         bodies; pcg_iterations of the last substep, largest of all bodies."""
-        from wsim.physics.cloth.energy import energy
+        from wsim.physics.cloth.table import energy
         solid = self.solids[0].indicators(self.solids, self.state) if self.solids else {}
         stored = energy(self.model, self.present(self.every), self.state) + solid.get("solid_energy", 0.0)
         return {"elastic_energy": stored, **solid, "residual": float(self.residual.numpy().max()),
@@ -292,8 +292,7 @@ class Implicit(Method):
         own = self.adjoint.pull.tables if self.adjoint else ()
         hit = any([t.set(path, name, value, world) for t in (*self.solids, *own)])
         for table in self.tables.values():
-            if changed(self.model, table.rows, path, name, value, world):
-                table.stale = hit = True
+            hit = bool(changed(self.model, table.rows, path, name, value, world)) or hit
             table.refresh()
         if self.adjoint:
             self.adjoint.pull.refresh()

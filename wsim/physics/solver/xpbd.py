@@ -21,15 +21,14 @@ from wsim.model.stage import MISSED, Clock, Method, Port, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.model.structs import filled
-from wsim.physics.cloth.constraints import HARD, Constraints, changed, colored, in_worlds
+from wsim.physics.cloth.constraints import Constraints, changed, colored
+from wsim.physics.cloth.kind import SPRINGS, named
 from wsim.physics.solver.batch import Batch
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
 
 
-ORDER = ("tether", "membrane", "distance", "dihedral", "limit")        # of the kinds within an iteration
-LANES = 4096          # threads that sum the energy
 MET = 2e-2            # largest residual (strain, radians) with which BDF2 goes on. On a 32 x 32 cloth of 1e3 to 1e6 N/m the
                       # runs that gained energy had a median of 8e-2 to 1.7e-1, those of 10 substeps or more that did not,
                       # at most 2.1e-2. Larger cloths stayed calm at 3e-2 too and give way all the same: on the safe side
@@ -40,21 +39,21 @@ MET_MIDPOINT = 1e-3   # as MET, for the implicit midpoint, which damps nothing o
 
 def build(b: Build) -> Xpbd:
     return Xpbd(b.model, b.state, b.methods["points"], b.status, b.clock,
-                b.constraints if b.choice.solver == "xpbd" else b.kept(soft=False))
+                b.model.constraints if b.choice.solver == "xpbd" else b.kept(soft=False))
 
 
 class Xpbd(Method):
     """Stages solve: one per kind, each a launch a colour; before them, once a substep, the multipliers are zeroed."""
 
-    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: dict[str, list[Constraints]]):
-        """rows: constraints of each body of world 0, by path."""
+    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: list[Constraints]):
+        """rows: constraints of all bodies."""
         super().__init__("xpbd")
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
         self.watched: list[Batch] = []
         self.lengthen = Port()            # puts rest lengths of the end of a frame (`wsim.physics.cloth.muscles`)
-        every = in_worlds(model, {path: colored(found) for path, found in rows.items()})
-        self.batches = [Batch(kind, [r for r in every if r.kind == kind], model, clock)
-                        for kind in ORDER if any(r.kind == kind for r in every)]
+        colored(rows)
+        self.batches = [Batch(kind.name, [r for r in rows if r.kind == kind.name], model, clock)
+                        for kind in named({r.kind for r in rows})]
         if any(b.multipliers for b in self.batches):
             size = sum(b.lam.capacity for b in self.batches)
             self.stages.append(Stage("multipliers", "collide", self.zero, len(self.batches), size, what="zeroed"))
@@ -65,12 +64,13 @@ class Xpbd(Method):
             self.stages.append(Stage(
                 batch.kind, "solve", partial(self.project, batch), launches, batch.bytes, "iteration",
                 f"{batch.size} constraints in {colours} colours"))
-        if clock.watched and any(b.kind not in HARD for b in self.batches):
+        if clock.watched and not all(b.hard for b in self.batches):
             self.watch()
 
     def spring_tables(self) -> list:
         from wsim.physics.cloth.springs import SpringTable
-        return [SpringTable(b.rows, b.data.rest, b.order, b.given) for b in self.batches if b.kind == "distance"]
+        return [SpringTable(b.rows, b.data.rest, b.order, b.given) for b in self.batches
+                if b.row.gather == SPRINGS]
 
     def drive(self, muscles) -> None:
         """The energy is that of the rest lengths at the end of a frame."""
@@ -82,7 +82,7 @@ class Xpbd(Method):
         from wsim.kernels.solver.xpbd_residual import judge
         model = self.model
         self.status.reserve(MISSED)
-        self.watched = [b for b in self.batches if b.kind not in HARD]
+        self.watched = [b for b in self.batches if not b.hard]
         self.largest = wp.zeros(len(self.watched), dtype=model.real, device=model.device)
         self.look_kernels = self.residual_kernels(model.module)
         self.judge = judge(model.real, model.module)
@@ -95,8 +95,8 @@ class Xpbd(Method):
 
     def residual_kernels(self, module: str) -> list:
         from wsim.kernels.solver.xpbd_residual import residual
-        return [residual(b.kind, real=self.model.real, module=module, uniform=b.uniform)
-                for b in self.batches if b.kind not in HARD]
+        return [residual(b.row.equation, real=self.model.real, module=module, uniform=b.uniform)
+                for b in self.batches if not b.hard]
 
     def look(self, clock: Clock) -> None:
         """Residual of every batch after the last substep's sweeps, of the midpoint after each (it damps nothing of what one of
@@ -117,7 +117,7 @@ class Xpbd(Method):
         tape.do(judge) if tape else judge()
 
     def measure(self, kernels_: list, x: wp.array, d: wp.array, lam: list[wp.array], largest: wp.array) -> None:
-        soft = [b for b in self.batches if b.kind not in HARD]
+        soft = [b for b in self.batches if not b.hard]
         for row, (batch, kernel, own) in enumerate(zip(soft, kernels_, lam, strict=True)):
             batch.aim(x, d, x, 0.0)                      # what damping asks for is left out
             self.model.launch(kernel, batch.size, [batch.data, x, d, own, 1.0 / self.clock.g, row], [largest])
@@ -126,14 +126,14 @@ class Xpbd(Method):
         """elastic_energy [J]; residual: what the last substep's sweeps left, see kernels/solver/xpbd_residual.py (strain,
         radians). A single iteration keeps no multipliers and has no residual. Kernels of their own module, compiled when asked
         for."""
-        soft = [b for b in self.batches if b.kind not in HARD]
+        soft = [b for b in self.batches if not b.hard]
         looked = any(b.multipliers for b in soft) and not self.clock.beyond
         module = kernel_cache.report_module(self.model, f"xpbd {looked}", *sorted({f"{b.kind} {b.uniform}" for b in soft}))
         looks = self.residual_kernels(module) if looked else []
         for b in soft:
-            self.energy_kernels(b, module)
+            b.energy_kernels(module)
         self.lengthen()
-        found = {"elastic_energy": sum((self.energy(b, module) for b in soft), 0.0)}
+        found = {"elastic_energy": sum((b.energy(self.state, module) for b in soft), 0.0)}
         if any(b.multipliers for b in soft):
             if self.clock.beyond:                        # the end of a substep is not where the multipliers are
                 largest = self.largest
@@ -144,21 +144,6 @@ class Xpbd(Method):
                 self.measure(looks, self.state.x, self.state.e, [b.lam for b in soft], largest)
             found["residual"] = float(largest.numpy().max())
         return found
-
-    def energy_kernels(self, batch: Batch, module: str) -> list:
-        from wsim.kernels.cloth.energy import statistics
-        return batch.curvature.energy_kernels(module) if batch.curvature else [
-            statistics(batch.kind, real=self.model.real, module=module, uniform=batch.uniform)]
-
-    def energy(self, batch: Batch, module: str) -> float:
-        """1/2 C alpha^-1 C [J] of a batch, summed in float64."""
-        if batch.curvature:
-            return batch.curvature.energy(batch.data, batch.lengths, self.state.x, self.state.e, module)
-        out = wp.zeros(min(LANES, batch.size), dtype=wp.vec3d, device=self.model.device)
-        (kernel,) = self.energy_kernels(batch, module)
-        kernel_cache.ready(kernel, self.model)
-        self.model.launch(kernel, out.size, [batch.data, self.state.x, batch.size, self.state.e], [out])
-        return float(out.numpy()[:, 2].sum())
 
     def zero(self, clock: Clock) -> None:
         for batch in self.batches if not self.model.tape else ():
@@ -173,7 +158,7 @@ class Xpbd(Method):
         batch.aim(s.x, s.d, a, 1.0 / clock.g)
         at = filled(states(self.model.real), x=s.x, d=s.d, a=a)
         if batch.fused:
-            self.model.sweep(batch.kernel, [batch.data, at, batch.first, 1.0 / clock.g, omega, batch.lam], [s.d, batch.lam])
+            self.model.sweep(batch.kernel, [batch.data, at, batch.begin, 1.0 / clock.g, omega, batch.lam], [s.d, batch.lam])
             return
         for first, last in zip(batch.starts[:-1], batch.starts[1:], strict=True):
             self.model.launch(batch.kernel, int(last - first),
@@ -182,9 +167,7 @@ class Xpbd(Method):
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """stretch, weft, shear, bend, poisson, strain_limit of a cloth, stiffness of a spring net, damping [s] of either; what
         a rest shape and rest lengths change."""
-        for batch in self.batches:
-            batch.stale = bool(changed(self.model, batch.rows, path, name, value, world, batch.damped))
-        hit = any(batch.stale for batch in self.batches)
+        hit = any([changed(self.model, batch.rows, path, name, value, world, batch.damped) for batch in self.batches])
         for batch in self.batches:
             batch.refresh()
         if any(batch.remade for batch in self.batches):

@@ -23,9 +23,9 @@ from wsim.kernels.math.real import types
 from wsim.kernels.solver import newton_adjoint
 from wsim.model.midnodes import held
 from wsim.model.model import Model
-from wsim.physics.cloth.constraints import HARD
 from wsim.physics.motion.forces import ForceGather
 from wsim.scene import Problem, SceneError
+from wsim.scene.values.coverage import refuse
 from wsim.simulation.plan import Plan
 
 
@@ -77,8 +77,7 @@ class Reactions:
         self.plan, self.model = plan, plan.model
         for c in self.model.scene.cloths:
             if c.tethers or np.isfinite(c.material.strain_limit):
-                raise SceneError(Problem(c.path, "has tethers or a strain limit, which pull at pins without a law of force; "
-                                         "reactions are not to be had: leave them out"))
+                raise refuse("limits", c.path)
         points: Any = plan.method("points")
         pins: Any = plan.method("pins")
         self.constants, self.held = points.constants, [HeldPoints.of(p) for group in pins.groups.values() for p in group]
@@ -88,7 +87,8 @@ class Reactions:
         """Forces of their own: the plan's may be summed on the way, or differ in what is hard."""
         plan, own = self.plan, copy.copy(self.plan.model)
         own.module, own.modules, own.gradients, own.tape = f"{own.module}_reactions", {}, False, None
-        self.pull = ForceGather(own, self.constants, rows_of(plan), None, shared=False)
+        own.tables = dict(own.tables)
+        self.pull = ForceGather(own, self.constants, soft(self.model), None, shared=False)
         self.pull.need_springs()
         for table, live in zip(self.pull.tables, plan.solids, strict=True):
             table.plastic = None
@@ -174,11 +174,9 @@ def no_pin(model: Model, path: str | None, world: int) -> Problem:
                    f"{', '.join(p.path for p in model.scene.pins) or 'none'} in worlds 0 to {model.worlds - 1}")
 
 
-def rows_of(plan: Plan) -> list:
-    """Soft constraints as a plan's solver has them now, of all worlds."""
-    explicit, implicit, xpbd = (cast(Any, plan.method(name)) for name in ("explicit", "implicit", "xpbd"))
-    batches = [r for b in xpbd.batches for r in b.rows] if xpbd else []
-    return [r for r in (explicit.rows if explicit else implicit.every if implicit else batches) if r.kind not in HARD]
+def soft(model: Model) -> list:
+    """Constraints that have a law of force."""
+    return [r for r in model.constraints if not r.hard]
 
 
 def looked(sim) -> Reactions:
