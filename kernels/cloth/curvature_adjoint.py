@@ -33,9 +33,9 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.cloth.constraint import DIHEDRAL, FLAT, dihedral, inverse
+from wsim.kernels.cloth.corner_gradients import reader, works
 from wsim.kernels.cloth.curvature import SLOTS, curvatures, fold, hinge_of, moment, sine_cosine
 from wsim.kernels.cloth.element import elements
-from wsim.kernels.cloth.gather_adjoint import reader, works
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
 

@@ -22,8 +22,8 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.cloth.constraint import MEMBRANE, inverse, polar
+from wsim.kernels.cloth.corner_gradients import reader, works
 from wsim.kernels.cloth.element import elements, stress
-from wsim.kernels.cloth.gather_adjoint import reader, works
 from wsim.kernels.math.real import types
 
 

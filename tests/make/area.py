@@ -18,7 +18,7 @@ from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.kind import Kind, Row
 from wsim.scene import Cloth
 from wsim.scene.fabric import Fabric
-from wsim.scene.values.value import Fit, Range, Value
+from wsim.scene.values.value import Range, Theta, Value
 
 
 @dataclass(frozen=True)
@@ -44,5 +44,5 @@ def areas(body: Body, pinned: np.ndarray) -> list[Constraints]:
 
 
 KIND = Kind(Constraint("area", area, 3, 1, "m^2", "m^3/N"), areas)
-VALUE = Value("Cloth", "area", "N/m^3", Range(strict=True), varies=True, stiffens=True, fit=Fit("log"), gradient="material")
+VALUE = Value("Cloth", "area", "N/m^3", Range(strict=True), varies=True, stiffens=True, fit=Theta("log"), gradient="material")
 ROW = Row("tests.make.area", lambda source: getattr(getattr(source, "material", None), "area", 0.0) > 0.0)

@@ -238,7 +238,9 @@ def plan(args) -> int:
     for warning in simulation.warnings:
         _say(warning)
     if args.json:
-        print(as_json({"stages": simulation.plan.table(), "skipped": simulation.plan.skipped}))
+        from wsim.model.stage import FREE
+        free = {"free": simulation.plan.table(FREE)} if simulation.plan.parted else {}
+        print(as_json({"stages": simulation.plan.table(), "skipped": simulation.plan.skipped, **free}))
     else:
         print(simulation.plan.describe())
     return DONE

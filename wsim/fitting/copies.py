@@ -68,14 +68,14 @@ class Copies:
         """Remembers the start."""
         sim = self.sim
         clock = sim.plan.clock
-        self.plan, self.substeps, self.steps, self.scheme = sim.plan, clock.substeps, clock.steps, clock.scheme
+        self.plan, self.substeps, self.steps, self.scheme = sim.plan, clock.substeps, clock.steps, clock.integrator
         self.arrays = kept(sim)
         self.saved = [wp.clone(a) for a in self.arrays]
 
     def rewind(self) -> None:
         """Back to the start; built anew where a frame has changed the scheme."""
         sim, clock = self.sim, self.sim.plan.clock
-        if sim.plan is not self.plan or clock.scheme != self.scheme:
+        if sim.plan is not self.plan or clock.integrator != self.scheme:
             sim.given = replace(sim.given, substeps=self.steps)
             sim.reset()
             self.keep()

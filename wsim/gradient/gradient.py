@@ -48,7 +48,7 @@ class Gradient(ElementGradient):
         self.grads = Fetched({array.ptr: wp.clone(array.grad) for array in parameters.arrays()})
         for key, by in inertia.tables.items() if inertia else ():
             self.grads[key] = self.grads[key] + by
-        self.contacts = ContactGradient(parameters.plan.method("contact"), motions) if parameters.contact else None
+        self.contacts = ContactGradient(self.plan, motions) if parameters.contact else None
 
     @cached_property
     def entries(self) -> dict[str, np.ndarray]:                       # type: ignore[override]
@@ -95,7 +95,7 @@ class Gradient(ElementGradient):
     def density(self, path: str | None = None, world: int = 0) -> float:
         """By the density that all masses of a body follow [m^3/kg]."""
         b = self.model.body(path, world)
-        density = self.plan.method("points").densities.get(b.number) or density_of(b.source)
+        density = self.plan.find("densities").get(b.number) or density_of(b.source)
         if density is None:
             raise refuse("density", b.path)
         return float((self.by_mass()[b.first:b.last] * b.masses).sum()) / density

@@ -59,7 +59,6 @@ class Body:
 @dataclass
 class Model:
     """Bodies of every world, and the tables over points and objects that every method reads."""
-
     scene: Scene
     worlds: int
     device: Any                          # warp device
@@ -73,6 +72,7 @@ class Model:
     by_point: bool = False               # gravity, wind, drag of the air stand once a point, not a body: gradients, loads
     gradients: bool = False              # kernels have adjoints, and no method works in place where those cannot follow
     tape: Any = None                     # `wsim.model.tape.Tape` that records what is launched
+    vjp: dict = field(default_factory=dict)               # adjoints by hand, by kernel: see `wsim.model.vjp`
     plain: set[int] = field(default_factory=set)          # addresses of arrays that change, of which a tape keeps no gradients
 
     @property
@@ -126,11 +126,11 @@ class Model:
         18.8 with 128, 20.2 with 256), a million points do not care. One size for a plan: each is compiled apart."""
         return 64 if self.points < 100_000 else 128
 
-    def launch(self, kernel, dim: int | tuple[int, ...], inputs: list, outputs: list, backward=None) -> None:
-        """Launches a kernel of this model's module; backward: what a tape takes for its adjoint, see `Tape.launch`."""
+    def launch(self, kernel, dim: int | tuple[int, ...], inputs: list, outputs: list) -> None:
+        """Launches a kernel of this model's module."""
         import warp as wp
         how = {"device": self.device, **({"block_dim": self.block} if self.device.is_cuda else {})}
-        (self.tape or wp).launch(kernel, dim, inputs, outputs, **how, **({"backward": backward} if self.tape else {}))
+        (self.tape or wp).launch(kernel, dim, inputs, outputs, **how)
 
     def copy(self, into, source, *parts: int) -> None:
         """As `wp.copy`, of arrays of vectors."""

@@ -8,7 +8,7 @@ the list of changes as they were.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -80,15 +80,15 @@ def _floats(path: str, name: str, value) -> np.ndarray:
 
 def _remembered(sim: Simulation) -> Callable[[], None]:
     """Puts what explicit steps depend on back to where it is now, to the bit: bodies, constraints, materials of tets."""
-    points, explicit = (sim.plan.method(name) for name in ("points", "explicit"))
-    if explicit is None:
+    points, send = sim.plan.find("points"), sim.plan.find("send")
+    if send is None:
         return lambda: None
-    solver, owner = cast(Any, explicit), cast(Any, points)
+    rows = [r for r in sim.plan.methods.every("rows") if not r.hard]
     kept = [(thing, {name: getattr(thing, name) for name in names}) for owners, names in (
-        (sim.model.bodies, ("masses", "rest", "source")), (solver.rows, ("stiffness", "tau", "rest", "shape")))
+        (sim.model.bodies, ("masses", "rest", "source")), (rows, ("stiffness", "tau", "rest", "shape")))
         for thing in owners]
-    parts = [(p, dict(p.values)) for solid in solver.solids for p in solid.parts if hasattr(p, "values")]
-    densities = dict(owner.densities)
+    parts = [(p, dict(p.values)) for solid in sim.plan.solids for p in solid.parts if hasattr(p, "values")]
+    densities = dict(points.densities)
 
     def undo() -> None:
         for thing, values in kept:
@@ -96,15 +96,15 @@ def _remembered(sim: Simulation) -> Callable[[], None]:
                 setattr(thing, name, value)
         for part, values in parts:
             part.values = values
-        owner.densities.clear()
-        owner.densities.update(densities)
-        owner.send(sim.model.bodies)
-        for solid in solver.solids:
+        points.densities.clear()
+        points.densities.update(densities)
+        points.send(sim.model.bodies)
+        for solid in sim.plan.solids:
             for body in sim.model.bodies:
                 solid.set(body.path, "rest_shape", None, body.world)
             if hasattr(solid, "send"):
                 solid.send()
-        solver.send()
+        send()
     return undo
 
 
@@ -151,16 +151,9 @@ def _counts(sim: Simulation, row: Value, thing, path: str, world: int | None) ->
     """Numbers of elements that may have a value each: of all of a body's constraints of that name, or its tets."""
     if isinstance(thing, Soft):
         return {len(thing.tets)} if row.tets else set()
-    sizes = {len(r.ids) for m in sim.plan.methods for r in _rows(m)
+    sizes = {len(r.ids) for r in sim.plan.methods.every("rows")
              if r.body is not None and r.body.path == path and world in (None, r.body.world) and row.name in r.stiffness}
     return sizes if len(sizes) == 1 else set()
-
-
-def _rows(method) -> list:
-    """Constraints of a solver."""
-    if method.name == "xpbd":
-        return [r for batch in method.batches for r in batch.rows]
-    return {"explicit": lambda: method.rows, "implicit": lambda: method.every}.get(method.name, list)()
 
 
 def _motion(path: str, value) -> Motion:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from wsim.model.model import Model
-from wsim.model.stage import Clock, Method
+from wsim.model.stage import Clock, Method, Methods
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import Constraints
@@ -30,7 +30,7 @@ class Build:
     status: Status
     clock: Clock
     reasons: dict[str, str] = field(default_factory=dict)
-    methods: dict[str, Any] = field(default_factory=dict)
+    methods: Methods = field(default_factory=Methods)
 
     @property
     def scene(self) -> Scene:
@@ -39,12 +39,25 @@ class Build:
     @property
     def within(self) -> bool:
         """Whether wind, contacts, soft pins, hard constraints or what else pushes act within a substep."""
-        return (any(self.reasons[row.name] for row in METHODS if row.pushes)
+        return bool(self.reasons["contact"]) or self.others_within
+
+    @property
+    def others_within(self) -> bool:
+        """Whether something else than contacts with colliders does."""
+        return (any(self.reasons[row.name] for row in METHODS if row.pushes and row.name != "contact")
                 or any(np.isfinite(p.stiffness) for p in self.scene.pins))
+
+    @property
+    def free(self) -> bool:
+        """Whether frames in which nothing can touch leave contacts out."""
+        if not self.reasons["contact"]:
+            return False
+        from wsim.physics.contact.clearance import possible
+        return possible(self.scene, self.model.gradients)
 
     def carriers(self) -> dict[str, Any]:
         """What contacts can push, by name, of the methods that are made (`Method.carriers`)."""
-        return {name: carrier for method in self.methods.values() for name, carrier in method.carriers().items()}
+        return {name: carrier for method in self.methods for name, carrier in method.carriers().items()}
 
     def kept(self, soft: bool) -> list[Constraints]:
         """The constraints that have a stiffness, or those that have none: XPBD holds the hard ones whatever solves for the
@@ -99,7 +112,7 @@ def built(row: Row, b: Build) -> Method | None:
 
 # what is no method of its own, and why it is left out where it is
 PARTS: list[tuple[str, str, Callable[[Build], bool]]] = [
-    ("history", "backward Euler needs no earlier step", lambda b: b.clock.multistep),
+    ("history", "backward Euler needs no earlier step", lambda b: b.clock.integrator.memory > 0.0),
     ("fem", "there is no soft body", lambda b: bool(b.scene.softs)),
     ("rigid", "there is no rigid body", lambda b: False),
     ("fluid", "there is no fluid", lambda b: False),
@@ -125,6 +138,7 @@ def signature(b: Build) -> list:
             sorted({(m.model, m.damping > 0, m.yield_strain < inf, s.pressure != 0.0, s.quadratic)
                     for s in scene.softs for m in s.materials}),
             sorted({isfinite(p.stiffness) for p in scene.pins}),
+            *("clearance" for _ in [0] if b.free),
             *("bounce" for c in scene.colliders[:1] if any(k.restitution > 0.0 for k in scene.colliders)),
             *("muscles" for s in scene.springs[:1] if any(n.actuation for n in scene.springs)),
             *("loads" for _ in scene.loads[:1]), *sorted({r.kind for r in b.model.constraints} - TOLD)]

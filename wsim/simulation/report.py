@@ -22,8 +22,8 @@ def text(report: dict, verbose: bool = False) -> str:
     their line."""
     held = [f"limits    {report['limits']}"] if report.get("limits") else []
     more = [*_stages(report), *_left_out(report)] if verbose else []
-    return "\n".join([*_what(report), *_speed(report), *_error(report), *held, *kept(report.get("kept", [])), *more,
-                      *_warnings(report)])
+    return "\n".join([*_what(report), *_forms(report), *_speed(report), *_error(report), *held, *kept(report.get("kept", [])),
+                      *more, *_warnings(report)])
 
 
 def _what(report: dict) -> list[str]:
@@ -88,6 +88,19 @@ def kept(taken: list[dict]) -> list[str]:
     """What colliders keep from bodies where no thickness is authored: collider, body, thickness [m]."""
     return [f"contact   {k['collider']} keeps {k['thickness']:.3g} m from {k['body']}, half of whose thickness comes to that: "
             "less would show between its points (wsim:thickness)" for k in taken]
+
+
+def parted(stages: list[dict]) -> str:
+    """Launches of a frame without contacts, by the table of its stages."""
+    each = ", ".join(f"{s['name']} {s['launches']}{' a substep' * (s['rate'] != 'frame')}" for s in stages)
+    return f"a frame in which nothing can touch, as the device sees to: launches of {each}; else it is repeated with contacts"
+
+
+def _forms(report: dict) -> list[str]:
+    """How many frames had contacts."""
+    said = report.get("forms")
+    return [f"frames    {said['free']} without contacts, {said['met']} with them, {said['repeated']} tried without them first"
+            ] if said else []
 
 
 def _left_out(report: dict) -> list[str]:

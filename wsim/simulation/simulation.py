@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from os import PathLike
-from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
@@ -23,9 +22,6 @@ from wsim.simulation import duration, interrupt, retry
 from wsim.simulation import plan as plans
 from wsim.simulation.measure import indicators as measure
 from wsim.simulation.measure.exceeded import Note, note
-
-if TYPE_CHECKING:
-    from wsim.simulation.record import Record
 
 PRECISIONS = {"float32": wp.float32, "float64": wp.float64}
 REPEATS = 8            # a frame that is not done after so many repeats is an error, not a loop
@@ -59,7 +55,7 @@ class Simulation:
         self.device = kernel_cache.device(device)
         self.warnings = [str(p) for p in (*scene.notes, *problems) if not p.fatal]
         self.seconds: dict[str, float] = {}
-        self.graph: wp.Graph | None = None
+        self.graphs: dict[bool, wp.Graph] = {}           # of frames with contacts, and of those without
         self.watchers: list[Callable] = []     # called with (simulation) after every frame, see `record`
         self._build()
         self.seconds["build"] = time.perf_counter() - began
@@ -72,6 +68,7 @@ class Simulation:
         self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])
         if self.precision == "float32":
             self.scene = self.scene.single()
+        self.forms = {"free": 0, "met": 0, "repeated": 0}        # frames without contacts, with them, tried without first
         self.notes: dict[tuple, Note] = {}     # frames that were beyond a bound, see `wsim.simulation.measure.exceeded`
         self.changes: list[tuple] = []         # live parameters that were set, for another plan of the same scene
         try:
@@ -103,6 +100,7 @@ class Simulation:
         interrupt.check()
         if self.plan.clock.starting:
             self.balance = measure.balance(self)
+        retry.enter(self)
         for _ in range(REPEATS):
             try:
                 retry.begin(self)
@@ -113,11 +111,11 @@ class Simulation:
             if not retry.mend(self):
                 break
             self.state.restore()
-            self.graph = None
         else:
             raise SceneError(Problem("frame", f"frame {self.frame + 1} was repeated {REPEATS} times and still does not "
                                      "hold; give it more substeps"))
         self.plan.clock.starting = False
+        self.forms["free" if self.plan.clock.free else "met"] += 1
         self.frame += 1
         note(self)
         self.milliseconds.append(1e3 * (time.perf_counter() - began))
@@ -133,14 +131,9 @@ class Simulation:
             self.step()
             yield self.frame
 
-    def record(self, path, **more) -> "Record":
-        """Writes this frame, and every frame from here on, into a USD file over the scene, until it is closed:
-
-            with simulation.record("out.usdc"):
-                simulation.run(24)
-
-        more    stress=True, reactions=True, and what `wsim.Recorder` takes. See `wsim.simulation.record.Record`.
-        """
+    def record(self, path, **more):
+        """Writes this frame, and every frame from here on, into a USD file over the scene, until the block of a `with` ends, or
+        it is closed: a `wsim.simulation.record.Record`, which says what `more` there is (stress, reactions, flatten)."""
         from wsim.simulation.record import Record
         return Record(self, path, **more)
 
@@ -166,6 +159,18 @@ class Simulation:
             return
         graph = self.graph or self._capture()
         wp.capture_launch(graph)
+
+    @property
+    def graph(self) -> wp.Graph | None:
+        """Of frames of the present form. None forgets both."""
+        return self.graphs.get(self.plan.clock.free)
+
+    @graph.setter
+    def graph(self, value: wp.Graph | None) -> None:
+        if value is None:
+            self.graphs.clear()
+        else:
+            self.graphs[self.plan.clock.free] = value
 
     def _capture(self) -> wp.Graph:
         began = time.perf_counter()

@@ -36,7 +36,7 @@ class BallCarrier(Carrier):
 class Balls(Method):
     def __init__(self, b):
         super().__init__("balls")
-        self.model, self.state, self.points, t = b.model, b.state, b.methods["points"], types(b.model.real)
+        self.model, self.state, self.points, t = b.model, b.state, b.methods.find("points"), types(b.model.real)
         balls, model = b.scene.things("Ball"), b.model
         self.part = Part.allocate("balls", FIELDS, len(balls), model.real, model.device)
         self.part.rows = {(ball.path, 0): np.array([k]) for k, ball in enumerate(balls)}

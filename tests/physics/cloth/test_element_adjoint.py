@@ -6,7 +6,7 @@ import warp as wp
 
 from tests.make.equations import EQUATIONS
 from wsim.kernels.cloth import curvature, curvature_adjoint, element, element_adjoint
-from wsim.kernels.cloth.gather_adjoint import works
+from wsim.kernels.cloth.corner_gradients import works
 
 STEP = 1e-3
 WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])         # of differences of order 8

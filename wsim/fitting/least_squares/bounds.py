@@ -8,16 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.scene.values.value import LARGE, Fit
+from wsim.scene.values.value import LARGE, Theta
 
 
 @dataclass(frozen=True)
-class Map(Fit):
+class Map(Theta):
     """theta of a value, the value of theta, and d value / d theta, by what a row of the table of values says: low, high of
     "bounded"; of "plain" high is the value of theta = 1."""
 
     @staticmethod
-    def of(row: Fit) -> "Map":
+    def of(row: Theta) -> "Map":
         return Map(row.kind, row.low, row.high)
 
     def forward(self, value):

@@ -36,8 +36,8 @@ class Whole(Input):
         p = self.recording.parameters
         if self.what == "wind" and not p.air:
             raise refuse("wind", self.name)
-        owner = p.plan.method("points")
-        array = owner.gravity() if self.what == "gravity" else (p.air.wind if self.what == "wind" else p.points.decay).numpy()
+        points = p.plan.find("points")
+        array = points.gravity() if self.what == "gravity" else (p.air.wind if self.what == "wind" else p.points.decay).numpy()
         rows = array.astype(np.float64)[self.model.rows("/", world)]
         if (rows != rows[0]).any():
             raise SceneError(Problem(self.name, "is not the same for all bodies, and has no one value"))
@@ -52,7 +52,7 @@ class Density(Input):
 
     def read(self, world: int = 0) -> np.ndarray:
         body = self.model.body(self.path, world)
-        density = self.sim.plan.method("points").densities.get(body.number) or density_of(body.source)
+        density = self.sim.plan.find("densities").get(body.number) or density_of(body.source)
         if density is None:
             raise refuse("density", self.path)
         return np.array(density)
@@ -170,7 +170,7 @@ def _input(recording, name: str) -> Input:
 
 def stable(recording, names) -> None:
     """Raises SceneError where the values that were written want shorter explicit steps than were recorded."""
-    explicit, found = recording.plan.method("explicit"), recording.plan.clock.substeps
-    if explicit and any(stiffens(name.rpartition(":")[2]) for name in names) and (least := explicit.least()) > found:
-        raise SceneError(Problem("substeps", f"found {found}; these values want {least}. Give the scene more substeps before "
+    least, found = recording.plan.find("least"), recording.plan.clock.substeps
+    if least and any(stiffens(name.rpartition(":")[2]) for name in names) and (wanted := least()) > found:
+        raise SceneError(Problem("substeps", f"found {found}; these values want {wanted}. Give the scene more substeps before "
                                  "it is recorded, or keep stiffness and damping below"))

@@ -6,7 +6,6 @@
 """
 
 import copy
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -24,13 +23,11 @@ class Beside:
     """Of a plan that sweeps."""
 
     def __init__(self, plan: Plan):
-        xpbd: Any = plan.method("xpbd")
-        points: Any = plan.method("points")
         own = copy.copy(plan.model)
         own.module, own.modules, own.tables, own.tape = f"{own.module}_reactions{ADJOINT}", {}, {}, None
-        self.pull = ForceGather(own, points.constants, soft(plan.model), None, shared=False)
+        self.pull = ForceGather(own, plan.find("constants"), soft(plan.model), None, shared=False)
         self.elements = {e.kind: e for e in self.pull.elements if isinstance(e, Elements)}
-        self.batches = [b for b in xpbd.batches if not b.hard]
+        self.batches = [b for b in plan.methods.every("batches") if not b.hard]
 
     def arrays(self) -> list[wp.array]:
         """What gets gradients."""

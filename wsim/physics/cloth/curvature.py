@@ -1,6 +1,5 @@
 """Curvatures of all sheets on the device: see `wsim.physics.cloth.bending` and kernels/cloth/curvature.py."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -105,9 +104,9 @@ class Curvature:
         return Spans(key[order][new] // n, key[order][new] % n, np.r_[new, len(key)],
                      np.stack([places, corners], axis=1)[order])
 
-    def launch_sums(self, backward: Callable | None = None) -> None:
+    def launch_sums(self) -> None:
         """C of z."""
-        self.model.launch(self.sums, self.triangles, [self.data], [], backward)
+        self.model.launch(self.sums, self.triangles, [self.data], [])
 
     def energy_kernels(self, module: str) -> list:
         return [f(self.model.real, module) for f in (kernels.stored, kernels.sums, kernels.energy)]

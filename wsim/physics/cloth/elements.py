@@ -3,7 +3,6 @@ kernels/cloth/element.py, curvature.py, general.py."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,11 +15,7 @@ from wsim.physics.cloth.kind import SHEET, row
 from wsim.physics.cloth.table import table_of
 
 if TYPE_CHECKING:
-    from wsim.physics.motion.forces import ForceGather
-
-
-def _nothing(read: list, wrote: list) -> None:
-    """Adjoint of launches that another's adjoint takes along."""
+    pass
 
 
 class Elements:
@@ -28,7 +23,6 @@ class Elements:
 
     def __init__(self, model: Model, kind: str, rows: list[Constraints]):
         self.model, self.kind, self.rows, self.row, self.first, self.damped = model, kind, rows, row(kind), 0, False
-        self.backward: Callable | None = None         # adjoint of `launch`
         self.table = table = table_of(model, kind).relax()
         self.ids, self.data = table.ids, element.elements(self.row.equation, model.real)()
         for name in ("point", "rest", "tau"):
@@ -65,15 +59,11 @@ class Elements:
             from wsim.kernels.cloth import general
             self.kernel = general.corners(self.row.equation, real, module, damped)
 
-    def differentiate(self, pull: ForceGather) -> None:
-        from wsim.physics.motion.forces_adjoint import BentAdjoint, FlatAdjoint
-        self.backward = (BentAdjoint if self.curvature else FlatAdjoint)(self.model, self, pull).backward
-
     def launch(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> None:
         read: list = [self.data, x, pair, source, self.first]
         if self.curvature:
             cur = self.curvature
-            self.model.launch(self.strained, cur.hinges, [self.data, x, pair, source, cur.data], [], _nothing)
-            cur.launch_sums(_nothing)
+            self.model.launch(self.strained, cur.hinges, [self.data, x, pair, source, cur.data], [])
+            cur.launch_sums()
             read.append(cur.data)
-        self.model.launch(self.kernel, len(self.ids), read, [force], self.backward)
+        self.model.launch(self.kernel, len(self.ids), read, [force])

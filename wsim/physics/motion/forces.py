@@ -5,8 +5,6 @@ much, and are gathered by a few threads; else on a CPU every spring stands once,
 (kernels/cloth/spring.py, kernels/motion/march_cpu.py).
 """
 
-from collections.abc import Callable
-
 import numpy as np
 import warp as wp
 
@@ -17,6 +15,7 @@ from wsim.kernels.motion import march_cpu
 from wsim.kernels.motion import packets as lots
 from wsim.kernels.motion.cluster import Shares
 from wsim.model.model import Model
+from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.elements import Elements
 from wsim.physics.cloth.kind import SPRINGS
@@ -39,7 +38,6 @@ class ForceGather:
         self.exact = model.gradients and not staged and model.real is wp.float32      # see kernels/math/compensated.py
         self.shared = shared and model.device.is_cuda and not (staged and model.gradients)
         self.cluster: Cluster | None = None
-        self.backward: Callable | None = None         # adjoint of a leap
         self.springs = [r for r in rows if r.row.gather == SPRINGS]
         self.tables: list = []
         if model.scene.softs:
@@ -106,6 +104,7 @@ class ForceGather:
         for name in ("order", "group", "runs", "start"):
             setattr(self.table, name, model.upload(getattr(found, name).astype(np.int32), int))
         self.table.ends = model.upload(found.words(), wp.uint64)
+        self.blocks = len(found.cost)
         self.abreast = Abreast(model, found, cores() if self.whole else 1)
         self.table.row = lots.row(len(found.order))
         self.space = lots.room(model.real, self.table.row, len(found.entry), model.device)
@@ -152,16 +151,12 @@ class ForceGather:
                 self.lanes = _lanes(model.points, int(np.diff(starts).max()))
         for e in self.elements:
             e.first, first = first, first + e.ids.size
-            if model.gradients:
-                e.differentiate(self)
+            beside(model, __name__, "element_adjoint", self, e)
 
     def need_springs(self) -> None:
-        """Makes the kernel of springs that `launch` needs on a CPU, and what gradients of a leap need."""
+        """Makes the kernel of springs that `launch` needs on a CPU."""
         if self.added:
             self.pull = march_cpu.pull(self.model.real, self.model.module, self.damped)
-        if self.model.gradients:
-            from wsim.physics.motion.forces_adjoint import ForceAdjoint
-            self.backward = ForceAdjoint(self.model, self, masses=True).leap
 
     def flags(self) -> tuple:
         """What `wsim.kernels.cloth.spring.acceleration` is made of."""
@@ -222,12 +217,6 @@ class Solid:
 
     def __init__(self, table):
         self.table, self.ids, self.first, self.damped = table, table.ids, 0, table.damped
-
-    def differentiate(self, pull: ForceGather) -> None:
-        from wsim.physics.motion.forces_adjoint import CornerAdjoint
-        self.table.backward = CornerAdjoint(self.table.model, self.table, pull).backward
-        if self.table.plastic:
-            self.table.plastic.adjoint.join(pull.net, self.first)
 
     def make(self, damped: bool) -> None:
         self.table.need_forces()

@@ -1,6 +1,5 @@
 """Tetrahedra of soft bodies on the device, a table for each material model: what kernels/soft/fem.py and fem10.py read."""
 
-from collections.abc import Callable
 from math import inf, sqrt
 from typing import TYPE_CHECKING, Any
 
@@ -46,7 +45,6 @@ class Tetrahedra:
         self.data.mu, self.data.lam, self.data.tau = (model.upload(a, t.scalar) for a in (mu, lam, tau))
         self.damped = bool(tau.any())
         self.q = wp.zeros(points * self.size, dtype=t.quat, device=model.device)
-        self.backward: Callable | None = None    # adjoint of the forces
         self.plastic: Plastic | None = None
         self.flows = True                 # where forces are asked for; with Newton's method where a step ends
         self.kept: state.Part | None = None     # of the state: what outlives a frame
@@ -86,11 +84,9 @@ class Tetrahedra:
 
     def forces(self, x: wp.array, d: wp.array, v: wp.array, force: wp.array | None) -> None:
         """Launches the forces of corners at displacements d and velocities v, where tets have flowed."""
-        backward = self.backward
         if self.plastic and self.flows:
             self.plastic.flow(x, d)
-            backward = self.plastic.around(backward) if backward and self.model.tape else backward
-        self.model.launch(self.pull, self.size, [self.data, x, d, v, self.q], [force, self.q], backward)
+        self.model.launch(self.pull, self.size, [self.data, x, d, v, self.q], [force, self.q])
 
     def kernels(self) -> list:
         """Of Newton's method: `linearise` and `energy_change`."""

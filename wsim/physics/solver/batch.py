@@ -1,5 +1,7 @@
 """Tables of constraints in the order of their colours, as XPBD projects them. See kernels/solver/xpbd.py."""
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -9,6 +11,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.solver import xpbd as kernels
 from wsim.model.model import Model
 from wsim.model.stage import Clock
+from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.kind import SHEET
 from wsim.physics.cloth.table import Table
@@ -31,7 +34,8 @@ class Batch(Table):
         paths = {r.body.path for r in rows if r.body is not None}
         self.uniform = len(paths) == model.worlds == 1 and self.one() and not model.gradients and not sheet
         self.fused = FUSE > 0 and (not model.device.is_cuda or int(np.diff(self.starts).max()) <= FUSE)
-        self.remade, self.adjoint = False, None
+        self.remade = False
+        self.adjoint: Any = None
         _, self.kernel = self.make()
         self.begin = model.upload(self.starts.astype(np.int32), int)
         self.comply()
@@ -41,9 +45,7 @@ class Batch(Table):
         self.lam = wp.zeros(self.size if self.multipliers else 0, dtype=value, device=model.device)
         if sheet:
             self.curve()
-        if model.gradients:
-            from wsim.physics.solver.xpbd_adjoint import SweepAdjoint
-            self.adjoint = SweepAdjoint(self, model)
+        self.adjoint = beside(model, "wsim.physics.solver.xpbd", "SweepAdjoint", self, model)
 
     def one(self) -> bool:
         """Whether all have the same compliance and relaxation time."""

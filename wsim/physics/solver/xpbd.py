@@ -9,7 +9,7 @@ substep and kept through its iterations; with one iteration they do not exist.
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -17,7 +17,7 @@ import warp as wp
 from wsim.kernels.motion.points import states
 from wsim.model import kernel_cache
 from wsim.model.model import Model
-from wsim.model.stage import MISSED, Clock, Method, Port, Remedy, Stage
+from wsim.model.stage import MISSED, Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.model.structs import filled
@@ -29,16 +29,8 @@ if TYPE_CHECKING:
     from wsim.simulation.methods import Build
 
 
-MET = 2e-2            # largest residual (strain, radians) with which BDF2 goes on. On a 32 x 32 cloth of 1e3 to 1e6 N/m the
-                      # runs that gained energy had a median of 8e-2 to 1.7e-1, those of 10 substeps or more that did not,
-                      # at most 2.1e-2. Larger cloths stayed calm at 3e-2 too and give way all the same: on the safe side
-MET_SDIRK3 = MET      # as MET, for sdirk3
-MET_MIDPOINT = 1e-3   # as MET, for the implicit midpoint, which damps nothing of what is left. Rows of tools/stress (folded net
-                      # and sheet, gravity that turns) gained energy with 5e-3, and did not with this
-
-
 def build(b: Build) -> Xpbd:
-    return Xpbd(b.model, b.state, b.methods["points"], b.status, b.clock,
+    return Xpbd(b.model, b.state, b.methods.find("points"), b.status, b.clock,
                 b.model.constraints if b.choice.solver == "xpbd" else b.kept(soft=False))
 
 
@@ -50,10 +42,13 @@ class Xpbd(Method):
         super().__init__("xpbd")
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
         self.watched: list[Batch] = []
-        self.lengthen = Port()            # puts rest lengths of the end of a frame (`wsim.physics.cloth.muscles`)
+        self.muscles: Any = None
         colored(rows)
         self.batches = [Batch(kind.name, [r for r in rows if r.kind == kind.name], model, clock)
                         for kind in named({r.kind for r in rows})]
+        self.offers = {"batches": self.batches, "rows": [r for b in self.batches for r in b.rows]}
+        if any(b.row.gather == SPRINGS for b in self.batches):
+            self.offers["spring tables"] = self.spring_tables
         if any(b.multipliers for b in self.batches):
             size = sum(b.lam.capacity for b in self.batches)
             self.stages.append(Stage("multipliers", "collide", self.zero, len(self.batches), size, what="zeroed"))
@@ -72,9 +67,9 @@ class Xpbd(Method):
         return [SpringTable(b.rows, b.data.rest, b.order, b.given) for b in self.batches
                 if b.row.gather == SPRINGS]
 
-    def drive(self, muscles) -> None:
+    def meet(self, others: Methods) -> None:
         """The energy is that of the rest lengths at the end of a frame."""
-        self.lengthen.append(muscles.finish)
+        self.muscles = others.find("muscles")
 
     def watch(self) -> None:
         """BDF2 gains energy where sweeps leave too much: the last substep of a frame is measured. The midpoint's way to the end
@@ -88,7 +83,7 @@ class Xpbd(Method):
         self.judge = judge(model.real, model.module)
         self.stages.append(Stage("residual", "solve", self.look, len(self.watched) + 1, 0,
                                  what=f"{self.points.integrator.name}'s, in "
-                                      f"{'every' if self.clock.beyond else 'the last'} substep of a frame"))
+                                      f"{'every' if self.clock.integrator.beyond else 'the last'} substep of a frame"))
 
     def retry(self, status: Status) -> list[Remedy]:
         return [Remedy("give way")] if self.watched and status.said(MISSED)[0] else []
@@ -101,7 +96,7 @@ class Xpbd(Method):
     def look(self, clock: Clock) -> None:
         """Residual of every batch after the last substep's sweeps, of the midpoint after each (it damps nothing of what one of
         them leaves), and whether the integrator may go on."""
-        if not clock.watched or (clock.k < clock.substeps - 1 and not clock.beyond):
+        if not clock.watched or (clock.k < clock.substeps - 1 and not clock.integrator.beyond):
             return
         model, s, tape = self.model, self.state, self.model.tape
         x, d = (tape.read(s.x), tape.read(s.d)) if tape else (s.x, s.d)
@@ -111,8 +106,7 @@ class Xpbd(Method):
             before, model.tape = model.tape, None        # looks, and changes nothing
             self.largest.zero_()
             self.measure(self.look_kernels, x, d, lam, self.largest)
-            most = MET_MIDPOINT if clock.beyond else MET_SDIRK3 if clock.staged else MET
-            model.launch(self.judge, len(lam), [self.largest, most], [self.status.word(MISSED)])
+            model.launch(self.judge, len(lam), [self.largest, clock.integrator.met[1]], [self.status.word(MISSED)])
             model.tape = before
         tape.do(judge) if tape else judge()
 
@@ -127,15 +121,16 @@ class Xpbd(Method):
         radians). A single iteration keeps no multipliers and has no residual. Kernels of their own module, compiled when asked
         for."""
         soft = [b for b in self.batches if not b.hard]
-        looked = any(b.multipliers for b in soft) and not self.clock.beyond
+        looked = any(b.multipliers for b in soft) and not self.clock.integrator.beyond
         module = kernel_cache.report_module(self.model, f"xpbd {looked}", *sorted({f"{b.kind} {b.uniform}" for b in soft}))
         looks = self.residual_kernels(module) if looked else []
         for b in soft:
             b.energy_kernels(module)
-        self.lengthen()
+        if self.muscles:
+            self.muscles.finish()
         found = {"elastic_energy": sum((b.energy(self.state, module) for b in soft), 0.0)}
         if any(b.multipliers for b in soft):
-            if self.clock.beyond:                        # the end of a substep is not where the multipliers are
+            if self.clock.integrator.beyond:                        # the end of a substep is not where the multipliers are
                 largest = self.largest
             else:
                 largest = wp.zeros(len(soft), dtype=self.model.real, device=self.model.device)

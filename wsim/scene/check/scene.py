@@ -18,7 +18,7 @@ from wsim.scene import Cloth, Pin, Problem, Scene, Soft, Springs
 from wsim.scene.check import objects
 from wsim.scene.check.counts import MOST
 from wsim.scene.check.objects import array, error, number, rigid, values, warning
-from wsim.scene.integrator import EXPLICIT, IMPLICIT, INTEGRATORS, SOLVERS
+from wsim.scene.integrator import SOLVERS, TABLE
 from wsim.scene.methods import every
 
 SOFT_SOLVERS = tuple(name for name in ("auto", "implicit", "explicit") if name in SOLVERS)
@@ -94,19 +94,19 @@ def _settings(scene: Scene) -> Iterator[Problem]:
 
 def _method(scene: Scene) -> Iterator[Problem]:
     """Solver and integrator: known, and made for each other."""
-    for name, found, allowed in (("solver", scene.solver, SOLVERS), ("integrator", scene.integrator, INTEGRATORS)):
+    for name, found, allowed in (("solver", scene.solver, SOLVERS), ("integrator", scene.integrator, ("auto", *TABLE))):
         if found not in allowed:
             yield error("/", f"{name} is '{found}'", ", ".join(allowed), "choose one of them")
             return
     if scene.softs and scene.solver == "xpbd":
         yield error("/", f"solver xpbd has no tetrahedra, of which {scene.softs[0].path} is made", ", ".join(SOFT_SOLVERS),
                     "choose one of them")
-    if scene.integrator in ("implicit_midpoint", "sdirk3") and scene.colliders:
+    if scene.colliders and scene.integrator in TABLE and TABLE[scene.integrator].rebounds:
         yield error("/", f"integrator {scene.integrator} rebounds from colliders", "backward_euler, bdf2 or an explicit one",
                     "choose one of them")
     if "auto" in (scene.solver, scene.integrator):
         return
-    fits = EXPLICIT if scene.solver == "explicit" else IMPLICIT
+    fits = [name for name, m in TABLE.items() if m.explicit == (scene.solver == "explicit")]
     if scene.integrator not in fits:
         yield error("/", f"integrator {scene.integrator} is none of solver {scene.solver}", ", ".join(("auto", *fits)),
                     "name one of them, or leave one of the two on auto")

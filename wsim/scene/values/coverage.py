@@ -51,6 +51,7 @@ RESTS, LIVE, LOADED = (f"physics/{name}.py" for name in ("cloth/test_rest_shape"
                                                           "motion/test_loads"))
 SOFT, BORNE = "physics/contact/test_soft_contacts.py", "gradient/test_reaction_adjoint.py"
 SHEET, STEPS = "test_a_sheet_that_stretches_shears_and_bends", "test_a_sheet_by_implicit_steps"
+SLOPES = "gradient/test_coverage.py::test_every_value_has_the_slope_of_differences"
 PUSH = "test_a_force_over_time_moves_by_its_integral_and_has_exact_derivatives"
 FALL = "test_a_sheet_that_falls_on_a_turning_collider_and_slides"
 BLOCK, SOLID = f"{BAR}::test_a_soft_bar", f"{BAR}::test_a_soft_bar_by_implicit_steps"
@@ -89,7 +90,7 @@ COVERED: list[Covered] = [
     Covered(BY, "Springs.positions Springs.velocities Springs.stiffness Springs.damping",
             f"{CHAIN}::test_a_chain_of_springs_by_every_explicit_integrator", f"{SWEPT}::test_a_chain",
             f"{RESTS}::test_a_net"),
-    Covered(BY, "Springs.mass", "gradient/test_coverage.py::test_every_value_has_the_slope_of_differences"),
+    Covered(BY, "Springs.mass", SLOPES, SLOPES),
     Covered(BY, "Springs.lengths Springs.rest_shape", *(f"{RESTS}::test_a_net",) * 3),
     Covered(BY, "Springs.actuation", *(f"{PULLED}::test_gradients_by_the_factors",) * 3),
     Covered(BY, "Cloth.rest_shape", *(f"{RESTS}::test_a_sheet",) * 3),
@@ -98,15 +99,16 @@ COVERED: list[Covered] = [
     Covered(BY, "Soft.pressure", f"{BAR}::test_a_bar_of_quadratic_tets_under_pressure", "",
             f"{BAR}::test_a_bar_of_quadratic_tets_under_pressure"),
     Covered(BY, "Soft.yield_strain", f"{FLOW}::test_by_the_yield", "", f"{FLOW}::test_by_the_yield"),
-    Covered(BY, "Soft.density", "gradient/test_coverage.py::test_every_value_has_the_slope_of_differences", "",
+    Covered(BY, "Soft.density", SLOPES, "",
             "fitting/test_numbers_and_fields.py::test_the_gradient_of_the_misfit_is_that_of_differences"),
     Covered(BY, "Scene.gravity Scene.air_drag", f"{CHAIN}::{SHEET}", f"{SWEPT}::{SHEET}", f"{CHAIN}::{STEPS}"),
     Covered(BY, "Scene.wind", *(f"{SWEPT}::test_wind",) * 3),
     Covered(BY, "Pin.targets", f"{CHAIN}::test_where_a_pin_puts_its_points", f"{SWEPT}::test_soft_pins",
             f"{CHAIN}::test_where_a_pin_puts_its_points"),
     Covered(BY, "Load.force Load.traction", *(f"{LOADED}::{PUSH}",) * 3),
-    Covered(BY, "Cloth.static_friction Cloth.dynamic_friction Springs.static_friction Springs.dynamic_friction "
-            "Soft.static_friction Soft.dynamic_friction", f"{SLID}::{FALL}", f"{SLID}::{FALL}", f"{SOLVED}::{FALL}"),
+    Covered(BY, "Cloth.static_friction Cloth.dynamic_friction Springs.static_friction Springs.dynamic_friction",
+            f"{SLID}::{FALL}", f"{SLID}::{FALL}", f"{SOLVED}::{FALL}"),
+    Covered(BY, "Soft.static_friction Soft.dynamic_friction", SLOPES, "", f"{SOFT}::test_a_bar_that_lands_and_slides"),
     Covered(BY, "Collider.static_friction Collider.dynamic_friction Collider.thickness",
             *(f"{MESH}::test_by_friction_and_thickness_of_a_collider",) * 2),
     Covered(BY, "Collider.restitution", *(f"{MESH}::test_by_the_restitution_of_two_colliders_in_two_worlds",) * 2,

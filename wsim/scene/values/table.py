@@ -8,10 +8,10 @@ it; `Simulation.set`, checks, values that vary in time, fits, inputs of gradient
 from collections.abc import Iterator
 from math import inf
 
-from wsim.scene.values.value import LARGE, Each, Fit, Range, Usd, Value
+from wsim.scene.values.value import LARGE, Each, Range, Theta, Usd, Value
 
 ANY, POSITIVE, LIMIT = Range(-inf), Range(strict=True), Range(endless=True)
-LOG, PLAIN, RATIO = Fit("log"), Fit("plain", high=LARGE), Range(-1.0, True, 0.5)
+LOG, PLAIN, HALF, RATIO = Theta("log"), Theta("plain", high=LARGE), Theta("bounded", 0.0, 0.5), Range(-1.0, True, 0.5)
 BODIES = ("Cloth", "Springs", "Soft")
 
 SHEET, SOLID, RUB = "PhysicsSurfaceDeformableMaterialAPI", "PhysicsVolumeDeformableMaterialAPI", "PhysicsMaterialAPI"
@@ -31,17 +31,17 @@ VALUES: list[Value] = [
           usd=Usd(SHEET, "physics:surfaceShearStiffness", "float"), gradient="material"),
     Value("Cloth", "bend", "N m", varies=True, stiffens=True, needs=("bend",), fit=LOG, each=Each("hinges", LOG),
           usd=Usd(SHEET, "physics:surfaceBendStiffness", "float"), gradient="material"),
-    Value("Cloth", "poisson", "1", RATIO, varies=True, stiffens=True, needs=("membrane",), fit=Fit("bounded", -1.0, 0.5),
+    Value("Cloth", "poisson", "1", RATIO, varies=True, stiffens=True, needs=("membrane",), fit=Theta("bounded", -1.0, 0.5),
           usd=Usd(SHEET, "physics:poissonsRatio", "float"), gradient="material"),
     Value("Cloth", "strain_limit", "1", LIMIT, varies=True, needs=("finite",), fit=LOG, usd=Usd(OWN, "wsim:strainLimit"),
           gradient="material"),
     Value("Soft", "young", "Pa", POSITIVE, tets=True, varies=True, stiffens=True, needs=("alone",), fit=LOG,
           each=Each("tets", LOG), usd=Usd(SOLID, "physics:youngsModulus", "float"), gradient="material"),
-    Value("Soft", "poisson", "1", RATIO, tets=True, varies=True, stiffens=True, needs=("alone",), fit=Fit("bounded", 0.0, 0.5),
-          each=Each("tets", Fit("bounded", 0.0, 0.5)), usd=Usd(SOLID, "physics:poissonsRatio", "float"), gradient="material"),
+    Value("Soft", "poisson", "1", RATIO, tets=True, varies=True, stiffens=True, needs=("alone",), fit=HALF,
+          each=Each("tets", HALF), usd=Usd(SOLID, "physics:poissonsRatio", "float"), gradient="material"),
     Value("Soft", "yield_strain", "1", Range(strict=True, endless=True), varies=True, needs=("finite", "alone"),
           usd=Usd(OWN, "wsim:yieldStrain"), gradient="material"),
-    Value("Soft", "pressure", "Pa", ANY, varies=True, needs=("start",), fit=Fit("plain", high=1e3),
+    Value("Soft", "pressure", "Pa", ANY, varies=True, needs=("start",), fit=Theta("plain", high=1e3),
           usd=Usd("WsimSoftAPI", "wsim:pressure"), gradient="material"),
     Value("Springs", "stiffness", "N/m", POSITIVE, varies=True, stiffens=True, fit=LOG, each=Each("springs", LOG),
           usd=Usd("WsimSpringsAPI", "wsim:stiffness", "float[]"), gradient="material"),
@@ -58,7 +58,7 @@ VALUES: list[Value] = [
       for kind in ("static", "dynamic") for owner in (*BODIES, "Collider")),
     Value("Collider", "thickness", "m", varies=True, usd=Usd("WsimColliderAPI", "wsim:thickness"), gradient="contact"),
     Value("Collider", "restitution", "1", Range(high=1.0, closed=True), varies=True, needs=("throws",),
-          fit=Fit("bounded", 0.0, 1.0), usd=Usd(RUB, "physics:restitution", "float"), gradient="contact"),
+          fit=Theta("bounded", 0.0, 1.0), usd=Usd(RUB, "physics:restitution", "float"), gradient="contact"),
 
     Value("Load", "force", "N", ANY, "curve", fit=PLAIN, each=Each("keys", PLAIN),
           usd=Usd("WsimLoadAPI", "wsim:load:force", "vector3d"), gradient="load"),
@@ -70,15 +70,16 @@ VALUES: list[Value] = [
     Value("Scene", "air_drag", "1/s", local=True, varies=True, stiffens=True, fit=LOG, usd=Usd(AIR, "wsim:airDrag"),
           gradient="whole"),
 
-    *(Value(owner, "velocities", "m/s", ANY, "array", each=Each("points", Fit("plain")), gradient="start") for owner in BODIES),
+    *(Value(owner, "velocities", "m/s", ANY, "array", each=Each("points", Theta("plain")), gradient="start")
+      for owner in BODIES),
     *(Value(owner, "positions", "m", ANY, "array", gradient="start") for owner in BODIES),
     *(Value(owner, "rest_shape", "m", ANY, "array", stiffens=True, gradient="rest",
-            each=None if owner == "Springs" else Each("points", Fit("plain", high=0.01), 1.0)) for owner in BODIES),
+            each=None if owner == "Springs" else Each("points", Theta("plain", high=0.01), 1.0)) for owner in BODIES),
     Value("Springs", "lengths", "m", POSITIVE, "array", stiffens=True, each=Each("springs", LOG, 0.05),
           usd=Usd("WsimSpringsAPI", "wsim:lengths", "float[]"), gradient="rest"),
     Value("Springs", "actuation", "1", POSITIVE, "curve", each=Each("keys", LOG, 0.05),
           usd=Usd("WsimSpringsAPI", "wsim:actuation", "double[]"), gradient="actuation"),
-    *(Value(owner, "motion", "m", ANY, "motion", each=Each("frames", Fit("plain"), 0.05), why=f"it is no array; take {what}")
+    *(Value(owner, "motion", "m", ANY, "motion", each=Each("frames", Theta("plain"), 0.05), why=f"it is no array; take {what}")
       for owner, what in (("Pin", "targets"), ("Collider", "shift"))),
     Value("Pin", "targets", "m", ANY, "array", live=False, gradient="targets"),
     Value("Collider", "points", "m", ANY, "array", live=False, why="the shape of a mesh that deforms has none yet"),

@@ -45,8 +45,8 @@ class Range:
 
 
 @dataclass(frozen=True)
-class Fit:
-    """How a fit maps a number to a line without ends, see `wsim.fitting.least_squares.bounds.Map`."""
+class Theta:
+    """How a fit maps a number to theta, on a line without ends, see `wsim.fitting.least_squares.bounds.Map`."""
 
     kind: str                    # "log", "plain" or "bounded"
     low: float = 0.0
@@ -58,7 +58,7 @@ class Each:
     """A fit of a value for each element. near: what neighbours differ by, in units of theta."""
 
     noun: str                    # tets, springs, hinges ...
-    map: Fit
+    map: Theta
     near: float = 0.3
 
 
@@ -100,7 +100,7 @@ class Value:
     varies: bool = False
     stiffens: bool = False
     needs: tuple[str, ...] = ()
-    fit: Fit | None = None
+    fit: Theta | None = None
     each: Each | None = None
     usd: Usd | None = None
     gradient: str = ""

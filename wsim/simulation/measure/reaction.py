@@ -14,7 +14,7 @@ Contacts do not move what is pinned hard and take no part. Where two pins hold o
 
 import copy
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -78,9 +78,8 @@ class Reactions:
         for c in self.model.scene.cloths:
             if c.tethers or np.isfinite(c.material.strain_limit):
                 raise refuse("limits", c.path)
-        points: Any = plan.method("points")
-        pins: Any = plan.method("pins")
-        self.constants, self.held = points.constants, [HeldPoints.of(p) for group in pins.groups.values() for p in group]
+        pins = plan.find("pins")
+        self.constants, self.held = plan.find("constants"), [HeldPoints.of(p) for group in pins.groups.values() for p in group]
         self.make()
 
     def make(self) -> None:
@@ -107,14 +106,14 @@ class Reactions:
 
     def loads(self) -> np.ndarray | float:
         """Of loads at that time [N], (points, 3)."""
-        method: Any = self.plan.method("loads")
-        return method.forces(self.time) if method else 0.0
+        loads = self.plan.find("loads")
+        return loads.forces(self.time) if loads else 0.0
 
     def elastic(self, x: wp.array, e: wp.array | None, v: wp.array) -> np.ndarray:
         """Of springs and elements [N], (points, 3), at x + e with velocities v."""
         n = self.model.points
         self.pull.refresh()
-        muscles: Any = self.plan.method("muscles")
+        muscles = self.plan.find("muscles")
         if muscles and self.pull.springs:
             rest = np.concatenate([r.rest for r in muscles.present(self.pull.springs, self.time)])
             self.pull.table.rest.assign(np.append(rest, 0.0)[self.pull.entry].astype(self.model.dtype))
@@ -130,7 +129,7 @@ class Reactions:
 
     def wind(self, x: wp.array, v: wp.array) -> np.ndarray:
         """Of the air on triangles [N], (points, 3)."""
-        air: Any = self.plan.method("aero")
+        air = self.plan.find("wind")
         found = np.zeros((self.model.points, 3))
         if air is None:
             return found
@@ -145,7 +144,7 @@ class Reactions:
         """Forces at x + e with velocities v, at `time` [s]; `of` then says what each pin bears."""
         self.time = time
         self.force = self.felt(x, e, v) + self.loads()
-        c, own, points = self.constants, self.constants.object.numpy(), cast(Any, self.plan.method("points"))
+        c, own, points = self.constants, self.constants.object.numpy(), self.plan.find("points")
         self.v, self.x = v.numpy().astype(np.float64), x.numpy().astype(np.float64)
         if e is not None:
             self.x = self.x + e.numpy()
