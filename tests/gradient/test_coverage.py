@@ -18,7 +18,7 @@ from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
 from wsim.scene import Pin, Scene, SceneError, Varying, methods, shapes
 from wsim.scene.curve import Curve, Motion
-from wsim.scene.nodal_loads import between
+from wsim.scene.nodal.loads import between
 from wsim.scene.values import table
 from wsim.scene.values.coverage import BY, COVERED, REFUSED, row_of, summary, text
 

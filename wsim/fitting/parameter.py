@@ -23,8 +23,8 @@ from wsim.fitting.least_squares.bounds import LARGE, WIDE, Map
 from wsim.scene import Cloth, Load, Problem, Scene, SceneError, Springs
 from wsim.scene.check.varying import NEEDS, unfit
 from wsim.scene.curve import Curve
-from wsim.scene.masses import density_of
 from wsim.scene.methods import every
+from wsim.scene.nodal.masses import density_of
 from wsim.scene.values import table
 from wsim.scene.values.value import Value, holder
 

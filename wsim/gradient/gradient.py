@@ -15,7 +15,7 @@ from wsim.gradient.reactions.adjoint import Inertia
 from wsim.gradient.tables import Parameters
 from wsim.physics.contact.gradient import ContactGradient
 from wsim.scene import Problem, SceneError, Springs
-from wsim.scene.masses import density_of
+from wsim.scene.nodal.masses import density_of
 from wsim.scene.values.coverage import refuse, row_of
 from wsim.scene.values.table import FRICTION
 

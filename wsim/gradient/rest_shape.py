@@ -1,5 +1,5 @@
 """From gradients by what elements are at rest to those by where points are at rest: the chain rule of
-`wsim.physics.cloth.constraints`, `wsim.physics.soft.fem` and `wsim.scene.masses`, in float64 NumPy.
+`wsim.physics.cloth.constraints`, `wsim.physics.soft.fem` and `wsim.scene.nodal.masses`, in float64 NumPy.
 
     length |r|       n.dr,  n = r / |r|              area with unit normal n     1/2 (n x e_k).dr_k,  e_k the edge across from k
     rest values      `wsim.physics.cloth.kind`
@@ -14,7 +14,7 @@ from wsim.model.model import Body
 from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.rest_shape import rest_shape, triangles_of
 from wsim.scene import Cloth, Soft, Springs
-from wsim.scene.masses import soft_masses, soft_weights
+from wsim.scene.nodal.masses import soft_masses, soft_weights
 
 
 class RestShape:

@@ -15,7 +15,7 @@ from wsim.geometry.sheet_ordering import order_of_points
 from wsim.geometry.triangulate import triangulate
 from wsim.model.midnodes import held, links, spread, with_middles
 from wsim.scene import Cloth, Scene, Soft, Springs
-from wsim.scene.masses import cloth_masses, loose, soft_masses, soft_weights
+from wsim.scene.nodal.masses import cloth_masses, loose, soft_masses, soft_weights
 
 
 @dataclass

@@ -258,7 +258,7 @@ class Scene(Compared):
 
     def traction(self, path: str, body, triangles, traction) -> Load:
         """A traction [Pa], (3,) or a Curve over time, on triangles (m, 3) of a cloth or of the surface of a soft body;
-        `wsim.scene.nodal_loads.between` finds those between points."""
+        `wsim.scene.nodal.loads.between` finds those between points."""
         self.loads.append(Load(path, body if isinstance(body, str) else body.path, over_time(traction), triangles=triangles))
         return self.loads[-1]
 

@@ -280,7 +280,7 @@ def _loaded(model: Model, body) -> float:
     """Largest acceleration [m/s^2] that loads give a body as a whole."""
     if not model.scene.loads:
         return 0.0
-    from wsim.scene.nodal_loads import nodal
+    from wsim.scene.nodal.loads import nodal
     return sum(float(np.linalg.norm(load.curve.values, axis=1).max() * np.abs(nodal(load, body)[1]).sum())
                for load in model.scene.loads if load.body == body.path) / float(body.masses.sum())
 

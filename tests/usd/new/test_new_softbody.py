@@ -11,7 +11,7 @@ from wsim import cli
 from wsim.geometry.tetra.tets import surface, volumes
 from wsim.scene import Plane, Scene, SceneError, shapes
 from wsim.scene.curve import Motion
-from wsim.scene.masses import soft_masses
+from wsim.scene.nodal.masses import soft_masses
 from wsim.scene.solid import Bulk
 from wsim.usd import load, save
 from wsim.usd.new.softbody import author_softbody

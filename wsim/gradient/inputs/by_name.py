@@ -23,8 +23,8 @@ from wsim.gradient.inputs.contact import Shift, Touch
 from wsim.gradient.inputs.controls import Actuation, Loaded, Targets
 from wsim.gradient.inputs.rest import Rest
 from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
-from wsim.scene.masses import density_of
 from wsim.scene.methods import named
+from wsim.scene.nodal.masses import density_of
 from wsim.scene.values.coverage import refuse, row_of, without
 from wsim.scene.values.table import stiffens
 

@@ -17,7 +17,7 @@ from wsim.model.midnodes import lumped, spread
 from wsim.model.model import Body, Model, hard_places
 from wsim.physics.cloth.constraints import of_body, renew, rows_of
 from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
-from wsim.scene.masses import cloth_masses, density_of, loose, soft_masses, soft_weights
+from wsim.scene.nodal.masses import cloth_masses, density_of, loose, soft_masses, soft_weights
 
 
 def rest_shape(body: Body) -> np.ndarray:

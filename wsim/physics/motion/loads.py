@@ -18,7 +18,7 @@ from wsim.model.stage import Clock, Method, Methods, Stage
 from wsim.model.vjp import beside
 from wsim.scene import Load, Problem, SceneError
 from wsim.scene.curve import Curve
-from wsim.scene.nodal_loads import nodal
+from wsim.scene.nodal.loads import nodal
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build

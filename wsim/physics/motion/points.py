@@ -19,7 +19,7 @@ from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import AT_REST
 from wsim.scene import Springs
 from wsim.scene.integrator import Integrator
-from wsim.scene.masses import density_of
+from wsim.scene.nodal.masses import density_of
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -213,7 +213,7 @@ class Points(Method):
         return values[self.constants.object.numpy()]
 
     def weigh(self, bodies: list[Body], density: float) -> bool:
-        """Masses follow the density; False where a body has none (`wsim.scene.masses.density_of`), or shares points with
+        """Masses follow the density; False where a body has none (`wsim.scene.nodal.masses.density_of`), or shares points with
         another."""
         if not bodies or self.model.alias is not None or any(density_of(b.source) is None for b in bodies):
             return False

@@ -15,7 +15,7 @@ from wsim.geometry.triangulate import triangulate
 from wsim.scene import CLOTH_MODELS, Cloth, Collider, Plane, Problem, Springs, Surface
 from wsim.scene.check import mesh
 from wsim.scene.curve import Motion
-from wsim.scene.masses import cloth_masses
+from wsim.scene.nodal.masses import cloth_masses
 from wsim.scene.values import table
 
 FAR = 1e5                   # [m] from the own origin: float32 resolves 8 mm there, and no cloth survives that

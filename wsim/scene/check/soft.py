@@ -10,7 +10,7 @@ from wsim.geometry.tetra import tets
 from wsim.geometry.tetra.repair import mend
 from wsim.scene import Problem, Skin, Soft
 from wsim.scene.check.objects import array, error, light, placed, rounding, size, values, warning
-from wsim.scene.masses import soft_masses
+from wsim.scene.nodal.masses import soft_masses
 
 SOFTEST, STIFFEST = 10.0, 1e12      # [Pa] E of a jelly that cannot stand, ten times that of diamond
 LIGHTEST, HEAVIEST = 1.0, 3e4       # [kg/m^3] air; osmium has 2.3e4

@@ -8,8 +8,8 @@ import numpy as np
 
 from wsim.scene import Problem, Scene, Soft, Springs, Varying
 from wsim.scene.check.objects import error
-from wsim.scene.masses import density_of
 from wsim.scene.methods import named
+from wsim.scene.nodal.masses import density_of
 from wsim.scene.values import table
 from wsim.scene.values.value import Value, holder
 
