@@ -12,9 +12,9 @@ made of are those of sum_k p_k.f_k = -s a, which Warp differentiates through the
 from functools import cache
 
 import warp as wp
-from wsim.kernels.cloth.gather_adjoint import reader, works
 
 from wsim.kernels.cloth.constraint import Constraint, inverse
+from wsim.kernels.cloth.corner_gradients import reader, works
 from wsim.kernels.cloth.element import elements
 from wsim.kernels.cloth.hessian import elements_of
 from wsim.kernels.cloth.terms import batch_of

@@ -8,7 +8,8 @@ after the other took 15.0 and 19.8 us (EPYC of 2022 at about 3.6 GHz, one thread
 
 A frame without contacts (`bounded`) is watched: a block of points keeps the largest |d| along each axis of a pass, and the
 vector of the three must be no longer than the least clearance of its points (kernels/motion/clearance.py), in every pass. That
-is no more than sqrt(3) times too cautious, and costs a product and a maximum for two points.
+is no more than sqrt(3) times too cautious, and costs a product and a maximum for two points. What is not finite is left to the
+guard of the points.
 """
 
 from functools import cache
@@ -129,7 +130,8 @@ BOUNDED = {"least": """
             if (order[i] >= 0) least = !(p.room.data[order[i]] > least) ? p.room.data[order[i]] : least;
         p.least.data[b] = least > 0 ? least * least : -1;
     }}
-    bool met = false;""", "most": "eight wide = none;", "widen": "wide = __builtin_elementwise_max(wide, d1 * d1);",
+    bool met = false;""", "most": "eight wide = none;",
+           "widen": "const eight square = d1 * d1; wide = square > wide ? square : wide;",
            "within": """if (p.frame) {{
                     const vec far = __builtin_elementwise_max(first(wide), second(wide));
                     met |= !(far[0] + far[1] + far[2] <= p.least.data[b]);

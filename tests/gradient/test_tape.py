@@ -1,5 +1,7 @@
 """A tape finds the values that a launch has read where they are written over, in arguments and in structs."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import warp as wp
@@ -7,6 +9,7 @@ import warp as wp
 from wsim.model.arena import Slots
 from wsim.model.structs import filled
 from wsim.model.tape import Tape
+from wsim.model.vjp import fixed, of_table
 from wsim.scene import Scene
 from wsim.simulation.simulation import Simulation
 
@@ -80,3 +83,10 @@ def test_kernels_have_entries_where_gradients_are_asked_for(solver, known):
     found = [{kernel.key.split("__")[0] for kernel in Simulation(scene, device="cpu", gradients=g).model.vjp}
              for g in (False, True)]
     assert found == [set(), known]
+
+
+def test_two_tables_that_share_a_kernel_have_an_adjoint_each():
+    model, tables = SimpleNamespace(vjp={}), [object() for _ in range(3)]
+    for name, table in zip("ab", tables, strict=False):
+        model.vjp |= of_table(model, multiply, table, fixed(name))
+    assert [model.vjp[multiply]([table]) for table in tables[:2]] == ["a", "b"]

@@ -241,7 +241,7 @@ def test_a_solve_its_adjoint_and_the_energy_read_one_table():
     sim = Simulation(film(1e-4, **SOLVED), gradients=True, **DOUBLE)
     implicit = sim.plan.method("implicit")
     (elements,) = implicit.adjoint.pull.elements
-    own = implicit.tables["area"]
+    own = implicit.assembly.tables["area"]
     assert own is elements.table is sim.model.tables["area"]
     assert all(getattr(own.data, name).ptr == getattr(elements.data, name).ptr for name in ("point", "rest", "tau"))
     sim.set("/cloth", "area", 2.0 * AREA)

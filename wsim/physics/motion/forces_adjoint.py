@@ -15,7 +15,7 @@ from wsim.kernels.soft import fem_adjoint as tets
 from wsim.kernels.solver import newton_adjoint
 from wsim.model.model import Model
 from wsim.model.tape import adjoint_of, without
-from wsim.model.vjp import fixed, taken_along
+from wsim.model.vjp import fixed, of_table, taken_along
 
 
 class ForceAdjoint:
@@ -66,9 +66,9 @@ class LeapAdjoint(ForceAdjoint):
 
 def element_adjoint(pull, element):
     """Of the forces of an element of a `wsim.physics.motion.forces.ForceGather`."""
-    table = getattr(element, "table", None)
-    if table is None:
+    if hasattr(element, "kind"):
         return (BentAdjoint if element.curvature else FlatAdjoint)(pull.model, element, pull)
+    table = element.table
     if table.plastic:
         table.plastic.adjoint.join(pull.net, element.first)
     return CornerAdjoint(pull.model, table, pull)
@@ -145,7 +145,7 @@ class CornerAdjoint:
         kind = () if nodes == 3 else (table.material, table.damped)
         self.table, self.gathering = table, Gathering(model, pull, table, table.damped)
         self.kernels = [make(*kind, model.real, model.module, parameters, pull.direct) for parameters in (False, True)]
-        self.vjp = {table.pull: self.record}
+        self.vjp = of_table(model, table.pull, table.data, self.record)
 
     def record(self, inputs: list):
         """Of a launch to come; where tets flow before it, it hands on what their shapes at rest get."""
@@ -174,7 +174,7 @@ class FlatAdjoint:
             make = partial(corners_adjoint, elements.row.equation)
         self.kernels = [make(model.real, model.module, elements.damped, parameters, pull.direct)
                         for parameters in (False, True)]
-        self.vjp = {elements.kernel: fixed(self.backward)}
+        self.vjp = of_table(model, elements.kernel, elements.data, fixed(self.backward))
 
     def backward(self, read: list, wrote: list) -> None:
         """As that of `CornerAdjoint`."""
@@ -197,7 +197,8 @@ class BentAdjoint:
         self.kernels = [bent.corners(*how, parameters, pull.direct) for parameters in (False, True)]
         self.values = bent.values(model.real, model.module)
         along = (elements.strained, elements.curvature.sums)
-        self.vjp = {elements.kernel: fixed(self.backward), **dict.fromkeys(along, fixed(taken_along))}
+        self.vjp = (of_table(model, elements.kernel, elements.data, fixed(self.backward))
+                    | dict.fromkeys(along, fixed(taken_along)))
 
     def backward(self, read: list, wrote: list) -> None:
         """As that of `CornerAdjoint`."""
