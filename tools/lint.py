@@ -36,6 +36,7 @@ ONLY = {"rerun": ("show.viewer", "show.rerun_log"), "pxr": ("usd", "show"), "mat
         "PIL": ("show.animation",), "imageio": ("show.animation",)}     # who may import these packages
 
 ENTRIES = 15                     # files and folders in a folder
+MARKERS = ("py.typed",)          # not counted: nobody reads them
 FILE_LINES, TEST_LINES, FUNCTION_LINES, ARGUMENTS = 300, 400, 45, 8
 WORDS = re.compile(r"(?<![\w.:/$}<])/(?:tmp|root|home|opt|mnt|srv)/[\w.-]+|(?<!\w)share[d]/"
                    r"|\bTO[D]O\b|\bFIX[M]E\b|\bXX[X]\b|NotImplemented[E]rror|assert Tru[e]\b")
@@ -140,7 +141,8 @@ def entries(root: Path = ROOT, folders=("wsim", "kernels", "tests", "tools")) ->
         for folder in [root / top, *sorted((root / top).rglob("*"))]:
             if not folder.is_dir() or folder.is_symlink() or folder.name == "__pycache__" or not any(folder.glob("*.py")):
                 continue
-            found = [entry for entry in folder.iterdir() if entry.is_file() or any(entry.glob("*.*"))]
+            found = [entry for entry in folder.iterdir() if entry.name not in MARKERS
+                     and (entry.is_file() or any(entry.glob("*.*")))]
             if len(found) > ENTRIES:
                 yield f"{folder.relative_to(root)}: {len(found)} entries, at most {ENTRIES}: make a room"
 

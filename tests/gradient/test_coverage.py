@@ -49,7 +49,7 @@ def test_values_with_a_derivative_are_those_of_the_rows():
 
 def test_the_documents_are_made_of_the_rows():
     import wsim.gradient
-    readme = " ".join((TESTS.parent / "README.md").read_text(encoding="utf-8").split())
+    readme = " ".join((TESTS.parent / "wsim/gradient/README.md").read_text(encoding="utf-8").split())
     for kind, what in summary().items():
         assert f"{kind} {what}." in readme
     assert text() in (wsim.gradient.__doc__ or "") and all(covered.what.split()[-1] in text() for covered in COVERED)

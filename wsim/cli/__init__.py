@@ -64,8 +64,8 @@ def _choices(command) -> None:
 def _run(commands) -> None:
     run = commands.add_parser("run", help="simulate a scene into a result layer over it")
     run.add_argument("scene")
-    run.add_argument("-o", "--output", type=named, required=True, metavar="OUT",
-                     help="result: .usdc, .usda or .usd; an earlier one stays until this one is whole")
+    run.add_argument("-o", "--output", type=named, metavar="OUT",
+                     help="result: .usdc, .usda or .usd; an earlier one stays until it is whole (default: SCENE.sim.usdc)")
     run.add_argument("--frames", type=whole_or_none, metavar="N", help="default: the scene's")
     _solver(run)
     run.add_argument("--error", type=fraction, metavar="E",
@@ -86,6 +86,7 @@ def _run(commands) -> None:
     run.add_argument("--view", action="store_true", help="live view (needs the extra `view`)")
     _web(run)
     run.add_argument("--json", action="store_true", help="print the closing report as JSON")
+    run.add_argument("-v", "--verbose", action="store_true", help="report also each stage and what was left out")
     run.add_argument("--quiet", action="store_true", help="no progress and no closing report")
 
 
@@ -97,6 +98,13 @@ def _new(commands) -> None:
         kind.add_argument("-o", "--output", type=named, required=True, metavar="SCENE")
         kind.add_argument("--force", action="store_true", help="replace SCENE if it is there")
         kind.add_argument("--prim", type=named, metavar="PATH", help="which mesh, by path or name (default: the only one)")
+        kind.add_argument("--pin", type=named, action="append", default=[], metavar="POINTS",
+                          help="hold points: top, bottom, 0.9..1@z (part of the bounds), 0,5,20..25 (numbers) or a GeomSubset; "
+                               "may be repeated")
+        kind.add_argument("--collider", type=named, action="append", default=[], metavar="FILE_OR_PRIM",
+                          help="make a USD file, or a prim of the mesh's file, collide; may be repeated")
+        kind.add_argument("--material", type=named, metavar="PATH", help="a physics material of the mesh's file (default: the "
+                                                                         "one it is bound to, if any)")
         kind.add_argument("--ground", type=length, metavar="METRES", help="a ground plane so far below it (default: none)")
         kind.add_argument("--meters-per-unit", type=positive, metavar="X", help="unit of the mesh (default: its file's)")
         kind.add_argument("--frames", type=whole, metavar="N", help="frames to simulate (default: the file's)")
@@ -106,7 +114,8 @@ def _new(commands) -> None:
 def _new_cloth(new) -> None:
     cloth = new.add_parser("cloth", help="a scene in which a mesh is cloth; the mesh is referred to and stays as it is")
     cloth.add_argument("mesh", help="USD file")
-    cloth.add_argument("--fabric", default="cotton", metavar="NAME", help="silk, cotton, denim, leather or rubber")
+    cloth.add_argument("--fabric", metavar="NAME", help="silk, cotton, denim, leather or rubber (default: the physics material "
+                                                        "of the mesh, else cotton)")
     cloth.add_argument("--weld", type=length, metavar="METRES", help="sew points closer than this (seams)")
 
 
@@ -116,10 +125,10 @@ def _new_softbody(new) -> None:
     soft.add_argument("mesh", help="USD file")
     soft.add_argument("--cells", type=whole, default=10, metavar="N",
                       help="cells of the cage along the longest side; 4 and more across it bend as they should (default: 10)")
-    soft.add_argument("--young", type=positive, default=1e6, metavar="PA", help="Young's modulus [Pa] (default: 1e6, rubber)")
-    soft.add_argument("--poisson", type=float, default=0.3, metavar="NU", help="Poisson's ratio, below 0.5 (default: 0.3)")
-    soft.add_argument("--density", type=positive, default=1e3, metavar="RHO", help="kg/m^3 (default: 1000, water)")
-    soft.add_argument("--model", choices=MODELS, default=MODELS[0],
+    soft.add_argument("--young", type=positive, metavar="PA", help="Young's modulus [Pa] (default: 1e6, rubber)")
+    soft.add_argument("--poisson", type=float, metavar="NU", help="Poisson's ratio, below 0.5 (default: 0.3)")
+    soft.add_argument("--density", type=positive, metavar="RHO", help="kg/m^3 (default: 1000, water)")
+    soft.add_argument("--model", choices=MODELS,
                       help="elastic energy (default: corotational; neo_hookean for large strain)")
 
 

@@ -1,6 +1,5 @@
 """What each command does. Everything heavy is imported inside, when it is needed and not before."""
 
-import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ from wsim.cli.progress import line
 from wsim.cli.schema import schema  # noqa: F401  (a command)
 from wsim.simulation import interrupt
 from wsim.simulation import report as reports
+from wsim.simulation.duration import expected
 from wsim.usd.result.as_json import as_json
 
 if TYPE_CHECKING:
@@ -66,8 +66,10 @@ def run(args) -> int:
     """`wsim run`: simulate, write, report."""
     began = perf_counter()
     import wsim.usd.result.recorder  # noqa: F401  (USD, to tell its import from the loading)
+    from wsim.cli.run import default_output
     from wsim.usd.result.dependencies import refuse
 
+    args.output = args.output or default_output(args.scene)
     seconds = {"import": perf_counter() - began}
     told: set[str] = set()
     with line(0, quiet=args.quiet) as progress:
@@ -81,6 +83,8 @@ def run(args) -> int:
         with _prepared(scene, args) as job:
             progress.clear()
             _warn(job, told)
+            if not args.quiet:
+                _say(expected(job.simulation.plan, job.steps // job.samples, job.samples))
             progress.frames, job.shown = job.steps, progress.frame
             progress.say("compiling")
             try:
@@ -95,8 +99,7 @@ def run(args) -> int:
                 raise
     if code == DONE and args.png:
         _draw(args, seconds)
-    seconds["total"] = perf_counter() - began
-    _close(job, args, seconds, told)
+    _close(job, args, seconds, told, began)
     if code == INTERRUPTED:
         _say(f"interrupted: {job.kept()}")
     return code
@@ -178,16 +181,18 @@ def _draw(args, seconds: dict[str, float]) -> None:
     seconds["picture"] = perf_counter() - began
 
 
-def _close(job: "Run", args, seconds: dict[str, float], told: set[str]) -> None:
+def _close(job: "Run", args, seconds: dict[str, float], told: set[str], began: float) -> None:
     """The closing report; what was warned of before the run is not said again."""
     _warn(job, told)
     if args.quiet and not args.json:
         return
-    report = job.simulation.report()
+    asked = perf_counter()
+    report = job.simulation.report(profile=args.verbose or args.json)
+    seconds |= {"report": perf_counter() - asked, "total": perf_counter() - began}
     report |= {"output": job.result, "partial": job.recorder.kept, "picture": args.png if job.result else None,
                "frames": job.written, "warnings": _warnings(job),
                "seconds": {**report.get("seconds", {}), **seconds, **job.seconds}}
-    print(as_json(report) if args.json else reports.text({**report, "warnings": []}))
+    print(as_json(report) if args.json else reports.text({**report, "warnings": []}, args.verbose))
 
 
 def new(args) -> int:
@@ -196,8 +201,7 @@ def new(args) -> int:
 
     for note in scenes.make(args):
         _say(str(note))
-    result = f"{os.path.splitext(args.output)[0]}_out.usdc"
-    print(f"{args.output}: simulate it with: wsim run {quote(args.output)} -o {quote(result)}")
+    print(f"{args.output}: simulate it with: wsim run {quote(args.output)}")
     return DONE
 
 

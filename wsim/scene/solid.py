@@ -24,14 +24,24 @@ MODELS = ("corotational", "neo_hookean", "st_venant_kirchhoff", "linear")
 
 @dataclass(frozen=True)
 class Bulk:
-    """Parameters of a solid. Raises ValueError naming the parameter, what was found and what is allowed."""
+    """Parameters of a solid. Raises ValueError naming the parameter, what was found and what is allowed.
 
-    young: float = 1.0e6            # Young's modulus E [Pa], > 0
-    poisson: float = 0.3            # nu, in (-1, 0.5)
-    density: float = 1.0e3          # [kg/m^3], > 0
-    model: str = "corotational"     # one of MODELS
-    damping: float = 0.0            # relaxation time of elastic forces [s]
-    yield_strain: float = inf       # shape is lost for good where the deviatoric strain |dev E| is larger; inf: elastic
+    young               Young's modulus E [Pa], > 0
+    poisson             Poisson's ratio [1], in (-1, 0.5)
+    density             [kg/m^3], > 0
+    model               elastic model: "corotational", "neo_hookean", "st_venant_kirchhoff" or "linear"
+    damping             relaxation time of the elastic forces [s]
+    yield_strain        shape is lost for good where the deviatoric strain |dev E| is larger [1]; inf: elastic
+    static_friction     coefficient of friction [1] up to which a contact sticks
+    dynamic_friction    coefficient of friction of a contact that slides [1]
+    """
+
+    young: float = 1.0e6
+    poisson: float = 0.3
+    density: float = 1.0e3
+    model: str = "corotational"
+    damping: float = 0.0
+    yield_strain: float = inf
     static_friction: float = 0.5
     dynamic_friction: float = 0.5
 

@@ -6,8 +6,9 @@ grown or the variant switched, the graph captured again and the frame repeated. 
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from os import PathLike
 
 import numpy as np
 import warp as wp
@@ -29,7 +30,7 @@ REPEATS = 8            # a frame that is not done after so many repeats is an er
 class Simulation:
     """A scene on a device.
 
-    scene      a `Scene`; `wsim.load` reads one from USD
+    scene      a `Scene`, the path of a USD file, or a `Usd.Stage`
     device     "cpu", "cuda:0", ...; None takes the GPU if there is one
     precision  "float32" or "float64" (the measuring instrument)
     worlds     so many independent copies of the scene in one set of arrays
@@ -37,13 +38,16 @@ class Simulation:
     Raises SceneError with every problem of the scene.
     """
 
-    def __init__(self, scene: Scene, *, device=None, precision: str = "float32", worlds: int = 1,
+    def __init__(self, scene: "Scene | str | PathLike", *, device=None, precision: str = "float32", worlds: int = 1,
                  gradients: bool = False):
         began = time.perf_counter()
         if precision not in PRECISIONS:
             raise SceneError(Problem("precision", f"found {precision!r}; allowed are {', '.join(PRECISIONS)}"))
         if worlds < 1:
             raise SceneError(Problem("worlds", f"found {worlds}; allowed is 1 or more"))
+        if not isinstance(scene, Scene):
+            from wsim.usd import load
+            scene = load(scene)
         problems = check(scene)
         if any(p.fatal for p in problems):
             raise SceneError([p for p in problems if p.fatal])
@@ -52,6 +56,7 @@ class Simulation:
         self.warnings = [str(p) for p in (*scene.notes, *problems) if not p.fatal]
         self.seconds: dict[str, float] = {}
         self.graphs: dict[bool, wp.Graph] = {}           # of frames with contacts, and of those without
+        self.watchers: list[Callable] = []     # called with (simulation) after every frame, see `record`
         self._build()
         self.seconds["build"] = time.perf_counter() - began
 
@@ -117,6 +122,20 @@ class Simulation:
         self.seconds.setdefault("first_frame", time.perf_counter() - began)
         if self.balance:
             self.balance.look(self)
+        for watch in list(self.watchers):
+            watch(self)
+
+    def frames(self, n: int | None = None) -> Iterator[int]:
+        """Steps n frames (None: the scene's), and yields the number of each after it: 1, 2, 3 ..."""
+        for _ in range(self.scene.frames if n is None else n):
+            self.step()
+            yield self.frame
+
+    def record(self, path, **more):
+        """Writes this frame, and every frame from here on, into a USD file over the scene, until the block of a `with` ends, or
+        it is closed: a `wsim.simulation.record.Record`, which says what `more` there is (stress, reactions, flatten)."""
+        from wsim.simulation.record import Record
+        return Record(self, path, **more)
 
     def run(self, frames: int | None = None, each: Callable | None = None) -> None:
         """So many frames (None: the scene's); `each(simulation)` is called after every one."""

@@ -32,6 +32,14 @@ def frames_of(reading: Reading) -> int:
     return frames
 
 
+def note_range(reading: Reading) -> None:
+    """Warns where nobody said how long the scene is."""
+    layer = reading.stage.GetRootLayer()
+    if not reading.stage.HasAuthoredTimeCodeRange():
+        reading.warn(layer.realPath or layer.identifier, f"has no startTimeCode and endTimeCode: {Scene().frames} frames are "
+                     f"simulated, {reading.units.fps:g} a second; author both and timeCodesPerSecond, or give --frames")
+
+
 def load_settings(reading: Reading, prims: list[Usd.Prim]) -> Scene:
     """An empty Scene with the settings of the first PhysicsScene."""
     units = reading.units

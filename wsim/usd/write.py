@@ -19,9 +19,8 @@ from wsim.usd.names import HOLDERS
 from wsim.usd.prims.cloth import author_cloth_prim
 from wsim.usd.prims.colliders import author_collider, surface
 from wsim.usd.prims.fabric import bound, plane_stress
-from wsim.usd.prims.pins import FRAME, author_pin
+from wsim.usd.prims.pins import FRAME, author_pin, author_tie
 from wsim.usd.prims.springs import author_springs
-from wsim.usd.prims.ties import author_tie
 from wsim.usd.result.atomic import replacing
 from wsim.usd.result.crate import PARTIAL
 from wsim.usd.settings import author_settings, author_varying_gravity

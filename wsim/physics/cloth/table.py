@@ -102,10 +102,15 @@ class Table:
         if self.curvature:
             self.curvature.refresh()
 
+    def energy_kernels(self, module: str) -> list:
+        """What `energy` launches, made in that module."""
+        from wsim.kernels.cloth.energy import statistics
+        return self.curvature.energy_kernels(module) if self.curvature else [
+            statistics(self.row.equation, real=self.model.real, module=module, uniform=self.uniform)]
+
     def energy(self, state: State, module: str, rest: wp.array | None = None) -> float:
         """Elastic energy [J] at x + e, summed in float64: 1/2 C alpha^-1 C; of hinges that of the curvatures of triangles.
         rest: values in place of those of the table. Kernels of that module, compiled when first asked for."""
-        from wsim.kernels.cloth.energy import statistics
         self.comply().bend()
         model, data = self.model, self.data
         if self.curvature:
@@ -114,7 +119,7 @@ class Table:
             data = batch_of(self.row.equation, model.real)()
             data.point, data.rest, data.alpha, data.w = self.data.point, rest, self.data.alpha, self.data.w
         out = wp.zeros(min(LANES, self.size), dtype=wp.vec3d, device=model.device)
-        kernel = statistics(self.row.equation, real=model.real, module=module, uniform=self.uniform)
+        (kernel,) = self.energy_kernels(module)
         kernel_cache.ready(kernel, model)
         model.launch(kernel, out.size, [data, state.x, self.size, state.e], [out])
         return float(out.numpy()[:, 2].sum())
@@ -171,5 +176,5 @@ def energy(model: Model, rows: list[Constraints], state: State) -> float:
         table.refresh()
         other = any(a is not b for a, b in zip(mine, table.rows, strict=True))
         rest = model.upload(np.concatenate([r.rest for r in mine]), table.data.rest.dtype) if other else None
-        total += table.energy(state, f"{model.module}_report", rest)
+        total += table.energy(state, kernel_cache.report_module(model, f"{kind} {table.uniform}"), rest)
     return total

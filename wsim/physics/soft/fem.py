@@ -118,7 +118,8 @@ class Tetrahedra:
         if self.plastic:
             self.plastic.shape()
         out = wp.zeros(min(LANES, self.size), dtype=wp.vec3d, device=self.model.device)
-        kernel = self.maths.statistics(self.material, real=self.model.real, module=f"{self.model.module}_report")
+        module = kernel_cache.report_module(self.model, self.maths.__name__, str(self.material))
+        kernel = self.maths.statistics(self.material, real=self.model.real, module=module)
         kernel_cache.ready(kernel, self.model)
         self.model.launch(kernel, out.size, [self.data, self.size, state.x, state.e, self.q], [out])
         each = out.numpy()

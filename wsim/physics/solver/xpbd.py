@@ -120,7 +120,12 @@ class Xpbd(Method):
         """elastic_energy [J]; residual: what the last substep's sweeps left, see kernels/solver/xpbd_residual.py (strain,
         radians). A single iteration keeps no multipliers and has no residual. Kernels of their own module, compiled when asked
         for."""
-        soft, module = [b for b in self.batches if not b.hard], self.model.module + "_report"
+        soft = [b for b in self.batches if not b.hard]
+        looked = any(b.multipliers for b in soft) and not self.clock.integrator.beyond
+        module = kernel_cache.report_module(self.model, f"xpbd {looked}", *sorted({f"{b.kind} {b.uniform}" for b in soft}))
+        looks = self.residual_kernels(module) if looked else []
+        for b in soft:
+            b.energy_kernels(module)
         if self.muscles:
             self.muscles.finish()
         found = {"elastic_energy": sum((b.energy(self.state, module) for b in soft), 0.0)}
@@ -129,7 +134,6 @@ class Xpbd(Method):
                 largest = self.largest
             else:
                 largest = wp.zeros(len(soft), dtype=self.model.real, device=self.model.device)
-                looks = self.residual_kernels(module)
                 for kernel in looks:
                     kernel_cache.ready(kernel, self.model)
                 self.measure(looks, self.state.x, self.state.e, [b.lam for b in soft], largest)

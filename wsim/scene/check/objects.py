@@ -12,7 +12,7 @@ import numpy as np
 
 from wsim.geometry import topology
 from wsim.geometry.triangulate import triangulate
-from wsim.scene import CLOTH_MODELS, Cloth, Collider, Problem, Springs, Surface
+from wsim.scene import CLOTH_MODELS, Cloth, Collider, Plane, Problem, Springs, Surface
 from wsim.scene.check import mesh
 from wsim.scene.curve import Motion
 from wsim.scene.nodal.masses import cloth_masses
@@ -237,11 +237,14 @@ def collider(thing: Collider) -> list[Problem]:
         found += placed(path, shape.points, thing.motion)
         found += surface(shape, path)
         found += _poses(path, shape)
-    else:
+    elif not isinstance(shape, Plane):
         for f in fields(shape):
             may_vanish = f.name == "half_height"       # a capsule without a straight part is a sphere
             for value in np.atleast_1d(getattr(shape, f.name)):
                 found += number(path, f.name, float(value), 0.0, not may_vanish, "author its size; its scale may be 0")
+    elif shape.axis not in (None, "Z"):
+        found.append(error(path, f"its plane faces {shape.axis}, which came too late to turn it",
+                           "an axis given to a new Collider", f"make it by scene.collider({path!r}, Plane({shape.axis!r}))"))
     return [*found, *rigid(path, thing.motion, "put the scale into the shape: radius, half, points")]
 
 

@@ -22,6 +22,7 @@ from wsim.scene.integrator import SOLVERS, TABLE
 from wsim.scene.methods import every
 
 SOFT_SOLVERS = tuple(name for name in ("auto", "implicit", "explicit") if name in SOLVERS)
+WEAK = 0.2         # [m/s^2] an eighth of the Moon's; 9.81 in a file of centimetres is 0.0981
 STRONG = 50.0       # [m/s^2] five times Earth's gravity; files that take their unit for centimetres hold 981
 
 
@@ -79,9 +80,15 @@ def _settings(scene: Scene) -> Iterator[Problem]:
     yield from _method(scene)
     if scene.up not in ("Y", "Z"):
         yield error("/", f"up axis is '{scene.up}'", "Y or Z", "author upAxis on the stage")
+    other = {"Y": "Z", "Z": "Y"}.get(scene.up, "")
+    g = dict(zip("XYZ", scene.gravity, strict=False))
+    if other and len(g) == 3 and g[other] < 0.0 and g["X"] == g[scene.up] == 0.0:
+        yield warning("/", f"gravity acts along -{other}, and {scene.up} is up",
+                      f"up = '{other}', or gravity along -{scene.up}", f"author upAxis = {other} on the stage "
+                      f"(Scene(up='{other}')), or leave gravity out: it is 9.81 m/s^2 against up")
     size = float(np.linalg.norm(scene.gravity))
-    if size > STRONG:
-        yield warning("/", f"gravity is {size:g} m/s^2", "9.81 or so",
+    if size > STRONG or 0.0 < size < WEAK:
+        yield warning("/", f"gravity is {size:.3g} m/s^2", "9.81 or so",
                       "author metersPerUnit (0.01 for centimetres), or physics:gravityMagnitude in stage units")
 
 

@@ -14,7 +14,7 @@ from wsim.usd import names
 from wsim.usd.attributes import DEFAULT, author, read
 from wsim.usd.load_varying import attributes_of, steady, vary
 from wsim.usd.names import row
-from wsim.usd.prims.fabric import author_fabric, bind, bound, load_fabric, subset_materials
+from wsim.usd.prims.fabric import author_fabric, bind, bound, load_fabric, note_density, subset_materials
 from wsim.usd.prims.masses import at_least_the_lightest, body_density, body_mass, element_type, shared
 from wsim.usd.prims.painted import author_maps, load_stiffness, load_thickness
 from wsim.usd.stage import Reading, Units
@@ -52,6 +52,8 @@ def load_cloth(reading: Reading, mesh: Usd.Prim, body: Usd.Prim) -> Cloth | None
     cloth.thicknesses, constant = load_thickness(reading, mesh, cloth) or _thicknesses(reading, mesh, cloth)
     cloth.masses, cloth.mass = _masses(reading, mesh, body, cloth)
     density = body_density(reading, body)
+    if density is None and cloth.masses is None and cloth.mass is None:
+        note_density(reading, mesh)
     cloth.material = load_fabric(reading, mesh, density, constant)
     vary(reading, path, Cloth, attributes_of(bound(reading, mesh)), lambda at: vars(load_fabric(at, mesh, density, constant)))
     load_stiffness(reading, mesh, cloth)

@@ -112,6 +112,14 @@ def density_of(reading: Reading, material: Usd.Prim, body_density: float | None)
     return body_density or _positive(read(material, "Friction", "density", reading.units)) or names.DENSITY
 
 
+def note_density(reading: Reading, prim: Usd.Prim) -> None:
+    """Warns of a physics material without a density, where that of nothing else counts."""
+    material, entry = bound(reading, prim), row("Friction", "density")
+    if material is not None and is_physical(material) and _positive(read(material, "Friction", "density")) is None:
+        reading.warn(material.GetPath(), f"{entry.attribute} is not authored: {names.DENSITY:g} kg/m^3 counts, the fallback, "
+                     "as heavy as water; author it in units of the stage")
+
+
 def _sheet(reading: Reading, material: Usd.Prim, thickness: float | None) -> dict:
     """Thickness and the three stiffnesses [SI], each as authored or derived."""
     units = reading.units

@@ -1,4 +1,5 @@
-"""PhysicsAttachment, point to xform <-> `Pin`.
+"""PhysicsAttachment, point to xform <-> `Pin`; point to point <-> `Tie`: indices0 of src0 and indices1 of src1 are the same
+particles, one by one.
 
 src0 is the simulation geometry, indices0 its points; src1 is an Xform, still or animated, and coords1 are the places
 in its space (none: where the points are at the start). An attachment without src1 hangs on the world. Other kinds are
@@ -8,7 +9,7 @@ left out with a note. Weights that are painted on a mesh are pins without a prim
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
-from wsim.scene import Cloth, Pin, Soft, Springs
+from wsim.scene import Cloth, Pin, Soft, Springs, Tie
 from wsim.scene.curve import Motion
 from wsim.usd import names
 from wsim.usd.attributes import author, read
@@ -194,3 +195,45 @@ def vertices(points: np.ndarray, body: Body) -> np.ndarray:
     if not isinstance(body, Springs):
         return points
     return np.unique(curve_vertices(body), return_index=True)[1][points]
+
+
+def is_tie(prim: Usd.Prim) -> bool:
+    return read(prim, "Pin", "type0") == read(prim, "Pin", "type1") == "point"
+
+
+def load_tie(reading: Reading, prim: Usd.Prim, bodies: dict[str, Body]) -> Tie | None:
+    """The tie of an attachment; None if it is switched off, or between bodies that cannot share points (noted).
+
+    bodies      by path of the simulation geometry; also by the path of the body above it
+    """
+    path = prim.GetPath()
+    if read(prim, "Pin", "enabled") is False:
+        return None
+    ends = [(_target(prim, source), read(prim, "Tie", field))
+            for source, field in ((names.SRC0, "points"), (names.SRC1, "others"))]
+    found = [(bodies.get(source), indices) for source, indices in ends]
+    for (source, _), (body, _) in zip(ends, found, strict=True):
+        if body is None:
+            reading.warn(path, f"attaches {source or 'nothing'}, which is no simulated cloth or soft body; it is left out")
+            return None
+    (mine, points), (other, others) = found if isinstance(found[1][0], Soft) else found[::-1]
+    if not isinstance(other, Soft) or isinstance(mine, Springs):
+        reading.warn(path, f"attaches points of {ends[0][0]} to points of {ends[1][0]} and is left out: a cloth or a soft body "
+                     "shares points with a soft body")
+        return None
+    if points is None or others is None:
+        reading.warn(path, "has no physics:indices0 or no physics:indices1: it holds no point and is left out")
+        return None
+    assert mine is not None
+    return Tie(str(path), mine.path, points, other.path, others)
+
+
+def author_tie(stage: Usd.Stage, tie: Tie) -> None:
+    """Defines the attachment of a tie."""
+    prim = stage.DefinePrim(tie.path, names.ATTACHMENT)
+    prim.CreateRelationship(names.SRC0, False).SetTargets([Sdf.Path(tie.body)])
+    prim.CreateRelationship(names.SRC1, False).SetTargets([Sdf.Path(tie.other)])
+    for field, value in (("enabled", True), ("type0", "point"), ("type1", "point")):
+        author(prim, "Pin", field, value)
+    author(prim, "Tie", "points", tie.points)
+    author(prim, "Tie", "others", tie.others)
