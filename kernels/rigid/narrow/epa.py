@@ -118,7 +118,7 @@ def beginning(kinds: frozenset[str], real):
 
     @wp.func
     def tetrahedron(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, start: vec3, V: vec3s, A: vec3s):
-        """V, A: four places, the fifth the way out of D if it is flat. Returns (f, height): outward there, height of the four."""
+        """V, A: four places, the fifth the way out of D if it is flat. Returns (f, height): outward there, of the four."""
         d = start
         o = vec3()
         po = vec3()
@@ -150,10 +150,7 @@ def beginning(kinds: frozenset[str], real):
                 V[k // 2 + 1] = w
                 A[k // 2 + 1] = pa
                 height = wp.dot(w - V[0], d)
-                if side < real(0.0):
-                    o = d
-                else:
-                    o = -d
+                o = -side * d
         if height > real(0.0):                                 # 0 1 2 is to face away from 3
             w = V[3]
             pa = A[3]

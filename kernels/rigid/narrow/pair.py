@@ -155,7 +155,7 @@ def ordered(pairs: frozenset[tuple[str, str]], real):
 def narrow(pairs: frozenset[tuple[str, str]], real):
     """Function (a, b, hulls, pose_a, pose_b, margin) -> Manifold of the shapes of these pairs (`every`): n in the world's axes,
     places from where pose_a is, in the world's axes too [m]. Poses are from one origin, quaternions (x, y, z, w), unit."""
-    t, Shape, Hulls, Manifold = types(real), shape(real), hulls(real), manifold(real)
+    t, Shape, Hulls = types(real), shape(real), hulls(real)
     made = ordered(pairs, real)
     _single, flipped, turned = making(real)
 
