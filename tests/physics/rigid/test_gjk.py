@@ -12,7 +12,7 @@ from wsim.geometry.convex_hull import convex_hull
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.narrow.clip import structs
 from wsim.kernels.rigid.narrow.gjk import apart
-from wsim.kernels.rigid.narrow.pair import every
+from wsim.kernels.rigid.narrow.pair import every, searched
 from wsim.kernels.rigid.narrow.shape import hulls, shape
 from wsim.physics.rigid.hulls import tables
 
@@ -193,6 +193,24 @@ def test_hulls_face_to_face_touch_at_four_points_with_equal_gaps(real):
     assert m["count"] == 4 and len(set(m["key"])) == 4
     np.testing.assert_allclose(m["gap"], 0.005, atol=2e-6 if real is wp.float32 else 1e-12)
     np.testing.assert_allclose(m["n"], -matrix(q)[:, 2], atol=2e-6)
+
+
+@both
+def test_keys_of_hulls_last_under_small_motions(real):
+    """Two equal cubes as hulls, corners on corners, shaken by 2e-5: a fifth of the slack of corners."""
+    rng, n = np.random.default_rng(7), 100
+    pose = np.tile((0.0, 0, 1.0, 0, 0, 0, 1), (n, 1))
+    pose[:, :3] += rng.uniform(-2e-5, 2e-5, (n, 3))
+    of = [convex_hull(0.5 * SIGNS)]
+    a = [("hull", 0.0, 0)] * n
+    m = touch(a, STILL, a, pose, 0.02, real, tables(of, real, "cpu"), every(("hull",)))
+    assert (m["count"] == 4).all() and (m["key"] == m["key"][0]).all() and len(set(m["key"][0])) == 4
+
+
+def test_closed_forms_ask_for_no_search():
+    assert not searched(every(("plane", "sphere", "box", "capsule")))
+    assert searched(every(("sphere", "hull"))) == {("sphere", "hull"), ("hull", "hull")}
+    assert ("plane", "plane") not in every(("plane", "box")) and len(every(("plane", "box"))) == 2
 
 
 @both
