@@ -15,16 +15,19 @@ class Guard(Method):
         super().__init__("guard")
         self.model, self.status, self.parts = model, status, parts
         self.kernel = not_finite_rows(model.real, model.module)
-        self.flat = [(p.name, _flat(model, array, p.capacity)) for p in parts for array, _ in p.copies()
-                     if array.dtype is not wp.int32]
         for part in parts:
             status.reserve(_word(part.name))
-        size = sum(numbers.capacity for _, (numbers, _, _) in self.flat)
-        self.stages.append(Stage("guard of parts", "deform", self.look, len(self.flat), size, "frame",
+        size = sum(numbers.capacity for _, (numbers, _, _) in self.flat())
+        self.stages.append(Stage("guard of parts", "deform", self.look, len(self.flat()), size, "frame",
                                  ", ".join(p.name for p in parts)))
 
+    def flat(self) -> list[tuple[str, tuple[wp.array, int, int]]]:
+        """Part and what `_flat` says of its arrays, as they are now: lists grow by new ones."""
+        return [(p.name, _flat(self.model, array, p.capacity)) for p in self.parts for array, _ in p.copies()
+                if array.dtype not in (wp.int32, wp.int64)]
+
     def look(self, clock: Clock) -> None:
-        for name, (numbers, width, rows) in self.flat:
+        for name, (numbers, width, rows) in self.flat():
             self.model.launch(self.kernel, numbers.size, [numbers, width, rows], [self.status.word(_word(name))])
 
     def retry(self, status: Status) -> list[Remedy]:

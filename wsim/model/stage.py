@@ -7,6 +7,7 @@ device array, no branch on one, so that a frame can be captured.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -149,6 +150,10 @@ class Method:
 
     def meet(self, others: dict[str, "Method"]) -> None:
         """Connects itself with other methods of the plan, by name, when all are made."""
+
+    def carriers(self) -> dict[str, Any]:
+        """What contacts can push of this method, by name (`wsim.physics.carrier.carriers`); asked for by methods that push."""
+        return {}
 
     def retry(self, status: Status) -> list[Remedy]:
         """What the frame that has just ended lacked, by this method's own words of the status; none: it holds."""

@@ -16,7 +16,7 @@ from wsim.kernels.math.real import types
 
 @dataclass(frozen=True)
 class Field:
-    """type: "vec3", "mat33", "scalar" (of the simulation's precision), "int"."""
+    """type: "vec3", "mat33", "scalar" (of the simulation's precision), "int", "long" (64 bits)."""
 
     name: str
     unit: str
@@ -25,7 +25,8 @@ class Field:
     type: str = "vec3"
 
     def dtype(self, real) -> type:
-        return int if self.type == "int" else getattr(types(real), self.type)
+        whole = {"int": int, "long": wp.int64}
+        return whole[self.type] if self.type in whole else getattr(types(real), self.type)
 
 
 POINTS = (
@@ -92,6 +93,19 @@ class Part:
         if what.persistent:
             self.saved[what.name] = array, wp.clone(array)
         return array
+
+    def enlarge(self, capacity: int, real, device) -> None:
+        """Room for more rows, by new arrays: what is there stays, and in the snapshot, which a repeated frame starts from."""
+        other, before = Part.allocate(self.name, self.fields, self.count, real, device, capacity), self.capacity
+        for k in range(len(self.names)):
+            assert other.aside is not None and self.aside is not None
+            wp.copy(other.aside, self.aside, k * capacity, k * before, before)
+        for name, array in self.arrays.items():
+            wp.copy(other.arrays[name], array, count=before)
+        for name, (_, aside) in self.saved.items():
+            wp.copy(other.saved[name][1], aside, count=before)
+        self.capacity, self.arrays, self.every, self.aside, self.saved = (
+            capacity, other.arrays, other.every, other.aside, other.saved)
 
     @property
     def kept(self) -> list[Field]:

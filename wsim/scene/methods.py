@@ -23,7 +23,8 @@ from typing import Any
 @dataclass(frozen=True)
 class Row:
     """owns: names of its dataclasses; claims: names of USD types or applied APIs that its `usd` reads; without: why it is left
-    out where a scene lacks it; gradients: whether recordings differentiate through it."""
+    out where a scene lacks it; gradients: whether recordings differentiate through it; pushes: whether it acts on points within
+    a substep, as pairs of carriers do."""
 
     name: str
     folder: str
@@ -31,6 +32,7 @@ class Row:
     claims: tuple[str, ...] = ()
     without: str = ""
     gradients: bool = False
+    pushes: bool = False
 
     def role(self, name: str) -> Any:
         """A file of the folder, or None where it has none."""
@@ -42,10 +44,11 @@ METHODS: list[Row] = [
     Row("points", "wsim.physics.motion.points", without="there are no points", gradients=True),
     Row("pins", "wsim.physics.motion.pins", without="nothing is pinned", gradients=True),
     Row("explicit", "wsim.physics.motion.explicit", without="another solver is chosen", gradients=True),
-    Row("aero", "wsim.physics.cloth.air", without="no cloth has drag or lift", gradients=True),
+    Row("aero", "wsim.physics.cloth.air", without="no cloth has drag or lift", gradients=True, pushes=True),
     Row("implicit", "wsim.physics.solver.newton", without="another solver is chosen", gradients=True),
-    Row("xpbd", "wsim.physics.solver.xpbd", without="another solver is chosen, and nothing is hard", gradients=True),
-    Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True),
+    Row("xpbd", "wsim.physics.solver.xpbd", without="another solver is chosen, and nothing is hard", gradients=True,
+        pushes=True),
+    Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),
     Row("watch", "wsim.physics.motion.overstretch", gradients=True),
     Row("muscles", "wsim.physics.cloth.muscles", without="no spring has an actuation", gradients=True),
     Row("loads", "wsim.physics.motion.loads", without="nothing is loaded", gradients=True),

@@ -43,8 +43,12 @@ class Build:
     @property
     def within(self) -> bool:
         """Whether wind, contacts, soft pins or hard constraints act within a substep."""
-        return (any(self.reasons[name] for name in ("aero", "xpbd", "contact"))
+        return (any(self.reasons[row.name] for row in METHODS if row.pushes)
                 or any(np.isfinite(p.stiffness) for p in self.scene.pins))
+
+    def carriers(self) -> dict[str, Any]:
+        """What contacts can push, by name, of the methods that are made (`Method.carriers`)."""
+        return {name: carrier for method in self.methods.values() for name, carrier in method.carriers().items()}
 
     def kept(self, soft: bool) -> dict[str, list[Constraints]]:
         """The constraints that have a stiffness, or those that have none: XPBD holds the hard ones whatever solves for the

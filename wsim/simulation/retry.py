@@ -107,7 +107,8 @@ def _switch(sim: Simulation) -> bool:
         sim.state.points.arrays[name].assign(values)
     for part in _others(sim.state):
         for f in part.kept:
-            part.arrays[f.name].assign(flowed[part.name, f.name])
+            if len(flowed[part.name, f.name]) == part.capacity:             # else a list that has grown: it begins anew
+                part.arrays[f.name].assign(flowed[part.name, f.name])
     for path, name, value, world in sim.changes:
         for method in sim.plan.methods:
             method.set(path, name, value, world)

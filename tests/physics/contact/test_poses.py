@@ -216,3 +216,37 @@ def test_gradients_of_many_colliders_are_those_of_each(monkeypatch):
     assert sum(np.abs(by).max() > 1e-3 for by in found[0][1:]) > 3
     for device, host in zip(*found, strict=True):
         np.testing.assert_allclose(device, host, rtol=1e-11, atol=1e-12)
+
+
+def test_a_recorded_run_asks_no_motion_of_a_moving_collider_but_of_one_that_was_moved_otherwise(tmp_path, monkeypatch):
+    """The result moves those only, and 1000 motions on the host would take longer than the frame."""
+    from pxr import Sdf, Usd, UsdGeom
+
+    from wsim.cli.run import prepare
+    from wsim.usd import load, save
+    scene = Scene(solver="xpbd", gravity=(0.0, 0.0, -9.81), up="Z", fps=60.0, frames=3, substeps=4, iterations=1)
+    scene.cloth("/cloth", *shapes.sheet(1.0, 1.0, 4, 4, horizontal=True, up="Z"))
+    for k in range(poses.HOST_MOST + 4):
+        keys = np.tile(np.eye(4), (2, 1, 1))
+        keys[:, :3, 3] = [(0.2 * k, 0.0, -0.5), (0.2 * k, 0.0, -0.4)]
+        scene.collider(f"/ball{k}", Sphere(0.05), motion=Motion(np.array([0.0, 1.0]), keys))
+    source = str(tmp_path / "s.usda")
+    save(scene, source)
+    asked: list[int] = []
+    given = Motion.still(np.eye(4))
+    at = Motion.at
+    job = prepare(load(source), str(tmp_path / "r.usda"), lambda s: Simulation(s, device="cpu"))
+    job.simulation.run(1)
+    job.simulation.reset()
+    job.simulation.set("/ball3", "motion", given)
+    monkeypatch.setattr(Motion, "at", lambda motion, t: asked.append(id(motion)) or at(motion, t))
+    job.frames()
+    (moved,) = [c for c in job.simulation.scene.colliders if c.path == "/ball3"]
+    source_of_it = next(c for c in job.scene.colliders if c.path == "/ball3").motion
+    assert set(asked) == {id(moved.motion), id(source_of_it)}
+    layer = Sdf.Layer.FindOrOpen(job.result)
+    written = [k for k in range(poses.HOST_MOST + 4) if layer.GetPrimAtPath(f"/ball{k}")]
+    assert written == [3]
+    stage = Usd.Stage.Open(job.result)
+    ball = UsdGeom.Xformable(stage.GetPrimAtPath("/ball3")).ComputeLocalToWorldTransform(3.0)
+    assert np.abs(np.array(ball).T - given.at(0.0)).max() < 1e-6 and job.simulation.poses("/ball3")["/ball3"][0, 3] == 0.0

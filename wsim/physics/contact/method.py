@@ -119,6 +119,10 @@ class Contact(Method):
         """Newton steps hold contacts themselves; press: behind what moves points after them, if something does."""
         self.within, self.press = True, press
 
+    def carriers(self) -> dict[str, Any]:
+        from wsim.physics.carrier.carriers import KinematicCarrier
+        return {"kinematic": KinematicCarrier(self.contacts)}
+
     def retry(self, status: Status) -> list[Remedy]:
         wanted = int(status.said(ROOM)[0])
 
@@ -137,7 +141,7 @@ class Contact(Method):
         """static_friction, dynamic_friction of a body or a collider; thickness [m] and restitution of a collider, the latter
         where one throws back from the start; motion of a collider, a Motion or a (4, 4) matrix, which worlds share."""
         if name == "motion":
-            return world is None and self.contacts.move(path, value if isinstance(value, Motion) else Motion.still(value))
+            return world is None and self.move(path, value if isinstance(value, Motion) else Motion.still(value))
         if name not in (*FRICTION, "thickness", "restitution") or (name == "restitution" and not self.bounce):
             return False
         objects = [k for k, b in enumerate(self.model.bodies) if world in (None, b.world)]
@@ -145,6 +149,14 @@ class Contact(Method):
         if rows and name == "restitution":
             self.bounce.set(rows, objects, value)
         return bool(rows) or (name in FRICTION and self.rub(path, name, value, world))
+
+    def move(self, path: str, motion: Motion) -> bool:
+        """A collider's motion, and in the scene, which results and `Simulation.poses` read."""
+        moved = self.contacts.move(path, motion)
+        for collider in self.model.scene.colliders if moved else ():
+            if collider.path == path:
+                collider.motion = motion
+        return moved
 
     def rub(self, path: str, name: str, value: float, world: int | None) -> bool:
         """Friction of a body."""

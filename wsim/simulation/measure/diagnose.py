@@ -124,7 +124,8 @@ def author(plan: Plan, part: str, place: int) -> tuple[str, int]:
     """Path of the body, and number of the author's point (of another part: of the body's row), at a row of a part."""
     model = plan.model
     if part != "points":
-        path, rows = next((path, rows) for (path, _), rows in plan.state.parts[part].rows.items() if place in rows)
+        path, rows = next(((path, rows) for (path, _), rows in plan.state.parts[part].rows.items() if place in rows),
+                          ("/", np.array([place])))             # a list of pairs belongs to no prim
         return path, int(np.flatnonzero(rows == place)[0])
     body = next(b for b in model.bodies if b.first <= place < b.last)
     where = np.flatnonzero(places(body) == place)

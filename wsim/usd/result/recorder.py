@@ -137,6 +137,11 @@ class Recorder:
     def _original(self) -> Any:
         return open_stage(self.source, self.scene.variants)
 
+    @property
+    def moved(self) -> set[str]:
+        """Paths of colliders that this result moves otherwise than their source."""
+        return {path for path, over in self.colliders.items() if over.op is not None}
+
     # writing
 
     def time_code(self, frame: float) -> float:
