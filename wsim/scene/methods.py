@@ -48,6 +48,7 @@ METHODS: list[Row] = [
     Row("implicit", "wsim.physics.solver.newton", without="another solver is chosen", gradients=True),
     Row("xpbd", "wsim.physics.solver.xpbd", without="another solver is chosen, and nothing is hard", gradients=True,
         pushes=True),
+    Row("rigid", "wsim.physics.rigid", owns=("Body",), claims=("PhysicsRigidBodyAPI",), without="there is no rigid body"),
     Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),
     Row("watch", "wsim.physics.motion.overstretch", gradients=True),
     Row("muscles", "wsim.physics.cloth.muscles", without="no spring has an actuation", gradients=True),
