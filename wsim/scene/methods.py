@@ -5,7 +5,8 @@ when a scene holds such a thing:
 
     objects    dataclasses of the scene; NumPy only
     check      check(thing, scene) yields Problems
-    usd        load(reading, prim) -> thing, author(stage, thing, units); imports pxr, never Warp
+    usd        load(reading, prim) -> thing, author(stage, thing, units); within(reading, prim) -> paths of prims that are
+               the thing's, and no colliders of the scene; imports pxr, never Warp
     method     build(Build) -> Method, see `wsim.simulation.methods`
     show       triangles(prim) -> points (n, 3) and triangles (t, 3), in the prim's frame and the units of the stage
 

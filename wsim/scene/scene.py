@@ -52,6 +52,7 @@ class Collider(Compared):
     thickness: float | None = None           # [m] kept free around it, besides the cloth's half thickness; None: what hides
                                              # chords of the cloth's mesh, see `wsim.scene.check.chord`
     restitution: float = 0.0                 # part of the speed along its normal that a point leaves with, 0 to 1
+    meets: bool = True                       # False, of a rigid body's: it has mass and touches nothing
 
 
 @dataclass(eq=False)

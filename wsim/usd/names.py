@@ -33,7 +33,7 @@ BINDING = "MaterialBindingAPI"
 # Schemas of wsim, registered from schema/.
 WSIM_SCENE, WSIM_CLOTH, WSIM_MATERIAL = "WsimSceneAPI", "WsimClothAPI", "WsimMaterialAPI"
 WSIM_SPRINGS, WSIM_COLLIDER, WSIM_SOFT = "WsimSpringsAPI", "WsimColliderAPI", "WsimSoftAPI"
-WSIM_ATTACHMENT, WSIM_LOAD = "WsimAttachmentAPI", "WsimLoadAPI"
+WSIM_ATTACHMENT, WSIM_LOAD, WSIM_RIGID = "WsimAttachmentAPI", "WsimLoadAPI", "WsimRigidBodyAPI"
 
 # Fallbacks of the proposal, in SI units; the schemas are not registered, so USD cannot supply them.
 YOUNGS_MODULUS = 1.0e6      # [Pa]
@@ -159,6 +159,11 @@ TABLE = (
     Entry("Springs", "actuation", WSIM_SPRINGS, "wsim:actuation", "double[]"),
 
     Entry("Collider", "thickness", WSIM_COLLIDER, "wsim:thickness", "double", "m"),
+
+    Entry("RigidBody", "force", WSIM_RIGID, "wsim:force", "vector3d", "N"),
+    Entry("RigidBody", "torque", WSIM_RIGID, "wsim:torque", "vector3d", "N m"),
+    Entry("RigidBody", "drag", WSIM_RIGID, "wsim:linearDamping", "double", "1/s"),
+    Entry("RigidBody", "spin_drag", WSIM_RIGID, "wsim:angularDamping", "double", "1/s"),
 
     Entry("Pin", "enabled", ATTACHMENT, "physics:attachmentEnabled", "bool"),
     Entry("Pin", "type0", ATTACHMENT, "physics:type0", "token", uniform=True),

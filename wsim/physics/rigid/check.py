@@ -45,6 +45,9 @@ def _words(value: np.ndarray) -> str:
 
 def _collider(path: str, collider) -> Iterator[Problem]:
     yield from objects.collider(collider)
+    if collider.path != path and not collider.path.startswith(path + "/"):
+        yield error(collider.path, f"is a collider of the rigid body {path} and no prim of it", "paths below the body's",
+                    f"name it {path}/{collider.path.rsplit('/', 1)[-1]}")
     if collider.motion.moves or (isinstance(collider.shape, Surface) and collider.shape.poses is not None):
         yield error(collider.path, f"moves within the rigid body {path}", "colliders that are fixed in their body",
                     "take its animation away, or move it out of the body")

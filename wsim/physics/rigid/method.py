@@ -121,6 +121,9 @@ class Rigid(Method):
 
     def samples(self, world: int = 0) -> list[Sample]:
         poses = self.poses()
+        for k, (body, _) in enumerate(self.bodies):
+            if body.stretch is not None:
+                poses[k, :3, :3] = poses[k, :3, :3] @ body.stretch
         return [Transform(body.path, poses[k]) for k, (body, of) in enumerate(self.bodies) if of == world]
 
     def indicators(self, x, v) -> dict[str, float]:

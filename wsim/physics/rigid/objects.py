@@ -38,6 +38,8 @@ class Body(Compared):
     torque: np.ndarray = field(default_factory=lambda: np.zeros(3))        # world [N m]
     drag: float = 0.0                        # decay rate of the velocity [1/s]
     spin_drag: float = 0.0                   # of the angular momentum [1/s]
+    stretch: np.ndarray | None = field(default=None, compare=False)        # (3, 3) of its prim's transform, before `motion`:
+                                             # it has gone into the colliders, and results keep it
 
     def __post_init__(self):
         for name in ("velocity", "spin", "center", "inertia", "force", "torque"):
