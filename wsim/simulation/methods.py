@@ -67,7 +67,7 @@ def _xpbd(b: Build) -> str:
 
 def _contact(b: Build) -> str:
     kinds = sorted({type(c.shape).__name__.lower() for c in b.scene.colliders})
-    return f"colliders: {', '.join(kinds)}" if kinds else ""
+    return f"colliders: {', '.join(kinds)}" if kinds and b.model.bodies else ""
 
 
 NEEDED: dict[str, Callable[[Build], str]] = {

@@ -1,6 +1,7 @@
 """Rigid bodies on the device: the part "bodies", whose rows are the bodies of every world, and the steps of a frame.
 
-All substeps of a frame are one launch. Without colliders that can meet, a thread moves one body (kernels/rigid/motion.py).
+All substeps of a frame are one launch where nothing can meet: a thread moves one body (kernels/rigid/motion.py). Else
+wsim/physics/rigid/contacts.py.
 """
 
 from typing import Any
@@ -9,8 +10,9 @@ import numpy as np
 
 from wsim.geometry import rotation
 from wsim.kernels.rigid import motion
-from wsim.model.stage import Clock, Method, Stage
+from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import Field, Part
+from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.rigid.mass import Inertia, inertia
 from wsim.physics.rigid.objects import Body
@@ -48,9 +50,16 @@ class Rigid(Method):
         self._begin(frames)
         self.Bodies, self.Moving = motion.structs(b.model.real)
         self.table, self.pushed = self._tables(), True
-        self.kernel = motion.free(b.model.real, b.model.module)
-        self.stages.append(Stage("rigid bodies", "predict", self.advance, 1, self.part.bytes, "frame",
-                                 f"{len(self.bodies)} bodies, all substeps"))
+        self.contacts: Any = None
+        what, launches = f"{len(self.bodies)} bodies, all substeps", 1
+        if meet(scene):
+            from wsim.physics.rigid.contacts import Contacts
+            self.contacts = Contacts(b, self)
+            what += f", {self.contacts.shapes} shapes that can meet"
+            launches = self.contacts.launches(b.clock)
+        else:
+            self.kernel = motion.free(b.model.real, b.model.module)
+        self.stages.append(Stage("rigid bodies", "predict", self.advance, launches, self.part.bytes, "frame", what))
 
     def _begin(self, frames: np.ndarray) -> None:
         q = rotation.multiply(rotation.quaternion(frames[:, :3, :3]), np.array([m.axes for m in self.masses]))
@@ -96,7 +105,17 @@ class Rigid(Method):
     def moving(self) -> Any:
         return filled(self.Moving, **{name: self.part.arrays[name] for name in ("x", "e", "q", "o", "p", "L")})
 
+    def before_frame(self, time: float, clock: Clock) -> None:
+        if self.contacts:
+            self.contacts.before_frame(time, clock)
+
+    def retry(self, status: Status) -> list[Remedy]:
+        return self.contacts.retry(status) if self.contacts else []
+
     def advance(self, clock: Clock) -> None:
+        if self.contacts:
+            self.contacts.advance(clock)
+            return
         now = self.moving()
         self.model.launch(self.kernel, self.part.count, [self.table, now, clock.substeps, clock.h], [now])
 
@@ -176,5 +195,14 @@ class Rigid(Method):
         return True
 
 
+def meet(scene) -> bool:
+    """Whether there are two things that can touch."""
+    bodies = [body for body in scene.things("Body") if any(c.meets for c in body.colliders)]
+    return bool(bodies) and len(bodies) + len(scene.colliders) > 1
+
+
 def signature(b) -> list:
-    return []
+    if not meet(b.scene):
+        return []
+    from wsim.physics.rigid.contacts import bounces, kinds
+    return [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), bounces(b.scene)]

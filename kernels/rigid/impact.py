@@ -1,0 +1,100 @@
+"""Impacts: what would touch within a substep, faster than a rest, leaves with a part e of the speed (Newton's law).
+
+    u = sqrt(u_n^2 + 2 a gap),  u_n < 0,  a = -n . (a_A - a_B)         speed at which the gap closes, under the forces
+    u' = sqrt(e^2 u^2 - 2 a gap)                                       along n, now: the same bounce, seen from this height
+
+so that the height of a bounce does not depend on the step. Points that meet in one substep are solved together: sweeps until
+each has its u', with friction; what they have thrown then meets the next ones, round by round, as a blow runs through a row of
+balls. e is the larger of both restitutions. Rests are those below REST times the speed that forces give in a substep.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.rigid.contact import structs
+from wsim.kernels.rigid.motion import structs as of_bodies
+from wsim.kernels.rigid.soft_step import formulas
+
+ROUNDS, SWEEPS = wp.constant(64), wp.constant(64)
+REST, MET = wp.constant(4.0), wp.constant(1.0e-4)        # MET: part of the speed to which the sweeps go
+
+
+@cache
+def impacts(real):
+    """Function of a substep k of h [s], before its forces."""
+    t = types(real)
+    Bodies, Moving = of_bodies(real)
+    Shapes, Still, Contacts, Work = structs(real)
+    _, _, begun, pushed, ended, slip, rubbed = formulas(real)
+
+    @wp.func
+    def pull(f: int, b: Bodies):
+        a = t.vec3()
+        if f < b.w.shape[0]:
+            a = b.w[f] * b.push[f]
+        return a
+
+    @wp.func
+    def marked(m: int, k: int, h: real, s: Shapes, b: Bodies, now: Moving, still: Still, c: Contacts, work: Work):
+        """Whether a point of manifold m is thrown back in this round; their goals."""
+        e = wp.max(s.restitution[c.a[m]], s.restitution[c.b[m]])
+        some = bool(False)
+        two = begun(m, k, s, b, now, still, c, work)
+        n = c.n[m]
+        a = -wp.dot(n, pull(s.frame[c.a[m]], b) - pull(s.frame[c.b[m]], b))
+        for i in range(c.count[m]):
+            j = 4 * m + i
+            work.goal[j] = real(-1.0)
+            work.hit[j] = real(0.0)
+            work.scrape[j] = t.vec3()
+            u = wp.dot(n, slip(two, j, work))
+            gap = wp.max(work.now[j], real(0.0))
+            speed = wp.sqrt(wp.max(u * u + real(2.0) * a * gap, real(0.0)))
+            if e > real(0.0) and u < real(0.0) and gap + h * (u - real(0.5) * h * a) < real(0.0):
+                if speed > real(REST) * h * wp.abs(a) and speed > real(1.0e-6):
+                    work.goal[j] = wp.sqrt(wp.max(e * e * speed * speed - real(2.0) * a * gap, real(0.0)))
+                    some = True
+        return some
+
+    @wp.func
+    def struck(m: int, k: int, s: Shapes, b: Bodies, now: Moving, still: Still, c: Contacts, work: Work):
+        """One sweep over manifold m; the largest miss, as a part of the goal's own size."""
+        two = begun(m, k, s, b, now, still, c, work)
+        n = c.n[m]
+        mu = real(0.5) * (s.friction[c.a[m]] + s.friction[c.b[m]])
+        miss = real(0.0)
+        for i in range(c.count[m]):
+            j = 4 * m + i
+            if work.goal[j] >= real(0.0):
+                u = wp.dot(n, slip(two, j, work))
+                before = work.hit[j]
+                hit = wp.max(before + (work.goal[j] - u) / wp.dot(n, work.K[j] * n), real(0.0))
+                work.hit[j] = hit
+                two = pushed(two, m, j, (hit - before) * n, s, b, c, work)
+                miss = wp.max(miss, wp.abs(hit - before) / wp.max(hit, real(1.0e-30)))
+                was = work.scrape[j]
+                rub = rubbed(was, slip(two, j, work), n, work.K[j], hit, mu)
+                work.scrape[j] = rub
+                two = pushed(two, m, j, rub - was, s, b, c, work)
+        ended(two, m, s, b, now, c, work.touched)
+        return miss
+
+    @wp.func
+    def impacts(k: int, h: real, count: int, s: Shapes, b: Bodies, now: Moving, still: Still, c: Contacts, work: Work):
+        for _round in range(int(ROUNDS)):
+            some = bool(False)
+            for m in range(count):
+                if marked(m, k, h, s, b, now, still, c, work):
+                    some = True
+            if not some:
+                break
+            for _sweep in range(int(SWEEPS)):
+                miss = real(0.0)
+                for m in range(count):
+                    miss = wp.max(miss, struck(m, k, s, b, now, still, c, work))
+                if miss < real(MET):
+                    break
+
+    return impacts

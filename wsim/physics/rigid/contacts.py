@@ -1,0 +1,202 @@
+"""Contacts of rigid bodies with each other and with colliders: tables of shapes, lists that grow, and the launches of a frame.
+
+Manifolds are made at least COLLIDE times a second, by balls that may meet, then pair by pair (kernels/rigid/pairs.py,
+kernels/rigid/collide.py); the substeps until the next time are one launch (kernels/rigid/soft_step.py). Impulses that substeps
+begin with are a part of the state, so that a repeated frame and a restart have them. Friction is the mean of both colliders,
+restitution the larger.
+"""
+
+from math import ceil
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.geometry.rotation import angular_velocity, quaternion
+from wsim.kernels.math.real import types
+from wsim.kernels.rigid import collide, contact, pairs, soft_step
+from wsim.kernels.rigid.narrow.pair import every
+from wsim.kernels.rigid.narrow.shape import KINDS, hulls
+from wsim.model.stage import Clock, Remedy
+from wsim.model.state import Field, Part
+from wsim.model.status import Status
+from wsim.model.structs import filled
+from wsim.scene import Collider
+from wsim.scene.solids import Capsule, Plane, Sphere, row
+
+COLLIDE = 60.0               # [1/s]: a ball at 5 m/s goes 8 cm meanwhile
+WORD = "rigid pairs"
+PAIRS = (Field("a", "", True, "shape of a manifold, -1 for none", "int"), Field("b", "", True, "the other", "int"),
+         Field("count", "", True, "its points", "int"))
+POINTS = (Field("push", "N s", True, "impulse of a point in the last substep", "scalar"),
+          Field("rub", "N s", True, "that of friction"), Field("key", "", True, "features that touch", "int"))
+
+
+def kinds(bodies: list, colliders: list[Collider]) -> frozenset[tuple[str, str]]:
+    """Kinds of shapes that can meet."""
+    mine = {row(c.shape).kind for body in bodies for c in body.colliders if c.meets}
+    still = {row(c.shape).kind for c in colliders}
+    return frozenset(p for p in every(mine | still) if mine & set(p))
+
+
+class Contacts:
+    """bodies: (Body, world) of each row of the method's part."""
+
+    def __init__(self, b, method):
+        self.model, self.status, self.method = b.model, b.status, method
+        self.colliders: list[Collider] = b.scene.colliders
+        self.real, self.device = b.model.real, b.model.device
+        self.owners = [(k, world, c) for k, (body, world) in enumerate(method.bodies) for c in body.colliders if c.meets]
+        self.still_first = len(method.bodies)
+        self.bouncing = bounces(b.scene)
+        self._shapes()
+        real, module = self.real, b.model.module
+        self.reach, self.listed = pairs.reach(real, module), pairs.listed(real, module)
+        self.collide = collide.collide(kinds(b.scene.things("Body"), self.colliders), real, module)
+        self.step = soft_step.soft_step(real, module, self.bouncing)
+        self.hulls = hulls(real)()
+        b.status.reserve(WORD)
+        self.parts = (Part.allocate("rigid pairs", PAIRS, 0, real, self.device, self._room()),
+                      Part.allocate("rigid touches", POINTS, 0, real, self.device, 4 * self._room()))
+        b.state.add(*self.parts)
+        self._lists(self._room())
+        self._empty(0)
+        self.poses_of: tuple = ()
+
+    def _room(self) -> int:
+        return 16 + 4 * self.shapes
+
+    def _shapes(self) -> None:
+        method, real = self.method, self.real
+        rows = [(k, world, c, place_of(method.masses[k], c)) for k, world, c in self.owners]
+        rows += [(self.still_first + s, -1, c, np.array([0.0, 0, 0, 0, 0, 0, 1])) for s, c in enumerate(self.colliders)]
+        self.shapes = len(rows)
+        shape = [c.shape for _, _, c, _ in rows]
+        ball = [-1.0 if isinstance(s, Plane) else row(s).ball(s) for s in shape]
+        t = types(real)
+        Shapes, self.Still, self.Contacts, self.Work = contact.structs(real)
+
+        def array(values, dtype):
+            kind = np.int32 if dtype is int else self.model.dtype
+            return self.model.upload(np.array(values, kind), dtype)
+        self.table = filled(
+            Shapes, frame=array([k for k, *_ in rows], int), world=array([w for _, w, _, _ in rows], int),
+            kind=array([KINDS[row(s).kind] for s in shape], int), row=array([0] * len(rows), int),
+            size=array([row(s).size(s) for s in shape], t.vec3), place=array([p for *_, p in rows], t.transform),
+            ball=array(ball, real), skin=array([s.radius if isinstance(s, (Sphere, Capsule)) else 0.0 for s in shape], real),
+            friction=array([(c.static_friction, c.dynamic_friction) for _, _, c, _ in rows], t.vec2),
+            restitution=array([c.restitution for _, _, c, _ in rows], real))
+        still = np.array([c.motion.at(0.0)[:3, 3] for c in self.colliders]).reshape(-1, 3)
+        self.still_origin = still
+        self.origin = wp.array(np.concatenate([method.origin, still]), dtype=wp.vec3d, device=self.device)
+        self.paths = [c.path for _, _, c, _ in rows]
+
+    def _lists(self, room: int) -> None:
+        """Arrays for so many pairs, and those of bodies and shapes."""
+        t, real, n = types(self.real), self.real, self.still_first + len(self.colliders)
+
+        def zeros(length, dtype):
+            return wp.zeros(length, dtype=dtype, device=self.device)
+        self.room = room
+        self.list = filled(self.Contacts, a=zeros(room, int), b=zeros(room, int), count=zeros(room, int), n=zeros(room, t.vec3),
+                           skin=zeros(room, t.vec2), key=zeros(4 * room, int), gap=zeros(4 * room, real),
+                           push=zeros(4 * room, real), rub=zeros(4 * room, t.vec3),
+                           **{name: zeros(4 * room, t.vec3) for name in ("core_a", "core_b", "first_a", "first_b")})
+        self.work = filled(self.Work, from_x=zeros(n, t.vec3), spread=zeros(n, t.mat33), turn=zeros(n, t.mat33),
+                           p0=zeros(n, t.vec3), L0=zeros(n, t.vec3), touched=zeros(n, int), r_a=zeros(4 * room, t.vec3),
+                           r_b=zeros(4 * room, t.vec3), now=zeros(4 * room, real), K=zeros(4 * room, t.mat33),
+                           goal=zeros(4 * room, real), hit=zeros(4 * room, real), scrape=zeros(4 * room, t.vec3))
+        self.center, self.span = zeros(self.shapes, wp.vec3d), zeros(self.shapes, t.vec2)
+        self.number, self.first = zeros(self.shapes, int), zeros(self.shapes, int)
+
+    def _empty(self, first: int) -> None:
+        """No pairs from this row on, and in the snapshot; rows of the parts are those of the first body, for a restart."""
+        for array in (self.parts[0].every, self.parts[0].aside):
+            array[first:self.parts[0].capacity].fill_(-1)
+        body, world = self.method.bodies[0]
+        for part in self.parts:
+            part.rows = {(body.path, world): np.arange(part.capacity)}
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        """Uploads the poses of colliders at the substeps of a frame; still ones once."""
+        moves = any(c.motion.moves for c in self.colliders)
+        known = (clock.substeps, tuple(id(c.motion) for c in self.colliders))
+        if self.poses_of == known and not moves:
+            return
+        rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.colliders)
+        M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)]).reshape(-1, n, 4, 4)
+        x, q = M[:, :, :3, 3] - self.still_origin, quaternion(M[:, :, :3, :3])
+        v, omega = np.zeros_like(x), np.zeros_like(x)
+        if moves:
+            v, omega = (x[1:] - x[:-1]) / h, angular_velocity(q[:-1], q[1:], h)
+        values = (x[:rows], q[:rows], v[:rows], omega[:rows])
+        if self.poses_of != known:
+            t = types(self.real)
+            kinds = (t.vec3, t.quat, t.vec3, t.vec3)
+            arrays = [wp.zeros((rows, n), dtype=kind, device=self.device) for kind in kinds]
+            self.still = filled(self.Still, moving=int(moves), x=arrays[0], q=arrays[1], v=arrays[2], omega=arrays[3])
+            self.poses_of = known
+        for name, value in zip(("x", "q", "v", "omega"), values, strict=True):
+            getattr(self.still, name).assign(np.ascontiguousarray(value, self.model.dtype))
+
+    def advance(self, clock: Clock) -> None:
+        """All substeps of a frame."""
+        times = max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
+        ends = [round(i * clock.substeps / times) for i in range(times + 1)]
+        for first, last in zip(ends[:-1], ends[1:], strict=True):
+            self._manifolds(clock, first, last)
+            now = self.method.moving()
+            self.model.launch(self.step, 1, [wp.vec2i(first, last), clock.h, self.first[self.shapes - 1:], self.table,
+                                             self.method.table, now, self.still, self.list, self.work], [])
+            for name, array in self.arrays().items():
+                wp.copy(array, getattr(self.list, name))
+
+    def launches(self, clock: Clock) -> int:
+        return 12 * max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
+
+    def arrays(self) -> dict[str, wp.array]:
+        """Of the state: the last list."""
+        return {name: array for part in self.parts for name, array in part.arrays.items()}
+
+    def _manifolds(self, clock: Clock, first: int, last: int) -> None:
+        launch, now, n = self.model.launch, self.method.moving(), self.shapes
+        launch(self.reach, n, [self.table, self.method.table, now, self.still, self.origin, first, clock.h * (last - first)],
+               [self.center, self.span, self.work.from_x])
+        for write in (0, 1):
+            launch(self.listed, n, [self.table, self.still_first, self.center, self.span, self.first, write],
+                   [self.number, self.list.a, self.list.b, self.status.word(WORD)])
+            if not write:
+                wp.utils.array_scan(self.number, self.first, True)
+        before = filled(collide.lasts(self.real), **self.arrays())
+        launch(self.collide, self.room, [self.table, self.hulls, now, self.still, self.origin, self.span, first, before],
+               [self.list])
+
+    def grow(self, room: int) -> None:
+        """Room for so many pairs; what the state has of them stays."""
+        before = self.parts[0].capacity
+        self.parts[0].enlarge(room, self.real, self.device)
+        self.parts[1].enlarge(4 * room, self.real, self.device)
+        self._lists(room)
+        self._empty(before)
+
+    def retry(self, status: Status) -> list[Remedy]:
+        wanted = int(status.said(WORD)[0])
+
+        def more() -> str:
+            self.grow(wanted + wanted // 4)
+            return f"{wanted} pairs of rigid shapes were near each other, more than there was room for"
+        return [Remedy("grow", more)] if wanted > self.room else []
+
+
+def bounces(scene) -> bool:
+    """Whether something has a restitution."""
+    own = [c for body in scene.things("Body") for c in body.colliders if c.meets]
+    return any(c.restitution > 0.0 for c in (*own, *scene.colliders))
+
+
+def place_of(mass: Any, collider: Collider) -> np.ndarray:
+    """(x, y, z, quaternion) of a collider in the frame of its body's centre of mass and principal axes."""
+    from wsim.geometry.rotation import conjugate, multiply, rotate
+    M = collider.motion.at(0.0)
+    back = conjugate(mass.axes)
+    return np.concatenate([rotate(back, M[:3, 3] - mass.center), multiply(back, quaternion(M[:3, :3]))])
