@@ -1,0 +1,230 @@
+"""Depth of two overlapping convex cores by the expanding polytope (van den Bergen 2001), in A's frame.
+
+D = {a - b} holds 0. Of a polytope of places of D the face that is nearest to 0, with the outward normal f at the distance d, is
+pushed out to the place w of D farthest along f, until f.w is d: every f.w bounds the depth from above, the least of them is the
+answer, every least d from below. Distances have signs, so that the start need not hold 0: a tetrahedron of places that lie far
+from one another, whatever GJK ended with. Faces that see w are taken away and what is left of their edges is joined to w.
+
+n = -f, gap = -f.w. A face too thin for a normal is never pushed. Room for VERTICES places: shapes that are round both ways come
+to about 1e-5 of their size with it, polyhedra to rounding.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from wsim.kernels.math.eigen import rounding
+from wsim.kernels.math.real import types
+from wsim.kernels.rigid.narrow.capsule import finishing
+from wsim.kernels.rigid.narrow.shape import extent, hulls, shape, support
+
+VERTICES = wp.constant(64)
+FACES = wp.constant(160)
+EDGES = wp.constant(96)
+NEVER = wp.constant(1.0e30)              # distance of a face that has no normal
+
+
+@cache
+def polytope(real) -> SimpleNamespace:
+    """Functions on a polytope: vertices V, faces F of three in the order of their outward normals N, distances D."""
+    t = types(real)
+    vec3, vec3s, reals, threes, twos = (t.vec3, wp.array(dtype=t.vec3), wp.array(dtype=real), wp.array(dtype=wp.vec3i),
+                                        wp.array(dtype=wp.vec2i))
+
+    @wp.func
+    def put(V: vec3s, F: threes, N: vec3s, D: reals, slot: int, f: wp.vec3i, tiny: real):
+        a = V[f[0]]
+        b = V[f[1]]
+        c = V[f[2]]
+        n = wp.cross(b - a, c - a)
+        long = wp.length(n)
+        F[slot] = f
+        N[slot] = vec3()
+        D[slot] = real(NEVER)
+        if long > tiny * wp.max(wp.length(b - a), wp.length(c - a)):
+            N[slot] = n / long
+            D[slot] = wp.dot(n, a + b + c) / (real(3.0) * long)
+
+    @wp.func
+    def horizon(E: twos, count: int, i: int, j: int):
+        """The edge i j of a face that goes; two faces that go leave none between them."""
+        found = int(-1)
+        for e in range(count):
+            pair = E[e]
+            if pair[0] == j and pair[1] == i:
+                found = e
+        left = count
+        if found >= 0:
+            left = count - 1
+            E[found] = E[left]
+        elif count < EDGES:
+            E[count] = wp.vec2i(i, j)
+            left = count + 1
+        return left
+
+    @wp.func
+    def remove(F: threes, N: vec3s, D: reals, E: twos, faces: int, w: vec3, pushed: int, tiny: real):
+        """(faces, edges) left."""
+        left = int(faces)
+        edges = int(0)
+        for k in range(faces):
+            f = faces - 1 - k
+            if wp.dot(N[f], w) > D[f] + tiny or f == pushed:
+                corners = F[f]
+                edges = horizon(E, edges, corners[0], corners[1])
+                edges = horizon(E, edges, corners[1], corners[2])
+                edges = horizon(E, edges, corners[2], corners[0])
+                left -= 1
+                F[f] = F[left]
+                N[f] = N[left]
+                D[f] = D[left]
+        return left, edges
+
+    @wp.func
+    def nearest(D: reals, faces: int):
+        best = int(0)
+        for f in range(1, faces):
+            if D[f] < D[best]:
+                best = f
+        return best
+
+    @wp.func
+    def weights(V: vec3s, f: wp.vec3i, n: vec3, d: real):
+        """Of the corners of a face at the place n d of its plane, clamped to the face."""
+        q = d * n
+        a = wp.max(wp.dot(n, wp.cross(V[f[1]] - q, V[f[2]] - q)), real(0.0))
+        b = wp.max(wp.dot(n, wp.cross(V[f[2]] - q, V[f[0]] - q)), real(0.0))
+        c = wp.max(wp.dot(n, wp.cross(V[f[0]] - q, V[f[1]] - q)), real(0.0))
+        return vec3(a, b, c) / (a + b + c)
+
+    return SimpleNamespace(put=put, remove=remove, nearest=nearest, weights=weights)
+
+
+@cache
+def beginning(kinds: frozenset[str], real):
+    """(far, tetrahedron): functions. far: place of D farthest along d, and where it is on A. tetrahedron: -> whether D is flat."""
+    t, Shape, Hulls = types(real), shape(real), hulls(real)
+    vec3, vec3s = t.vec3, wp.array(dtype=t.vec3)
+    farthest = support(kinds, real)
+    aside, _nearest = finishing(real)
+
+    @wp.func
+    def far(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, d: vec3):
+        pa = farthest(a, H, d)
+        return pa - (R * farthest(b, H, -(wp.transpose(R) * d)) + p), pa
+
+    @wp.func
+    def farther(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, d: vec3, o: vec3):
+        """The one of the places along d and -d that is farther from o along it."""
+        w, pa = far(a, b, H, R, p, d)
+        u, pu = far(a, b, H, R, p, -d)
+        if wp.abs(wp.dot(u - o, d)) > wp.abs(wp.dot(w - o, d)):
+            w = u
+            pa = pu
+        return w, pa
+
+    @wp.func
+    def tetrahedron(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, d: vec3, V: vec3s, A: vec3s):
+        """V, A: four places. Returns their volume's height."""
+        w, pa = far(a, b, H, R, p, d)
+        V[0] = w
+        A[0] = pa
+        w, pa = far(a, b, H, R, p, -d)
+        V[1] = w
+        A[1] = pa
+        w, pa = farther(a, b, H, R, p, aside(V[1] - V[0]), V[0])
+        V[2] = w
+        A[2] = pa
+        n = wp.normalize(wp.cross(V[1] - V[0], V[2] - V[0]))
+        w, pa = farther(a, b, H, R, p, n, V[0])
+        V[3] = w
+        A[3] = pa
+        if wp.dot(w - V[0], n) > real(0.0):                    # 0 1 2 is to face away from 3
+            V[3] = V[2]
+            A[3] = A[2]
+            V[2] = w
+            A[2] = pa
+        return n, wp.abs(wp.dot(w - V[0], n))
+
+    return far, tetrahedron
+
+
+@cache
+def penetration(kinds: frozenset[str], real):
+    """Function (a, b, hulls, R, p, d) -> Nearest of two shapes whose cores overlap or touch; d: a first direction, not 0."""
+    t, Shape, Hulls, of = types(real), shape(real), hulls(real), polytope(real)
+    vec3 = t.vec3
+    radius, size = extent(real)
+    aside, nearest_of = finishing(real)
+    far, tetrahedron = beginning(kinds, real)
+    put, remove, nearest, weights = of.put, of.remove, of.nearest, of.weights
+
+    @wp.func
+    def flat(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, n: vec3, radii: t.vec2):
+        """D has no volume: out of its plane the shorter way."""
+        w, pa = far(a, b, H, R, p, n)
+        u, pu = far(a, b, H, R, p, -n)
+        f = n
+        if wp.dot(u, -n) < wp.dot(w, n):
+            f = -n
+            w = u
+            pa = pu
+        return nearest_of(pa, pa - wp.dot(w, f) * f, -f, -wp.dot(w, f), radii, 0)
+
+    @wp.func
+    def expanded(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, V: wp.array(dtype=vec3), A: wp.array(dtype=vec3),
+                 radii: t.vec2):
+        F = wp.zeros(shape=(FACES,), dtype=wp.vec3i)
+        N = wp.zeros(shape=(FACES,), dtype=vec3)
+        D = wp.zeros(shape=(FACES,), dtype=real)
+        E = wp.zeros(shape=(EDGES,), dtype=wp.vec2i)
+        tiny = real(2.0) * rounding(radii[0]) * (size(a, H) + size(b, H))
+        put(V, F, N, D, 0, wp.vec3i(0, 1, 2), tiny)
+        put(V, F, N, D, 1, wp.vec3i(0, 3, 1), tiny)
+        put(V, F, N, D, 2, wp.vec3i(1, 3, 2), tiny)
+        put(V, F, N, D, 3, wp.vec3i(2, 3, 0), tiny)
+        faces = int(4)
+        vertices = int(4)
+        depth = real(NEVER)
+        n = vec3()
+        pa = vec3()
+        while vertices < VERTICES:
+            f = nearest(D, faces)
+            w, pw = far(a, b, H, R, p, N[f])
+            h = wp.dot(w, N[f])
+            if h < depth:
+                depth = h
+                n = N[f]
+                corners = F[f]
+                l = weights(V, corners, n, D[f])
+                pa = l[0] * A[corners[0]] + l[1] * A[corners[1]] + l[2] * A[corners[2]]
+            if h - D[f] <= tiny:
+                break
+            faces, edges = remove(F, N, D, E, faces, w, f, tiny)
+            if faces + edges > FACES:
+                break
+            V[vertices] = w
+            A[vertices] = pw
+            for e in range(edges):
+                pair = E[e]
+                put(V, F, N, D, faces + e, wp.vec3i(pair[0], pair[1], vertices), tiny)
+            faces += edges
+            vertices += 1
+        return nearest_of(pa, pa - depth * n, -n, -depth, radii, 0)
+
+    @wp.func
+    def penetration(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, d: vec3):
+        V = wp.zeros(shape=(VERTICES,), dtype=vec3)
+        A = wp.zeros(shape=(VERTICES,), dtype=vec3)
+        radii = t.vec2(radius(a), radius(b))
+        start = d
+        if wp.length_sq(d) <= real(0.0):
+            start = aside(vec3(real(1.0), real(1.0), real(1.0)))
+        n, height = tetrahedron(a, b, H, R, p, start, V, A)
+        near = flat(a, b, H, R, p, n, radii)
+        if height > real(1.0e-5) * (size(a, H) + size(b, H)):
+            near = expanded(a, b, H, R, p, V, A, radii)
+        return near
+
+    return penetration

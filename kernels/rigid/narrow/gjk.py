@@ -1,0 +1,226 @@
+"""Distance of two convex cores (Gilbert, Johnson, Keerthi 1988) in A's frame; where they overlap, EPA (kernels/rigid/narrow/epa.py).
+
+The difference D = {a - b} is nearest to 0 at v. A simplex of at most four places of D is kept, v is its nearest; the place w of D
+farthest along -v bounds the distance from below by v.w / |v|. Of a simplex the nearest part is found by trying all: the inside of
+a triangle where all three areas are above 0, else the best edge; of a tetrahedron the best triangle that 0 lies outside of. So a
+flat or needle-shaped simplex has a nearest place too, and the distance falls with each step or the search ends.
+
+Every tolerance is a number of roundings of the two sizes. Where v ends inside a triangle its plane gives n, which keeps its digits
+however near the two are.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from wsim.kernels.math.eigen import rounding
+from wsim.kernels.math.real import types
+from wsim.kernels.rigid.narrow.capsule import finishing
+from wsim.kernels.rigid.narrow.clip import structs
+from wsim.kernels.rigid.narrow.epa import penetration
+from wsim.kernels.rigid.narrow.shape import extent, hulls, shape, support
+
+MOST = wp.constant(64)                   # steps; polyhedra take 3 to 10, two rims up to 30
+CLOSE = wp.constant(8.0)                 # roundings: the distance is known, or 0
+
+
+@cache
+def simplex(real) -> SimpleNamespace:
+    """Functions of the nearest place to 0 of simplices: weights of four places, 0 of those that do not count."""
+    t = types(real)
+    vec3, vec4, rows = t.vec3, t.vec4, wp.types.matrix((4, 3), real)
+
+    @wp.func
+    def place(W: rows, l: vec4):
+        return l[0] * W[0] + l[1] * W[1] + l[2] * W[2] + l[3] * W[3]
+
+    @wp.func
+    def edge(W: rows, i: int, j: int):
+        e = W[j] - W[i]
+        ee = wp.dot(e, e)
+        s = real(0.0)
+        if ee > real(0.0):
+            s = wp.clamp(-wp.dot(W[i], e) / ee, real(0.0), real(1.0))
+        l = vec4()
+        l[i] = real(1.0) - s
+        l[j] = s
+        return l
+
+    @wp.func
+    def triangle(W: rows, i: int, j: int, k: int):
+        a = W[i]
+        b = W[j]
+        c = W[k]
+        n = wp.cross(b - a, c - a)
+        nn = wp.dot(n, n)
+        u = wp.dot(n, wp.cross(b, c))
+        v = wp.dot(n, wp.cross(c, a))
+        w = wp.dot(n, wp.cross(a, b))
+        l = edge(W, i, j)
+        if u > real(0.0) and v > real(0.0) and w > real(0.0) and nn > real(0.0):
+            l = vec4()
+            l[i] = u / (u + v + w)
+            l[j] = v / (u + v + w)
+            l[k] = w / (u + v + w)
+        else:
+            second = edge(W, j, k)
+            third = edge(W, k, i)
+            if wp.length_sq(place(W, second)) < wp.length_sq(place(W, l)):
+                l = second
+            if wp.length_sq(place(W, third)) < wp.length_sq(place(W, l)):
+                l = third
+        return l
+
+    @wp.func
+    def tetrahedron(W: rows):
+        """(weights, whether 0 is inside)."""
+        inside = bool(True)
+        best = vec4()
+        least = real(1.0e30)
+        for o in range(4):                                     # the corner across
+            i = wp.where(o == 0, 1, 0)
+            j = wp.where(o < 2, 2, 1)
+            k = wp.where(o < 3, 3, 2)
+            n = wp.cross(W[j] - W[i], W[k] - W[i])
+            across = wp.dot(n, W[o] - W[i])
+            if wp.dot(n, W[i]) * across >= real(0.0):          # 0 and the corner lie on two sides, or there is no volume
+                inside = False
+                l = triangle(W, i, j, k)
+                far = wp.length_sq(place(W, l))
+                if far < least:
+                    least = far
+                    best = l
+        return best, inside
+
+    return SimpleNamespace(place=place, edge=edge, triangle=triangle, tetrahedron=tetrahedron)
+
+
+@cache
+def reducing(real):
+    """Function (W, A, count) -> (W, A, count, weights): the part of the simplex that is nearest to 0; 4 places if it holds 0."""
+    t, s = types(real), simplex(real)
+    vec4, rows = t.vec4, wp.types.matrix((4, 3), real)
+    edge, triangle, tetrahedron = s.edge, s.triangle, s.tetrahedron
+
+    @wp.func
+    def reduced(W: rows, A: rows, count: int):
+        l = vec4()
+        l[0] = real(1.0)
+        inside = bool(False)
+        if count == 2:
+            l = edge(W, 0, 1)
+        elif count == 3:
+            l = triangle(W, 0, 1, 2)
+        elif count == 4:
+            l, inside = tetrahedron(W)
+        kept = int(count)
+        weights = vec4()
+        if not inside:
+            kept = 0
+            for i in range(4):
+                if l[i] > real(0.0):
+                    w = W[i]
+                    a = A[i]
+                    W[kept] = w
+                    A[kept] = a
+                    weights[kept] = l[i]
+                    kept += 1
+        return W, A, kept, weights
+
+    return reduced
+
+
+@cache
+def apart(kinds: frozenset[str], real):
+    """Function (a, b, hulls, R, p, margin) -> Nearest of two shapes, B in the pose (R, p) in A's frame. Beyond the margin n and
+    the gap are a bound: they are apart by that much along n."""
+    t, Shape, Hulls, Nearest = types(real), shape(real), hulls(real), structs(real).Nearest
+    vec3, rows, farthest, place, reduced = t.vec3, wp.types.matrix((4, 3), real), support(kinds, real), simplex(real).place, \
+        reducing(real)
+    radius, size = extent(real)
+    _aside, nearest = finishing(real)
+    inner = penetration(kinds, real)
+
+    @wp.func
+    def known(W: rows, count: int, w: vec3):
+        found = bool(False)
+        for i in range(count):
+            if wp.length_sq(W[i] - w) == real(0.0):
+                found = True
+        return found
+
+    @wp.func
+    def direction(W: rows, count: int, v: vec3):
+        """(n, distance): of a triangle from its plane, unless that is a needle."""
+        far = wp.length(v)
+        n = v / far
+        if count == 3:
+            m = wp.cross(W[1] - W[0], W[2] - W[0])
+            long = wp.max(wp.length_sq(W[1] - W[0]), wp.max(wp.length_sq(W[2] - W[0]), wp.length_sq(W[2] - W[1])))
+            if wp.length(m) > real(1.0e-3) * long:
+                n = wp.normalize(m)
+                far = wp.dot(n, W[0])
+                if far < real(0.0):
+                    far = -far
+                    n = -n
+        return n, far
+
+    @wp.func
+    def apart(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, margin: real):
+        W = rows()
+        A = rows()
+        weights = t.vec4()
+        count = int(0)
+        radii = t.vec2(radius(a), radius(b))
+        tiny = real(CLOSE) * rounding(margin) * (size(a, H) + size(b, H))
+        v = -p
+        if wp.length(v) <= tiny:
+            v = vec3(real(1.0), real(0.0), real(0.0))
+        far = real(1.0e30)
+        overlap = bool(False)
+        beyond = bool(False)
+        steps = int(MOST)
+        for _k in range(steps):
+            pa = farthest(a, H, -v)
+            w = pa - (R * farthest(b, H, wp.transpose(R) * v) + p)
+            bound = wp.dot(v, w) / wp.length(v)
+            if bound - radii[0] - radii[1] > margin:
+                beyond = True
+                far = bound
+                break
+            if far - bound <= real(0.25) * tiny or known(W, count, w):
+                break
+            U = W
+            B = A
+            U[count] = w
+            B[count] = pa
+            U, B, left, l = reduced(U, B, count + 1)
+            if left == 4:
+                overlap = True
+                break
+            u = place(U, l)
+            if wp.length(u) >= far:
+                break
+            W = U
+            A = B
+            count = left
+            weights = l
+            v = u
+            far = wp.length(v)
+            if far <= tiny:
+                overlap = True
+                break
+        near = Nearest()
+        if overlap:
+            near = inner(a, b, H, R, p, v)
+        elif beyond:
+            near.n = v / wp.length(v)
+            near.gap = far - radii[0] - radii[1]
+        else:
+            n, gap = direction(W, count, v)
+            pa = place(A, weights)
+            near = nearest(pa, pa - gap * n, n, gap, radii, 0)
+        return near
+
+    return apart

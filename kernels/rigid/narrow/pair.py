@@ -1,0 +1,168 @@
+"""Narrow phase: the manifold of any two convex shapes, of whose kinds only those of a scene are compiled.
+
+    plane    any     corners of the lowest face             sphere   closed   signed distance of its centre
+    box      box     separating axes, clipped faces         capsule  capsule, box     nearest places of a segment
+    else             GJK, and EPA where the cores overlap; clipped faces
+
+A shape is in the frame of its kind; A's frame carries the arithmetic, so that nothing is lost far from the scene's origin.
+"""
+
+from functools import cache
+from itertools import combinations_with_replacement
+
+import warp as wp
+
+from wsim.kernels.contact.shape import BOX, CAPSULE, PLANE, SPHERE, distance
+from wsim.kernels.math.real import types
+from wsim.kernels.math.rotation import matrix
+from wsim.kernels.rigid.manifold import making, manifold
+from wsim.kernels.rigid.narrow.box import box
+from wsim.kernels.rigid.narrow.capsule import box_capsule, capsules
+from wsim.kernels.rigid.narrow.clip import contact, structs
+from wsim.kernels.rigid.narrow.face import face
+from wsim.kernels.rigid.narrow.gjk import apart
+from wsim.kernels.rigid.narrow.plane import plane
+from wsim.kernels.rigid.narrow.shape import CORNERS, KINDS, extent, hulls, shape
+
+CLOSED = ("plane", "sphere", "box", "capsule", "cylinder", "cone")
+
+
+def every(kinds) -> frozenset[tuple[str, str]]:
+    """Pairs of these kinds, each with its kinds in the order of their numbers; no two planes."""
+    order = sorted(set(kinds), key=KINDS.__getitem__)
+    return frozenset(p for p in combinations_with_replacement(order, 2) if p != ("plane", "plane"))
+
+
+def searched(pairs) -> frozenset[tuple[str, str]]:
+    """Those of the pairs that have no closed form."""
+    done = {("box", "box"), ("box", "capsule"), ("capsule", "capsule")}
+    return frozenset((a, b) for a, b in pairs if a != "plane" and (a, b) not in done and not (a == "sphere" and b in CLOSED))
+
+
+def capacity(kinds) -> int:
+    """Corners of the faces of these kinds, at most."""
+    return CORNERS if "hull" in kinds else 8 if {"cylinder", "cone"} & set(kinds) else 4
+
+
+@cache
+def nearest(pairs: frozenset[tuple[str, str]], real):
+    """Function (a, b, hulls, R, p, margin) -> Nearest of two shapes, a of the lower kind and no plane."""
+    t, Shape, Hulls, Nearest = types(real), shape(real), hulls(real), structs(real).Nearest
+    boxes, both, lines = (pair in pairs for pair in (("box", "box"), ("capsule", "capsule"), ("box", "capsule")))
+    balls = frozenset(b for a, b in pairs if a == "sphere" and b in CLOSED)
+    ball, further = bool(balls), searched(pairs)
+    sought = frozenset(kind for pair in further for kind in pair)
+    search = bool(further)
+    phi_of = distance(tuple(sorted(balls)))
+    of_boxes, of_capsules, of_both, of_any = box(real), capsules(real), box_capsule(real), apart(sought, real)
+    round_kinds = max((KINDS[b] for b in balls), default=0)
+
+    @wp.func
+    def from_ball(a: Shape, b: Shape, R: t.mat33, p: t.vec3):
+        phi, n = phi_of(b.kind, b.size, -(wp.transpose(R) * p))
+        near = Nearest()
+        near.n = R * n
+        near.gap = phi - a.size[0]
+        near.x = (real(-0.5) * (a.size[0] + phi)) * near.n
+        return near
+
+    @wp.func
+    def nearest(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: t.vec3, margin: real):
+        near = Nearest()
+        known = bool(False)
+        if ball:
+            if a.kind == SPHERE and b.kind <= round_kinds:
+                near = from_ball(a, b, R, p)
+                known = True
+        if boxes:
+            if a.kind == BOX and b.kind == BOX:
+                near = of_boxes(a.size, b.size, R, p)
+                known = True
+        if lines:
+            if a.kind == BOX and b.kind == CAPSULE:
+                near = of_both(a.size, b.size, R, p)
+                known = True
+        if both:
+            if a.kind == CAPSULE and b.kind == CAPSULE:
+                near = of_capsules(a.size, b.size, R, p)
+                known = True
+        if search:
+            if not known:
+                near = of_any(a, b, H, R, p, margin)
+        return near
+
+    return nearest
+
+
+@cache
+def ordered(pairs: frozenset[tuple[str, str]], real):
+    """Function (a, b, hulls, R, p, margin) -> Manifold in A's frame, a of the lower kind, b in the pose (R, p) there."""
+    t, Shape, Hulls, Manifold, of = types(real), shape(real), hulls(real), manifold(real), structs(real)
+    kinds = frozenset(kind for pair in pairs for kind in pair)
+    corners = capacity(kinds)
+    planes, others = any(a == "plane" for a, _ in pairs), any(a != "plane" for a, _ in pairs)
+    on_plane, near_of = plane(kinds, real, corners), nearest(pairs, real)
+    radius, size = extent(real)
+    place, touch, room = face(kinds, real), contact(real, corners), 4 * corners
+    vec3 = t.vec3
+
+    @wp.func
+    def convex(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: t.vec3, margin: real):
+        near = near_of(a, b, H, R, p, margin)
+        m = Manifold()
+        if near.gap <= margin:
+            PA = wp.zeros(shape=(wp.static(room),), dtype=vec3)
+            PB = wp.zeros(shape=(wp.static(room),), dtype=vec3)
+            sa = of.Side()
+            sb = of.Side()
+            sa.r = radius(a)
+            sb.r = radius(b)
+            count_a, number_a, f_a = place(a, H, -near.n, PA)
+            count_b, number_b, f_b = place(b, H, wp.transpose(R) * near.n, PB)
+            sa.count = count_a
+            sa.number = number_a
+            sa.f = f_a
+            sb.count = count_b
+            sb.number = number_b
+            sb.f = R * f_b
+            for i in range(count_b):
+                PB[i] = R * PB[i] + p
+            m = touch(PA, sa, PB, sb, near, margin, wp.min(size(a, H), size(b, H)))
+        return m
+
+    @wp.func
+    def ordered(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: t.vec3, margin: real):
+        m = Manifold()
+        if planes:
+            if a.kind == PLANE:
+                m = on_plane(b, H, R, p, margin)
+        if others:
+            if a.kind != PLANE:
+                m = convex(a, b, H, R, p, margin)
+        return m
+
+    return ordered
+
+
+@cache
+def narrow(pairs: frozenset[tuple[str, str]], real):
+    """Function (a, b, hulls, pose_a, pose_b, margin) -> Manifold of the shapes of these pairs (`every`): n in the world's axes,
+    places from where pose_a is, in the world's axes too [m]. Poses are from one origin, quaternions (x, y, z, w), unit."""
+    t, Shape, Hulls, Manifold = types(real), shape(real), hulls(real), manifold(real)
+    made = ordered(pairs, real)
+    _single, flipped, turned = making(real)
+
+    @wp.func
+    def narrow(a: Shape, b: Shape, H: Hulls, pose_a: t.transform, pose_b: t.transform, margin: real):
+        A = matrix(wp.transform_get_rotation(pose_a))
+        B = matrix(wp.transform_get_rotation(pose_b))
+        d = wp.transform_get_translation(pose_b) - wp.transform_get_translation(pose_a)
+        m = Manifold()
+        if a.kind <= b.kind:
+            m = turned(made(a, b, H, wp.transpose(A) * B, wp.transpose(A) * d, margin), A)
+        else:
+            m = made(b, a, H, wp.transpose(B) * A, wp.transpose(B) * (-d), margin)
+            m = flipped(turned(m, B), -d)
+        return m
+
+    return narrow

@@ -1,0 +1,52 @@
+"""A plane, z = 0 and all below, against a convex shape: the corners of the shape's lowest face, and its lowest place.
+
+    n = -z (from the shape B to the plane A),  gap = z(p) - R,  x = p - (R + gap / 2) z
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.rigid.manifold import making, manifold, reduction
+from wsim.kernels.rigid.narrow.face import face
+from wsim.kernels.rigid.narrow.shape import extent, hulls, shape, support
+
+
+@cache
+def plane(kinds: frozenset[str], real, corners: int):
+    """Function (b, hulls, R, p, margin) -> Manifold, b in the pose (R, p) in the plane's frame."""
+    t, Shape, Hulls, Manifold = types(real), shape(real), hulls(real), manifold(real)
+    lowest, place, reduce = support(kinds, real), face(kinds, real), reduction(real)
+    radius, extent_of = extent(real)
+    single, _flipped, _turned = making(real)
+    vec3 = t.vec3
+
+    @wp.func
+    def plane(b: Shape, H: Hulls, R: t.mat33, p: t.vec3, margin: real):
+        P = wp.zeros(shape=(corners,), dtype=vec3)
+        gap = wp.zeros(shape=(corners,), dtype=real)
+        key = wp.zeros(shape=(corners,), dtype=int)
+        d = -R[2]                                               # down, in the frame of b
+        r = radius(b)
+        up = t.vec3(real(0.0), real(0.0), real(1.0))
+        low = R * lowest(b, H, d) + p
+        m = Manifold()
+        if low[2] - r <= margin:
+            count, number, _n = place(b, H, d, P)
+            kept = int(0)
+            least = margin
+            for c in range(count):
+                q = R * P[c] + p
+                if q[2] - r <= margin:
+                    P[kept] = q - (real(0.5) * (q[2] + r)) * up
+                    gap[kept] = q[2] - r
+                    key[kept] = (number % 512) * 4096 + c * 64 + 63
+                    least = wp.min(least, q[2] - r)
+                    kept += 1
+            m = reduce(-up, P, gap, key, kept, extent_of(b, H))
+            if kept == 0 or least > low[2] - r + real(1.0e-3) * extent_of(b, H):
+                m = single(-up, low - (real(0.5) * (low[2] + r)) * up, low[2] - r, 0)
+        return m
+
+    return plane
