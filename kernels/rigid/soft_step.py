@@ -201,10 +201,11 @@ def sweeps(real):
                 bias = wp.max(real(RATE) * gap / h, -real(MOST))
                 soft = real(SOFT)
                 give = real(GIVE)
-            u = wp.dot(n, slip(two, j, work))
-            push = wp.max(before - soft * (u + bias) / wp.dot(n, work.K[j] * n) - give * before, real(0.0))
-            c.push[j] = push
-            two = pushed(two, m, j, (push - before) * n, s, b, c, work)
+            if biased == 1 or gap <= real(0.0) or before > real(0.0):      # behind: what is not yet touched keeps its speed
+                u = wp.dot(n, slip(two, j, work))
+                push = wp.max(before - soft * (u + bias) / wp.dot(n, work.K[j] * n) - give * before, real(0.0))
+                c.push[j] = push
+                two = pushed(two, m, j, (push - before) * n, s, b, c, work)
         for i in range(c.count[m]):
             j = 4 * m + i
             was = c.rub[j]
