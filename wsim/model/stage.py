@@ -167,6 +167,9 @@ class Method:
         """A value that `set` may be given for a path of this method's own objects, as it is then. Raises SceneError."""
         return value
 
+    def restored(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
+        """Makes room for what an earlier run has left, by path and name, before it is put into the state."""
+
     def resumed(self, time: float) -> None:
         """A run goes on exactly where an earlier one has ended; its last frame began at `time` [s]."""
 

@@ -41,6 +41,8 @@ class Row:
         return import_module(place) if find_spec(place) else None
 
 
+JOINTS = tuple(f"Physics{kind}Joint" for kind in ("Fixed", "Revolute", "Prismatic", "Spherical", "Distance"))
+
 METHODS: list[Row] = [
     Row("points", "wsim.physics.motion.points", without="there are no points", gradients=True),
     Row("pins", "wsim.physics.motion.pins", without="nothing is pinned", gradients=True),
@@ -49,7 +51,8 @@ METHODS: list[Row] = [
     Row("implicit", "wsim.physics.solver.newton", without="another solver is chosen", gradients=True),
     Row("xpbd", "wsim.physics.solver.xpbd", without="another solver is chosen, and nothing is hard", gradients=True,
         pushes=True),
-    Row("rigid", "wsim.physics.rigid", owns=("Body",), claims=("PhysicsRigidBodyAPI",), without="there is no rigid body"),
+    Row("rigid", "wsim.physics.rigid", owns=("Body",), claims=("PhysicsRigidBodyAPI", "PhysicsJoint", *JOINTS),
+        without="there is no rigid body"),
     Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),
     Row("watch", "wsim.physics.motion.overstretch", gradients=True),
     Row("muscles", "wsim.physics.cloth.muscles", without="no spring has an actuation", gradients=True),

@@ -210,6 +210,8 @@ class Simulation:
         body has all of them (then there is no jump in time), else as at a start, without history. alike: that run stepped
         as this one does; history of other steps is none."""
         exact = alike
+        for method in self.plan.methods:
+            method.restored(fields)
         for path in self.state.paths():
             values = fields.get(path, {})
             for name, array, rows in self.state.of(path):

@@ -33,6 +33,15 @@ def check(body: Body, scene: Scene) -> Iterator[Problem]:
         if other is not body and (other.path == path or other.path.startswith(path + "/")):
             yield error(other.path, f"is a rigid body within the rigid body {path}", "bodies apart from each other in the stage",
                         "move it out of that prim, or take its PhysicsRigidBodyAPI away so that its colliders belong to it")
+    meshes = [c.path for c in body.colliders if c.meets and isinstance(c.shape, Surface)]
+    if body is scene.things("Body")[0]:
+        meshes += [c.path for c in scene.colliders if isinstance(c.shape, Surface)]
+        if scene.bodies():
+            yield warning(path, "rigid bodies and cloth, springs or soft bodies pass through each other", "one kind in a scene",
+                          "make the bodies kinematic (colliders of the scene), or take one kind out")
+    for mesh in meshes:
+        yield warning(mesh, "is a mesh, which rigid bodies pass through", "a sphere, box, capsule, cylinder, cone or plane",
+                      "put simple shapes in its place")
     wrong = [p for c in body.colliders for p in _collider(path, c)]
     yield from wrong
     if not any(p.fatal for p in wrong):

@@ -21,7 +21,7 @@ from wsim.model.stage import Clock, Remedy
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
-from wsim.scene import Collider
+from wsim.scene import Collider, Surface
 from wsim.scene.solids import Capsule, Plane, Sphere, row
 
 COLLIDE = 60.0               # [1/s]: a ball at 5 m/s goes 8 cm meanwhile
@@ -34,8 +34,8 @@ POINTS = (Field("push", "N s", True, "impulse of a point in the last substep", "
 
 def kinds(bodies: list, colliders: list[Collider]) -> frozenset[tuple[str, str]]:
     """Kinds of shapes that can meet."""
-    mine = {row(c.shape).kind for body in bodies for c in body.colliders if c.meets}
-    still = {row(c.shape).kind for c in colliders}
+    mine = {row(c.shape).kind for body in bodies for c in meeting(body)}
+    still = {row(c.shape).kind for c in standing(colliders)}
     return frozenset(p for p in every(mine | still) if mine & set(p))
 
 
@@ -44,9 +44,9 @@ class Contacts:
 
     def __init__(self, b, method):
         self.model, self.status, self.method = b.model, b.status, method
-        self.colliders: list[Collider] = b.scene.colliders
+        self.colliders: list[Collider] = standing(b.scene.colliders)
         self.real, self.device = b.model.real, b.model.device
-        self.owners = [(k, world, c) for k, (body, world) in enumerate(method.bodies) for c in body.colliders if c.meets]
+        self.owners = [(k, world, c) for k, (body, world) in enumerate(method.bodies) for c in meeting(body)]
         self.still_first = len(method.bodies)
         self.bouncing = bounces(b.scene)
         self._shapes()
@@ -190,8 +190,18 @@ class Contacts:
 
 def bounces(scene) -> bool:
     """Whether something has a restitution."""
-    own = [c for body in scene.things("Body") for c in body.colliders if c.meets]
-    return any(c.restitution > 0.0 for c in (*own, *scene.colliders))
+    own = [c for body in scene.things("Body") for c in meeting(body)]
+    return any(c.restitution > 0.0 for c in (*own, *standing(scene.colliders)))
+
+
+def meeting(body) -> list[Collider]:
+    """Colliders of a body that touch something; meshes do not yet, which wsim/physics/rigid/check.py says."""
+    return [c for c in body.colliders if c.meets and not isinstance(c.shape, Surface)]
+
+
+def standing(colliders: list[Collider]) -> list[Collider]:
+    """Colliders of a scene that bodies meet."""
+    return [c for c in colliders if not isinstance(c.shape, Surface)]
 
 
 def place_of(mass: Any, collider: Collider) -> np.ndarray:

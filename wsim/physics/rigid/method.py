@@ -16,7 +16,7 @@ from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.rigid.mass import Inertia, inertia
 from wsim.physics.rigid.objects import Body
-from wsim.scene import SceneError
+from wsim.scene import SceneError, Surface
 from wsim.scene.samples import Sample, Transform
 
 FIELDS = (Field("x", "m", True, "centre of mass relative to where it was at the start"),
@@ -112,6 +112,11 @@ class Rigid(Method):
     def retry(self, status: Status) -> list[Remedy]:
         return self.contacts.retry(status) if self.contacts else []
 
+    def restored(self, fields) -> None:
+        pairs = fields.get(self.bodies[0][0].path, {}).get("a")
+        if self.contacts and pairs is not None and len(pairs) > self.contacts.room:
+            self.contacts.grow(len(pairs))
+
     def advance(self, clock: Clock) -> None:
         if self.contacts:
             self.contacts.advance(clock)
@@ -197,8 +202,8 @@ class Rigid(Method):
 
 def meet(scene) -> bool:
     """Whether there are two things that can touch."""
-    bodies = [body for body in scene.things("Body") if any(c.meets for c in body.colliders)]
-    return bool(bodies) and len(bodies) + len(scene.colliders) > 1
+    bodies = [body for body in scene.things("Body") if any(c.meets and not isinstance(c.shape, Surface) for c in body.colliders)]
+    return bool(bodies) and len(bodies) + sum(not isinstance(c.shape, Surface) for c in scene.colliders) > 1
 
 
 def signature(b) -> list:

@@ -33,7 +33,7 @@ def simulated(reading: Reading, prim: Usd.Prim) -> bool:
 
 def within(reading: Reading, prim: Usd.Prim) -> list[Sdf.Path]:
     """Prims that are colliders of the body, and no colliders of the scene."""
-    if not simulated(reading, prim):
+    if names.RIGID_BODY not in applied(prim) or not simulated(reading, prim):
         return []
     found, prims = [], iter(Usd.PrimRange(prim, Usd.TraverseInstanceProxies()))
     for each in prims:
@@ -46,6 +46,10 @@ def within(reading: Reading, prim: Usd.Prim) -> list[Sdf.Path]:
 
 def load(reading: Reading, prim: Usd.Prim) -> Body | None:
     path = str(prim.GetPath())
+    if names.RIGID_BODY not in applied(prim):
+        if not reading.points:
+            reading.warn(path, f"is a {prim.GetTypeName()}: joints are not simulated yet, and its bodies come apart")
+        return None
     if not simulated(reading, prim):
         api = UsdPhysics.RigidBodyAPI(prim)
         if api.GetRigidBodyEnabledAttr().Get(reading.start) is not False and not api.GetKinematicEnabledAttr().Get(reading.start):
