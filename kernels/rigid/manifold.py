@@ -58,7 +58,8 @@ def making(real):
         f.gap = m.gap
         f.key = m.key
         for i in range(4):
-            f.x[i] = m.x[i] - origin
+            if i < m.count:
+                f.x[i] = m.x[i] - origin
         return f
 
     @wp.func
@@ -69,7 +70,8 @@ def making(real):
         f.gap = m.gap
         f.key = m.key
         for i in range(4):
-            f.x[i] = R * m.x[i]
+            if i < m.count:
+                f.x[i] = R * m.x[i]
         return f
 
     return single, flipped, turned

@@ -155,6 +155,19 @@ def box_capsule(real):
         return least, best
 
     @wp.func
+    def middle(half: vec3, p: vec3, d: vec3):
+        """Middle of what of the segment is in the box."""
+        low = real(-1.0)
+        high = real(1.0)
+        for i in range(3):
+            if wp.abs(d[i]) > real(0.0):
+                u = (-half[i] - p[i]) / d[i]
+                v = (half[i] - p[i]) / d[i]
+                low = wp.max(low, wp.min(u, v))
+                high = wp.min(high, wp.max(u, v))
+        return p + (real(0.5) * (low + high)) * d
+
+    @wp.func
     def box_capsule(half: vec3, size: vec3, R: t.mat33, p: vec3):
         d = size[1] * vec3(R[0, 2], R[1, 2], R[2, 2])
         u = place(half, p, d)
@@ -166,7 +179,8 @@ def box_capsule(real):
             near = nearest(q - e, q, -e / apart, apart, t.vec2(real(0.0), size[0]), 0)
         else:
             depth, L = inside(half, p, d)
-            if wp.abs(wp.dot(L, d)) > real(1.0e-3) * size[1]:           # an end is deepest; else where it was found
+            q = middle(half, p, d)
+            if wp.abs(wp.dot(L, d)) > real(1.0e-3) * size[1]:           # an end is deepest
                 q = p - wp.sign(wp.dot(L, d)) * d
             near = nearest(q + depth * L, q, -L, -depth, t.vec2(real(0.0), size[0]), 0)
         return near

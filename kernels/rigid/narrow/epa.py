@@ -197,8 +197,8 @@ def penetration(kinds: frozenset[str], real):
                 depth = h
                 n = N[f]
                 corners = F[f]
-                l = weights(V, corners, n, D[f])
-                pa = l[0] * A[corners[0]] + l[1] * A[corners[1]] + l[2] * A[corners[2]]
+                lam = weights(V, corners, n, D[f])
+                pa = lam[0] * A[corners[0]] + lam[1] * A[corners[1]] + lam[2] * A[corners[2]]
             if h - D[f] <= tiny:
                 break
             faces, edges = remove(F, N, D, E, faces, w, f, tiny)

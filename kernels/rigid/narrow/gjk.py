@@ -32,8 +32,8 @@ def simplex(real) -> SimpleNamespace:
     vec3, vec4, rows = t.vec3, t.vec4, wp.types.matrix((4, 3), real)
 
     @wp.func
-    def place(W: rows, l: vec4):
-        return l[0] * W[0] + l[1] * W[1] + l[2] * W[2] + l[3] * W[3]
+    def place(W: rows, lam: vec4):
+        return lam[0] * W[0] + lam[1] * W[1] + lam[2] * W[2] + lam[3] * W[3]
 
     @wp.func
     def edge(W: rows, i: int, j: int):
@@ -42,10 +42,10 @@ def simplex(real) -> SimpleNamespace:
         s = real(0.0)
         if ee > real(0.0):
             s = wp.clamp(-wp.dot(W[i], e) / ee, real(0.0), real(1.0))
-        l = vec4()
-        l[i] = real(1.0) - s
-        l[j] = s
-        return l
+        lam = vec4()
+        lam[i] = real(1.0) - s
+        lam[j] = s
+        return lam
 
     @wp.func
     def triangle(W: rows, i: int, j: int, k: int):
@@ -57,20 +57,20 @@ def simplex(real) -> SimpleNamespace:
         u = wp.dot(n, wp.cross(b, c))
         v = wp.dot(n, wp.cross(c, a))
         w = wp.dot(n, wp.cross(a, b))
-        l = edge(W, i, j)
+        lam = edge(W, i, j)
         if u > real(0.0) and v > real(0.0) and w > real(0.0) and nn > real(0.0):
-            l = vec4()
-            l[i] = u / (u + v + w)
-            l[j] = v / (u + v + w)
-            l[k] = w / (u + v + w)
+            lam = vec4()
+            lam[i] = u / (u + v + w)
+            lam[j] = v / (u + v + w)
+            lam[k] = w / (u + v + w)
         else:
             second = edge(W, j, k)
             third = edge(W, k, i)
-            if wp.length_sq(place(W, second)) < wp.length_sq(place(W, l)):
-                l = second
-            if wp.length_sq(place(W, third)) < wp.length_sq(place(W, l)):
-                l = third
-        return l
+            if wp.length_sq(place(W, second)) < wp.length_sq(place(W, lam)):
+                lam = second
+            if wp.length_sq(place(W, third)) < wp.length_sq(place(W, lam)):
+                lam = third
+        return lam
 
     @wp.func
     def tetrahedron(W: rows):
@@ -86,11 +86,11 @@ def simplex(real) -> SimpleNamespace:
             across = wp.dot(n, W[o] - W[i])
             if wp.dot(n, W[i]) * across >= real(0.0):          # 0 and the corner lie on two sides, or there is no volume
                 inside = False
-                l = triangle(W, i, j, k)
-                far = wp.length_sq(place(W, l))
+                lam = triangle(W, i, j, k)
+                far = wp.length_sq(place(W, lam))
                 if far < least:
                     least = far
-                    best = l
+                    best = lam
         return best, inside
 
     return SimpleNamespace(place=place, edge=edge, triangle=triangle, tetrahedron=tetrahedron)
@@ -105,26 +105,26 @@ def reducing(real):
 
     @wp.func
     def reduced(W: rows, A: rows, count: int):
-        l = vec4()
-        l[0] = real(1.0)
+        lam = vec4()
+        lam[0] = real(1.0)
         inside = bool(False)
         if count == 2:
-            l = edge(W, 0, 1)
+            lam = edge(W, 0, 1)
         elif count == 3:
-            l = triangle(W, 0, 1, 2)
+            lam = triangle(W, 0, 1, 2)
         elif count == 4:
-            l, inside = tetrahedron(W)
+            lam, inside = tetrahedron(W)
         kept = int(count)
         weights = vec4()
         if not inside:
             kept = 0
             for i in range(4):
-                if l[i] > real(0.0):
+                if lam[i] > real(0.0):
                     w = W[i]
                     a = A[i]
                     W[kept] = w
                     A[kept] = a
-                    weights[kept] = l[i]
+                    weights[kept] = lam[i]
                     kept += 1
         return W, A, kept, weights
 
@@ -132,15 +132,13 @@ def reducing(real):
 
 
 @cache
-def apart(kinds: frozenset[str], real):
-    """Function (a, b, hulls, R, p, margin) -> Nearest of two shapes, B in the pose (R, p) in A's frame. Beyond the margin n and
-    the gap are a bound: they are apart by that much along n."""
-    t, Shape, Hulls, Nearest = types(real), shape(real), hulls(real), structs(real).Nearest
+def descent(kinds: frozenset[str], real):
+    """Function (a, b, hulls, R, p, most) -> (W, A, weights, count, v, distance, how): the search itself. How it ended: 0 at the
+    nearest places, 1 with the cores overlapping or touching, 2 with the bound `distance` of the cores above `most` [m]."""
+    t, Shape, Hulls = types(real), shape(real), hulls(real)
     vec3, rows, farthest, place, reduced = t.vec3, wp.types.matrix((4, 3), real), support(kinds, real), simplex(real).place, \
         reducing(real)
-    radius, size = extent(real)
-    _aside, nearest = finishing(real)
-    inner = penetration(kinds, real)
+    _radius, size = extent(real)
 
     @wp.func
     def known(W: rows, count: int, w: vec3):
@@ -149,6 +147,59 @@ def apart(kinds: frozenset[str], real):
             if wp.length_sq(W[i] - w) == real(0.0):
                 found = True
         return found
+
+    @wp.func
+    def descent(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, most: real):
+        W = rows()
+        A = rows()
+        weights = t.vec4()
+        count = int(0)
+        tiny = real(CLOSE) * rounding(most) * (size(a, H) + size(b, H))
+        v = -p
+        if wp.length(v) <= tiny:
+            v = vec3(real(1.0), real(0.0), real(0.0))
+        far = real(1.0e30)
+        how = int(0)
+        steps = int(MOST)
+        for _k in range(steps):
+            pa = farthest(a, H, -v)
+            w = pa - (R * farthest(b, H, wp.transpose(R) * v) + p)
+            bound = wp.dot(v, w) / wp.length(v)
+            if bound > most:
+                how = 2
+                far = bound
+            if bound > most or far - bound <= real(0.25) * tiny or known(W, count, w):
+                break
+            U = W
+            B = A
+            U[count] = w
+            B[count] = pa
+            U, B, left, lam = reduced(U, B, count + 1)
+            u = place(U, lam)
+            if left == 4 or wp.length(u) <= tiny:
+                how = 1
+            if how == 1 or wp.length(u) >= far:
+                break
+            W = U
+            A = B
+            count = left
+            weights = lam
+            v = u
+            far = wp.length(v)
+        return W, A, weights, count, v, far, how
+
+    return descent
+
+
+@cache
+def apart(kinds: frozenset[str], real):
+    """Function (a, b, hulls, R, p, margin) -> Nearest of two shapes, B in the pose (R, p) in A's frame. Beyond the margin n and
+    the gap are a bound: they are apart by that much along n."""
+    t, Shape, Hulls, Nearest = types(real), shape(real), hulls(real), structs(real).Nearest
+    vec3, rows, place, search = t.vec3, wp.types.matrix((4, 3), real), simplex(real).place, descent(kinds, real)
+    radius, _size = extent(real)
+    _aside, nearest = finishing(real)
+    inner = penetration(kinds, real)
 
     @wp.func
     def direction(W: rows, count: int, v: vec3):
@@ -168,53 +219,12 @@ def apart(kinds: frozenset[str], real):
 
     @wp.func
     def apart(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, margin: real):
-        W = rows()
-        A = rows()
-        weights = t.vec4()
-        count = int(0)
         radii = t.vec2(radius(a), radius(b))
-        tiny = real(CLOSE) * rounding(margin) * (size(a, H) + size(b, H))
-        v = -p
-        if wp.length(v) <= tiny:
-            v = vec3(real(1.0), real(0.0), real(0.0))
-        far = real(1.0e30)
-        overlap = bool(False)
-        beyond = bool(False)
-        steps = int(MOST)
-        for _k in range(steps):
-            pa = farthest(a, H, -v)
-            w = pa - (R * farthest(b, H, wp.transpose(R) * v) + p)
-            bound = wp.dot(v, w) / wp.length(v)
-            if bound - radii[0] - radii[1] > margin:
-                beyond = True
-                far = bound
-                break
-            if far - bound <= real(0.25) * tiny or known(W, count, w):
-                break
-            U = W
-            B = A
-            U[count] = w
-            B[count] = pa
-            U, B, left, l = reduced(U, B, count + 1)
-            if left == 4:
-                overlap = True
-                break
-            u = place(U, l)
-            if wp.length(u) >= far:
-                break
-            W = U
-            A = B
-            count = left
-            weights = l
-            v = u
-            far = wp.length(v)
-            if far <= tiny:
-                overlap = True
-                break
+        W, A, weights, count, v, far, how = search(a, b, H, R, p, margin + radii[0] + radii[1])
         near = Nearest()
-        if overlap:
+        if how == 1:
             near = inner(a, b, H, R, p, v)
-        elif beyond:
+        elif how == 2:
             near.n = v / wp.length(v)
             near.gap = far - radii[0] - radii[1]
         else:

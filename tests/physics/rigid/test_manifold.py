@@ -101,7 +101,7 @@ def hollow(kind):
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 @both
 def test_no_gap_of_overlapping_pairs_is_wrong(real, scale):
-    """Against the hull of differences. The deepest of a manifold may miss the exact depth by what faces are preferred (1e-3)."""
+    """Against the hull of differences. The deepest point may miss the depth by what faces are preferred."""
     a, b, pose_a, pose_b = random_pairs(3, scale=scale)
     m = touch(a, pose_a, b, pose_b, 1e30, real, pairs=CLOSED)
     tested = 0
