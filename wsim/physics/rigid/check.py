@@ -7,6 +7,7 @@ import numpy as np
 
 from wsim.physics.rigid.mass import inertia
 from wsim.physics.rigid.objects import Body
+from wsim.physics.rigid.solids import CONVEX, filled, met
 from wsim.scene import Plane, Problem, Scene, Surface
 from wsim.scene.check import objects
 from wsim.scene.check.objects import error, number, rigid, warning
@@ -33,19 +34,32 @@ def check(body: Body, scene: Scene) -> Iterator[Problem]:
         if other is not body and (other.path == path or other.path.startswith(path + "/")):
             yield error(other.path, f"is a rigid body within the rigid body {path}", "bodies apart from each other in the stage",
                         "move it out of that prim, or take its PhysicsRigidBodyAPI away so that its colliders belong to it")
-    meshes = [c.path for c in body.colliders if c.meets and isinstance(c.shape, Surface)]
-    if body is scene.things("Body")[0]:
-        meshes += [c.path for c in scene.colliders if isinstance(c.shape, Surface)]
-        if scene.bodies():
-            yield warning(path, "rigid bodies and cloth, springs or soft bodies pass through each other", "one kind in a scene",
-                          "make the bodies kinematic (colliders of the scene), or take one kind out")
-    for mesh in meshes:
-        yield warning(mesh, "is a mesh, which rigid bodies pass through", "a sphere, box, capsule, cylinder, cone or plane",
-                      "put simple shapes in its place")
+    yield from _beside(body, scene)
     wrong = [p for c in body.colliders for p in _collider(path, c)]
     yield from wrong
     if not any(p.fatal for p in wrong):
+        yield from _meshes(body, scene)
         yield from _mass(body)
+
+
+def _beside(body: Body, scene: Scene) -> Iterator[Problem]:
+    if scene.bodies() and body is scene.things("Body")[0]:
+        yield warning(body.path, "rigid bodies and cloth, springs or soft bodies pass through each other", "one kind in a scene",
+                      "make the bodies kinematic (colliders of the scene), or take one kind out")
+
+
+def _meshes(body: Body, scene: Scene) -> Iterator[Problem]:
+    """Meshes that are met as something else, or not at all."""
+    for c in body.colliders:
+        if c.meets and isinstance(c.shape, Surface) and not met(c, True):
+            yield warning(c.path, "is a mesh without a volume, which rigid bodies pass through", "a solid", "give it a thickness")
+        elif c.meets and isinstance(c.shape, Surface) and filled(c.shape) < 1.0 - CONVEX:
+            yield warning(c.path, "is a mesh with hollows, or an open one, and meets others as its convex hull", "a convex mesh",
+                          "put several convex colliders in its place")
+    for c in scene.colliders if body is scene.things("Body")[0] else ():
+        if isinstance(c.shape, Surface) and not any(p.fatal for p in objects.collider(c)) and not met(c, False):
+            yield warning(c.path, "is a mesh that is hollow, open or moves its points, which rigid bodies pass through",
+                          "a closed convex mesh, or a simple shape", "put simple shapes in its place")
 
 
 def _words(value: np.ndarray) -> str:

@@ -16,11 +16,13 @@ from wsim.geometry.rotation import angular_velocity, quaternion
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid import collide, contact, pairs, soft_step
 from wsim.kernels.rigid.narrow.pair import every
-from wsim.kernels.rigid.narrow.shape import KINDS, hulls
+from wsim.kernels.rigid.narrow.shape import KINDS
 from wsim.model.stage import Clock, Remedy
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
+from wsim.physics.rigid.hulls import tables
+from wsim.physics.rigid.solids import hull, kind, meeting, standing
 from wsim.scene import Collider, Surface
 from wsim.scene.solids import Capsule, Plane, Sphere, row
 
@@ -34,8 +36,8 @@ POINTS = (Field("push", "N s", True, "impulse of a point in the last substep", "
 
 def kinds(bodies: list, colliders: list[Collider]) -> frozenset[tuple[str, str]]:
     """Kinds of shapes that can meet."""
-    mine = {row(c.shape).kind for body in bodies for c in meeting(body)}
-    still = {row(c.shape).kind for c in standing(colliders)}
+    mine = {kind(c) for body in bodies for c in meeting(body)}
+    still = {kind(c) for c in standing(colliders)}
     return frozenset(p for p in every(mine | still) if mine & set(p))
 
 
@@ -54,7 +56,6 @@ class Contacts:
         self.reach, self.listed = pairs.reach(real, module), pairs.listed(real, module)
         self.collide = collide.collide(kinds(b.scene.things("Body"), self.colliders), real, module)
         self.step = soft_step.soft_step(real, module, self.bouncing)
-        self.hulls = hulls(real)()
         b.status.reserve(WORD)
         self.parts = (Part.allocate("rigid pairs", PAIRS, 0, real, self.device, self._room()),
                       Part.allocate("rigid touches", POINTS, 0, real, self.device, 4 * self._room()))
@@ -72,17 +73,21 @@ class Contacts:
         rows += [(self.still_first + s, -1, c, np.array([0.0, 0, 0, 0, 0, 0, 1])) for s, c in enumerate(self.colliders)]
         self.shapes = len(rows)
         shape = [c.shape for _, _, c, _ in rows]
-        ball = [-1.0 if isinstance(s, Plane) else row(s).ball(s) for s in shape]
+        solid = {k: hull(s) for k, s in enumerate(shape) if isinstance(s, Surface)}
+        number = {k: place for place, k in enumerate(solid)}
+        self.hulls = tables(list(solid.values()), real, self.device)
+        ball = [-1.0 if isinstance(s, Plane) else float(np.linalg.norm(solid[k].vertices, axis=1).max()) if k in solid
+                else row(s).ball(s) for k, s in enumerate(shape)]
+        size = [(0.0, 0.0, 0.0) if k in solid else row(s).size(s) for k, s in enumerate(shape)]
         t = types(real)
         Shapes, self.Still, self.Contacts, self.Work = contact.structs(real)
 
         def array(values, dtype):
-            kind = np.int32 if dtype is int else self.model.dtype
-            return self.model.upload(np.array(values, kind), dtype)
+            return self.model.upload(np.array(values, np.int32 if dtype is int else self.model.dtype), dtype)
         self.table = filled(
             Shapes, frame=array([k for k, *_ in rows], int), world=array([w for _, w, _, _ in rows], int),
-            kind=array([KINDS[row(s).kind] for s in shape], int), row=array([0] * len(rows), int),
-            size=array([row(s).size(s) for s in shape], t.vec3), place=array([p for *_, p in rows], t.transform),
+            kind=array([KINDS[kind(c)] for _, _, c, _ in rows], int), row=array([number.get(k, 0) for k in range(len(rows))], int),
+            size=array(size, t.vec3), place=array([p for *_, p in rows], t.transform),
             ball=array(ball, real), skin=array([s.radius if isinstance(s, (Sphere, Capsule)) else 0.0 for s in shape], real),
             friction=array([(c.static_friction, c.dynamic_friction) for _, _, c, _ in rows], t.vec2),
             restitution=array([c.restitution for _, _, c, _ in rows], real))
@@ -132,8 +137,7 @@ class Contacts:
         values = (x[:rows], q[:rows], v[:rows], omega[:rows])
         if self.poses_of != known:
             t = types(self.real)
-            kinds = (t.vec3, t.quat, t.vec3, t.vec3)
-            arrays = [wp.zeros((rows, n), dtype=kind, device=self.device) for kind in kinds]
+            arrays = [wp.zeros((rows, n), dtype=each, device=self.device) for each in (t.vec3, t.quat, t.vec3, t.vec3)]
             self.still = filled(self.Still, moving=int(moves), x=arrays[0], q=arrays[1], v=arrays[2], omega=arrays[3])
             self.poses_of = known
         for name, value in zip(("x", "q", "v", "omega"), values, strict=True):
@@ -192,16 +196,6 @@ def bounces(scene) -> bool:
     """Whether something has a restitution."""
     own = [c for body in scene.things("Body") for c in meeting(body)]
     return any(c.restitution > 0.0 for c in (*own, *standing(scene.colliders)))
-
-
-def meeting(body) -> list[Collider]:
-    """Colliders of a body that touch something; meshes do not yet, which wsim/physics/rigid/check.py says."""
-    return [c for c in body.colliders if c.meets and not isinstance(c.shape, Surface)]
-
-
-def standing(colliders: list[Collider]) -> list[Collider]:
-    """Colliders of a scene that bodies meet."""
-    return [c for c in colliders if not isinstance(c.shape, Surface)]
 
 
 def place_of(mass: Any, collider: Collider) -> np.ndarray:

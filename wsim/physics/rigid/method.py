@@ -16,7 +16,8 @@ from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.rigid.mass import Inertia, inertia
 from wsim.physics.rigid.objects import Body
-from wsim.scene import SceneError, Surface
+from wsim.physics.rigid.solids import meeting, standing
+from wsim.scene import SceneError
 from wsim.scene.samples import Sample, Transform
 
 FIELDS = (Field("x", "m", True, "centre of mass relative to where it was at the start"),
@@ -202,8 +203,8 @@ class Rigid(Method):
 
 def meet(scene) -> bool:
     """Whether there are two things that can touch."""
-    bodies = [body for body in scene.things("Body") if any(c.meets and not isinstance(c.shape, Surface) for c in body.colliders)]
-    return bool(bodies) and len(bodies) + sum(not isinstance(c.shape, Surface) for c in scene.colliders) > 1
+    bodies = [body for body in scene.things("Body") if meeting(body)]
+    return bool(bodies) and len(bodies) + len(standing(scene.colliders)) > 1
 
 
 def signature(b) -> list:
