@@ -10,8 +10,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import structs
-from wsim.kernels.rigid.motion import structs as of_bodies
+from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.narrow.pair import narrow
 from wsim.kernels.rigid.narrow.shape import hulls, shape
 
@@ -36,30 +35,30 @@ def lasts(real):
 def collide(pairs, real, module):
     """Kernel over the pairs of a list; pairs: of kinds of shapes (`wsim.kernels.rigid.narrow.pair.every`)."""
     t = types(real)
-    Bodies, Moving = of_bodies(real)
-    Shapes, Still, Contacts, Work = structs(real)
+    Rig = whole(real)
     Last, Shape, Hulls = lasts(real), shape(real), hulls(real)
     found = narrow(pairs, real)
 
     @wp.func
-    def solid(i: int, s: Shapes):
+    def solid(i: int, rig: Rig):
         a = Shape()
-        a.kind = s.kind[i]
-        a.row = s.row[i]
-        a.size = s.size[i]
+        a.kind = rig.s.kind[i]
+        a.row = rig.s.row[i]
+        a.size = rig.s.size[i]
         return a
 
     @wp.func
-    def framed(f: int, k: int, bodies: int, now: Moving, still: Still):
+    def framed(f: int, k: int, rig: Rig):
         """Pose of a frame from its own origin."""
         x = t.vec3()
         q = t.quat(real(0.0), real(0.0), real(0.0), real(1.0))
+        bodies = rig.now.x.shape[0]
         if f < bodies:
-            x = now.x[f]
-            q = now.q[f]
+            x = rig.now.x[f]
+            q = rig.now.q[f]
         else:
-            x = still.x[k * still.moving, f - bodies]
-            q = still.q[k * still.moving, f - bodies]
+            x = rig.still.x[k * rig.still.moving, f - bodies]
+            q = rig.still.q[k * rig.still.moving, f - bodies]
         return t.transform(x, q)
 
     @wp.func
@@ -83,51 +82,53 @@ def collide(pairs, real, module):
                 row = low
         return row
 
-    def rigid_collide(s: Shapes, H: Hulls, now: Moving, still: Still, origin: wp.array(dtype=wp.vec3d),
-                      span: wp.array(dtype=t.vec2), k: int, last: Last, c: Contacts):
+    @wp.func
+    def recalled(row: int, j: int, last: Last, rig: Rig):
+        """Impulses of point j, as the pair's row of the last list has them."""
+        rig.c.push[j] = real(0.0)
+        rig.c.rub[j] = t.vec3()
+        if row >= 0:
+            for e in range(last.count[row]):
+                if last.key[4 * row + e] == rig.c.key[j]:
+                    rig.c.push[j] = last.push[4 * row + e]
+                    rig.c.rub[j] = last.rub[4 * row + e]
+
+    def rigid_collide(rig: Rig, H: Hulls, k: int, last: Last):
         m = wp.tid()
-        a = c.a[m]
-        b = c.b[m]
-        c.count[m] = 0
+        a = rig.c.a[m]
+        b = rig.c.b[m]
+        rig.c.count[m] = 0
         if a >= 0:
-            bodies = now.x.shape[0]
-            f = s.frame[a]
-            g = s.frame[b]
-            frame_a = framed(f, k, bodies, now, still)
-            frame_b = framed(g, k, bodies, now, still)
-            away = origin[g] - origin[f]
+            f = rig.s.frame[a]
+            g = rig.s.frame[b]
+            frame_a = framed(f, k, rig)
+            frame_b = framed(g, k, rig)
+            away = rig.s.origin[g] - rig.s.origin[f]
             apart = t.vec3(real(away[0]), real(away[1]), real(away[2])) - wp.transform_get_translation(frame_a)
             q_a = wp.transform_get_rotation(frame_a)
             q_b = wp.transform_get_rotation(frame_b)
             x_b = wp.transform_get_translation(frame_b) + apart             # from the centre of A's body
-            pose_a = t.transform(t.vec3(), q_a) * s.place[a]
-            pose_b = t.transform(x_b, q_b) * s.place[b]
-            margin = span[a][1] + span[b][1]
-            found_m = found(solid(a, s), solid(b, s), H, pose_a, pose_b, margin)
+            pose_a = t.transform(t.vec3(), q_a) * rig.s.place[a]
+            pose_b = t.transform(x_b, q_b) * rig.s.place[b]
+            margin = rig.work.span[a][1] + rig.work.span[b][1]
+            found_m = found(solid(a, rig), solid(b, rig), H, pose_a, pose_b, margin)
             n = found_m.n
             row = known(a, b, last)
-            c.count[m] = found_m.count
-            c.n[m] = n
-            c.skin[m] = t.vec2(s.skin[a], s.skin[b])
+            rig.c.count[m] = found_m.count
+            rig.c.n[m] = n
+            rig.c.skin[m] = t.vec2(rig.s.skin[a], rig.s.skin[b])
             half = real(0.5)
             for i in range(found_m.count):
                 j = 4 * m + i
                 x = found_m.x[i] + wp.transform_get_translation(pose_a)
-                arm_a = x + (half * found_m.gap[i] + s.skin[a]) * n
-                arm_b = x - (half * found_m.gap[i] + s.skin[b]) * n - x_b
-                c.key[j] = found_m.key[i]
-                c.gap[j] = found_m.gap[i]
-                c.first_a[j] = arm_a
-                c.first_b[j] = arm_b
-                c.core_a[j] = wp.quat_rotate_inv(q_a, arm_a)
-                c.core_b[j] = wp.quat_rotate_inv(q_b, arm_b)
-                c.push[j] = real(0.0)
-                c.rub[j] = t.vec3()
-                if row >= 0:
-                    for e in range(last.count[row]):
-                        if last.key[4 * row + e] == found_m.key[i]:
-                            c.push[j] = last.push[4 * row + e]
-                            rub = last.rub[4 * row + e]
-                            c.rub[j] = rub - wp.dot(n, rub) * n
+                arm_a = x + (half * found_m.gap[i] + rig.s.skin[a]) * n
+                arm_b = x - (half * found_m.gap[i] + rig.s.skin[b]) * n - x_b
+                rig.c.key[j] = found_m.key[i]
+                rig.c.gap[j] = found_m.gap[i]
+                rig.c.first_a[j] = arm_a
+                rig.c.first_b[j] = arm_b
+                rig.c.core_a[j] = wp.quat_rotate_inv(q_a, arm_a)
+                rig.c.core_b[j] = wp.quat_rotate_inv(q_b, arm_b)
+                recalled(row, j, last, rig)
 
     return wp.kernel(rigid_collide, name="rigid_collide", module=module, enable_backward=False)

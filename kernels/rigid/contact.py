@@ -1,12 +1,13 @@
 """Tables of rigid contact, and the formulas of one manifold: gaps, effective mass, impulses.
 
-A manifold has a normal n from B to A, fixed while it lives, and up to four points. A point has a core in the frame of each body,
-which turns with it, and a skin along n, which does not: of a sphere the core is its centre, so that rolling moves no contact.
+A manifold has a normal n from B to A, fixed while it lives, and up to four points. A point has a core in the frame of each
+body, which turns with it, and a skin along n, which does not: of a sphere the core is its centre, so that rolling moves no
+contact.
 
     r_a = R_a c_a - n s_a,   r_b = R_b c_b + n s_b                             places from the centres of mass
     gap = gap_0 + n . (d_a - d_b + (R_a c_a - R_a0 c_a) - (R_b c_b - R_b0 c_b))   d: displacement since the manifold was made
-    u   = v_a + omega_a x r_a - (v_b + omega_b x r_b)                           velocity of A against B
-    K   = w_a + w_b - [r_a] I_a^-1 [r_a] - [r_b] I_b^-1 [r_b]                    u changes by K P for an impulse P on A
+    u   = v_a + omega_a x r_a - (v_b + omega_b x r_b)                          velocity of A against B
+    K   = w_a + w_b - [r_a] I_a^-1 [r_a] - [r_b] I_b^-1 [r_b]                  u changes by K P for an impulse P on A
 
 Frames: dynamic bodies come first, then colliders, which have no inverse mass and whose poses and velocities are tables.
 """
@@ -17,6 +18,7 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.math.real import types
+from wsim.kernels.rigid.motion import structs as bodies
 
 POINTS = wp.constant(4)
 
@@ -39,6 +41,7 @@ def structs(real):
         friction: wp.array(dtype=t.vec2)       # static, dynamic
         restitution: wp.array(dtype=real)
         world: wp.array(dtype=int)             # -1: all
+        origin: wp.array(dtype=wp.vec3d)       # of the frames, (bodies + colliders,), world
 
     @wp.struct
     class Still:
@@ -69,6 +72,8 @@ def structs(real):
     @wp.struct
     class Work:
         """Of a substep: frames of all bodies (bodies + colliders,), and points."""
+        center: wp.array(dtype=wp.vec3d)       # of shapes, world
+        span: wp.array(dtype=t.vec2)           # of shapes: radius of the ball, < 0 without end; how far it may go
         from_x: wp.array(dtype=t.vec3)         # where bodies were when manifolds were made
         spread: wp.array(dtype=t.mat33)        # I^-1, world
         turn: wp.array(dtype=t.mat33)          # R
@@ -84,6 +89,24 @@ def structs(real):
         scrape: wp.array(dtype=t.vec3)
 
     return Shapes, Still, Contacts, Work
+
+
+@cache
+def whole(real):
+    """Struct of all that a launch needs: s, b, now, still, c, work."""
+    Shapes, Still, Contacts, Work = structs(real)
+    Bodies, Moving = bodies(real)
+
+    @wp.struct
+    class Rig:
+        s: Shapes
+        b: Bodies
+        now: Moving
+        still: Still
+        c: Contacts
+        work: Work
+
+    return Rig
 
 
 @wp.func

@@ -13,9 +13,8 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import structs
-from wsim.kernels.rigid.motion import structs as of_bodies
-from wsim.kernels.rigid.soft_step import formulas
+from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.impulse import formulas
 
 ROUNDS, SWEEPS = wp.constant(64), wp.constant(64)
 REST, MET = wp.constant(4.0), wp.constant(1.0e-4)        # MET: part of the speed to which the sweeps go
@@ -24,76 +23,74 @@ REST, MET = wp.constant(4.0), wp.constant(1.0e-4)        # MET: part of the spee
 @cache
 def impacts(real):
     """Function of a substep k of h [s], before its forces."""
-    t = types(real)
-    Bodies, Moving = of_bodies(real)
-    Shapes, Still, Contacts, Work = structs(real)
+    t, Rig = types(real), whole(real)
     _, _, begun, pushed, ended, slip, rubbed = formulas(real)
 
     @wp.func
-    def pull(f: int, b: Bodies):
+    def pull(f: int, rig: Rig):
         a = t.vec3()
-        if f < b.w.shape[0]:
-            a = b.w[f] * b.push[f]
+        if f < rig.b.w.shape[0]:
+            a = rig.b.w[f] * rig.b.push[f]
         return a
 
     @wp.func
-    def marked(m: int, k: int, h: real, s: Shapes, b: Bodies, now: Moving, still: Still, c: Contacts, work: Work):
+    def marked(m: int, k: int, h: real, rig: Rig):
         """Whether a point of manifold m is thrown back in this round; their goals."""
-        e = wp.max(s.restitution[c.a[m]], s.restitution[c.b[m]])
+        e = wp.max(rig.s.restitution[rig.c.a[m]], rig.s.restitution[rig.c.b[m]])
         some = bool(False)
-        two = begun(m, k, s, b, now, still, c, work)
-        n = c.n[m]
-        a = -wp.dot(n, pull(s.frame[c.a[m]], b) - pull(s.frame[c.b[m]], b))
-        for i in range(c.count[m]):
+        two = begun(m, k, rig)
+        n = rig.c.n[m]
+        a = -wp.dot(n, pull(rig.s.frame[rig.c.a[m]], rig) - pull(rig.s.frame[rig.c.b[m]], rig))
+        for i in range(rig.c.count[m]):
             j = 4 * m + i
-            work.goal[j] = real(-1.0)
-            work.hit[j] = real(0.0)
-            work.scrape[j] = t.vec3()
-            u = wp.dot(n, slip(two, j, work))
-            gap = wp.max(work.now[j], real(0.0))
+            rig.work.goal[j] = real(-1.0)
+            rig.work.hit[j] = real(0.0)
+            rig.work.scrape[j] = t.vec3()
+            u = wp.dot(n, slip(two, j, rig))
+            gap = wp.max(rig.work.now[j], real(0.0))
             speed = wp.sqrt(wp.max(u * u + real(2.0) * a * gap, real(0.0)))
             if e > real(0.0) and u < real(0.0) and gap + h * (u - real(0.5) * h * a) < real(0.0):
                 if speed > real(REST) * h * wp.abs(a) and speed > real(1.0e-6):
-                    work.goal[j] = wp.sqrt(wp.max(e * e * speed * speed - real(2.0) * a * gap, real(0.0)))
+                    rig.work.goal[j] = wp.sqrt(wp.max(e * e * speed * speed - real(2.0) * a * gap, real(0.0)))
                     some = True
         return some
 
     @wp.func
-    def struck(m: int, k: int, s: Shapes, b: Bodies, now: Moving, still: Still, c: Contacts, work: Work):
+    def struck(m: int, k: int, rig: Rig):
         """One sweep over manifold m; the largest miss, as a part of the goal's own size."""
-        two = begun(m, k, s, b, now, still, c, work)
-        n = c.n[m]
-        mu = real(0.5) * (s.friction[c.a[m]] + s.friction[c.b[m]])
+        two = begun(m, k, rig)
+        n = rig.c.n[m]
+        mu = real(0.5) * (rig.s.friction[rig.c.a[m]] + rig.s.friction[rig.c.b[m]])
         miss = real(0.0)
-        for i in range(c.count[m]):
+        for i in range(rig.c.count[m]):
             j = 4 * m + i
-            if work.goal[j] >= real(0.0):
-                u = wp.dot(n, slip(two, j, work))
-                before = work.hit[j]
-                hit = wp.max(before + (work.goal[j] - u) / wp.dot(n, work.K[j] * n), real(0.0))
-                work.hit[j] = hit
-                two = pushed(two, m, j, (hit - before) * n, s, b, c, work)
+            if rig.work.goal[j] >= real(0.0):
+                u = wp.dot(n, slip(two, j, rig))
+                before = rig.work.hit[j]
+                hit = wp.max(before + (rig.work.goal[j] - u) / wp.dot(n, rig.work.K[j] * n), real(0.0))
+                rig.work.hit[j] = hit
+                two = pushed(two, m, j, (hit - before) * n, rig)
                 miss = wp.max(miss, wp.abs(hit - before) / wp.max(hit, real(1.0e-30)))
-                was = work.scrape[j]
-                rub = rubbed(was, slip(two, j, work), n, work.K[j], hit, mu)
-                work.scrape[j] = rub
-                two = pushed(two, m, j, rub - was, s, b, c, work)
-        ended(two, m, s, b, now, c, work.touched)
+                was = rig.work.scrape[j]
+                rub = rubbed(was, slip(two, j, rig), n, rig.work.K[j], hit, mu)
+                rig.work.scrape[j] = rub
+                two = pushed(two, m, j, rub - was, rig)
+        ended(two, m, rig)
         return miss
 
     @wp.func
-    def impacts(k: int, h: real, count: int, s: Shapes, b: Bodies, now: Moving, still: Still, c: Contacts, work: Work):
+    def impacts(k: int, h: real, count: int, rig: Rig):
         for _round in range(int(ROUNDS)):
             some = bool(False)
             for m in range(count):
-                if marked(m, k, h, s, b, now, still, c, work):
+                if marked(m, k, h, rig):
                     some = True
             if not some:
                 break
             for _sweep in range(int(SWEEPS)):
                 miss = real(0.0)
                 for m in range(count):
-                    miss = wp.max(miss, struck(m, k, s, b, now, still, c, work))
+                    miss = wp.max(miss, struck(m, k, rig))
                 if miss < real(MET):
                     break
 

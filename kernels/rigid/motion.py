@@ -27,7 +27,6 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import conjugate, multiply, normalized, rotate
 
-
 C = wp.constant(wp.float64(0.1931833275037836))
 SMALL = wp.constant(wp.float64(0.25))             # [rad] below which half an angle takes a series: 1e-17 of it left out
 

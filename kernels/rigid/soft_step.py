@@ -21,11 +21,11 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import matrix
-from wsim.kernels.rigid.contact import against, structs
+from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.impact import impacts
+from wsim.kernels.rigid.impulse import formulas
 from wsim.kernels.rigid.motion import double, double3, free_rotation, kicked, near
-from wsim.kernels.rigid.motion import structs as of_bodies
 
 SWEEPS = wp.constant(2)
 ZETA, TURN = 10.0, 1.5707963267948966      # damping ratio; h w
@@ -36,162 +36,30 @@ MOST = wp.constant(4.0)                    # [m/s] at which what overlaps is pus
 
 
 @cache
-def formulas(real):
-    """(prepare, warm, solve, velocities): functions of a manifold m."""
-    t = types(real)
-    Bodies, Moving = of_bodies(real)
-    Shapes, Still, Contacts, Work = structs(real)
-
-    @wp.struct
-    class Two:
-        """Velocities of both bodies of a manifold, and the impulses that they have taken."""
-        v_a: t.vec3
-        v_b: t.vec3
-        o_a: t.vec3
-        o_b: t.vec3
-        P: t.vec3
-        T_a: t.vec3
-        T_b: t.vec3
-
-    @wp.func
-    def prepare(m: int, k: int, s: Shapes, b: Bodies, now: Moving, still: Still, c: Contacts, work: Work):
-        """Arms, gaps and K of the points of a manifold, as bodies are."""
-        n = b.w.shape[0]
-        f = s.frame[c.a[m]]
-        g = s.frame[c.b[m]]
-        away = t.vec3()
-        w = real(0.0)
-        S_a = t.mat33()
-        S_b = t.mat33()
-        if f < n:
-            away += now.x[f] - work.from_x[f]
-            w += b.w[f]
-            S_a = work.spread[f]
-        else:
-            away += still.x[k * still.moving, f - n] - work.from_x[f]
-        if g < n:
-            away -= now.x[g] - work.from_x[g]
-            w += b.w[g]
-            S_b = work.spread[g]
-        else:
-            away -= still.x[k * still.moving, g - n] - work.from_x[g]
-        normal = c.n[m]
-        for i in range(c.count[m]):
-            j = 4 * m + i
-            arm_a = work.turn[f] * c.core_a[j]
-            arm_b = work.turn[g] * c.core_b[j]
-            work.now[j] = c.gap[j] + wp.dot(normal, away + (arm_a - c.first_a[j]) - (arm_b - c.first_b[j]))
-            arm_a = arm_a - c.skin[m][0] * normal
-            arm_b = arm_b + c.skin[m][1] * normal
-            work.r_a[j] = arm_a
-            work.r_b[j] = arm_b
-            work.K[j] = wp.diag(t.vec3(w, w, w)) + against(arm_a, S_a) + against(arm_b, S_b)
-
-    @wp.func
-    def begun(m: int, k: int, s: Shapes, b: Bodies, now: Moving, still: Still, c: Contacts, work: Work):
-        """Velocities of the bodies of a manifold."""
-        n = b.w.shape[0]
-        f = s.frame[c.a[m]]
-        g = s.frame[c.b[m]]
-        two = Two()
-        if f < n:
-            two.v_a = b.w[f] * now.p[f]
-            two.o_a = work.spread[f] * now.L[f]
-        else:
-            two.v_a = still.v[k * still.moving, f - n]
-            two.o_a = still.omega[k * still.moving, f - n]
-        if g < n:
-            two.v_b = b.w[g] * now.p[g]
-            two.o_b = work.spread[g] * now.L[g]
-        else:
-            two.v_b = still.v[k * still.moving, g - n]
-            two.o_b = still.omega[k * still.moving, g - n]
-        return two
-
-    @wp.func
-    def pushed(two: Two, m: int, j: int, P: t.vec3, s: Shapes, b: Bodies, c: Contacts, work: Work):
-        """After an impulse P on A at point j, and -P on B."""
-        n = b.w.shape[0]
-        f = s.frame[c.a[m]]
-        g = s.frame[c.b[m]]
-        out = two
-        out.P = two.P + P
-        if f < n:
-            T = wp.cross(work.r_a[j], P)
-            out.T_a = two.T_a + T
-            out.v_a = two.v_a + b.w[f] * P
-            out.o_a = two.o_a + work.spread[f] * T
-        if g < n:
-            T = wp.cross(work.r_b[j], P)
-            out.T_b = two.T_b - T
-            out.v_b = two.v_b - b.w[g] * P
-            out.o_b = two.o_b - work.spread[g] * T
-        return out
-
-    @wp.func
-    def ended(two: Two, m: int, s: Shapes, b: Bodies, now: Moving, c: Contacts, touched: wp.array(dtype=int)):
-        n = b.w.shape[0]
-        f = s.frame[c.a[m]]
-        g = s.frame[c.b[m]]
-        if wp.max(wp.max(wp.abs(two.P)), wp.max(wp.max(wp.abs(two.T_a)), wp.max(wp.abs(two.T_b)))) > real(0.0):
-            if f < n:
-                now.p[f] = now.p[f] + two.P
-                now.L[f] = now.L[f] + two.T_a
-                touched[f] = 1
-            if g < n:
-                now.p[g] = now.p[g] - two.P
-                now.L[g] = now.L[g] + two.T_b
-                touched[g] = 1
-
-    @wp.func
-    def slip(two: Two, j: int, work: Work):
-        """u of point j."""
-        return two.v_a + wp.cross(two.o_a, work.r_a[j]) - two.v_b - wp.cross(two.o_b, work.r_b[j])
-
-    @wp.func
-    def rubbed(before: t.vec3, u: t.vec3, n: t.vec3, K: t.mat33, push: real, mu: t.vec2):
-        """Impulse across n that stops the slip, or all that friction has; before: what there is of it."""
-        across = u - wp.dot(n, u) * n
-        speed = wp.length(across)
-        P = before - wp.dot(n, before) * n
-        if speed > real(0.0):
-            way = across / speed
-            P = P - (speed / wp.dot(way, K * way)) * way
-        size = wp.length(P)
-        if size > mu[0] * push:
-            P = (mu[1] * push / wp.max(size, real(1.0e-30))) * P
-        return P
-
-    return Two, prepare, begun, pushed, ended, slip, rubbed
-
-
-@cache
 def sweeps(real):
     """(warm, solve): functions of a manifold m."""
-    t = types(real)
-    Bodies, Moving = of_bodies(real)
-    Shapes, Still, Contacts, Work = structs(real)
+    Rig = whole(real)
     _, _, begun, pushed, ended, slip, rubbed = formulas(real)
 
     @wp.func
-    def warm(m: int, k: int, s: Shapes, b: Bodies, now: Moving, still: Still, c: Contacts, work: Work):
-        two = begun(m, k, s, b, now, still, c, work)
-        n = c.n[m]
-        for i in range(c.count[m]):
+    def warm(m: int, k: int, rig: Rig):
+        two = begun(m, k, rig)
+        n = rig.c.n[m]
+        for i in range(rig.c.count[m]):
             j = 4 * m + i
-            c.rub[j] = c.rub[j] - wp.dot(n, c.rub[j]) * n
-            two = pushed(two, m, j, c.push[j] * n + c.rub[j], s, b, c, work)
-        ended(two, m, s, b, now, c, work.touched)
+            rig.c.rub[j] = rig.c.rub[j] - wp.dot(n, rig.c.rub[j]) * n
+            two = pushed(two, m, j, rig.c.push[j] * n + rig.c.rub[j], rig)
+        ended(two, m, rig)
 
     @wp.func
-    def solve(m: int, k: int, h: real, biased: int, s: Shapes, b: Bodies, now: Moving, still: Still, c: Contacts, work: Work):
-        two = begun(m, k, s, b, now, still, c, work)
-        n = c.n[m]
-        mu = real(0.5) * (s.friction[c.a[m]] + s.friction[c.b[m]])
-        for i in range(c.count[m]):
+    def solve(m: int, k: int, h: real, biased: int, rig: Rig):
+        two = begun(m, k, rig)
+        n = rig.c.n[m]
+        mu = real(0.5) * (rig.s.friction[rig.c.a[m]] + rig.s.friction[rig.c.b[m]])
+        for i in range(rig.c.count[m]):
             j = 4 * m + i
-            gap = work.now[j]
-            before = c.push[j]
+            gap = rig.work.now[j]
+            before = rig.c.push[j]
             bias = real(0.0)
             soft = real(1.0)
             give = real(0.0)
@@ -202,17 +70,17 @@ def sweeps(real):
                 soft = real(SOFT)
                 give = real(GIVE)
             if biased == 1 or gap <= real(0.0) or before > real(0.0):      # behind: what is not yet touched keeps its speed
-                u = wp.dot(n, slip(two, j, work))
-                push = wp.max(before - soft * (u + bias) / wp.dot(n, work.K[j] * n) - give * before, real(0.0))
-                c.push[j] = push
-                two = pushed(two, m, j, (push - before) * n, s, b, c, work)
-        for i in range(c.count[m]):
+                u = wp.dot(n, slip(two, j, rig))
+                push = wp.max(before - soft * (u + bias) / wp.dot(n, rig.work.K[j] * n) - give * before, real(0.0))
+                rig.c.push[j] = push
+                two = pushed(two, m, j, (push - before) * n, rig)
+        for i in range(rig.c.count[m]):
             j = 4 * m + i
-            was = c.rub[j]
-            rub = rubbed(was, slip(two, j, work), n, work.K[j], c.push[j], mu)
-            c.rub[j] = rub
-            two = pushed(two, m, j, rub - was, s, b, c, work)
-        ended(two, m, s, b, now, c, work.touched)
+            was = rig.c.rub[j]
+            rub = rubbed(was, slip(two, j, rig), n, rig.work.K[j], rig.c.push[j], mu)
+            rig.c.rub[j] = rub
+            two = pushed(two, m, j, rub - was, rig)
+        ended(two, m, rig)
 
     return warm, solve
 
@@ -220,86 +88,81 @@ def sweeps(real):
 @cache
 def body_steps(real):
     """(forces, place): functions of a body i."""
-    Bodies, Moving = of_bodies(real)
-    _, _, _, Work = structs(real)
+    Rig = whole(real)
 
     @wp.func
-    def oriented(i: int, b: Bodies, now: Moving, work: Work):
-        R = matrix(now.q[i])
-        work.turn[i] = R
-        work.spread[i] = R * wp.diag(b.inverse[i]) * wp.transpose(R)
+    def oriented(i: int, rig: Rig):
+        R = matrix(rig.now.q[i])
+        rig.work.turn[i] = R
+        rig.work.spread[i] = R * wp.diag(rig.b.inverse[i]) * wp.transpose(R)
 
     @wp.func
-    def forces(i: int, h: real, b: Bodies, now: Moving, work: Work):
-        work.p0[i] = now.p[i]
-        work.L0[i] = now.L[i]
-        now.p[i] = kicked(now.p[i], b.push[i], b.drag[i], h)
-        now.L[i] = kicked(now.L[i], b.torque[i], b.spin_drag[i], h)
-        work.touched[i] = 0
+    def forces(i: int, h: real, rig: Rig):
+        rig.work.p0[i] = rig.now.p[i]
+        rig.work.L0[i] = rig.now.L[i]
+        rig.now.p[i] = kicked(rig.now.p[i], rig.b.push[i], rig.b.drag[i], h)
+        rig.now.L[i] = kicked(rig.now.L[i], rig.b.torque[i], rig.b.spin_drag[i], h)
+        rig.work.touched[i] = 0
 
     @wp.func
-    def place(i: int, h: real, b: Bodies, now: Moving, work: Work):
-        p = now.p[i]
-        L = now.L[i]
-        if work.touched[i] == 0:
-            p = kicked(work.p0[i], b.push[i], b.drag[i], real(0.5) * h)
-            L = kicked(work.L0[i], b.torque[i], b.spin_drag[i], real(0.5) * h)
-        step = now.e[i] + h * b.w[i] * p
-        x = now.x[i] + step
-        now.e[i] = step - (x - now.x[i])
-        now.x[i] = x
-        q = free_rotation(double(now.q[i], now.o[i]), double3(L), double3(b.inverse[i]), wp.float64(h))
-        now.q[i] = near(q, now.q[i])
-        now.o[i] = near(q - double(now.q[i], wp.quatd()), now.q[i])
+    def place(i: int, h: real, rig: Rig):
+        p = rig.now.p[i]
+        L = rig.now.L[i]
+        if rig.work.touched[i] == 0:
+            p = kicked(rig.work.p0[i], rig.b.push[i], rig.b.drag[i], real(0.5) * h)
+            L = kicked(rig.work.L0[i], rig.b.torque[i], rig.b.spin_drag[i], real(0.5) * h)
+        step = rig.now.e[i] + h * rig.b.w[i] * p
+        x = rig.now.x[i] + step
+        rig.now.e[i] = step - (x - rig.now.x[i])
+        rig.now.x[i] = x
+        q = free_rotation(double(rig.now.q[i], rig.now.o[i]), double3(L), double3(rig.b.inverse[i]), wp.float64(h))
+        rig.now.q[i] = near(q, rig.now.q[i])
+        rig.now.o[i] = near(q - double(rig.now.q[i], wp.quatd()), rig.now.q[i])
 
     return oriented, forces, place
 
 
 def soft_step(real, module, bouncing: bool):
     """Kernel of substeps first .. last of a frame, of h [s]; manifolds (list.count) are those of the first of them."""
-    t = types(real)
-    Bodies, Moving = of_bodies(real)
-    Shapes, Still, Contacts, Work = structs(real)
+    Rig = whole(real)
     prepare = formulas(real)[1]
     warm, solve = sweeps(real)
     oriented, forces, place = body_steps(real)
     if bouncing:
-        from wsim.kernels.rigid.impact import impacts
         thrown = impacts(real)
     else:
         @wp.func
-        def thrown(k: int, h: real, manifolds: int, s: Shapes, b: Bodies, now: Moving, still: Still, c: Contacts, work: Work):
+        def thrown(k: int, h: real, manifolds: int, rig: Rig):
             return
 
     @wp.func
-    def placed(k: int, count: int, s: Shapes, b: Bodies, now: Moving, still: Still, c: Contacts, work: Work):
+    def placed(k: int, count: int, rig: Rig):
         """Arms and gaps as bodies and colliders are where substep k begins."""
-        n = b.w.shape[0]
+        n = rig.b.w.shape[0]
         for i in range(n):
-            oriented(i, b, now, work)
-        for f in range(work.turn.shape[0] - n):
-            work.turn[n + f] = matrix(still.q[k * still.moving, f])
+            oriented(i, rig)
+        for f in range(rig.work.turn.shape[0] - n):
+            rig.work.turn[n + f] = matrix(rig.still.q[k * rig.still.moving, f])
         for m in range(count):
-            prepare(m, k, s, b, now, still, c, work)
+            prepare(m, k, rig)
 
-    def rigid_soft_step(steps: wp.vec2i, h: real, manifolds: wp.array(dtype=int), s: Shapes, b: Bodies, now: Moving,
-                        still: Still, c: Contacts, work: Work):
-        count = wp.min(manifolds[0], c.a.shape[0])
-        n = b.w.shape[0]
-        placed(steps[0], count, s, b, now, still, c, work)
+    def rigid_soft_step(steps: wp.vec2i, h: real, manifolds: wp.array(dtype=int), rig: Rig):
+        count = wp.min(manifolds[0], rig.c.a.shape[0])
+        n = rig.b.w.shape[0]
+        placed(steps[0], count, rig)
         for k in range(steps[0], steps[1]):
-            thrown(k, h, count, s, b, now, still, c, work)
+            thrown(k, h, count, rig)
             for i in range(n):
-                forces(i, h, b, now, work)
+                forces(i, h, rig)
             for m in range(count):
-                warm(m, k, s, b, now, still, c, work)
+                warm(m, k, rig)
             for _sweep in range(int(SWEEPS)):
                 for m in range(count):
-                    solve(m, k, h, 1, s, b, now, still, c, work)
+                    solve(m, k, h, 1, rig)
             for i in range(n):
-                place(i, h, b, now, work)
-            placed(k + 1, count, s, b, now, still, c, work)
+                place(i, h, rig)
+            placed(k + 1, count, rig)
             for m in range(count):
-                solve(m, k, h, 0, s, b, now, still, c, work)
+                solve(m, k, h, 0, rig)
 
     return wp.kernel(rigid_soft_step, name="rigid_soft_step", module=module, enable_backward=False)

@@ -109,7 +109,8 @@ def test_an_elastic_pair_keeps_momentum_and_energy():
 
 
 def test_a_cradle_of_five_balls_passes_all_of_the_speed():
-    row = [free(ball(f"/ball{k}", (1.0 * k, 5.0, 0.0), rest=1.0, rub=0.0, velocity=(3.0 * (k == 0), 0.0, 0.0))) for k in range(5)]
+    row = [free(ball(f"/ball{k}", (1.0 * k, 5.0, 0.0), rest=1.0, rub=0.0, velocity=(3.0 * (k == 0), 0.0, 0.0)))
+           for k in range(5)]
     sim = world(*row)
     sim.run(30)
     v = np.array([Seen(sim).speed(f"/ball{k}")[0] for k in range(5)])

@@ -29,11 +29,11 @@ def simulation(thing: Body, frames_a_second: float, substeps: int, precision: st
 @cache
 def turned(spin: tuple, moments: tuple, time: float, start=(0.0, 0.0, 0.0, 1.0)) -> np.ndarray:
     """Orientation after `time` [s], by SciPy to 1e-12: the quaternion and the body's angular velocity."""
-    I = np.array(moments)
+    J = np.array(moments)
 
     def rates(t, y):
         q, w = y[:4], y[4:]
-        return np.concatenate([0.5 * rotation.multiply(q, np.append(w, 0.0)), -np.cross(w, I * w) / I])
+        return np.concatenate([0.5 * rotation.multiply(q, np.append(w, 0.0)), -np.cross(w, J * w) / J])
     w = rotation.rotate(rotation.conjugate(np.array(start)), np.array(spin))
     found = solve_ivp(rates, (0.0, time), np.concatenate([start, w]), method="DOP853", rtol=1e-13, atol=1e-13)
     return rotation.normalized(found.y[:4, -1])

@@ -132,7 +132,8 @@ def test_a_run_goes_on_to_the_bit(tmp_path):
     whole, half, rest = (str(tmp_path / f"{name}.usdc") for name in ("whole", "half", "rest"))
 
     def run(output: str, frames: int, restart: str | None = None):
-        job = prepare(replace(load(tmp_path / "s.usda"), frames=frames), output, lambda s: Simulation(s, **CPU), restart=restart)
+        scene = replace(load(tmp_path / "s.usda"), frames=frames)
+        job = prepare(scene, output, lambda s: Simulation(s, **CPU), restart=restart)
         job.frames()
         return job.simulation
     one = run(whole, 40)
@@ -147,7 +148,8 @@ def test_a_run_goes_on_to_the_bit(tmp_path):
     ({"mass": 0.0}, "mass is 0"), ({"mass": -1.0}, "mass is -1"), ({"inertia": (0.0, 1.0, 1.0)}, "moments of inertia"),
     ({"axes": (0.0, 0.0, 0.0, 2.0)}, "quaternion of length 2"), ({"velocity": (np.nan, 0.0, 0.0)}, "velocity is"),
     ({"drag": -1.0}, "drag is -1"), ({"colliders": []}, "has no mass"),
-    ({"colliders": [Collider("/b/c", Plane())]}, "is a plane"), ({"colliders": [Collider("/else", Sphere(1.0))]}, "no prim of it"),
+    ({"colliders": [Collider("/b/c", Plane())]}, "is a plane"),
+    ({"colliders": [Collider("/else", Sphere(1.0))]}, "no prim of it"),
     ({"motion": Motion.still(np.diag([2.0, 2.0, 2.0, 1.0]))}, "scale")])
 def test_what_is_wrong_is_said_in_a_line_with_its_path_and_a_mend(change, said):
     scene = Scene()

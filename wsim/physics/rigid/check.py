@@ -29,10 +29,10 @@ def check(body: Body, scene: Scene) -> Iterator[Problem]:
     yield from rigid(path, body.motion, "a rigid body has no scale: put it into the sizes of its colliders")
     if body.motion.moves:
         yield error(path, "its motion has several keys", "one, where it starts",
-                    "take the keys away, or author physics:kinematicEnabled, or a collider without a body, where it is animated")
+                    "take the keys away, or author physics:kinematicEnabled, where it is animated")
     for other in scene.things("Body"):
         if other is not body and (other.path == path or other.path.startswith(path + "/")):
-            yield error(other.path, f"is a rigid body within the rigid body {path}", "bodies apart from each other in the stage",
+            yield error(other.path, f"is a rigid body within the rigid body {path}", "bodies apart in the stage",
                         "move it out of that prim, or take its PhysicsRigidBodyAPI away so that its colliders belong to it")
     yield from _beside(body, scene)
     wrong = [p for c in body.colliders for p in _collider(path, c)]
@@ -44,18 +44,19 @@ def check(body: Body, scene: Scene) -> Iterator[Problem]:
 
 def _beside(body: Body, scene: Scene) -> Iterator[Problem]:
     if scene.bodies() and body is scene.things("Body")[0]:
-        yield warning(body.path, "rigid bodies and cloth, springs or soft bodies pass through each other", "one kind in a scene",
-                      "make the bodies kinematic (colliders of the scene), or take one kind out")
+        yield warning(body.path, "rigid bodies and cloth, springs or soft bodies pass through each other",
+                      "one kind in a scene", "make the bodies kinematic (colliders of the scene), or take one kind out")
 
 
 def _meshes(body: Body, scene: Scene) -> Iterator[Problem]:
     """Meshes that are met as something else, or not at all."""
     for c in body.colliders:
         if c.meets and isinstance(c.shape, Surface) and not met(c, True):
-            yield warning(c.path, "is a mesh without a volume, which rigid bodies pass through", "a solid", "give it a thickness")
+            yield warning(c.path, "is a mesh without a volume, which rigid bodies pass through", "a solid",
+                          "give it a thickness")
         elif c.meets and isinstance(c.shape, Surface) and filled(c.shape) < 1.0 - CONVEX:
-            yield warning(c.path, "is a mesh with hollows, or an open one, and meets others as its convex hull", "a convex mesh",
-                          "put several convex colliders in its place")
+            yield warning(c.path, "is a mesh with hollows, or an open one, and meets others as its convex hull",
+                          "a convex mesh", "put several convex colliders in its place")
     for c in scene.colliders if body is scene.things("Body")[0] else ():
         if isinstance(c.shape, Surface) and not any(p.fatal for p in objects.collider(c)) and not met(c, False):
             yield warning(c.path, "is a mesh that is hollow, open or moves its points, which rigid bodies pass through",
@@ -93,10 +94,10 @@ def _mass(body: Body) -> Iterator[Problem]:
         yield error(path, "has no mass: none is given, and its colliders enclose no volume", "a mass > 0",
                     "author physics:mass and physics:diagonalInertia, or give it a collider that is closed")
         return
-    I = found.moments
-    if not (np.isfinite(I).all() and I.min() > 0.0):
-        yield error(path, f"moments of inertia are {_words(I)} kg m^2", "three numbers > 0", "author physics:diagonalInertia, or "
-                    "give it a collider with a volume")
-    elif 2.0 * I.max() > I.sum() * (1.0 + TRIANGLE):
-        yield warning(path, f"moments of inertia are {_words(I)} kg m^2, which no solid has", "none larger than the other two "
-                      "together", "author physics:diagonalInertia again; the motion is that of these numbers")
+    moments = found.moments
+    said = f"moments of inertia are {_words(moments)} kg m^2"
+    if not (np.isfinite(moments).all() and moments.min() > 0.0):
+        yield error(path, said, "three numbers > 0", "author physics:diagonalInertia, or give it a collider with a volume")
+    elif 2.0 * moments.max() > moments.sum() * (1.0 + TRIANGLE):
+        yield warning(path, f"{said}, which no solid has", "none larger than the other two together",
+                      "author physics:diagonalInertia again; the motion is that of these numbers")

@@ -69,11 +69,12 @@ class Contacts:
 
     def _shapes(self) -> None:
         method, real = self.method, self.real
+        self.still_origin = np.array([c.motion.at(0.0)[:3, 3] for c in self.colliders]).reshape(-1, 3)
         rows = [(k, world, c, place_of(method.masses[k], c)) for k, world, c in self.owners]
         rows += [(self.still_first + s, -1, c, np.array([0.0, 0, 0, 0, 0, 0, 1])) for s, c in enumerate(self.colliders)]
         self.shapes = len(rows)
         shape = [c.shape for _, _, c, _ in rows]
-        solid = {k: hull(s) for k, s in enumerate(shape) if isinstance(s, Surface)}
+        solid = {k: made for k, s in enumerate(shape) if isinstance(s, Surface) and (made := hull(s)) is not None}
         number = {k: place for place, k in enumerate(solid)}
         self.hulls = tables(list(solid.values()), real, self.device)
         ball = [-1.0 if isinstance(s, Plane) else float(np.linalg.norm(solid[k].vertices, axis=1).max()) if k in solid
@@ -86,15 +87,13 @@ class Contacts:
             return self.model.upload(np.array(values, np.int32 if dtype is int else self.model.dtype), dtype)
         self.table = filled(
             Shapes, frame=array([k for k, *_ in rows], int), world=array([w for _, w, _, _ in rows], int),
-            kind=array([KINDS[kind(c)] for _, _, c, _ in rows], int), row=array([number.get(k, 0) for k in range(len(rows))], int),
+            kind=array([KINDS[kind(c)] for _, _, c, _ in rows], int),
+            row=array([number.get(k, 0) for k in range(len(rows))], int),
             size=array(size, t.vec3), place=array([p for *_, p in rows], t.transform),
             ball=array(ball, real), skin=array([s.radius if isinstance(s, (Sphere, Capsule)) else 0.0 for s in shape], real),
             friction=array([(c.static_friction, c.dynamic_friction) for _, _, c, _ in rows], t.vec2),
-            restitution=array([c.restitution for _, _, c, _ in rows], real))
-        still = np.array([c.motion.at(0.0)[:3, 3] for c in self.colliders]).reshape(-1, 3)
-        self.still_origin = still
-        self.origin = wp.array(np.concatenate([method.origin, still]), dtype=wp.vec3d, device=self.device)
-        self.paths = [c.path for _, _, c, _ in rows]
+            restitution=array([c.restitution for _, _, c, _ in rows], real),
+            origin=wp.array(np.concatenate([method.origin, self.still_origin]), dtype=wp.vec3d, device=self.device))
 
     def _lists(self, room: int) -> None:
         """Arrays for so many pairs, and those of bodies and shapes."""
@@ -107,11 +106,11 @@ class Contacts:
                            skin=zeros(room, t.vec2), key=zeros(4 * room, int), gap=zeros(4 * room, real),
                            push=zeros(4 * room, real), rub=zeros(4 * room, t.vec3),
                            **{name: zeros(4 * room, t.vec3) for name in ("core_a", "core_b", "first_a", "first_b")})
-        self.work = filled(self.Work, from_x=zeros(n, t.vec3), spread=zeros(n, t.mat33), turn=zeros(n, t.mat33),
-                           p0=zeros(n, t.vec3), L0=zeros(n, t.vec3), touched=zeros(n, int), r_a=zeros(4 * room, t.vec3),
+        self.work = filled(self.Work, center=zeros(self.shapes, wp.vec3d), span=zeros(self.shapes, t.vec2),
+                           from_x=zeros(n, t.vec3), spread=zeros(n, t.mat33), turn=zeros(n, t.mat33), p0=zeros(n, t.vec3),
+                           L0=zeros(n, t.vec3), touched=zeros(n, int), r_a=zeros(4 * room, t.vec3),
                            r_b=zeros(4 * room, t.vec3), now=zeros(4 * room, real), K=zeros(4 * room, t.mat33),
                            goal=zeros(4 * room, real), hit=zeros(4 * room, real), scrape=zeros(4 * room, t.vec3))
-        self.center, self.span = zeros(self.shapes, wp.vec3d), zeros(self.shapes, t.vec2)
         self.number, self.first = zeros(self.shapes, int), zeros(self.shapes, int)
 
     def _empty(self, first: int) -> None:
@@ -149,9 +148,7 @@ class Contacts:
         ends = [round(i * clock.substeps / times) for i in range(times + 1)]
         for first, last in zip(ends[:-1], ends[1:], strict=True):
             self._manifolds(clock, first, last)
-            now = self.method.moving()
-            self.model.launch(self.step, 1, [wp.vec2i(first, last), clock.h, self.first[self.shapes - 1:], self.table,
-                                             self.method.table, now, self.still, self.list, self.work], [])
+            self.model.launch(self.step, 1, [wp.vec2i(first, last), clock.h, self.first[self.shapes - 1:], self.rig()], [])
             for name, array in self.arrays().items():
                 wp.copy(array, getattr(self.list, name))
 
@@ -163,17 +160,18 @@ class Contacts:
         return {name: array for part in self.parts for name, array in part.arrays.items()}
 
     def _manifolds(self, clock: Clock, first: int, last: int) -> None:
-        launch, now, n = self.model.launch, self.method.moving(), self.shapes
-        launch(self.reach, n, [self.table, self.method.table, now, self.still, self.origin, first, clock.h * (last - first)],
-               [self.center, self.span, self.work.from_x])
+        launch, rig, n = self.model.launch, self.rig(), self.shapes
+        launch(self.reach, n, [rig, first, clock.h * (last - first)], [])
         for write in (0, 1):
-            launch(self.listed, n, [self.table, self.still_first, self.center, self.span, self.first, write],
-                   [self.number, self.list.a, self.list.b, self.status.word(WORD)])
+            launch(self.listed, n, [rig, self.first, write], [self.number, self.status.word(WORD)])
             if not write:
                 wp.utils.array_scan(self.number, self.first, True)
         before = filled(collide.lasts(self.real), **self.arrays())
-        launch(self.collide, self.room, [self.table, self.hulls, now, self.still, self.origin, self.span, first, before],
-               [self.list])
+        launch(self.collide, self.room, [rig, self.hulls, first, before], [])
+
+    def rig(self) -> Any:
+        return filled(contact.whole(self.real), s=self.table, b=self.method.table, now=self.method.moving(), still=self.still,
+                      c=self.list, work=self.work)
 
     def grow(self, room: int) -> None:
         """Room for so many pairs; what the state has of them stays."""

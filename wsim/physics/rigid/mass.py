@@ -7,9 +7,9 @@ Solids of revolution about z, of height 2 h and radius r:
     cone      V = 2/3 pi r^2 h        I_z = 3/10 m r^2       I_x = m (3/20 r^2 + 3/80 (2 h)^2), the centre h/2 below the middle
     capsule   a cylinder and two half balls, whose centres are 3/8 r beyond its ends
 
-A closed mesh is a sum of signed tetrahedra from one point to its triangles: of one with corners 0, a, b, c, V = a . (b x c) / 6,
-centre (a + b + c) / 4, integral of x x^T = V / 20 (s s^T + a a^T + b b^T + c c^T), s = a + b + c (Tonon 2004, section 3). Inertia
-is tr(C) - C of the integral C about the centre.
+A closed mesh is a sum of signed tetrahedra from one point to its triangles: of one with corners 0, a, b, c, V = a . (b x c) / 6
+and the centre (a + b + c) / 4; the integral of x x^T is V / 20 (s s^T + a a^T + b b^T + c c^T), s = a + b + c (Tonon 2004,
+section 3). Inertia is tr(C) - C of the integral C about the centre.
 """
 
 from dataclasses import dataclass

@@ -38,7 +38,8 @@ class Rigid(Method):
     def __init__(self, b):
         super().__init__("rigid")
         self.model, scene = b.model, b.scene
-        self.bodies: list[tuple[Body, int]] = [(body, world) for world in range(b.model.worlds) for body in scene.things("Body")]
+        worlds = range(b.model.worlds)
+        self.bodies: list[tuple[Body, int]] = [(body, world) for world in worlds for body in scene.things("Body")]
         of = {id(body): inertia(body) for body in scene.things("Body")}
         self.masses: list[Inertia] = [of[id(body)] for body, _ in self.bodies]
         frames = np.array([body.motion.at(0.0) for body, _ in self.bodies])
@@ -93,7 +94,8 @@ class Rigid(Method):
         moments = np.array([one.moments for one in self.masses])
         columns = {name: np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("drag", "spin_drag")}
         vec3 = self.part.arrays["x"].dtype
-        table = filled(self.Bodies, w=m.upload((1.0 / mass).astype(dtype), real), inverse=m.upload((1.0 / moments).astype(dtype), vec3),
+        table = filled(self.Bodies, w=m.upload((1.0 / mass).astype(dtype), real),
+                       inverse=m.upload((1.0 / moments).astype(dtype), vec3),
                        **{name: m.upload(value.astype(dtype), real) for name, value in columns.items()})
         table.push = m.upload(self._push().astype(dtype), vec3)
         table.torque = m.upload(self.twist.astype(dtype), vec3)
@@ -101,7 +103,8 @@ class Rigid(Method):
 
     def _push(self) -> np.ndarray:
         """Weight and force [N], (n, 3)."""
-        return np.array([m.mass * self.gravity[world] for m, (_, world) in zip(self.masses, self.bodies, strict=True)]) + self.force
+        worlds = [world for _, world in self.bodies]
+        return np.array([m.mass for m in self.masses])[:, None] * self.gravity[worlds] + self.force
 
     def moving(self) -> Any:
         return filled(self.Moving, **{name: self.part.arrays[name] for name in ("x", "e", "q", "o", "p", "L")})
@@ -163,15 +166,12 @@ class Rigid(Method):
     def accept(self, path: str, name: str, value):
         """A live value as it is kept. Raises SceneError."""
         from wsim.scene.check.objects import array, number
-        if LIVE.get(name) == 3:
-            kept = np.asarray(value, np.float64).reshape(-1)
-            problems = list(array(path, name, kept, (3,)))
-        else:
-            kept = float(value)
-            problems = list(number(path, name, kept, 0.0)) if name in LIVE else []
-        if problems:
+        kept = np.asarray(value, np.float64).reshape(-1)
+        wide = LIVE.get(name, 0) == 3
+        problems = list(array(path, name, kept, (3,)) if wide else number(path, name, float(kept[0]), 0.0))
+        if problems and name in LIVE:
             raise SceneError(problems)
-        return kept
+        return kept if wide else float(kept[0])
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = np.array([k for k, (body, of) in enumerate(self.bodies) if path in ("/", body.path) and world in (None, of)], int)

@@ -16,8 +16,8 @@ from wsim.scene.curve import Motion
 DENSITY = 1000.0                             # [kg/m^3] where nothing is given, as USD has it
 
 
-def vector(value, size: int = 3) -> np.ndarray | None:
-    return None if value is None else np.array(value, np.float64).reshape(size)
+def vector(value) -> np.ndarray | None:
+    return None if value is None else np.array(value, np.float64).reshape(3)
 
 
 @dataclass(eq=False)
@@ -44,4 +44,4 @@ class Body(Compared):
     def __post_init__(self):
         for name in ("velocity", "spin", "center", "inertia", "force", "torque"):
             setattr(self, name, vector(getattr(self, name)))
-        self.axes = vector(self.axes, 4)
+        self.axes = np.array(self.axes, np.float64).reshape(4)

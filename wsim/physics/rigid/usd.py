@@ -25,10 +25,12 @@ LEAF = "collider"
 
 def simulated(reading: Reading, prim: Usd.Prim) -> bool:
     """Whether a body moves by forces: it is enabled, not kinematic, and there are no points that it would have to meet."""
-    api = UsdPhysics.RigidBodyAPI(prim)
-    start = reading.start
-    return bool(api.GetRigidBodyEnabledAttr().Get(start) is not False and not api.GetKinematicEnabledAttr().Get(start)
-                and not reading.points)
+    return dynamic(reading, prim) and not reading.points
+
+
+def dynamic(reading: Reading, prim: Usd.Prim) -> bool:
+    api, start = UsdPhysics.RigidBodyAPI(prim), reading.start
+    return api.GetRigidBodyEnabledAttr().Get(start) is not False and not api.GetKinematicEnabledAttr().Get(start)
 
 
 def within(reading: Reading, prim: Usd.Prim) -> list[Sdf.Path]:
@@ -51,10 +53,9 @@ def load(reading: Reading, prim: Usd.Prim) -> Body | None:
             reading.warn(path, f"is a {prim.GetTypeName()}: joints are not simulated yet, and its bodies come apart")
         return None
     if not simulated(reading, prim):
-        api = UsdPhysics.RigidBodyAPI(prim)
-        if api.GetRigidBodyEnabledAttr().Get(reading.start) is not False and not api.GetKinematicEnabledAttr().Get(reading.start):
-            reading.warn(path, "is a dynamic rigid body beside cloth, springs or soft bodies, which rigid bodies do not meet yet: "
-                         "its colliders move only as animated")
+        if dynamic(reading, prim):
+            reading.warn(path, "is a dynamic rigid body beside cloth, springs or soft bodies, which rigid bodies do not meet "
+                         "yet: its colliders move only as animated")
         return None
     if prim.IsInstanceProxy():
         reading.fail(path, "is a rigid body in an instance, whose contents cannot be written over; author instanceable = false "
@@ -79,8 +80,10 @@ def load(reading: Reading, prim: Usd.Prim) -> Body | None:
 
 def _own(reading: Reading, prim: Usd.Prim, M: np.ndarray) -> Collider | None:
     enabled = prim.GetAttribute("physics:collisionEnabled")
+    before = len(reading.problems)
     found = load_collider(reading, prim)
-    if found is None:
+    reading.problems[before:] = [p for p in reading.problems[before:] if "physics:approximation = convexHull" not in p.text]
+    if found is None:                                   # a mesh of a body is its convex hull
         return None
     found.motion = Motion(found.motion.times[:1], np.linalg.inv(M) @ found.motion.values[:1])
     found.meets = not enabled or enabled.Get(reading.start) is not False
@@ -90,7 +93,8 @@ def _own(reading: Reading, prim: Usd.Prim, M: np.ndarray) -> Collider | None:
 def _rates(reading: Reading, prim: Usd.Prim) -> tuple[np.ndarray, np.ndarray]:
     """World [m/s], [rad/s]; authored in the space that the prim's own transform leads to."""
     api, R = UsdPhysics.RigidBodyAPI(prim), _above(prim, reading.start)
-    v, w = (np.array(a.Get(reading.start) or (0.0, 0.0, 0.0), np.float64) for a in (api.GetVelocityAttr(), api.GetAngularVelocityAttr()))
+    v, w = (np.array(a.Get(reading.start) or (0.0, 0.0, 0.0), np.float64)
+            for a in (api.GetVelocityAttr(), api.GetAngularVelocityAttr()))
     return R @ v * reading.units.metres, R @ np.radians(w)
 
 
