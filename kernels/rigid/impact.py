@@ -18,6 +18,7 @@ from wsim.kernels.rigid.impulse import formulas
 
 ROUNDS, SWEEPS = wp.constant(64), wp.constant(64)
 REST, MET = wp.constant(4.0), wp.constant(1.0e-4)        # MET: part of the speed to which the sweeps go
+SOONER = wp.constant(1.01)         # what the soft steps would catch in this substep is an impact, whatever the rounding
 
 
 @cache
@@ -49,7 +50,7 @@ def impacts(real):
             u = wp.dot(n, slip(two, j, rig))
             gap = wp.max(rig.work.now[j], real(0.0))
             speed = wp.sqrt(wp.max(u * u + real(2.0) * a * gap, real(0.0)))
-            if e > real(0.0) and u < real(0.0) and gap + h * (u - real(0.5) * h * a) < real(0.0):
+            if e > real(0.0) and u < real(0.0) and gap + real(SOONER) * h * (u - h * wp.max(a, real(0.0))) < real(0.0):
                 if speed > real(REST) * h * wp.abs(a) and speed > real(1.0e-6):
                     rig.work.goal[j] = wp.sqrt(wp.max(e * e * speed * speed - real(2.0) * a * gap, real(0.0)))
                     some = True

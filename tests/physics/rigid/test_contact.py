@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wsim.physics.rigid.objects import Body
-from wsim.scene import Box, Collider, Plane, Scene, Sphere
+from wsim.scene import Box, Collider, Plane, Scene, Sphere, Surface, shapes
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
 
@@ -165,6 +165,64 @@ def test_ten_boxes_sink_less_than_three_millimetres_and_come_to_rest(precision):
     sim.run(600)
     seen = Seen(sim)
     assert 9.5 - seen.at("/box9")[1] < 3e-3 and np.abs(seen.v).max() < 1e-3 and abs(seen.at("/box9")[0]) < 1e-2
+
+
+def test_a_hundred_kilogrammes_stand_on_nine_boxes_of_one():
+    """They sink 32 mm in soft contact."""
+    sim = world(*[box(f"/box{k}", (0.0, 0.5 + k, 0.0), mass=1.0 if k < 9 else 100.0) for k in range(10)], precision="float32")
+    sim.run(600)
+    assert 9.5 - Seen(sim).at("/box9")[1] < 50e-3 and abs(Seen(sim).at("/box9")[0]) < 0.05
+
+
+def test_twenty_boxes_sink_less_than_eight_millimetres():
+    sim = world(*[box(f"/box{k}", (0.0, 0.5 + k, 0.0)) for k in range(20)], precision="float32")
+    sim.run(600)
+    assert 19.5 - Seen(sim).at("/box19")[1] < 8e-3 and abs(Seen(sim).at("/box19")[0]) < 1e-2
+
+
+def test_a_pyramid_of_ten_rows_stands():
+    rows = [(row, k) for row in range(10) for k in range(10 - row)]
+    sim = world(*[box(f"/box{r}_{k}", (k + 0.5 * r - 4.5, 0.5 + r, 0.0)) for r, k in rows], precision="float32")
+    sim.run(300)
+    start = np.array([body.motion.at(0.0)[:3, 3] for body, _ in sim.plan.method("rigid").bodies])
+    assert np.abs(Seen(sim).poses[:, :3, 3] - start).max() < 2e-3 and np.abs(Seen(sim).v).max() < 1e-3
+
+
+def test_a_collider_that_moves_carries_a_box_along_and_throws_a_ball():
+    """A table goes at 1 m/s: friction takes the box to its speed; a wall at 2 m/s meets a ball at rest, e = 1: 4 m/s."""
+    times = np.array([0.0, 10.0])
+
+    def going(speed: float, at) -> Motion:
+        frames = np.tile(np.eye(4), (2, 1, 1))
+        frames[:, :3, 3] = np.array(at) + np.outer(times * speed, (1.0, 0.0, 0.0))
+        return Motion(times, frames)
+    sim = world(box("/box", (0.0, 2.5, 0.0)), free(ball("/ball", (3.0, 8.0, 0.0), rest=1.0, rub=0.0)))
+    scene = sim.given
+    scene.collider("/table", Box((5.0, 1.0, 5.0)), motion=going(1.0, (0.0, 1.0, 0.0)))
+    scene.collider("/wall", Box((0.5, 1.0, 1.0)), motion=going(2.0, (0.0, 8.0, 0.0)), static_friction=0.0, dynamic_friction=0.0)
+    sim = Simulation(scene, device="cpu", precision="float64")
+    sim.run(120)
+    assert np.abs(Seen(sim).speed("/box") - (1.0, 0.0, 0.0)).max() < 1e-4
+    assert np.abs(Seen(sim).speed("/ball") - (4.0, 0.0, 0.0)).max() < 1e-3
+
+
+def test_worlds_do_not_touch_each_other_and_are_alike():
+    scene = world(box("/box", (0.0, 1.5, 0.0)), ball("/ball", (0.2, 3.0, 0.1))).given
+    one, three = (Simulation(scene, device="cpu", worlds=worlds) for worlds in (1, 3))
+    for sim in (one, three):
+        sim.run(60)
+    alone, all_ = one.plan.method("rigid").get("x"), three.plan.method("rigid").get("x").reshape(3, -1, 3)
+    assert np.array_equal(all_[0], alone) and np.array_equal(all_[1], alone) and np.array_equal(all_[2], alone)
+
+
+def test_a_mesh_lies_as_its_hull_does():
+    """A cube as a mesh, dropped on its face, rests as high as a box."""
+    scene = world(box("/box", (0.0, 0.7, 0.0))).given
+    points, counts, indices = shapes.box((0.5, 0.5, 0.5))
+    scene.add(Body("/mesh", [Collider("/mesh/shape", Surface(points, counts, indices))], Motion.at_place((5.0, 0.7, 0.0))))
+    sim = Simulation(scene, device="cpu")
+    sim.run(120)
+    assert abs(Seen(sim).at("/mesh")[1] - Seen(sim).at("/box")[1]) < 1e-5 and np.abs(Seen(sim).v).max() < 1e-4
 
 
 def test_an_overlapping_start_does_not_pop():

@@ -50,7 +50,7 @@ class Contacts:
         self.real, self.device = b.model.real, b.model.device
         self.owners = [(k, world, c) for k, (body, world) in enumerate(method.bodies) for c in meeting(body)]
         self.still_first = len(method.bodies)
-        self.bouncing = bounces(b.scene)
+        self.bouncing, self.sweeps = bounces(b.scene), b.scene.iterations
         self._shapes()
         real, module = self.real, b.model.module
         self.reach, self.listed = pairs.reach(real, module), pairs.listed(real, module)
@@ -148,7 +148,7 @@ class Contacts:
         ends = [round(i * clock.substeps / times) for i in range(times + 1)]
         for first, last in zip(ends[:-1], ends[1:], strict=True):
             self._manifolds(clock, first, last)
-            self.model.launch(self.step, 1, [wp.vec2i(first, last), clock.h, self.first[self.shapes - 1:], self.rig()], [])
+            self.model.launch(self.step, 1, [wp.vec3i(first, last, self.sweeps), clock.h, self.first[self.shapes - 1:], self.rig()], [])
             for name, array in self.arrays().items():
                 wp.copy(array, getattr(self.list, name))
 
