@@ -1,7 +1,8 @@
 """What a newcomer does, then the checks: the README's commands in a fresh copy, environment and kernel cache.
 
-The commands are taken from the README's `sh` blocks, so that they cannot drift apart. Prints each step with its time,
-and at the end pytest's closing line; exits with 1 if anything failed. Needs python3 (3.11 to 3.14) and a package index.
+The commands are taken from the `sh` blocks of the README's section Install, so that they cannot drift apart; its quick starts
+are run by tests/tools/test_readme.py. Prints each step with its time, and at the end pytest's closing line; exits with 1 if
+anything failed. Needs python3 (3.11 to 3.14) and a package index.
 """
 
 import os
@@ -25,9 +26,10 @@ MADE = ("hanging.usdc", "hanging.png")          # what the first command must le
 
 
 def commands() -> list[str]:
-    blocks = re.findall(r"^```sh\n(.*?)^```", (ROOT / "README.md").read_text(encoding="utf-8"), re.M | re.S)
-    if len(blocks) < 2:
-        sys.exit("README.md must hold two sh blocks: install and run, install and test")
+    text = (ROOT / "README.md").read_text(encoding="utf-8").partition("\n## Install\n")[2].partition("\n## ")[0]
+    blocks = re.findall(r"^```sh\n(.*?)^```", text, re.M | re.S)
+    if len(blocks) != 2:
+        sys.exit("README.md, Install, must hold two sh blocks: install and run, install and test")
     return [block.strip() for block in blocks]
 
 

@@ -5,6 +5,8 @@
     cycles      no module imports itself by way of others
     size        files, functions, arguments
     kernels     names, which are unique
+    ports       methods are asked for what they offer, not by their names
+    adjoints    x_adjoint.py has x.py beside it; who launches does not know of it
     words       no place of one machine, nothing unfinished
 
 Each rule is a function from sources to complaints, `file:line: what is wrong`; tests/tools/test_lint.py shows each of them
@@ -34,6 +36,7 @@ ONLY = {"rerun": ("show.viewer", "show.rerun_log"), "pxr": ("usd", "show", "phys
         "PIL": ("show.animation",), "imageio": ("show.animation",)}     # who may import these packages
 
 ENTRIES = 15                     # files and folders in a folder
+MARKERS = ("py.typed",)          # not counted: nobody reads them
 FILE_LINES, TEST_LINES, FUNCTION_LINES, ARGUMENTS = 300, 400, 45, 8
 WORDS = re.compile(r"(?<![\w.:/$}<])/(?:tmp|root|home|opt|mnt|srv)/[\w.-]+|(?<!\w)share[d]/"
                    r"|\bTO[D]O\b|\bFIX[M]E\b|\bXX[X]\b|NotImplemented[E]rror|assert Tru[e]\b")
@@ -138,7 +141,8 @@ def entries(root: Path = ROOT, folders=("wsim", "kernels", "tests", "tools")) ->
         for folder in [root / top, *sorted((root / top).rglob("*"))]:
             if not folder.is_dir() or folder.is_symlink() or folder.name == "__pycache__" or not any(folder.glob("*.py")):
                 continue
-            found = [entry for entry in folder.iterdir() if entry.is_file() or any(entry.glob("*.*"))]
+            found = [entry for entry in folder.iterdir() if entry.name not in MARKERS
+                     and (entry.is_file() or any(entry.glob("*.*")))]
             if len(found) > ENTRIES:
                 yield f"{folder.relative_to(root)}: {len(found)} entries, at most {ENTRIES}: make a room"
 
@@ -199,6 +203,33 @@ def kernels(files: dict[Path, str]) -> Iterator[str]:
                     yield f"{place}: kernel {node.name} has the name of {seen[node.name]}"
 
 
+def ports(files: dict[Path, str]) -> Iterator[str]:
+    """`plan.method(...)` of anything but a row of the table, and `methods[...]`: see `wsim.model.stage.Methods`."""
+    for path, text in files.items():
+        for node in ast.walk(ast.parse(text)) if path.parts[0] == "wsim" else ():
+            said = (ast.unparse(node.args[0]) if isinstance(node, ast.Call) and node.args
+                    and isinstance(node.func, ast.Attribute) and node.func.attr == "method" else
+                    ast.unparse(node.slice) if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Attribute)
+                    and node.value.attr == "methods" else "row.name")
+            if said != "row.name":
+                yield f"{path}:{node.lineno}: the method {said}: ask for what it offers (Methods.find)"     # type: ignore[attr-defined]
+
+
+def adjoints(files: dict[Path, str]) -> Iterator[str]:
+    """Adjoints without their forward file, and forward files of wsim/physics that import one: `wsim.model.vjp.beside` does."""
+    end = "_adjoint.py"
+    for path, text in files.items():
+        if path.parts[0] != "kernels" and path.parts[:2] != ("wsim", "physics"):
+            continue
+        if path.name.endswith(end):
+            forward = path.with_name(path.name.removesuffix(end) + ".py")
+            if forward not in files:
+                yield f"{path}:1: {forward.name} does not stand beside it: name it after what it is the adjoint of"
+        elif path.parts[0] == "wsim":
+            yield from (f"{path}:{line}: imports {dotted}: let `wsim.model.vjp.beside` do so"
+                        for line, dotted in imports(ast.parse(text)) if "_adjoint" in dotted)
+
+
 def words(files: dict[Path, str]) -> Iterator[str]:
     for path, text in files.items():
         for number, line in enumerate(text.splitlines(), 1):
@@ -219,7 +250,8 @@ def texts(root: Path = ROOT) -> dict[Path, str]:
 
 def main() -> int:
     files = sources()
-    complaints = [*layers(files), *entries(), *cycles(files), *size(files), *kernels(files), *words(files), *words(texts())]
+    complaints = [*layers(files), *entries(), *cycles(files), *size(files), *kernels(files), *ports(files), *adjoints(files),
+                  *words(files), *words(texts())]
     print("\n".join(complaints) if complaints else f"house rules hold in {len(files)} files")
     return 1 if complaints else 0
 

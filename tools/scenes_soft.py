@@ -1,6 +1,8 @@
 """The example scenes of soft bodies; tools/scenes.py writes them."""
 
+import tempfile
 from math import pi, sin
+from pathlib import Path
 
 import numpy as np
 
@@ -10,9 +12,12 @@ from wsim.geometry.tetra.tets import surface
 from wsim.scene import shapes
 from wsim.scene.fabric import fabric
 from wsim.scene.solid import Bulk
+from wsim.usd import load
+from wsim.usd.new.softbody import author_softbody
 
 BODY = '["PhysicsDeformableBodyAPI", "PhysicsVolumeDeformableSimAPI", "PhysicsCollisionAPI", "WsimSoftAPI", ' \
        '"MaterialBindingAPI"]'
+ASSETS = Path(__file__).resolve().parent.parent / "scenes" / "assets"
 CHOSEN = "wsim chooses short explicit steps where those cost less, as many as are stable. "
 MATERIAL = '["PhysicsMaterialAPI", "PhysicsVolumeDeformableMaterialAPI", "WsimMaterialAPI"]'
 STEPS = "Implicit steps: long ones are stable, a second Newton step solves what the first left. "
@@ -158,4 +163,36 @@ def trampoline() -> str:
     ], frames=72)
 
 
-SOFT_SCENES = {"cantilever": cantilever, "twist": twist, "bear": bear, "squeezed_cube": squeezed_cube, "trampoline": trampoline}
+def bunny() -> str:
+    with tempfile.TemporaryDirectory() as folder:            # the cage that `wsim new softbody` makes, in the bunny's own frame
+        made = Path(folder) / "cage.usda"
+        author_softbody(ASSETS / "bunny.usd", made, cells=8)
+        cage = load(made).softs[0]
+    points = cage.motion.points(cage.points)
+    tets = "\n".join(['uniform token purpose = "guide"',
+                      f"float3[] extent = {listed(np.array([points.min(axis=0), points.max(axis=0)]))}",
+                      f"point3f[] points = {listed(points)}", f"int4[] tetVertexIndices = {listed(cage.tets)}",
+                      f"int3[] surfaceFaceVertexIndices = {listed(surface(cage.tets))}",
+                      f"float[] wsim:filled = {listed(np.round(cage.filled, 3))}",
+                      "rel material:binding:physics = </World/Jelly>"])
+    look = block("Mesh", "Look", "color3f[] primvars:displayColor = [(0.62, 0.3, 0.2)]", comment="The bunny as it was "
+                 "delivered, untouched: what is seen. Each of its points follows the tet it lies in.")
+    look = look.replace('def Mesh "Look"', 'def "Look" (\n    prepend references = @assets/bunny.usd@</root/bunny>\n)', 1)
+    place = ("float3 xformOp:rotateXYZ = (0, -20, 12)\nfloat3 xformOp:scale = (0.5, 0.5, 0.5)\n"
+             + moved(-0.05, 0.75, 0, 'xformOp:rotateXYZ", "xformOp:scale'))
+    body = BODY.replace('"PhysicsDeformableBodyAPI", ', "")
+    cage_prim = block("TetMesh", "Cage", tets, body, "What is simulated: cells of a lattice around the mesh, of which "
+                      "wsim:filled says how much is bunny (`wsim new softbody` makes both).")
+    step = ("double size = 1\nfloat3[] extent = [(-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)]\n"
+            "float3 xformOp:scale = (0.5, 0.3, 0.7)\n" + moved(-0.22, 0.15, 0, "xformOp:scale"))
+    return scene("A bunny of jelly in a cage of tets falls on a step, askew, and tumbles to the floor.", [
+        settings(comment=CHOSEN, substeps=8, iterations=2),
+        material("Jelly", Bulk(young=3e5, poisson=0.4, density=1000.0, damping=1e-3, static_friction=0.6, dynamic_friction=0.5),
+                 "E = 300 kPa: a firm jelly sweet; a damping time of 1 ms takes the trembling."),
+        block("Xform", "Bunny", place + "\n" + look + cage_prim, '["PhysicsDeformableBodyAPI"]'),
+        solid("Cube", "Step", step, (0.42, 0.5, 0.52), "50 x 30 x 70 cm."), ground(),
+    ], frames=72)
+
+
+SOFT_SCENES = {"cantilever": cantilever, "twist": twist, "bear": bear, "bunny": bunny, "squeezed_cube": squeezed_cube,
+               "trampoline": trampoline}

@@ -1,10 +1,10 @@
 """A USD scene in, a simulated USD layer out.
 
     import wsim
-    scene = wsim.load("flag.usda")
-    simulation = wsim.Simulation(scene)
-    simulation.run(24)
-    simulation.positions("/flag")
+    simulation = wsim.Simulation("flag.usda")           # a path, a Usd.Stage or a wsim.Scene
+    with simulation.record("out.usdc"):                 # a layer over the scene
+        for frame in simulation.frames(24):
+            simulation.positions("/flag")               # [m], world, (n, 3)
 
 Names are imported when first used, so that `import wsim` costs about a millisecond and reading or writing scenes
 never starts Warp.
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         Problem,  # noqa: F401  (one of _HOME, and not counted among the names that a star imports)
         Scene,
         SceneError,
-        Skin,
+        Skin,  # noqa: F401
         Soft,
         Sphere,
         Springs,
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
         shapes,
     )
     from wsim.scene.curve import Curve, Motion
-    from wsim.scene.fabric import Fabric
+    from wsim.scene.fabric import Fabric, fabric
     from wsim.scene.solid import Bulk
     from wsim.simulation.simulation import Simulation
     from wsim.usd import load, save  # type: ignore[no-redef]  # wsim.usd.load is a module too
@@ -44,14 +44,14 @@ __version__ = "0.0.1"
 _HOME = {
     **dict.fromkeys(("Scene", "Cloth", "Springs", "Collider", "Pin", "Plane", "Sphere", "Box", "Capsule", "Cylinder",
                      "Cone", "Surface", "Soft", "Skin", "Problem", "SceneError"), "wsim.scene"),
-    "Curve": "wsim.scene.curve", "Motion": "wsim.scene.curve", "Fabric": "wsim.scene.fabric", "Bulk": "wsim.scene.solid",
-    "shapes": "wsim.scene.shapes",
+    "Curve": "wsim.scene.curve", "Motion": "wsim.scene.curve", "Bulk": "wsim.scene.solid",
+    "Fabric": "wsim.scene.fabric", "fabric": "wsim.scene.fabric", "shapes": "wsim.scene.shapes",
     "load": "wsim.usd", "save": "wsim.usd", "Simulation": "wsim.simulation.simulation", "fit": "wsim.fitting.fit",
     "Recorder": "wsim.usd.result.recorder",
 }
 __all__ = [  # noqa: F822  (names of __getattr__)
     "Box", "Bulk", "Capsule", "Cloth", "Collider", "Cone", "Curve", "Cylinder", "Fabric", "Motion", "Pin", "Plane",
-    "Recorder", "Scene", "SceneError", "Simulation", "Skin", "Soft", "Sphere", "Springs", "Surface", "fit", "load", "save",
+    "Recorder", "Scene", "SceneError", "Simulation", "Soft", "Sphere", "Springs", "Surface", "fabric", "fit", "load", "save",
     "shapes",
 ]
 

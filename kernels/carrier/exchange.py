@@ -110,11 +110,12 @@ def project(a: Any, b: Any, real, module):
 @cache
 def aim(a: Any, b: Any, real, module):
     """Kernel over the threads that walk a group, once after the last sweep: the relative velocity that its pairs shall have,
-    and which of them stick: those that one more sweep would let. `total` begins as `push`."""
+    and which of them stick: those that one more sweep would let. `total` begins as `push`. left: |min(C, lam n.Kn)| [m], what
+    the sweeps have left of C >= 0, lam >= 0, lam C = 0."""
     t, A, B, Pairs, (across, _) = types(real), a(real), b(real), lists(real), formulas(real)
 
     def aim(data_a: A.Data, data_b: B.Data, pairs: Pairs, walk: wp.vec2i, aim_out: wp.array(dtype=t.vec3),
-            sticks_out: wp.array(dtype=int), total_out: wp.array(dtype=t.vec3)):
+            sticks_out: wp.array(dtype=int), total_out: wp.array(dtype=t.vec3), left_out: wp.array(dtype=real)):
         s = pairs.first[walk[0]] + wp.tid()
         last = pairs.first[walk[0] + 1]
         while s < last:
@@ -137,6 +138,8 @@ def aim(a: Any, b: Any, real, module):
             sticks = int(0)
             if wp.length(P - lam * n + across(K, V, n)) <= pairs.friction[i][0] * lam:
                 sticks = int(1)
+            C = pairs.gap[i] + wp.dot(n, A.way(data_a, id_a, at_a) - B.way(data_b, id_b, at_b))
+            left_out[i] = wp.abs(wp.min(C, lam * wp.dot(n, K * n)))
             aim_out[i] = (V + more * n) / pairs.h
             sticks_out[i] = sticks
             total_out[i] = P

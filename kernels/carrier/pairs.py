@@ -54,6 +54,7 @@ def lists(real):
         push: wp.array(dtype=t.vec3)              # impulse that a has received in this substep and b its opposite [N s]
         aim: wp.array(dtype=t.vec3)               # relative velocity that it shall have in the end [m/s]
         sticks: wp.array(dtype=int)               # whether friction holds it
+        left: wp.array(dtype=t.scalar)            # what the last sweep has left [m]
         total: wp.array(dtype=t.vec3)             # impulse with what restores the velocity [N s]
 
     return Pairs

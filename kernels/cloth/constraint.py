@@ -1,4 +1,5 @@
-"""Constraints: value C and gradient G of each. The table at the end names them.
+"""Constraints: value C and gradient G of each, and what kernels need to know of them. The table of kinds:
+wsim/physics/cloth/kind.py.
 
 Displacement form: a constraint sees its points relative to its first, X_k = (x_k - x_0) + (d_k - d_0) [m], k >= 1, so
 that small displacements d far from the origin lose nothing. X has these as rows; a formula returns C and G with rows
@@ -254,8 +255,9 @@ def membrane_shear(B: Any, dC: Any):
 
 @dataclass(frozen=True)
 class Constraint:
-    """A row of the table: what the kernels and the tests need to know."""
+    """Formula (X, rest) -> C, G of a kind, and what the kernels made of it need to know; its name is in theirs."""
 
+    name: str
     formula: wp.Function
     points: int
     rows: int                  # values of C
@@ -265,10 +267,8 @@ class Constraint:
     anchored: bool = False     # the first point is not moved, so that points which share it need no colours
 
 
-TABLE = {
-    "distance": Constraint(distance, 2, 1, "m", "m/N"),
-    "limit": Constraint(distance, 2, 1, "m", "0", unilateral=True),
-    "tether": Constraint(distance, 2, 1, "m", "0", unilateral=True, anchored=True),
-    "dihedral": Constraint(dihedral, 4, 1, "rad", "rad/(N m)"),
-    "membrane": Constraint(membrane, 3, 3, "1", "1/J"),
-}
+DISTANCE = Constraint("distance", distance, 2, 1, "m", "m/N")
+LIMIT = Constraint("limit", distance, 2, 1, "m", "0", unilateral=True)
+TETHER = Constraint("tether", distance, 2, 1, "m", "0", unilateral=True, anchored=True)
+DIHEDRAL = Constraint("dihedral", dihedral, 4, 1, "rad", "rad/(N m)")
+MEMBRANE = Constraint("membrane", membrane, 3, 3, "1", "1/J")

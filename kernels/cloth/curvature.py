@@ -18,7 +18,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import dihedral, inverse
+from wsim.kernels.cloth.constraint import DIHEDRAL, dihedral, inverse
 from wsim.kernels.cloth.element import elements
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
@@ -127,7 +127,7 @@ def sums(real, module, both: bool = False):
 @cache
 def strained(real, module, damped: bool):
     """Kernel over hinges of an explicit step: z, G, and slope and kept by which m = slope u + kept."""
-    t, Elements, Curvatures = types(real), elements("dihedral", real), curvatures(real)
+    t, Elements, Curvatures = types(real), elements(DIHEDRAL, real), curvatures(real)
 
     def strained(batch: Elements, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), source: int, cur: Curvatures):
         c = wp.tid()
@@ -164,7 +164,7 @@ def strained(real, module, damped: bool):
 @cache
 def corners(real, module):
     """Kernel over hinges: force on each of their points, f[first + 4 c + k] [N]."""
-    t, Elements, Curvatures = types(real), elements("dihedral", real), curvatures(real)
+    t, Elements, Curvatures = types(real), elements(DIHEDRAL, real), curvatures(real)
 
     def corners(batch: Elements, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), source: int, first: int,
                 cur: Curvatures, f_out: wp.array(dtype=t.vec3)):
@@ -184,7 +184,7 @@ def corners(real, module):
 def hinge_of(real, damped: bool):
     """Function of hinge c of a table of XPBD or Newton's method: its places X and displacements V less those of the anchor
     (both to its first point), C and G."""
-    t, Batch = types(real), batch_of("dihedral", real)
+    t, Batch = types(real), batch_of(DIHEDRAL, real)
     vec3 = wp.array(dtype=t.vec3)
 
     @wp.func
@@ -208,7 +208,7 @@ def hinge_of(real, damped: bool):
 def angles(real, module, damped: bool):
     """Kernel over hinges of such a table: z, and slope and kept by which D + tau b - m / k = kept - slope u. rest: angles at
     rest; rate: 1 / h."""
-    t, Batch, Curvatures, hinge = types(real), batch_of("dihedral", real), curvatures(real), hinge_of(real, damped)
+    t, Batch, Curvatures, hinge = types(real), batch_of(DIHEDRAL, real), curvatures(real), hinge_of(real, damped)
     vec3 = wp.array(dtype=t.vec3)
 
     def angles(batch: Batch, rest: wp.array(dtype=real), x: vec3, d: vec3, a: vec3, rate: real, cur: Curvatures):
@@ -234,7 +234,7 @@ def targets(real, module):
     """Kernel over hinges: the angles that hinges alone, of stiffness k, would have to be at rest at for the moments that the
     sheet has: theta_0 + D - m / k, which XPBD projects to. Since 1/2 sum k D^2 is at least E, sweeps that repeat it go
     downhill where hinges are not folded sharply, and so do substeps of one sweep."""
-    Batch, Curvatures = batch_of("dihedral", real), curvatures(real)
+    Batch, Curvatures = batch_of(DIHEDRAL, real), curvatures(real)
 
     def targets(batch: Batch, rest: wp.array(dtype=real), cur: Curvatures, target_out: wp.array(dtype=real)):
         c = wp.tid()
@@ -246,7 +246,7 @@ def targets(real, module):
 @cache
 def stored(real, module):
     """Kernel over hinges of such a table: z without damping, and at kept 1/2 k q (D^2 - f^2) [J]."""
-    t, Batch, Curvatures, hinge = types(real), batch_of("dihedral", real), curvatures(real), hinge_of(real, False)
+    t, Batch, Curvatures, hinge = types(real), batch_of(DIHEDRAL, real), curvatures(real), hinge_of(real, False)
     vec3 = wp.array(dtype=t.vec3)
 
     def stored(batch: Batch, rest: wp.array(dtype=real), x: vec3, d: vec3, cur: Curvatures):

@@ -32,10 +32,10 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import FLAT, dihedral, inverse
+from wsim.kernels.cloth.constraint import DIHEDRAL, FLAT, dihedral, inverse
+from wsim.kernels.cloth.corner_gradients import reader, works
 from wsim.kernels.cloth.curvature import SLOTS, curvatures, fold, hinge_of, moment, sine_cosine
 from wsim.kernels.cloth.element import elements
-from wsim.kernels.cloth.gather_adjoint import reader, works
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
 
@@ -79,7 +79,7 @@ def bent(X: Any, G: Any, Q: Any):
 @cache
 def _here(real, damped: bool, direct: bool):
     """Function of hinge c of an explicit step: X, V, P (to its first point), and D, tau b, G, a."""
-    t, Elements, Work = types(real), elements("dihedral", real), works(real)
+    t, Elements, Work = types(real), elements(DIHEDRAL, real), works(real)
     vec3, by_force = wp.array(dtype=t.vec3), reader(real, direct)
 
     @wp.func
@@ -112,7 +112,7 @@ def _here(real, damped: bool, direct: bool):
 @cache
 def products(real, module, damped: bool, direct: bool):
     """Kernel over hinges: z, y, and a k e at kept. direct: of p, else of what stands at the places of corners."""
-    t, Elements, Work, Curvatures = types(real), elements("dihedral", real), works(real), curvatures(real)
+    t, Elements, Work, Curvatures = types(real), elements(DIHEDRAL, real), works(real), curvatures(real)
     vec3, here = wp.array(dtype=t.vec3), _here(real, damped, direct)
 
     def products(batch: Elements, x: vec3, d: vec3, source: int, first: int, cur: Curvatures, w: Work):
@@ -133,7 +133,7 @@ def corners(real, module, damped: bool, parameters: bool, direct: bool):
     """Kernel over hinges: at the places of the points' forces the gradients by their positions, and those by their velocities
     at `rates`; parameters: adds by stiffness, angle at rest, tau. Arguments: those of the kernel of the forces but these, work,
     by."""
-    t, Elements, Work, Curvatures = types(real), elements("dihedral", real), works(real), curvatures(real)
+    t, Elements, Work, Curvatures = types(real), elements(DIHEDRAL, real), works(real), curvatures(real)
     vec3, here = wp.array(dtype=t.vec3), _here(real, damped, direct)
 
     def back(batch: Elements, x: vec3, d: vec3, source: int, first: int, cur: Curvatures, w: Work, by: Elements):
@@ -212,7 +212,7 @@ def swept(real):
 @cache
 def seeds(real, module, damped: bool):
     """Kernel over hinges of XPBD: z, and y and p e at kept from the gradients by targets."""
-    t, Batch, Curvatures, hinge = types(real), batch_of("dihedral", real), curvatures(real), hinge_of(real, damped)
+    t, Batch, Curvatures, hinge = types(real), batch_of(DIHEDRAL, real), curvatures(real), hinge_of(real, damped)
     vec3, Swept = wp.array(dtype=t.vec3), swept(real)
 
     def seeds(batch: Batch, x: vec3, d: vec3, a: vec3, rate: real, cur: Curvatures, s: Swept):
@@ -234,7 +234,7 @@ def seeds(real, module, damped: bool):
 @cache
 def targets(real, module, damped: bool):
     """Kernel over hinges of XPBD: adds the gradients by angles at rest, compliance and tau; writes those at corners."""
-    t, Batch, Curvatures, hinge = types(real), batch_of("dihedral", real), curvatures(real), hinge_of(real, damped)
+    t, Batch, Curvatures, hinge = types(real), batch_of(DIHEDRAL, real), curvatures(real), hinge_of(real, damped)
     vec3, Swept = wp.array(dtype=t.vec3), swept(real)
 
     def back(batch: Batch, x: vec3, d: vec3, a: vec3, rate: real, cur: Curvatures, s: Swept, by: Batch):

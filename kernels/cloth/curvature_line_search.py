@@ -12,7 +12,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import TABLE, inverse
+from wsim.kernels.cloth.constraint import DIHEDRAL, dihedral, inverse
 from wsim.kernels.cloth.curvature import SLOTS, curvatures, fold
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
@@ -39,7 +39,7 @@ def looks(real):
 def hinges(real, module):
     """Kernel over bodies times lanes: z, r, s and z of steps of each hinge, at `found`; adds the change of what hinges have
     without others. Arguments: those of `elastic`, and `Looks`."""
-    t, Batch, Looks, formula = types(real), batch_of("dihedral", real), looks(real), TABLE["dihedral"].formula
+    t, Batch, Looks, formula = types(real), batch_of(DIHEDRAL, real), looks(real), dihedral
     vec3 = wp.array(dtype=t.vec3)
 
     @wp.func

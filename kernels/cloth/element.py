@@ -11,14 +11,14 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import TABLE, membrane
+from wsim.kernels.cloth.constraint import MEMBRANE, Constraint, membrane
 from wsim.kernels.math.real import types
 
 
 @cache
-def elements(constraint: str, real):
+def elements(row: Constraint, real):
     """Struct of the constraints of one kind: reads only."""
-    row, t = TABLE[constraint], types(real)
+    t = types(real)
     value, stiff = (t.mat22, t.vec4) if row.rows == 3 else (real, real)
 
     @wp.struct
@@ -40,7 +40,7 @@ def stress(S: Any, C: Any):
 @cache
 def corners(*, real, module, damped: bool):
     """Kernel over triangles: force on each of their points, f[first + 3 c + k] [N]."""
-    t, Elements = types(real), elements("membrane", real)
+    t, Elements = types(real), elements(MEMBRANE, real)
     vec3 = t.vec3
     rows = wp.types.matrix((2, 3), real)
 

@@ -21,9 +21,9 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import inverse, polar
+from wsim.kernels.cloth.constraint import MEMBRANE, inverse, polar
+from wsim.kernels.cloth.corner_gradients import reader, works
 from wsim.kernels.cloth.element import elements, stress
-from wsim.kernels.cloth.gather_adjoint import reader, works
 from wsim.kernels.math.real import types
 
 
@@ -107,7 +107,7 @@ def corners(real, module, damped: bool, parameters: bool, direct: bool):
     """Kernel over triangles: at the places of the points' forces the gradients by their positions, and those by their
     velocities at `rates`; direct: of p, else of what stands at those places; parameters: adds by stiffness, rest, tau.
     Arguments: those of the kernel of the forces but these, work, by."""
-    t, Elements, Work = types(real), elements("membrane", real), works(real)
+    t, Elements, Work = types(real), elements(MEMBRANE, real), works(real)
     vec3, by_force = wp.array(dtype=t.vec3), reader(real, direct)
     rows, formula = wp.types.matrix((2, 3), real), membrane(real, damped)
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import inverse
+from wsim.kernels.cloth.constraint import Constraint, inverse
 from wsim.kernels.cloth.terms import variant
 
 
 @cache
-def statistics(constraint: str, *, real=wp.float32, module="unique", uniform: bool = False):
+def statistics(constraint: Constraint, *, real=wp.float32, module="unique", uniform: bool = False):
     """Kernel: largest strain, sum of squared strains and energy 1/2 C alpha^-1 C [J] of each thread's share.
 
     Arguments: batch, x, count, d, out; launched over out, shape (threads,) of vec3d. Strain is C over the rest length,

@@ -19,7 +19,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import across, inverse, membrane
+from wsim.kernels.cloth.constraint import DIHEDRAL, MEMBRANE, across, inverse, membrane
 from wsim.kernels.cloth.curvature import curvatures, fold, hinge_of, moment
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
@@ -102,7 +102,7 @@ def frame(X: Any, B: Any):
 @cache
 def hinges(real, module):
     """Kernel over hinges: z, alpha^-1/2 G, and slope and kept by which alpha^1/2 m = slope u + kept."""
-    t, Batch, Elements, Curvatures, hinge = (types(real), batch_of("dihedral", real), elements_of(real), curvatures(real),
+    t, Batch, Elements, Curvatures, hinge = (types(real), batch_of(DIHEDRAL, real), elements_of(real), curvatures(real),
                                              hinge_of(real, True))
     vec3 = wp.array(dtype=t.vec3)
 
@@ -128,7 +128,7 @@ def hinges(real, module):
 @cache
 def moments(real, module):
     """Kernel over hinges: forces on corners, from C."""
-    Batch, Elements, Curvatures = batch_of("dihedral", real), elements_of(real), curvatures(real)
+    Batch, Elements, Curvatures = batch_of(DIHEDRAL, real), elements_of(real), curvatures(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def moments(batch: Batch, rate: real, cur: Curvatures, out: Elements):
@@ -162,7 +162,7 @@ def spans(real, module):
 @cache
 def triangles(real, module):
     """Kernel over membranes: forces on corners, the first of which has place `first`, and the three blocks of pairs."""
-    t, Batch, Elements = types(real), batch_of("membrane", real), elements_of(real)
+    t, Batch, Elements = types(real), batch_of(MEMBRANE, real), elements_of(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def triangles(batch: Batch, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3), rate: real,

@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import TABLE, distance, inverse, membrane
+from wsim.kernels.cloth.constraint import Constraint, distance, inverse, membrane
 from wsim.kernels.math.real import types
 
 
@@ -29,24 +29,24 @@ def batch(points: int, value, compliance, scalar):
     return Batch
 
 
-def batch_of(constraint: str, real):
-    """Struct for a row of the table. The membrane's alpha has its four different entries: (uu, uv, shear, vv)."""
-    row, t = TABLE[constraint], types(real)
+def batch_of(row: Constraint, real):
+    """Struct for constraints of a kind. The membrane's alpha has its four different entries: (uu, uv, shear, vv)."""
+    t = types(real)
     return batch(row.points, t.mat22, t.vec4, real) if row.rows == 3 else batch(row.points, real, real, real)
 
 
-def variant(constraint, real, multipliers, damped, uniform, stored: bool = False, exact: bool = False) -> SimpleNamespace:
-    """What the makers of kernels need: the row of the table, the types, the flags, a name, and the function `terms`.
+def variant(row: Constraint, real, multipliers, damped, uniform, stored: bool = False, exact: bool = False) -> SimpleNamespace:
+    """What the makers of kernels need: the constraint, the types, the flags, a name, and the function `terms`.
 
     stored   dlam is left in lam_out by constraints without a multiplier too
     exact    of float32: lengths are compared as kernels/math/compensated.py does, and the strains of a membrane taken in
              float64
     """
-    row, t = TABLE[constraint], types(real)
+    t = types(real)
     flags = {"lam": multipliers and not row.unilateral, "damped": damped and not row.unilateral, "uniform": uniform}
-    name = "_".join([constraint, *(word for word, on in flags.items() if on), t.name])
+    name = "_".join([row.name, *(word for word, on in flags.items() if on), t.name])
     exact = (stored or exact) and row.formula in (distance, membrane) and real is wp.float32
-    o = SimpleNamespace(**vars(row), **flags, stored=stored, exact=exact, t=t, name=name, Batch=batch_of(constraint, real))
+    o = SimpleNamespace(**vars(row) | {"name": name}, **flags, stored=stored, exact=exact, t=t, Batch=batch_of(row, real))
     o.value, o.entry = (t.vec3, t.vec4) if row.rows == 3 else (real, real)        # of lam and C, of alpha
     o.place = first_entry if uniform else own_entry
     o.ids = wp.types.vector(row.points, int)

@@ -11,7 +11,7 @@ gradients gC, gn, gp, g by C, n, p and tau:
 
 Meshes: Warp differentiates what kernels/contact/mesh.py computes of the face, edge or corner that was found.
 
-By the motion of a collider: kernels/contact/collider_adjoint.py.
+By the motion of a collider: kernels/contact/collider_gradients.py.
 """
 
 # Device code: int(0) makes a variable of what would be a constant, and an outer `if` on a Python bool drops its branch
@@ -25,7 +25,7 @@ import warp as wp
 
 from wsim.kernels.contact import collide, mesh
 from wsim.kernels.contact.collide import NEWTON_LIMIT, done, onward
-from wsim.kernels.contact.collider_adjoint import moved, seen
+from wsim.kernels.contact.collider_gradients import moved, seen
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import slots, tables
 from wsim.kernels.contact.project_adjoint import grads, read

@@ -7,8 +7,9 @@ A block has a share of the points, `lanes` threads to each, and keeps their disp
 points of other blocks that its springs hang on. Whoever moves such a point sends it there, and the bytes that arrive count on
 the receiver's barrier (st.async, mbarrier: PTX ISA 8.1): a block waits for its own threads and its neighbours, never for all.
 Three copies in turn and two barriers in turn, since a neighbour may be one substep ahead, and no more: it needs what this
-block sends. Tables, velocities, remainders and rest vectors x_j - x_i never leave the registers of their thread. The sums are
-those of `leap`, in the same order; 1 / length is within an ulp of it.
+block sends. A frame without contacts (`bounded`) is watched: each displacement must be no longer than the clearance of its
+point (kernels/motion/clearance.py), in every substep. Tables, velocities, remainders and rest vectors x_j - x_i never leave
+the registers of their thread. The sums are those of `leap`, in the same order; 1 / length is within an ulp of it.
 """
 
 from functools import cache
@@ -32,6 +33,7 @@ SNIPPET = """
     const bool there = i < n;
     const T* X = (const T*)x.data;
     T *Y = (T*)x_out.data, *D = (T*)e.data, *V = (T*)v.data, *C = (T*)carry.data;
+    {room}
     T w = 0, decay = 0, g[3] = {{0, 0, 0}}, d0[3] = {{0, 0, 0}}, s[3] = {{0, 0, 0}}, v0[3], q[3], r[3], x0[3];
     int column = -1;
     if (there) {{
@@ -127,6 +129,7 @@ SNIPPET = """
                 d0[k] = d1;
                 q[k] = v1 + step.ahead * a;
             }}
+            {within}
         }} else if (moves && (sub < 2 || step.stride)) {{
             for (int k = 0; k < 3; ++k) {{
                 const T d1 = goal[k] - x0[k];
@@ -159,6 +162,7 @@ SNIPPET = """
     }}
     // nobody leaves while others may still send to it
     asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");
+    {met}
     if (there && lane == 0)
         for (int k = 0; k < 3; ++k) {{
             const T x1 = x0[k] + d0[k];
@@ -184,6 +188,10 @@ ROOT = {   # 1 / length before its last Newton step, and the least square of a l
     "float": ('asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(over) : "f"(square));', "fmaxf", "1.2e-38f"),
     "double": ("over = rsqrt(square);", "fmax", "1e-300"),
 }
+# square of the clearance [m^2], -2 once it was not enough
+BOUNDED = {"room": "T room2 = there ? h.room.data[i] : T(1e30);  room2 = room2 > T(0) ? room2 * room2 : T(-1);",
+           "within": "if (!(d0[0] * d0[0] + d0[1] * d0[1] + d0[2] * d0[2] <= room2)) room2 = T(-2);",
+           "met": "if (room2 < T(-1.5)) atomicMax(h.met.data, 1);"}
 
 
 @wp.struct
@@ -196,27 +204,44 @@ class Shares:
 
 
 @cache
-def frame(real, module, plan):
+def bounded_shares(real):
+    """Struct of the same, and the bounds of a frame without contacts."""
+
+    @wp.struct
+    class BoundedShares:
+        slot: wp.array(dtype=int)
+        push: wp.array(dtype=int)
+        guests: wp.array(dtype=int)
+        room: wp.array(dtype=real)     # clearance [m], (points,)
+        met: wp.array(dtype=int)       # becomes 1 where a point goes further
+
+    return BoundedShares
+
+
+@cache
+def frame(real, module, plan, bounded: bool = False):
     """Kernel, launched over plan.size blocks of plan.threads: `Step.count` substeps, the last half kick where `Step.close`
     asks for one, and the position x + d with its remainder. r is the remainder of v, (points,).
 
     plan     `wsim.physics.motion.cluster.Cluster`; the net is padded to plan.lanes * plan.entries a point (see
              `wsim.physics.motion.forces.ForceGather.place`)
+    bounded  frames are watched; `Shares` are `bounded_shares` then
     """
-    vec3, Net, Step = types(real).vec3, net(real), steps(real)
+    vec3, Net, Step, Held = types(real).vec3, net(real), steps(real), bounded_shares(real) if bounded else Shares
     name = "float" if real is wp.float32 else "double"
     root, greater, tiny = ROOT[name]
+    bounds = {key: text if bounded else "" for key, text in BOUNDED.items()}
     code = SNIPPET.format(real=name, root=root, greater=greater, tiny=tiny, lanes=plan.lanes, entries=plan.entries,
                           points=plan.points, slots=plan.slots, pushes=plan.pushes, stride=4 if name == "float" else 3,
-                          load=LOAD[name], send=SEND[name])
+                          load=LOAD[name], send=SEND[name], **bounds)
 
     @wp.func_native(code)
-    def march(c: Net, h: Shares, x: wp.array(dtype=vec3), step: Step, x_out: wp.array(dtype=vec3), e: wp.array(dtype=vec3),
+    def march(c: Net, h: Held, x: wp.array(dtype=vec3), step: Step, x_out: wp.array(dtype=vec3), e: wp.array(dtype=vec3),
               v: wp.array(dtype=vec3), carry: wp.array(dtype=vec3)): ...
 
-    def frame(c: Net, h: Shares, x: wp.array(dtype=vec3), step: Step, x_out: wp.array(dtype=vec3),
+    def frame(c: Net, h: Held, x: wp.array(dtype=vec3), step: Step, x_out: wp.array(dtype=vec3),
               e_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), r_out: wp.array(dtype=vec3)):
         march(c, h, x, step, x_out, e_out, v_out, r_out)
 
     return wp.kernel(frame, module=module, enable_backward=False, grid_stride=False, launch_bounds=plan.threads,
-                     cluster_dim=plan.size)
+                     cluster_dim=plan.size, **({"name": "frame_bounded"} if bounded else {}))

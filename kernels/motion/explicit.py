@@ -57,7 +57,7 @@ def phases(real):
 
 
 @cache
-def _leap(real, flags: tuple, field=None):
+def leaper(real, flags: tuple, field=None):
     """Function: kick and drift of the point of a thread."""
     t, lanes = types(real), dict(flags).get("lanes", 1)
     vec3, Net, Phase, Step = t.vec3, net(real), phases(real), steps(real)
@@ -106,7 +106,7 @@ def _leap(real, flags: tuple, field=None):
 def leap(real, module, flags: tuple, field=None):
     """Kernel over the lanes of the points: a kick, then a drift; from copy `source` of d to the other. flags: items of what
     `acceleration` takes."""
-    vec3, one = types(real).vec3, _leap(real, flags, field)
+    vec3, one = types(real).vec3, leaper(real, flags, field)
     Net, Phase, Step = net(real), phases(real), steps(real)
 
     @wp.kernel(module=module, enable_backward=False)

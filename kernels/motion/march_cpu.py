@@ -5,6 +5,11 @@ other reads d_i or adds to f_i of its points any more, and they are moved in pla
 two at a time. Other threads may follow pass by pass (kernels/motion/threads.py); the order of all sums is that of one thread,
 and so are the bits. 32 x 32 cloth, 5826 springs, a substep: 7.2 us in float32, 11.8 us in float64; points and loose springs one
 after the other took 15.0 and 19.8 us (EPYC of 2022 at about 3.6 GHz, one thread, least of many runs).
+
+A frame without contacts (`bounded`) is watched: a block of points keeps the largest |d| along each axis of a pass, and the
+vector of the three must be no longer than the least clearance of its points (kernels/motion/clearance.py), in every pass. That
+is no more than sqrt(3) times too cautious, and costs a product and a maximum for two points. What is not finite is left to the
+guard of the points.
 """
 
 from functools import cache
@@ -58,6 +63,7 @@ MARCH = """
         G[i] = load((const {real}*)c.gravity.data, object[o]); G[i][3] = c.w.data[o];
     }}
     if (rank == 0) {{ {apart} }}
+    {least}
     {open}
     for (; t < count; ++t) {{
         const bool closes = t == step.count;
@@ -69,9 +75,11 @@ MARCH = """
             {before}
             for (int b = leg[l]; b < leg[l + 1]; ++b) {{
                 {springs}
+                {most}
                 for (int i = 8 * group[b]; i < 8 * group[b + 1]; i += 2) {{
                     {move}
                 }}
+                {within}
             }}
             {after}
         }}
@@ -92,6 +100,7 @@ MARCH = """
     __builtin_ia32_ldmxcsr(modes);
     #endif
     if (torn && p.frame && p.status.data[0] < 1) p.status.data[0] = 1;
+    {met}
     {leave}
 #endif
 """
@@ -105,6 +114,7 @@ MOVE = """
                     at(V, i) = v1;
                     at(C, i) = y - (v1 - v0);
                     at(D, i) = d1;
+                    {widen}
                     at(S, i) = z - (d1 - d0);
                     if (seen) at(Q, i) = v1 + step.ahead * a;
                     if (!(g[3] > 0 && g[7] > 0)) {{
@@ -112,6 +122,20 @@ MOVE = """
                         hold(i + 1, g[7], second(d0), second(v0));
                     }}
 """
+# What bounds a frame without contacts: before the passes, by block, and behind them.
+BOUNDED = {"least": """
+    for (int b = 0; b < blocks && p.frame && rank == 0; ++b) {{
+        {real} least = 1e30;
+        for (int i = 8 * group[b]; i < 8 * group[b + 1]; ++i)
+            if (order[i] >= 0) least = !(p.room.data[order[i]] > least) ? p.room.data[order[i]] : least;
+        p.least.data[b] = least > 0 ? least * least : -1;
+    }}
+    bool met = false;""", "most": "eight wide = none;",
+           "widen": "const eight square = d1 * d1; wide = square > wide ? square : wide;",
+           "within": """if (p.frame) {{
+                    const vec far = __builtin_elementwise_max(first(wide), second(wide));
+                    met |= !(far[0] + far[1] + far[2] <= p.least.data[b]);
+                }}""", "met": "if (met) p.met.data[0] = 1;"}
 # Points that no force moves, after all; and the drag of others.
 HOLD = """
         auto decay = [&](int i) {{ return order[i] < 0 ? 0 : c.decay.data[object[order[i]]]; }};
@@ -140,6 +164,9 @@ def moving(real):
         carry: wp.array(dtype=vec3)          # remainder of v
         slip: wp.array(dtype=vec3)           # remainder of d
         status: wp.array(dtype=int)          # becomes at least 1 where a spring ends longer than MOST times its rest length
+        room: wp.array(dtype=real)           # clearance [m]; only where a frame is bounded by it
+        least: wp.array(dtype=real)          # room: square of the least one of each block [m^2], (blocks,)
+        met: wp.array(dtype=int)             # becomes 1 where a point goes further
         frame: int                           # 1: the call takes a frame, d is the remainder of x before it and after; no slip
 
     return Moving
@@ -164,10 +191,12 @@ def pull(real, module, damped: bool):
 
 
 @cache
-def march(real, module, damped: bool):
-    """Kernel, launched over 1: `Step.count` substeps of kicks and drifts, and a last kick where `Step.close` is not 0."""
+def march(real, module, damped: bool, bounded: bool = False):
+    """Kernel, launched over 1: `Step.count` substeps of kicks and drifts, and a last kick where `Step.close` is not 0. bounded:
+    frames are watched."""
     name = "float" if real is wp.float32 else "double"
-    texts = TEXTS | {"move": MOVE.format(), "hold": HOLD.format(real=name), "damped": int(damped)}
+    bounds = {key: text.format(real=name) if bounded else "" for key, text in BOUNDED.items()}
+    texts = TEXTS | bounds | {"move": MOVE.format(**bounds), "hold": HOLD.format(real=name), "damped": int(damped)}
     vec4, List, Net, Step, Moving, Team = types(real).vec4, list_of(real), net(real), steps(real), moving(real), teams()
 
     @wp.func_native(packets.code(MARCH, real, damped, WATCH, texts))

@@ -7,7 +7,8 @@
 
 Backward Euler (order 1):  a = e,        g = h,      d = a + g (v + g f)
 BDF2 (order 2):            a = e + s/3,  g = 2h/3,   d = a + g (v + (v - u)/3 + g f)
-midpoint (order 2):        a = e,        g = h/2,    as backward Euler; the substep ends with x + 2 d - e, 2 (d - a)/g - v
+one node at c h:           a = e,        g = c h,    as backward Euler; the substep ends with x + d + (1/c - 1) (d - e) and
+                           (d - a)/(c g) - (1/c - 1) v: order 1, for c = 1/2 the implicit midpoint of order 2
 sdirk3 (order 3):          kernels/motion/sdirk3.py, twice backward Euler of another step
 
 BDF2 is x' = x + s/3 + (2/3) h v', v' = v + (v - u)/3 + (2/3) h f, written in differences so that nothing cancels
@@ -120,9 +121,9 @@ def finish_euler(real, module):
 
 
 @cache
-def finish_beyond(real, module):
-    """Kernel: as finish_euler, from the middle of the substep to its end."""
-    t = types(real)
+def finish_beyond(real, module, part: float = 0.5):
+    """Kernel: as finish_euler, from that part of the substep, where d is, to its end."""
+    t, once, more = types(real), real(1.0 / part), real((1.0 - part) / part)
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
     def finish_beyond(e: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
@@ -130,9 +131,9 @@ def finish_beyond(real, module):
                       x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         x0 = x[i]
-        half = d[i] - e[i]
-        step = d[i] + half
-        v_out[i] = real(2.0) * (half / g) - v[i]
+        solved = d[i] - e[i]
+        step = d[i] + more * solved
+        v_out[i] = once * (solved / g) - more * v[i]
         x1 = x0 + step
         x_out[i] = x1
         e_out[i] = step - (x1 - x0)

@@ -21,7 +21,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.gather_adjoint import reader, works
+from wsim.kernels.cloth.corner_gradients import reader, works
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import identity
 from wsim.kernels.soft import fem, pressure, shape10

@@ -16,7 +16,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import TABLE, inverse
+from wsim.kernels.cloth.constraint import Constraint, inverse, membrane
 from wsim.kernels.cloth.hessian import plane_stiffness
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.block import BLOCK
@@ -75,10 +75,10 @@ def stored_row(C: wp.float64, alpha: wp.float64, before: wp.float64, gamma: wp.f
 
 
 @cache
-def elastic(constraint: str, real, module):
+def elastic(constraint: Constraint, real, module):
     """Kernel over bodies times lanes: adds the change of the energy and damping of springs or triangles."""
-    row_, t, Batch = TABLE[constraint], types(real), batch_of(constraint, real)
-    n, formula, block, membrane = row_.points - 1, row_.formula, row_.rows == 3, TABLE["membrane"].formula
+    t, Batch = types(real), batch_of(constraint, real)
+    n, formula, block = constraint.points - 1, constraint.formula, constraint.rows == 3
     rows = wp.types.matrix((n, 3), wp.float64)
     vec3 = wp.array(dtype=t.vec3)
 
@@ -132,7 +132,7 @@ def elastic(constraint: str, real, module):
                     trial.change[row, k] = trial.change[row, k] + change(batch, c, X, V, Y, rate, part)
                 part *= wp.float64(0.5)
 
-    return wp.kernel(elastic, name=f"change_{constraint}_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(elastic, name=f"change_{constraint.name}_{t.name}", module=module, enable_backward=False)
 
 
 @cache

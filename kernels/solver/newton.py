@@ -29,7 +29,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import inverse
+from wsim.kernels.cloth.constraint import DISTANCE, inverse
 from wsim.kernels.cloth.hessian import WHOLE, elements_of
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
@@ -159,7 +159,7 @@ def gathered(rows: Any, el: Any, e: int):
 def assemble(real, module, springs: bool, elements: bool):
     """Kernel over points: force f [N] (minus the gradient of Phi), and the row of the Jacobian. Pinned points: zero. Reads
     x, d, a of the points."""
-    t, s, Batch, Elements = types(real), structs(real), batch_of("distance", real), elements_of(real)
+    t, s, Batch, Elements = types(real), structs(real), batch_of(DISTANCE, real), elements_of(real)
     PointState = states(real)
 
     def assemble(rows: s.Rows, batch: Batch, el: Elements, at: PointState, b: wp.array(dtype=t.vec3), rate: real,

@@ -20,7 +20,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import membrane_response, membrane_shear, membrane_slender
+from wsim.kernels.cloth.constraint import Constraint, membrane_response, membrane_shear, membrane_slender
 from wsim.kernels.cloth.terms import length, plane_stress, variant
 from wsim.kernels.math import block
 from wsim.kernels.math.matrix import solve_block
@@ -31,9 +31,9 @@ CALM = 1e-2            # strain below which no step of a membrane is too long, u
 
 
 @cache
-def projection(constraint: str, *, real=wp.float32, module="unique", multipliers: bool = False, damped: bool = False,
+def projection(constraint: Constraint, *, real=wp.float32, module="unique", multipliers: bool = False, damped: bool = False,
                uniform: bool = False, backward: bool = False, exact: bool = False):
-    """(Batch, kernel) of a row of the table of constraints.
+    """(Batch, kernel) of a kind of constraint.
 
     multipliers   lam is read and written: needed when a substep runs more than one iteration
     damped        tau and a (the anchor) are read
@@ -54,7 +54,7 @@ def projection(constraint: str, *, real=wp.float32, module="unique", multipliers
 
 
 @cache
-def sweep(constraint: str, *, real=wp.float32, module="unique", multipliers: bool = False, damped: bool = False,
+def sweep(constraint: Constraint, *, real=wp.float32, module="unique", multipliers: bool = False, damped: bool = False,
           uniform: bool = False, exact: bool = False):
     """(Batch, kernel) as `projection`, for all colours in one launch over `threads`: one block on a GPU, 1 on the CPU.
 
@@ -93,13 +93,33 @@ def weights_of_4(w: wp.array(dtype=Any), p: wp.vec4i):
     return wp.vector(w[p[0]], w[p[1]], w[p[2]], w[p[3]])
 
 
-WEIGHTS = {2: weights_of_2, 4: weights_of_4}
+@wp.func
+def weights_of_3(w: wp.array(dtype=Any), p: wp.vec3i):
+    """Inverse masses of three points."""
+    return wp.vector(w[p[0]], w[p[1]], w[p[2]])
+
+
+@cache
+def weights_of(n: int, real):
+    """Function (w, p): inverse masses of the n points p."""
+    if n in (2, 3, 4):
+        return {2: weights_of_2, 3: weights_of_3, 4: weights_of_4}[n]
+    ids, inverses = wp.types.vector(n, int), wp.types.vector(n, real)
+
+    @wp.func
+    def weights(w: wp.array(dtype=real), p: ids):
+        W = inverses()
+        for k in range(n):
+            W[k] = w[p[k]]
+        return W
+
+    return weights
 
 
 def _row(o):
     """Projection of constraints with one row."""
     real, vec3, n, terms, place = o.t.scalar, o.t.vec3, o.points - 1, o.terms, o.place
-    weights, read_points, read_length = WEIGHTS[o.points], o.read_points, length(o)
+    weights, read_points, read_length = weights_of(o.points, real), o.read_points, length(o)
 
     @wp.func
     def project(c: int, batch: o.Batch, at: Any, rate: real, omega: real, lam: wp.array(dtype=real),

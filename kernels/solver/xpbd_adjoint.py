@@ -18,18 +18,12 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import inverse
+from wsim.kernels.cloth.constraint import Constraint, inverse
 from wsim.kernels.cloth.terms import variant
 from wsim.kernels.math import block
 from wsim.kernels.math.real import types
-from wsim.kernels.solver.xpbd import WEIGHTS, one_of
+from wsim.kernels.solver.xpbd import one_of, weights_of
 from wsim.kernels.solver.xpbd_vjp import lacking, length, need, product
-
-
-@wp.func
-def weights_of_3(w: wp.array(dtype=Any), p: wp.vec3i):
-    """Inverse masses of three points."""
-    return wp.vector(w[p[0]], w[p[1]], w[p[2]])
 
 
 @wp.func
@@ -76,7 +70,7 @@ def grads(vec3, value):
 
 
 @cache
-def sweep(constraint: str, real, module, damped: bool, kept: bool, fused: bool):
+def sweep(constraint: Constraint, real, module, damped: bool, kept: bool, fused: bool):
     """Kernel of a sweep that leaves behind what its adjoint needs. fused: one block takes all colours, between `first` and the
     end; else a launch is a colour that begins at starts[first]. Arguments: batch, seen, starts, first, rate, omega."""
     o = variant(constraint, real, True, damped, False, stored=True)
@@ -105,7 +99,7 @@ def sweep(constraint: str, real, module, damped: bool, kept: bool, fused: bool):
 
 
 @cache
-def sweep_adjoint(constraint: str, real, module, damped: bool, kept: bool, fused: bool, placed: bool = True):
+def sweep_adjoint(constraint: Constraint, real, module, damped: bool, kept: bool, fused: bool, placed: bool = True):
     """Kernel of the adjoint of `sweep`; colours in reverse. placed: it adds the gradients by x; else they are what those by d
     have gained. Arguments: batch, gradients by the tables, seen (d after the sweep, becomes that before it), gradients, starts,
     first, rate, omega."""
@@ -152,7 +146,7 @@ def _kernel(function, name: str, module, fused: bool):
 def _back(o):
     """Function: the adjoint of the projection of constraint c, whose points left their d behind."""
     real, vec3, n, last = o.t.scalar, o.t.vec3, o.points, itself if o.rows == 3 else first_of
-    formula, weights, Seen, Grads = product(o), WEIGHTS.get(n, weights_of_3), seen(vec3, o.value), grads(vec3, o.value)
+    formula, weights, Seen, Grads = product(o), weights_of(n, real), seen(vec3, o.value), grads(vec3, o.value)
     lacks = lacking(o) if o.exact else None
     damped, placed, m = o.damped, o.placed, n - 1   # a constant: loops to it are unrolled, which adjoints of loops need
     rows, ends, more = (wp.types.matrix((k, 3), real) for k in (m, n, n + 1 + (o.rows == 3)))

@@ -3,7 +3,7 @@
 XPBD keeps the momentum rows exactly, so these rows are the whole residual of the implicit step (damping's part is left
 out). A row counts by what one more projection would do about it,
 
-    |C + a lam| S / (S + a) / l,   S = sum_k w_k |G_k|^2,   l the rest length of a spring, else 1 (strains, radians)
+    |C + a lam| S / (S + a) / l,   S = sum_k w_k |G_k|^2,   l the length (area) at rest, 1 of strains and angles
 
 so a soft hinge weighs as little as it moves. The largest is found by an atomic maximum: no order of threads changes it.
 """
@@ -13,7 +13,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.cloth.constraint import TABLE
+from wsim.kernels.cloth.constraint import Constraint
 from wsim.kernels.cloth.terms import batch_of, plane_stress
 from wsim.kernels.math.real import types
 
@@ -28,13 +28,13 @@ def share(S: Any, a: Any):
 
 
 @cache
-def residual(constraint: str, *, real, module, uniform: bool = False):
+def residual(kind: Constraint, *, real, module, uniform: bool = False):
     """Kernel: raises largest[row] to the residual of every constraint. Positions are x + d."""
-    row, t, Batch = TABLE[constraint], types(real), batch_of(constraint, real)
-    vec3, formula, n, block = t.vec3, row.formula, row.points - 1, row.rows == 3
+    t, Batch = types(real), batch_of(kind, real)
+    vec3, formula, n, block = t.vec3, kind.formula, kind.points - 1, kind.rows == 3
     rows = wp.types.matrix((n, 3), real)
     multiplier = vec3 if block else real
-    length = constraint == "distance"
+    length = kind.unit.startswith("m")
 
     def residual(batch: Batch, x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), lam: wp.array(dtype=multiplier),
                  rate: real, row: int, largest: wp.array(dtype=real)):
@@ -71,7 +71,7 @@ def residual(constraint: str, *, real, module, uniform: bool = False):
                 r /= wp.max(wp.abs(batch.rest[c]), real(1.0e-12))
         wp.atomic_max(largest, row, r)
 
-    name = "_".join(["residual", constraint, *(["uniform"] if uniform else []), t.name])
+    name = "_".join(["residual", kind.name, *(["uniform"] if uniform else []), t.name])
     return wp.kernel(residual, name=name, module=module, enable_backward=False)
 
 

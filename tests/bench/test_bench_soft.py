@@ -32,7 +32,7 @@ def test_xpbd_is_not_tried(quick):
 
 def test_the_midpoint_is_not_tried_where_something_is_hit():
     scene = bar()
-    scene.collider("/ground", Plane())
+    scene.collider("/ground", Plane("Z"))
     assert all(s.integrator != "implicit_midpoint" for s in series(scene))
     assert [(s.solver, order) for s, order in reference.candidates(scene, 10)] == [("explicit", 1), ("implicit", 1)]
 

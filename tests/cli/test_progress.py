@@ -2,13 +2,14 @@
 
 import io
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from wsim.cli.progress import WIDTH, Progress, line
 from wsim.simulation import report
-from wsim.simulation.duration import duration
+from wsim.simulation.duration import duration, expected, long_run
 from wsim.usd.result.as_json import as_json
 
 
@@ -47,10 +48,22 @@ def test_nothing_is_drawn_without_a_terminal():
     assert stream.getvalue() == ""
 
 
+def test_without_a_terminal_a_line_comes_every_five_seconds():
+    """Frames of 2 s: at 6 s and at 12 s, each with the time that is left."""
+    stream = io.StringIO()
+    progress = Progress(8, stream, clock=Clock(0.0, *(2.0 * k for k in range(1, 8))))
+    progress.say("compiling")
+    for done in range(1, 8):
+        progress.frame(done)
+    assert stream.getvalue().splitlines() == ["frame 3/8  2 s/frame  10.0 s left", "frame 6/8  2 s/frame  4.0 s left"]
+
+
 def test_quiet_draws_nothing():
     terminal = Terminal()
     Progress(2, terminal, quiet=True).frame(1)
-    assert terminal.getvalue() == ""
+    stream = io.StringIO()
+    Progress(2, stream, quiet=True, clock=Clock(0.0, 9.0)).frame(1)
+    assert terminal.getvalue() == stream.getvalue() == ""
 
 
 @pytest.mark.parametrize(("name", "value", "coloured"), [("NO_COLOR", "1", False), ("NO_COLOR", "", True),
@@ -86,6 +99,17 @@ def test_durations(seconds, text):
     assert duration(seconds) == text
 
 
+@pytest.mark.parametrize("seconds, samples, slow", [(9.0, 1, False), (11.0, 1, True), (4.0, 3, True)])
+def test_a_run_that_takes_longer_than_ten_seconds_a_frame_is_said(seconds, samples, slow):
+    plan = SimpleNamespace(seconds=seconds)
+    warnings = long_run(plan, 10, samples)
+    assert bool(warnings) == slow
+    each = seconds * samples
+    assert expected(plan, 10, samples).startswith(f"about {each:.1f} s a frame, {duration(10 * each)} for 10")
+    if slow:
+        assert f"a frame takes about {seconds * samples:.1f} s, and 10 of them" in warnings[0] and "--substeps" in warnings[0]
+
+
 REPORT = {
     "device": "cpu", "precision": "float32", "frames": 96, "points": 6400, "constraints": 38000, "ms_per_frame": 12.345,
     "substeps": 10, "iterations": 4, "integrator": "bdf2", "points_per_second": 5.2e6, "constraints_per_second": 1.23e8,
@@ -104,7 +128,17 @@ REPORT = {
     "max strain 1.23 %", "penetration 1e-05 m", "residual 0.2",
     "left out  contact: there is no collider", "warning: /cloth: odd"])
 def test_the_report_says(words):
-    assert words in report.text(REPORT)
+    assert words in report.text(REPORT, verbose=True)
+
+
+def test_a_report_tells_errors_apart_from_energies_and_what_the_scene_lacks_when_asked():
+    energies = {"kinetic_energy": 1.5, "gravity_energy": -2.0, "energy": -0.5, "contacts": 3, "too_near": 0}
+    told = report.text({**REPORT, "error": {**REPORT["error"], **energies}}).splitlines()
+    (error,) = (line for line in told if line.startswith("error"))
+    (energy,) = (line for line in told if line.startswith("energy"))
+    assert error == "error     max strain 1.23 %, penetration 1e-05 m, residual 0.2"
+    assert energy == "energy    kinetic 1.5 J, gravity -2 J, total -0.5 J"
+    assert "count     contacts 3" in told and not [line for line in told if "left out" in line or "a substep" in line]
 
 
 def test_a_report_with_less_is_shorter_but_whole():

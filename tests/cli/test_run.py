@@ -1,16 +1,21 @@
 """Runs in parts of frames and with a delay: what the simulated scene becomes."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pxr import Sdf
 
+import wsim
 from tests.cli.test_cli import run, samples
+from wsim import cli
 from wsim.cli.run import finer, later
 from wsim.scene import Scene, Surface
 from wsim.scene.curve import Curve, Motion
+from wsim.simulation import duration
 from wsim.simulation.simulation import Simulation
-from wsim.usd import save
+from wsim.usd import load, save
 
 
 def test_later_moves_every_curve():
@@ -90,3 +95,40 @@ def test_a_run_that_does_not_end_keeps_its_frames_and_an_old_result(solved, tmp_
     whole = samples(out)
     run(solved, tmp_path / "one.usdc")
     assert all(np.array_equal(points, whole[k]) for k, points in samples(tmp_path / "one.usdc").items())
+
+
+def test_run_has_a_default_output_beside_the_scene_and_tells_of_its_making(scene, tmp_path, capsys):
+    """SCENE.sim.usdc; version, command, scene, hash of the scene and settings stand in the layer for people to read."""
+    stage = str(tmp_path / "scene.usda")
+    save(scene, stage)
+    before = Path(stage).read_bytes()
+    assert cli.main(["run", stage, "--device", "cpu", "--frames", "1", "--verbose"]) == 0
+    assert "left out  contact: there is no collider" in capsys.readouterr().out
+    out = Path(stage).with_suffix("").with_suffix(".sim.usdc")
+    told = dict(Sdf.Layer.FindOrOpen(str(out)).customLayerData["wsim"])
+    assert Path(stage).read_bytes() == before and out.exists()
+    assert told["version"] == wsim.__version__ and told["scene"] == "scene.usda"
+    assert told["solver"] in ("xpbd", "implicit", "explicit")
+    assert len(told["sceneHash"]) == 32 and told["precision"] == "float32" and told["command"]
+    hashes = {told["sceneHash"]}
+    for frames, gravity in ((2, -9.81), (1, -1.62)):                 # the length of a run is no other scene, its gravity is
+        scene = load(stage)
+        scene.gravity = (0.0, gravity, 0.0)
+        again = wsim.Simulation(scene, device="cpu")
+        with again.record(out):
+            again.run(frames)
+        hashes.add(Sdf.Layer.FindOrOpen(str(out)).customLayerData["wsim"]["sceneHash"])
+    assert len(hashes) == 2
+
+
+def test_a_run_that_will_take_long_says_so_before_it_starts_and_its_report_counts_itself(scene, tmp_path, capsys, monkeypatch):
+    stage = str(tmp_path / "scene.usda")
+    save(scene, stage)
+    monkeypatch.setattr(duration, "SLOW", 1e-9)
+    assert cli.main(["run", stage, "-o", str(tmp_path / "a.usdc"), "--device", "cpu", "--frames", "2", "--json"]) == 0
+    said = capsys.readouterr()
+    first = said.err.splitlines()[0]
+    assert first.startswith("warning: /: a frame takes about") and "--substeps, a coarser mesh or a GPU" in first
+    spent = json.loads(said.out)["seconds"]
+    parts = ("import", "load", "build", "simulate", "write", "report")
+    assert 0.0 < spent["report"] < spent["total"] and sum(spent[name] for name in parts) <= spent["total"]

@@ -10,6 +10,7 @@ from wsim.gradient.rollout.products import FEW, SIZES, Rollout
 from wsim.gradient.rollout.richardson import derivative, offsets, order
 from wsim.scene import Pin, SceneError
 from wsim.scene.curve import Motion
+from wsim.scene.integrator import TABLE
 from wsim.simulation.simulation import Simulation
 
 CHAIN = ["/chain:positions", "/chain:velocities", "/chain:stiffness", "/chain:damping", "gravity", "air_drag", "/pin:targets"]
@@ -163,7 +164,7 @@ def test_copies_have_what_was_set_and_begin_where_the_recording_does():
 
 def test_copies_of_what_gave_way_take_its_steps():
     f = rollout(net(solver="xpbd", integrator="sdirk3", substeps=4, iterations=3), ["gravity"])
-    f.sim.plan.clock.scheme = False, False, False               # backward Euler now, of eight substeps
+    f.sim.plan.clock.integrator = TABLE["backward_euler"]        # backward Euler now, of eight substeps
     f = Rollout(Recording(f.sim, 2), ["gravity"])
     y = f.run()
     assert np.abs(f.copies().run() - y).max() < 1e-13

@@ -17,7 +17,7 @@ from wsim.simulation.simulation import Simulation
 
 PLACE = Motion.at_place((0.1, -0.2, 0.05))
 HALF = (0.3, 0.2, 0.1)
-SHAPES = {"plane": Plane(), "sphere": Sphere(0.3), "box": Box(HALF), "capsule": Capsule(0.15, 0.2),
+SHAPES = {"plane": Plane("Z"), "sphere": Sphere(0.3), "box": Box(HALF), "capsule": Capsule(0.15, 0.2),
           "cylinder": Cylinder(0.2, 0.15), "cone": Cone(0.25, 0.2), "solid": Surface(*shapes.box(HALF))}
 U, V = np.random.default_rng(3).dirichlet(np.ones(3), 50_000).T[:2, :, None]
 

@@ -58,9 +58,9 @@ def test_one_sweep_of_more_substeps_is_taken_where_it_costs_less():
 
 def test_a_mesh_that_moves_costs_more_than_a_ball():
     scene = Case("on a ball", 12, 50.0).scene
-    ball = cost.explicit(Simulation(scene, device="cpu").model, {}, 7)
+    ball = cost.explicit(Simulation(scene, device="cpu").model, 7)
     scene.colliders[0].shape = Surface(*sphere(0.3, 8))
-    mesh = cost.explicit(Simulation(scene, device="cpu").model, {}, 7)
+    mesh = cost.explicit(Simulation(scene, device="cpu").model, 7)
     assert ball["near"] == 7 * 144 and mesh["near"] == cost.MESH * ball["near"] and mesh["touch"] == ball["touch"] == 14
 
 

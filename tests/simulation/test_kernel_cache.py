@@ -1,7 +1,10 @@
 """A cache of kernels that is damaged, full or not to be written; two threads that compile, capture and step at once."""
 
 import errno
+import os
 import shutil
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -138,3 +141,34 @@ def test_two_threads_step_two_simulations_to_the_bits_of_one():
     assert errors == []
     for k, positions in found.items():
         np.testing.assert_array_equal(positions, alone[k % 2])
+
+
+def test_kernels_of_a_report_are_in_the_cache_once_for_all_scenes(monkeypatch):
+    """Another scene of the same kinds asks for the modules of the first; all kernels of one are made before it is loaded."""
+    asked: list[list[tuple[str, int]]] = []
+    for scene in (drape(), drape()):
+        scene.frames, scene.solver = scene.frames + len(asked), "xpbd"
+        scene.substeps += 4 * len(asked)                               # another plan
+        sim = Simulation(scene, device="cpu")
+        sim.step()
+        own: list[tuple[str, int]] = []
+        ready = kernel_cache.ready
+        monkeypatch.setattr(kernel_cache, "ready", lambda kernel, model, ready=ready, own=own: (
+            own.append((kernel.module.name, len(kernel.module.kernels))), ready(kernel, model)))
+        sim.indicators()
+        monkeypatch.setattr(kernel_cache, "ready", ready)
+        asked.append(own)
+    assert asked[0] and asked[0] == asked[1] and all(name.startswith("wsim_report_") for name, _ in asked[0])
+    assert len(set(asked[0])) == len({name for name, _ in asked[0]})    # none grew after it was loaded
+
+
+def test_warp_starts_without_a_word_of_a_driver_that_a_machine_without_a_gpu_lacks():
+    code = "from wsim.model import kernel_cache; import warp as wp; wp.config.log_level = wp.LOG_WARNING; kernel_cache.start()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=Path(__file__).parents[2])
+    assert done.returncode == 0 and "NVIDIA CUDA driver" not in done.stderr, done.stderr
+
+
+def test_other_words_of_a_start_are_passed_on(capfd):
+    with kernel_cache._without(b"no driver"):
+        os.write(2, b"warning: no driver\nwarning: an old one\n")
+    assert capfd.readouterr().err == "warning: an old one\n"

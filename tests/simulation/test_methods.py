@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from pxr import Usd
 
-from tests.make.wheels import ROW
+from tests.make.wheels import ROW, VALUES
 from tests.make.wheels.objects import Wheel
 from wsim.cli import main
 from wsim.cli.run import prepare
 from wsim.scene import Scene, SceneError, methods, shapes
 from wsim.scene.check.scene import check
+from wsim.scene.values import table
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load, save
 from wsim.usd.result.restart import Result
@@ -23,6 +24,7 @@ FAST, SLOW = Wheel("/World/fast", 0.5, 300.0, 2.0), Wheel("/World/slow", 0.0, -3
 @pytest.fixture(autouse=True)
 def row(monkeypatch):
     monkeypatch.setattr(methods, "METHODS", [*methods.METHODS, ROW])
+    monkeypatch.setattr(table, "VALUES", [*table.VALUES, *VALUES])
     for module in ("wsim.simulation.plan", "wsim.simulation.methods"):
         monkeypatch.setattr(f"{module}.METHODS", methods.METHODS)
 

@@ -42,16 +42,17 @@ for path in sys.argv[1:]:
 # what every scene of cloth needs, by XPBD or by explicit steps among contacts
 POINTS = {"predict_euler", "finish_euler", "not_finite", "stretched"}
 LEAPS = {"begin", "leap", "commit", "correct", "settle", "stretched", "not_finite"}
-PINS, AIR = {"move_pins"}, {"press", "blow"}
+PINS, AIR, APART = {"move_pins"}, {"press", "blow"}, {"sweeps"}            # APART: frames without contacts
 BEND = {"dihedral", "angle", "curvature", "target"}
 CLOTH = {"membrane"} | BEND
 KERNELS = {
     "hanging_cloth": POINTS | PINS | CLOTH,
     "flag": POINTS | PINS | AIR | CLOTH,
-    "cape": LEAPS | AIR | {"corners_membrane", "corners_dihedral", "hinge", "curvature", "search_sphere", "contact"},
-    "tablecloth": LEAPS | {"corners_membrane_damped", "corners_dihedral", "hinge_damped", "curvature", "search_plane_box",
-                           "contact"},
-    "shirt": POINTS | CLOTH | {"search_solid", "contact"},
+    "cape": LEAPS | AIR | APART | {"corners_membrane", "corners_dihedral", "hinge", "curvature", "search_sphere", "contact",
+                                   "clearance_sphere", "near_sphere", "stray"},
+    "tablecloth": LEAPS | APART | {"corners_membrane_damped", "corners_dihedral", "hinge_damped", "curvature", "contact",
+                                   "search_plane_box", "clearance_plane_box", "near_plane_box", "leap_bounded"},
+    "shirt": POINTS | CLOTH | APART | {"search_solid", "contact", "clearance_solid", "near_solid", "stray"},
 }
 
 
@@ -60,21 +61,24 @@ def room(place: str, names: str) -> set[str]:
 
 
 SCENE = (room("scene", "scene bodies solid solids curve fabric") | room("scene.check", "scene objects mesh")
-         | room("geometry", "triangulate topology memo rotation"))
+         | room("scene.values", "table value") | room("geometry", "triangulate topology memo rotation"))
 LOADER = room("geometry", "primitives")       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt sweep_strain")
-       | room("simulation.measure", "indicators exceeded") | room("scene", "masses integrator methods samples")
-       | room("model", "stage state status model midnodes separate kernel_cache structs")
+       | room("simulation.measure", "indicators exceeded") | room("scene", "nodal.masses integrator methods samples")
+       | room("model", "stage state status model midnodes separate kernel_cache structs vjp")
        | room("scene.check", "counts") | room("geometry", "sheet_ordering ordering color color_chains")
-       | room("physics.motion", "points overstretch stability") | room("physics.cloth", "constraints")
+       | room("physics.motion", "points overstretch stability")
+       | room("physics.cloth", "constraints kind kinds.membrane kinds.dihedral")
        | room("kernels", "math.real motion.points cloth.spring"))
-XPBD = (room("physics", "solver.xpbd solver.batch cloth.bending cloth.curvature")
+XPBD = (room("physics", "solver.xpbd solver.batch cloth.bending cloth.curvature cloth.table")
         | room("kernels", "solver.xpbd math.matrix math.block") | room("kernels.cloth", "terms constraint curvature element"))
 PINNED = {"wsim.physics.motion.pins"}
 AERO = {"wsim.physics.cloth.air", "wsim.kernels.cloth.air"}
-CONTACT = (room("physics.contact", "contacts colliders method mesh poses") | room("scene.check", "contact")
-           | room("scene.check", "signed_distance chord") | room("kernels.contact", "project search collide shape mesh"))
-LEAP = (room("physics.motion", "explicit forces threads cluster packets") | room("physics.cloth", "bending curvature elements")
+CONTACT = (room("physics.contact", "contacts colliders method mesh poses clearance") | room("scene.check", "contact")
+           | room("scene.check", "signed_distance chord") | room("kernels.contact", "project search collide shape mesh")
+           | {"wsim.kernels.motion.clearance"})
+LEAP = (room("physics.motion", "explicit forces threads cluster packets")
+        | room("physics.cloth", "bending curvature elements table")
         | room("kernels.motion", "threads cluster explicit packets march_cpu") | {"wsim.kernels.math.block"}
         | room("kernels.cloth", "constraint element curvature terms"))
 WEIGHED = room("physics.motion", "frequency")                  # where leapfrog comes into question
@@ -82,7 +86,7 @@ MODULES = {
     "hanging_cloth": SCENE | RUN | WEIGHED | XPBD | PINNED,
     "flag": SCENE | RUN | WEIGHED | XPBD | AERO | PINNED,
     "cape": SCENE | RUN | WEIGHED | LEAP | AERO | CONTACT | PINNED,
-    "tablecloth": SCENE | RUN | WEIGHED | LEAP | CONTACT,
+    "tablecloth": SCENE | RUN | WEIGHED | LEAP | CONTACT | {"wsim.physics.motion.one_launch"},
     "shirt": SCENE | RUN | WEIGHED | XPBD | CONTACT | room("geometry", "tetra.lattice"),      # of what starts inside a mesh
 }
 scenes = pytest.mark.parametrize("name", KERNELS)

@@ -91,7 +91,7 @@ def test_a_recording_refuses_what_varies():
 @pytest.mark.parametrize(("thing", "said"), [
     (Varying("/", "wind", Curve([0.0], [[np.nan, 0.0, 0.0]])), "/: wind has keys of shape (3,) that are not all finite"),
     (Varying("/", "wind", RAMP), "/: wind has keys of shape ()"),
-    (Varying("/flag", "stretch", Curve([0.0, 1.0], [1.0, -1.0])), "/flag: stretch is -1; allowed is > 0"),
+    (Varying("/flag", "stretch", Curve([0.0, 1.0], [1.0, -1.0])), "/flag: stretch is -1; allowed is a finite number > 0"),
     (Varying("/flag", "thickness", RAMP), "/flag: thickness varies in time, and it is fixed while a scene runs"),
     (Varying("/flag", "damping", RAMP), "it is 0 at the start"), (Varying("/gone", "stretch", RAMP), "nothing of that path"),
     (Varying("/flag", "dynamic_friction", RAMP), "there is no collider")])

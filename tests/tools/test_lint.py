@@ -16,7 +16,7 @@ from tools import lint
 FILES = lint.sources()
 
 
-@pytest.mark.parametrize("rule", [lint.layers, lint.cycles, lint.size, lint.kernels, lint.words])
+@pytest.mark.parametrize("rule", [lint.layers, lint.cycles, lint.size, lint.kernels, lint.ports, lint.adjoints, lint.words])
 def test_the_sources_keep(rule):
     assert list(rule(FILES)) == []
 
@@ -150,6 +150,25 @@ def test_the_table_of_slow_tests_names_tests():
     for file, names in SLOW.items():
         text = (lint.ROOT / "tests" / file).read_text(encoding="utf-8")
         assert all(f"def {name.partition('[')[0]}(" in text for name in names), file
+
+
+@pytest.mark.parametrize("source", ['pull = plan.method("explicit").pull', "a, b = (sim.plan.method(name) for name in NAMES)",
+                                    'points = b.methods["points"]'])
+def test_a_method_that_is_asked_for_by_its_name_is_caught(source):
+    found = list(lint.ports(planted(simulation__plan=f"row = plan.method(row.name)\n{source}")))
+    assert len(found) == 1 and "wsim/simulation/plan.py:2: the method" in found[0], found
+
+
+@pytest.mark.parametrize("module, source, words", [
+    ("kernels__solver__odd_adjoint", "", "kernels/solver/odd_adjoint.py:1: odd.py does not stand beside it"),
+    ("physics__cloth__odd_adjoint", "", "wsim/physics/cloth/odd_adjoint.py:1: odd.py does not stand beside it"),
+    ("physics__solver__xpbd", "def f():\n    from wsim.physics.solver.xpbd_adjoint import SweepAdjoint",
+     "wsim/physics/solver/xpbd.py:2: imports wsim.physics.solver.xpbd_adjoint.SweepAdjoint"),
+])
+def test_an_adjoint_without_its_forward_file_or_known_there_is_caught(module, source, words):
+    found = list(lint.adjoints(planted(physics__solver__xpbd_adjoint="import wsim.kernels.solver.xpbd_adjoint",
+                                       **{module: source})))
+    assert len(found) == 1 and words in found[0], found
 
 
 def run(code: str) -> str:

@@ -48,3 +48,27 @@ def test_schemas_are_inside(names):
 
 def test_nothing_else_is_installed(names):
     assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == {"wsim"}
+
+
+def test_a_type_checker_is_told_that_it_is_typed(names):
+    assert "wsim/py.typed" in names
+
+
+def test_an_editable_clone_is_imported_from_its_parent_folder(tmp_path):
+    """There the clone itself, a folder named wsim without __init__.py, comes first."""
+    pytest.importorskip("pip")
+    clone, prefix = tmp_path / "wsim", tmp_path / "prefix"
+    clone.mkdir()
+    for part in ("pyproject.toml", "README.md", "LICENSE", "wsim"):
+        if (ROOT / part).is_dir():
+            shutil.copytree(ROOT / part, clone / part, ignore=shutil.ignore_patterns("__pycache__", "kernels", "scenes"))
+        else:
+            shutil.copy(ROOT / part, clone / part)
+    done = subprocess.run([sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--ignore-installed", "--prefix",
+                           str(prefix), "-e", str(clone)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    site = next(prefix.rglob("site-packages"))
+    code = (f"import sys, site; sys.path += {[p for p in sys.path if 'site-packages' in p]!r}; site.addsitedir({str(site)!r}); "
+            "import wsim; print(wsim.Scene().up, wsim.__file__)")
+    done = subprocess.run([sys.executable, "-S", "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    assert done.stdout.split() == ["Y", str(clone / "wsim" / "__init__.py")], done.stderr

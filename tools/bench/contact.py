@@ -37,7 +37,7 @@ from wsim.scene import (  # noqa: E402
 from wsim.scene.curve import Motion  # noqa: E402
 from wsim.simulation.simulation import Simulation  # noqa: E402
 
-SHAPES = {"plane": Plane(), "sphere": Sphere(0.3), "box": Box((0.3, 0.3, 0.3)), "capsule": Capsule(0.2, 0.1),
+SHAPES = {"plane": Plane("Z"), "sphere": Sphere(0.3), "box": Box((0.3, 0.3, 0.3)), "capsule": Capsule(0.2, 0.1),
           "cylinder": Cylinder(0.3, 0.3), "cone": Cone(0.3, 0.3), "mesh": Surface(*shapes.sphere(0.3, 144))}
 
 TIMED = ("plane", "sphere", "box", "mesh")

@@ -19,7 +19,7 @@ from tools.stress.solids import Solid, solid
 from wsim.geometry import topology
 from wsim.model.model import Body, make_body
 from wsim.physics.cloth import bending
-from wsim.physics.cloth.constraints import flat
+from wsim.physics.cloth.kinds.membrane import flat
 from wsim.scene import Cloth, Scene, Soft, Springs
 
 

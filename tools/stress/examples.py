@@ -22,7 +22,7 @@ from time import perf_counter
 import numpy as np
 
 from tools.stress.judge import Verdict
-from tools.stress.solvers import MOST, Solver
+from tools.stress.solvers import MOST, STRETCHED, Solver
 from tools.stress.work import Work
 from wsim.scene import Scene, SceneError
 from wsim.simulation.simulation import Simulation
@@ -88,19 +88,21 @@ def case(name: str, solver: Solver, frames: int, device, precision: str) -> Exam
 
 
 def steps(scene: Scene, solver: Solver) -> int:
-    """Substeps a frame that an explicit integrator needs, by the frequency that bounds the scene."""
+    """Substeps a frame that an explicit integrator needs, by the frequency that bounds the scene at rest; of soft bodies as
+    much more as rows of them get."""
     import warp as wp
 
     from wsim.model import model
-    from wsim.physics.cloth.constraints import rows_of
+    from wsim.physics.cloth.constraints import constrain
     from wsim.physics.motion import frequency
     from wsim.scene.integrator import TABLE
     from wsim.simulation.choice import needed
     built = model.build(scene, 1, wp.get_device("cpu"), wp.float64)
-    pinned = model.hard_places(built)
-    omega, c = frequency.bound(built, {b.path: rows_of(b, pinned) for b in built.bodies})
+    constrain(built)
+    omega, c = frequency.bound(built)
     assert solver.needs is not None
-    return max(needed(scene, TABLE[solver.integrator], omega, c), ceil(1.05 * solver.needs(omega) / scene.fps))
+    grown = STRETCHED if scene.softs else 1.0
+    return max(needed(scene, TABLE[solver.integrator], omega, c), ceil(1.05 * solver.needs(grown * omega) / scene.fps))
 
 
 def run(name: str, solver: str, scene: Scene, frames: int, device, precision: str) -> Example:

@@ -125,9 +125,9 @@ class Work:
 
     def look(self, clock: Clock) -> None:
         """A substep; of sdirk3 its second stage."""
-        if clock.staged and clock.k % 2 == 0:
+        if not clock.ends:
             return
-        began, x, h = perf_counter(), self.places(), clock.h * (1 + clock.staged)
+        began, x, h = perf_counter(), self.places(), clock.h * clock.integrator.solves
         f = np.zeros_like(x) if self.air is None else self.air.impulse(self.x, x, h)
         given = float((f * (x - self.x)).sum()) if self.blows else 0.0
         if self.motion:

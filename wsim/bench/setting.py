@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, replace
 from math import isfinite
 
 from wsim.scene import Scene
+from wsim.scene.integrator import TABLE
 
 COARSE = 0.01          # [s] about the longest substep that is tried
 SWEEPS = (1, 4, 16)    # of XPBD; residuals fall by h^2 / sweeps, so more than these lose to more substeps
@@ -62,16 +63,17 @@ def first_substeps(scene: Scene) -> int:
 
 def series(scene: Scene, quick: bool = False) -> Iterator[Setting]:
     """The coarsest setting of each series of runs; a series goes on by more substeps. Most promising first."""
-    n = first_substeps(scene)
+    n, implicit = first_substeps(scene), [m for m in TABLE.values() if not m.explicit]
+    plain = [m for m in implicit if not m.rebounds]
     yield Setting("explicit", "auto", 1, 1)                    # leapfrog with as many substeps as are stable
     for sweeps in () if scene.softs else SWEEPS[:2] if quick else SWEEPS:
-        for integrator in ("backward_euler", "bdf2"):
-            if integrator == "backward_euler" or sweeps > 1:   # BDF2 needs its residual
-                yield Setting("xpbd", integrator, n, sweeps)
-    more = ("implicit_midpoint", "sdirk3") if scene.softs and smooth(scene) else ()
+        for m in plain:
+            if not m.watched or sweeps > 1:                    # it needs its residual
+                yield Setting("xpbd", m.name, n, sweeps)
+    more = [m for m in implicit if m.rebounds and scene.softs and smooth(scene)]
     for steps in NEWTON[:1] if quick else NEWTON:
-        for integrator in ("backward_euler", "bdf2", *more):
-            yield Setting("implicit", integrator, n, steps)
+        for m in (*plain, *more):
+            yield Setting("implicit", m.name, n, steps)
 
 
 def unable(scene: Scene) -> dict[str, str]:

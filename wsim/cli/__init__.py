@@ -38,7 +38,7 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="wsim", description="A USD scene in, a simulated USD layer out.")
     top.add_argument("--version", action="version", version=f"wsim {__version__}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for add in (_run, _new, _check, _plan, _bench, _fit, _view, _picture):
+    for add in (_run, _new, _check, _plan, _bench, _fit, _view, _picture, _schema):
         add(commands)
     for command in commands.choices.values():
         command.add_argument("--debug", action="store_true", help="show where an error came from")
@@ -64,8 +64,8 @@ def _choices(command) -> None:
 def _run(commands) -> None:
     run = commands.add_parser("run", help="simulate a scene into a result layer over it")
     run.add_argument("scene")
-    run.add_argument("-o", "--output", type=named, required=True, metavar="OUT",
-                     help="result: .usdc, .usda or .usd; an earlier one stays until this one is whole")
+    run.add_argument("-o", "--output", type=named, metavar="OUT",
+                     help="result: .usdc, .usda or .usd; an earlier one stays until it is whole (default: SCENE.sim.usdc)")
     run.add_argument("--frames", type=whole_or_none, metavar="N", help="default: the scene's")
     _solver(run)
     run.add_argument("--error", type=fraction, metavar="E",
@@ -76,12 +76,17 @@ def _run(commands) -> None:
     run.add_argument("--restart", type=named, metavar="RESULT",
                      help="go on from an earlier result, or the .partial.usdc of a run")
     run.add_argument("--flatten", action="store_true", help="one file that holds the scene too")
+    run.add_argument("--clips", action="store_true", help="one file a frame, in OUT.clips, which OUT names (value clips)")
     run.add_argument("--stress", action="store_true",
                      help="write von Mises stress and strain of soft bodies as primvars vonMises and strain")
+    run.add_argument("--colour", "--color", dest="colour", choices=("strain", "stress"),
+                     help="write displayColor over time: blue 0, red 10 %% of strain, or the stress that takes")
     run.add_argument("--reactions", action="store_true", help="write the forces of pins as wsim:reaction")
     run.add_argument("--png", type=image, metavar="FILE", help="picture of the last frame")
     run.add_argument("--view", action="store_true", help="live view (needs the extra `view`)")
+    _web(run)
     run.add_argument("--json", action="store_true", help="print the closing report as JSON")
+    run.add_argument("-v", "--verbose", action="store_true", help="report also each stage and what was left out")
     run.add_argument("--quiet", action="store_true", help="no progress and no closing report")
 
 
@@ -93,6 +98,13 @@ def _new(commands) -> None:
         kind.add_argument("-o", "--output", type=named, required=True, metavar="SCENE")
         kind.add_argument("--force", action="store_true", help="replace SCENE if it is there")
         kind.add_argument("--prim", type=named, metavar="PATH", help="which mesh, by path or name (default: the only one)")
+        kind.add_argument("--pin", type=named, action="append", default=[], metavar="POINTS",
+                          help="hold points: top, bottom, 0.9..1@z (part of the bounds), 0,5,20..25 (numbers) or a GeomSubset; "
+                               "may be repeated")
+        kind.add_argument("--collider", type=named, action="append", default=[], metavar="FILE_OR_PRIM",
+                          help="make a USD file, or a prim of the mesh's file, collide; may be repeated")
+        kind.add_argument("--material", type=named, metavar="PATH", help="a physics material of the mesh's file (default: the "
+                                                                         "one it is bound to, if any)")
         kind.add_argument("--ground", type=length, metavar="METRES", help="a ground plane so far below it (default: none)")
         kind.add_argument("--meters-per-unit", type=positive, metavar="X", help="unit of the mesh (default: its file's)")
         kind.add_argument("--frames", type=whole, metavar="N", help="frames to simulate (default: the file's)")
@@ -102,7 +114,8 @@ def _new(commands) -> None:
 def _new_cloth(new) -> None:
     cloth = new.add_parser("cloth", help="a scene in which a mesh is cloth; the mesh is referred to and stays as it is")
     cloth.add_argument("mesh", help="USD file")
-    cloth.add_argument("--fabric", default="cotton", metavar="NAME", help="silk, cotton, denim, leather or rubber")
+    cloth.add_argument("--fabric", metavar="NAME", help="silk, cotton, denim, leather or rubber (default: the physics material "
+                                                        "of the mesh, else cotton)")
     cloth.add_argument("--weld", type=length, metavar="METRES", help="sew points closer than this (seams)")
 
 
@@ -112,10 +125,10 @@ def _new_softbody(new) -> None:
     soft.add_argument("mesh", help="USD file")
     soft.add_argument("--cells", type=whole, default=10, metavar="N",
                       help="cells of the cage along the longest side; 4 and more across it bend as they should (default: 10)")
-    soft.add_argument("--young", type=positive, default=1e6, metavar="PA", help="Young's modulus [Pa] (default: 1e6, rubber)")
-    soft.add_argument("--poisson", type=float, default=0.3, metavar="NU", help="Poisson's ratio, below 0.5 (default: 0.3)")
-    soft.add_argument("--density", type=positive, default=1e3, metavar="RHO", help="kg/m^3 (default: 1000, water)")
-    soft.add_argument("--model", choices=MODELS, default=MODELS[0],
+    soft.add_argument("--young", type=positive, metavar="PA", help="Young's modulus [Pa] (default: 1e6, rubber)")
+    soft.add_argument("--poisson", type=float, metavar="NU", help="Poisson's ratio, below 0.5 (default: 0.3)")
+    soft.add_argument("--density", type=positive, metavar="RHO", help="kg/m^3 (default: 1000, water)")
+    soft.add_argument("--model", choices=MODELS,
                       help="elastic energy (default: corotational; neo_hookean for large strain)")
 
 
@@ -173,6 +186,16 @@ def _view(commands) -> None:
     view.add_argument("result")
     view.add_argument("-o", "--output", "--save", type=named, dest="save", metavar="FILE",
                       help="write a .rrd file instead, for: rerun FILE")
+    _web(view)
+
+
+def _schema(commands) -> None:
+    commands.add_parser("schema", help="the setting by which other USD programs know the schemas of wsim")
+
+
+def _web(command) -> None:
+    command.add_argument("--web", action="store_true", help="serve the viewer as a web page: no screen is needed")
+    command.add_argument("--port", type=whole, default=9090, metavar="N", help="of the page; N + 1 of its data (default: 9090)")
 
 
 def _picture(commands) -> None:
@@ -184,6 +207,8 @@ def _picture(commands) -> None:
     what.add_argument("--frame", type=float, metavar="CODE", help="time code of a still (default: the last)")
     what.add_argument("--sheet", type=whole, metavar="N", help="contact sheet of N frames")
     what.add_argument("--animate", action="store_true", help="all frames: an animated PNG, or a GIF")
+    picture.add_argument("--colour", "--color", dest="colour", choices=("strain", "stress", "contact"),
+                         help="of bodies: red is 10 %% of strain, the stress that takes, or touching a collider")
     picture.add_argument("--size", type=pixels, default=(960, 540), metavar="WxH")
     picture.add_argument("--camera", type=named, metavar="PATH", help="a camera of the stage, or auto (default: its first)")
     picture.add_argument("--device", type=named, help="cpu, cuda:0 ... (default: the GPU if there is one)")
@@ -224,6 +249,10 @@ def _main(argv: list[str] | None) -> int:
     args = parser().parse_args(argv)
     if args.command == "run" and args.restart and args.preroll:
         parser().error("--restart goes on from a frame, --preroll settles before the first one: give one of them")
+    if args.command == "view" and args.web and args.save:
+        parser().error("--web serves a page, -o writes a file: give one of them")
+    if args.command == "run" and args.clips and args.flatten:
+        parser().error("--clips writes a file a frame, --flatten one file of all: give one of them")
     if args.command == "run" and args.error:
         named = [f"--{name}" for name in CHOSEN if getattr(args, name) is not None]
         if named:

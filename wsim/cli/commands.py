@@ -1,6 +1,5 @@
 """What each command does. Everything heavy is imported inside, when it is needed and not before."""
 
-import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,8 +10,10 @@ from typing import TYPE_CHECKING
 
 from wsim.cli.inventory import count, inventory
 from wsim.cli.progress import line
+from wsim.cli.schema import schema  # noqa: F401  (a command)
 from wsim.simulation import interrupt
 from wsim.simulation import report as reports
+from wsim.simulation.duration import expected
 from wsim.usd.result.as_json import as_json
 
 if TYPE_CHECKING:
@@ -65,8 +66,10 @@ def run(args) -> int:
     """`wsim run`: simulate, write, report."""
     began = perf_counter()
     import wsim.usd.result.recorder  # noqa: F401  (USD, to tell its import from the loading)
+    from wsim.cli.run import default_output
     from wsim.usd.result.dependencies import refuse
 
+    args.output = args.output or default_output(args.scene)
     seconds = {"import": perf_counter() - began}
     told: set[str] = set()
     with line(0, quiet=args.quiet) as progress:
@@ -80,6 +83,8 @@ def run(args) -> int:
         with _prepared(scene, args) as job:
             progress.clear()
             _warn(job, told)
+            if not args.quiet:
+                _say(expected(job.simulation.plan, job.steps // job.samples, job.samples))
             progress.frames, job.shown = job.steps, progress.frame
             progress.say("compiling")
             try:
@@ -94,8 +99,7 @@ def run(args) -> int:
                 raise
     if code == DONE and args.png:
         _draw(args, seconds)
-    seconds["total"] = perf_counter() - began
-    _close(job, args, seconds, told)
+    _close(job, args, seconds, told, began)
     if code == INTERRUPTED:
         _say(f"interrupted: {job.kept()}")
     return code
@@ -122,16 +126,19 @@ def _prepared(scene: "Scene", args) -> Iterator["Run"]:
     viewers: list = []
 
     def simulate(simulated: "Scene") -> "Simulation":
-        if args.view:
+        if args.view or args.web:
             from wsim.show.viewer import Viewer
+            from wsim.show.web import words
 
-            viewers.append(Viewer(simulated))
+            viewers.append(Viewer(simulated, web=args.port) if args.web else Viewer(simulated))
+            if args.web:
+                _say(words(args.port))
         return _simulation(simulated, args)
 
     try:
         job = prepare(scene, args.output, simulate, samples=args.samples, preroll=args.preroll, flatten=args.flatten,
                       restart=args.restart, stress=args.stress)
-        job.reactions = args.reactions
+        job.reactions, job.recorder.clips, job.colour = args.reactions, args.clips, args.colour or ""
         if args.reactions and not scene.pins:
             job.recorder.notes.append(Problem("--reactions", "there is no pin whose force could be written", fatal=False))
         job.watchers += [viewer.log for viewer in viewers]
@@ -170,20 +177,22 @@ def _draw(args, seconds: dict[str, float]) -> None:
     from wsim.show.picture import picture
 
     began = perf_counter()
-    picture(args.output, args.png, device=args.device)
+    picture(args.output, args.png, device=args.device, colour=args.colour)
     seconds["picture"] = perf_counter() - began
 
 
-def _close(job: "Run", args, seconds: dict[str, float], told: set[str]) -> None:
+def _close(job: "Run", args, seconds: dict[str, float], told: set[str], began: float) -> None:
     """The closing report; what was warned of before the run is not said again."""
     _warn(job, told)
     if args.quiet and not args.json:
         return
-    report = job.simulation.report()
+    asked = perf_counter()
+    report = job.simulation.report(profile=args.verbose or args.json)
+    seconds |= {"report": perf_counter() - asked, "total": perf_counter() - began}
     report |= {"output": job.result, "partial": job.recorder.kept, "picture": args.png if job.result else None,
                "frames": job.written, "warnings": _warnings(job),
                "seconds": {**report.get("seconds", {}), **seconds, **job.seconds}}
-    print(as_json(report) if args.json else reports.text({**report, "warnings": []}))
+    print(as_json(report) if args.json else reports.text({**report, "warnings": []}, args.verbose))
 
 
 def new(args) -> int:
@@ -192,8 +201,7 @@ def new(args) -> int:
 
     for note in scenes.make(args):
         _say(str(note))
-    result = f"{os.path.splitext(args.output)[0]}_out.usdc"
-    print(f"{args.output}: simulate it with: wsim run {quote(args.output)} -o {quote(result)}")
+    print(f"{args.output}: simulate it with: wsim run {quote(args.output)}")
     return DONE
 
 
@@ -234,7 +242,9 @@ def plan(args) -> int:
     for warning in simulation.warnings:
         _say(warning)
     if args.json:
-        print(as_json({"stages": simulation.plan.table(), "skipped": simulation.plan.skipped}))
+        from wsim.model.stage import FREE
+        free = {"free": simulation.plan.table(FREE)} if simulation.plan.parted else {}
+        print(as_json({"stages": simulation.plan.table(), "skipped": simulation.plan.skipped, **free}))
     else:
         print(simulation.plan.describe())
     return DONE
@@ -262,11 +272,16 @@ def fit(args) -> int:
 
 
 def view(args) -> int:
-    """`wsim view`: a result in rerun, or as a file for it."""
+    """`wsim view`: a result in rerun, as a file for it, or as a web page until Ctrl-C."""
     from wsim.show.viewer import view as show
+    from wsim.show.web import words
 
     interrupt.begin("throw")
-    show(args.result, save=args.save)
+
+    def served() -> None:
+        _say(words(args.port) + "\nview: Ctrl-C ends it")
+        interrupt.wait()
+    show(args.result, save=args.save, web=args.port if args.web else None, served=served)
     return DONE
 
 
@@ -278,7 +293,7 @@ def picture(args) -> int:
     _ready()
     frames = "all" if args.animate else args.frame
     drawn = draw(args.result, args.output, frames=frames, size=args.size, sheet=args.sheet, device=args.device,
-                 camera=args.camera)
+                 camera=args.camera, colour=args.colour)
     for note in drawn.get("notes", ()):
         _say(str(note))
     print(f"{drawn['out']}: {count(len(drawn['frames']), 'frame')}, {drawn['size'][0]} x {drawn['size'][1]} pixels")

@@ -11,7 +11,8 @@ def make(args) -> list:
     if os.path.lexists(args.output) and not args.force:
         raise SceneError(Problem(args.output, "is there already; give --force to replace it, or choose another name"))
     return (_cloth if args.kind == "cloth" else _softbody)(args, {
-        "ground": args.ground, "meters_per_unit": args.meters_per_unit, "frames": args.frames})
+        "ground": args.ground, "meters_per_unit": args.meters_per_unit, "frames": args.frames, "pins": tuple(args.pin),
+        "colliders": tuple(args.collider), "bound": args.material})
 
 
 def _cloth(args, more: dict) -> list:
@@ -25,8 +26,9 @@ def _softbody(args, more: dict) -> list:
     from wsim.scene.solid import Bulk
     from wsim.usd.new.softbody import author_softbody
 
+    given = {name: getattr(args, name) for name in ("young", "poisson", "density", "model") if getattr(args, name) is not None}
     try:
-        material = Bulk(young=args.young, poisson=args.poisson, density=args.density, model=args.model)
+        material = Bulk(**given) if given else None
     except ValueError as error:
         raise SceneError(Problem("material", str(error))) from None
     interrupt.begin("wait")

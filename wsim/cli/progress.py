@@ -1,4 +1,5 @@
-"""One line on a terminal that says how far a run is: frame, time a frame, time left. Without a terminal: nothing.
+"""One line on a terminal that says how far a run is: frame, time a frame, time left. Without a terminal: a line of its own,
+every EVERY seconds.
 
 The time a frame is the mean of the latest frames; the first one also compiles and is left out.
 """
@@ -15,10 +16,11 @@ from wsim.simulation.duration import duration
 WIDTH = 24              # characters of the bar
 REDRAW = 0.05           # [s] between two drawings: a terminal shows no more, and a frame may take 3 ms
 LATEST = 32             # frames in the mean
+EVERY = 5.0             # [s] between two lines where there is no terminal: a log stays short
 
 
 class Progress:
-    """frames: how many there will be. `stream` None is stderr; the line is drawn only on a terminal.
+    """frames: how many there will be. `stream` None is stderr; the line is drawn over and over on a terminal only.
 
     colour: None asks the NO_COLOR convention (no-color.org) and TERM.
     """
@@ -31,7 +33,8 @@ class Progress:
         plain = bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
         self.colour = not plain if colour is None else colour
         self.ends: deque[float] = deque(maxlen=LATEST + 1)      # when the latest frames ended
-        self.drawn = float("-inf")
+        self.drawn = float("-inf") if self.shown else self.clock()
+        self.logged = not quiet and not self.shown
 
     def say(self, text: str) -> None:
         """A step before the frames: loading, compiling."""
@@ -41,14 +44,16 @@ class Progress:
         """`done` frames are finished."""
         now = self.clock()
         self.ends.append(now)
-        if done < self.frames and now - self.drawn < REDRAW:
+        if now - self.drawn < (EVERY if self.logged else REDRAW) and (self.logged or done < self.frames):
             return
         part = done / self.frames if self.frames else 1.0
         bar = "#" * round(part * WIDTH)
-        text = f"[{self._tint(bar)}{'.' * (WIDTH - len(bar))}] frame {done}/{self.frames}"
+        text = f"[{self._tint(bar)}{'.' * (WIDTH - len(bar))}] " if self.shown else ""
+        text += f"frame {done}/{self.frames}"
         if len(self.ends) > 1:
             each = (self.ends[-1] - self.ends[0]) / (len(self.ends) - 1)
-            text += f"  {1e3 * each:.3g} ms/frame  {duration(each * (self.frames - done))} left"
+            taken = f"{1e3 * each:.3g} ms" if each < 1.0 else f"{each:.3g} s"
+            text += f"  {taken}/frame  {duration(each * (self.frames - done))} left"
         self._draw(text)
         self.drawn = now
 
@@ -62,6 +67,9 @@ class Progress:
     def _draw(self, text: str) -> None:
         if self.shown:
             self.stream.write(f"\r\x1b[2K{text}")
+            self.stream.flush()
+        elif self.logged and text.startswith("frame"):
+            self.stream.write(f"{text}\n")
             self.stream.flush()
 
 

@@ -24,6 +24,7 @@ from wsim.scene.curve import Curve, Motion
 from wsim.simulation import interrupt
 from wsim.simulation.duration import long_run
 from wsim.simulation.interrupt import whole
+from wsim.simulation.record import append, settings
 from wsim.usd.result.provenance import differences
 
 if TYPE_CHECKING:
@@ -84,6 +85,7 @@ class Run:
     preroll: int = 0
     first: int = 0                                # frames that an earlier run has done and written
     stress: bool = False                          # written with the points of soft bodies, see `wsim.simulation.measure.stress`
+    colour: str = ""                              # displayColor by strain or stress, see `wsim.show.colour`; "": not written
     reactions: bool = False                       # of every pin, written with it, see `wsim.simulation.measure.reaction`
     shown: Callable[[int], None] = lambda done: None
     watchers: list[Callable] = field(default_factory=list)
@@ -136,23 +138,25 @@ class Run:
 
     def _write(self, k: int) -> None:
         """The state after k short frames of this run, at its time code."""
-        sim, paths = self.simulation, [body.path for body in self.scene.bodies()]
         code = self.recorder.time_code(self.first + k / self.samples)
         with whole(), self._timed("write"):
-            stress = {s.path: sim.stress(s.path).at_points() for s in self.scene.softs if self.stress}
-            forces = {p.path: sim.reactions(p.path) for p in self.scene.pins if self.reactions}
-            self.recorder.append(code, {p: sim.positions(p) for p in paths}, {p: sim.velocities(p) for p in paths},
-                                 self._poses(), stress, forces, sim.samples())
+            append(self.recorder, self.simulation, code, self.stress, self.reactions, self._colours())
         self.written = self.first + k // self.samples
         for watch in self.watchers:
-            watch(sim)
+            watch(self.simulation)
 
-    def _poses(self) -> dict:
-        """Of colliders that may move otherwise than their source says, since they were given a motion here or in an earlier
-        run. All are not asked: that takes 0.1 to 0.4 ms each, which the simulation does not need on the host."""
-        sim = self.simulation
-        given = self.recorder.moved | {path for path, name, *_ in sim.changes if name == "motion"}
-        return {c.path: c.motion.at(sim.time) for c in sim.scene.colliders if c.path in given}
+    def _colours(self) -> list:
+        if not self.colour:
+            return []
+        from wsim.show.colour import live
+        return live(self.simulation, self.colour)
+
+
+def default_output(scene: str) -> str:
+    """Where a run without -o writes: SCENE.sim.usdc beside the scene, or here where that folder takes no file."""
+    folder, name = os.path.split(os.path.abspath(scene))
+    name = f"{os.path.splitext(name)[0]}.sim.usdc"
+    return os.path.relpath(os.path.join(folder, name)) if os.access(folder, os.W_OK) else name
 
 
 def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"], *, samples: int = 1, preroll: int = 0,
@@ -177,7 +181,7 @@ def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"]
         for what, each in (("--samples times frames", samples * scene.frames), ("--preroll times samples", preroll * samples)):
             refuse(what, each, "give fewer of either")
         sim = simulate(later(finer(scene, samples), preroll / scene.fps))
-        sim.warnings += long_run(sim.plan, (preroll + scene.frames - (earlier.frame if earlier else 0)) * samples)
+        sim.warnings += long_run(sim.plan, preroll + scene.frames - (earlier.frame if earlier else 0), samples)
         if earlier:
             _go_on(sim, earlier, samples)
 
@@ -193,13 +197,6 @@ def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"]
     except ValueError as error:                   # the recorder's word for an output that would be a mistake
         raise SceneError(Problem(output, str(error).removeprefix(f"{output}: "))) from error
     return Run(scene, sim, recorder, samples, preroll, earlier.frame if earlier else 0, stress)
-
-
-def settings(sim: "Simulation", samples: int) -> dict:
-    """How a run is stepped now: what its result says, and what one that goes on from it is held against."""
-    return {"device": "cuda" if sim.device.is_cuda else "cpu", "precision": sim.precision, "solver": sim.plan.choice.solver,
-            "integrator": sim.plan.integrator, "substeps": sim.plan.clock.steps * samples,
-            "iterations": sim.plan.clock.iterations}
 
 
 def _go_on(sim: "Simulation", earlier: "Restart", samples: int) -> None:

@@ -13,6 +13,7 @@ import warp as wp
 from wsim.fitting.memory import Room, held
 from wsim.fitting.parameter import Parameter
 from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.values.table import stiffens
 from wsim.simulation import retry
 from wsim.simulation.measure.reaction import every
 from wsim.simulation.simulation import Simulation
@@ -67,14 +68,14 @@ class Copies:
         """Remembers the start."""
         sim = self.sim
         clock = sim.plan.clock
-        self.plan, self.substeps, self.steps, self.scheme = sim.plan, clock.substeps, clock.steps, clock.scheme
+        self.plan, self.substeps, self.steps, self.scheme = sim.plan, clock.substeps, clock.steps, clock.integrator
         self.arrays = kept(sim)
         self.saved = [wp.clone(a) for a in self.arrays]
 
     def rewind(self) -> None:
         """Back to the start; built anew where a frame has changed the scheme."""
         sim, clock = self.sim, self.sim.plan.clock
-        if sim.plan is not self.plan or clock.scheme != self.scheme:
+        if sim.plan is not self.plan or clock.integrator != self.scheme:
             sim.given = replace(sim.given, substeps=self.steps)
             sim.reset()
             self.keep()
@@ -100,9 +101,9 @@ class Copies:
                 if not any([m.set(path, name, value, world) for m in sim.plan.methods]):
                     raise SceneError(Problem(path, f"{name} is fixed while solver {sim.plan.choice.solver} runs; leave it out, "
                                              "or name another solver"))
-        stiffens = [name for _, name in given if name in retry.STIFFENS]
-        if stiffens:
-            retry.keep_stable(sim, stiffens[0])
+        stiff = [name for _, name in given if stiffens(name)]
+        if stiff:
+            retry.keep_stable(sim, stiff[0])
         self.substeps = sim.plan.clock.substeps
 
     def to(self, frame: int) -> None:

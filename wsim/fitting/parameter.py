@@ -1,4 +1,5 @@
-"""What can be fitted: a table of parameters, the map of each to a line without ends, and how a scene takes a value.
+"""What can be fitted as one number: the rows of the table of values (`wsim.scene.values.table`) with a map to a line without
+ends, and how a scene takes a value.
 
     stretch               one value for every body that has it
     /World/Cloth:stretch  of that body alone
@@ -14,55 +15,36 @@ The maps: `wsim.fitting.least_squares.bounds`. A step of the fit, its priors and
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
-from wsim.fitting.least_squares.bounds import LARGE, LOG, PLAIN, WIDE, Map
-from wsim.scene import Cloth, Collider, Load, Problem, Scene, SceneError, Soft, Springs
-from wsim.scene.check.varying import unfit
+from wsim.fitting.least_squares.bounds import LARGE, WIDE, Map
+from wsim.scene import Cloth, Load, Problem, Scene, SceneError, Springs
+from wsim.scene.check.varying import NEEDS, painted, unfit
 from wsim.scene.curve import Curve
-from wsim.scene.masses import density_of
+from wsim.scene.methods import every
+from wsim.scene.nodal.masses import density_of
+from wsim.scene.values import table
+from wsim.scene.values.value import Value, holder
 
-AXES, VECTORS = ("x", "y", "z"), ("gravity", "wind", "force", "traction")
-
-
-@dataclass(frozen=True)
-class Fittable:
-    """A parameter of a kind of body, of colliders, or of the scene."""
-
-    name: str
-    owner: type
-    unit: str
-    map: Map = LOG
-    within: str = ""             # attribute of the body that has it; "": the body itself
+AXES = ("x", "y", "z")
 
 
-TABLE = (
-    Fittable("stretch", Cloth, "N/m", within="material"), Fittable("stretch_warp", Cloth, "N/m", within="material"),
-    Fittable("stretch_weft", Cloth, "N/m", within="material"), Fittable("shear", Cloth, "N/m", within="material"),
-    Fittable("bend", Cloth, "N m", within="material"), Fittable("damping", Cloth, "s", within="material"),
-    Fittable("density", Cloth, "kg/m^3", within="material"), Fittable("strain_limit", Cloth, "1", within="material"),
-    Fittable("poisson", Cloth, "1", WIDE, "material"),
-    Fittable("stiffness", Springs, "N/m"), Fittable("damping", Springs, "s"), Fittable("mass", Springs, "kg"),
-    Fittable("force", Load, "N", PLAIN), Fittable("traction", Load, "Pa", PLAIN),
-    Fittable("young", Soft, "Pa", within="material"), Fittable("poisson", Soft, "1", Map("bounded", 0.0, 0.5), "material"),
-    Fittable("density", Soft, "kg/m^3", within="material"), Fittable("damping", Soft, "s", within="material"),
-    Fittable("pressure", Soft, "Pa", Map("plain", high=1e3)),
-    Fittable("static_friction", Cloth, "1", within="material"), Fittable("static_friction", Soft, "1", within="material"),
-    Fittable("dynamic_friction", Cloth, "1", within="material"), Fittable("dynamic_friction", Soft, "1", within="material"),
-    Fittable("static_friction", Collider, "1"), Fittable("dynamic_friction", Collider, "1"),
-    Fittable("restitution", Collider, "1", Map("bounded", 0.0, 1.0)),
-    Fittable("gravity", Scene, "m/s^2", PLAIN), Fittable("wind", Scene, "m/s", PLAIN), Fittable("air_drag", Scene, "1/s"),
-)
-STRETCHES = {"stretch": ("warp", "weft"), "stretch_warp": ("warp",), "stretch_weft": ("weft",)}
-NAMES = tuple(dict.fromkeys(row.name for row in TABLE))
-FROZEN = ("thickness", "yield_strain", "drag", "lift", "weld",
-          "masses", "lengths", "rest_points", "air_density")        # of a scene, and fixed while it runs
+def rows() -> list[Value]:
+    """Values that are fitted as one number, with the parts of stretch behind it."""
+    found = [row for row in table.VALUES if row.fit]
+    return [each for row in found for each in ([replace(row, name=name) for name in table.PARTS]
+                                               if (row.owner, row.name) == ("Cloth", "stretch") else [row])]
 
 
-def things(scene: Scene) -> list[Cloth | Springs | Soft | Collider | Load]:
+def names() -> list[str]:
+    return list(dict.fromkeys(row.name for row in rows()))
+
+
+def things(scene: Scene) -> list:
     """All that may have parameters."""
-    return [*scene.bodies(), *scene.colliders, *scene.loads]
+    return [*scene.bodies(), *scene.colliders, *scene.loads, *(thing for _, thing in every(scene))]
 
 
 @dataclass(frozen=True)
@@ -70,20 +52,20 @@ class Parameter:
     """One number to be fitted."""
 
     name: str                    # as asked
-    what: str                    # name in TABLE
+    what: str                    # name of `rows`
     path: str                    # of the one body; "": of all that have it
     unit: str
     map: Map
     axis: int | None = None      # of a vector
 
-    def rows(self, scene: Scene) -> list[tuple[Fittable, object]]:
+    def rows(self, scene: Scene) -> list[tuple[Value, Any]]:
         """What has it in a scene, each with its row of the table."""
-        found: list[tuple[Fittable, object]] = []
-        for row in (r for r in TABLE if r.name == self.what):
-            if row.owner is Scene:
+        found: list[tuple[Value, Any]] = []
+        for row in (r for r in rows() if r.name == self.what):
+            if row.owner == "Scene":
                 found.append((row, scene))
             else:
-                found += [(row, b) for b in things(scene) if _has(row, b) and self.path in ("", b.path)]
+                found += [(row, b) for b in things(scene) if _has(row, b, scene) and self.path in ("", b.path)]
         return found
 
     def value(self, scene: Scene) -> float | None:
@@ -96,22 +78,20 @@ class Parameter:
     def written(self, scene: Scene, value: float) -> Scene:
         """The scene with that value; the given one stays as it is."""
         for row, thing in self.rows(scene):
-            if row.owner is Scene:
-                changed: dict = {self.what: value if self.axis is None else _with(getattr(scene, self.what), self.axis, value)}
+            if row.owner != "Scene":
+                scene = scene.exchanged(thing, _put(row, thing, value, self.axis))
             else:
-                new = _put(row, thing, value, self.axis)
-                changed = {group: [new if b is thing else b for b in getattr(scene, group)]
-                           for group in ("cloths", "springs", "softs", "colliders", "loads")}
-            scene = replace(scene, **changed)
+                new = value if self.axis is None else _with(getattr(scene, self.what), self.axis, value)
+                scene = replace(scene, **{self.what: new})                                   # type: ignore[arg-type]
         return scene
 
     def live(self, scene: Scene) -> list[tuple[str, str, object]]:
         """(path, name, value) of `Simulation.set` that give a running copy what this scene has."""
         found: list[tuple[str, str, object]] = []
         for row, thing in self.rows(scene):
-            if row.owner is Scene:
+            if row.owner == "Scene":
                 found.append(("/", self.what, getattr(scene, self.what)))
-            elif isinstance(thing, Cloth) and self.what in STRETCHES:
+            elif isinstance(thing, Cloth) and self.what in table.PARTS:
                 names = ("stretch", "weft") if thing.model == "membrane" else ("stretch",)
                 found += [(thing.path, name, getattr(thing.material, name)) for name in names]
             elif isinstance(thing, Springs) and self.what == "stiffness":
@@ -119,7 +99,7 @@ class Parameter:
             elif isinstance(thing, Load):
                 found.append((thing.path, self.what, thing.curve.values[0]))
             else:
-                found.append((thing.path, self.what, _get(row, thing, None)))            # type: ignore[attr-defined]
+                found.append((thing.path, self.what, _get(row, thing, None)))
         return found
 
 
@@ -127,42 +107,42 @@ def _with(vector, axis: int, value: float) -> tuple[float, ...]:
     return tuple(value if k == axis else float(v) for k, v in enumerate(vector))
 
 
-def _has(row: Fittable, thing) -> bool:
+def _has(row: Value, thing, scene: Scene) -> bool:
     """Poisson's ratio is of membranes, and a strain limit is where it is finite from the start."""
-    if type(thing) is not row.owner:
+    if type(thing).__name__ != row.owner or (isinstance(thing, Load) and thing.name != row.name):
         return False
-    if isinstance(thing, Load):
-        return thing.name == row.name
-    return not isinstance(thing, Cloth) or {"poisson": thing.model == "membrane",
-                                            "strain_limit": isfinite(thing.material.strain_limit)}.get(row.name, True)
+    if isinstance(thing, Cloth) and painted(thing, row.name.partition("_")[0]):
+        return False                                     # a map of faces, not one number
+    return not any(NEEDS[need](thing, row.name, scene) for need in ("membrane", "finite") if need in row.needs)
 
 
-def _get(row: Fittable, thing, axis: int | None) -> float:
-    if row.name in STRETCHES:
+def _get(row: Value, thing, axis: int | None) -> float:
+    if row.owner == "Cloth" and row.name in table.PARTS:
         return thing.material.weft or thing.material.stretch if row.name == "stretch_weft" else thing.material.stretch
     if isinstance(thing, Load):
         return float(thing.curve.values[0, axis or 0])
-    if row.name == "mass":
+    if isinstance(thing, Springs) and row.name == "mass":
         return float(np.broadcast_to(thing.masses, len(thing.points)).astype(np.float64).sum())
-    value = getattr(getattr(thing, row.within) if row.within else thing, row.name)
+    value = getattr(holder(thing, row.name), row.name)
     return float(value[axis]) if axis is not None else float(np.mean(np.asarray(value, np.float64)))
 
 
-def _put(row: Fittable, thing, value: float, axis: int | None = None):
+def _put(row: Value, thing, value: float, axis: int | None = None):
     """A copy of a body or load with that value; different stiffness of springs, and masses of points, keep their proportions.
     """
     if isinstance(thing, Load):
         return replace(thing, curve=Curve(thing.curve.times, np.array([_with(thing.curve.values[0], axis or 0, value)])))
-    if row.name in STRETCHES:
+    if row.owner == "Cloth" and row.name in table.PARTS:
         m = thing.material
         new = {"stretch": {"stretch": value, "weft": m.weft * (value / m.stretch)}, "stretch_weft": {"weft": value},
                "stretch_warp": {"stretch": value, "weft": m.weft or m.stretch}}[row.name]
         return replace(thing, material=replace(m, **new))
-    if row.within:
-        return replace(thing, **{row.within: replace(getattr(thing, row.within), **{row.name: value})})
+    if holder(thing, row.name) is not thing and not isinstance(thing, Springs):
+        return replace(thing, material=replace(thing.material, **{row.name: value}))
     if not isinstance(thing, Springs):
         return replace(thing, **{row.name: value})
-    copy = replace(thing, damping=value) if row.name == "damping" else replace(thing)
+    own: Any = {} if row.name in ("stiffness", "mass") else {row.name: value}
+    copy = replace(thing, **own)
     now, masses = np.asarray(thing.stiffness, np.float64), np.asarray(thing.masses, np.float64)      # stay in float64
     copy.stiffness = now * (value / now.mean()) if row.name == "stiffness" else now
     copy.masses = masses * (value / _get(row, thing, None)) if row.name == "mass" else masses
@@ -177,11 +157,11 @@ def parameters(asked: str | Iterable[str], scenes: list[Scene], start: dict[str,
 
     Raises SceneError with every name that is unknown, frozen, named twice, or has no start to begin from.
     """
-    names = [n.strip() for n in (asked.split(",") if isinstance(asked, str) else asked) if n.strip()]
+    wanted = [n.strip() for n in (asked.split(",") if isinstance(asked, str) else asked) if n.strip()]
     problems: list[Problem] = []
-    if not names:
-        problems.append(Problem("parameters", f"none is named; allowed are {', '.join(NAMES)}"))
-    found = [p for name in names for p in _named(name, scenes, problems.append)]
+    if not wanted:
+        problems.append(Problem("parameters", f"none is named; allowed are {', '.join(names())}"))
+    found = [p for name in wanted for p in _named(name, scenes, problems.append)]
     given = dict(start or {})
     for p in found:
         if p.name in given:
@@ -204,37 +184,56 @@ def parameters(asked: str | Iterable[str], scenes: list[Scene], start: dict[str,
 def _named(name: str, scenes: list[Scene], fail: Callable[[Problem], None]) -> list[Parameter]:
     path, _, what = name.rpartition(":")
     axes: list[int | None] = [None]
+    vectors = [row.name for row in rows() if row.form != "number"]
     stem, _, axis = what.rpartition("_")
-    if stem in VECTORS and axis in AXES:
+    if stem in vectors and axis in AXES:
         what, axes = stem, [AXES.index(axis)]
-    elif what in VECTORS:
+    elif what in vectors:
         axes = [0, 1, 2]
-    if what not in NAMES:
-        text = "is fixed while a scene runs and cannot be fitted" if what in FROZEN else "is no parameter"
-        fail(Problem(name, f"{text}; allowed are {', '.join(NAMES)}, of one body as /World/Body:{NAMES[0]}"))
+    mine = [r for r in rows() if r.name == what]
+    if not mine:
+        fail(Problem(name, f"{_unfitted(what, scenes)}; allowed are {', '.join(names())}, of one body as "
+                           f"/World/Body:{names()[0]}"))
         return []
-    row = next(r for r in TABLE if r.name == what)
-    if path and row.owner is Scene:
+    row = mine[0]
+    if path and row.owner == "Scene":
         fail(Problem(name, f"{what} is the whole scene's; write {what}"))
         return []
     own = f"{path}:" if path else ""
-    made = [Parameter(f"{own}{what}_{AXES[k]}" if k is not None else name, what, path, row.unit, row.map, k) for k in axes]
-    maps = [r.map for p in made for scene in scenes for r, _ in p.rows(scene)]
+    made = [Parameter(f"{own}{what}_{AXES[k]}" if k is not None else name, what, path, row.unit, _map(row), k) for k in axes]
+    maps = [_map(r) for p in made for scene in scenes for r, _ in p.rows(scene)]
     if not maps:
-        have = [b.path for s in scenes for b in things(s) for r in TABLE if r.name == what and _has(r, b)]
-        kinds = ", ".join(sorted({r.owner.__name__.lower() for r in TABLE if r.name == what}))
-        more = {"poisson": "; of a cloth it acts in the model 'membrane'",
-                "strain_limit": "; a cloth has one where it is finite from the start"}.get(what, "")
+        have = [b.path for s in scenes for b in things(s) for r in mine if _has(r, b, s)]
+        kinds = ", ".join(sorted({r.owner.lower() for r in mine}))
+        more = "".join({"membrane": "; of a cloth it acts in the model 'membrane'",
+                        "finite": "; a cloth has one where it is finite from the start"}.get(need, "") for need in row.needs)
         fail(Problem(path or name, f"nothing here has {what}: it belongs to {kinds}{more}; those that have it: "
                      f"{', '.join(dict.fromkeys(have)) or 'none'}"))
         return []
     return [replace(p, map=min(maps, key=lambda m: m.low)) for p in made]
 
 
+def _map(row: Value) -> Map:
+    assert row.fit
+    return Map.of(row.fit)
+
+
+def _unfitted(what: str, scenes: list[Scene]) -> str:
+    """Why a name is no parameter."""
+    known = [row for row in table.VALUES if row.name == what]
+    here = {type(thing).__name__ for scene in scenes for thing in things(scene)}
+    if not known:
+        return "is no parameter"
+    if not any(row.live for row in known if row.owner in here or not here & {r.owner for r in known}):
+        return "is fixed while a scene runs and cannot be fitted"
+    return f"is fitted with a value for each element ({what}[])" if any(row.each for row in known) else \
+        "is live, and no fit finds it"
+
+
 def _ranged(p: Parameter, scenes: list[Scene]) -> Parameter:
     """Poisson's ratio from (-1, 0.5) where it does not start above 0; of loads a unit of theta is their size."""
-    if p.what in ("force", "traction"):
-        size = max(float(np.abs(load.curve.values).max()) for s in scenes for _, load in p.rows(s))      # type: ignore
+    if any(row.owner == "Load" for row in rows() if row.name == p.what):
+        size = max(float(np.abs(load.curve.values).max()) for s in scenes for _, load in p.rows(s))
         return replace(p, map=Map("plain", high=size or LARGE))
     if p.what == "poisson" and any((p.value(s) or 0.0) <= 0.0 for s in scenes if p.rows(s)):
         return replace(p, map=WIDE)
@@ -246,27 +245,26 @@ def _wrong(p: Parameter, scenes: list[Scene]) -> list[Problem]:
     problems = []
     for scene in scenes:
         problems += unfit(scene, p.what, p.path)
-        if p.what == "wind" and not any(c.drag or c.lift for c in scene.cloths):
-            problems.append(Problem("wind", "no cloth has drag or lift, so that wind does nothing; author one, or leave wind "
-                                    "out"))
         for row, thing in p.rows(scene):
             path, value = getattr(thing, "path", "/"), _get(row, thing, p.axis)
-            nothing = (p.map.kind == "log" and value <= 0.0) or (p.what in ("pressure", "restitution") and value == 0.0)
-            if not isfinite(value) or nothing:
+            nothing = (p.map.kind == "log" and value <= 0.0) or (bool({"start", "throws"} & set(row.needs)) and value == 0.0)
+            if "air" in row.needs and (reason := NEEDS["air"](thing, p.what, scene)):
+                problems.append(Problem(p.what, f"{reason}; author one, or leave {p.what} out"))
+            elif not isfinite(value) or nothing:
                 problems.append(Problem(path, f"{p.what} is {value:g} at the start, so that nothing of it runs; give a start "
                                         f"value other than 0 ({p.name})"))
-            elif p.what in ("stretch_warp", "stretch_weft") and thing.model != "membrane":     # type: ignore[attr-defined]
+            elif p.what in ("stretch_warp", "stretch_weft") and thing.model != "membrane":
                 problems.append(Problem(path, f"{p.what} is of membranes, and its model is 'springs'; fit stretch, or take the "
                                         "model 'membrane'"))
-            elif p.what == "density" and density_of(thing) is None:
+            elif "mass" in row.needs and density_of(thing) is None:
                 problems.append(Problem(path, "density changes nothing: masses are authored, or materials differ; remove the "
                                         "masses, or leave density out"))
-            elif p.what in ("density", "mass") and scene.ties:
+            elif {"mass", "apart"} & set(row.needs) and scene.ties:
                 problems.append(Problem(path, f"{p.what} is fixed where bodies share points (ties); leave it out"))
             elif isinstance(thing, Load) and thing.curve.moves:
                 problems.append(Problem(path, f"its {p.what} has {len(thing.curve.times)} keys, and {p.name} is one number; "
                                         f"fit {p.what}[], which has a value for each, or give it one value"))
-            elif isinstance(thing, Soft) and row.within and thing.others:
+            elif "alone" in row.needs and NEEDS["alone"](thing, p.what, scene):
                 problems.append(Problem(path, f"has {len(thing.materials)} materials, and {p.what} is fitted as one value; "
                                         "give it one material, or leave it out"))
     return problems
@@ -277,7 +275,7 @@ def _twice(found: list[Parameter], scenes: list[Scene]) -> list[Problem]:
     problems = []
     for p in found:
         for key in {(k, getattr(thing, "path", "/"), part, p.axis) for k, s in enumerate(scenes) for _, thing in p.rows(s)
-                    for part in STRETCHES.get(p.what, (p.what,))}:
+                    for part in table.PARTS.get(p.what, (p.what,))}:
             if key in seen:
                 problems.append(Problem(key[1], f"{p.what} is named twice, by {seen[key]} and {p.name}; name it once"))
             seen[key] = p.name

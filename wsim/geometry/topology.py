@@ -223,3 +223,20 @@ def vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     total = np.stack([np.bincount(corner, normal[:, k], len(points)) for k in range(3)], axis=1)
     length = np.linalg.norm(total, axis=1, keepdims=True)
     return np.divide(total, length, out=np.zeros(total.shape), where=length > 0)
+
+
+def places(triangles: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Row in `triangles` (t, 3) of each triangle of `corners` (m, 3), whose corners may stand in another order, (m,)."""
+    n = int(triangles.max(initial=0)) + 1
+
+    def key(rows: np.ndarray) -> np.ndarray:
+        s = np.sort(rows, axis=1).astype(np.int64)
+        return (s[:, 0] * n + s[:, 1]) * n + s[:, 2]
+    keys = key(triangles)
+    order = np.argsort(keys)
+    return order[np.searchsorted(keys[order], key(corners))]
+
+
+def beside(triangles: np.ndarray, hinges: np.ndarray) -> np.ndarray:
+    """Rows in `triangles` of the two triangles of each hinge (m, 4), (2, m)."""
+    return np.stack([places(triangles, hinges[:, [0, 1, k]]) for k in (2, 3)])

@@ -124,7 +124,7 @@ def measured(recording) -> tuple[Segments, tuple[float, ...]]:
     slots.drop()
     fixed = 6 * (F + 1) * sim.model.points * real
     return Segments(F, S, each, max(one - each, 0.0), sum(entries.values()), fixed, room, str(sim.device),
-                    1 + recording.plan.clock.staged), scalars
+                    recording.plan.clock.integrator.solves), scalars
 
 
 def size(count: float) -> str:

@@ -9,8 +9,9 @@ import warp as wp
 
 from wsim.gradient.rest_shape import RestShape, by_masses
 from wsim.gradient.tables import Parameters
-from wsim.physics.cloth.constraints import LEAST, SLACK, Constraints
-from wsim.scene import Problem, SceneError, Springs
+from wsim.physics.cloth.constraints import Constraints
+from wsim.scene import Springs
+from wsim.scene.values.coverage import refuse
 
 
 class ElementGradient:
@@ -34,7 +35,7 @@ class ElementGradient:
         """By the rest lengths of a spring net [1/m], (edges,), in the author's order."""
         body = self.model.body(path, world)
         if not isinstance(body.source, Springs):
-            raise SceneError(Problem(body.path, "is no spring net: it has no rest lengths of its own"))
+            raise refuse("lengths", body.path)
         found = [self.entries["rest"][part] for r, part in _parts(self.parameters.springs) if r.body is body]
         for batch in self.parameters.batches:
             rest = batch.lengths or batch.data.rest
@@ -49,20 +50,13 @@ class ElementGradient:
         found = [f(name, body) for f in (self.rows, self.flat, self.projected, self.solid)]
         parts = [each for some in found for each in some]
         if not parts:
-            raise SceneError(Problem(body.path, f"has no {name!r} with a derivative; there are {', '.join(self.names(body))}"))
+            raise refuse("material", body.path, name=name, names=", ".join(self.names(body)))
         every = np.concatenate(parts)
         return every if elements else float(every.sum())
 
     def names(self, body) -> list[str]:
         """What `material` knows of a body."""
-        p = self.parameters
-        rows = [r for r in (*p.springs, *(r for source in (*p.flat, *p.batches) for r in source.rows)) if r.body is body]
-        values = [part.values for t in p.tables for part in t.parts if part.body is body]
-        damped = any(r.tau > 0.0 for r in rows) or any(v["damping"].any() for v in values)
-        pressed = any(b is body for t in p.tables for b in getattr(t, "bodies", ()))
-        flows = any(part.body is body for t in p.tables if t.plastic for part in t.parts)
-        return sorted({name for d in (*(r.stiffness for r in rows), *values) for name in d} - {"damping"}
-                      | set(["damping"] * damped + ["pressure"] * pressed + ["yield_strain"] * flows))
+        return self.parameters.names(body)
 
     def rest_shape(self, path: str | None = None, world: int = 0) -> np.ndarray:
         """By where its points are at rest [1/m], (n, 3), by all that follows from it: lengths, angles, areas, volumes, and
@@ -76,7 +70,7 @@ class ElementGradient:
                 if p.body is body:
                     shape.tets(p.rows, self.of((table.plastic or table).data.edge)[part])
         by = self.by_mass()[np.concatenate([body.index, body.middles])]
-        return shape.points() + by_masses(body, by, self.plan.method("points").densities.get(body.number))
+        return shape.points() + by_masses(body, by, self.plan.find("densities").get(body.number))
 
     def at_rest(self, body) -> Iterator[tuple]:
         """Constraints of a body, and gradients by their rest values, shapes and, of hinges, curvatures."""
@@ -120,11 +114,7 @@ class ElementGradient:
         for e in self.parameters.flat:
             for r, part, damping in _having(name, body, e.rows):
                 by = self.of(e.data.tau if damping else e.data.stiffness)[part]
-                if name == "poisson":
-                    by = _by_poisson(r, by)
-                elif not damping:
-                    by = by / r.shape if e.kind != "membrane" else _by_stiffness(r, name, e.kind, by * e.stiffness()[part])
-                found.append(by)
+                found.append(by if damping else r.row.by_stiffness(r, name, by, e.stiffness()[part]))
         return found
 
     def projected(self, name: str, body) -> list[np.ndarray]:
@@ -132,14 +122,11 @@ class ElementGradient:
         found = []
         for b in self.parameters.batches:
             for r, part, damping in _having(name, body, b.rows):
-                limit = name == "strain_limit"
-                by = self.by_rows(b, b.data.tau if damping else b.data.rest if limit else b.data.alpha)[part]
-                if limit:
-                    by = by * r.rest / (1.0 + r.stiffness[name])
-                elif name == "poisson":
-                    by = -by[:, 1] * r.shape / np.sqrt(np.prod(r.threads(), axis=0))
+                by = self.by_rows(b, b.data.tau if damping else b.data.rest if r.row.by_longest else b.data.alpha)[part]
+                if r.row.by_longest and not damping:
+                    by = r.row.by_longest(r, name, by)
                 elif not damping:
-                    by = _by_stiffness(r, name, b.kind, -by * b.values()[0][part])
+                    by = r.row.by_compliance(r, name, by, b.values()[0][part])
                 found.append(by)
         return found
 
@@ -191,30 +178,3 @@ def _having(name: str, body, rows: list[Constraints]) -> Iterator[tuple[Constrai
         damping = name == "damping" and r.tau > 0.0
         if r.body is body and (damping or name in r.stiffness):
             yield r, part, damping
-
-
-def _by_stiffness(r: Constraints, name: str, kind: str, parts: np.ndarray) -> np.ndarray:
-    """Of each element by one of its stiffnesses, from those by the logarithms of its table. That of a membrane is (uu, uv,
-    shear, vv); uu is in proportion to stretch, vv to weft, uv to the root of both; a weft of 0 stands for stretch."""
-    value = r.stiffness[name]
-    assert r.body is not None
-    if kind != "membrane":
-        return parts / (np.maximum(value, SLACK) if kind == "dihedral" else value)
-    same = r.stiffness["weft"] <= 0.0
-    if name == "weft" and same.any():
-        raise SceneError(Problem(r.body.path, "its weft is 0 and follows stretch: it has no derivative of its own"))
-    clamped = r.stiffness["shear"] < LEAST * r.stiffness["stretch"]
-    if name == "shear" and clamped.any():
-        raise SceneError(Problem(r.body.path, f"its shear is below {LEAST:g} of stretch, and taken as that: no derivative"))
-    powers = np.array({"shear": (0.0, 0.0, 1.0, 0.0), "weft": (0.0, 0.5, 0.0, 1.0), "stretch": (1.0, 0.5, 0.0, 0.0)}[name])
-    if name == "stretch":
-        powers = np.where(same[:, None], (1.0, 1.0, 0.0, 1.0), powers) + (0.0, 0.0, 1.0, 0.0) * clamped[:, None]
-    return (parts * powers).sum(axis=1) / value
-
-
-def _by_poisson(r: Constraints, by: np.ndarray) -> np.ndarray:
-    """Of each triangle, from those by its stiffness: uu, uv, vv are (s, nu sqrt(s t), t) / (shape (1 - nu^2)), s and t those of
-    warp and weft. Where nu is 0 uv has no logarithm."""
-    nu, (warp, weft) = r.stiffness["poisson"], r.threads()
-    straight, across = by[:, 0] * warp + by[:, 3] * weft, by[:, 1] * np.sqrt(warp * weft)
-    return (2.0 * nu * straight + (1.0 + nu**2) * across) / (r.shape * (1.0 - nu**2)**2)

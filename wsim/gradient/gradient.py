@@ -15,7 +15,9 @@ from wsim.gradient.reactions.adjoint import Inertia
 from wsim.gradient.tables import Parameters
 from wsim.physics.contact.gradient import ContactGradient
 from wsim.scene import Problem, SceneError, Springs
-from wsim.scene.masses import density_of
+from wsim.scene.nodal.masses import density_of
+from wsim.scene.values.coverage import refuse, row_of
+from wsim.scene.values.table import FRICTION
 
 
 class Fetched(dict):
@@ -46,11 +48,25 @@ class Gradient(ElementGradient):
         self.grads = Fetched({array.ptr: wp.clone(array.grad) for array in parameters.arrays()})
         for key, by in inertia.tables.items() if inertia else ():
             self.grads[key] = self.grads[key] + by
-        self.contacts = ContactGradient(parameters.plan.method("contact"), motions) if parameters.contact else None
+        self.contacts = ContactGradient(self.plan, motions) if parameters.contact else None
 
     @cached_property
     def entries(self) -> dict[str, np.ndarray]:                       # type: ignore[override]
         return {name: self.parameters.ends(self.of(array)) for name, array in self.parameters.net().items()}
+
+    def value(self, path: str, name: str, world: int = 0, elements: bool = False):
+        """With respect to a value of the table (`wsim.scene.values.table`) of the object at a path, "/" the scene. elements: of
+        each element by itself. Raises SceneError with the reason where it has no derivative."""
+        row = row_of(self.model.scene, path, name)
+        if row.owner == "Scene":
+            return getattr(self, name)(world)
+        if row.gradient == "material":
+            return self.material(name, path, world, elements)
+        if name in FRICTION:
+            return self.friction(path, world)[FRICTION.index(name)]
+        if row.gradient == "load":
+            return self.load(path, world)
+        return self.motion(path, world)[:, 0] if row.gradient == "shift" else getattr(self, name)(path, world)
 
     # points
 
@@ -79,16 +95,16 @@ class Gradient(ElementGradient):
     def density(self, path: str | None = None, world: int = 0) -> float:
         """By the density that all masses of a body follow [m^3/kg]."""
         b = self.model.body(path, world)
-        density = self.plan.method("points").densities.get(b.number) or density_of(b.source)
+        density = self.plan.find("densities").get(b.number) or density_of(b.source)
         if density is None:
-            raise SceneError(Problem(b.path, "its masses follow no single density; take masses()"))
+            raise refuse("density", b.path)
         return float((self.by_mass()[b.first:b.last] * b.masses).sum()) / density
 
     def mass(self, path: str | None = None, world: int = 0) -> float:
         """By the mass of a net, which its points share in the proportions that they have [1/kg]."""
         b = self.model.body(path, world)
         if not isinstance(b.source, Springs):
-            raise SceneError(Problem(b.path, "is no spring net, which has a mass of its own; take density() or masses()"))
+            raise refuse("mass", b.path)
         return float((self.by_mass()[b.first:b.last] * b.masses).sum() / b.masses.sum())
 
     def gravity(self, world: int = 0) -> np.ndarray:
@@ -112,8 +128,7 @@ class Gradient(ElementGradient):
         """By "drag" or "lift" of a cloth."""
         body, air = self.model.body(path, world), self.parameters.air
         if name not in ("drag", "lift") or not (air and (body.source.drag or body.source.lift)):
-            raise SceneError(Problem(body.path, f"has no coefficient {name!r} with a derivative; drag and lift have one where "
-                                     "one of both is not 0"))
+            raise refuse("air", body.path, name=name)
         return float(self.of(getattr(air, name))[body.first:body.last].sum()) * self.model.scene.air_density / 6.0
 
     def friction(self, path: str | None = None, world: int = 0) -> np.ndarray:
@@ -135,7 +150,7 @@ class Gradient(ElementGradient):
 
     def touched(self, path: str | None) -> ContactGradient:
         if self.contacts is None:
-            raise SceneError(Problem(path or "/", "there is no collider, so that nothing touches"))
+            raise refuse("touched", path or "/")
         return self.contacts
 
     def pin(self, path: str, name: str, world: int = 0) -> float:
@@ -151,13 +166,12 @@ class Gradient(ElementGradient):
                 return float(-(self.of(pins.soft.alpha)[part]).sum() / (p.part * p.pin.stiffness**2)) + own
             if name == "damping":
                 return float(self.of(pins.soft.damping)[part].sum()) * p.part + own
-        raise SceneError(Problem(path, f"is no soft pin with a derivative by {name!r}; soft pins have stiffness and damping"))
+        raise refuse("pin", path, name=name)
 
     def borne(self, path: str, world: int, name: str):
         """What a pin bears adds to the gradients by it. Raises SceneError where that is not known."""
         if self.inertia and (path, world) in self.inertia.moved:
-            raise SceneError(Problem(path, f"moves, and what it bears is in the loss: by its {name} that has no derivative "
-                                     "yet; hold it still, or leave its reaction out"))
+            raise refuse("moved", path, name=name)
         return self.inertia.soft.get((path, world), {}).get(name, 0.0) if self.inertia else 0.0
 
     def places(self, world: int) -> np.ndarray:
@@ -182,7 +196,7 @@ class Gradient(ElementGradient):
     def actuation(self, path: str | None = None, world: int = 0) -> np.ndarray:
         """By the factors of a net's muscles, (keys, groups) of its curve."""
         if not self.parameters.muscles:
-            raise SceneError(Problem(path or "actuation", "no net has muscles; give one an actuation"))
+            raise refuse("actuation", path or "actuation")
         number = self.parameters.muscles.find(self.model.body(path, world).path, world)
         found = np.sum([frame[-2 if self.loads else -1][number] for frame in self._targets], axis=0)
         return found + (self.inertia.muscles[number] if self.inertia and self.inertia.muscles else 0.0)
@@ -190,7 +204,7 @@ class Gradient(ElementGradient):
     def load(self, path: str | None = None, world: int = 0) -> np.ndarray:
         """By the force [1/N] or traction [1/Pa] of a load (None: the only one), (keys, 3) of its curve."""
         if not self.loads:
-            raise SceneError(Problem(path or "loads", "there is no load; give the scene one"))
+            raise refuse("load", path or "loads")
         number = self.loads.find(path, world)
         found = np.sum([frame[-1][number] for frame in self._targets], axis=0)
         return found + (self.inertia.loads[number] if self.inertia and self.inertia.loads else 0.0)

@@ -90,7 +90,7 @@ class Recording(Frames):
         self.checkpoints = length > 0
         self.group, self.cuts = max(length // S, 1) if length else F, [0, S]
         if 0 < length < S:
-            length += length % 2 * self.plan.clock.staged        # a step is not cut
+            length += -length % self.plan.clock.integrator.solves        # a step is not cut
             self.cuts = [*range(0, S, length), S]
         count = length if len(self.cuts) > 2 else S * min(F, self.group + self.jumps)
         share = 1.0 + self.cost.over / (count * self.cost.each)
@@ -114,9 +114,9 @@ class Recording(Frames):
     @property
     def shape(self) -> tuple:
         """What of a simulation may not change after it was recorded."""
-        clock, explicit = self.plan.clock, self.plan.method("explicit")
-        stride = explicit.stride if explicit else 0                                       # type: ignore[attr-defined]
-        return clock.substeps, clock.scheme, stride, *(array.ptr for array in self.parameters.targets())
+        clock, stride = self.plan.clock, self.plan.find("stride")
+        return (clock.substeps, clock.integrator.name, stride() if stride else 0,
+                *(array.ptr for array in self.parameters.targets()))
 
     def key(self, frame: int, part: int) -> tuple:
         return frame % self.group, part, self.jumps and frame == 0
@@ -124,7 +124,7 @@ class Recording(Frames):
     def record(self, first: int, last: int) -> Tape:
         """Runs substeps first .. last once, recording."""
         model = self.sim.model
-        tape = model.tape = Tape(self.slots, self.roots, model.plain)
+        tape = model.tape = Tape(self.slots, self.roots, model.plain, model.vjp)
         try:
             tape.begin()
             for table in self.plan.solids:               # run once more, it begins as it did
@@ -180,7 +180,7 @@ class Recording(Frames):
             self.keep(frame + 1)
         self.sim.frame, self.plan.clock.starting, self.ran = self.start + self.frames, False, True
         judge(self, f"an edge is more than twice its rest length: {EXPLICIT}")
-        if self.apart is None and self.plan.method("implicit"):
+        if self.apart is None and self.plan.find("adjoint"):
             self.apart = self.compare()
 
     def compare(self) -> float:
@@ -207,8 +207,8 @@ class Recording(Frames):
 
     def misses(self) -> list[wp.array]:
         """What the worst forward and the worst adjoint solve of implicit steps have left."""
-        implicit = self.plan.method("implicit")
-        return [implicit.adjoint.missed, implicit.adjoint.left] if implicit else []       # type: ignore[attr-defined]
+        adjoint = self.plan.find("adjoint")
+        return [adjoint.missed, adjoint.left] if adjoint else []
 
     def warn(self, text: str) -> None:
         if text not in self.sim.warnings:

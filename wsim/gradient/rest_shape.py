@@ -1,29 +1,20 @@
 """From gradients by what elements are at rest to those by where points are at rest: the chain rule of
-`wsim.physics.cloth.constraints`, `wsim.physics.soft.fem` and `wsim.scene.masses`, in float64 NumPy.
+`wsim.physics.cloth.constraints`, `wsim.physics.soft.fem` and `wsim.scene.nodal.masses`, in float64 NumPy.
 
     length |r|       n.dr,  n = r / |r|              area with unit normal n     1/2 (n x e_k).dr_k,  e_k the edge across from k
-    angle            G.dr, see `wsim.physics.motion.frequency`      curvature of triangles
-                     `wsim.physics.cloth.bending.by_points`
+    rest values      `wsim.physics.cloth.kind`
     tet              by its edges from corner 0
-
-Of B = Dm^-1, the edges e_b of a triangle in its frame (u, v), where u is the axis a in its plane, and Q the gradient by B: with
-P = -B^T Q B^T, that by Dm, and dn.e_b = -n.de_b, the frame turns by  t sum_b B_bv n.de_b,  t = n.a / |a - n n.a|,  and so
-
-    by e_b:   P_ub u + P_vb v + t (sum_c P_uc Dm_vc - P_vc Dm_uc) B_bv n
 """
 
 import numpy as np
 
 from wsim.geometry.tetra.tets import quadratic
-from wsim.geometry.topology import geodesic, hinges
 from wsim.model.midnodes import HRZ
 from wsim.model.model import Body
-from wsim.physics.cloth.bending import by_points
-from wsim.physics.cloth.constraints import Constraints, frame, nets
+from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.rest_shape import rest_shape, triangles_of
-from wsim.physics.motion.frequency import gradients
 from wsim.scene import Cloth, Soft, Springs
-from wsim.scene.masses import soft_masses, soft_weights
+from wsim.scene.nodal.masses import soft_masses, soft_weights
 
 
 class RestShape:
@@ -52,67 +43,8 @@ class RestShape:
     # elements
 
     def rows(self, r: Constraints, by_rest: np.ndarray, by_shape: np.ndarray, by_value: np.ndarray | None = None) -> None:
-        """by_rest, by_shape: of `Rows.rest` and `Rows.shape`; by_value: of `Coupling.value`."""
-        source, body = self.body.source, self.body
-        if r.kind == "membrane":
-            self.membrane(r, by_rest, by_shape)
-        elif r.kind == "dihedral":
-            assert isinstance(source, Cloth)
-            if not source.flat:
-                self.add(r.ids, by_rest[:, None, None] * gradients(r, body)[:, 0])
-            assert by_value is not None
-            self.by += by_points(body.rest, r.coupling.patches, by_value, by_shape)
-        elif r.kind == "tether":
-            self.tethers(r, by_rest)
-        elif r.kind == "limit":
-            self.lengths(r.ids, by_rest * (1.0 + r.stiffness["strain_limit"]))
-        elif isinstance(source, Cloth):
-            self.lengths(r.ids, by_rest)
-            net = next(n for n in nets(body, hinges(body.triangles)) if n.parameter in r.stiffness)
-            good = net.good(body)
-            place, used = np.cumsum(good) - 1, good[net.owner]
-            self.ratio(r, net.triangles[used], place[net.owner[used]], net.times, by_shape)
-        elif isinstance(source, Springs) and source.lengths is None:
-            self.lengths(r.ids, by_rest)
-
-    def ratio(self, r: Constraints, triangles: np.ndarray, owner: np.ndarray, times: float, by: np.ndarray) -> None:
-        """by: of l^2 / A, l the length between the first two points and A `times` the areas of the triangles of each."""
-        p = self.body.rest[r.ids[:, :2] - self.body.first]
-        square = ((p[:, 1] - p[:, 0])**2).sum(axis=1)
-        self.lengths(r.ids[:, :2], by * 2.0 * r.shape / np.sqrt(square))
-        self.areas(triangles, (-times * by * r.shape**2 / square)[owner])
-
-    def membrane(self, r: Constraints, by_rest: np.ndarray, by_shape: np.ndarray) -> None:
-        p = self.body.rest[r.ids - self.body.first]
-        self.areas(r.ids, -by_shape * r.shape**2)
-        B, Dm = r.rest, np.linalg.inv(r.rest)
-        P = -np.einsum("tji,tjk,tlk->til", B, by_rest, B)
-        n, u, v, tilt = frame(p)
-        turn = np.einsum("tb,tb->t", P[:, 0], Dm[:, 1]) - np.einsum("tb,tb->t", P[:, 1], Dm[:, 0])
-        e = (P[:, 0, :, None] * u[:, None] + P[:, 1, :, None] * v[:, None]
-             + (turn * tilt)[:, None, None] * B[:, :, 1, None] * n[:, None])
-        self.add(r.ids, np.concatenate([-e.sum(axis=1, keepdims=True), e], axis=1))
-
-    def tethers(self, r: Constraints, by_rest: np.ndarray) -> None:
-        """Along the way that each goes: from the farthest point on, a point hands on what it has to the one before it."""
-        body = self.body
-        edges, sources = body.edges - body.first, np.unique(r.ids[:, 0] - body.first)
-        way, _ = geodesic(body.rest, edges, sources)
-        both = np.concatenate([edges, edges[:, ::-1]])
-        length = np.linalg.norm(body.rest[both[:, 0]] - body.rest[both[:, 1]], axis=1)
-        last = both[np.isfinite(way[both[:, 1]]) & (way[both[:, 0]] + length == way[both[:, 1]]) & (length > 0.0)]
-        before = np.full(body.count, -1)
-        before[last[:, 1]] = last[:, 0]
-        by = np.zeros(body.count)
-        by[r.ids[:, 1] - body.first] = by_rest
-        each = []
-        for i in np.argsort(-np.where(np.isfinite(way), way, -1.0)):
-            if before[i] >= 0 and by[i] != 0.0:
-                each.append((before[i], i, by[i]))
-                by[before[i]] += by[i]
-        if each:
-            ids = np.array([e[:2] for e in each]) + body.first
-            self.lengths(ids, np.array([e[2] for e in each]))
+        """by_rest, by_shape: of `Constraints.rest` and `Constraints.shape`; by_value: of `Coupling.value`."""
+        r.row.at_rest(self, r, by_rest, by_shape, by_value)
 
     def tets(self, rows: np.ndarray, by_edge: np.ndarray) -> None:
         """by_edge: of edges from corner 0 (t, 3, 3)."""

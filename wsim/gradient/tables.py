@@ -13,17 +13,15 @@ class Parameters:
 
     def __init__(self, plan):
         self.plan, self.model = plan, plan.model
-        explicit, implicit, xpbd = (plan.method(name) for name in ("explicit", "implicit", "xpbd"))
-        self.pull: Any = explicit.pull if explicit else implicit.adjoint.pull if implicit else None
-        self.batches = xpbd.batches if xpbd else []                                # of XPBD
+        self.pull: Any = plan.find("gather")
+        self.batches = plan.methods.every("batches")                               # of XPBD
         self.springs = self.pull.springs if self.pull else []                      # rows, of the other solvers
         self.flat = [e for e in self.pull.elements if hasattr(e, "kind")] if self.pull else []       # hinges and triangles
         self.tables = self.pull.tables if self.pull else []                        # tets
-        self.points = plan.method("points").constants
-        self.muscles, self.loads = plan.method("muscles"), plan.method("loads")
-        self.pins, aero = plan.method("pins"), plan.method("aero")
-        self.air, contact = aero.air if aero else None, plan.method("contact")
-        self.contact, self.bounce = (contact.contacts.adjoint, contact.bounce) if contact else (None, None)
+        self.points, contacts = plan.find("constants"), plan.find("contacts")
+        self.muscles, self.loads, self.pins = map(plan.find, ("muscles", "loads", "pins"))
+        self.air, self.bounce = plan.find("air"), plan.find("bounce")
+        self.contact = contacts.adjoint if contacts else None
 
     def arrays(self) -> list[wp.array]:
         """Everything that is differentiated by, of one kind each."""
@@ -43,6 +41,19 @@ class Parameters:
         if self.bounce:
             found.append(self.bounce.restitution)
         return found + self.targets()
+
+    def rows(self, body) -> list:
+        """Constraints of a body."""
+        return [r for r in (*self.springs, *(r for table in (*self.flat, *self.batches) for r in table.rows)) if r.body is body]
+
+    def names(self, body) -> list[str]:
+        """Values of a body's material that are there, and have derivatives."""
+        rows, values = self.rows(body), [part.values for t in self.tables for part in t.parts if part.body is body]
+        damped = any(r.tau > 0.0 for r in rows) or any(v["damping"].any() for v in values)
+        pressed = any(b is body for t in self.tables for b in getattr(t, "bodies", ()))
+        flows = any(part.body is body for t in self.tables if t.plastic for part in t.parts)
+        return sorted({name for d in (*(r.stiffness for r in rows), *values) for name in d} - {"damping"}
+                      | set(["damping"] * damped + ["pressure"] * pressed + ["yield_strain"] * flows))
 
     def net(self) -> dict[str, wp.array]:
         """Tables of the entries of springs."""
@@ -75,7 +86,7 @@ class Parameters:
         return found + keys
 
     def take_motions(self) -> wp.array | None:
-        """Of colliders, as `wsim.physics.contact.adjoint.ContactAdjoint.take_motion`."""
+        """Of colliders, as `wsim.physics.contact.contacts_adjoint.ContactAdjoint.take_motion`."""
         return self.contact.take_motion() if self.contact else None
 
     def ends(self, grad: np.ndarray) -> np.ndarray:

@@ -14,10 +14,12 @@ import json
 import os
 import re
 import shutil
+import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,7 @@ from wsim.scene import Problem, SceneError
 RECORD = "wsim.json"     # {file: digest} of a module's folder
 FRESH = 60.0             # [s] for which a folder without a record may be the work of a process that is about to leave one
 SEEN: set[tuple] = set()         # (cache, module) that this process has looked at
+STARTED: list[bool] = []         # not empty: Warp has been started
 PROBE = 8 << 20          # bytes that a cache must take before a module is compiled: on a full disk LLVM ends the process
 
 
@@ -92,11 +95,34 @@ def start() -> None:
     if not named and os.path.expanduser("~") == "~":
         raise SceneError(Problem("kernel cache", "there is no home folder to keep compiled kernels in; set WARP_CACHE_PATH to "
                                  "a folder that can be written"))
-    with GATE.alone():
+    quiet = nullcontext() if STARTED else _without(b"Could not find or load the NVIDIA CUDA driver")
+    with GATE.alone(), quiet:
         try:
             wp.init()
+            STARTED.append(True)
         except OSError as error:
             raise _refused(error) from error
+
+
+@contextmanager
+def _without(text: bytes) -> Iterator[None]:
+    """Passes on what comes to standard error but for lines with this text: Warp's native code warns of a missing driver, and a
+    machine without a GPU has none."""
+    try:
+        sys.stderr.flush()
+        kept, taken = os.dup(2), tempfile.TemporaryFile()                       # noqa: SIM115
+    except (OSError, AttributeError):                  # no standard error, or no place for it
+        yield
+        return
+    try:
+        os.dup2(taken.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        taken.seek(0)
+        os.write(2, b"".join(line for line in taken if text not in line))
+        os.close(kept)
+        taken.close()
 
 
 def device(name):
@@ -128,6 +154,13 @@ def load(module, device, block_dim: int | None = None) -> None:
             _again(module, device, block_dim)
         if module.execs != known:
             _record(module.name)
+
+
+def report_module(model, *what: str) -> str:
+    """Name of a module of kernels that only a report launches: of what is in it and of no scene, so that the cache has it once
+    for all scenes. All its kernels are made before the first is loaded."""
+    digest = hashlib.blake2b(repr((model.real.__name__, *what)).encode(), digest_size=6).hexdigest()
+    return f"wsim_report_{digest}"
 
 
 def ready(kernel, model) -> None:

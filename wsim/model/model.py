@@ -15,7 +15,7 @@ from wsim.geometry.sheet_ordering import order_of_points
 from wsim.geometry.triangulate import triangulate
 from wsim.model.midnodes import held, links, spread, with_middles
 from wsim.scene import Cloth, Scene, Soft, Springs
-from wsim.scene.masses import cloth_masses, loose, soft_masses, soft_weights
+from wsim.scene.nodal.masses import cloth_masses, loose, soft_masses, soft_weights
 
 
 @dataclass
@@ -59,7 +59,6 @@ class Body:
 @dataclass
 class Model:
     """Bodies of every world, and the tables over points and objects that every method reads."""
-
     scene: Scene
     worlds: int
     device: Any                          # warp device
@@ -67,10 +66,13 @@ class Model:
     module: str                          # name of the Warp module that holds the plan's kernels
     bodies: list[Body]
     modules: dict[str, int] = field(default_factory=dict)     # with blocks of their own, by name: threads of a block
+    constraints: list = field(default_factory=list)       # `wsim.physics.cloth.constraints.Constraints` of every world
+    tables: dict = field(default_factory=dict)            # `wsim.physics.cloth.table.Table` of them by kind, of who has asked
     alias: np.ndarray | None = None      # place that stands for each place, (points,), where bodies share points
     by_point: bool = False               # gravity, wind, drag of the air stand once a point, not a body: gradients, loads
     gradients: bool = False              # kernels have adjoints, and no method works in place where those cannot follow
     tape: Any = None                     # `wsim.model.tape.Tape` that records what is launched
+    vjp: dict = field(default_factory=dict)               # adjoints by hand, by kernel: see `wsim.model.vjp`
     plain: set[int] = field(default_factory=set)          # addresses of arrays that change, of which a tape keeps no gradients
 
     @property
@@ -105,9 +107,8 @@ class Model:
         """The body of that path (None: the only one). Raises KeyError that lists the paths there are."""
         found = [b for b in self.bodies if b.world == world and path in (None, b.path)]
         if len(found) != 1:
-            paths = sorted({b.path for b in self.bodies})
-            raise KeyError(f"path={path!r}, world={world} names {len(found)} bodies; there are {paths} in worlds 0 to "
-                           f"{self.worlds - 1}")
+            there = f"{sorted({b.path for b in self.bodies})} in worlds 0 to {self.worlds - 1}"
+            raise KeyError(f"path={path!r}, world={world} names {len(found)} bodies; there are {there}")
         return found[0]
 
     def rows(self, path: str, world: int | None = None) -> list[int]:
@@ -125,11 +126,11 @@ class Model:
         18.8 with 128, 20.2 with 256), a million points do not care. One size for a plan: each is compiled apart."""
         return 64 if self.points < 100_000 else 128
 
-    def launch(self, kernel, dim: int | tuple[int, ...], inputs: list, outputs: list, backward=None) -> None:
-        """Launches a kernel of this model's module; backward: what a tape takes for its adjoint, see `Tape.launch`."""
+    def launch(self, kernel, dim: int | tuple[int, ...], inputs: list, outputs: list) -> None:
+        """Launches a kernel of this model's module."""
         import warp as wp
         how = {"device": self.device, **({"block_dim": self.block} if self.device.is_cuda else {})}
-        (self.tape or wp).launch(kernel, dim, inputs, outputs, **how, **({"backward": backward} if self.tape else {}))
+        (self.tape or wp).launch(kernel, dim, inputs, outputs, **how)
 
     def copy(self, into, source, *parts: int) -> None:
         """As `wp.copy`, of arrays of vectors."""
@@ -280,8 +281,7 @@ def _distinct(triangles: np.ndarray) -> np.ndarray:
 def build(scene: Scene, worlds: int, device, real, module: str = "") -> Model:
     """Bodies of all worlds; worlds are copies of one scene standing behind each other in the arrays."""
     from dataclasses import replace
-    bodies: list[Body] = []
-    first, single = 0, []
+    first, single, bodies = 0, [], list[Body]()
     for number, source in enumerate(scene.bodies()):
         single.append(make_body(source, 0, number, first))
         first = single[-1].last

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from wsim.model.status import Status
-from wsim.scene.integrator import GAMMA
+from wsim.scene.integrator import Integrator
 from wsim.scene.samples import Sample
 
 PHASES = ("pose", "predict", "collide", "solve", "finish", "deform")
@@ -23,51 +23,57 @@ OVER = 1.3     # spring cloth of 64 x 64 points, BDF2, 16 x 16: error at 0.25 s 
 # `wsim.simulation.measure.exceeded`; for each system by how much its residual is above 1 [%]
 MISSED, THROWN, LONG, STRETCHED = "residual missed", "edge thrown", "edge too long", "edges too long, by body"
 UNSOLVED = "residual left, by system"
+FREE, MET = "without contacts", "with contacts"          # frames that a stage belongs to; "": to all
 
 
 @dataclass
 class Clock:
     """Where a frame is while its stages are launched. h, g in [s]. What is solved for once is a substep: a step of sdirk3
-    takes two."""
+    takes two. integrator: the one that steps now, backward Euler where one that needs its residual has given way."""
 
     dt: float                     # frame step
     substeps: int
     iterations: int
-    multistep: bool               # BDF2; False: backward Euler
-    beyond: bool = False          # implicit midpoint: solves for the middle of a substep, goes on to its end
-    staged: bool = False          # sdirk3: even substeps are the first stage of a step, odd ones the second
+    integrator: Integrator
     k: int = 0                    # substep of the frame
     i: int = 0                    # iteration of the substep
     j: int = 0                    # step of a method that takes several in a substep
     starting: bool = True         # no history yet: the first substep of a run is backward Euler
+    free: bool = False            # the frame has no contacts, see `wsim.physics.contact.clearance`
+    after_free: bool = False      # the frame before had none, or left nothing near: no half step to go on from
 
     @property
     def h(self) -> float:
         return self.dt / self.substeps
 
     @property
-    def steps(self) -> int:
-        """Of a frame."""
-        return self.substeps // 2 if self.staged else self.substeps
+    def halved(self) -> bool:
+        """Whether leapfrog begins with half a kick, from the velocity where the frame begins."""
+        return self.starting or self.after_free
 
     @property
-    def scheme(self) -> tuple[bool, bool, bool]:
-        """What an integrator that gives way changes."""
-        return self.multistep, self.beyond, self.staged
+    def form(self) -> str:
+        return FREE if self.free else MET
 
-    @scheme.setter
-    def scheme(self, value: tuple[bool, bool, bool]) -> None:
-        self.multistep, self.beyond, self.staged = value
+    @property
+    def steps(self) -> int:
+        """Of a frame."""
+        return self.substeps // self.integrator.solves
+
+    @property
+    def ends(self) -> bool:
+        """Whether a step ends with this substep."""
+        return (self.k + 1) % self.integrator.solves == 0
 
     @property
     def watched(self) -> bool:
         """Whether the integrator may go on only while its residual is met."""
-        return any(self.scheme)
+        return self.integrator.watched
 
     @property
-    def bdf2(self) -> bool:
-        """Whether this very substep is one of BDF2."""
-        return self.multistep and not (self.starting and self.k == 0)
+    def remembers(self) -> bool:
+        """Whether this very substep carries on the one before."""
+        return self.integrator.memory > 0.0 and not (self.starting and self.k == 0)
 
     @property
     def omega(self) -> float:
@@ -77,25 +83,27 @@ class Clock:
     @property
     def g(self) -> float:
         """Effective step: v = (d - a) / g and compliance enters as alpha / g^2."""
-        if self.staged:
-            return 2.0 * GAMMA * self.h
-        return self.h * self.part if self.beyond else self.h * (2.0 / 3.0) if self.bdf2 else self.h
+        m = self.integrator
+        return self.h if m.explicit or (m.memory and not self.remembers) else m.g * m.solves * self.h
 
     @property
     def part(self) -> float:
         """At which part of the substep the solved positions are, a stage's before or behind it."""
-        if self.staged:
-            return 1.0 - 2.0 * GAMMA if self.k % 2 else 2.0 * GAMMA
-        return 0.5 if self.beyond else 1.0
+        m = self.integrator
+        return 1.0 if m.explicit else m.solves * m.nodes[self.k % m.solves] - self.k % m.solves
 
     def moments(self, ends: bool) -> np.ndarray:
         """Times [s] in a frame for which targets of pins are kept, a row each: where positions are solved for or, if ends, at
-        the ends of substeps. Of sdirk3: both stages of a step and, if ends, its end."""
-        k = np.arange(self.substeps)
-        if not self.staged:
-            return (k + (1.0 if ends else self.part)) * self.h
-        stages = np.array([GAMMA, 1.0 - GAMMA] + [1.0] * ends)
-        return ((np.arange(self.steps)[:, None] + stages) * (2.0 * self.h)).ravel()
+        the ends of substeps. Of a step of several solves: all its nodes and, if ends, its end."""
+        m = self.integrator
+        if m.solves == 1:
+            return (np.arange(self.substeps) + (1.0 if ends or m.explicit else m.nodes[0])) * self.h
+        return ((np.arange(self.steps)[:, None] + np.array([*m.nodes] + [1.0] * ends)) * (m.solves * self.h)).ravel()
+
+    def acting(self) -> np.ndarray:
+        """Times [s] in a frame at which forces are evaluated: where an implicit integrator solves, a row a substep; of explicit
+        ones every half of a substep."""
+        return self.moments(False) if not self.integrator.explicit else 0.5 * self.h * np.arange(2 * self.substeps + 1)
 
 
 @dataclass
@@ -109,6 +117,7 @@ class Stage:
     bytes: int
     rate: str = "substep"         # "frame", "substep" or "iteration"
     what: str = ""                # how many of what, in words
+    frames: str = ""              # FREE, MET: only of such frames
 
 
 class Port(list):
@@ -127,6 +136,7 @@ class Remedy:
     refine    more substeps; `row` of `part` is not finite
     grow      `act` makes room for what overflowed, and says so in words ("" if nothing was lacking)
     give way  an integrator that needs small residuals goes on as backward Euler; `why` where it is not for a residual
+    meet      contacts: a point could reach a collider in a frame that had none
     """
 
     kind: str
@@ -144,12 +154,16 @@ class Method:
     stages: list[Stage] = field(default_factory=list)
     subdivide: int = 1                                         # steps of its own in a substep, each all its phases
     remade: bool = False                                       # kernels that are not compiled yet, since a value was set
+    offers: dict[str, Any] = field(default_factory=dict)       # what others may ask for, by name: see `Methods`
+
+    def enter(self, clock: Clock) -> None:
+        """A frame begins that has not been tried yet: which form it takes first."""
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Uploads what is known on the host about the frame that starts at `time` [s]."""
 
-    def meet(self, others: dict[str, "Method"]) -> None:
-        """Connects itself with other methods of the plan, by name, when all are made."""
+    def meet(self, others: "Methods") -> None:
+        """Connects itself with what other methods of the plan offer, when all are made."""
 
     def carriers(self) -> dict[str, Any]:
         """What contacts can push of this method, by name (`wsim.physics.carrier.carriers`); asked for by methods that push."""
@@ -159,13 +173,13 @@ class Method:
         """What the frame that has just ended lacked, by this method's own words of the status; none: it holds."""
         return []
 
+    def kept(self) -> list[dict]:
+        """Distances [m] that colliders keep from bodies where the scene leaves them open: collider, body, thickness."""
+        return []
+
     def samples(self, world: int = 0) -> list[Sample]:
         """What results hold of this method, now, of one world."""
         return []
-
-    def accept(self, path: str, name: str, value):
-        """A value that `set` may be given for a path of this method's own objects, as it is then. Raises SceneError."""
-        return value
 
     def restored(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
         """Makes room for what an earlier run has left, by path and name, before it is put into the state."""
@@ -178,5 +192,27 @@ class Method:
         return {}
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
-        """Takes a live parameter of one world, or of all (None); False if it is none of this method's."""
+        """Takes a live parameter of one world, or of all (None), within the bounds of its row in `wsim.scene.values.table`;
+        False if it is none of this method's."""
         return False
+
+
+class Methods(list[Method]):
+    """The methods of a plan, in order. Who needs something asks for the thing by its name, not for the method that has it:
+
+    points, constants, densities     what is known of points; their inverse masses, gravity ...; densities that were set
+    rows, batches, solids, tables    lists: constraints as a solver has them, XPBD's batches, tets, Newton's tables
+    spring tables, gather, adjoint   where rest lengths stand; the force gather; the adjoint of an implicit solve
+    pins, hard pins, soft pins, contact, contacts, bounce, muscles, loads, air, wind, watch
+    least, send, stride              of explicit steps: how many are stable; uploads constraints; rows of targets a substep
+    copies, forces, impacts          of explicit steps: what they predict; ports before forces and the last half kick
+    terms                            port of a Newton step: what acts there beside the forces of bodies
+    """
+
+    def find(self, name: str) -> Any:
+        """The thing of a name; None where no method offers one."""
+        return next((m.offers[name] for m in self if name in m.offers), None)
+
+    def every(self, name: str) -> list:
+        """All things of a name, of lists that several methods may offer."""
+        return [thing for m in self for thing in m.offers.get(name, ())]

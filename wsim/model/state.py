@@ -45,7 +45,7 @@ STAGED = (
     Field("u", "m/s", False, "change of velocity of a step's first stage, then of all of it (sdirk3)"),
 )
 CARRY = (Field("r", "m/s", True, "rounding remainder of v (explicit)"),)
-HALF = (Field("b", "m/s", True, "velocity half a substep before v (leapfrog among others)"),)
+HALF = (Field("b", "m/s", True, "velocity half a substep before v (leapfrog); frames taken whole leave it as it was"),)
 
 
 @dataclass

@@ -16,6 +16,7 @@ class Status:
         self.size = 0
         self._array: wp.array | None = None
         self._host: wp.array | None = None
+        self._words: np.ndarray | None = None        # the memory that a frame leaves them in
 
     def reserve(self, name: str, count: int = 1) -> None:
         """`count` words of this name; methods may share one. Raises ValueError where it has another count, or when a word is in
@@ -35,6 +36,7 @@ class Status:
             self._array = wp.zeros(max(self.size, 1), dtype=int, device=self.device)
             if self.device.is_cuda:                      # pinned memory that a frame copies its words to
                 self._host = wp.zeros(max(self.size, 1), dtype=int, device="cpu", pinned=True)
+            self._words = (self._array if self._host is None else self._host).numpy()
 
     @property
     def array(self) -> wp.array:
@@ -73,7 +75,9 @@ class Status:
     @property
     def words(self) -> np.ndarray:
         """As the frame that was waited for has left them; the same memory, not a copy."""
-        return (self.array if self._host is None else self._host).numpy()
+        self.allocate()
+        assert self._words is not None
+        return self._words
 
     def said(self, name: str) -> np.ndarray:
         """Words of this name; zeros (one) where nobody has reserved it."""

@@ -70,6 +70,7 @@ class Tape:
     slots: Slots
     roots: list[Root]
     plain: set[int] = field(default_factory=set)                            # addresses, see `wsim.model.model`
+    vjp: dict = field(default_factory=dict)                                 # see `wsim.model.vjp`
     steps: list[Callable[[], None]] = field(default_factory=list)           # what was launched, in order
     adjoints: list[Callable[[], None]] = field(default_factory=list)        # their adjoints, in the same order
     entries: list[tuple[Root, wp.array]] = field(default_factory=list)
@@ -87,14 +88,14 @@ class Tape:
             root.fresh = root.written = False
         self.first = self.slots.at
 
-    def launch(self, kernel, dim: int, inputs: list, outputs: list, backward=None, **how) -> None:
-        """As `wp.launch`, each output into a version of its own. backward: adjoint by hand, of the arguments as they are read
-        and written; else Warp's. Raises ValueError for a kernel without an adjoint."""
+    def launch(self, kernel, dim: int, inputs: list, outputs: list, **how) -> None:
+        """As `wp.launch`, each output into a version of its own. Raises ValueError for a kernel without an adjoint."""
+        backward = self.vjp[kernel](inputs) if kernel in self.vjp else None
         read = [self.read(a) for a in inputs]
         wrote = [self.write(a, kernel.key.startswith(WHOLE)) for a in outputs]
         self.do(lambda: wp.launch(kernel, dim, read, wrote, **how))
         if backward:
-            self.adjoints.append(lambda: backward(read, wrote))
+            self.adjoints.append(partial(backward, read, wrote))
         elif any(isinstance(a, wp.array) and a.grad is not None for a in wrote):
             if not kernel.options.get("enable_backward"):
                 raise ValueError(f"kernel {kernel.key} has no adjoint")
@@ -151,7 +152,7 @@ class Tape:
     def solve(self, solver, clock) -> None:
         """The implicit solve of a substep (`wsim.physics.solver.newton_adjoint`), with its own adjoint; what it launches is not
         recorded."""
-        s, anchor, model, now = solver.method.state, solver.method.points.anchor, solver.model, replace(clock)
+        s, anchor, model, now = solver.assembly.state, solver.assembly.points.anchor, solver.model, replace(clock)
         a, x, b, contacts = self.read(anchor), self.read(s.x), self.read(s.d), solver.contacts
         shapes = [(p, self.read(p.F)) for p in solver.plastic]
         self.write(s.d, True)

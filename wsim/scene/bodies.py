@@ -1,7 +1,6 @@
 """Bodies of a scene: what has points that move. Plain data in SI units, NumPy only; see `wsim.scene`."""
 
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
 
 import numpy as np
 
@@ -58,25 +57,48 @@ def same(a, b) -> bool:
 
 @dataclass(eq=False)
 class Cloth(Compared):
-    """A surface that deforms. Polygons as authored; they are cut into triangles by `wsim.geometry.topology`."""
+    """A surface that deforms. Polygons as authored; `wsim.geometry.triangulate` cuts them into triangles.
+
+    path           prim path
+    points         (n, 3) [m], own frame, float32 or float64
+    counts         corners of each polygon, (faces,)
+    indices        point of each corner, (sum of counts,)
+    material       a `Fabric`
+    motion         own frame to world at the start, lengths [m]
+    velocities     at the start, (n, 3) [m/s], own frame; None: at rest
+    rest_points    shape without strain, (n, 3) [m], own frame; None: points
+    masses         of each point, (n,) [kg]; None: from the material's density
+    mass           of the whole cloth [kg]; used where masses is None
+    thicknesses    of each point, (n,) [m]; None: the material's thickness
+    model          in-plane elasticity: "membrane" (strain of triangles) or "springs" (edges)
+    flat           True: it bends from flat; False: from the angles of its rest shape
+    weld           points closer than this are one particle [m] (seams); 0: none
+    tethers        long-range attachments to the nearest pin
+    drag           aerodynamic drag coefficient [1], along the relative wind
+    lift           aerodynamic lift coefficient [1], across the relative wind
+    stretches      stiffness of each polygon, (faces,) [N/m], shear and weft in its ratio; None: the material's
+    bends          of each polygon, (faces,) [N m]; None: the material's bend
+    """
 
     path: str
-    points: np.ndarray                       # [m] own frame, (n, 3), float32 or float64
-    counts: np.ndarray                       # corners of each polygon, (faces,)
-    indices: np.ndarray                      # point of each corner, (sum of counts,)
+    points: np.ndarray
+    counts: np.ndarray
+    indices: np.ndarray
     material: Fabric = field(default_factory=Fabric)
-    motion: Motion = field(default_factory=Motion.still)   # own frame to world, [m]
-    velocities: np.ndarray | None = None     # [m/s] own frame, (n, 3); None: at rest
-    rest_points: np.ndarray | None = None    # [m] own frame, (n, 3); None: points
-    masses: np.ndarray | None = None         # [kg] of each point, (n,); None: material density
-    mass: float | None = None                # [kg] of the whole cloth; used where masses is None
-    thicknesses: np.ndarray | None = None    # [m] of each point, (n,); None: material thickness
-    model: str = "membrane"                  # in-plane elasticity: "membrane" (triangle strain) or "springs" (edges)
-    flat: bool = True                        # rest angles are flat; False: those of the rest shape
-    weld: float = 0.0                        # points closer than this [m] are one particle (seams); 0: none
-    tethers: bool = False                    # long-range attachments to the nearest pin
-    drag: float = 0.0                        # aerodynamic drag coefficient (against the relative wind)
-    lift: float = 0.0                        # aerodynamic lift coefficient (across the relative wind)
+    motion: Motion = field(default_factory=Motion.still)
+    velocities: np.ndarray | None = None
+    rest_points: np.ndarray | None = None
+    masses: np.ndarray | None = None
+    mass: float | None = None
+    thicknesses: np.ndarray | None = None
+    model: str = "membrane"
+    flat: bool = True
+    weld: float = 0.0
+    tethers: bool = False
+    drag: float = 0.0
+    lift: float = 0.0
+    stretches: np.ndarray | None = None
+    bends: np.ndarray | None = None
 
     def __post_init__(self):
         self.points = reals(self.points, -1, 3)
@@ -84,27 +106,44 @@ class Cloth(Compared):
         self.velocities = reals(self.velocities, -1, 3)
         self.rest_points = reals(self.rest_points, -1, 3)
         self.masses, self.thicknesses = reals(self.masses, -1), reals(self.thicknesses, -1)
+        self.stretches, self.bends = reals(self.stretches, -1), reals(self.bends, -1)
 
 
 @dataclass(eq=False)
 class Springs(Compared):
     """A net of linear springs between own points. With `actuation` some are muscles: their rest length is multiplied by the
-    factor of their group, which changes over time."""
+    factor of their group, which changes over time.
+
+    path                prim path
+    points              (n, 3) [m], own frame, float32 or float64
+    edges               points of each spring, (m, 2)
+    stiffness           (m,) or (1,) for all [N/m]
+    masses              (n,) or (1,) for all [kg]
+    lengths             rest lengths, (m,) [m]; None: those of points
+    damping             relaxation time of the elastic forces [s]
+    radius              distance that colliders keep from its points [m]
+    motion              own frame to world at the start, lengths [m]
+    velocities          at the start, (n, 3) [m/s], own frame; None: at rest
+    static_friction     coefficient of friction [1] up to which a contact sticks
+    dynamic_friction    coefficient of friction of a contact that slides [1]
+    actuation           factors of rest lengths over time, values (keys, groups), > 0 [1], linear between keys
+    muscles             group of each spring, (m,), -1: passive; None: all are of group 0
+    """
 
     path: str
-    points: np.ndarray                       # [m] own frame, (n, 3), float32 or float64
-    edges: np.ndarray                        # points of each spring, (m, 2)
-    stiffness: np.ndarray                    # [N/m], (m,) or (1,) for all
-    masses: np.ndarray                       # [kg], (n,) or (1,) for all
-    lengths: np.ndarray | None = None        # rest lengths [m], (m,); None: those of points
-    damping: float = 0.0                     # relaxation time [s]
-    radius: float = 0.0                      # distance that colliders keep [m]
+    points: np.ndarray
+    edges: np.ndarray
+    stiffness: np.ndarray
+    masses: np.ndarray
+    lengths: np.ndarray | None = None
+    damping: float = 0.0
+    radius: float = 0.0
     motion: Motion = field(default_factory=Motion.still)
-    velocities: np.ndarray | None = None     # [m/s], (n, 3)
+    velocities: np.ndarray | None = None
     static_friction: float = 0.5
     dynamic_friction: float = 0.5
-    actuation: Curve | None = None           # factors of rest lengths, values (keys, groups), > 0; linear between keys
-    muscles: np.ndarray | None = None        # group of each spring, (m,), -1: passive; None: all are of group 0
+    actuation: Curve | None = None
+    muscles: np.ndarray | None = None
 
     def __post_init__(self):
         self.muscles = array(self.muscles, np.int32, -1)
@@ -118,12 +157,18 @@ class Springs(Compared):
 
 @dataclass(eq=False)
 class Skin(Compared):
-    """A mesh that is only seen: each point follows the tet of its soft body that it lies in (USD: a Mesh of the body)."""
+    """A mesh that is only seen: each point follows the tet of its soft body that it lies in (USD: a Mesh of the body).
+
+    path       prim path
+    points     (m, 3) [m], the soft body's own frame, where its rest (bind) pose is, float32
+    counts     corners of each polygon, (faces,), so that it can be saved
+    indices    point of each corner, (sum of counts,)
+    """
 
     path: str
-    points: np.ndarray                       # [m] the soft body's own frame, where its rest (bind) pose is, (m, 3) float32
-    counts: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))     # corners of each polygon; to save it
-    indices: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))    # point of each corner
+    points: np.ndarray
+    counts: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
+    indices: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
 
     def __post_init__(self):
         self.points = array(self.points, np.float32, -1, 3)
@@ -132,22 +177,39 @@ class Skin(Compared):
 
 @dataclass(eq=False)
 class Soft(Compared):
-    """A solid of tetrahedra that deforms. Volumes are positive: `wsim.geometry.tetra.repair` turns others."""
+    """A solid of tetrahedra that deforms. Volumes are positive: `wsim.geometry.tetra.repair` turns others.
+
+    path           prim path
+    points         (n, 3) [m], own frame, float32 or float64
+    tets           corners of each tet, (t, 4)
+    material       a `Bulk`
+    others         further materials of some tets, list of `Bulk`
+    which          material of each tet, (t,): 0 is `material`, k is others[k - 1]; None: all 0
+    motion         own frame to world at the start, lengths [m]
+    velocities     at the start, (n, 3) [m/s], own frame; None: at rest
+    rest_points    shape without strain, (n, 3) [m], own frame; None: points
+    masses         of each point, (n,) [kg]; None: from the material's density
+    mass           of the whole body [kg]; used where masses is None
+    filled         share of each tet of a cage that is body, (t,) [1]: weighs mass and stiffness; None: all of it
+    pressure       inside above that outside [Pa]: in its hollows, or where it has none on its surface
+    quadratic      ten-node tets: accurate from 2 cells across, where four nodes need 4 and more
+    skins          meshes that follow it, list of `Skin`
+    """
 
     path: str
-    points: np.ndarray                       # [m] own frame, (n, 3), float32 or float64
-    tets: np.ndarray                         # corners of each tet, (t, 4)
+    points: np.ndarray
+    tets: np.ndarray
     material: Bulk = field(default_factory=Bulk)
-    others: list[Bulk] = field(default_factory=list)       # further materials of some tets
-    which: np.ndarray | None = None          # material of each tet: 0 is `material`, k is others[k - 1], (t,); None: all 0
+    others: list[Bulk] = field(default_factory=list)
+    which: np.ndarray | None = None
     motion: Motion = field(default_factory=Motion.still)
-    velocities: np.ndarray | None = None     # [m/s] own frame, (n, 3)
-    rest_points: np.ndarray | None = None    # [m] own frame, (n, 3); None: points
-    masses: np.ndarray | None = None         # [kg] of each point, (n,); None: material density
-    mass: float | None = None                # [kg] of the whole; used where masses is None
-    filled: np.ndarray | None = None         # part of each tet that is body (of a cage), (t,): weighs mass and stiffness
-    pressure: float = 0.0                    # [Pa] inside above that outside: in its hollows, or where none are on its surface
-    quadratic: bool = False                  # ten nodes a tet: accurate from 2 cells across; four want 4 and more
+    velocities: np.ndarray | None = None
+    rest_points: np.ndarray | None = None
+    masses: np.ndarray | None = None
+    mass: float | None = None
+    filled: np.ndarray | None = None
+    pressure: float = 0.0
+    quadratic: bool = False
     skins: list[Skin] = field(default_factory=list)
 
     def __post_init__(self):
@@ -161,17 +223,3 @@ class Soft(Compared):
     def materials(self) -> list[Bulk]:
         """All materials, in the order that `which` counts."""
         return [self.material, *self.others]
-
-
-def parted(soft: Soft, name: str, values: np.ndarray) -> Soft:
-    """`soft` with values (t,) of young, poisson or another field of its materials; its first material has their median, which
-    no tet need have."""
-    which = np.zeros(len(soft.tets), np.int64) if soft.which is None else soft.which
-    each, number = np.unique(np.stack([which, values]), axis=1, return_inverse=True)
-    others = [replace(soft.materials[int(k)], **values_of(name, v)) for k, v in each.T]
-    middle = replace(soft.material, **values_of(name, np.median(values)))
-    return replace(soft, material=middle, others=others, which=1 + number.reshape(-1))
-
-
-def values_of(name: str, value) -> dict[str, Any]:
-    return {name: float(value)}

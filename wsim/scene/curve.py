@@ -25,7 +25,12 @@ def _segment(times: np.ndarray, t: float) -> tuple[int, int, float]:
 
 @dataclass(eq=False)
 class Curve:
-    """times [s], shape (keys,), increasing; values, shape (keys, ...)."""
+    """A value over time: linear between keys, constant before the first and after the last. Raises ValueError where times do
+    not increase, or there is not one value a time.
+
+    times     of the keys, (keys,) [s] from the start of the scene, increasing
+    values    at the keys, (keys, ...), in the unit of what it stands for
+    """
 
     times: np.ndarray
     values: np.ndarray
@@ -40,9 +45,11 @@ class Curve:
 
     @property
     def moves(self) -> bool:
+        """Whether there is more than one key."""
         return len(self.times) > 1
 
     def at(self, t: float) -> np.ndarray:
+        """Value at time t [s], shape (...)."""
         a, b, s = _segment(self.times, t)
         if a == b:
             return self.values[a]
@@ -66,10 +73,16 @@ class Curve:
 
 @dataclass(eq=False)
 class Motion(Curve):
-    """Local-to-world transforms: values (keys, 4, 4) in metres."""
+    """Local-to-world transforms over time, as matrices that act on columns; a rotation between keys turns at constant speed.
+
+    times     of the keys, (keys,) [s] from the start of the scene, increasing
+    values    (keys, 4, 4), lengths [m]
+    parts     rotation and stretch of each key, (3, 3) and (3, 3) [1], kept once asked for
+    turned    axis [1] and angle [rad] from a key to the next, kept once asked for
+    """
 
     parts: list = field(default_factory=list, repr=False, compare=False)
-    turned: dict = field(default_factory=dict, repr=False, compare=False)           # from a key to the next, once asked for
+    turned: dict = field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self):
         super().__post_init__()
@@ -77,10 +90,12 @@ class Motion(Curve):
 
     @staticmethod
     def still(matrix=None) -> "Motion":
+        """One transform for all time, (4, 4), lengths [m]; None: the identity."""
         return Motion(np.zeros(1), (np.eye(4) if matrix is None else np.asarray(matrix, np.float64))[None])
 
     @staticmethod
     def at_place(translate=(0.0, 0.0, 0.0)) -> "Motion":
+        """A place [m], without rotation, for all time."""
         M = np.eye(4)
         M[:3, 3] = translate
         return Motion.still(M)

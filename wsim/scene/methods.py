@@ -70,6 +70,16 @@ def claimant(names) -> Row | None:
     return next((row for row in METHODS if not set(row.claims).isdisjoint(names)), None)
 
 
+def named(scene, path: str | None) -> Any:
+    """The object of a scene at a path, the scene itself at "/"; None where there is none."""
+    return scene if path == "/" else next((thing for thing in things(scene) if thing.path == path), None)
+
+
+def things(scene) -> list:
+    """All objects of a scene that may have values."""
+    return [*scene.bodies(), *scene.pins, *scene.colliders, *scene.loads, *(thing for _, thing in every(scene))]
+
+
 def every(scene) -> Iterator[tuple[Row, Any]]:
     """(row, thing) of what a scene holds of methods that have no list of their own in it."""
     for row in METHODS:

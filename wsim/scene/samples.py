@@ -58,4 +58,12 @@ class Volume:
     data: bytes | Callable[[BinaryIO], object]
 
 
-Sample = Points | Transform | Particles | Value | Volume
+@dataclass(frozen=True)
+class Colour:
+    """Linear colours of the points of a body or skin, (n, 3), in the author's order."""
+
+    path: str
+    values: np.ndarray
+
+
+Sample = Points | Transform | Particles | Value | Volume | Colour

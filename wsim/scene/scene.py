@@ -15,58 +15,37 @@ from math import inf
 
 import numpy as np
 
+from wsim.scene import solids
 from wsim.scene.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, array, reals, single
 from wsim.scene.curve import Curve, Motion
-from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Sphere
+from wsim.scene.solids import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
 
 __all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylinder", "Load", "Motion", "Pin", "Plane",
            "Problem", "Scene", "SceneError", "Shape", "Skin", "Soft", "Sphere", "Springs", "Surface", "Tie", "Varying"]
 
 
 @dataclass(eq=False)
-class Surface(Compared):
-    """A triangle mesh. Closed: its inside is solid. Open: both sides keep `Collider.thickness` away."""
-
-    points: np.ndarray                       # [m] own frame, (n, 3) float32
-    counts: np.ndarray
-    indices: np.ndarray
-    poses: Curve | None = None               # points over time, values (keys, n, 3), for a deforming mesh
-
-    def __post_init__(self):
-        self.points = array(self.points, np.float32, -1, 3)
-        self.counts, self.indices = array(self.counts, np.int32, -1), array(self.indices, np.int32, -1)
-
-
-Shape = Plane | Sphere | Box | Capsule | Cylinder | Cone | Surface
-
-
-@dataclass(eq=False)
-class Collider(Compared):
-    """A solid that pushes and is not pushed. `motion` is rigid: a scale has gone into the shape's sizes."""
-
-    path: str
-    shape: Shape
-    motion: Motion = field(default_factory=Motion.still)
-    static_friction: float = 0.5
-    dynamic_friction: float = 0.5
-    thickness: float | None = None           # [m] kept free around it, besides the cloth's half thickness; None: what hides
-                                             # chords of the cloth's mesh, see `wsim.scene.check.chord`
-    restitution: float = 0.0                 # part of the speed along its normal that a point leaves with, 0 to 1
-    meets: bool = True                       # False, of a rigid body's: it has mass and touches nothing
-
-
-@dataclass(eq=False)
 class Pin(Compared):
-    """Points of a body held to a frame, static or animated (USD: PhysicsAttachment, point to xform)."""
+    """Points of a body held to a frame, still or animated (USD: PhysicsAttachment, point to xform).
+
+    path        prim path
+    body        prim path of the cloth, spring net or soft body
+    points      indices of its points, (k,), in the author's order, counted from 0
+    target      prim path of the Xform that holds them; "": an Xform beside the pin
+    motion      the target's frame to world over time, rigid, lengths [m]
+    places      where they are held, (k, 3) [m] in the target's frame; None: where the points start
+    stiffness   [N/m]; inf: hard, the points follow exactly
+    damping     [N s/m], of a soft pin
+    """
 
     path: str
-    body: str                                # path of the cloth, spring net or soft body
-    points: np.ndarray                       # indices in the author's order, (k,)
-    target: str = ""                         # path of the Xform it hangs on; "": an Xform beside the pin
-    motion: Motion = field(default_factory=Motion.still)   # target's frame to world, rigid, [m]
-    places: np.ndarray | None = None         # [m] in the target's frame, (k, 3); None: where the points are at the start
-    stiffness: float = inf                   # [N/m]; inf: hard
-    damping: float = 0.0                     # [N s/m]
+    body: str
+    points: np.ndarray
+    target: str = ""
+    motion: Motion = field(default_factory=Motion.still)
+    places: np.ndarray | None = None
+    stiffness: float = inf
+    damping: float = 0.0
 
     def __post_init__(self):
         self.points = array(list(self.points) if isinstance(self.points, range) else self.points, np.int32, -1)
@@ -75,13 +54,20 @@ class Pin(Compared):
 
 @dataclass(eq=False)
 class Tie(Compared):
-    """Points that a body shares with a soft body (USD: PhysicsAttachment, point to point): a cloth laid on it, say."""
+    """Points that a body shares with a soft body (USD: PhysicsAttachment, point to point): a cloth laid on it, say.
+
+    path        prim path
+    body        prim path of a cloth, spring net or soft body
+    points      indices of its points, (k,)
+    other       prim path of a soft body; its points are where the shared ones are
+    others      indices of the points of `other`, (k,), in the same order
+    """
 
     path: str
-    body: str                                # path of a cloth, spring net or soft body
-    points: np.ndarray                       # indices in its author's order, (k,)
-    other: str                               # path of a soft body; its points are where the shared ones are
-    others: np.ndarray                       # (k,)
+    body: str
+    points: np.ndarray
+    other: str
+    others: np.ndarray
 
     def __post_init__(self):
         self.points, self.others = array(self.points, np.int32, -1), array(self.others, np.int32, -1)
@@ -89,15 +75,23 @@ class Tie(Compared):
 
 @dataclass(eq=False)
 class Load(Compared):
-    """A force on points of a body, or a traction on triangles of a cloth or of the surface of a soft body, over time; it keeps
-    its direction in the world, whatever the body does (a dead load; what turns with a surface is `Soft.pressure`)."""
+    """A force on points of a body, or a traction on triangles of a cloth or of the surface of a soft body, over time. A dead
+    load: it keeps its direction in the world, whatever the body does (`Soft.pressure` turns with the surface).
+
+    path        prim path
+    body        prim path of the cloth, spring net or soft body
+    curve       force [N] or traction [Pa], world, values (keys, 3), linear between keys
+    points      of a force: indices of the points, (k,)
+    weights     of a force: share of it that each point bears, (k,) [1]; None: 1/k, so that it is their sum
+    triangles   of a traction: points of each triangle, (m, 3); it acts on their area at rest
+    """
 
     path: str
-    body: str                                # path of the cloth, spring net or soft body
-    curve: Curve                             # force [N] or traction [Pa], world, values (keys, 3), linear between keys
-    points: np.ndarray | None = None         # of a force: indices in the author's order, (k,)
-    weights: np.ndarray | None = None        # part of the force that each bears, (k,); None: 1/k, so that it is their sum
-    triangles: np.ndarray | None = None      # of a traction: points of each, (m, 3); on their area at rest
+    body: str
+    curve: Curve
+    points: np.ndarray | None = None
+    weights: np.ndarray | None = None
+    triangles: np.ndarray | None = None
 
     def __post_init__(self):
         self.points, self.triangles = array(self.points, np.int32, -1), array(self.triangles, np.int32, -1, 3)
@@ -123,32 +117,65 @@ def over_time(value) -> Curve:
 
 @dataclass(eq=False)
 class Varying(Compared):
-    """A live value that varies in time: what `Simulation.set` takes under that path and name, keys of a curve, linear between
-    them. A frame has the value at its middle (`wsim.simulation.varying`)."""
+    """A live value that varies in time: keys of a curve, linear between them. A frame has the value at its middle
+    (`wsim.simulation.varying`).
 
-    path: str                                # of a body or collider; "/": the whole scene
-    name: str                                # gravity, wind, stretch, young ... (`wsim.scene.check.varying.LIVE`)
-    curve: Curve                             # values (keys, ...) [SI]
+    path        prim path of a body or collider; "/": the whole scene
+    name        as `Simulation.set` takes it: gravity, wind, stretch, young ... (`wsim.scene.values.table`)
+    curve       values (keys, ...), in the SI unit of that name [m, kg, s]
+    """
+
+    path: str
+    name: str
+    curve: Curve
 
 
 @dataclass(eq=False)
 class Scene(Compared):
-    """Everything there is. Frame f is at time f / fps [s] after `start`; h = 1 / fps / substeps."""
+    """Everything there is. Frame f is at time f / fps [s] after `start`; a substep is h = 1 / fps / substeps.
 
-    gravity: tuple[float, float, float] = (0.0, -9.81, 0.0)   # [m/s^2]
-    wind: tuple[float, float, float] = (0.0, 0.0, 0.0)        # velocity of the air [m/s]
-    air_density: float = 1.2                 # [kg/m^3]
-    air_drag: float = 0.0                    # decay rate of every point's velocity [1/s]
-    up: str = "Y"                            # "Y" or "Z"
-    fps: float = 24.0                        # frames (time codes) a second
-    start: float = 0.0                       # time code of the first frame (the initial state)
-    frames: int = 96                         # frames to simulate
+    gravity         acceleration, (3,) [m/s^2]; None: 9.81 against `up`
+    wind            velocity of the air, (3,) [m/s]
+    air_density     [kg/m^3]
+    air_drag        decay rate of every point's velocity [1/s]
+    up              axis that points up, "Y" or "Z"
+    fps             frames (time codes) a second [1/s]
+    start           time code of the first frame [frames], the initial state
+    frames          how many frames to simulate
+    substeps        substeps a frame, where the solver does not choose them
+    iterations      solver iterations a substep
+    solver          of the elastic forces: "auto" (weighs cost against error), "explicit", "xpbd" or "implicit"
+    integrator      of time: "auto" (what suits the solver), or a name of `wsim.scene.integrator.TABLE`
+    contact_width   distance over which contacts are soft [m]; 0: hard contacts
+    error           wanted RMS error of positions over the scene's size [1], for "auto"
+    cloths          list of `Cloth`; `scene.cloth(...)` adds one
+    springs         list of `Springs`; `scene.net(...)`
+    softs           list of `Soft`; `scene.soft(...)`
+    colliders       list of `Collider`; `scene.collider(...)`
+    pins            list of `Pin`; `scene.pin(...)`
+    ties            list of `Tie`; `scene.tie(...)`
+    loads           list of `Load`; `scene.force(...)`, `scene.traction(...)`
+    varying         list of `Varying`; the fields above have their values at the start
+    others          objects of other methods, {class name: list}; `scene.add(...)`
+    source          file that it was loaded from
+    notes           list of `Problem`: what the loader warned about
+    variants        chosen USD variants, {prim path: {variant set: variant}}
+    """
+
+    gravity: tuple[float, float, float] = None  # type: ignore[assignment]  # set from `up` below
+    wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    air_density: float = 1.2
+    air_drag: float = 0.0
+    up: str = "Y"
+    fps: float = 24.0
+    start: float = 0.0
+    frames: int = 96
     substeps: int = 10
-    iterations: int = 4                      # solver iterations a substep
-    solver: str = "auto"                     # of the elastic forces; "auto": `wsim.simulation.choice` weighs cost against error
-    integrator: str = "auto"                 # see `wsim.scene.integrator`; "auto": what suits the solver
-    contact_width: float = 0.0               # [m] in which contacts are soft, see `wsim.physics.contact.barrier`; 0: hard
-    error: float = 0.01                      # wanted RMS error of positions over the scene's size, for "auto"
+    iterations: int = 4
+    solver: str = "auto"
+    integrator: str = "auto"
+    contact_width: float = 0.0
+    error: float = 0.01
     cloths: list[Cloth] = field(default_factory=list)
     springs: list[Springs] = field(default_factory=list)
     softs: list[Soft] = field(default_factory=list)
@@ -156,11 +183,15 @@ class Scene(Compared):
     pins: list[Pin] = field(default_factory=list)
     ties: list[Tie] = field(default_factory=list)
     loads: list[Load] = field(default_factory=list)
-    varying: list[Varying] = field(default_factory=list)      # the fields above have the values of these at the start
-    others: dict[str, list] = field(default_factory=dict)     # of methods without a list here, by class (`add`)
-    source: str | None = field(default=None, compare=False)   # file it was loaded from
-    notes: list["Problem"] = field(default_factory=list, compare=False)   # what the loader warned about
-    variants: dict[str, dict[str, str]] = field(default_factory=dict, compare=False)   # {prim: {set: chosen}}
+    varying: list[Varying] = field(default_factory=list)
+    others: dict[str, list] = field(default_factory=dict)
+    source: str | None = field(default=None, compare=False)
+    notes: list["Problem"] = field(default_factory=list, compare=False)
+    variants: dict[str, dict[str, str]] = field(default_factory=dict, compare=False)
+
+    def __post_init__(self):
+        if self.gravity is None:
+            self.gravity = (0.0, 0.0, -9.81) if self.up == "Z" else (0.0, -9.81, 0.0)
 
     def add(self, thing):
         """Adds an object of a method that has no list of its own here. Raises SceneError where no method owns its class."""
@@ -176,6 +207,13 @@ class Scene(Compared):
     def things(self, name: str) -> list:
         """What `add` was given of a class, by its name."""
         return self.others.get(name, [])
+
+    def exchanged(self, thing, new) -> "Scene":
+        """The scene with another object in the place of one; the given one stays as it is."""
+        lists: dict = {name: [new if each is thing else each for each in getattr(self, name)]
+                       for name in ("cloths", "springs", "softs", "colliders", "pins", "ties", "loads")}
+        others = {name: [new if each is thing else each for each in found] for name, found in self.others.items()}
+        return replace(self, **lists, others=others)
 
     def cloth(self, path: str, points, counts, indices, **more) -> Cloth:
         """Adds a cloth; see `Cloth` for the fields."""
@@ -193,8 +231,10 @@ class Scene(Compared):
         return self.softs[-1]
 
     def collider(self, path: str, shape: Shape, at=(0.0, 0.0, 0.0), **more) -> Collider:
-        """Adds a collider at a place [m], or with motion=Motion(...)."""
-        more.setdefault("motion", Motion.at_place(at))
+        """Adds a collider at a place `at` (3,) [m], or with motion=Motion(...); see `Collider` for the fields. A `Plane()` that
+        is placed by `at` is a floor: it faces the scene's `up`."""
+        if "motion" not in more:
+            shape, more["motion"] = solids.upright(shape, self.up), Motion.at_place(at)
         self.colliders.append(Collider(path, shape, **more))
         return self.colliders[-1]
 
@@ -218,15 +258,14 @@ class Scene(Compared):
 
     def traction(self, path: str, body, triangles, traction) -> Load:
         """A traction [Pa], (3,) or a Curve over time, on triangles (m, 3) of a cloth or of the surface of a soft body;
-        `wsim.scene.nodal_loads.between` finds those between points."""
+        `wsim.scene.nodal.loads.between` finds those between points."""
         self.loads.append(Load(path, body if isinstance(body, str) else body.path, over_time(traction), triangles=triangles))
         return self.loads[-1]
 
     def single(self) -> "Scene":
         """Doubles rounded to float32, for a run in float32: rest lengths are then those of the points that it begins with."""
-        found: dict = {name: [single(thing) for thing in getattr(self, name)]
-                       for name in ("cloths", "springs", "softs", "pins")}
-        return replace(self, **found)  # type: ignore[arg-type]
+        names = ("cloths", "springs", "softs", "pins")
+        return replace(self, **{name: [single(thing) for thing in getattr(self, name)] for name in names})  # type: ignore
 
     def bodies(self) -> list[Cloth | Springs | Soft]:
         """Everything that has points that move, in the order of the state's arrays."""
@@ -235,7 +274,12 @@ class Scene(Compared):
 
 @dataclass(frozen=True)
 class Problem:
-    """Something wrong with a scene: where, what was found, what is allowed and the mend."""
+    """Something wrong with a scene.
+
+    path        prim path, or the file or option that is at fault
+    text        what was found, what is allowed and the cure, in one line
+    fatal       True: the scene cannot be simulated; False: a warning
+    """
 
     path: str
     text: str

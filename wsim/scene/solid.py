@@ -14,39 +14,38 @@ to flow at the strain sqrt(3/2) y / (1 + nu), and keeps what goes beyond it (ker
 Nothing tears.
 """
 
-from dataclasses import dataclass, fields
-from math import inf, isfinite
+from dataclasses import dataclass
+from math import inf
+
+from wsim.scene.values.table import validate
 
 MODELS = ("corotational", "neo_hookean", "st_venant_kirchhoff", "linear")
 
 
 @dataclass(frozen=True)
 class Bulk:
-    """Parameters of a solid. Raises ValueError naming the parameter, what was found and what is allowed."""
+    """Parameters of a solid. Raises ValueError naming the parameter, what was found and what is allowed.
 
-    young: float = 1.0e6            # Young's modulus E [Pa], > 0
-    poisson: float = 0.3            # nu, in (-1, 0.5)
-    density: float = 1.0e3          # [kg/m^3], > 0
-    model: str = "corotational"     # one of MODELS
-    damping: float = 0.0            # relaxation time of elastic forces [s]
-    yield_strain: float = inf       # shape is lost for good where the deviatoric strain |dev E| is larger; inf: elastic
+    young               Young's modulus E [Pa], > 0
+    poisson             Poisson's ratio [1], in (-1, 0.5)
+    density             [kg/m^3], > 0
+    model               elastic model: "corotational", "neo_hookean", "st_venant_kirchhoff" or "linear"
+    damping             relaxation time of the elastic forces [s]
+    yield_strain        shape is lost for good where the deviatoric strain |dev E| is larger [1]; inf: elastic
+    static_friction     coefficient of friction [1] up to which a contact sticks
+    dynamic_friction    coefficient of friction of a contact that slides [1]
+    """
+
+    young: float = 1.0e6
+    poisson: float = 0.3
+    density: float = 1.0e3
+    model: str = "corotational"
+    damping: float = 0.0
+    yield_strain: float = inf
     static_friction: float = 0.5
     dynamic_friction: float = 0.5
 
     def __post_init__(self):
         if self.model not in MODELS:
             raise ValueError(f"model is {self.model!r}; allowed is one of {', '.join(MODELS)}")
-        for f in fields(self):
-            value = getattr(self, f.name)
-            if f.name == "model":
-                continue
-            low, strict, high = RANGES.get(f.name, (0.0, False, inf))
-            if not (isfinite(value) or (f.name == "yield_strain" and value == inf)):
-                raise ValueError(f"{f.name} is {value}; it must be finite")
-            if value < low or (strict and value == low) or (high < inf and value >= high):
-                raise ValueError(f"{f.name} is {value:g}; allowed is {'>' if strict else '>='} {low:g}"
-                                 + (f" and < {high:g}" if high < inf else ""))
-
-
-RANGES = {"young": (0.0, True, inf), "density": (0.0, True, inf), "poisson": (-1.0, True, 0.5),
-           "yield_strain": (0.0, True, inf)}
+        validate("Soft", self)

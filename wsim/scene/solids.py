@@ -1,4 +1,5 @@
-"""Convex shapes of colliders: the dataclass of each, and a row in one table that says all that the rest of wsim asks of it.
+"""Colliders of a scene, and their shapes: a dataclass each, and of every convex one a row in a table that says all that the
+rest of wsim asks of it.
 
 A row names the shape's signed distance on the device (kernels/contact/shape.py has ours), its sizes there, its bounding ball,
 the signed distance on the host, what curvature it has, the USD types that it is read from and written as, how it takes a scale,
@@ -6,53 +7,153 @@ and its triangles. Lengths in [m]; round shapes lie along their own z, the origi
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass, field, fields
 from math import hypot, inf
 from typing import Any
 
 import numpy as np
 
 from wsim.geometry import primitives
+from wsim.scene.bodies import Compared, array
+from wsim.scene.curve import Curve, Motion
 
 SAME = 1e-6                # relative difference of scales that counts as none
 FLOOR = 10.0               # [m] edge of a plane as it is written, half of it as the viewer draws it
 Numbers = tuple[float, ...]
+TURN = {"X": (1, 2, 0), "Y": (2, 0, 1), "Z": (0, 1, 2)}      # axes of a frame whose z is that axis: a rotation
 
 
 @dataclass(frozen=True)
 class Plane:
-    """Half space z <= 0 of the own frame is solid."""
+    """A half space: all on one side of a plane through the own origin is solid, without end.
+
+    axis    own axis out of the solid, "X", "Y" or "Z"; None: the scene's up where `Scene.collider` places it by `at`, else "Z"
+    """
+
+    axis: str | None = None
+
+    def __post_init__(self):
+        if self.axis is not None and self.axis not in TURN:
+            raise ValueError(f"axis is {self.axis!r}; allowed is 'X', 'Y', 'Z', or None for the scene's up")
 
 
 @dataclass(frozen=True)
 class Sphere:
-    radius: float                            # [m]
+    """A ball about the own origin.
+
+    radius    [m]
+    """
+
+    radius: float
 
 
 @dataclass(frozen=True)
 class Box:
-    half: tuple[float, float, float]         # half edges [m]
+    """A box about the own origin.
+
+    half    half of its edge lengths along x, y, z, (3,) [m]
+    """
+
+    half: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Capsule:
-    """Along own z; half_height [m] of the straight part."""
+    """A cylinder with round caps, along own z.
+
+    radius         [m]
+    half_height    half the length of the straight part [m]
+    """
+
     radius: float
     half_height: float
 
 
 @dataclass(frozen=True)
 class Cylinder:
-    """Along own z."""
+    """A cylinder along own z.
+
+    radius         [m]
+    half_height    half its height [m]
+    """
+
     radius: float
     half_height: float
 
 
 @dataclass(frozen=True)
 class Cone:
-    """Along own z, apex at +half_height, base of `radius` at -half_height."""
+    """A cone along own z, its apex at +half_height.
+
+    radius         of its base at -half_height [m]
+    half_height    half its height [m]
+    """
+
     radius: float
     half_height: float
+
+
+@dataclass(eq=False)
+class Surface(Compared):
+    """A triangle mesh. Closed: its inside is solid. Open: both sides keep `Collider.thickness` away.
+
+    points     (n, 3) [m], own frame, float32
+    counts     corners of each polygon, (faces,)
+    indices    point of each corner, (sum of counts,)
+    poses      of a deforming mesh: points over time, a Curve with values (keys, n, 3) [m]; None: it keeps its shape
+    """
+
+    points: np.ndarray
+    counts: np.ndarray
+    indices: np.ndarray
+    poses: Curve | None = None
+
+    def __post_init__(self):
+        self.points = array(self.points, np.float32, -1, 3)
+        self.counts, self.indices = array(self.counts, np.int32, -1), array(self.indices, np.int32, -1)
+
+
+Shape = Plane | Sphere | Box | Capsule | Cylinder | Cone | Surface
+
+
+def upright(shape: Shape, up: str) -> Shape:
+    """A plane without an axis as one that faces `up` ("Y" or "Z"); any other shape as it is."""
+    return Plane(up) if isinstance(shape, Plane) and shape.axis is None and up in TURN else shape
+
+
+@dataclass(eq=False)
+class Collider(Compared):
+    """A solid that pushes and is not pushed.
+
+    path                prim path
+    shape               Plane, Sphere, Box, Capsule, Cylinder, Cone or Surface
+    motion              own frame to world over time, rigid, lengths [m]; a scale belongs into the shape's sizes
+    static_friction     coefficient of friction [1] up to which a contact sticks
+    dynamic_friction    coefficient of friction of a contact that slides [1]
+    thickness           kept free around it [m], besides half of the cloth's own; None: what hides the chords of the cloth's
+                        mesh (`wsim.scene.check.chord`)
+    restitution         share of the speed along its normal with which a point rebounds [1], 0 to 1
+    meets               False, of a rigid body's: it has mass and touches nothing
+
+    A plane that faces X or Y becomes one that faces the z of a turned frame.
+    """
+
+    path: str
+    shape: Shape
+    motion: Motion = field(default_factory=Motion.still)
+    static_friction: float = 0.5
+    dynamic_friction: float = 0.5
+    thickness: float | None = None
+    restitution: float = 0.0
+    meets: bool = True
+
+    def __post_init__(self):
+        if isinstance(self.shape, Plane) and self.shape.axis is not None:
+            turn = np.eye(4)
+            turn[:3, :3] = np.eye(3)[:, TURN[self.shape.axis]]
+            self.shape = Plane()
+            if not np.array_equal(turn, np.eye(4)):
+                self.motion = Motion(self.motion.times, self.motion.values @ turn)
 
 
 @dataclass(frozen=True)
@@ -89,9 +190,13 @@ class Solid:
     stretch: Callable[[Any], Numbers] | None = None
     formula: str = ""
 
+    def named(self, shape: Any) -> dict[str, Any]:
+        """Fields of the dataclass that are lengths [m]; an axis is none."""
+        return {f.name: getattr(shape, f.name) for f in fields(shape) if f.name != "axis"}
+
     def lengths(self, shape: Any) -> list[float]:
-        """All that the dataclass has [m]."""
-        return [float(v) for value in astuple(shape) for v in np.atleast_1d(value)]
+        """All lengths that the dataclass has [m]."""
+        return [float(v) for value in self.named(shape).values() for v in np.atleast_1d(value)]
 
     def size(self, shape: Any) -> tuple[float, float, float]:
         """As the device has it: `lengths`, filled up."""

@@ -29,13 +29,14 @@ GUTTER = 4                       # pixels between the images of a sheet
 
 
 def picture(stage_path, out, *, frames=None, size: tuple[int, int] = (960, 540), sheet: int | None = None, device=None,
-            camera: str | Camera | None = None) -> dict:
+            camera: str | Camera | None = None, colour: str | None = None) -> dict:
     """Draws a stage (a scene or a result) into a file: .png, or .apng, .gif and .mp4 for an animation (the last two with
     the extra `picture`).
 
     frames  time codes: one, several, "all", or None: the last for a still, all for an animation or a sheet. Several
             frames in a .png without a sheet give an animated PNG.
     sheet   number of frames on one contact sheet, evenly chosen; size is then that of the whole sheet, about
+    colour  strain, stress or contact: bodies are coloured by it (`wsim.show.colour`); None: as the stage has them
     camera  path of a UsdGeom.Camera, a `Camera`, "auto", or None: the stage's first camera, else one that fits
     Returns {"out", "frames", "size", "seconds", "notes"}. Raises SceneError for a stage that cannot be drawn, OSError
     for files that cannot be read or written; an old file at `out` is replaced only by a finished one, and not one that
@@ -47,11 +48,15 @@ def picture(stage_path, out, *, frames=None, size: tuple[int, int] = (960, 540),
     size = checked_size(size)
     seen = visible(stage_path)
     moving = out.suffix.lower() in MOVING
+    if colour:
+        from wsim.show.paint import paint
+        paint(seen, colour, device)
     times = _chosen(seen, frames, moving, sheet)
     cell, columns = _grid(size, len(times)) if sheet else (size, 1)
     cameras, floors = _cameras(seen, times, camera, cell[0] / cell[1])
     caster = Caster([d.look for d in seen.drawn], cell, device)
-    images = [caster.image([d.points(t) for d in seen.drawn], c, seen.up, floor)
+    images = [caster.image([d.points(t) for d in seen.drawn], c, seen.up, floor,
+                           [d.colors(t) if d.colors else d.look.colors for d in seen.drawn])
               for t, c, floor in zip(times, cameras, floors, strict=True)]
     drawn = perf_counter()
     if sheet:

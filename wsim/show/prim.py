@@ -26,6 +26,7 @@ class Drawn:
     kind: str                                             # "cloth", "springs", "soft", "collider" or "plain"
     points: Callable[[float], np.ndarray]
     moves: bool = True                                    # False: the same points at all times
+    colors: Callable[[float], np.ndarray] | None = None   # of `look` at a time code, where they change: as many as there
 
 
 def matrix(prim: Usd.Prim, time: float) -> np.ndarray:
@@ -71,7 +72,15 @@ def triangulated(prim: Usd.Prim, kind: str, number: int, time: float, meters: fl
         colors = np.array([palette(kind, number)])
     if color_of is None:
         color_of = np.zeros_like(triangles)
-    return Drawn(Look(triangles, colors, color_of, groups, path), kind, points, moves(prim))
+    drawn = Drawn(Look(triangles, colors, color_of, groups, path), kind, points, moves(prim))
+    if UsdGeom.PrimvarsAPI(prim).GetPrimvar("displayColor").ValueMightBeTimeVarying():
+        count = len(colors)
+
+        def now(t: float) -> np.ndarray:
+            found = _colors(prim, t, triangles, corners, polygon)[0]
+            return found if found is not None and len(found) == count else colors
+        drawn.colors = now
+    return drawn
 
 
 def _fullest(prim: Usd.Prim, time: float) -> float:

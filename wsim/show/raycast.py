@@ -34,9 +34,10 @@ class Caster:
             self.light, self.other = wp.zeros((h, w), dtype=wp.vec4), wp.zeros((h, w), dtype=wp.vec4)
             self.out = wp.zeros((self.size[1], self.size[0], 3), dtype=wp.uint8)
 
-    def image(self, points: Sequence[np.ndarray], camera: Camera, up: str = "Y",
-              floor: float | None = None) -> np.ndarray:
-        """uint8 (h, w, 3), sRGB. points: world positions [m] of each mesh; floor: height of the ground [m], or none."""
+    def image(self, points: Sequence[np.ndarray], camera: Camera, up: str = "Y", floor: float | None = None,
+              colors: Sequence[np.ndarray] | None = None) -> np.ndarray:
+        """uint8 (h, w, 3), sRGB. points: world positions [m] of each mesh; floor: height of the ground [m], or none; colors:
+        linear, of each mesh as many as its look has; None: those."""
         sets = [np.asarray(p, np.float64) for p in points]
         if self.mesh is None:              # unit of length, kept: what stands still is then drawn the same to the bit
             seen = [sets[k] for k in subjects(sets)] or [np.zeros((1, 3))]
@@ -45,6 +46,8 @@ class Caster:
         center, scale = self.center, self.scale
         with wp.ScopedDevice(self.device):
             surfaces = self._surfaces([(p - center) / scale for p in sets])
+            if colors is not None:
+                surfaces.colors.assign(np.concatenate([*colors, np.ones((1, 3))]).astype(np.float32))
             view = _view(camera.filled(self.size[0] / self.size[1]), up, floor, center, scale)
             shape = self.light.shape
             wp.launch(ray.trace, dim=shape, inputs=[surfaces, view, self.samples], outputs=[self.light])

@@ -13,11 +13,12 @@ import numpy as np
 
 from wsim.scene import Problem, SceneError
 from wsim.show.shading import Look
+from wsim.show.web import serve
 
 PORT = 9876                      # rerun's own
 PATIENCE = 20.0                  # [s] until a started viewer must listen
 PLOTS = ("energy", "strain")     # a plot each; all other indicators share one
-INSTEAD = "write a file (wsim view RESULT -o run.rrd) and open it where there is a screen (rerun run.rrd)"
+INSTEAD = "serve a page (--web), or write a file (wsim view RESULT -o run.rrd) and open that on a screen (rerun run.rrd)"
 MISSING = 'rerun is not installed; install it by: pip install "wsim[view]"'
 
 
@@ -33,14 +34,16 @@ def rerun_package():
 
 
 class Log:
-    """A rerun recording with a time line of frames and one of seconds: into a file, or to a viewer."""
+    """A rerun recording with a time line of frames and one of seconds: into a file, to a web page, or to a viewer."""
 
-    def __init__(self, name: str, up: str, save=None):
+    def __init__(self, name: str, up: str, save=None, web: int | None = None):
         self.rr = rr = rerun_package()
         self.stream = rr.RecordingStream("wsim")
         self.stream.send_recording_name(name)
         if save is not None:
             self.stream.save(checked(Path(save)), default_blueprint=self._blueprint())
+        elif web is not None:
+            serve(rr, self.stream, self._blueprint(), web)
         else:
             _listening()
             self.stream.connect_grpc(f"rerun+http://127.0.0.1:{PORT}/proxy", default_blueprint=self._blueprint())
@@ -85,16 +88,18 @@ class Shown:
         self.faces = corner.reshape(-1, 3).astype(np.uint32)
         self.point, self.normal, self.color = vertices.T
 
-    def send(self, points: np.ndarray) -> None:
-        """World positions [m] (n, 3) at the log's time."""
+    def send(self, points: np.ndarray, colors: np.ndarray | None = None) -> None:
+        """World positions [m] (n, 3) at the log's time; colors: linear, as many as the look has, where they change."""
         fields = {"vertex_positions": points[self.point].astype(np.float32),
                   "vertex_normals": self.look.normals(points)[self.normal].astype(np.float32)}
         mesh, path = self.log.rr.Mesh3D, "world" + self.look.path
+        if colors is not None:
+            fields["vertex_colors"] = srgb(colors)[self.color]
         if self.started:
             self.log.stream.log(path, mesh.from_fields(**fields))
             return
-        colors = srgb(self.look.colors)[self.color]
-        self.log.stream.log(path, mesh(triangle_indices=self.faces, vertex_colors=colors, **fields))
+        fields.setdefault("vertex_colors", srgb(self.look.colors)[self.color])
+        self.log.stream.log(path, mesh(triangle_indices=self.faces, **fields))
         self.started = True
 
 

@@ -4,10 +4,12 @@
     viewer = Viewer(scene)                      # live: simulation.run(240, each=viewer.log)
     viewer = Viewer(scene, save="flag.rrd")     # into a file, shown later by: rerun flag.rrd
 
-Needs the extra `view`. The viewer is a process of its own that listens on 127.0.0.1; one that runs already is used.
+Needs the extra `view`. With `web=9090` a browser shows it (`wsim.show.web`); else the viewer is a process of its own that
+listens on 127.0.0.1, and one that runs already is used.
 rerun gathers usage statistics unless told otherwise: `rerun analytics disable`.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -30,13 +32,14 @@ class Viewer:
 
     scene   what is simulated: its meshes are sent at once, at the start time
     save    path of an .rrd file to write instead of showing; spawn=False with no save raises ValueError
+    web     port of a web page to serve instead (`wsim.show.web`)
     Raises SceneError when rerun is missing or does not start, OSError when `save` cannot be written.
     """
 
-    def __init__(self, scene: Scene, *, spawn: bool = True, save=None):
-        if not spawn and save is None:
+    def __init__(self, scene: Scene, *, spawn: bool = True, save=None, web: int | None = None):
+        if not spawn and save is None and web is None:
             raise ValueError("a viewer shows (spawn=True) or writes (save=PATH); it was given neither")
-        self.scene, self.stream = scene, Log(Path(scene.source or "scene").stem, scene.up, save)
+        self.scene, self.stream = scene, Log(Path(scene.source or "scene").stem, scene.up, save, web)
         self.shown = {c.path: Shown(self.stream, _cloth_look(c, k)) for k, c in enumerate(scene.cloths)}
         self.skins = held(scene)
         for k, soft in enumerate(scene.softs):
@@ -87,33 +90,37 @@ class Viewer:
         self.stream.close()
 
 
-def view(result_path, save=None) -> None:
-    """Shows a stage (a result or a scene) with all its frames, or writes it to the .rrd file `save`.
+def view(result_path, save=None, web: int | None = None, served: Callable[[], None] = lambda: None) -> None:
+    """Shows a stage (a result or a scene) with all its frames, or writes it to the .rrd file `save`, or serves it as a web page
+    on port `web` until `served`, which is called when all is there, returns.
 
     Energy and strain are plotted where the stage can be read as a scene of wsim. Raises SceneError, OSError.
     """
     seen = visible(result_path)
     if save is None:
-        _show(seen, result_path, None)
+        log = _show(seen, result_path, None, web)
+        if web is not None:
+            served()
+        log.close()
         return
     with replacing(checked(Path(save))) as whole:
-        _show(seen, result_path, whole)
+        _show(seen, result_path, whole).close()
 
 
-def _show(seen: Visible, result_path, save: Path | None) -> None:
+def _show(seen: Visible, result_path, save: Path | None, web: int | None = None) -> Log:
     from wsim.show.plots import Measures
 
-    log = Log(Path(result_path).stem, seen.up, save)
+    log = Log(Path(result_path).stem, seen.up, save, web)
     meshes = [(Shown(log, d.look), d) for d in seen.drawn]
     measures = Measures.of(seen)
     for t in seen.times:
         log.at(t, (t - seen.times[0]) / seen.fps)
         for shown, d in meshes:
-            if not shown.started or d.moves:
-                shown.send(d.points(t))
+            if not shown.started or d.moves or d.colors:
+                shown.send(d.points(t), d.colors(t) if d.colors else None)
         if measures:
             log.plot(measures.at(t))
-    log.close()
+    return log
 
 
 def _cloth_look(cloth: Cloth, number: int) -> Look:

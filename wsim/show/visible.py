@@ -17,6 +17,7 @@ from wsim.scene import Problem, SceneError
 from wsim.show.prim import Drawn, drawn_by, matrix, moves, triangulated
 from wsim.show.shading import PALETTE
 from wsim.usd import names
+from wsim.usd.prims.surface import OF
 from wsim.usd.stage import applied, reason, unfinished
 
 
@@ -145,7 +146,7 @@ def _kind(prim: Usd.Prim) -> str:
     schemas = applied(prim)
     if prim.IsA(UsdGeom.BasisCurves):
         return "springs"
-    if prim.IsA(UsdGeom.TetMesh) or prim.IsA(UsdGeom.PointBased) and _soft_body(prim):
+    if prim.IsA(UsdGeom.TetMesh) or prim.IsA(UsdGeom.PointBased) and (_soft_body(prim) or prim.GetCustomDataByKey(OF)):
         return "soft"
     if any(name.endswith("DeformableSimAPI") for name in schemas):
         return "cloth"

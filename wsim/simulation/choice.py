@@ -23,7 +23,7 @@ from math import ceil
 import numpy as np
 
 from wsim.model.model import Body, Model, edge_lengths, hard_places
-from wsim.physics.cloth.constraints import HARD, Constraints
+from wsim.physics.cloth.constraints import of_body
 from wsim.physics.motion.stability import needed
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.integrator import TABLE, Integrator
@@ -70,49 +70,49 @@ class Choice:
         return self.substeps // self.integrator.solves
 
 
-def choose(model: Model, rows: dict[str, list[Constraints]]) -> Choice:
+def choose(model: Model) -> Choice:
     """The choice for a checked scene. Raises SceneError where a named explicit integrator is beyond its limit."""
     scene = model.scene
     method = TABLE.get(scene.integrator)
     if not model.bodies:
         return Choice("none", TABLE["backward_euler"], scene.substeps, scene.iterations, "there are no points")
     if scene.solver == "explicit" or (method and method.explicit):
-        return _explicit(model, rows, method)
+        return _explicit(model, method)
     if scene.softs:
-        return _soft(model, rows, method)
+        return _soft(model, method)
     if scene.solver in ("xpbd", "implicit"):
         return _named(scene, scene.solver, method or TABLE["backward_euler"], "the scene names it")
     if method:
         return _named(scene, "xpbd", method, f"the scene names {method.name}")
-    return _auto(model, rows)
+    return _auto(model)
 
 
 def _named(scene: Scene, solver: str, method: Integrator, why: str) -> Choice:
     return Choice(solver, method, scene.substeps * method.solves, scene.iterations, why)
 
 
-def _soft(model: Model, rows: dict[str, list[Constraints]], method: Integrator | None) -> Choice:
+def _soft(model: Model, method: Integrator | None) -> Choice:
     """Soft bodies: leapfrog where its steps cost less and nothing else is named; else Newton's method, of which a step of a
     frame is stable, and which solves to a residual: sdirk3 of half as many steps, or backward Euler of contacts, of as many as
     the wanted error takes."""
     scene, leapfrog = model.scene, TABLE["leapfrog"]
     iterations = scene.iterations if scene.solver == "implicit" else min(scene.iterations, SOLVED)
-    solved = iterations >= SOLVED and not (_hard(rows) or scene.air_drag)      # drag leaves order 1, and sdirk3 fewer steps
+    solved = iterations >= SOLVED and not (_hard(model) or scene.air_drag)      # drag leaves order 1, and sdirk3 fewer steps
     chosen = method or TABLE["backward_euler" if scene.colliders else "sdirk3" if solved else "bdf2"]
     steps = scene.substeps if method else ceil(scene.substeps / chosen.solves)       # as many systems are solved
     newton = Choice("implicit", chosen, steps * chosen.solves, iterations, "the scene names it")
     if scene.solver == "implicit" or method:
         return newton
-    euler = _euler(model, rows, "implicit", iterations)
+    euler = _euler(model, "implicit", iterations)
     newton = euler if scene.colliders else newton
-    reason = _unfit(model, rows, "Newton's method")
+    reason = _unfit(model, "Newton's method")
     if reason:
         return replace(newton, why=reason)
     from wsim.physics.motion.frequency import bound
-    omega, c = bound(model, rows)
+    omega, c = bound(model)
     stiffens = any(m.model not in ("corotational", "linear") for s in scene.softs for m in s.materials)
     n = _struck(model, ceil(needed(scene, leapfrog, omega, c) * (STIFFENED if stiffens else 1.0)))
-    explicit = cost.seconds(model, cost.explicit(model, rows, n))
+    explicit = cost.seconds(model, cost.explicit(model, n))
     implicit = cost.seconds(model, cost.newton(model, newton.substeps, iterations))
     said = (f"{n} substeps of leapfrog keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; Newton steps "
             f"would take {1e3 * implicit:.3g} ms for {newton.steps} of {newton.integrator.name}")
@@ -121,18 +121,18 @@ def _soft(model: Model, rows: dict[str, list[Constraints]], method: Integrator |
     return replace(newton, why=said)
 
 
-def _explicit(model: Model, rows: dict[str, list[Constraints]], method: Integrator | None) -> Choice:
+def _explicit(model: Model, method: Integrator | None) -> Choice:
     from wsim.physics.motion import frequency
     from wsim.physics.motion.stability import limit
     scene = model.scene
-    omega, c = frequency.bound(model, rows)
+    omega, c = frequency.bound(model)
     chosen = method or TABLE["leapfrog"]
     least = needed(scene, chosen, omega, c)
     if method is None:
         return Choice("explicit", chosen, max(least, scene.substeps), 1,
                       f"the scene names explicit; {least} substeps keep {omega:.4g} rad/s stable")
     if scene.substeps < least:
-        estimate = frequency.estimate(model, rows)             # the bound is cautious: refuse what is certain to grow
+        estimate = frequency.estimate(model)             # the bound is cautious: refuse what is certain to grow
         step, h = limit(method, estimate, c * (estimate / omega)**2 if omega else c), 1.0 / scene.fps / scene.substeps
         if h > step:
             raise SceneError(Problem("/", f"integrator {method.name} is stable for {method.stable}: steps up to "
@@ -142,19 +142,19 @@ def _explicit(model: Model, rows: dict[str, list[Constraints]], method: Integrat
     return _named(scene, "explicit", method, f"the scene names {method.name}")
 
 
-def _auto(model: Model, rows: dict[str, list[Constraints]]) -> Choice:
+def _auto(model: Model) -> Choice:
     """The cheaper of leapfrog and coloured XPBD at the wanted error; Newton where sweeps would stall."""
-    scene, leapfrog, xpbd = model.scene, TABLE["leapfrog"], _sweeps(model, rows)
+    scene, leapfrog, xpbd = model.scene, TABLE["leapfrog"], _sweeps(model)
     stall = f"masses that hold each other differ by more than {UNEVEN:g}: sweeps would stall"
     stall = stall if xpbd.solver == "implicit" else ""
-    reason = _unfit(model, rows, "XPBD")
+    reason = _unfit(model, "XPBD")
     if reason:
         return replace(xpbd, why=stall or reason)
     from wsim.physics.motion.frequency import bound
-    omega, c = bound(model, rows)
+    omega, c = bound(model)
     n = _struck(model, needed(scene, leapfrog, omega, c))
-    explicit = cost.seconds(model, cost.explicit(model, rows, n))
-    sweeps = cost.seconds(model, cost.sweeps(model, rows, xpbd.substeps, xpbd.iterations))
+    explicit = cost.seconds(model, cost.explicit(model, n))
+    sweeps = cost.seconds(model, cost.sweeps(model, xpbd.substeps, xpbd.iterations))
     if explicit <= _worth(scene) * sweeps:
         return Choice("explicit", leapfrog, max(n, scene.substeps), 1,
                       f"{n} substeps keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; XPBD would take "
@@ -163,23 +163,23 @@ def _auto(model: Model, rows: dict[str, list[Constraints]]) -> Choice:
                    + (stall or f"XPBD takes {1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}{xpbd.why}"))
 
 
-def _sweeps(model: Model, rows: dict[str, list[Constraints]]) -> Choice:
+def _sweeps(model: Model) -> Choice:
     """XPBD with the scene's sweeps or one, whichever costs less at the wanted error; Newton steps where sweeps would stall."""
     scene = model.scene
-    if _uneven(model, rows):
-        return _euler(model, rows, "implicit", min(scene.iterations, 3))
-    if _hard(rows):                                      # limits and tethers carry loads past the sweeps
-        return _euler(model, rows, "xpbd", scene.iterations)
-    damped = any(r.tau for found in rows.values() for r in found)         # which slows sweeps, the more the shorter the step
+    if _uneven(model):
+        return _euler(model, "implicit", min(scene.iterations, 3))
+    if _hard(model):                                      # limits and tethers carry loads past the sweeps
+        return _euler(model, "xpbd", scene.iterations)
+    damped = any(r.tau for r in model.constraints)         # which slows sweeps, the more the shorter the step
     lag = sweep_strain.lag(model, falls(model))
-    tried = [_euler(model, rows, "xpbd", m, lag) for m in {scene.iterations, scene.iterations if damped else 1}]
-    return min(tried, key=lambda c: cost.seconds(model, cost.sweeps(model, rows, c.substeps, c.iterations)))
+    tried = [_euler(model, "xpbd", m, lag) for m in {scene.iterations, scene.iterations if damped else 1}]
+    return min(tried, key=lambda c: cost.seconds(model, cost.sweeps(model, c.substeps, c.iterations)))
 
 
-def _euler(model: Model, rows: dict[str, list[Constraints]], solver: str, iterations: int, lag: float = 0.0) -> Choice:
+def _euler(model: Model, solver: str, iterations: int, lag: float = 0.0) -> Choice:
     """Backward Euler by that solver, of as many substeps as the wanted error takes, and no fewer than the scene names. lag: of
     sweeps, see `wsim.simulation.sweep_strain`."""
-    sweeps, bodies = iterations if solver == "xpbd" and not _hard(rows) else 0, falls(model)
+    sweeps, bodies = iterations if solver == "xpbd" and not _hard(model) else 0, falls(model)
     factor = EULER if model.scene.colliders else DRIFT
 
     def error(h: float) -> float:
@@ -212,22 +212,22 @@ def _within(model: Model, n: int, error: Callable[[float], float]) -> int:
     return n
 
 
-def _uneven(model: Model, rows: dict[str, list[Constraints]]) -> bool:
+def _uneven(model: Model) -> bool:
     """Whether free masses that hold each other differ by more than UNEVEN."""
     pinned = hard_places(model)
     for body in (b for b in model.bodies if b.world == 0):
         masses = body.masses.copy()
         masses[pinned[(pinned >= body.first) & (pinned < body.last)] - body.first] = np.nan
-        for r in rows[body.path]:
+        for r in of_body(model, body):
             held = masses[r.ids - body.first]
             if np.any(np.nanmax(held, axis=1, initial=0.0) > UNEVEN * np.nanmin(held, axis=1, initial=np.inf)):
                 return True
     return False
 
 
-def _unfit(model: Model, rows: dict[str, list[Constraints]], other: str) -> str:
+def _unfit(model: Model, other: str) -> str:
     """Why a scene should not be stepped explicitly unless it asks to be, or ""."""
-    if _hard(rows):
+    if _hard(model):
         return f"tethers or strain limits: {other} solves them and forces together"
     for body in model.bodies:
         rest, ends = edge_lengths(body), body.places[body.edges - body.first]
@@ -236,8 +236,8 @@ def _unfit(model: Model, rows: dict[str, list[Constraints]], other: str) -> str:
     return ""
 
 
-def _hard(rows: dict[str, list[Constraints]]) -> bool:
-    return any(r.kind in HARD for found in rows.values() for r in found)
+def _hard(model: Model) -> bool:
+    return any(r.hard for r in model.constraints)
 
 
 @dataclass(frozen=True)
@@ -280,7 +280,7 @@ def _loaded(model: Model, body) -> float:
     """Largest acceleration [m/s^2] that loads give a body as a whole."""
     if not model.scene.loads:
         return 0.0
-    from wsim.scene.nodal_loads import nodal
+    from wsim.scene.nodal.loads import nodal
     return sum(float(np.linalg.norm(load.curve.values, axis=1).max() * np.abs(nodal(load, body)[1]).sum())
                for load in model.scene.loads if load.body == body.path) / float(body.masses.sum())
 

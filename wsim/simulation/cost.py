@@ -4,16 +4,16 @@
     COSTS      by kind of device, fitted to what tools/bench/choice/misses.py measured (tools/results/choice_*.json), which
                prints the fitted constants; nothing is timed at build
 
-    step, spring, element       a substep of leapfrog (one more for each kind of element), a spring in it, an element by WEIGHT
+    step, spring, element       a substep of leapfrog (one more for each kind of element), a spring in it, an element by weight
     block, tet                  a substep of soft bodies, a tet in it; ten-node tets count TEN
-    rest, sweep, projection     a substep of XPBD, a sweep over a kind of constraint, a constraint in it by WEIGHT
+    rest, sweep, projection     a substep of XPBD, a sweep over a kind of constraint, a constraint in it by its weight
     newton, solved              a Newton step of soft bodies, a tet in it
     touch, near                 a launch for contacts (a search a substep, a projection an iteration), a point beside a collider
     cluster, clustered          a substep of a net that a cluster of blocks takes in one launch a frame, a point in it
 """
 
 from wsim.model.model import Model
-from wsim.physics.cloth.constraints import HARD, Constraints
+from wsim.physics.cloth.kind import SPRINGS, row
 from wsim.scene import Surface
 
 # H200: leapfrog 4.5 us at 1k points, 12 us at 0.6M springs (nets that a cluster takes: 0.42 us at 1k points, 0.74 at 4k, 1.06
@@ -29,7 +29,6 @@ COSTS = {
              "cluster": 3.5e-7, "clustered": 9e-11},
     "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "block": 1.8e-6, "tet": 1.12e-7, "rest": 4.5e-6,
             "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6, "touch": 1e-6, "near": 1.6e-8}}
-WEIGHT = {"distance": 1.0, "membrane": 4.0, "dihedral": 9.5}     # work of a projection over that of a spring (CPU)
 TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
 MESH = 20.0            # a point beside a mesh over one beside a convex shape (H200: 0.4 to 1.5 ns a point)
 CLUSTERED = 8192       # points of a net, up to which a cluster takes it
@@ -41,20 +40,21 @@ def seconds(model: Model, counted: dict[str, float]) -> float:
     return sum(times * costs[name] for name, times in counted.items())
 
 
-def explicit(model: Model, rows: dict[str, list[Constraints]], n: int) -> dict[str, float]:
+def explicit(model: Model, n: int) -> dict[str, float]:
     """Counts of a frame of n substeps of leapfrog."""
-    springs, work, kinds = _constraints(model, rows)
+    springs, work, kinds = _constraints(model)
     tets, simple = _tets(model, 0), not (model.scene.colliders or model.scene.softs or work > springs)
-    damped = any(r.tau for found in rows.values() for r in found)
+    damped = any(r.tau for r in model.constraints)
     if model.device.is_cuda and model.device.arch >= 90 and simple and not damped and model.points <= CLUSTERED:
         return {"cluster": n, "clustered": n * model.points}
-    return {"step": n * (1 + len(kinds - {"distance"})), "spring": n * springs, "element": n * (work - springs),
+    others = sum(row(kind).gather != SPRINGS for kind in kinds)
+    return {"step": n * (1 + others), "spring": n * springs, "element": n * (work - springs),
             "block": n * bool(tets), "tet": n * tets, **_contacts(model, n, 1)}
 
 
-def sweeps(model: Model, rows: dict[str, list[Constraints]], n: int, iterations: int) -> dict[str, float]:
+def sweeps(model: Model, n: int, iterations: int) -> dict[str, float]:
     """Counts of a frame of n substeps of coloured XPBD."""
-    _, work, kinds = _constraints(model, rows)
+    _, work, kinds = _constraints(model)
     return {"rest": n, "sweep": n * iterations * len(kinds), "projection": n * iterations * work,
             **_contacts(model, n, iterations)}
 
@@ -64,19 +64,19 @@ def newton(model: Model, n: int, iterations: int) -> dict[str, float]:
     return {"newton": n * iterations, "solved": n * iterations * _tets(model, 1), **_contacts(model, n, iterations)}
 
 
-def frame(model: Model, rows: dict[str, list[Constraints]], choice) -> dict[str, float]:
+def frame(model: Model, choice) -> dict[str, float]:
     """Counts of a frame of a `wsim.simulation.choice.Choice`."""
     if choice.solver == "explicit":
-        return explicit(model, rows, choice.substeps)
+        return explicit(model, choice.substeps)
     return (newton(model, choice.substeps, choice.iterations) if model.scene.softs else
-            sweeps(model, rows, choice.substeps, choice.iterations))
+            sweeps(model, choice.substeps, choice.iterations))
 
 
-def _constraints(model: Model, rows: dict[str, list[Constraints]]) -> tuple[float, float, set[str]]:
+def _constraints(model: Model) -> tuple[float, float, set[str]]:
     """Springs, work of all soft constraints in springs, kinds; of all worlds."""
-    soft = [r for found in rows.values() for r in found if r.kind not in HARD]
-    springs, work = (model.worlds * sum(WEIGHT[r.kind] * len(r.ids) for r in found)
-                     for found in ([r for r in soft if r.kind == "distance"], soft))
+    soft = [r for r in model.constraints if not r.hard]
+    springs, work = (sum(r.row.weight * len(r.ids) for r in found)
+                     for found in ([r for r in soft if r.row.gather == SPRINGS], soft))
     return springs, work, {r.kind for r in soft}
 
 

@@ -1,5 +1,7 @@
 """How long a run takes, in words; a run that takes long is said beforehand."""
 
+SLOW = 10.0              # [s] a frame: beyond, a run says so before it starts
+
 
 def duration(seconds: float) -> str:
     """4.2 s, 1:05, 2:03:04."""
@@ -17,7 +19,21 @@ def long(plan) -> list[str]:
         ("substeps a frame", plan.choice.steps), ("iterations a substep", plan.choice.iterations)) if count > MANY]
 
 
-def long_run(plan, frames: int) -> list[str]:
-    """A warning of many frames, with the time that they are expected to take."""
+def expected(plan, frames: int, samples: int = 1) -> str:
+    """What a frame and the run are expected to take, in one line; samples: of the plan's frames a frame."""
+    each = plan.seconds * samples
+    return f"about {_short(each)} a frame, {_short(each * frames)} for {frames} frames, after kernels are compiled"
+
+
+def _short(seconds: float) -> str:
+    return duration(seconds) if seconds >= 1.0 else f"{1e3 * seconds:.0f} ms"
+
+
+def long_run(plan, frames: int, samples: int = 1) -> list[str]:
+    """Warnings of a frame that is expected to take longer than SLOW, and of many frames; samples as `expected`."""
     from wsim.scene.check.counts import MANY
-    return [f"warning: /: {frames} frames take about {duration(plan.seconds * frames)}"] if frames > MANY else []
+    each = plan.seconds * samples
+    found = [f"warning: /: a frame takes about {duration(each)}, and {frames} of them {duration(each * frames)}; fewer "
+             "--substeps, a coarser mesh or a GPU (--device cuda:0) take less"] if each > SLOW else []
+    steps = frames * samples
+    return found + ([f"warning: /: {steps} frames take about {duration(each * frames)}"] if steps > MANY else [])

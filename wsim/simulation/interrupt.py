@@ -42,6 +42,15 @@ def check() -> None:
         raise KeyboardInterrupt
 
 
+def wait() -> None:
+    """Until Ctrl-C, which is answered by that."""
+    global came
+    try:
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        came = False
+
+
 def watched() -> bool:
     return signal.getsignal(signal.SIGINT) is _handle
 

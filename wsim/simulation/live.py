@@ -1,36 +1,29 @@
 """Live parameters: values that a simulation takes from the next frame on, judged before anything is changed.
 
-What a scene would refuse is refused here by the same bounds; arrays have one value for all or one for each element; numbers
-must fit the precision. A refusal leaves state, tables and the list of changes as they were.
+What a scene would refuse is refused here by the bounds of the table of values (`wsim.scene.values.table`), before any method is
+asked; arrays have one value for all or one for each element; numbers must fit the precision. A refusal leaves state, tables and
+the list of changes as they were.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import inf
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wsim.model.midnodes import places, spread
 from wsim.model.model import Body, edge_lengths
 from wsim.model.separate import apart
-from wsim.scene import Cloth, Collider, Motion, Problem, SceneError, Soft, fabric, solid
+from wsim.scene import Motion, Problem, SceneError, Soft
 from wsim.scene.check import objects
-from wsim.scene.methods import every
+from wsim.scene.methods import named, things
+from wsim.scene.values import table
+from wsim.scene.values.value import Value
 from wsim.simulation import retry
 
 if TYPE_CHECKING:
     from wsim.simulation.simulation import Simulation
-
-VECTORS = ("gravity", "wind")
-ARRAYS = ("rest_shape", "lengths", "positions", "velocities", "actuation", "force", "traction")      # judged by who takes them
-NAMES = ("gravity", "air_drag", "wind", "stretch", "weft", "shear", "bend", "strain_limit", "damping", "density", "mass",
-         "stiffness", "young", "poisson", "pressure", "yield_strain", "actuation", "static_friction", "dynamic_friction",
-         "thickness", "restitution", "motion", "rest_shape", "lengths", "positions", "velocities", "force", "traction")
-POSITIVE = {"stiffness": (0.0, True, inf), "mass": (0.0, True, inf)}
-BOUNDS: dict[type, dict] = {Cloth: fabric.RANGES, Soft: solid.RANGES | {"pressure": (-inf, False, inf)}}
-ENDLESS = {"strain_limit", "yield_strain"}          # infinite in a scene where there is none
 
 
 def set_value(sim: Simulation, path: str, name: str, value, world: int | None) -> None:
@@ -38,16 +31,17 @@ def set_value(sim: Simulation, path: str, name: str, value, world: int | None) -
     if world is not None and (isinstance(world, bool) or world not in range(sim.worlds)):
         raise SceneError(Problem(path, f"{name}: there is nothing in world {world} of {sim.worlds}; allowed are 0 to "
                                  f"{sim.worlds - 1}, or None for all"))
-    thing = _thing(sim, path)
+    thing = named(sim.scene, path)
     if name in ("positions", "velocities"):
         place(sim, path, name, _floats(path, name, value), world)
         return
-    value = _judged(sim, thing, path, name, value, world)
+    row = table.find(type(thing).__name__, name)
+    if row is None or not row.live:
+        raise _unknown(sim, thing, path, name, world)
+    value = _judged(sim, row, thing, path, value, world)
     undo = _remembered(sim)
     if not any([m.set(path, name, value, world) for m in sim.plan.methods]):
-        there = "" if thing is not None else f"; paths there are {', '.join(_paths(sim))}"
-        where = "" if world is None else f" in world {world} of {sim.worlds}"
-        raise SceneError(Problem(path, f"has no live parameter {name!r}{where}; there are {', '.join(NAMES)}{there}"))
+        raise _unknown(sim, thing, path, name, world)
     if any(m.remade for m in sim.plan.methods):
         sim.graph = None
         sim.seconds.pop("compile", None)
@@ -61,18 +55,19 @@ def set_value(sim: Simulation, path: str, name: str, value, world: int | None) -
     sim.changes = [c for c in sim.changes if c[:2] != (path, name) or world not in (None, c[3])] + [(path, name, value, world)]
 
 
-def _things(sim: Simulation) -> list:
-    scene = sim.scene
-    return [*scene.bodies(), *scene.pins, *scene.colliders, *scene.loads, *(thing for _, thing in every(scene))]
-
-
-def _paths(sim: Simulation) -> list[str]:
-    return ["/", *(thing.path for thing in _things(sim))]
-
-
-def _thing(sim: Simulation, path: str | None) -> Any:
-    """The object of a path, the scene of "/"; None: there is none."""
-    return sim.scene if path == "/" else next((t for t in _things(sim) if t.path == path), None)
+def _unknown(sim: Simulation, thing, path: str, name: str, world: int | None) -> SceneError:
+    """What there is, by the table of values; of what no method takes, why."""
+    there = "" if thing is not None else f"; paths there are {', '.join(['/', *(t.path for t in things(sim.scene))])}"
+    where = "" if world is None else f" in world {world} of {sim.worlds}"
+    owner = "" if thing is None else type(thing).__name__
+    row, why = table.find(owner, name), ""
+    if row is not None and row.live:
+        from wsim.scene.check.varying import idle
+        why = f": {idle(row, thing, sim.scene) or 'nothing that runs here has it'}"
+    elif others := [r.owner.lower() for r in table.VALUES if thing is not None and r.live and r.name == name]:
+        why = f", which is of {', '.join(others)}"
+    names = ", ".join(n for n in table.live(owner) if n != name or not why) or "none"
+    return SceneError(Problem(path, f"has no live parameter {name!r}{where}{why}; there are {names}{there}"))
 
 
 def _floats(path: str, name: str, value) -> np.ndarray:
@@ -85,15 +80,15 @@ def _floats(path: str, name: str, value) -> np.ndarray:
 
 def _remembered(sim: Simulation) -> Callable[[], None]:
     """Puts what explicit steps depend on back to where it is now, to the bit: bodies, constraints, materials of tets."""
-    points, explicit = (sim.plan.method(name) for name in ("points", "explicit"))
-    if explicit is None:
+    points, send = sim.plan.find("points"), sim.plan.find("send")
+    if send is None:
         return lambda: None
-    solver, owner = cast(Any, explicit), cast(Any, points)
-    kept = [(thing, {name: getattr(thing, name) for name in names}) for things, names in (
-        (sim.model.bodies, ("masses", "rest", "source")), (solver.rows, ("stiffness", "tau", "rest", "shape")))
-        for thing in things]
-    parts = [(p, dict(p.values)) for table in solver.solids for p in table.parts if hasattr(p, "values")]
-    densities = dict(owner.densities)
+    rows = [r for r in sim.plan.methods.every("rows") if not r.hard]
+    kept = [(thing, {name: getattr(thing, name) for name in names}) for owners, names in (
+        (sim.model.bodies, ("masses", "rest", "source")), (rows, ("stiffness", "tau", "rest", "shape")))
+        for thing in owners]
+    parts = [(p, dict(p.values)) for solid in sim.plan.solids for p in solid.parts if hasattr(p, "values")]
+    densities = dict(points.densities)
 
     def undo() -> None:
         for thing, values in kept:
@@ -101,56 +96,45 @@ def _remembered(sim: Simulation) -> Callable[[], None]:
                 setattr(thing, name, value)
         for part, values in parts:
             part.values = values
-        owner.densities.clear()
-        owner.densities.update(densities)
-        owner.send(sim.model.bodies)
-        for table in solver.solids:
+        points.densities.clear()
+        points.densities.update(densities)
+        points.send(sim.model.bodies)
+        for solid in sim.plan.solids:
             for body in sim.model.bodies:
-                table.set(body.path, "rest_shape", None, body.world)
-            if hasattr(table, "send"):
-                table.send()
-        solver.send()
+                solid.set(body.path, "rest_shape", None, body.world)
+            if hasattr(solid, "send"):
+                solid.send()
+        send()
     return undo
 
 
 # values
 
-def _judged(sim: Simulation, thing, path: str, name: str, value, world: int | None):
+def _judged(sim: Simulation, row: Value, thing, path: str, value, world: int | None):
     """A value as methods take it: a float, an array or a Motion of its own. Raises SceneError for what cannot be."""
-    for row, own in every(sim.scene):
-        if own is thing:
-            return cast(Any, sim.plan.method(row.name)).accept(path, name, value)
-    if name == "motion":
+    name = row.name
+    if row.form == "motion":
         return _motion(path, value)
-    if name in ARRAYS:
-        return value if name in ("actuation", "force", "traction") else _fits(sim, path, name, _floats(path, name, value))
+    if row.form == "curve":
+        return value
     values = _fits(sim, path, name, _floats(path, name, value))
-    if name in VECTORS:
+    if row.form == "array":
+        return values
+    if row.form == "vector":
         if values.shape != (3,) or not np.isfinite(values).all():
             raise SceneError(Problem(path, f"{name} is {value}; allowed are three finite numbers"))
         return values
-    _range(thing, path, name, values)
-    counts = _counts(sim, thing, path, name, world)
+    good = np.asarray(row.range.holds(values))
+    if not good.all():
+        more = " (inf takes the constraints away: that needs another Simulation)" if row.range.endless else ""
+        raise SceneError(Problem(path, row.range.wrong(name, values[~good].flat[0]) + more))
+    counts = _counts(sim, row, thing, path, world)
     if values.size == 1 and values.ndim < 2:
         return float(values.reshape(()))
     if values.shape not in [(n,) for n in counts]:
         allowed = " or ".join(["one number", *(f"{n} of them, one for each element" for n in sorted(counts))])
         raise SceneError(Problem(path, f"{name} has shape {values.shape}; allowed is {allowed}"))
     return values
-
-
-def _range(thing, path: str, name: str, values: np.ndarray) -> None:
-    """The bounds of a scene: of a fabric, a bulk, a net, a collider."""
-    low, strict, high = BOUNDS.get(type(thing), POSITIVE).get(name, (0.0, False, inf))
-    if isinstance(thing, Collider) and name == "restitution":
-        good, words = (values >= 0.0) & (values <= 1.0), "a number from 0 to 1"
-    else:
-        good = np.isfinite(values) & ((values > low) if strict else (values >= low)) & ((values < high) | (high == inf))
-        words = "a finite number" if low == -inf else f"{'>' if strict else '>='} {low:g} and < {high:g}" if high < inf else \
-            f"a finite number {'>' if strict else '>='} {low:g}"
-    if not good.all():
-        more = " (inf takes the constraints away: that needs another Simulation)" if name in ENDLESS else ""
-        raise SceneError(Problem(path, f"{name} is {values[~good].flat[0]:g}; allowed is {words}{more}"))
 
 
 def _fits(sim: Simulation, path: str, name: str, values: np.ndarray) -> np.ndarray:
@@ -163,20 +147,13 @@ def _fits(sim: Simulation, path: str, name: str, values: np.ndarray) -> np.ndarr
     return values
 
 
-def _counts(sim: Simulation, thing, path: str, name: str, world: int | None) -> set[int]:
+def _counts(sim: Simulation, row: Value, thing, path: str, world: int | None) -> set[int]:
     """Numbers of elements that may have a value each: of all of a body's constraints of that name, or its tets."""
     if isinstance(thing, Soft):
-        return {len(thing.tets)} if name in ("young", "poisson", "damping") else set()
-    sizes = {len(r.ids) for m in sim.plan.methods for r in _rows(m)
-             if r.body is not None and r.body.path == path and world in (None, r.body.world) and name in r.stiffness}
+        return {len(thing.tets)} if row.tets else set()
+    sizes = {len(r.ids) for r in sim.plan.methods.every("rows")
+             if r.body is not None and r.body.path == path and world in (None, r.body.world) and row.name in r.stiffness}
     return sizes if len(sizes) == 1 else set()
-
-
-def _rows(method) -> list:
-    """Constraints of a solver."""
-    if method.name == "xpbd":
-        return [r for batch in method.batches for r in batch.rows]
-    return {"explicit": lambda: method.rows, "implicit": lambda: method.every}.get(method.name, list)()
 
 
 def _motion(path: str, value) -> Motion:

@@ -11,30 +11,26 @@ from typing import Any
 import numpy as np
 
 from wsim.model.model import Model
-from wsim.model.stage import Clock, Method
+from wsim.model.stage import Clock, Method, Methods
 from wsim.model.state import State
 from wsim.model.status import Status
-from wsim.physics.cloth.constraints import HARD, Constraints
-from wsim.scene import Problem, Scene, SceneError
+from wsim.physics.cloth.constraints import Constraints
+from wsim.scene import Scene
 from wsim.scene.methods import METHODS, Row
 from wsim.simulation.choice import Choice
 
 
 @dataclass
 class Build:
-    """What methods are made of: the tables of a scene, what it chose, and the methods that stand before in the table.
-
-    constraints    of each body of world 0, by path
-    """
+    """What methods are made of: the tables of a scene, what it chose, and the methods that stand before in the table."""
 
     model: Model
     choice: Choice
-    constraints: dict[str, list[Constraints]]
     state: State
     status: Status
     clock: Clock
     reasons: dict[str, str] = field(default_factory=dict)
-    methods: dict[str, Any] = field(default_factory=dict)
+    methods: Methods = field(default_factory=Methods)
 
     @property
     def scene(self) -> Scene:
@@ -42,18 +38,31 @@ class Build:
 
     @property
     def within(self) -> bool:
-        """Whether wind, contacts, soft pins or hard constraints act within a substep."""
-        return (any(self.reasons[row.name] for row in METHODS if row.pushes)
+        """Whether wind, contacts, soft pins, hard constraints or what else pushes act within a substep."""
+        return bool(self.reasons["contact"]) or self.others_within
+
+    @property
+    def others_within(self) -> bool:
+        """Whether something else than contacts with colliders does."""
+        return (any(self.reasons[row.name] for row in METHODS if row.pushes and row.name != "contact")
                 or any(np.isfinite(p.stiffness) for p in self.scene.pins))
+
+    @property
+    def free(self) -> bool:
+        """Whether frames in which nothing can touch leave contacts out."""
+        if not self.reasons["contact"]:
+            return False
+        from wsim.physics.contact.clearance import possible
+        return possible(self.scene, self.model.gradients)
 
     def carriers(self) -> dict[str, Any]:
         """What contacts can push, by name, of the methods that are made (`Method.carriers`)."""
-        return {name: carrier for method in self.methods.values() for name, carrier in method.carriers().items()}
+        return {name: carrier for method in self.methods for name, carrier in method.carriers().items()}
 
-    def kept(self, soft: bool) -> dict[str, list[Constraints]]:
+    def kept(self, soft: bool) -> list[Constraints]:
         """The constraints that have a stiffness, or those that have none: XPBD holds the hard ones whatever solves for the
         forces."""
-        return {path: [r for r in found if (r.kind not in HARD) == soft] for path, found in self.constraints.items()}
+        return [r for r in self.model.constraints if r.hard != soft]
 
 
 def _solver(name: str) -> Callable[[Build], str]:
@@ -61,7 +70,7 @@ def _solver(name: str) -> Callable[[Build], str]:
 
 
 def _xpbd(b: Build) -> str:
-    hard = any(r.kind in HARD for found in b.constraints.values() for r in found)
+    hard = any(r.hard for r in b.model.constraints)
     return b.choice.why if b.choice.solver == "xpbd" else "tethers or strain limits" if hard else ""
 
 
@@ -95,20 +104,23 @@ def needed(row: Row, b: Build) -> str:
 def built(row: Row, b: Build) -> Method | None:
     """Raises SceneError where gradients are asked for and the method has none."""
     if b.model.gradients and not row.gradients:
+        from wsim.scene.values.coverage import refuse
         path = b.scene.things(row.owns[0])[0].path if row.owns else "/"
-        raise SceneError(Problem(path, f"gradients do not go through {row.name}; leave out gradients=True, or take these "
-                                 "objects out of the scene"))
+        raise refuse("method", path, method=row.name)
     return (import_module(row.folder) if not row.owns else row.role("method")).build(b)
 
 
 # what is no method of its own, and why it is left out where it is
 PARTS: list[tuple[str, str, Callable[[Build], bool]]] = [
-    ("history", "backward Euler needs no earlier step", lambda b: b.clock.multistep),
+    ("history", "backward Euler needs no earlier step", lambda b: b.clock.integrator.memory > 0.0),
     ("fem", "there is no soft body", lambda b: bool(b.scene.softs)),
     ("fluid", "there is no fluid", lambda b: False),
     ("gradients", "not asked for", lambda b: b.model.gradients),
     ("membrane", "no cloth has triangle strain", lambda b: any(c.model == "membrane" for c in b.scene.cloths)),
 ]
+
+
+TOLD = {"tether", "membrane", "distance", "dihedral", "limit"}          # kinds that the lines below tell of
 
 
 def signature(b: Build) -> list:
@@ -125,6 +137,7 @@ def signature(b: Build) -> list:
             sorted({(m.model, m.damping > 0, m.yield_strain < inf, s.pressure != 0.0, s.quadratic)
                     for s in scene.softs for m in s.materials}),
             sorted({isfinite(p.stiffness) for p in scene.pins}),
+            *("clearance" for _ in [0] if b.free),
             *("bounce" for c in scene.colliders[:1] if any(k.restitution > 0.0 for k in scene.colliders)),
             *("muscles" for s in scene.springs[:1] if any(n.actuation for n in scene.springs)),
-            *("loads" for _ in scene.loads[:1])]
+            *("loads" for _ in scene.loads[:1]), *sorted({r.kind for r in b.model.constraints} - TOLD)]

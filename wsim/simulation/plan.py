@@ -10,18 +10,19 @@
 import hashlib
 import json
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from wsim.kernels.math.real import ADJOINT
 from wsim.model import model as models
 from wsim.model.midnodes import places
-from wsim.model.model import Model, edge_lengths, hard_places
+from wsim.model.model import Model, edge_lengths
 from wsim.model.separate import apart
-from wsim.model.stage import PHASES, Clock, Method, Stage
+from wsim.model.stage import FREE, MET, PHASES, Clock, Method, Methods, Stage
 from wsim.model.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, STAGED, Field, Part, State
 from wsim.model.status import Status
-from wsim.physics.cloth.constraints import HARD, LOOKS, rows_of
+from wsim.physics.cloth.constraints import LOOKS, constrain
 from wsim.scene import Scene
 from wsim.scene.check import counts
 from wsim.scene.methods import METHODS
@@ -37,7 +38,7 @@ class Plan:
     model: Model
     state: State
     clock: Clock
-    methods: list[Method]
+    methods: Methods
     status: Status
     choice: Choice
     skipped: list[dict] = field(default_factory=list)
@@ -47,12 +48,19 @@ class Plan:
     @property
     def starts(self) -> bool:
         """Whether the frame to come differs from those after it: it is not worth a graph of its own."""
-        return self.clock.starting and (self.clock.multistep or self.state.has("b"))
+        clock, half = self.clock, self.state.has("b")
+        return clock.starting and (clock.integrator.memory > 0.0 or half) or clock.after_free and half and not clock.free
 
-    def stages(self, phase: str, rate: str) -> list[Stage]:
-        """Of methods that step with the others."""
+    def stages(self, phase: str, rate: str, form: str = "") -> list[Stage]:
+        """Of methods that step with the others. form: of frames; "": of the present one."""
+        form = form or self.clock.form
         return [s for m in self.methods if m.subdivide == 1 or rate == "frame"
-                for s in m.stages if s.phase == phase and s.rate == rate]
+                for s in m.stages if s.phase == phase and s.rate == rate and s.frames in ("", form)]
+
+    @property
+    def parted(self) -> bool:
+        """Whether frames without contacts leave their stages out."""
+        return any(s.frames == FREE for m in self.methods for s in m.stages)
 
     def subdivided(self) -> None:
         """Methods that take several steps in a substep: all of them, before the others predict; what these exchange with others
@@ -64,18 +72,23 @@ class Plan:
                         if stage.phase == phase and stage.rate == "substep":
                             stage.launch(self.clock)
 
+    def find(self, name: str) -> Any:
+        """What a method offers by that name, see `wsim.model.stage.Methods`; None: there is none."""
+        return self.methods.find(name)
+
     def method(self, name: str) -> Method | None:
+        """The method of a row of the table, for those who have the row or look inside."""
         return next((m for m in self.methods if m.name == name), None)
 
     @property
     def hard(self) -> bool:
         """Whether tethers or strain limits hold something."""
-        return any(batch.kind in HARD for batch in getattr(self.method("xpbd"), "batches", []))
+        return any(batch.hard for batch in self.methods.every("batches"))
 
     @property
     def solids(self) -> list:
         """Tables of tets (`wsim.physics.soft.fem`), of whichever method has them."""
-        return [table for m in self.methods for table in getattr(m, "solids", [])]
+        return self.methods.every("solids")
 
     def before_frame(self, time: float) -> None:
         for method in self.methods:
@@ -115,12 +128,12 @@ class Plan:
             for stage in self.stages(phase, "substep"):
                 stage.launch(clock)
 
-    def table(self) -> list[dict]:
-        """Stages in the order of a substep: name, phase, rate, what, launches and bytes a substep."""
+    def table(self, form: str = MET) -> list[dict]:
+        """Stages in the order of a substep: name, phase, rate, what, launches and bytes a substep. form: of frames."""
         rows = []
         for phase in PHASES:
             for rate in ("frame", "iteration", "substep"):
-                for s in self.stages(phase, rate):
+                for s in self.stages(phase, rate, form):
                     times = self.clock.iterations if rate == "iteration" else 1
                     rows.append({"name": s.name, "phase": phase, "rate": rate, "what": s.what,
                                  "launches": s.launches * times, "bytes": int(s.bytes) * times})
@@ -132,20 +145,18 @@ class Plan:
     @property
     def integrator(self) -> str:
         """Name of the integrator now: one that needs its residual may have given way."""
-        named = self.choice.integrator
-        given_way = (named.name == "bdf2" or named.beyond or named.solves > 1) and not self.clock.watched
-        return "backward_euler" if given_way else named.name
+        return self.clock.integrator.name
 
     def describe(self) -> str:
         """The plan in words: what `wsim plan` prints."""
         from wsim.simulation.measure.columns import columns
-        from wsim.simulation.report import kept
+        from wsim.simulation.report import kept, parted
         c, m = self.clock, self.model
         rows = self.table()
         bodies = f"{len(m.bodies)} {'body' if len(m.bodies) == 1 else 'bodies'}"
         lines = [f"{m.points} points in {bodies}, {m.worlds} world{'s' * (m.worlds > 1)}, "
                  f"{m.real.__name__} on {m.device}",
-                 f"{c.steps} substeps of {c.dt / c.steps * 1e3:.4g} ms{' in two stages' * c.staged}, "
+                 f"{c.steps} substeps of {c.dt / c.steps * 1e3:.4g} ms{' in two stages' * (c.integrator.solves > 1)}, "
                  f"{c.iterations} iteration{'s' * (c.iterations > 1)}, solver "
                  f"{self.choice.solver}, integrator {self.integrator}{' while its residual is met' * c.watched}: "
                  f"{self.choice.why}"]
@@ -155,7 +166,9 @@ class Plan:
         a_substep = [r for r in rows if r["rate"] != "frame"]
         lines.append(f"a substep: {sum(r['launches'] for r in a_substep)} launches, "
                      f"{sum(r['bytes'] for r in a_substep) / 1e6:.2f} MB moved; state {self.state.bytes / 1e6:.2f} MB")
-        lines += kept([k for method in self.methods for k in getattr(method, "kept", list)()])
+        if self.parted:
+            lines.append(parted(self.table(FREE)))
+        lines += kept([k for method in self.methods for k in method.kept()])
         if self.hard:
             lines.append(f"tethers and strain limits are {LOOKS}")
         return "\n".join(lines + [f"left out: {s['stage']}: {s['why']}" for s in self.skipped])
@@ -175,35 +188,34 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
     for row in METHODS:
         made = built(row, b) if b.reasons[row.name] else None
         if made:
-            b.methods[row.name] = made
+            b.methods.append(made)
     others = [part for part in b.state.parts.values() if part.name != "points"]
     if others:
         from wsim.model.guard import Guard
-        b.methods["guard"] = Guard(model, others, b.status)
-    for method in b.methods.values():
+        b.methods.append(Guard(model, others, b.status))
+    for method in b.methods:
         method.meet(b.methods)
     b.status.allocate()
     _start(model, b.state)
-    return Plan(model, b.state, b.clock, list(b.methods.values()), b.status, b.choice, _skipped(b),
-                cost.seconds(model, cost.frame(model, b.constraints, b.choice)))
+    return Plan(model, b.state, b.clock, b.methods, b.status, b.choice, _skipped(b),
+                cost.seconds(model, cost.frame(model, b.choice)))
 
 
 def _chosen(model: Model) -> Build:
     """Constraints of every body, and the solver, integrator and steps that they are given."""
-    scene, pinned = model.scene, hard_places(model)
-    rows = {b.path: rows_of(b, pinned) for b in model.bodies if b.world == 0}
-    choice = choose(model, rows)
+    scene = model.scene
+    constrain(model)
+    choice = choose(model)
     counts.refuse("substeps a frame, for steps that are short enough," if choice.steps > scene.substeps else "substeps",
                   choice.steps, "take softer materials, larger masses or elements, or another solver")
-    clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator.name == "bdf2",
-                  choice.integrator.beyond, choice.integrator.solves > 1)
-    return Build(model, choice, rows, State(), Status(model.device), clock)
+    clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator)
+    return Build(model, choice, State(), Status(model.device), clock)
 
 
 def _fields(b: Build) -> tuple[Field, ...]:
     """Fields of the points that this scene needs."""
     integrator = b.choice.integrator
-    multistep, steps = integrator.name == "bdf2", integrator.explicit and b.within
+    multistep, steps = integrator.memory > 0.0, integrator.explicit and b.within
     return (POINTS + (ANCHOR if multistep or b.scene.colliders or steps else ()) + (HISTORY if multistep else ())
             + (STAGED if integrator.solves > 1 else ()) + (CARRY if integrator.explicit else ())
             + (HALF if steps and len(integrator.steps) > 1 else ()))

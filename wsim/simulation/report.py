@@ -1,8 +1,8 @@
 """The closing report of a run, in words. The report's numbers are those of `Simulation.report()`;
 `--json` prints them."""
 
-UNITS = {"energy": "J", "kinetic_energy": "J", "gravity_energy": "J", "elastic_energy": "J", "penetration": "m"}
-ORDER = ("import", "load", "build", "compile", "capture", "first_frame", "simulate", "write", "picture", "total")
+UNITS = {"penetration": "m", "too_near": "m"}
+ORDER = ("import", "load", "build", "compile", "capture", "first_frame", "simulate", "write", "picture", "report", "total")
 
 
 def quantity(value: float) -> str:
@@ -17,11 +17,13 @@ def seconds(value: float) -> str:
     return f"{value:.2f} s" if value >= 1.0 else f"{1e3 * value:.3g} ms"
 
 
-def text(report: dict) -> str:
-    """What ran, how fast, how wrong, what was left out, what to look at. Missing keys leave out their line."""
+def text(report: dict, verbose: bool = False) -> str:
+    """What ran, how fast, how wrong, what to look at; verbose: also each stage and what was left out. Missing keys leave out
+    their line."""
     held = [f"limits    {report['limits']}"] if report.get("limits") else []
-    return "\n".join([*_what(report), *_speed(report), *_error(report), *held, *kept(report.get("kept", [])),
-                      *_left_out(report), *_warnings(report)])
+    more = [*_stages(report), *_left_out(report)] if verbose else []
+    return "\n".join([*_what(report), *_forms(report), *_speed(report), *_error(report), *held, *kept(report.get("kept", [])),
+                      *more, *_warnings(report)])
 
 
 def _what(report: dict) -> list[str]:
@@ -42,7 +44,11 @@ def _speed(report: dict) -> list[str]:
     names = [*(n for n in ORDER if n in spent), *(n for n in spent if n not in ORDER)]
     if names:
         lines.append("  " + ", ".join(f"{n.replace('_', ' ')} {seconds(spent[n])}" for n in names))
-    stages = [s for s in report.get("stages", []) if s.get("ms") is not None]
+    return lines
+
+
+def _stages(report: dict) -> list[str]:
+    lines, stages = [], [s for s in report.get("stages", []) if s.get("ms") is not None]
     for phase in dict.fromkeys(s.get("phase", s["name"]) for s in stages):
         inside = [s for s in stages if s.get("phase", s["name"]) == phase]
         parts = ", ".join(f"{s['name']} {s['ms']:.3g}" for s in inside)
@@ -51,27 +57,50 @@ def _speed(report: dict) -> list[str]:
 
 
 def _error(report: dict) -> list[str]:
+    """Errors, then energies, then what is counted."""
     found = {name: value for name, value in report.get("error", {}).items() if value is not None}
-    if not found:
-        return []
     change, time = found.pop("energy_change", None), found.pop("energy_change_seconds", 0.0)
-    parts = []
-    for name, value in found.items():
-        label = name.replace("_", " ")
-        parts.append(f"{label} {100 * value:.3g} %" if name.endswith("strain")
-                     else f"{label} {value:.3g} {UNITS.get(name, '')}".rstrip() if isinstance(value, float)
-                     else f"{label} {value}")
-    rows = [", ".join(parts[k:k + 4]) for k in range(0, len(parts), 4)]
+    energies = {name: value for name, value in found.items() if name.endswith("energy")}
+    counts = {name: value for name, value in found.items() if isinstance(value, int)}
+    lines = _rows("error", [_value(name, v) for name, v in found.items() if name not in {**energies, **counts}])
+    lines += _rows("energy", [_value(name.removesuffix("_energy"), v, "J") for name, v in energies.items()])
     if change is not None:
         what = "numerical damping" if change <= 0.0 else "error"
-        rows.append(f"energy {100.0 * change:+.2g} % in {time:.3g} s ({what} of {report.get('integrator', 'the integrator')})")
-    return [f"error     {rows[0]}", *(f"          {row}" for row in rows[1:])]
+        lines.append(f"{'' if energies else 'energy':<10}{100.0 * change:+.2g} % in {time:.3g} s ({what} of "
+                     f"{report.get('integrator', 'the integrator')})")
+    return lines + _rows("count", [_value(name, v) for name, v in counts.items() if v])
+
+
+def _value(name: str, value, unit: str | None = None) -> str:
+    label = ("total" if name == "energy" else name).replace("_", " ")
+    if name.endswith("strain"):
+        return f"{label} {100 * value:.3g} %"
+    return f"{label} {value:.3g} {UNITS.get(name, '') if unit is None else unit}".rstrip() if isinstance(value, float) \
+        else f"{label} {value}"
+
+
+def _rows(title: str, parts: list[str]) -> list[str]:
+    """Four a line, the first with a title."""
+    return [f"{title if k == 0 else '':<10}{', '.join(parts[k:k + 4])}" for k in range(0, len(parts), 4)]
 
 
 def kept(taken: list[dict]) -> list[str]:
     """What colliders keep from bodies where no thickness is authored: collider, body, thickness [m]."""
     return [f"contact   {k['collider']} keeps {k['thickness']:.3g} m from {k['body']}, half of whose thickness comes to that: "
             "less would show between its points (wsim:thickness)" for k in taken]
+
+
+def parted(stages: list[dict]) -> str:
+    """Launches of a frame without contacts, by the table of its stages."""
+    each = ", ".join(f"{s['name']} {s['launches']}{' a substep' * (s['rate'] != 'frame')}" for s in stages)
+    return f"a frame in which nothing can touch, as the device sees to: launches of {each}; else it is repeated with contacts"
+
+
+def _forms(report: dict) -> list[str]:
+    """How many frames had contacts."""
+    said = report.get("forms")
+    return [f"frames    {said['free']} without contacts, {said['met']} with them, {said['repeated']} tried without them first"
+            ] if said else []
 
 
 def _left_out(report: dict) -> list[str]:

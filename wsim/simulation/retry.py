@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 from wsim.scene import Problem, SceneError
 from wsim.scene.check import counts
+from wsim.scene.integrator import TABLE
+from wsim.scene.values.table import stiffens
 from wsim.simulation import plan as plans
 from wsim.simulation.duration import duration
 
@@ -15,9 +17,11 @@ if TYPE_CHECKING:
     from wsim.model.state import Part, State
     from wsim.simulation.simulation import Simulation
 
-# live parameters that bound explicit steps
-STIFFENS = ("stretch", "shear", "weft", "bend", "damping", "stiffness", "air_drag", "young", "poisson", "density", "mass",
-            "rest_shape", "lengths")
+
+def enter(sim: Simulation) -> None:
+    """A frame begins."""
+    for method in sim.plan.methods:
+        method.enter(sim.plan.clock)
 
 
 def begin(sim: Simulation) -> None:
@@ -41,6 +45,10 @@ def mend(sim: Simulation) -> bool:
     if not said:
         return False
     kinds = {remedy.kind for remedy in said}
+    if "meet" in kinds:                                   # whatever else is wrong may come of that
+        sim.plan.clock.free = False
+        sim.forms["repeated"] += 1
+        return True
     if sim.plan.choice.solver == "explicit" and kinds & {"doubt", "refine"} and _switch(sim):
         return True
     for remedy in said:
@@ -52,22 +60,19 @@ def mend(sim: Simulation) -> bool:
             sim.warnings.append(f"frame {sim.frame + 1}: {grown}; the frame was repeated")
     if "give way" in kinds:
         _give_way(sim, next((r.why for r in said if r.kind == "give way" and r.why), ""))
+    sim.graph = sim.graph if kinds == {"doubt"} else None
     return bool(kinds - {"doubt"})
 
 
 def _give_way(sim: Simulation, why: str) -> None:
     """Backward Euler, which damps what is left unsolved, from this frame on. why: if it is not for a residual."""
     clock = sim.plan.clock
-    name, most = (("the implicit midpoint", "MET_MIDPOINT") if clock.beyond else
-                  ("sdirk3", "MET_SDIRK3") if clock.staged else ("BDF2", "MET"))
-    clock.scheme = False, False, False
+    name, clock.integrator = clock.integrator.title, TABLE["backward_euler"]
     if why:
         sim.warnings.append(f"frame {sim.frame + 1}: {why}, so that {name} gains energy; backward Euler from here on")
         return
-    solver = "newton" if sim.plan.choice.solver == "implicit" else "xpbd"
-    sim.warnings.append(f"frame {sim.frame + 1}: the solver missed the residual that {name} needs "
-                        f"(wsim.physics.solver.{solver}.{most}); backward Euler from here on; more iterations or substeps "
-                        f"keep {name}")
+    sim.warnings.append(f"frame {sim.frame + 1}: the solver missed the residual that {name} needs (`met` in "
+                        f"wsim.scene.integrator); backward Euler from here on; more iterations or substeps keep {name}")
 
 
 def _refine(sim: Simulation, part: str, row: int) -> None:
@@ -76,7 +81,7 @@ def _refine(sim: Simulation, part: str, row: int) -> None:
     clock = sim.plan.clock
     path, where = author(sim.plan, part, row)
     if clock.substeps >= 16 * sim.plan.choice.substeps:
-        least = getattr(sim.plan.method("explicit"), "least", None)
+        least = sim.plan.find("least")
         hint = f", or name a solver without a limit ({sim.plan.integrator} needs {least()} substeps at rest, more where the " \
                "shape is far from it)" if least else ""
         said = first(sim.plan, sim.time)
@@ -128,12 +133,12 @@ def _others(state: State) -> list[Part]:
 
 def keep_stable(sim: Simulation, name: str) -> None:
     """Explicit steps follow a live parameter that makes the scene stiffer, and a pin that begins to move."""
-    explicit, clock = sim.plan.method("explicit"), sim.plan.clock
-    if explicit is not None and name == "motion":
+    stable, clock = sim.plan.find("least"), sim.plan.clock
+    if stable and name == "motion":
         sim.graph = None                                  # it knows one target a frame, or one a substep
-    if explicit is None or name not in STIFFENS:
+    if stable is None or not stiffens(name):
         return
-    least = explicit.least()                              # type: ignore[attr-defined]
+    least = stable()
     counts.refuse(f"substeps a frame, which {name} of that size wants of {sim.plan.integrator},", least,
                   "set another value, or name a solver without a limit")
     if least > clock.substeps:

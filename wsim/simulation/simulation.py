@@ -6,8 +6,9 @@ grown or the variant switched, the graph captured again and the frame repeated. 
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from os import PathLike
 
 import numpy as np
 import warp as wp
@@ -29,7 +30,7 @@ REPEATS = 8            # a frame that is not done after so many repeats is an er
 class Simulation:
     """A scene on a device.
 
-    scene      a `Scene`; `wsim.load` reads one from USD
+    scene      a `Scene`, the path of a USD file, or a `Usd.Stage`
     device     "cpu", "cuda:0", ...; None takes the GPU if there is one
     precision  "float32" or "float64" (the measuring instrument)
     worlds     so many independent copies of the scene in one set of arrays
@@ -37,13 +38,16 @@ class Simulation:
     Raises SceneError with every problem of the scene.
     """
 
-    def __init__(self, scene: Scene, *, device=None, precision: str = "float32", worlds: int = 1,
+    def __init__(self, scene: "Scene | str | PathLike", *, device=None, precision: str = "float32", worlds: int = 1,
                  gradients: bool = False):
         began = time.perf_counter()
         if precision not in PRECISIONS:
             raise SceneError(Problem("precision", f"found {precision!r}; allowed are {', '.join(PRECISIONS)}"))
         if worlds < 1:
             raise SceneError(Problem("worlds", f"found {worlds}; allowed is 1 or more"))
+        if not isinstance(scene, Scene):
+            from wsim.usd import load
+            scene = load(scene)
         problems = check(scene)
         if any(p.fatal for p in problems):
             raise SceneError([p for p in problems if p.fatal])
@@ -51,7 +55,8 @@ class Simulation:
         self.device = kernel_cache.device(device)
         self.warnings = [str(p) for p in (*scene.notes, *problems) if not p.fatal]
         self.seconds: dict[str, float] = {}
-        self.graph: wp.Graph | None = None
+        self.graphs: dict[bool, wp.Graph] = {}           # of frames with contacts, and of those without
+        self.watchers: list[Callable] = []     # called with (simulation) after every frame, see `record`
         self._build()
         self.seconds["build"] = time.perf_counter() - began
 
@@ -63,6 +68,7 @@ class Simulation:
         self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])
         if self.precision == "float32":
             self.scene = self.scene.single()
+        self.forms = {"free": 0, "met": 0, "repeated": 0}        # frames without contacts, with them, tried without first
         self.notes: dict[tuple, Note] = {}     # frames that were beyond a bound, see `wsim.simulation.measure.exceeded`
         self.changes: list[tuple] = []         # live parameters that were set, for another plan of the same scene
         try:
@@ -94,6 +100,7 @@ class Simulation:
         interrupt.check()
         if self.plan.clock.starting:
             self.balance = measure.balance(self)
+        retry.enter(self)
         for _ in range(REPEATS):
             try:
                 retry.begin(self)
@@ -104,17 +111,31 @@ class Simulation:
             if not retry.mend(self):
                 break
             self.state.restore()
-            self.graph = None
         else:
             raise SceneError(Problem("frame", f"frame {self.frame + 1} was repeated {REPEATS} times and still does not "
                                      "hold; give it more substeps"))
         self.plan.clock.starting = False
+        self.forms["free" if self.plan.clock.free else "met"] += 1
         self.frame += 1
         note(self)
         self.milliseconds.append(1e3 * (time.perf_counter() - began))
         self.seconds.setdefault("first_frame", time.perf_counter() - began)
         if self.balance:
             self.balance.look(self)
+        for watch in list(self.watchers):
+            watch(self)
+
+    def frames(self, n: int | None = None) -> Iterator[int]:
+        """Steps n frames (None: the scene's), and yields the number of each after it: 1, 2, 3 ..."""
+        for _ in range(self.scene.frames if n is None else n):
+            self.step()
+            yield self.frame
+
+    def record(self, path, **more):
+        """Writes this frame, and every frame from here on, into a USD file over the scene, until the block of a `with` ends, or
+        it is closed: a `wsim.simulation.record.Record`, which says what `more` there is (stress, reactions, flatten)."""
+        from wsim.simulation.record import Record
+        return Record(self, path, **more)
 
     def run(self, frames: int | None = None, each: Callable | None = None) -> None:
         """So many frames (None: the scene's); `each(simulation)` is called after every one."""
@@ -138,6 +159,18 @@ class Simulation:
             return
         graph = self.graph or self._capture()
         wp.capture_launch(graph)
+
+    @property
+    def graph(self) -> wp.Graph | None:
+        """Of frames of the present form. None forgets both."""
+        return self.graphs.get(self.plan.clock.free)
+
+    @graph.setter
+    def graph(self, value: wp.Graph | None) -> None:
+        if value is None:
+            self.graphs.clear()
+        else:
+            self.graphs[self.plan.clock.free] = value
 
     def _capture(self) -> wp.Graph:
         began = time.perf_counter()
@@ -179,16 +212,17 @@ class Simulation:
         return [sample for method in self.plan.methods for sample in method.samples(world)]
 
     def set(self, path: str, name: str, value, world: int | None = None) -> None:
-        """A live parameter, from the next frame on, without rebuilding, of one world or of all (None).
+        """A live value, from the next frame on, without rebuilding, of one world or of all (None). Names, units and bounds are
+        those of `wsim.scene.values.table`.
 
         "/" names the whole scene. gravity, air_drag, wind; stretch, weft, shear, bend, damping, strain_limit (a finite one),
-        poisson (of the model "membrane") of a cloth; stiffness of springs; young, poisson, damping, pressure of a soft body
-        (the last two where there is some from the start); density of a cloth or soft body whose masses follow it; mass of
-        springs; rest_shape [m] of a body, lengths [m] of springs (`wsim.physics.cloth.rest_shape`); actuation of springs that
-        have muscles (a Curve, or values of its present keys); force or traction of a load (as actuation, or one (3,) for all
-        times); static_friction, dynamic_friction of a body or a collider; thickness and restitution of a collider (the latter
-        where one throws back from the start); motion (rigid) of a pin, or of a collider (which all worlds share); positions and
-        velocities (in world space, author's order) of a body.
+        poisson (of the model "membrane") of a cloth; stiffness of springs; young, poisson, damping, pressure, yield_strain of a
+        soft body (the last three where there is some from the start); density of a cloth or soft body whose masses follow it;
+        mass of springs; rest_shape [m] of a body, lengths [m] of springs (`wsim.physics.cloth.rest_shape`); actuation of
+        springs that have muscles (a Curve, or values of its present keys); force or traction of a load (as actuation, or one
+        (3,) for all times); static_friction, dynamic_friction of a body or a collider; thickness and restitution of a collider
+        (the latter where one throws back from the start); motion (rigid) of a pin, or of a collider (which all worlds share);
+        positions and velocities (in world space, author's order) of a body.
         Values are copied. Raises SceneError, with nothing changed, if nothing of that path has such a parameter, for what a
         scene would not take, and for what would need more than `wsim.scene.check.counts.MOST` substeps.
         """

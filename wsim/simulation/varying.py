@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wsim.scene import Problem, SceneError
-
 if TYPE_CHECKING:
     from wsim.simulation.simulation import Simulation
 
@@ -32,7 +30,7 @@ def follow(sim: Simulation) -> None:
 def settle(sim: Simulation) -> None:
     """Takes the substeps that the stiffest of the values need, of an explicit integrator: then every frame of a run, and of one
     that goes on in its middle, has as many."""
-    for thing in sim.scene.varying if sim.plan.method("explicit") else ():
+    for thing in sim.scene.varying if sim.plan.find("least") else ():
         values = thing.curve.values
         _put(sim, thing.path, thing.name, values.min(axis=0) if thing.name == "density" else values.max(axis=0))
     follow(sim)
@@ -41,8 +39,8 @@ def settle(sim: Simulation) -> None:
 def refuse(sim: Simulation) -> None:
     """Raises SceneError where a value varies: a recording knows one value of each for all its frames."""
     for thing in sim.scene.varying:
-        raise SceneError(Problem(thing.path, f"{thing.name} varies in time, and a recording has one value for all its frames; "
-                                 f"author one value, or take it out of scene.varying ({len(sim.scene.varying)} in it)"))
+        from wsim.scene.values import coverage
+        raise coverage.refuse("varying", thing.path, name=thing.name, count=len(sim.scene.varying))
 
 
 def _put(sim: Simulation, path: str, name: str, value, world: int | None = None) -> None:

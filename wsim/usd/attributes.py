@@ -9,7 +9,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, Vt
 
 from wsim.scene import Problem, SceneError
-from wsim.usd.names import Entry, row
+from wsim.usd.names import Entry, fields, row
 from wsim.usd.stage import Units
 
 SI = Units()
@@ -135,6 +135,18 @@ def author(prim: Usd.Prim, owner: str, field: str, value, units: Units = SI, thr
     else:
         attribute.Set(value, time)
     return attribute
+
+
+def read_values(prim: Usd.Prim, owner: str, units: Units = SI) -> dict:
+    """What a prim authors of the values of a class [SI], by field: of rows of the table with an attribute."""
+    found = {field: read(prim, owner, field, units) for field in fields(owner)}
+    return {field: value for field, value in found.items() if value is not None}
+
+
+def author_values(prim: Usd.Prim, thing, units: Units = SI) -> None:
+    """Writes the values of an object, as `read_values` reads them."""
+    for field in fields(type(thing).__name__):
+        author(prim, type(thing).__name__, field, getattr(thing, field), units)
 
 
 def attribute_of(prim: Usd.Prim, entry: Entry) -> Usd.Attribute:

@@ -19,12 +19,11 @@ from wsim.usd.attributes import read
 from wsim.usd.load_varying import finish
 from wsim.usd.prims.cloth import load_cloth
 from wsim.usd.prims.colliders import load_collider
-from wsim.usd.prims.pins import load_pin
+from wsim.usd.prims.pins import is_tie, load_painted, load_pin, load_tie
 from wsim.usd.prims.springs import load_springs
-from wsim.usd.prims.ties import is_tie, load_tie
-from wsim.usd.settings import frames_of, load_settings
+from wsim.usd.settings import frames_of, load_settings, note_range
 from wsim.usd.spelling import spelling
-from wsim.usd.stage import Reading, Units, applied, open_stage, quiet
+from wsim.usd.stage import Reading, Units, applied, open_stage, quiet, source_of
 
 SIMULATED = (names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM, names.WSIM_SPRINGS)
 
@@ -46,13 +45,18 @@ class Prims:
 
 
 def load(path, variants: dict[str, dict[str, str]] | None = None) -> Scene:
-    """The scene of a USD file, in SI units.
+    """The scene of a USD file, or of a `Usd.Stage`, in SI units.
 
+    path        a .usda, .usdc, .usd or .usdz file; or an open stage, read as it is now
     variants    {prim path: {variant set: variant}} to choose before reading
 
     Warnings are in `scene.notes`. Raises SceneError with everything fatal: a file that cannot be opened, nothing that
     can be simulated in it, values out of range.
     """
+    if isinstance(path, Usd.Stage):
+        scene = read_stage(path)
+        scene.source = source_of(path, scene.notes, variants)
+        return scene
     notes: list[Problem] = []
     stage = open_stage(path, variants, notes)
     scene = read_stage(stage, notes)
@@ -134,10 +138,12 @@ def _load_body(reading: Reading, scene: Scene, prim: Usd.Prim, body: Usd.Prim) -
         soft = load_soft(reading, prim, body)
         if soft is not None:
             scene.softs.append(soft)
+            scene.pins += load_painted(reading, prim, soft)
     elif names.SURFACE_SIM in apis:
         cloth = load_cloth(reading, prim, body)
         if cloth is not None:
             scene.cloths.append(cloth)
+            scene.pins += load_painted(reading, prim, cloth)
     else:
         springs = load_springs(reading, prim, body)
         if springs is not None:
@@ -262,6 +268,7 @@ def _finished(reading: Reading, scene: Scene, found: Prims) -> Scene:
         skinned(reading, found.skel_roots, [reading.stage.GetPrimAtPath(thing.path) for thing in solid])
     fatal = [problem for problem in reading.problems if problem.fatal]
     if scene.bodies() or scene.others:
+        note_range(reading)
         fatal += [problem for problem in check(scene) if problem.fatal]
     elif not fatal:                               # the notes say why: a reference without a file, a body left out
         from wsim.usd.new.hints import nothing

@@ -13,10 +13,12 @@ from pxr import Usd
 
 from wsim.scene import Scene, Varying
 from wsim.scene.curve import Curve
+from wsim.scene.values.table import VALUES, varying
 from wsim.usd.stage import Reading
 
 OWN = ("physics:", "wsim:")        # namespaces whose samples are looked at
-CURVES = ("wsim:actuation", "wsim:reaction", "wsim:load:force", "wsim:load:traction")     # sampled by nature, read elsewhere
+# sampled by nature, read elsewhere
+CURVES = ("wsim:reaction", *(row.usd.attribute for row in VALUES if row.form == "curve" and row.usd))
 
 
 def steady(reading: Reading, prim: Usd.Prim, *names: str) -> bool:
@@ -44,7 +46,8 @@ def attributes_of(prim: Usd.Prim | None) -> list[Usd.Attribute]:
 
 def vary(reading: Reading, path: str, kind: type, attributes: list[Usd.Attribute],
          values: Callable[[Reading], dict]) -> None:
-    """Notes what differs in time of the values {name: value} [SI] of the object at `path`, of a kind of `LIVE`.
+    """Notes what differs in time of the values {name: value} [SI] of the object at `path`, of a class
+    of the table of values.
 
     attributes    from which they follow
     values        reads them, at the start of the Reading that it is given
@@ -53,7 +56,6 @@ def vary(reading: Reading, path: str, kind: type, attributes: list[Usd.Attribute
     reading.followed |= {a.GetPath() for a in moving}
     if not moving:
         return
-    from wsim.scene.check.varying import LIVE
     codes = {code for a in moving for code in a.GetTimeSamples()}
     if any(a.HasSpline() for a in moving):
         codes |= set((reading.units.start + np.arange(reading.frames + 1)).tolist())
@@ -67,7 +69,7 @@ def vary(reading: Reading, path: str, kind: type, attributes: list[Usd.Attribute
         if any(v.shape != column[0].shape for v in column):
             reading.fail(moving[0].GetPath(), f"{name} has {column[0].size} values at one time and another number at another; "
                          "give it as many at each")
-        elif name in LIVE[kind]:
+        elif name in varying(kind.__name__):
             curve = Curve(reading.units.time(np.array(keys)), np.array(column))
             reading.varying.append((where, Varying(path, name, curve)))
         else:

@@ -1,4 +1,5 @@
-"""Every name that wsim reads from a stage or writes to one, in one table.
+"""Every name that wsim reads from a stage or writes to one, in one table; names of values are in their rows
+(`wsim.scene.values.table`).
 
 A row says which schema owns an attribute, its USD type, its unit, and the field of the scene that it carries; load
 and save both go through these rows, so that a name of the deformable proposal that changes is changed here alone.
@@ -9,14 +10,16 @@ Names in `physics:` are those of UsdPhysics and of the deformable proposal of th
 from dataclasses import dataclass
 from math import inf
 
+from wsim.scene.values import table
+
 # Schemas of the deformable proposal, which no OpenUSD release registers yet.
 BODY = "PhysicsDeformableBodyAPI"
 SURFACE_SIM = "PhysicsSurfaceDeformableSimAPI"
 CURVES_SIM = "PhysicsCurvesDeformableSimAPI"
 VOLUME_SIM = "PhysicsVolumeDeformableSimAPI"
-SURFACE_MATERIAL = "PhysicsSurfaceDeformableMaterialAPI"
+SURFACE_MATERIAL = table.SHEET
 CURVES_MATERIAL = "PhysicsCurvesDeformableMaterialAPI"
-VOLUME_MATERIAL = "PhysicsVolumeDeformableMaterialAPI"
+VOLUME_MATERIAL = table.SOLID
 POSE = "PhysicsDeformablePoseAPI"       # applied by name: POSE:<name>
 ATTACHMENT = "PhysicsAttachment"
 ELEMENT_FILTER = "PhysicsElementCollisionFilter"
@@ -27,11 +30,11 @@ PHYSICS_SCENE = "PhysicsScene"
 COLLISION = "PhysicsCollisionAPI"
 MESH_COLLISION = "PhysicsMeshCollisionAPI"
 RIGID_BODY = "PhysicsRigidBodyAPI"
-MATERIAL = "PhysicsMaterialAPI"
+MATERIAL = table.RUB
 BINDING = "MaterialBindingAPI"
 
 # Schemas of wsim, registered from schema/.
-WSIM_SCENE, WSIM_CLOTH, WSIM_MATERIAL = "WsimSceneAPI", "WsimClothAPI", "WsimMaterialAPI"
+WSIM_SCENE, WSIM_CLOTH, WSIM_MATERIAL = table.AIR, table.FLAT, table.OWN
 WSIM_SPRINGS, WSIM_COLLIDER, WSIM_SOFT = "WsimSpringsAPI", "WsimColliderAPI", "WsimSoftAPI"
 WSIM_ATTACHMENT, WSIM_LOAD, WSIM_RIGID = "WsimAttachmentAPI", "WsimLoadAPI", "WsimRigidBodyAPI"
 
@@ -62,46 +65,19 @@ class Entry:
     uniform: bool = False
 
 
-TABLE = (
+OTHERS = (
     Entry("Scene", "direction", PHYSICS_SCENE, "physics:gravityDirection", "vector3f"),
     Entry("Scene", "magnitude", PHYSICS_SCENE, "physics:gravityMagnitude", "float", "m/s^2"),
     Entry("Scene", "substeps", WSIM_SCENE, "wsim:substeps", "int", uniform=True),
     Entry("Scene", "iterations", WSIM_SCENE, "wsim:iterations", "int", uniform=True),
     Entry("Scene", "solver", WSIM_SCENE, "wsim:solver", "token", uniform=True),
     Entry("Scene", "integrator", WSIM_SCENE, "wsim:integrator", "token", uniform=True),
-    Entry("Scene", "error", WSIM_SCENE, "wsim:error", "double", uniform=True),
-    Entry("Scene", "wind", WSIM_SCENE, "wsim:wind", "vector3d", "m/s"),
-    Entry("Scene", "air_density", WSIM_SCENE, "wsim:airDensity", "double", "kg/m^3"),
-    Entry("Scene", "air_drag", WSIM_SCENE, "wsim:airDrag", "double", "1/s"),
-    Entry("Scene", "contact_width", WSIM_SCENE, "wsim:contactWidth", "double", "m"),
 
-    Entry("Fabric", "stretch", SURFACE_MATERIAL, "physics:surfaceStretchStiffness", "float", "N/m"),
-    Entry("Fabric", "shear", SURFACE_MATERIAL, "physics:surfaceShearStiffness", "float", "N/m"),
-    Entry("Fabric", "bend", SURFACE_MATERIAL, "physics:surfaceBendStiffness", "float", "N m"),
-    Entry("Fabric", "poisson", SURFACE_MATERIAL, "physics:poissonsRatio", "float"),
-    Entry("Fabric", "density", MATERIAL, "physics:density", "float", "kg/m^3"),
-    Entry("Fabric", "static_friction", MATERIAL, "physics:staticFriction", "float"),
-    Entry("Fabric", "dynamic_friction", MATERIAL, "physics:dynamicFriction", "float"),
-    Entry("Fabric", "thickness", WSIM_MATERIAL, "wsim:thickness", "double", "m"),
-    Entry("Fabric", "damping", WSIM_MATERIAL, "wsim:damping", "double", "s"),
-    Entry("Fabric", "weft", WSIM_MATERIAL, "wsim:weftStretch", "double", "N/m"),
-    Entry("Fabric", "strain_limit", WSIM_MATERIAL, "wsim:strainLimit", "double"),
-
-    Entry("Bulk", "young", VOLUME_MATERIAL, "physics:youngsModulus", "float", "Pa"),
-    Entry("Bulk", "poisson", VOLUME_MATERIAL, "physics:poissonsRatio", "float"),
-    Entry("Bulk", "density", MATERIAL, "physics:density", "float", "kg/m^3"),
-    Entry("Bulk", "static_friction", MATERIAL, "physics:staticFriction", "float"),
-    Entry("Bulk", "dynamic_friction", MATERIAL, "physics:dynamicFriction", "float"),
     Entry("Bulk", "model", WSIM_MATERIAL, "wsim:elasticModel", "token", uniform=True),
-    Entry("Bulk", "damping", WSIM_MATERIAL, "wsim:damping", "double", "s"),
-    Entry("Bulk", "yield_strain", WSIM_MATERIAL, "wsim:yieldStrain", "double"),
 
     Entry("Elastic", "young", SURFACE_MATERIAL, "physics:youngsModulus", "float", "Pa"),
     Entry("Elastic", "curve_stretch", CURVES_MATERIAL, "physics:curvesStretchStiffness", "float", "N"),
 
-    Entry("Friction", "static_friction", MATERIAL, "physics:staticFriction", "float"),
-    Entry("Friction", "dynamic_friction", MATERIAL, "physics:dynamicFriction", "float"),
-    Entry("Friction", "restitution", MATERIAL, "physics:restitution", "float"),
     Entry("Friction", "density", MATERIAL, "physics:density", "float", "kg/m^3"),
 
     Entry("Body", "mass", BODY, "physics:mass", "float", "kg"),
@@ -117,10 +93,7 @@ TABLE = (
     Entry("Cloth", "masses", SURFACE_SIM, "physics:masses", "float[]", "kg"),
     Entry("Cloth", "thicknesses", SURFACE_SIM, "physics:thicknesses", "float[]", "m"),
     Entry("Cloth", "model", WSIM_CLOTH, "wsim:model", "token", uniform=True),
-    Entry("Cloth", "weld", WSIM_CLOTH, "wsim:weld", "double", "m", uniform=True),
     Entry("Cloth", "tethers", WSIM_CLOTH, "wsim:tethers", "bool", uniform=True),
-    Entry("Cloth", "drag", WSIM_CLOTH, "wsim:drag", "double"),
-    Entry("Cloth", "lift", WSIM_CLOTH, "wsim:lift", "double"),
 
     Entry("Elements", "masses", SURFACE_SIM, "physics:masses:elementType", "token", uniform=True),
     Entry("Elements", "thicknesses", SURFACE_SIM, "physics:thicknesses:elementType", "token", uniform=True),
@@ -135,7 +108,6 @@ TABLE = (
     Entry("Soft", "rest_tets", VOLUME_SIM, "physics:restTetVertexIndices", "int4[]"),
     Entry("Soft", "masses", VOLUME_SIM, "physics:masses", "float[]", "kg"),
     Entry("Soft", "masses_of", VOLUME_SIM, "physics:masses:elementType", "token", uniform=True),
-    Entry("Soft", "pressure", WSIM_SOFT, "wsim:pressure", "double", "Pa"),
     Entry("Soft", "quadratic", WSIM_SOFT, "wsim:quadratic", "bool", uniform=True),
     Entry("Soft", "filled", WSIM_SOFT, "wsim:filled", "float[]"),
 
@@ -150,15 +122,8 @@ TABLE = (
     Entry("Springs", "counts", "BasisCurves", "curveVertexCounts", "int[]"),
     Entry("Springs", "velocities", "BasisCurves", "velocities", "vector3f[]", "m/s"),
     Entry("Springs", "particles", WSIM_SPRINGS, "wsim:particles", "int[]", uniform=True),
-    Entry("Springs", "stiffness", WSIM_SPRINGS, "wsim:stiffness", "float[]", "N/m"),
     Entry("Springs", "masses", WSIM_SPRINGS, "wsim:masses", "float[]", "kg"),
-    Entry("Springs", "lengths", WSIM_SPRINGS, "wsim:lengths", "float[]", "m"),
-    Entry("Springs", "damping", WSIM_SPRINGS, "wsim:damping", "double", "s"),
-    Entry("Springs", "radius", WSIM_SPRINGS, "wsim:radius", "double", "m"),
     Entry("Springs", "muscles", WSIM_SPRINGS, "wsim:muscles", "int[]", uniform=True),
-    Entry("Springs", "actuation", WSIM_SPRINGS, "wsim:actuation", "double[]"),
-
-    Entry("Collider", "thickness", WSIM_COLLIDER, "wsim:thickness", "double", "m"),
 
     Entry("RigidBody", "force", WSIM_RIGID, "wsim:force", "vector3d", "N"),
     Entry("RigidBody", "torque", WSIM_RIGID, "wsim:torque", "vector3d", "N m"),
@@ -172,8 +137,6 @@ TABLE = (
     Entry("Pin", "places", ATTACHMENT, "physics:coords1", "vector3f[]", "m"),
     Entry("Tie", "points", ATTACHMENT, "physics:indices0", "int[]"),
     Entry("Tie", "others", ATTACHMENT, "physics:indices1", "int[]"),
-    Entry("Pin", "stiffness", ATTACHMENT, "physics:stiffness", "float", "N/m"),
-    Entry("Pin", "damping", ATTACHMENT, "physics:damping", "float", "N s/m"),
     Entry("Pin", "reaction", WSIM_ATTACHMENT, "wsim:reaction", "vector3f[]", "N"),
     Entry("Pin", "reaction_noise", WSIM_ATTACHMENT, "wsim:reactionNoise", "float", "N"),
     Entry("Pin", "reaction_weights", WSIM_ATTACHMENT, "wsim:reactionWeights", "float[]"),
@@ -181,9 +144,24 @@ TABLE = (
     Entry("Load", "points", WSIM_LOAD, "wsim:load:points", "int[]", uniform=True),
     Entry("Load", "weights", WSIM_LOAD, "wsim:load:weights", "float[]", uniform=True),
     Entry("Load", "triangles", WSIM_LOAD, "wsim:load:triangles", "int3[]", uniform=True),
-    Entry("Load", "force", WSIM_LOAD, "wsim:load:force", "vector3d", "N"),
-    Entry("Load", "traction", WSIM_LOAD, "wsim:load:traction", "vector3d", "Pa"),
 )
+
+
+def of_values() -> list[Entry]:
+    """What the table of values says; those of a material are of its class, `HOLDERS`."""
+    found = {}
+    for value in table.VALUES:
+        if usd := value.usd:
+            owner = HOLDERS.get(value.owner, value.owner) if usd.schema in table.MATERIALS else value.owner
+            found[owner, value.name] = Entry(owner, value.name, usd.schema, usd.attribute, usd.type, value.unit, usd.uniform)
+    return list(found.values())
+
+
+HOLDERS = {"Cloth": "Fabric", "Soft": "Bulk", "Springs": "Friction", "Collider": "Friction"}
+TABLE = (*OTHERS, *of_values())
+# primvars wsim:<name> of values with one number for each element, and their units (`wsim.usd.result.fields`)
+PER_TET = {v.name: v.unit for v in table.of("Soft").values() if v.each and v.form == "number"}
+PER_ELEMENT = {v.name: v.unit for v in table.of("Cloth").values() if v.each and v.form == "number"}
 SRC0, SRC1 = "physics:src0", "physics:src1"                     # relationships of an attachment
 STEPS_HINT = "newton:timeStepsPerSecond"                        # read where wsim:substeps is not authored
 LOADED = "wsim:load:body"                                        # relationship of WsimLoadAPI: the body
@@ -200,8 +178,15 @@ _ROWS = {(row.owner, row.field): row for row in TABLE}
 
 
 def row(owner: str, field: str) -> Entry:
-    """The row of one field. KeyError if the table has none."""
+    """The row of one field. KeyError if neither this table nor that of values has one."""
+    if (owner, field) not in _ROWS:
+        return {(entry.owner, entry.field): entry for entry in of_values()}[owner, field]
     return _ROWS[owner, field]
+
+
+def fields(owner: str, schema: str = "") -> list[str]:
+    """Fields of an owner that are values, of one schema or of all, in the order of their table."""
+    return [entry.field for entry in of_values() if entry.owner == owner and schema in ("", entry.schema)]
 
 
 # Older and foreign spellings: what is found -> what the current revision calls it. They are reported, not read.

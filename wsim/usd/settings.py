@@ -12,10 +12,10 @@ from pxr import Gf, Usd
 from wsim.scene import Scene
 from wsim.usd.attributes import EXACT, author, decimal, read
 from wsim.usd.load_varying import attributes_of, vary
-from wsim.usd.names import GRAVITY, PHYSICS_SCENE, STEPS_HINT, WSIM_SCENE, row
+from wsim.usd.names import GRAVITY, PHYSICS_SCENE, STEPS_HINT, WSIM_SCENE, fields, row
 from wsim.usd.stage import Reading, Units
 
-FIELDS = ("substeps", "iterations", "solver", "integrator", "error", "wind", "air_density", "air_drag", "contact_width")
+FIELDS = ("substeps", "iterations", "solver", "integrator", *fields("Scene"))
 
 
 def frames_of(reading: Reading) -> int:
@@ -30,6 +30,14 @@ def frames_of(reading: Reading) -> int:
                      "endTimeCode")
         return Scene().frames
     return frames
+
+
+def note_range(reading: Reading) -> None:
+    """Warns where nobody said how long the scene is."""
+    layer = reading.stage.GetRootLayer()
+    if not reading.stage.HasAuthoredTimeCodeRange():
+        reading.warn(layer.realPath or layer.identifier, f"has no startTimeCode and endTimeCode: {Scene().frames} frames are "
+                     f"simulated, {reading.units.fps:g} a second; author both and timeCodesPerSecond, or give --frames")
 
 
 def load_settings(reading: Reading, prims: list[Usd.Prim]) -> Scene:

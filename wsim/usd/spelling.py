@@ -12,8 +12,8 @@ from wsim.usd.names import FOREIGN_ATTRIBUTES, FOREIGN_PREFIXES, FOREIGN_SCHEMAS
 from wsim.usd.stage import Reading, applied
 
 WSIM, PRIMVAR, RESTART = "wsim:", "primvars:wsim:", "wsim:restart:"
-FIELDS = {"young": names.VOLUME_SIM, "poisson": names.VOLUME_SIM, "stretch": names.SURFACE_SIM, "shear": names.SURFACE_SIM,
-          "weft": names.SURFACE_SIM, "bend": names.SURFACE_SIM}                  # `wsim.usd.result.fields`
+FIELDS = dict.fromkeys(names.PER_TET, names.VOLUME_SIM) | dict.fromkeys(
+    (*names.PER_ELEMENT, "thickness"), names.SURFACE_SIM)
 # what must be the type of a prim, or applied to it, for the attributes of a schema of wsim to be read
 PLACES = {names.WSIM_SCENE: names.PHYSICS_SCENE, names.WSIM_MATERIAL: "Material", names.WSIM_CLOTH: names.SURFACE_SIM,
           names.WSIM_SPRINGS: names.WSIM_SPRINGS, names.WSIM_SOFT: names.VOLUME_SIM, names.WSIM_COLLIDER: names.COLLISION,
@@ -30,7 +30,8 @@ def _places() -> dict[str, set[str]]:
         if entry.attribute.startswith(WSIM):
             found.setdefault(entry.attribute, set()).add(PLACES[entry.schema])
     found[row("Fabric", "thickness").attribute].add(names.SURFACE_SIM)           # beside the float of the mesh
-    return found | {PRIMVAR + name: {place} for name, place in FIELDS.items()}
+    return found | {PRIMVAR + name: {place} for name, place in FIELDS.items()} | {
+        PRIMVAR + "pin": {names.SURFACE_SIM, names.VOLUME_SIM}}                  # `wsim.usd.prims.painted`
 
 
 READ = _places()

@@ -96,6 +96,9 @@ def open_stage(path, variants: dict | None = None, notes: list | None = None) ->
     What a run writes or left unfinished is read as it was saved last (`wsim.usd.result.crate.read`). Raises SceneError if the
     file is missing, is no USD, or cannot be read, or if a variant does not exist.
     """
+    if not isinstance(path, (str, os.PathLike)):
+        raise SceneError(Problem("scene", f"is a {type(path).__name__}; give a wsim.Scene, the path of a USD file or a "
+                                 "Usd.Stage"))
     path, found = os.fspath(path), [] if notes is None else notes
     if not os.path.exists(path):
         raise SceneError(Problem(path, "there is no such file; give the path of a .usda, .usdc, .usd or .usdz file"))
@@ -113,6 +116,22 @@ def open_stage(path, variants: dict | None = None, notes: list | None = None) ->
             _choose(stage, variants)
     found.extend(_unresolved(stage))
     return stage
+
+
+def source_of(stage: Usd.Stage, notes: list[Problem], variants: dict | None = None) -> str | None:
+    """The file of an open stage, where it says what the stage says. None, with a warning in `notes`, of a stage in memory or
+    with edits that are not saved. Raises SceneError where variants are asked for."""
+    root, session = stage.GetRootLayer(), stage.GetSessionLayer()
+    if variants:
+        raise SceneError(Problem(root.identifier, "variants of an open stage are chosen on it: "
+                                 "prim.GetVariantSet(name).SetVariantSelection(value)"))
+    edited = [layer for layer in stage.GetUsedLayers() if layer.dirty and not (layer == session and layer.empty)]
+    if root.realPath and not edited:
+        return root.realPath
+    name = (edited[0] if root.realPath else root).identifier
+    notes.append(Problem(name, "is not saved: a result lies over a copy of what is simulated, without materials that are only "
+                         "seen; save the stage first to keep them", fatal=False))
+    return None
 
 
 def unfinished(path: str) -> Sdf.Layer | None:

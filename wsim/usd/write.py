@@ -4,23 +4,27 @@ import os
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
-from wsim.scene import Cloth, Collider, Load, Pin, Problem, Scene, SceneError, Skin, Soft, Springs, Tie
+from wsim.scene import Cloth, Collider, Load, Pin, Problem, Scene, SceneError, Skin, Soft, Springs, Tie, Varying
 from wsim.scene.check.scene import check
 from wsim.scene.fabric import Fabric
 from wsim.scene.methods import every
 from wsim.scene.solid import Bulk
+from wsim.scene.values import table
 from wsim.usd import names
+from wsim.usd.attributes import author
+from wsim.usd.names import HOLDERS
 from wsim.usd.prims.cloth import author_cloth_prim
 from wsim.usd.prims.colliders import author_collider, surface
-from wsim.usd.prims.pins import FRAME, author_pin
+from wsim.usd.prims.fabric import bound, plane_stress
+from wsim.usd.prims.pins import FRAME, author_pin, author_tie
 from wsim.usd.prims.springs import author_springs
-from wsim.usd.prims.ties import author_tie
 from wsim.usd.result.atomic import replacing
 from wsim.usd.result.crate import PARTIAL
-from wsim.usd.settings import author_settings
-from wsim.usd.stage import SUFFIXES, Units, reason
+from wsim.usd.settings import author_settings, author_varying_gravity
+from wsim.usd.stage import SUFFIXES, Reading, Units, reason
 
 
 def save(scene: Scene, path) -> None:
@@ -67,7 +71,6 @@ def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
         _parents(stage, thing.path)
         row.role("usd").author(stage, thing, units)
     if scene.varying:
-        from wsim.usd.write_varying import author_varying
         author_varying(stage, scene, settings, units)
     settings.CreateRelationship(names.ORDER, False).SetTargets(
         [Sdf.Path(thing.path) for thing in [*objects, *_skins(scene)]])
@@ -201,3 +204,39 @@ def _why(error: Exception, target: Path) -> str:
     if isinstance(error, OSError):
         return error.strerror or str(error)
     return "no permission" if not os.access(target.parent, os.W_OK) else reason(error)
+
+
+# What varies in time, as samples of the attributes that a load makes curves of. Attributes of type float keep seven digits.
+
+def author_varying(stage: Usd.Stage, scene: Scene, settings: Usd.Prim, units: Units) -> None:
+    """Samples at the keys of every curve; the prims and their materials are there."""
+    things = {thing.path: thing for thing in (*scene.bodies(), *scene.colliders, *(thing for _, thing in every(scene)))}
+    for varying in scene.varying:
+        times = varying.curve.times
+        if varying.name == "stretch":                          # what is written follows Poisson's ratio too
+            times = np.unique(np.concatenate([times, *(v.curve.times for v in _poisson(scene, varying.path))]))
+        for time in times.tolist():
+            code, value = units.code(time), varying.curve.at(time)
+            if varying.path != "/":
+                _of(Reading(stage, units), scene, things[varying.path], varying, value, time)
+            elif varying.name == "gravity":
+                author_varying_gravity(settings, value, units, code)
+            else:
+                author(settings, "Scene", varying.name, value, units, time=code)
+
+
+def _poisson(scene: Scene, path: str) -> list[Varying]:
+    return [v for v in scene.varying if (v.path, v.name) == (path, "poisson")]
+
+
+def _of(reading: Reading, scene: Scene, thing, varying: Varying, value, time: float) -> None:
+    prim, units, kind, name = reading.stage.GetPrimAtPath(thing.path), reading.units, type(thing), varying.name
+    row = table.of(kind.__name__)[name]
+    if row.usd is None or row.usd.schema not in table.MATERIALS:
+        author(prim, kind.__name__, name, value, units, time=units.code(time))
+        return
+    through = None
+    if kind is Cloth and name == "stretch":
+        nu = [float(v.curve.at(time)) for v in _poisson(scene, thing.path)]
+        through = plane_stress(nu[0] if nu else thing.material.poisson)
+    author(bound(reading, prim), HOLDERS[kind.__name__], name, value, units, through, units.code(time))

@@ -36,7 +36,7 @@ class BallCarrier(Carrier):
 class Balls(Method):
     def __init__(self, b):
         super().__init__("balls")
-        self.model, self.state, self.points, t = b.model, b.state, b.methods["points"], types(b.model.real)
+        self.model, self.state, self.points, t = b.model, b.state, b.methods.find("points"), types(b.model.real)
         balls, model = b.scene.things("Ball"), b.model
         self.part = Part.allocate("balls", FIELDS, len(balls), model.real, model.device)
         self.part.rows = {(ball.path, 0): np.array([k]) for k, ball in enumerate(balls)}
@@ -73,6 +73,9 @@ class Balls(Method):
         cloth = filled(kernel.structs(self.model.real).Cloth, x=s.x, d=s.d, v=s.v, object=self.points.constants.object,
                        origin=self.origin, reach=self.reach)
         self.model.launch(self.kernels[2], (self.model.points, self.part.count), [cloth, self.data(clock)], [self.pairs.found])
+
+    def indicators(self, x, v) -> dict[str, float]:
+        return self.pairs.indicators()
 
     def retry(self, status: Status) -> list[Remedy]:
         return self.pairs.retry(status)

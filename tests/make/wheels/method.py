@@ -6,7 +6,6 @@ import warp as wp
 from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
-from wsim.scene import SceneError
 from wsim.scene.samples import Sample, Transform, Value
 
 ROOM = "wheels: turns"
@@ -72,14 +71,6 @@ class Wheels(Method):
         values[hit] = value
         self.drag.assign(values)
         return True
-
-    def accept(self, path: str, name: str, value):
-        """What `set` may be given: a number >= 0. Raises SceneError."""
-        from wsim.scene.check.objects import number
-        problems = list(number(path, name, value, 0.0))
-        if problems:
-            raise SceneError(problems)
-        return float(value)
 
 
 def spin(real, module):

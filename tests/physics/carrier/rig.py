@@ -15,6 +15,7 @@ from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.physics.carrier.carriers import BodyCarrier, KinematicCarrier, PointCarrier
 from wsim.physics.carrier.pairs import Pairs
+from wsim.scene.integrator import TABLE
 
 REAL, MODULE, H = wp.float64, "test_carriers_f64", 0.01
 T = types(REAL)
@@ -55,6 +56,7 @@ class Points(PointCarrier):
         n = len(masses)
         self.masses, self.first = np.asarray(masses, float), True
         self.multistep, self.beyond = INTEGRATORS[integrator]
+        self.row = TABLE[integrator]
         self.gravity = np.asarray(gravity, float)
         c = kernels.constants(REAL)()
         with np.errstate(divide="ignore"):
@@ -70,7 +72,7 @@ class Points(PointCarrier):
         super().__init__(shell, s, owner)
 
     def clock(self) -> Clock:
-        return Clock(H, 1, 1, self.multistep, self.beyond, starting=False)
+        return Clock(H, 1, 1, self.row, starting=False)
 
     def at(self, clock, base):
         return super().at(self.clock(), base)
@@ -187,7 +189,7 @@ class Rig:
         self.pairs = Pairs(model(), self.status, list(combinations), capacity=capacity, colours=colours, sweeps=sweeps,
                            warm=warm)
         self.sides = list({id(c): c for both in combinations for c in both}.values())
-        self.clock = Clock(H, 1, 1, False, starting=False)
+        self.clock = Clock(H, 1, 1, TABLE["backward_euler"], starting=False)
 
     def put(self, rows: list[dict]) -> None:
         """kind, a, b (see `feature`), n, gap, friction (static, dynamic), bounce (restitution, approach), keys."""

@@ -8,8 +8,9 @@ from tests.physics.carrier.rig import INTEGRATORS, REAL, Bodies, H, Points, Rig,
 from wsim.kernels.carrier.body import body, kinematic, turned
 from wsim.kernels.carrier.points import points
 from wsim.model.stage import Clock
+from wsim.scene.integrator import TABLE
 
-CLOCK = Clock(H, 1, 1, False, starting=False)
+CLOCK = Clock(H, 1, 1, TABLE["backward_euler"], starting=False)
 FEATURES = {"point": feature(1), "edge": feature((0, 1), (0.3,)), "triangle": feature((0, 1, 2), (0.2, 0.5)),
             "tet": feature((0, 1, 2, 3), (0.2, 0.3, 0.4)), "body": feature(0, (0.3, -0.2, 0.4))}
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.carrier.rig import H, Points, Rig, Walls, feature
+from tests.physics.carrier.rig import REAL, H, Points, Rig, Walls, feature
 from wsim.kernels.carrier.pairs import key
-from wsim.model.state import State
+from wsim.model.state import Field, Part, State
 from wsim.physics.carrier.carriers import EDGE, POINT, TRIANGLE
 
 
@@ -107,6 +107,17 @@ def test_sweeps_converge_to_where_nothing_penetrates_and_impulses_only_press():
         other = (0.0, 0.0, 0.1 * H) if row.get("kind") else weights @ (b.place() - places[1])[ids]
         gaps.append(row["gap"] + row["n"] @ (moved - other))
     assert min(gaps) > -1e-12 and lam.min() >= 0.0 and np.abs(lam * gaps).max() < 1e-13 and (lam > 0.0).sum() > 5
+    said = rig.pairs.indicators()
+    assert said["pairs"] == 20 and said["pair_residual"] < 1e-12
+
+
+def test_what_few_sweeps_leave_is_said():
+    """Points in a row run into each other: the residual is the deepest gap after a sweep, to rounding."""
+    points = Points(np.ones(5), np.zeros((5, 3)), [(1.0 - 0.5 * k, 0.0, 0.0) for k in range(5)])
+    rig = Rig((points, points))
+    rig.substep([{"a": feature(k + 1), "b": feature(k), "n": (1.0, 0.0, 0.0), "gap": 0.0, "keys": (k, 0)} for k in range(4)])
+    deepest = np.diff(points.place()[:, 0]).min()
+    assert deepest < -1e-4 and abs(rig.pairs.indicators()["pair_residual"] + deepest) < 1e-17
 
 
 def test_sweeps_converge_as_gauss_seidel_does_on_a_chain():
@@ -186,3 +197,22 @@ def test_an_impulse_is_found_by_its_keys_and_dropped_where_the_normal_has_turned
     rig.put([row(2, n, 1.0), row(0, turned / np.linalg.norm(turned), 1.0)])
     rig.pairs.order(rig.clock)
     assert np.array_equal(rig.push(), [(0.0, 0.0, 0.0), n])
+
+
+def test_a_part_that_grows_keeps_its_rows_and_those_of_its_snapshot():
+    fields = (Field("p", "m", True, "first"), Field("k", "", True, "of 64 bits", "long"), Field("q", "m", True, "third"),
+              Field("r", "m", False, "of a substep"))
+    part, state, rng = Part.allocate("list", fields, 0, REAL, "cpu", 3), State(), np.random.default_rng(0)
+    state.add(part)
+    values = {"p": rng.normal(size=(3, 3)), "q": rng.normal(size=(3, 3)), "k": rng.integers(2**60, size=3)}
+    for name, value in values.items():
+        part.arrays[name].assign(value)
+    state.snapshot()
+    for name in values:
+        part.arrays[name].zero_()
+    part.enlarge(7, REAL, "cpu")
+    assert all(not part.arrays[name].numpy().any() and len(part.arrays[name]) == 7 for name in values)
+    state.restore()
+    for name, value in values.items():
+        found = part.arrays[name].numpy()
+        assert np.array_equal(found[:3], value) and not found[3:].any()

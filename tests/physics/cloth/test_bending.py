@@ -13,6 +13,7 @@ from wsim.geometry import topology
 from wsim.model.model import make_body
 from wsim.physics.cloth import bending
 from wsim.physics.cloth.constraints import rows_of
+from wsim.physics.cloth.kind import row
 from wsim.physics.motion import frequency
 from wsim.scene import Cloth, Scene, shapes
 from wsim.scene.fabric import Fabric
@@ -56,8 +57,8 @@ def test_the_curvature_of_a_quadratic_surface_is_exact(mesh):
     found = bending.patches(points, triangles, ids, np.zeros(len(points), bool))
     coupling, inverse = bending.coupling(points, found)
     S = np.array([[0.7, -0.4], [-0.4, 1.9]])
-    rows, body = SimpleNamespace(ids=ids, kind="dihedral"), SimpleNamespace(rest=points, first=0)
-    G = frequency.gradients(rows, body)[:, 0, :, 2]
+    rows, body = SimpleNamespace(ids=ids), SimpleNamespace(rest=points, first=0)
+    G = row("dihedral").slopes(rows, body)[:, 0, :, 2]
     z = (G * curved(points, S)[ids]).sum(axis=1) / np.sqrt(inverse)
     slot = np.maximum(coupling.slot, 0)
     C = (np.where(coupling.slot >= 0, z[slot], 0.0)[..., None] * coupling.value).sum(axis=1)
@@ -158,8 +159,7 @@ def test_the_bound_of_the_frequency_holds_and_is_near():
     for mesh in MESHES:
         points, triangles, _ = strip(mesh, 8)
         sim = Simulation(sheet(mesh, 8, fabric={"stretch": 1e-6, "shear": 0.0}, solver="xpbd", substeps=1), **DOUBLE)
-        rows = {b.path: [r for batch in sim.plan.method("xpbd").batches for r in batch.rows] for b in sim.model.bodies}
-        bound, low = frequency.bound(sim.model, rows)[0], frequency.estimate(sim.model, rows, 200)
+        bound, low = frequency.bound(sim.model)[0], frequency.estimate(sim.model, 200)
         pinned = sim.scene.pins[0].points
         K, free = stiffness(points, triangles, np.isin(np.arange(len(points)), pinned)), np.ones(len(points), bool)
         free[pinned] = False

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import warp as wp
 
-from wsim.kernels.cloth.constraint import TABLE, arctangent, membrane_response, membrane_shear, membrane_slender
+from tests.make.equations import EQUATIONS
+from wsim.kernels.cloth.constraint import arctangent, membrane_response, membrane_shear, membrane_slender
 from wsim.kernels.math.real import types
 
 wp.config.quiet = True
-NAMES = sorted(TABLE)
+NAMES = sorted(EQUATIONS)
 SIZES = [1.0, 1e-2, 1e-3]                # [m]: a formula that is right at one size only is wrong
 SHAPES = {2: [[0, 0, 0], [0.9, 0.5, -0.3]],
           3: [[0, 0, 0], [1.1, 0.2, 0.3], [-0.2, 0.9, 0.4]],
@@ -19,7 +20,7 @@ SHAPES = {2: [[0, 0, 0], [0.9, 0.5, -0.3]],
 
 def evaluator(name, real):
     """Kernel writing C (rows) and the gradient (rows, points, 3) of one constraint at X (points - 1, 3)."""
-    row, t = TABLE[name], types(real)
+    row, t = EQUATIONS[name], types(real)
     formula, n, rows = row.formula, row.points, row.rows
     relative = wp.types.matrix((n - 1, 3), real)
     rest = t.mat22 if name == "membrane" else real
@@ -81,11 +82,15 @@ def rest_of(name, p):
         v /= np.linalg.norm(v)
         turn = np.array([[math.cos(0.4), -math.sin(0.4)], [math.sin(0.4), math.cos(0.4)]])
         return np.linalg.inv(turn @ np.array([[a @ u, b @ u], [a @ v, b @ v]]))
+    if name == "area":                         # Heron
+        a, b, c = np.linalg.norm(p - np.roll(p, 1, axis=0), axis=1)
+        s = 0.5 * (a + b + c)
+        return math.sqrt(s * (s - a) * (s - b) * (s - c))
     return float(np.linalg.norm(p[1] - p[0]))
 
 
 def shape(name, size):
-    return size * np.array(SHAPES[TABLE[name].points], np.float64)
+    return size * np.array(SHAPES[EQUATIONS[name].points], np.float64)
 
 
 def moved(name, size):
@@ -149,7 +154,7 @@ def test_float32_agrees_with_float64(evaluators, name, size):
     p, rest = p.astype(np.float32), np.float32(rest)
     C, G = evaluators(name)(p, rest)
     c, g = evaluators(name, wp.float32)(p, rest)
-    unit = size if TABLE[name].unit == "m" else 1.0
+    unit = {"m": size, "m^2": size**2}.get(EQUATIONS[name].unit, 1.0)
     assert np.abs(c - C).max() < 1e-6 * unit   # about 8 roundings of 1.2e-7
     assert np.abs(g - G).max() < 1e-6 * np.abs(G).max()
 

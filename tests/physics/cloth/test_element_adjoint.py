@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.make.equations import EQUATIONS
 from wsim.kernels.cloth import curvature, curvature_adjoint, element, element_adjoint
-from wsim.kernels.cloth.constraint import TABLE
-from wsim.kernels.cloth.gather_adjoint import works
+from wsim.kernels.cloth.corner_gradients import works
 
 STEP = 1e-3
 WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])         # of differences of order 8
@@ -16,7 +16,7 @@ class Case:
     """Constraints whose points are all their own, bent and stretched by a third and more, and a loss p.f."""
 
     def __init__(self, constraint: str, damped: bool, count: int = 40):
-        rng, row = np.random.default_rng(5), TABLE[constraint]
+        rng, row = np.random.default_rng(5), EQUATIONS[constraint]
         self.constraint, self.damped, self.count, self.corners = constraint, damped, count, row.points
         n = count * row.points
         flat = {3: [[0, 0, 0], [1, 0, 0], [0, 1, 0]], 4: [[0, 0, 0], [1, 0, 0], [0.4, 1, 0], [0.6, -1, 0]]}[row.points]
@@ -37,7 +37,7 @@ class Case:
             self.values["value"] = rng.normal(size=(180, 3)) * (np.arange(180) % 9 < 6)[:, None]
 
     def batch(self, values: dict):
-        data = element.elements(self.constraint, wp.float64)()
+        data = element.elements(EQUATIONS[self.constraint], wp.float64)()
         types = {"rest": wp.mat22d, "stiffness": wp.vec4d} if self.corners == 3 else {}
         ids = np.arange(self.count * self.corners, dtype=np.int32).reshape(self.count, self.corners)
         data.point = wp.array(ids, dtype=wp.types.vector(self.corners, int), device="cpu")

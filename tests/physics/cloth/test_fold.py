@@ -8,6 +8,7 @@ from tests.physics.cloth.test_element_adjoint import STEP, WEIGHTS, Case
 from tools.stress.energy import _angles
 from wsim.geometry import topology
 from wsim.kernels.cloth import curvature, curvature_adjoint, curvature_line_search
+from wsim.kernels.cloth.constraint import DIHEDRAL
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.solver.line_search import Trial
 from wsim.physics.cloth import bending
@@ -122,7 +123,7 @@ def test_damping_takes_energy_in_proportion_to_the_stiffness():
 
 
 def table(case: Case, values: dict):
-    data = batch_of("dihedral", wp.float64)()
+    data = batch_of(DIHEDRAL, wp.float64)()
     data.point = wp.array(np.arange(4 * COUNT, dtype=np.int32).reshape(COUNT, 4), dtype=wp.vec4i, device="cpu")
     for name in ("rest", "alpha", "tau"):
         setattr(data, name, wp.array(values[name], dtype=wp.float64, device="cpu"))

@@ -206,7 +206,7 @@ def test_what_cannot_be_a_rest_shape_is_named_and_changes_nothing():
                          (np.zeros((25, 3)), "rest_shape: an edge, triangle or tet has no size")]:
         with pytest.raises(SceneError, match=text):
             sim.set("/cloth", "rest_shape", values)
-    with pytest.raises(SceneError, match="lengths are those of a spring net"):
+    with pytest.raises(SceneError, match="/cloth: has no live parameter 'lengths', which is of springs; there are stretch"):
         sim.set("/cloth", "lengths", np.ones(56))
     assert sim.changes == []
     solid = Simulation(bar("corotational"), device="cpu")

@@ -51,13 +51,13 @@ def flat(closed: bool) -> Surface:
     return Surface([[-3, -2, 0], [3, -2.5, 0], [0.2, 4, 0.0]], [3], [0, 1, 2])
 
 
-TRIED = {"sphere": SHAPES["sphere"], "plane": Plane(), "solid": cube(0.05), "sheet": wavy(), "deforming": wavy(0.01)}
+TRIED = {"sphere": SHAPES["sphere"], "plane": Plane("Z"), "solid": cube(0.05), "sheet": wavy(), "deforming": wavy(0.01)}
 HIGH = TOP | {"solid": 0.05, "sheet": 0.0, "deforming": 0.0}
 
 
 def below(scene: Scene) -> Scene:
     """With every kind of collider far below."""
-    for k, shape in enumerate((Plane(), Sphere(0.1), cube(0.1), wavy(0.01))):
+    for k, shape in enumerate((Plane("Z"), Sphere(0.1), cube(0.1), wavy(0.01))):
         scene.collider(f"/below{k}", shape, at=(0.0, 0.0, -20.0 - 5.0 * k))
     return scene
 

@@ -154,7 +154,7 @@ def crowd(seed: int, count=80) -> Scene:
     sizes = np.stack([shapes.sphere(r, 8)[0] for r in (0.06, 0.1)])
     swelling = Surface(*shapes.sphere(0.06, 8), Curve(np.array([0.0, 0.1]), sizes))
     kinds = [Sphere(0.05), Box((0.05, 0.03, 0.04)), Sphere(0.02), mesh]
-    scene.collider("/slope", Plane(), (0.0, 0.0, -0.1))
+    scene.collider("/slope", Plane("Z"), (0.0, 0.0, -0.1))
     for k in range(count):
         own = motion(rng, 6, [0.5], 0.6) if k % 3 else Motion.at_place(rng.uniform(-0.6, 0.6, 3))
         own.values[:, 2, 3] *= 0.1

@@ -9,7 +9,7 @@ from wsim.model.model import make_body
 from wsim.scene import SceneError, shapes
 from wsim.scene.check.scene import check
 from wsim.scene.curve import Curve
-from wsim.scene.nodal_loads import between, nodal
+from wsim.scene.nodal.loads import between, nodal
 
 T, RATE = 0.4, 5.0                  # [s], [m/s^3]
 STAYS, GROWS = [0.0, 0.5, -1.0], np.array([1.0, 0.0, 0.0])

@@ -82,7 +82,7 @@ def leaky(what: str) -> Scene:
     if what == "damping":
         scene.softs[0].material = Bulk(1e5, damping=0.01)
     if what == "collider":
-        scene.collider("/ground", Plane(), at=(0.0, 0.0, -9.0))
+        scene.collider("/ground", Plane("Z"), at=(0.0, 0.0, -9.0))
     if what == "moving pin":
         scene.pins[0].motion = Motion([0.0, 1.0], np.stack([np.eye(4), np.diag([1.0, -1.0, -1.0, 1.0])]))
     if what == "pulling pin":

@@ -134,6 +134,16 @@ def test_a_live_modulus_counts_from_the_next_frame_on(solver):
     np.testing.assert_allclose(sim.positions(), ran(stiff, 5).positions(), atol=1e-6)
 
 
+def test_a_stiffer_live_modulus_takes_shorter_steps():
+    """With the root of it: four times as many for sixteen times the stiffness."""
+    sim = Simulation(bar(solver="explicit", integrator="auto", substeps=1), device="cpu")
+    before = sim.plan.method("explicit").least()
+    sim.set("/bar", "young", 16.0 * E)
+    after = sim.plan.method("explicit").least()
+    assert before > 2 and 4 * (before - 1) < after <= 4 * before
+    assert sim.plan.clock.substeps == after
+
+
 # abuse
 
 def scrambled(points: np.ndarray, how: str) -> np.ndarray:

@@ -370,3 +370,9 @@ def test_a_sheet_shrunk_to_one_place_opens_in_float32():
     sim.set("/cloth", "positions", np.full((25, 3), 0.2))
     sim.run(6)
     assert sim.indicators()["rms_strain"] < 0.05
+
+
+def test_newtons_method_falls_into_few_subjects():
+    """At most 20 attributes each, of the method and of its system; 53 stood in one class."""
+    method = Simulation(garment(), **DOUBLE).plan.method("implicit")
+    assert len(vars(method)) <= 20 and len(vars(method.assembly)) <= 20

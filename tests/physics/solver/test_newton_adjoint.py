@@ -17,11 +17,12 @@ class Probe:
         self.sim = Simulation(scene, **(DOUBLE | more))
         self.sim.model.load()
         self.sim.plan.before_frame(0.0)
-        self.m, self.clock = self.sim.plan.method("implicit"), self.sim.plan.clock
+        self.m, self.clock = self.sim.plan.find("assembly"), self.sim.plan.clock
+        self.method = self.sim.plan.method("implicit")
         self.rate, self.n = 1.0 / self.clock.g, self.sim.model.points
         points = self.sim.plan.method("points")
         points.predict(self.clock)
-        self.m.start(self.clock)
+        self.method.start(self.clock)
         self.set(self.sim.state.e.numpy())
 
     def set(self, d):
@@ -63,8 +64,8 @@ class Probe:
         """Phi(d + p) - Phi(d)."""
         self.m.v.y.assign(np.asarray(p).reshape(-1, 3))
         self.m.system.drop.fill_(1e30)                                     # nothing is good enough: nothing moves
-        self.m.line.search(self.rate, 0)
-        return self.m.line.change.numpy()[:, 0].sum()
+        self.method.line.search(self.rate, 0)
+        return self.method.line.change.numpy()[:, 0].sum()
 
 
 @pytest.mark.parametrize("size", [1.0, 0.01])
@@ -167,7 +168,7 @@ def test_several_blocks_a_body_do_the_same_as_one(monkeypatch, worlds):
             monkeypatch.setitem(linear.FUSE, "cpu", 0)
             monkeypatch.setattr(linear, "BLOCK", 3)                          # points of a chunk
         sim = Simulation(scene, worlds=worlds, **DOUBLE)
-        assert sim.plan.method("implicit").system.large == several
+        assert sim.plan.find("assembly").system.large == several
         sim.run(4)
         ends.append(sim.positions("/cloth", worlds - 1))
         counted = sim.indicators()["pcg_iterations"]

@@ -85,7 +85,7 @@ def truss(speed: float, friction: float, frames: int, **more) -> Scene:
                   stiffness=np.array([400.0]), velocities=np.tile([speed, 0.0, 0.0], (3, 1)), static_friction=friction,
                   dynamic_friction=friction)
     scene = Scene(springs=[net], fps=60, frames=frames, gravity=(0.0, 0.0, -G), **NEWTON | more)
-    scene.collider("/floor", Plane(), static_friction=friction, dynamic_friction=friction)
+    scene.collider("/floor", Plane("Z"), static_friction=friction, dynamic_friction=friction)
     return scene
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 
-from wsim.kernels.cloth.constraint import TABLE
+from tests.make.equations import EQUATIONS
+from wsim.kernels.cloth.constraint import DISTANCE, LIMIT
 from wsim.kernels.cloth.energy import statistics
 from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
@@ -23,11 +24,11 @@ class Problem:
     def __init__(self, name, points, ids, rest, alpha, w, real=wp.float64, tau=0.0, **options):
         t = types(real)
         self.real, self.t, self.m = real, t, len(ids)
-        self.Batch, self.kernel = projection(name, real=real, **options)
-        block = TABLE[name].rows == 3
+        self.Batch, self.kernel = projection(EQUATIONS[name], real=real, **options)
+        block = EQUATIONS[name].rows == 3
         self.lam = self.array(np.zeros((self.m, 3) if block else self.m), t.vec3 if block else real)
         b = self.batch = self.Batch()
-        b.point = self.array(ids, wp.types.vector(TABLE[name].points, int))
+        b.point = self.array(ids, wp.types.vector(EQUATIONS[name].points, int))
         b.rest = self.array(rest, t.mat22 if block else real)
         b.alpha = self.array(alpha, t.vec4 if block else real)
         b.tau, b.left = (self.array([value] * self.m, real) for value in (tau, 0.0))
@@ -160,17 +161,17 @@ def test_pinned_corners_of_a_membrane_do_not_move():
 def case(name, real=wp.float64, far=0.0, w=None, **options):
     """A moved and stretched constraint of each kind."""
     points = {2: [[0, 0, 0], [0.9, 0.5, -0.3]], 3: rest_triangle(),
-              4: [[0, 0, 0], [1.0, 0, 0], [0.5, 1.0, 0], [0.5, -1.0, 0]]}[TABLE[name].points]
+              4: [[0, 0, 0], [1.0, 0, 0], [0.5, 1.0, 0], [0.5, -1.0, 0]]}[EQUATIONS[name].points]
     rest = {"membrane": [np.linalg.inv(rest_triangle()[1:, :2].T)], "dihedral": [0.1]}.get(name, [1.0])
     alpha = [[1e-3, -3e-4, 2e-3, 1e-3]] if name == "membrane" else [1e-3]
-    ids = [list(range(TABLE[name].points))]
+    ids = [list(range(EQUATIONS[name].points))]
     w = np.arange(1, len(points) + 1) if w is None else w
     problem = Problem(name, np.asarray(points, np.float64) + far, ids, rest, alpha, w, real, **options)
     d = 0.02 * np.sin(np.arange(3 * len(points))).reshape(-1, 3)
     return problem, d
 
 
-FREE = [name for name in sorted(TABLE) if not TABLE[name].anchored]
+FREE = [name for name in sorted(EQUATIONS) if not EQUATIONS[name].anchored]
 
 
 @pytest.mark.parametrize("name", FREE)
@@ -184,13 +185,13 @@ def test_projection_keeps_linear_and_angular_momentum(name):
     assert np.abs((m * np.cross(arm, moved)).sum(0)).max() < 1e-15
 
 
-@pytest.mark.parametrize("name", sorted(TABLE))
+@pytest.mark.parametrize("name", sorted(EQUATIONS))
 def test_all_pinned_stays_put(name):
-    problem, d = case(name, w=[0.0] * TABLE[name].points)
+    problem, d = case(name, w=[0.0] * EQUATIONS[name].points)
     assert np.all(problem.project(1, 10.0, d) == d)
 
 
-@pytest.mark.parametrize("name", sorted(TABLE))
+@pytest.mark.parametrize("name", sorted(EQUATIONS))
 def test_small_displacements_far_out_lose_nothing(name):
     """In float32 at 1000 m, where positions are 6e-5 m apart, d errs by two roundings of a shape of 1 m."""
     far = 1000.0
@@ -203,7 +204,7 @@ def test_small_displacements_far_out_lose_nothing(name):
     assert np.abs(single.project(1, 10.0, d) - true).max() < 2 * ROUNDING[wp.float32]
 
 
-@pytest.mark.parametrize("name", sorted(TABLE))
+@pytest.mark.parametrize("name", sorted(EQUATIONS))
 def test_separate_output_equals_in_place(name):
     problem, d = case(name, multipliers=True, damped=True)
     kept = problem.array(d, problem.t.vec3)
@@ -215,7 +216,7 @@ def test_separate_output_equals_in_place(name):
     assert np.array_equal(lam_out.numpy(), problem.lam.numpy())
 
 
-@pytest.mark.parametrize("name", [n for n in sorted(TABLE) if not TABLE[n].unilateral])
+@pytest.mark.parametrize("name", [n for n in sorted(EQUATIONS) if not EQUATIONS[n].unilateral])
 def test_uniform_compliance_equals_the_array(name):
     problem, d = case(name, damped=True, multipliers=True, tau=0.01)
     other, _ = case(name, damped=True, multipliers=True, tau=0.01, uniform=True)
@@ -246,7 +247,7 @@ def test_hinge_unfolds_to_its_rest_angle():
 def measured(problem, name, threads=3, **options):
     """(largest strain, sum of squared strains, energy) by the kernel, reduced on the host."""
     out = wp.zeros(threads, dtype=wp.vec3d, device="cpu")
-    wp.launch(statistics(name, real=problem.real, **options), threads,
+    wp.launch(statistics(EQUATIONS[name], real=problem.real, **options), threads,
               [problem.batch, problem.x, problem.m, problem.d], [out], device="cpu")
     s = out.numpy()
     return s[:, 0].max(), s[:, 1].sum(), s[:, 2].sum()
@@ -305,5 +306,5 @@ def test_recorded_projection_has_the_right_gradient(name):
 
 
 def test_structs_of_one_shape_are_shared():
-    assert batch_of("distance", wp.float32) is batch_of("limit", wp.float32)
-    assert projection("distance", real=wp.float32) is projection("distance", real=wp.float32)
+    assert batch_of(DISTANCE, wp.float32) is batch_of(LIMIT, wp.float32)
+    assert projection(DISTANCE, real=wp.float32) is projection(DISTANCE, real=wp.float32)

@@ -96,7 +96,7 @@ class Fresh(xpbd_adjoint.SweepAdjoint):
 
     def __init__(self, batch, model):
         super().__init__(batch, model)
-        self.fresh = projection(batch.kind, real=model.real, module=model.module, multipliers=True, damped=batch.damped,
+        self.fresh = projection(batch.row.equation, real=model.real, module=model.module, multipliers=True, damped=batch.damped,
                                 backward=True)[1]
 
     def record(self, tape, x, a, d, clock):

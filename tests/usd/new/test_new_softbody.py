@@ -1,17 +1,19 @@
 """`wsim new softbody`: a bare TetMesh, or a closed mesh in a cage of tets, becomes a scene; its file stays as it is."""
 
 import os
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation, Vt
 
 from wsim import cli
-from wsim.geometry.tetra.tets import volumes
-from wsim.scene import Plane, SceneError, shapes
-from wsim.scene.masses import soft_masses
+from wsim.geometry.tetra.tets import surface, volumes
+from wsim.scene import Plane, Scene, SceneError, shapes
+from wsim.scene.curve import Motion
+from wsim.scene.nodal.masses import soft_masses
 from wsim.scene.solid import Bulk
-from wsim.usd import load
+from wsim.usd import load, save
 from wsim.usd.new.softbody import author_softbody
 
 MIRROR = Gf.Matrix4d(-2, 0, 0, 0, 0, 1, 0, 0, 0, 0.5, 1, 0, 50, 0, 100, 1)      # of row vectors; det -2
@@ -115,6 +117,12 @@ def test_a_mesh_far_from_the_origin_has_a_cage_as_exact_as_near(source, tmp_path
     assert np.minimum(np.abs(size - 1 / 3), np.abs(size - 1 / 6)).max() < 20 * np.finfo(np.float32).eps
 
 
+def _volume(skin) -> float:
+    """[m^3] that the triangles of a skin enclose, positive where they face outwards."""
+    a, b, c = skin.points.astype(float)[skin.indices.reshape(-1, 3)].transpose(1, 0, 2)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+
 @pytest.mark.parametrize("left", [False, True])
 def test_a_tet_mesh_is_used_as_it_is(source, tmp_path, left):
     tets = shapes.block((1, 1, 1), 2)[1]
@@ -123,10 +131,14 @@ def test_a_tet_mesh_is_used_as_it_is(source, tmp_path, left):
     ball(source)                                                   # the TetMesh counts where there are both
     scene, notes = made(source, tmp_path, ground=1.0)
     (soft,) = scene.softs
-    assert soft.path == "/block" and np.array_equal(soft.tets, tets) and notes == [] and soft.filled is None
+    assert soft.path == "/block_body/block" and np.array_equal(soft.tets, tets) and notes == [] and soft.filled is None
     assert scene.colliders[0].motion.at(0.0)[2, 3] == pytest.approx(-1.5)
     layer = Sdf.Layer.FindOrOpen(str(tmp_path / "scene.usda"))
-    assert not layer.GetAttributeAtPath("/block.tetVertexIndices") and not layer.GetAttributeAtPath("/block.points")
+    assert not layer.GetAttributeAtPath("/block_body/block.tetVertexIndices")
+    assert not layer.GetAttributeAtPath("/block_body/block.points")
+    (skin,) = soft.skins                                           # what tools without TetMesh show, and follows it
+    assert skin.path == "/block_body/surface" and 2 * len(skin.counts) == 2 * 6 * 2 * 2 * 2
+    assert _volume(skin) == pytest.approx(1.0) and faults(Usd.Stage.Open(str(tmp_path / "scene.usda"))) == []
 
 
 def test_flaws_of_a_tet_mesh_are_mended_with_a_warning(source, tmp_path):
@@ -181,3 +193,32 @@ def test_the_command_line_makes_a_scene(source, tmp_path, capsys):
     assert f"wsim run {out}" in capsys.readouterr().out
     assert load(out).softs[0].material == Bulk(young=2e4, poisson=0.45, density=500.0, model="neo_hookean")
     assert cli.main(["check", out]) == 0 and "1 soft body, 1 skin; " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("above", ["", "/World"])
+def test_a_result_shows_the_surface_of_a_body_without_skins(tmp_path, above):
+    """At the points of the TetMesh, in its frame, facing outwards, frame by frame; below another prim the TetMesh itself is not
+    seen twice. It is written alike where a run goes on from an earlier one."""
+    scene = Scene(frames=3, substeps=2)
+    soft = scene.soft(f"{above}/block", *shapes.block((1, 1, 1), 2), motion=Motion.at_place((0.0, 3.0, 0.0)))
+    soft.velocities = np.tile([0.5, 0.0, 0.0], (len(soft.points), 1))
+    save(scene, tmp_path / "scene.usda")
+    file, outs = str(tmp_path / "scene.usda"), [str(tmp_path / f"{name}.usdc") for name in ("whole", "part", "on")]
+    run = ["run", file, "--device", "cpu", "--stress"]
+    assert cli.main([*run, "-o", outs[0]]) == 0 and cli.main([*run, "-o", outs[1], "--frames", "2"]) == 0
+    assert cli.main([*run, "-o", outs[2], "--restart", outs[1]]) == 0
+    for out in (outs[0], outs[2]):
+        stage = Usd.Stage.Open(out)
+        body, seen = (stage.GetPrimAtPath(f"{above}/block{end}") for end in ("", "_surface"))
+        assert seen.IsA(UsdGeom.Mesh) and UsdGeom.Imageable(body).ComputePurpose() == ("guide" if above else "default")
+        own = np.unique(surface(soft.tets))
+        for name in ("points", "velocities", "primvars:vonMises"):
+            for code in range(4):
+                mine, all_ = (np.array(prim.GetAttribute(name).Get(code)) for prim in (seen, body))
+                assert np.array_equal(mine, all_[own])
+            assert seen.GetAttribute(name).GetNumTimeSamples() == 4
+        frame = np.array(UsdGeom.XformCache(3).GetLocalToWorldTransform(seen))
+        points = np.array(seen.GetAttribute("points").Get(3)) @ frame[:3, :3] + frame[3, :3]
+        corners = np.array(UsdGeom.Mesh(seen).GetFaceVertexIndicesAttr().Get())
+        assert _volume(SimpleNamespace(points=points - points.mean(axis=0), indices=corners)) == pytest.approx(1.0, abs=0.02)
+        assert points[:, 1].mean() < 3.0 and points[:, 0].mean() > 0.05

@@ -8,7 +8,7 @@ from tests.physics.motion.test_loads import pushed
 from wsim import load
 from wsim.cli.run import later
 from wsim.scene import shapes
-from wsim.scene.nodal_loads import between
+from wsim.scene.nodal.loads import between
 from wsim.usd import save
 
 

@@ -122,7 +122,8 @@ def test_the_bear_loads_checks_saves_and_loads_equal(read, tmp_path):
     soft = scene.softs[0]
     assert (soft.path, len(soft.points), len(soft.tets)) == ("/zoo/bear", 961, 3008)
     assert meshes.volumes(soft.points, soft.tets).sum() == pytest.approx(98.4285, rel=1e-5)       # as its mesher had it
-    assert check(scene) == [] and [n for n in scene.notes if "friction" not in n.text.lower()] == []
+    assert check(scene) == [] and {n.text.split()[0] for n in scene.notes} == {
+        "physics:staticFriction", "physics:dynamicFriction", "physics:density", "has"}           # and no range of time
     save(scene, tmp_path / "b.usdc")
     assert load(tmp_path / "b.usdc") == scene
 

@@ -29,8 +29,6 @@ from tools.bench.choice.costs import fitted, ratios  # noqa: E402
 from tools.bench.choice.scenes import Case, cases  # noqa: E402
 from tools.bench.speed import hardware  # noqa: E402
 from wsim.bench.track import distance, places, size  # noqa: E402
-from wsim.model.model import hard_places  # noqa: E402
-from wsim.physics.cloth.constraints import rows_of  # noqa: E402
 from wsim.scene import Scene, SceneError  # noqa: E402
 from wsim.simulation import cost  # noqa: E402
 from wsim.simulation.simulation import Simulation  # noqa: E402
@@ -76,12 +74,10 @@ def reference(scene: Scene, frames: int, device) -> tuple[np.ndarray, float]:
 def counts(sim: Simulation) -> dict[str, float] | None:
     """What a frame does, by the names of `wsim.simulation.cost`; None where that is not known: cloth by Newton's method."""
     model, choice, n = sim.model, sim.plan.choice, sim.plan.clock.substeps
-    pinned = hard_places(model)
-    rows = {b.path: rows_of(b, pinned) for b in model.bodies if b.world == 0}
     if choice.solver == "explicit":
-        return cost.explicit(model, rows, n)
+        return cost.explicit(model, n)
     if choice.solver == "xpbd":
-        return cost.sweeps(model, rows, n, choice.iterations)
+        return cost.sweeps(model, n, choice.iterations)
     return cost.newton(model, n, choice.iterations) if sim.scene.softs else None
 
 

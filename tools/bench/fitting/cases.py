@@ -176,7 +176,7 @@ def friction() -> Case:
     points = points - [0.0, points[:, 1].min() - 1e-3, 0.0]
     body = scene.net("/net", points, edges, stiffness, masses)
     body.velocities = np.tile([1.5, 0.0, 0.0], (len(points), 1))
-    scene.collider("/floor", Plane(), static_friction=0.3, dynamic_friction=0.3)
+    scene.collider("/floor", Plane("Z"), static_friction=0.3, dynamic_friction=0.3)
     return plain(scene, 1e-3, {"dynamic_friction": 0.3}, {"dynamic_friction": 0.1})
 
 

@@ -26,6 +26,7 @@ from tools.bench.soft.substeps import cube  # noqa: E402
 from tools.bench.speed import hardware, timed  # noqa: E402
 from wsim import Simulation  # noqa: E402
 from wsim.kernels.cloth import hessian  # noqa: E402
+from wsim.kernels.cloth.constraint import DISTANCE  # noqa: E402
 from wsim.kernels.math.real import types  # noqa: E402
 from wsim.kernels.soft import fem, material  # noqa: E402
 from wsim.kernels.solver import newton, pcg  # noqa: E402
@@ -134,7 +135,7 @@ def strained(cells: int, device: str, precision: str) -> Simulation:
 def measure(cells: int, device: str, precision: str) -> dict[str, tuple[float, float, float]]:
     """(ms to set up, ms a product, largest relative difference) of each way."""
     sim = strained(cells, device, precision)
-    m, model, s = sim.plan.method("implicit"), sim.model, sim.state
+    m, model, s = sim.plan.find("assembly"), sim.model, sim.state
     real, n, table, rate = model.real, model.points, m.solids[0], 1.0 / sim.plan.clock.g
     t, launch, on = types(real), model.launch, wp.get_device(device)
     z = model.upload(np.random.default_rng(2).normal(size=(n, 3)) * (m.rows.w.numpy() > 0.0)[:, None], t.vec3)
@@ -147,7 +148,7 @@ def measure(cells: int, device: str, precision: str) -> dict[str, tuple[float, f
     column = wp.zeros(int(each.sum()) * SLICE, dtype=int, device=on)
     pulls = fem.forces("corotational", table.damped, real=real, module=MODULE)
     f, T = wp.zeros(4 * table.size, dtype=t.vec3, device=on), wp.zeros(table.size, dtype=wp.types.vector(6, real), device=on)
-    springs = hessian.batch_of("distance", real)()
+    springs = hessian.batch_of(DISTANCE, real)()
 
     def assemble():
         a = m.points.anchor

@@ -44,7 +44,7 @@ def row(cells: int, model: str, setting: tuple, device: str, frames: int) -> dic
     sim = Simulation(cube(cells, model, *setting), device=device)
     sim.step()
     first, times, iterations = time.perf_counter() - began, [], []
-    newton = sim.plan.method("implicit")
+    newton = sim.plan.find("assembly")
     for _ in range(frames):
         start = time.perf_counter()
         sim.step()

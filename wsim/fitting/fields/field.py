@@ -1,4 +1,5 @@
-"""What can be fitted with a value for each element: a table, how a simulation takes the values, and its gradient by them.
+"""What can be fitted with a value for each element: rows of `wsim.scene.values.table`, how a simulation takes the values, and
+its gradient with respect to them.
 
     young[], poisson[]            of each tet of a soft body
     stiffness[]                   of each spring of a net
@@ -23,14 +24,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wsim.fitting.fields.prior import Belief, faces, neighbours
-from wsim.fitting.least_squares.bounds import LARGE, LOG, Map
+from wsim.fitting.least_squares.bounds import LARGE, Map
 from wsim.gradient.gradient import Gradient
 from wsim.model.model import edge_lengths
-from wsim.physics.cloth.constraints import AT_REST, rows_of
+from wsim.physics.cloth.constraints import AT_REST, of_body
 from wsim.physics.cloth.rest_shape import rest_shape, written
 from wsim.scene import Cloth, Collider, Load, Motion, Pin, Problem, Scene, SceneError, Soft, Springs
-from wsim.scene.bodies import parted
 from wsim.scene.curve import Curve
+from wsim.scene.values import table
+from wsim.scene.values.per_tet import parted
 from wsim.simulation.simulation import Simulation
 
 WHOLE = ("velocities", "rest_shape", "actuation", "force", "traction")         # of more than one column
@@ -39,29 +41,27 @@ BELIEFS = ("smooth", "tv", "free")
 
 @dataclass(frozen=True)
 class Kind:
-    """A row of the table. near: what neighbours differ by, in units of theta."""
+    """A name of the table of values, with all that have it. near: what neighbours differ by, in units of theta."""
 
     name: str
-    owners: tuple[type, ...]
+    owners: tuple[str, ...]
     noun: str
     unit: str
     map: Map
     near: float = 0.3
 
 
-TABLE = (
-    Kind("young", (Soft,), "tets", "Pa", LOG), Kind("poisson", (Soft,), "tets", "1", Map("bounded", 0.0, 0.5)),
-    Kind("stiffness", (Springs,), "springs", "N/m", LOG),
-    Kind("bend", (Cloth,), "hinges", "N m", LOG), Kind("stretch", (Cloth,), "edges", "N/m", LOG),
-    Kind("shear", (Cloth,), "diagonals", "N/m", LOG), Kind("weft", (Cloth,), "triangles", "N/m", LOG),
-    Kind("velocities", (Cloth, Springs, Soft), "points", "m/s", Map("plain", high=1.0)),
-    Kind("rest_shape", (Cloth, Soft), "points", "m", Map("plain", high=0.01), 1.0),
-    Kind("lengths", (Springs,), "springs", "m", LOG, 0.05), Kind("actuation", (Springs,), "keys", "1", LOG, 0.05),
-    Kind("force", (Load,), "keys", "N", Map("plain", high=LARGE)),
-    Kind("traction", (Load,), "keys", "Pa", Map("plain", high=LARGE)),
-    Kind("motion", (Pin, Collider), "frames", "m", Map("plain", high=1.0), 0.05),
-)
-FIELDS = tuple(f"{kind.name}[]" for kind in TABLE)
+
+def kinds() -> list[Kind]:
+    """What the table of values says of each element, by name."""
+    found: dict[str, Kind] = {}
+    for row in table.VALUES:
+        if row.each:
+            owners = (*(found[row.name].owners if row.name in found else ()), row.owner)
+            found[row.name] = Kind(row.name, owners, row.each.noun, row.unit, Map.of(row.each.map), row.each.near)
+    return list(found.values())
+
+
 _NAME = re.compile(r"(?:(?P<path>.*):)?(?P<what>\w+)\[(?P<belief>\w*)(?:=(?P<near>[^\]]*))?\]")
 
 
@@ -114,7 +114,7 @@ class ParameterField:
 
     def rows(self, sim: Simulation) -> tuple[np.ndarray, np.ndarray]:
         """Places of the points of each spring, edge or hinge, and their stiffness."""
-        found = [r for r in rows_of(sim.model.body(self.path)) if self.kind.name in r.stiffness]
+        found = [r for r in of_body(sim.model, sim.model.body(self.path)) if self.kind.name in r.stiffness]
         if len(found) != 1 or not np.all(found[0].stiffness[self.kind.name] > 0.0):
             raise SceneError(Problem(self.path, f"has no {self.kind.noun} with a {self.kind.name} of their own > 0; give it "
                                      "one, or leave it out"))
@@ -210,9 +210,7 @@ class ParameterField:
             new.stiffness = values[:, 0].copy()                        # stays in float64
         else:
             new = replace(thing, material=replace(thing.material, **{self.kind.name: float(np.median(values))}))
-        changed: dict = {group: [new if b is thing else b for b in getattr(scene, group)]
-                         for group in ("cloths", "springs", "softs", "pins", "colliders", "loads")}
-        return replace(scene, **changed)
+        return scene.exchanged(thing, new)
 
 
 # from names
@@ -239,9 +237,10 @@ def fields(names: list[str], scenes: list[Scene]) -> list[ParameterField]:
 
 def _field(name: str, scenes: list[Scene]) -> ParameterField:
     match = _NAME.fullmatch(name)
-    kind = next((k for k in TABLE if match and k.name == match["what"]), None)
+    kind = next((k for k in kinds() if match and k.name == match["what"]), None)
     if not match or not kind:
-        raise SceneError(Problem(name, f"is no field; allowed are {', '.join(FIELDS)}, of one body as /World/Body:{FIELDS[0]}"))
+        every = [f"{k.name}[]" for k in kinds()]
+        raise SceneError(Problem(name, f"is no field; allowed are {', '.join(every)}, of one body as /World/Body:{every[0]}"))
     belief, near = match["belief"] or "smooth", match["near"]
     try:
         size = kind.near if near is None else float(near)
@@ -251,7 +250,7 @@ def _field(name: str, scenes: list[Scene]) -> ParameterField:
         raise SceneError(Problem(name, f"found [{belief}{'' if near is None else f'={near}'}]; allowed are "
                                  f"{', '.join(BELIEFS)}, of the first two with a number > 0 that neighbours differ by, as "
                                  "tv=0.5"))
-    have = list(dict.fromkeys(b.path for s in scenes for b in things(s) if isinstance(b, kind.owners)
+    have = list(dict.fromkeys(b.path for s in scenes for b in things(s) if type(b).__name__ in kind.owners
                               and (kind.name != "actuation" or getattr(b, "actuation", None) is not None)
                               and (not isinstance(b, Load) or b.name == kind.name)))
     path = match["path"] or (have[0] if len(have) == 1 else "")

@@ -10,12 +10,13 @@ from wsim.fitting import parameter
 from wsim.fitting.fields.field import Kind, ParameterField, fields, is_field
 from wsim.fitting.fields.prior import Belief
 from wsim.fitting.least_squares.bounds import Map
-from wsim.fitting.parameter import STRETCHES, Parameter
+from wsim.fitting.parameter import Parameter
 from wsim.gradient.gradient import Gradient
 from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.values.table import PARTS
 from wsim.simulation.simulation import Simulation
 
-FRICTION = ("static_friction", "dynamic_friction")
+LOADS = ("force", "traction")             # whose gradients have a row for each key
 
 
 class Number:
@@ -55,15 +56,8 @@ class Number:
         return np.array([[total]])
 
     def derivative(self, gradient: Gradient, path: str, name: str, each: bool):
-        if path == "/":
-            return getattr(gradient, name)()
-        if name in FRICTION:
-            return gradient.friction(path)[FRICTION.index(name)]
-        if name in ("density", "mass", "restitution"):
-            return getattr(gradient, name)(path)
-        if name in ("force", "traction"):
-            return gradient.load(path)[0]
-        return gradient.material(name, path, elements=each)
+        found = gradient.value(path, name, elements=each)
+        return found[0] if name in LOADS else found
 
     def written(self, scene: Scene, values: np.ndarray) -> Scene:
         return self.parameter.written(scene, float(values[0, 0]))
@@ -110,6 +104,5 @@ def several(names: list[str], scenes: list[Scene], start: dict) -> tuple[list[Pa
 
 def _same(n: Number, f: ParameterField, scenes: list[Scene]) -> bool:
     """Whether both say what one body has."""
-    kinds = STRETCHES.get(n.kind.name, (n.kind.name,))
-    other = {"stretch": "warp", "weft": "weft"}.get(f.kind.name, f.kind.name)
-    return other in kinds and any(getattr(thing, "path", "/") == f.path for s in scenes for _, thing in n.parameter.rows(s))
+    return f.kind.name in PARTS.get(n.kind.name, (n.kind.name,)) and any(
+        getattr(thing, "path", "/") == f.path for s in scenes for _, thing in n.parameter.rows(s))

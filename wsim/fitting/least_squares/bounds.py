@@ -8,16 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LARGE = 10.0           # [m/s^2, m/s, Pa, N] one unit of theta of a parameter that may have either sign
+from wsim.scene.values.value import LARGE, Theta
 
 
 @dataclass(frozen=True)
-class Map:
-    """theta of a value, the value of theta, and d value / d theta."""
+class Map(Theta):
+    """theta of a value, the value of theta, and d value / d theta, by what a row of the table of values says: low, high of
+    "bounded"; of "plain" high is the value of theta = 1."""
 
-    kind: str                    # "log", "plain" or "bounded"
-    low: float = 0.0             # of "bounded"
-    high: float = 1.0            # of "bounded"; of "plain" the value of theta = 1
+    @staticmethod
+    def of(row: Theta) -> "Map":
+        return Map(row.kind, row.low, row.high)
 
     def forward(self, value):
         """Of a number or an array. Raises ValueError, with what is allowed, outside the range."""

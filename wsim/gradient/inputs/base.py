@@ -7,6 +7,7 @@ import numpy as np
 from wsim.model.midnodes import places, spread
 from wsim.model.model import edge_lengths
 from wsim.scene import Problem, SceneError
+from wsim.scene.values.coverage import row_of
 
 PART = 0.05            # of a value, that a derivative by differences may move it
 
@@ -20,6 +21,7 @@ class Input(ABC):
     def __init__(self, recording, name: str):
         self.recording, self.sim, self.model, self.name = recording, recording.sim, recording.sim.model, name
         self.path, _, self.what = name.rpartition(":")
+        self.row = row_of(recording.sim.scene, self.path or "/", self.what)
 
     def shapes(self) -> list[tuple[int, ...]]:
         """Shapes that a value of one world may have."""
@@ -36,7 +38,11 @@ class Input(ABC):
         return np.broadcast_to(value, (worlds, *value.shape)) if value.shape in shapes else value
 
     def write(self, value) -> None:
-        for world, each in enumerate(self.each(value)):
+        """Raises SceneError for values that the table of values does not allow."""
+        values = self.each(value)
+        if not (good := self.allowed(values)).all():
+            raise SceneError(Problem(self.name, self.row.range.wrong(self.what, values[~good][0])))
+        for world, each in enumerate(values):
             self.put(each, world)
 
     def put(self, value: np.ndarray, world: int) -> None:
@@ -49,19 +55,22 @@ class Input(ABC):
 
     def bounds(self) -> tuple[float, float]:
         """What it may be."""
-        return -np.inf, np.inf
+        return self.row.range.low, self.row.range.high
+
+    def allowed(self, value: np.ndarray) -> np.ndarray:
+        """Of each number, whether it may be."""
+        return np.asarray(self.row.range.holds(value))
 
     def allows(self, value: np.ndarray) -> bool:
-        low, high = self.bounds()
-        return bool(((value >= low) & (value <= high)).all())
+        return bool(self.allowed(value).all())
 
     @abstractmethod
     def read(self, world: int = 0) -> np.ndarray:
         """As it is now."""
 
-    @abstractmethod
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
         """Of one world, of a value of that shape, from a `wsim.gradient.gradient.Gradient`."""
+        return np.asarray(gradient.value(self.path or "/", self.what, world))
 
     def scale(self) -> float:
         return PART * float(np.abs(self.read()).max())
@@ -94,9 +103,6 @@ class Start(Input):
                 every[self.field("x")][where] = exact
                 every[self.field("e")][where] = exact - every[self.field("x")][where]
         self.recording.initial.assign(every)
-
-    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        return getattr(gradient, self.what)(self.path, world)
 
     def scale(self) -> float:
         """A part of a mean edge; velocities: that change a place by as much in the time of the recording."""

@@ -16,19 +16,17 @@ the worlds, in front; without it all worlds share the value. Points that are one
 of the last of them.
 """
 
-from typing import Any
-
 import numpy as np
 
 from wsim.gradient.inputs.base import PART, Input, Start
-from wsim.gradient.inputs.contact import contact_input
+from wsim.gradient.inputs.contact import Shift, Touch
 from wsim.gradient.inputs.controls import Actuation, Loaded, Targets
 from wsim.gradient.inputs.rest import Rest
-from wsim.scene import Problem, SceneError, Springs
-from wsim.scene.masses import density_of
-from wsim.simulation.retry import STIFFENS
-
-SCENE = {"gravity": (3,), "wind": (3,), "air_drag": ()}
+from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
+from wsim.scene.methods import named
+from wsim.scene.nodal.masses import density_of
+from wsim.scene.values.coverage import refuse, row_of, without
+from wsim.scene.values.table import stiffens
 
 
 class Whole(Input):
@@ -37,16 +35,13 @@ class Whole(Input):
     def read(self, world: int = 0) -> np.ndarray:
         p = self.recording.parameters
         if self.what == "wind" and not p.air:
-            raise SceneError(Problem(self.name, "no cloth has drag or lift, so that wind does nothing; leave it out"))
-        owner = p.plan.method("points")
-        array = owner.gravity() if self.what == "gravity" else (p.air.wind if self.what == "wind" else p.points.decay).numpy()
+            raise refuse("wind", self.name)
+        points = p.plan.find("points")
+        array = points.gravity() if self.what == "gravity" else (p.air.wind if self.what == "wind" else p.points.decay).numpy()
         rows = array.astype(np.float64)[self.model.rows("/", world)]
         if (rows != rows[0]).any():
             raise SceneError(Problem(self.name, "is not the same for all bodies, and has no one value"))
         return rows[0]
-
-    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        return np.asarray(getattr(gradient, self.what)(world))
 
     def scale(self) -> float:
         return PART * max(1.0, float(np.abs(self.read()).max()))
@@ -57,13 +52,11 @@ class Density(Input):
 
     def read(self, world: int = 0) -> np.ndarray:
         body = self.model.body(self.path, world)
-        density = self.sim.plan.method("points").densities.get(body.number) or density_of(body.source)
+        density = self.sim.plan.find("densities").get(body.number) or density_of(body.source)
         if density is None:
-            raise SceneError(Problem(self.name, "its masses follow no single density"))
+            raise refuse("density", self.path)
         return np.array(density)
 
-    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        return np.array(gradient.density(self.path, world))
 
 
 class Mass(Input):
@@ -71,24 +64,16 @@ class Mass(Input):
 
     def read(self, world: int = 0) -> np.ndarray:
         body = self.model.body(self.path, world)
-        if not isinstance(body.source, Springs):
-            raise SceneError(Problem(self.name, "is a cloth or soft body; take its density"))
         return np.array(body.masses.sum())
 
-    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        return np.array(gradient.mass(self.path, world))
 
 
 class MaterialInput(Input):
     """A live parameter of a material, one for the body or one for each element."""
 
-    def constraints(self, body) -> list:
-        p = self.recording.parameters
-        return [r for r in (*p.springs, *(r for source in (*p.flat, *p.batches) for r in source.rows)) if r.body is body]
-
     def values(self, body) -> list[np.ndarray]:
         """By the tables that have it, one for each element."""
-        rows = self.constraints(body)
+        rows = self.recording.parameters.rows(body)
         found = [np.broadcast_to(r.stiffness[self.what], len(r.ids)) for r in rows if self.what in r.stiffness]
         if self.what == "damping":
             found += [np.full(len(r.ids), r.tau) for r in rows if r.tau > 0.0]
@@ -109,8 +94,7 @@ class MaterialInput(Input):
         body = self.model.body(self.path, world)
         found = self.values(body)
         if not found:
-            names = ", ".join(["positions", "velocities", "rest_shape", *self.names(body)])
-            raise SceneError(Problem(self.path, f"has no {self.what!r} to be differentiated by; there are {names}"))
+            raise without(self.path, self.what, self.row.owner, self.names(self.recording, body))
         every = self.sorted(np.concatenate(found).astype(np.float64), body)
         return np.array(every[0]) if (every == every[0]).all() else every
 
@@ -121,17 +105,15 @@ class MaterialInput(Input):
             values[np.concatenate([part.rows for part in parts])] = values.copy()
         return values
 
-    def names(self, body) -> list[str]:
-        """What of a body can be written."""
-        tables, rows = self.recording.parameters.tables, self.constraints(body)
-        tets = [part for table in tables for part in table.parts if part.body is body]
-        damped = any(r.tau > 0.0 for r in rows) or any(part.values["damping"].any() for part in tets)
-        pressed = any(b is body for table in tables for b in getattr(table, "bodies", ()))
-        flows = any(p.body is body for table in tables if table.plastic for p in table.parts)
-        return sorted({name for d in (*(r.stiffness for r in rows), *(part.values for part in tets)) for name in d}
-                      - {"damping"} | set(["damping"] * damped + ["pressure"] * pressed + ["yield_strain"] * flows)
-                      | set(["density"] * (density_of(body.source) is not None))
-                      | set(["mass"] * isinstance(body.source, Springs)))
+    @staticmethod
+    def names(recording, body) -> list[str]:
+        """What of a body can be written, besides where it is."""
+        more = ["density"] * (density_of(body.source) is not None) + ["mass"] * isinstance(body.source, Springs)
+        return sorted({*recording.parameters.names(body), *more})
+
+    def allowed(self, value: np.ndarray) -> np.ndarray:
+        """0 too: what is slackened to nothing has a derivative."""
+        return super().allowed(value) | ((value == 0.0) & (self.row.range.low == 0.0))
 
     def shapes(self) -> list[tuple[int, ...]]:
         body = self.model.body(self.path)
@@ -140,7 +122,7 @@ class MaterialInput(Input):
         return [()] if single else [(), (count,)]
 
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        found = np.asarray(gradient.material(self.what, self.path, world, elements=bool(shape)))
+        found = np.asarray(gradient.value(self.path, self.what, world, elements=bool(shape)))
         return self.sorted(found, self.model.body(self.path, world)) if shape else found
 
     def scale(self) -> float:
@@ -149,9 +131,6 @@ class MaterialInput(Input):
         if self.what == "poisson":
             return PART * float(np.minimum(0.5 - value, 1.0 + value).min())
         return PART * float(np.abs(value).min())
-
-    def bounds(self) -> tuple[float, float]:
-        return {"poisson": (-1.0, 0.5), "pressure": (-np.inf, np.inf)}.get(self.what, (0.0, np.inf))
 
 
 def inputs(recording, names) -> dict[str, Input]:
@@ -171,32 +150,27 @@ def inputs(recording, names) -> dict[str, Input]:
     return found
 
 
+KINDS: dict[str, type[Input]] = {"start": Start, "whole": Whole, "density": Density, "mass": Mass, "material": MaterialInput,
+                                 "rest": Rest, "actuation": Actuation, "load": Loaded, "targets": Targets, "contact": Touch,
+                                 "shift": Shift}               # by `Value.gradient`
+
+
 def _input(recording, name: str) -> Input:
+    """Raises SceneError where the table of values has no such input; whether a recording has it is found when it is read."""
     path, _, what = name.rpartition(":")
-    paths = [b.path for b in recording.sim.scene.bodies()]
-    if path in ("", "/"):
-        if what not in SCENE:
-            raise SceneError(Problem(name, f"is no value of the whole scene; there are {', '.join(SCENE)}, and of a body such "
-                                     f"as {paths[0]}:positions"))
-        return Whole(recording, name)
-    if what == "targets" and path in [p.path for p in recording.sim.scene.pins]:
-        return Targets(recording, name)
-    if (load := next((each for each in recording.sim.scene.loads if each.path == path), None)) and what == load.name:
-        return Loaded(recording, name)
-    if path in (others := [c.path for c in recording.sim.scene.colliders]) or what.endswith("_friction"):
-        return contact_input(recording, name)
-    if path not in paths:
-        pins = [f"{p.path}:targets" for p in recording.sim.scene.pins]
-        loads = [f"{load.path}:{load.name}" for load in recording.sim.scene.loads]
-        raise SceneError(Problem(name, f"there is no body {path}; there are {', '.join(paths + pins + loads + others)}"))
-    kinds: dict[str, Any] = {"positions": Start, "velocities": Start, "density": Density, "mass": Mass, "actuation": Actuation,
-                             "rest_shape": Rest, "lengths": Rest}
-    return kinds.get(what, MaterialInput)(recording, name)
+    scene = recording.sim.scene
+    thing = named(scene, path or "/")
+    if thing is None:
+        there = [*(b.path for b in scene.bodies()), *(f"{p.path}:targets" for p in scene.pins),
+                 *(f"{load.path}:{load.name}" for load in scene.loads), *(c.path for c in scene.colliders)]
+        raise SceneError(Problem(name, f"there is no body {path}; there are {', '.join(there)}"))
+    own = isinstance(thing, (Cloth, Springs, Soft)) and MaterialInput.names(recording, recording.sim.model.body(path))
+    return KINDS[row_of(scene, path or "/", what, own or ()).gradient](recording, name)
 
 
 def stable(recording, names) -> None:
     """Raises SceneError where the values that were written want shorter explicit steps than were recorded."""
-    explicit, found = recording.plan.method("explicit"), recording.plan.clock.substeps
-    if explicit and any(name.rpartition(":")[2] in STIFFENS for name in names) and (least := explicit.least()) > found:
-        raise SceneError(Problem("substeps", f"found {found}; these values want {least}. Give the scene more substeps before "
+    least, found = recording.plan.find("least"), recording.plan.clock.substeps
+    if least and any(stiffens(name.rpartition(":")[2]) for name in names) and (wanted := least()) > found:
+        raise SceneError(Problem("substeps", f"found {found}; these values want {wanted}. Give the scene more substeps before "
                                  "it is recorded, or keep stiffness and damping below"))

@@ -8,43 +8,33 @@
 import numpy as np
 
 from wsim.gradient.inputs.base import PART, Input
-from wsim.physics.contact.contacts import FRICTION
 from wsim.scene import Problem, SceneError
 from wsim.scene.curve import Motion
-
-NAMES = (*FRICTION, "restitution", "thickness")
+from wsim.scene.values.table import FRICTION
 
 
 class Touch(Input):
     """Friction of a body or a collider, restitution and thickness of a collider."""
 
     def read(self, world: int = 0) -> np.ndarray:
-        method = self.sim.plan.method("contact")
+        contacts, bounce = self.sim.plan.find("contacts"), self.sim.plan.find("bounce")
         objects = [k for k, b in enumerate(self.model.bodies) if b.world == world]
-        rows = method.contacts.rows.of(self.path, objects) if method else []
-        if not rows and (self.what not in FRICTION or not method or self.path not in [b.path for b in self.model.bodies]):
+        rows = contacts.rows.of(self.path, objects) if contacts else []
+        if not rows and (self.what not in FRICTION or not contacts or self.path not in [b.path for b in self.model.bodies]):
             raise SceneError(Problem(self.name, f"there is nothing of that path with {self.what} among contacts"))
         if self.what in FRICTION and not rows:
-            every, k = method.contacts.points.friction.numpy(), FRICTION.index(self.what)
+            every, k = contacts.points.friction.numpy(), FRICTION.index(self.what)
             return np.array(float(every[self.model.body(self.path, world).first, k]))
         if self.what in FRICTION:
-            return np.array(method.contacts.friction[rows[0], FRICTION.index(self.what)])
+            return np.array(contacts.friction[rows[0], FRICTION.index(self.what)])
         if self.what == "thickness":
-            return np.array(method.contacts.gap[rows[0]])
-        if not method.bounce:
+            return np.array(contacts.gap[rows[0]])
+        if not bounce:
             raise SceneError(Problem(self.name, "no collider throws back, so nothing of that runs; give one a restitution > 0"))
-        return np.array(method.bounce.of(rows[0], self.model.bodies[objects[0]].first))
-
-    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        if self.what in FRICTION:
-            return np.array(gradient.friction(self.path, world)[FRICTION.index(self.what)])
-        return np.array(getattr(gradient, self.what)(self.path, world))
+        return np.array(bounce.of(rows[0], self.model.bodies[objects[0]].first))
 
     def scale(self) -> float:
         return PART * max(float(self.read()), 1e-3)
-
-    def bounds(self) -> tuple[float, float]:
-        return 0.0, 1.0 if self.what == "restitution" else np.inf
 
 
 class Shifted(Motion):
@@ -70,7 +60,7 @@ class Shift(Input):
     shared = True
 
     def collider(self):
-        return next(c for c in self.sim.plan.method("contact").contacts.rows.colliders if c.path == self.path)
+        return next(c for c in self.sim.plan.find("contacts").rows.colliders if c.path == self.path)
 
     def read(self, world: int = 0) -> np.ndarray:
         motion, r = self.collider().motion, self.recording
@@ -86,20 +76,8 @@ class Shift(Input):
     def put(self, value: np.ndarray, world: int) -> None:
         motion = self.collider().motion
         own = motion.own if isinstance(motion, Shifted) else motion
-        self.sim.plan.method("contact").contacts.move(
+        self.sim.plan.find("contacts").move(
             self.path, Shifted(own, value.copy(), self.recording.start, self.sim.scene.fps))
-
-    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        return gradient.motion(self.path, world)[:, 0]
 
     def scale(self) -> float:
         return 1e-4
-
-
-def contact_input(recording, name: str) -> Input:
-    what = name.rpartition(":")[2]
-    if what == "shift":
-        return Shift(recording, name)
-    if what not in NAMES:
-        raise SceneError(Problem(name, f"a collider has {', '.join((*NAMES, 'shift'))}"))
-    return Touch(recording, name)

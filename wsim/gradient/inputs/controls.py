@@ -6,7 +6,7 @@ from math import ceil
 import numpy as np
 
 from wsim.gradient.inputs.base import PART, Input, Start
-from wsim.scene import Problem, SceneError
+from wsim.scene.values.coverage import refuse
 
 
 class Actuation(Input):
@@ -15,14 +15,11 @@ class Actuation(Input):
     def muscle(self, world: int):
         muscles = self.recording.parameters.muscles
         if not muscles:
-            raise SceneError(Problem(self.name, "no net has muscles; give one an actuation"))
+            raise refuse("actuation", self.path)
         return muscles.muscles[muscles.find(self.path, world)]
 
     def read(self, world: int = 0) -> np.ndarray:
         return self.muscle(world).curve.values.copy()
-
-    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        return gradient.actuation(self.path, world)
 
 
 class Loaded(Input):
@@ -84,9 +81,6 @@ class Targets(Input):
         (p, hard), clock = self.pin(world), self.sim.plan.clock
         p.motion = Given(value, self.recording.start, self.sim.scene.fps, clock.moments(hard) / clock.dt)
         self.pins.changed, self.sim.graph = True, None
-
-    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        return gradient.targets(self.path, world)
 
     def scale(self) -> float:
         return Start(self.recording, f"{self.pin(0)[0].pin.body}:positions").scale()

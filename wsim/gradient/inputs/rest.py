@@ -5,7 +5,6 @@ import numpy as np
 from wsim.gradient.inputs.base import PART, Input
 from wsim.model.model import edge_lengths
 from wsim.physics.cloth.rest_shape import rest_shape
-from wsim.scene import Problem, SceneError, Springs
 
 
 class Rest(Input):
@@ -15,12 +14,7 @@ class Rest(Input):
         body = self.model.body(self.path, world)
         if self.what == "rest_shape":
             return rest_shape(body)
-        if not isinstance(body.source, Springs):
-            raise SceneError(Problem(self.name, "is no spring net: it has no rest lengths of its own; take rest_shape"))
         return edge_lengths(body)
-
-    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        return getattr(gradient, self.what)(self.path, world)
 
     def scale(self) -> float:
         """A part of a mean edge."""

@@ -6,17 +6,16 @@
 """
 
 import copy
-from typing import Any
 
 import numpy as np
 import warp as wp
 
 from wsim.gradient.tables import ends
 from wsim.kernels.math.real import ADJOINT
-from wsim.physics.cloth.constraints import HARD
 from wsim.physics.cloth.elements import Elements
+from wsim.physics.cloth.kind import SPRINGS
 from wsim.physics.motion.forces import ForceGather
-from wsim.simulation.measure.reaction import rows_of
+from wsim.simulation.measure.reaction import soft
 from wsim.simulation.plan import Plan
 
 
@@ -24,13 +23,11 @@ class Beside:
     """Of a plan that sweeps."""
 
     def __init__(self, plan: Plan):
-        xpbd: Any = plan.method("xpbd")
-        points: Any = plan.method("points")
         own = copy.copy(plan.model)
-        own.module, own.modules, own.tape = f"{own.module}_reactions{ADJOINT}", {}, None
-        self.pull = ForceGather(own, points.constants, rows_of(plan), None, shared=False)
+        own.module, own.modules, own.tables, own.tape = f"{own.module}_reactions{ADJOINT}", {}, {}, None
+        self.pull = ForceGather(own, plan.find("constants"), soft(plan.model), None, shared=False)
         self.elements = {e.kind: e for e in self.pull.elements if isinstance(e, Elements)}
-        self.batches = [b for b in xpbd.batches if b.kind not in HARD]
+        self.batches = [b for b in plan.methods.every("batches") if not b.hard]
 
     def arrays(self) -> list[wp.array]:
         """What gets gradients."""
@@ -47,7 +44,7 @@ class Beside:
         """Gradients by compliances, rest values and relaxation times of XPBD's tables, by their address."""
         found = {}
         for batch in self.batches:
-            alpha, rest, tau = self.springs(batch) if batch.kind == "distance" else self.flat(batch)
+            alpha, rest, tau = self.springs(batch) if batch.row.gather == SPRINGS else self.flat(batch)
             data = batch.data
             for array, by in ((data.alpha, alpha), (batch.lengths or data.rest, rest), (data.tau, tau)):
                 if array:

@@ -247,7 +247,7 @@ def copied(recording: Recording, worlds: int) -> Recording:
                     substeps=clock.substeps // choice.integrator.solves, iterations=choice.iterations)
     copy = Simulation(scene, device=sim.device, precision="float64", worlds=worlds, gradients=True)
     other = copy.plan.clock
-    copy.frame, other.scheme, other.starting = recording.start, clock.scheme, recording.begins
+    copy.frame, other.integrator, other.starting = recording.start, clock.integrator, recording.begins
     _parameters(sim, copy)
     return Recording(copy, recording.frames)
 
@@ -271,14 +271,13 @@ def _parameters(sim: Simulation, copy: Simulation) -> None:
         if world in (None, 0) and name not in ("motion", "positions", "velocities"):
             for method in copy.plan.methods:
                 method.set(path, name, value, None)
-    pins: Any = sim.plan.method("pins")
-    others: Any = copy.plan.method("pins")
+    pins, others = sim.plan.find("pins"), copy.plan.find("pins")
     if pins and others:
         for kind, group in others.groups.items():
             own = {p.pin.path: p for p in pins.groups[kind]}
             for p in group:
                 p.motion = own[p.pin.path].motion
         others.changed = True
-    contact: Any = sim.plan.method("contact")
-    for collider in contact.contacts.rows.colliders if contact else ():
-        copy.plan.method("contact").set(collider.path, "motion", collider.motion)       # type: ignore[union-attr]
+    contacts = sim.plan.find("contacts")
+    for collider in contacts.rows.colliders if contacts else ():
+        copy.plan.find("contacts").move(collider.path, collider.motion)

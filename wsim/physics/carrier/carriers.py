@@ -24,11 +24,12 @@ OWN = 64
 def answer(real, clock: Clock):
     """The coefficients of a substep, as kernels/carrier/response.py has them. Raises SceneError for sdirk3, whose stages end at
     times of their own."""
-    if clock.staged:
+    if clock.integrator.solves > 1:
         raise SceneError(Problem("/", "sdirk3 has stages at times of its own, and what contacts push must stand at the ends of "
                                  "substeps; take wsim:integrator = bdf2, implicit_midpoint or backward_euler"))
-    c = clock.g if clock.multistep else clock.g * clock.g / clock.h
-    return filled(response(real), h=clock.h, g=clock.g, c=c, ahead=1.0 / clock.part, memory=int(clock.multistep))
+    memory = clock.integrator.memory > 0.0
+    c = clock.g if memory else clock.g * clock.g / clock.h
+    return filled(response(real), h=clock.h, g=clock.g, c=c, ahead=1.0 / clock.part, memory=int(memory))
 
 
 class Carrier:
@@ -63,7 +64,7 @@ class PointCarrier(Carrier):
                 filled(kinds.Pushed, **moved))
 
     def remembers(self, clock: Clock) -> bool:
-        return clock.multistep
+        return clock.integrator.memory > 0.0
 
 
 class BodyCarrier(Carrier):

@@ -34,7 +34,7 @@ RECOVERY = 0.5         # [m/s] at which features leave an overlap, as wsim.physi
 SLOW = 0.05            # [m/s] of approach below which pairs do not throw back: what gravity adds in a substep of 5 ms
 COLUMNS = {"kind": int, "sticks": int, "key_a": wp.int64, "key_b": wp.int64, "id_a": wp.vec4i, "id_b": wp.vec4i}
 REALS = {"at_a": "vec3", "at_b": "vec3", "n": "vec3", "gap": "scalar", "friction": "vec2", "bounce": "vec2",
-         "push": "vec3", "aim": "vec3", "total": "vec3"}
+         "push": "vec3", "aim": "vec3", "left": "scalar", "total": "vec3"}
 class Pairs:
     """found: what a search appends to; list: in order. combinations: two carriers for each `kind` of pair."""
 
@@ -179,7 +179,7 @@ class Pairs:
     def settle(self, clock: Clock) -> None:
         """After the last sweep, and before velocities are made."""
         pairs = self.list
-        self.walk(clock, self.aim_kernels, pairs.aim, pairs.sticks, pairs.total, moves=False)
+        self.walk(clock, self.aim_kernels, pairs.aim, pairs.sticks, pairs.total, pairs.left, moves=False)
         for _ in range(self.sweeps):
             self.walk(clock, self.settle_kernels, pairs.total)
         if any(c.remembers(clock) for both in self.combinations for c in both):
@@ -188,6 +188,12 @@ class Pairs:
             self.last.keep()
 
     # around a frame
+
+    def indicators(self) -> dict[str, float]:
+        """pairs: in the last substep; pair_residual: the largest |min(C, lam n.Kn)| [m] that its sweeps left: a gap that is not
+        kept, or an impulse across one."""
+        count = int(self.list.count.numpy()[0])
+        return {"pairs": count, "pair_residual": float(self.list.left.numpy()[:count].max(initial=0.0))}
 
     def retry(self, status: Status) -> list[Remedy]:
         wanted = int(status.said(self.word)[0])

@@ -26,7 +26,7 @@ def wants(scene: Scene) -> str:
 
 
 def build(b: Build) -> Aero:
-    return Aero(b.model, b.state, b.methods["points"])
+    return Aero(b.model, b.state, b.methods.find("points"))
 
 
 class Aero(Method):
@@ -53,6 +53,7 @@ class Aero(Method):
         self.force = wp.zeros(len(triangles), dtype=t.vec3, device=model.device)
         self.k = wp.zeros(len(triangles), dtype=t.scalar, device=model.device)
         self.press, self.blow = kernels.press(real, module), kernels.blow(real, module)
+        self.offers = {"air": self.air, "wind": self}
         size = np.dtype(model.dtype).itemsize
         self.stages = [Stage("wind", "predict", self.launch, 2, len(triangles) * (12 + 22 * size)
                              + model.points * 11 * size, what=f"{len(triangles)} triangles")]

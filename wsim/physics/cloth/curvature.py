@@ -1,6 +1,5 @@
 """Curvatures of all sheets on the device: see `wsim.physics.cloth.bending` and kernels/cloth/curvature.py."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -105,15 +104,18 @@ class Curvature:
         return Spans(key[order][new] // n, key[order][new] % n, np.r_[new, len(key)],
                      np.stack([places, corners], axis=1)[order])
 
-    def launch_sums(self, backward: Callable | None = None) -> None:
+    def launch_sums(self) -> None:
         """C of z."""
-        self.model.launch(self.sums, self.triangles, [self.data], [], backward)
+        self.model.launch(self.sums, self.triangles, [self.data], [])
+
+    def energy_kernels(self, module: str) -> list:
+        return [f(self.model.real, module) for f in (kernels.stored, kernels.sums, kernels.energy)]
 
     def energy(self, table, rest: wp.array, x: wp.array, d: wp.array, module: str) -> float:
         """[J] at x + d. table: struct of the hinges' points and compliances; rest: their angles at rest."""
-        real, launch = self.model.real, self.model.launch
+        launch = self.model.launch
         out = wp.zeros(min(LANES, self.triangles), dtype=wp.float64, device=self.model.device)
-        stored, sums, energy = (f(real, module) for f in (kernels.stored, kernels.sums, kernels.energy))
+        stored, sums, energy = self.energy_kernels(module)
         kernel_cache.ready(energy, self.model)
         launch(stored, self.hinges, [table, rest, x, d, self.data], [])
         launch(sums, self.triangles, [self.data], [])

@@ -1,61 +1,50 @@
-"""Membranes and hinges as explicit steps have them: forces at the corners of each. Equations: kernels/cloth/element.py,
-kernels/cloth/curvature.py."""
+"""Membranes, hinges and elements of any other kind as explicit steps have them: forces at the corners of each. Equations:
+kernels/cloth/element.py, curvature.py, general.py."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 
 from wsim.kernels.cloth import element
-from wsim.kernels.math.real import types
 from wsim.model.model import Model
 from wsim.physics.cloth.constraints import Constraints
+from wsim.physics.cloth.kind import SHEET, row
+from wsim.physics.cloth.table import table_of
 
 if TYPE_CHECKING:
-    from wsim.physics.motion.forces import ForceGather
-
-
-def _nothing(read: list, wrote: list) -> None:
-    """Adjoint of launches that another's adjoint takes along."""
+    pass
 
 
 class Elements:
-    """Membranes or hinges of every body, on the device."""
+    """Those of one kind of every body, on the device."""
 
     def __init__(self, model: Model, kind: str, rows: list[Constraints]):
-        self.model, self.kind, self.rows, self.first, self.damped = model, kind, rows, 0, False
-        self.backward: Callable | None = None         # adjoint of `launch`
-        t, real = types(model.real), model.real
-        self.ids = model.shared(np.concatenate([r.ids for r in rows]).astype(np.int32))
-        self.data = element.elements(kind, real)()
-        self.data.point = model.upload(self.ids, wp.types.vector(self.ids.shape[1], int))
-        self.data.rest = model.upload(np.concatenate([r.rest for r in rows]), t.mat22 if kind == "membrane" else real)
-        self.data.stiffness = model.upload(self.stiffness(), t.vec4 if kind == "membrane" else real)
-        self.data.tau = model.upload(self.tau(), real)
+        self.model, self.kind, self.rows, self.row, self.first, self.damped = model, kind, rows, row(kind), 0, False
+        self.table = table = table_of(model, kind).relax()
+        self.ids, self.data = table.ids, element.elements(self.row.equation, model.real)()
+        for name in ("point", "rest", "tau"):
+            setattr(self.data, name, getattr(table.data, name))
+        self.data.stiffness = model.upload(self.stiffness(), table.entry)
         self.curvature: Any = None
-        if kind == "dihedral":
+        if self.row.gather == SHEET:
             from wsim.physics.cloth.curvature import Curvature
             self.curvature = Curvature(model, rows, stored=True)
 
     def stiffness(self) -> np.ndarray:
         """alpha^-1, (m,); of a membrane (m, 4): (uu, uv, shear, vv) of plane stress."""
-        alpha = np.concatenate([np.broadcast_to(r.alpha, (len(r.ids), *r.alpha.shape[1:])) for r in self.rows])
-        if self.kind != "membrane":
+        alpha, _ = self.table.values()
+        if alpha.ndim == 1:
             return 1.0 / alpha
         uu, uv, shear, vv = alpha.T
         det = uu * vv - uv**2
         return np.stack([vv / det, -uv / det, 1.0 / shear, uu / det], axis=1)
 
-    def tau(self) -> np.ndarray:
-        return np.concatenate([np.full(len(r.ids), r.tau) for r in self.rows])
-
     def refresh(self) -> None:
-        self.data.rest.assign(np.concatenate([r.rest for r in self.rows]).astype(self.model.dtype))
+        self.table.refresh()
         self.data.stiffness.assign(self.stiffness().astype(self.model.dtype))
-        self.data.tau.assign(self.tau().astype(self.model.dtype))
         if self.curvature:
             self.curvature.refresh()
 
@@ -64,18 +53,17 @@ class Elements:
         if self.curvature:
             from wsim.kernels.cloth import curvature
             self.strained, self.kernel = curvature.strained(real, module, damped), curvature.corners(real, module)
-        else:
+        elif self.row.equation.rows == 3:
             self.kernel = element.corners(real=real, module=module, damped=damped)
-
-    def differentiate(self, pull: ForceGather) -> None:
-        from wsim.physics.motion.forces_adjoint import BentAdjoint, FlatAdjoint
-        self.backward = (BentAdjoint if self.curvature else FlatAdjoint)(self.model, self, pull).backward
+        else:
+            from wsim.kernels.cloth import general
+            self.kernel = general.corners(self.row.equation, real, module, damped)
 
     def launch(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> None:
         read: list = [self.data, x, pair, source, self.first]
         if self.curvature:
             cur = self.curvature
-            self.model.launch(self.strained, cur.hinges, [self.data, x, pair, source, cur.data], [], _nothing)
-            cur.launch_sums(_nothing)
+            self.model.launch(self.strained, cur.hinges, [self.data, x, pair, source, cur.data], [])
+            cur.launch_sums()
             read.append(cur.data)
-        self.model.launch(self.kernel, len(self.ids), read, [force], self.backward)
+        self.model.launch(self.kernel, len(self.ids), read, [force])

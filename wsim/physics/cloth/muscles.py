@@ -1,8 +1,7 @@
 """Muscles of spring nets: factors of rest lengths over time, put where forces are evaluated. See kernels/cloth/muscle.py.
 
-A table holds the factors of a frame at every half of a substep, of sdirk3 at every stage, so that each evaluation has those of
-its own time: leapfrog's kicks the beginning of a substep, stages of a Runge-Kutta step theirs, implicit steps and sweeps the
-time that they solve for.
+A table holds the factors of a frame at the times when forces are evaluated (`Clock.acting`): leapfrog's kicks have those of the
+beginning of a substep, stages of a Runge-Kutta step theirs, implicit steps and sweeps those of the time that they solve for.
 """
 
 from __future__ import annotations
@@ -15,8 +14,10 @@ import warp as wp
 
 from wsim.kernels.cloth import muscle as kernels
 from wsim.model.model import Body, Model
-from wsim.model.stage import Clock, Method, Stage
+from wsim.model.stage import Clock, Method, Methods, Stage
+from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
+from wsim.physics.cloth.kind import SPRINGS
 from wsim.scene import Problem, SceneError
 from wsim.scene.bodies import Springs
 from wsim.scene.curve import Curve
@@ -64,11 +65,7 @@ class _Site:
     def __init__(self, model: Model, length: wp.array, column: np.ndarray, groups: int):
         self.length, self.rest, self.size = length, wp.clone(length), max(length.size, groups)
         self.column = model.upload(column.astype(np.int32), int)
-        if model.gradients:
-            order = np.argsort(column, kind="stable")
-            first = np.searchsorted(column[order], np.arange(groups + 1))
-            self.item, self.first = model.upload(order.astype(np.int32), int), model.upload(first.astype(np.int32), int)
-            self.share = wp.zeros(groups * kernels.LANES, dtype=model.real, device=model.device)
+        self.adjoint = beside(model, __name__, "SiteAdjoint", self, model, column, groups)
 
 
 def build(b: Build) -> Muscles:
@@ -87,13 +84,12 @@ class Muscles(Method):
                 last = self.muscles[-1].columns.stop
         self.groups, self.sites, self.changed, self.time = last, [], True, -clock.dt
         self.watch: Any = None               # how long edges may become
+        self.offers = {"muscles": self}
         self.contract = kernels.contract(model.real, model.module)
-        if model.gradients:
-            self.shares, self.release = kernels.shares(model.real, model.module), kernels.release(model.real, model.module)
         self.make(clock)
 
     def make(self, clock: Clock) -> None:
-        self.factor = wp.ones((len(self.moments(clock)), self.groups + 1), dtype=self.model.real, device=self.model.device,
+        self.factor = wp.ones((len(clock.acting()), self.groups + 1), dtype=self.model.real, device=self.model.device,
                               requires_grad=self.model.gradients)
 
     def join(self, rows: list[Constraints], length: wp.array, entry: np.ndarray) -> wp.array:
@@ -107,18 +103,19 @@ class Muscles(Method):
         known = next((s for s in self.sites if s.length.ptr == length.ptr), None)
         return known or _Site(self.model, length, np.where(entry < 0, self.groups, self.columns(rows)[entry]), self.groups)
 
-    def meet(self, others: dict[str, Method]) -> None:
+    def meet(self, others: Methods) -> None:
         """Takes the springs of the method that solves for them, and who watches edges (`wsim.physics.motion.overstretch`)."""
-        solver: Any = next(m for m in others.values() if getattr(m, "spring_tables", list)())
-        self.watch = solver.watch if solver.name == "explicit" else others.get("watch")
+        self.watch = others.find("watch")
         if self.watch:
             self.watch.follow(self.longest)
-        tables = solver.spring_tables()
+        tables = others.find("spring tables")()
         for table in tables:
             table.given(self.join(table.rows, table.length, table.entry))
-        solver.drive(self)
-        if solver.name != "explicit":                    # which asks for rows by itself
+        forces = others.find("forces")
+        if forces is None:
             self.stage(len(tables[-1].entry))
+        else:                                            # an explicit integrator asks for rows by itself
+            forces.append(self.act)
 
     def columns(self, rows: list[Constraints]) -> np.ndarray:
         """Column of each spring of the rows."""
@@ -131,12 +128,12 @@ class Muscles(Method):
         size = np.dtype(self.model.dtype).itemsize
 
         def act(clock: Clock) -> None:
-            self.act(clock.k if clock.staged else 2 * clock.k + round(2.0 * clock.part))
+            self.act(clock.k)
         self.stages.append(Stage("muscles", "pose", act, len(self.sites), springs * (4 + 2 * size),
                                  what=f"{self.groups} groups"))
 
     def act(self, row: int) -> None:
-        """Rest lengths of a row: a half of a substep, or a stage."""
+        """Rest lengths of a row, see `Clock.acting`."""
         if self.model.tape:
             self.model.tape.put(self.name, lambda: self.put(row), lambda: self.take(row))
         else:
@@ -149,16 +146,11 @@ class Muscles(Method):
     def take(self, row: int) -> None:
         """From the derivatives by the lengths that `put` has left."""
         for s in self.sites:
-            self.hand(s, self.factor, row)
+            s.adjoint.hand(self.launch, self.factor, row)
 
     def shorten(self, s: _Site, factor: wp.array, row: int) -> None:
         """A table of springs gets the lengths of a row of factors."""
         self.launch(self.contract, s.length.size, [s.column, s.rest, factor, row], [s.length])
-
-    def hand(self, s: _Site, factor: wp.array, row: int) -> None:
-        """The adjoint of `shorten`."""
-        self.launch(self.shares, s.share.size, [s.first, s.item, s.rest, s.length.grad], [s.share])
-        self.launch(self.release, s.size, [s.column, factor, s.share, row], [s.length.grad, s.rest.grad, factor.grad])
 
     def launch(self, kernel, dim: int, inputs: list, outputs: list) -> None:
         """Not by the model, whose tape would give lengths in structs another version."""
@@ -170,7 +162,7 @@ class Muscles(Method):
     def before_frame(self, time: float, clock: Clock) -> None:
         moves = any(m.curve.moves for m in self.muscles)
         self.time = time
-        if self.factor.shape[0] != len(self.moments(clock)):
+        if self.factor.shape[0] != len(clock.acting()):
             self.make(clock)
             self.changed = True
         if not (moves or self.changed):
@@ -183,11 +175,7 @@ class Muscles(Method):
     @property
     def times(self) -> np.ndarray:
         """[s] of the rows."""
-        return self.time + self.moments(self.clock)
-
-    def moments(self, clock: Clock) -> np.ndarray:
-        """[s] of the rows in a frame."""
-        return clock.moments(False) if clock.staged else 0.5 * clock.h * np.arange(2 * clock.substeps + 1)
+        return self.time + self.clock.acting()
 
     def by_keys(self) -> list[np.ndarray]:
         """Derivatives by the curves' values, (keys, groups) of each net, from those by the factors of this frame, which are
@@ -211,7 +199,7 @@ class Muscles(Method):
     def present(self, rows: list[Constraints], time: float | None = None) -> list[Constraints]:
         """The rows with their rest lengths at a time [s]; None: at the end of the last frame."""
         factor = self.factors(time)
-        return [r if r.kind != "distance" else replace(r, rest=r.rest * factor[self.columns([r])]) for r in rows]
+        return [r if r.row.gather != SPRINGS else replace(r, rest=r.rest * factor[self.columns([r])]) for r in rows]
 
     def factors(self, time: float | None = None) -> np.ndarray:
         """Of each column, as `present`."""

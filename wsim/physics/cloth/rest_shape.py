@@ -15,9 +15,9 @@ from wsim.geometry.tetra.tets import volumes
 from wsim.geometry.triangulate import triangulate
 from wsim.model.midnodes import lumped, spread
 from wsim.model.model import Body, Model, hard_places
-from wsim.physics.cloth.constraints import rows_of
+from wsim.physics.cloth.constraints import of_body, renew, rows_of
 from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
-from wsim.scene.masses import cloth_masses, density_of, loose, soft_masses, soft_weights
+from wsim.scene.nodal.masses import cloth_masses, density_of, loose, soft_masses, soft_weights
 
 
 def rest_shape(body: Body) -> np.ndarray:
@@ -31,8 +31,10 @@ def reshape(model: Model, name: str, values, bodies: list[Body], densities: dict
     """Changes bodies; densities: those that were set, by number. Raises SceneError before anything is changed."""
     values, change = np.asarray(values, np.float64), {"rest_shape": shaped, "lengths": stretched}[name]
     found = [(b, change(b, values)) for b in bodies]
+    pinned, again = hard_places(model), []
     for before, after in found:
-        before_rows, after_rows = (rows_of(b, hard_places(model)) for b in (before, after))
+        before_rows, after_rows = of_body(model, before), rows_of(after, pinned)
+        again.append((before_rows, after_rows))
         alike = len(before_rows) == len(after_rows) and all(np.array_equal(r.ids, s.ids)
                                                             for r, s in zip(before_rows, after_rows, strict=False))
         if not alike or (len(after.tets) and not (volumes(after.rest, after.tets[:, :4] - after.first) > 0.0).all()):
@@ -46,6 +48,8 @@ def reshape(model: Model, name: str, values, bodies: list[Body], densities: dict
         body.source, body.rest = after.source, after.rest
         if after.masses is not body.masses:
             body.masses = factor * after.masses
+    for rows, new in again:
+        renew(rows, new)
 
 
 def shaped(body: Body, points: np.ndarray) -> Body:

@@ -1,65 +1,180 @@
-"""Constraints of cloths and nets on the device, a table for each kind: what an implicit solver reads."""
+"""The table of constraints of one kind on the device: points, rest values, compliances and relaxation times of each, in one
+struct (kernels/cloth/terms.py) whatever solver reads it, uploaded once a model and anew where a row has changed.
+
+Derived from it, where time was measured to need it: inverse compliances of elements (`wsim.physics.cloth.elements`, rounded
+once), springs by the entries of their points, in packets and by blocks of a cluster (`wsim.physics.motion.forces`: a gather
+reads them in a row). XPBD's tables stand in the order of colours, and may have one compliance for all.
+"""
 
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from wsim.kernels.cloth import hessian
+from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.real import types
+from wsim.model import kernel_cache
 from wsim.model.model import Model
+from wsim.model.state import State
 from wsim.physics.cloth.constraints import Constraints
+from wsim.physics.cloth.kind import CORNERS, SHEET, SPRINGS, named, row
+
+ORDER = (SPRINGS, SHEET, CORNERS)      # of kinds in a step of Newton's method
+LANES = 4096          # threads that sum an energy
 
 
 class Table:
-    """All constraints of one kind, on the device, in the order of the bodies."""
+    """All constraints of one kind, in the order of the bodies or as `order` says: row at each place."""
 
-    def __init__(self, kind: str, rows: list[Constraints], model: Model):
-        self.kind, self.rows, self.model, self.stale = kind, rows, model, False
-        self.ids = model.shared(np.concatenate([r.ids for r in rows]).astype(np.int32))
-        self.size = len(self.ids)
-        systems = [model.system(r.body.number) for r in rows if r.body is not None]
-        sizes = np.bincount(systems, [len(r.ids) for r in rows], len(model.starts) - 1)
-        self.first = model.upload(np.r_[0, np.cumsum(sizes)].astype(np.int32), int)
-        self.most = int(sizes.max())
-        t = types(model.real)
-        self.lengths: wp.array | None = None          # rest lengths before muscles shorten them
-        self.data = hessian.batch_of(kind, model.real)()
-        self.data.point = model.upload(self.ids, wp.types.vector(self.ids.shape[1], int))
-        rest = np.concatenate([r.rest for r in rows])
-        self.data.rest = model.upload(rest, t.mat22 if rest.ndim == 3 else t.scalar)
-        alpha, tau = self.values()
-        self.data.alpha = model.upload(alpha, t.vec4 if alpha.ndim == 2 else t.scalar)
-        self.data.tau = model.upload(tau, t.scalar)
-        self.curvature: Any = None
-        if kind == "dihedral":
+    uniform = False       # whether compliance and relaxation time have one entry for all
+
+    def __init__(self, model: Model, kind: str, rows: list[Constraints], order: np.ndarray | None = None):
+        self.model, self.kind, self.rows, self.row = model, kind, rows, row(kind)
+        self.order: Any = slice(None) if order is None else order
+        ids = np.concatenate([r.ids for r in rows]).astype(np.int32)[self.order]
+        self.ids, t = model.shared(ids) if order is None else ids, types(model.real)
+        self.size = len(ids)
+        self.lengths: wp.array | None = None          # rest values before muscles or curvatures change them
+        self.curvature: Any = None                    # of hinges
+        self.kernel = self.at = None                  # type: Any
+        rest = self.rest()
+        self.matrices, self.entry = rest.ndim == 3, t.vec4 if rest.ndim == 3 else t.scalar
+        self.data = batch_of(self.row.equation, model.real)()
+        self.data.point = model.upload(self.ids, wp.types.vector(ids.shape[1], int))
+        self.data.rest = model.upload(rest, t.mat22 if self.matrices else t.scalar)
+        self.seen = self.now()
+
+    def comply(self) -> "Table":
+        """With compliances, which forces of explicit steps do not need."""
+        if self.data.alpha is None:
+            self.data.alpha = self.send(self.values()[0], self.entry)
+        return self
+
+    def relax(self) -> "Table":
+        """With relaxation times."""
+        if self.data.tau is None:
+            self.data.tau = self.send(self.values()[1], self.model.real)
+        return self
+
+    def bend(self) -> "Table":
+        """Hinges with the curvatures that they make."""
+        if self.curvature is None and self.row.gather == SHEET:
             from wsim.physics.cloth.curvature import Curvature
-            self.curvature = Curvature(model, rows)
+            self.curvature = Curvature(self.model, self.rows)
+        return self
+
+    def rest(self) -> np.ndarray:
+        """Rest values."""
+        return np.concatenate([r.rest for r in self.rows])[self.order]
 
     def values(self) -> tuple[np.ndarray, np.ndarray]:
-        """Compliance and relaxation time [s] of each constraint."""
+        """Compliance and relaxation time [s] of each constraint in the order of the rows."""
         return (np.concatenate([np.broadcast_to(r.alpha, (len(r.ids), *r.alpha.shape[1:])) for r in self.rows]),
                 np.concatenate([np.full(len(r.ids), r.tau) for r in self.rows]))
+
+    def sent(self, values: np.ndarray) -> np.ndarray:
+        return values[:1] if self.uniform else values[self.order]
+
+    def send(self, values: np.ndarray, dtype) -> wp.array:
+        return self.model.upload(self.sent(values), dtype)
 
     def given(self, lengths: wp.array) -> None:
         """Rest lengths as they are without muscles."""
         self.lengths = lengths
 
+    def now(self) -> list[tuple]:
+        """What the rows have: who changes them gives them other objects."""
+        return [(r.rest, r.shape, r.stiffness, r.tau, r.coupling) for r in self.rows]
+
     def refresh(self) -> None:
-        """Uploads the rows' rest values, compliances and relaxation times anew, into the same arrays."""
-        if self.stale:
-            alpha, tau = self.values()
-            (self.lengths or self.data.rest).assign(np.concatenate([r.rest for r in self.rows]).astype(self.model.dtype))
-            self.data.alpha.assign(alpha.astype(self.model.dtype))
-            self.data.tau.assign(tau.astype(self.model.dtype))
-            if self.curvature:
-                self.curvature.refresh()
-            self.stale = False
+        """Uploads anew what rows have changed, into the same arrays."""
+        now = self.now()
+        if any(a is not b for before, after in zip(self.seen, now, strict=True) for a, b in zip(before, after, strict=True)):
+            self.seen = now
+            self.renew()
+
+    def renew(self) -> None:
+        (alpha, tau), dtype = self.values(), self.model.dtype
+        (self.lengths or self.data.rest).assign(self.rest().astype(dtype))
+        for array, values in ((self.data.alpha, alpha), (self.data.tau, tau)):
+            if array is not None:
+                array.assign(self.sent(values).astype(dtype))
+        if self.curvature:
+            self.curvature.refresh()
+
+    def energy_kernels(self, module: str) -> list:
+        """What `energy` launches, made in that module."""
+        from wsim.kernels.cloth.energy import statistics
+        return self.curvature.energy_kernels(module) if self.curvature else [
+            statistics(self.row.equation, real=self.model.real, module=module, uniform=self.uniform)]
+
+    def energy(self, state: State, module: str, rest: wp.array | None = None) -> float:
+        """Elastic energy [J] at x + e, summed in float64: 1/2 C alpha^-1 C; of hinges that of the curvatures of triangles.
+        rest: values in place of those of the table. Kernels of that module, compiled when first asked for."""
+        self.comply().bend()
+        model, data = self.model, self.data
+        if self.curvature:
+            return self.curvature.energy(data, rest or self.lengths or data.rest, state.x, state.e, module)
+        if rest:
+            data = batch_of(self.row.equation, model.real)()
+            data.point, data.rest, data.alpha, data.w = self.data.point, rest, self.data.alpha, self.data.w
+        out = wp.zeros(min(LANES, self.size), dtype=wp.vec3d, device=model.device)
+        (kernel,) = self.energy_kernels(module)
+        kernel_cache.ready(kernel, model)
+        model.launch(kernel, out.size, [data, state.x, self.size, state.e], [out])
+        return float(out.numpy()[:, 2].sum())
+
+    # in a step of Newton's method
+
+    def first(self) -> tuple[np.ndarray, int]:
+        """Places of the first constraint of each system and the end, (systems + 1,); the most that one has."""
+        systems = [self.model.system(r.body.number) for r in self.rows if r.body is not None]
+        sizes = np.bincount(systems, [len(r.ids) for r in self.rows], len(self.model.starts) - 1)
+        return np.r_[0, np.cumsum(sizes)].astype(np.int32), int(sizes.max())
+
+    def place(self, force: int, block: int) -> None:
+        """Where elements leave forces on corners and blocks of pairs (kernels/solver/newton.py)."""
+        equation, real, module = self.row.equation, self.model.real, self.model.module
+        if equation.rows == 3:
+            from wsim.kernels.cloth import hessian
+            self.kernel, self.at = hessian.triangles(real, module), force
+            return
+        from wsim.kernels.cloth import general
+        self.kernel, self.at = general.element(equation, real, module), wp.vec2i(force, block)
+
+    def linearise(self, x: wp.array, d: wp.array, a: wp.array, rate: float, element) -> None:
+        """Forces on the corners of elements and blocks of pairs, at x + d with the anchor a."""
+        self.model.launch(self.kernel, self.size, [self.data, x, d, a, rate, self.at], [element])
 
 
-def bending_of(model: Model, table: Table | None) -> Any:
-    """`wsim.physics.cloth.curvature_newton.NewtonCurvature` of a table of hinges, or None."""
-    if table is None:
+def table_of(model: Model, kind: str) -> Table:
+    """The table of a kind in the order of the bodies, one for all who read it."""
+    if kind not in model.tables:
+        model.tables[kind] = Table(model, kind, [r for r in model.constraints if r.kind == kind])
+    return model.tables[kind]
+
+
+def tables_of(model: Model, rows: list[Constraints]) -> dict[str, Table]:
+    """Those of the kinds of some rows: springs, hinges, then elements, membranes first."""
+    kinds = sorted(named({r.kind for r in rows}), key=lambda kind: (ORDER.index(kind.gather), kind.equation.rows == 1))
+    return {kind.name: table_of(model, kind.name).comply().relax().bend() for kind in kinds}
+
+
+def bending_of(model: Model, tables: list[Table]) -> Any:
+    """`wsim.physics.cloth.curvature_newton.NewtonCurvature` of the table of hinges, or None."""
+    if not tables:
         return None
     from wsim.physics.cloth.curvature_newton import NewtonCurvature
-    return NewtonCurvature(model, table)
+    return NewtonCurvature(model, tables[0])
+
+
+def energy(model: Model, rows: list[Constraints], state: State) -> float:
+    """Energy [J] of the soft rows at x + e, with the rest values that they have: muscles give springs others."""
+    total = 0.0
+    for kind in sorted({r.kind for r in rows if not r.hard}):
+        table, mine = table_of(model, kind), [r for r in rows if r.kind == kind]
+        table.refresh()
+        other = any(a is not b for a, b in zip(mine, table.rows, strict=True))
+        rest = model.upload(np.concatenate([r.rest for r in mine]), table.data.rest.dtype) if other else None
+        total += table.energy(state, kernel_cache.report_module(model, f"{kind} {table.uniform}"), rest)
+    return total

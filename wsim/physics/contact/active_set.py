@@ -8,31 +8,32 @@ import warp as wp
 from wsim.kernels.contact import active_set as kernels
 from wsim.kernels.contact import newton_friction
 from wsim.model.stage import Clock
+from wsim.physics.solver.assembly import Assembly, Term
 
 
-class ActiveSet:
-    """Of the contacts (`wsim.physics.contact.Contact`) that `wsim.physics.solver.newton.Implicit.meet` takes."""
+class ActiveSet(Term):
+    """Contacts as a term of Newton steps (`wsim.physics.solver.newton`)."""
 
-    def __init__(self, method, contact):
-        """method: `wsim.physics.solver.newton.Implicit`."""
-        self.method, self.contacts, model = method, contact.contacts, method.model
+    def __init__(self, assembly: Assembly, contacts):
+        """contacts: `wsim.physics.contact.contacts.Contacts`."""
+        self.assembly, self.contacts, model = assembly, contacts, assembly.model
         self.kernels: dict[str, Any] = {f.__name__: f(model.real, model.module) for f in (
             kernels.hold, kernels.clip, newton_friction.rub, newton_friction.press)}
-        self.kernels["remain"] = kernels.remain(model.real, model.module, method.springs, method.elements)
+        self.kernels["remain"] = kernels.remain(model.real, model.module, assembly.springs, assembly.elements)
         self.held = kernels.structs(model.real).Held()
-        self.held.f, self.held.start, self.r = (wp.zeros_like(method.f) for _ in range(3))
-        self.held.own = wp.zeros_like(method.A.own)
-        self.A = type(method.A)()                        # with friction's drag
-        for name in method.A._cls.vars:
-            setattr(self.A, name, getattr(method.A, name))
+        self.held.f, self.held.start, self.r = (wp.zeros_like(assembly.f) for _ in range(3))
+        self.held.own = wp.zeros_like(assembly.A.own)
+        self.A = type(assembly.A)()                        # with friction's drag
+        for name in assembly.A._cls.vars:
+            setattr(self.A, name, getattr(assembly.A, name))
         self.A.own = self.held.own
 
     def run(self, name: str, inputs: list, outputs: list, rows: int = 0) -> None:
-        model = self.method.model
+        model = self.assembly.model
         model.launch(self.kernels[name], rows or model.points, inputs, outputs)
 
     def at(self, g: float):
-        where, m = kernels.structs(self.method.model.real).Where(), self.method
+        where, m = kernels.structs(self.assembly.model.real).Where(), self.assembly
         where.d, where.a, where.g = m.state.d, m.points.anchor, g
         return where
 
@@ -44,29 +45,34 @@ class ActiveSet:
 
     def hold(self, g: float, fresh: bool) -> None:
         """After an assembly. fresh: of forces, not of the Newton step before."""
-        m = self.method
+        m = self.assembly
         self.run("hold", [*self.tables, self.at(g), int(fresh), m.f], [m.A, self.held])
 
-    def solve(self, clock: Clock, tolerance: float, cap: int) -> None:
+    def solve(self, clock: Clock, tolerance: float, cap: int) -> bool:
         """The way y of a Newton step, which ends outside of colliders."""
-        m, held = self.method, self.held
+        m, held = self.assembly, self.held
         self.run("remain", [m.rows, self.A, held.start, held.f, held.f, held.f], [self.r])
         m.system.solve(self.r, tolerance, cap, (m.state.x, m.state.d), self.A)
         self.run("remain", [m.rows, self.A, m.v.y, m.f, self.r, held.f], [self.r])
         self.clip(clock.g, solved=True)
+        return True
+
+    def left(self, f: wp.array) -> wp.array:
+        """What planes do not bear."""
+        return self.held.f
 
     def clip(self, g: float, solved: bool = False) -> None:
         """Of the way y, what colliders leave."""
-        m = self.method
+        m = self.assembly
         slots = self.tables[-1]
         self.run("clip", [slots, self.at(g), int(solved), m.A, self.held, self.r, m.v.y], [m.v.y])
 
     def rub(self, trial, g: float, rows: int) -> None:
         """Adds friction to what a line search looks at."""
-        m = self.method
+        m = self.assembly
         c = self.contacts
         self.run("rub", [trial, c.slots, m.A.own, c.push, g, m.state.d, m.points.anchor, m.v.y], [], rows)
 
     def press(self, clock: Clock) -> None:
         """What moved d without a look at contacts."""
-        self.run("press", [*self.tables, clock.g, self.method.points.anchor], [self.method.state.d, self.contacts.push])
+        self.run("press", [*self.tables, clock.g, self.assembly.points.anchor], [self.assembly.state.d, self.contacts.push])

@@ -5,7 +5,7 @@ origin of its object, so that nothing is lost far from the scene's origin. Rows 
 order of the colliders: the order of contacts follows from it.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
@@ -28,7 +28,7 @@ def sizes(collider: Collider, mesh: Mesh | None) -> tuple[str, tuple[float, floa
         return ("solid" if mesh.closed else "sheet"), (mesh.depth, 0.0, 0.0), mesh.radius
     solid = row(shape)
     found, ball = solid.lengths(shape), solid.ball(shape)
-    least = [v for f in fields(shape) if f.name not in solid.vanishing for v in np.atleast_1d(getattr(shape, f.name))]
+    least = [v for name, value in solid.named(shape).items() if name not in solid.vanishing for v in np.atleast_1d(value)]
     if not (np.isfinite(found).all() and min(least, default=1.0) > 0.0 and min(found, default=0.0) >= 0.0):
         raise SceneError(Problem(collider.path, f"the {type(shape).__name__.lower()} has sizes {found} m; every one "
                                  "must be finite and positive; give it a size, or remove the collider"))

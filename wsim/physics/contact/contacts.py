@@ -33,10 +33,10 @@ from wsim.physics.contact.mesh import Mesh
 from wsim.physics.contact.poses import Poses
 from wsim.scene import Collider, Motion, Problem, Scene, SceneError, Surface
 from wsim.scene.solids import SOLIDS
+from wsim.scene.values.table import FRICTION
 
 SKIN = 2e-3            # [m] least margin of the search: what constraints may move a point that predicts no motion
 RECOVERY = 0.5         # [m/s] at which points leave an overlap: 10 cm in 0.2 s; faster tears at the cloth around them
-FRICTION = ("static_friction", "dynamic_friction")
 LANES = 4096           # threads of the indicators
 MANY = 64              # balls of an object; 1024 points search 2.3 ms a frame of 10 substeps without a tree, 1.4 with it (one
                        # CPU core; even at 24 balls, 7.9 and 2.5 at 256; a GPU was not measured)
@@ -66,7 +66,7 @@ class Contacts:
         integrator forgets it."""
         self.device, self.real, self.types = wp.get_device(device), real, types(real)
         self.launch: Callable = partial(wp.launch, device=self.device)    # (kernel, dim, inputs, outputs)
-        self.adjoint: Any = None                         # `wsim.physics.contact.adjoint.ContactAdjoint`
+        self.adjoint: Any = None                         # `wsim.physics.contact.contacts_adjoint.ContactAdjoint`
         self.dtype = np.float32 if real is wp.float32 else np.float64
         surfaces = {id(c.shape): c for group in bodies.colliders for c in group if isinstance(c.shape, Surface)}
         self.meshes = {key: Mesh.build(c) for key, c in surfaces.items()}
@@ -164,8 +164,8 @@ class Contacts:
 
     # frames
 
-    def prepare(self, time: float, *, substeps: int | None = None, deep: bool | None = None) -> None:
-        """Before the frame that starts at `time` [s]: colliders at its substeps, in float64 from their motions.
+    def prepare(self, time: float, *, substeps: int | None = None, deep: bool | None = None) -> bool:
+        """Before the frame that starts at `time` [s]: colliders at its substeps, in float64; whether they are placed anew.
 
         deep: points may start inside of closed meshes; None: yes at first and after a jump in time."""
         again, before = time == self.time, self.time
@@ -177,11 +177,12 @@ class Contacts:
         self.time = time
         if substeps is not None and substeps != self.substeps:
             self._frame(substeps, self.dt)
-        if self.changed or self.rows.moves:
+        if placed := self.changed or self.rows.moves:
             self.poses.place(time, self.dt, self.gap, self.changed)
             if self.tree:
                 self.tree.build(self.launch)
         self.changed = False
+        return placed
 
     def move(self, path: str, motion: Motion) -> bool:
         """Gives the collider of that path another motion, from the next frame on. False: there is none."""
@@ -220,9 +221,7 @@ class Contacts:
         """Launches the search of substep k; writes d and a where points leave an overlap."""
         self.adjoint.shaped(k) if self.recorded else self.shape(k)
         at = self.read(x=x, d=d, a=a, k=k)
-        backward = {"backward": self.adjoint.searched(at)} if self.recorded else {}
-        self.launch(self.search_kernel, self.count, [self.table, self.points, at], [self.slots, d, a, self.push, self.struck],
-                    **backward)
+        self.launch(self.search_kernel, self.count, [self.table, self.points, at], [self.slots, d, a, self.push, self.struck])
 
     def read(self, **arrays):
         """What a launch reads."""
@@ -230,9 +229,8 @@ class Contacts:
 
     def project(self, g: float, d: wp.array, a: wp.array) -> None:
         """Launches one iteration; g [s] is the integrator's effective step, v = (d - a) / g."""
-        backward = {"backward": self.adjoint.projected()} if self.recorded else {}
         self.launch(self.project_kernel, self.count,
-                    [self.table, self.points, self.slots, self.read(d=d, a=a, push=self.push), g], [d, self.push], **backward)
+                    [self.table, self.points, self.slots, self.read(d=d, a=a, push=self.push), g], [d, self.push])
 
     @property
     def recorded(self) -> bool:
@@ -241,9 +239,8 @@ class Contacts:
 
     def settle(self, g: float, e: wp.array, d: wp.array, a: wp.array, v: wp.array) -> None:
         """After the last iteration of a multistep integrator: a and v of points in contact forget what was before."""
-        backward = {"backward": self.adjoint.reading(self.settle_kernel)} if self.recorded else {}
         at = self.read(v=v, e=e, d=d, a=a, push=self.push)
-        self.launch(self.settle_kernel, self.count, [self.table, self.slots, at, g], [a, v], **backward)
+        self.launch(self.settle_kernel, self.count, [self.table, self.slots, at, g], [a, v])
 
     def grow(self, wanted: int | None = None) -> bool:
         """Makes room for as many contacts of a point as were wanted; False where nothing was lacking."""

@@ -3,19 +3,21 @@
 import numpy as np
 
 from wsim.scene import Problem, SceneError
+from wsim.scene.values.coverage import refuse
 
 
 class ContactGradient:
-    """Of a contact method with gradients (`wsim.physics.contact.method.Contact`); motions: of each frame."""
+    """Of a plan with contacts and gradients; motions: of each frame."""
 
-    def __init__(self, method, motions: list):
-        adjoint, bounce = method.contacts.adjoint, method.bounce
-        self.model, self.colliders, self.meshes = method.model, method.contacts.rows.colliders, method.contacts.rows.meshes
+    def __init__(self, plan, motions: list):
+        contacts, bounce = plan.find("contacts"), plan.find("bounce")
+        adjoint, rows, self.model = contacts.adjoint, contacts.rows, plan.model
+        self.colliders, self.meshes = rows.colliders, rows.meshes
         self.by_friction, self.gap = adjoint.by_rows(adjoint.friction), adjoint.by_rows(adjoint.gap)
         self.by_restitution = bounce.restitution.grad.numpy().astype(np.float64) if bounce else None
         self.throws = bounce.restitution.numpy() > 0.0 if bounce else None
         self.clamped = [m is not None and m.least_gap > 0.0 and g <= m.least_gap
-                        for g, m in zip(method.contacts.gap, self.meshes, strict=False)]      # of the first object
+                        for g, m in zip(contacts.gap, self.meshes, strict=False)]      # of the first object
         each = [sums.numpy().astype(np.float64).sum(axis=2) for sums in motions]
         self.motions = np.stack(each)                                 # (frames, objects, rows, 4, 3)
 
@@ -41,7 +43,7 @@ class ContactGradient:
     def restitution(self, path: str, world: int) -> float:
         part = np.ix_(np.array(self.rows(path)), self.places(world))
         if self.by_restitution is None or self.throws is None or not self.throws[part].all():
-            raise SceneError(Problem(path, "its restitution is 0, and nothing is thrown back: no derivative; give it one > 0"))
+            raise refuse("restitution", path)
         return float(self.by_restitution[part].sum())
 
     def thickness(self, path: str, world: int) -> float:

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.stage import MET, Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, State
-from wsim.physics.contact.contacts import FRICTION, Bodies, Contacts
+from wsim.model.vjp import beside
+from wsim.physics.contact.contacts import Bodies, Contacts
 from wsim.scene import Motion, Problem, SceneError
 from wsim.scene.check import chord
+from wsim.scene.values.table import FRICTION
 
 if TYPE_CHECKING:
     from wsim.model.model import Model
@@ -31,7 +33,11 @@ def build(b: Build) -> Contact:
     if b.scene.contact_width > 0.0 and b.choice.solver == "implicit":
         raise SceneError(Problem("/", f"contact_width is {b.scene.contact_width:g} m, and Newton's method has hard contacts; "
                                  "set it to 0, or wsim:solver = explicit or xpbd"))
-    return Contact(b.model, b.state, b.methods["points"], b.status, b.clock)
+    contact = Contact(b.model, b.state, b.methods.find("points"), b.status, b.clock)
+    if b.free:
+        from wsim.physics.contact.clearance import Clearance
+        contact.part(Clearance(contact, b.clock, bool(b.methods.find("whole frames"))))
+    return contact
 
 
 class Contact(Method):
@@ -43,7 +49,7 @@ class Contact(Method):
         self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
         self.within = False                              # of a Newton step
         self.press: Callable[[Clock], None] | None = None        # behind what moves points after Newton steps
-        self.model, self.state, self.anchor = model, state, points.anchor
+        self.model, self.state, self.anchor, self.points = model, state, points.anchor, points
         colliders = model.scene.colliders
         own = points.constants.object
         if model.gradients:                              # there each point has a row of its own
@@ -59,10 +65,7 @@ class Contact(Method):
                                  substeps=clock.substeps, dt=clock.dt, struck=points.struck)
         self.contacts.launch = model.launch
         self.contacts.smooth(model.scene, points.integrator.explicit)
-        if model.gradients:
-            from wsim.physics.contact.adjoint import ContactAdjoint
-            self.contacts.grow(self.contacts.rows.most)              # lists do not grow while they are recorded
-            self.contacts.adjoint = ContactAdjoint(self.contacts, model)
+        self.contacts.adjoint = beside(model, Contacts.__module__, "ContactAdjoint", self.contacts, model)
         state.points.take(Field("mark", "", True, "whether a point touched or was inside", "int"), self.contacts.mark)
         self.status = status
         status.reserve(ROOM)
@@ -74,11 +77,20 @@ class Contact(Method):
                        Stage("contacts", "solve", self.project, 1, n * 4, "iteration", "points that touch")]
         if points.struck is not None:
             self.stages.append(Stage("settle", "solve", self.settle, 1, n * 4, what="points that touch: no history"))
+        self.clearance: Any = None                       # `wsim.physics.contact.clearance.Clearance`
         self.bounce: Any = None
         if any(c.restitution > 0.0 for c in colliders):
             from wsim.physics.contact.restitution import Bounce
             self.bounce = Bounce(model, state, points, self.contacts)
             self.stages += self.bounce.stages
+        self.offers = {"contact": self, "contacts": self.contacts} | ({"bounce": self.bounce} if self.bounce else {})
+
+    def part(self, clearance) -> None:
+        """Frames with contacts from those without."""
+        self.clearance = clearance
+        for stage in self.stages:
+            stage.frames = MET
+        self.stages += clearance.stages
 
     def kept(self) -> list[dict]:
         """Distances [m] that colliders keep from the bodies of world 0, besides half of their thickness, where the scene leaves
@@ -103,27 +115,41 @@ class Contact(Method):
 
     def settle(self, clock: Clock) -> None:
         s = self.state
-        if clock.multistep:
+        if clock.integrator.memory:
             self.contacts.settle(clock.g, s.e, s.d, self.anchor, s.v)
 
+    def enter(self, clock: Clock) -> None:
+        if self.clearance:
+            self.clearance.enter(clock)
+
     def before_frame(self, time: float, clock: Clock) -> None:
-        self.contacts.prepare(time, substeps=clock.substeps, deep=True if clock.starting or self.model.gradients else None)
+        deep = True if clock.starting or self.model.gradients else None
+        placed = self.contacts.prepare(time, substeps=clock.substeps, deep=deep)
+        if placed and self.clearance:
+            self.clearance.moved()
 
-    def meet(self, others: dict[str, Method]) -> None:
+    def meet(self, others: Methods) -> None:
         self.contacts.tell(self.status.word(ROOM))
-        explicit: Any = others.get("explicit")
-        if self.bounce and explicit:
-            self.bounce.join(explicit)
-
-    def give_way(self, press: Callable[[Clock], None] | None) -> None:
-        """Newton steps hold contacts themselves; press: behind what moves points after them, if something does."""
-        self.within, self.press = True, press
+        if self.bounce:
+            self.bounce.meet(others)
+        terms, adjoint, behind = others.find("terms"), others.find("adjoint"), bool(others.every("batches"))
+        if terms is None:
+            return
+        from wsim.physics.contact.active_set import ActiveSet  # Newton steps hold contacts themselves
+        active = ActiveSet(others.find("assembly"), self.contacts)
+        terms.append(active)
+        self.within, self.press = True, active.press if behind else None
+        if adjoint:
+            self.solved, self.after = True, behind
+            adjoint.enter("contacts", self.contacts, behind)
 
     def carriers(self) -> dict[str, Any]:
         from wsim.physics.carrier.carriers import KinematicCarrier
         return {"kinematic": KinematicCarrier(self.contacts)}
 
     def retry(self, status: Status) -> list[Remedy]:
+        if self.clearance and self.clearance.hear():
+            return [Remedy("meet")]
         wanted = int(status.said(ROOM)[0])
 
         def grow() -> str:
@@ -133,6 +159,8 @@ class Contact(Method):
 
     def resumed(self, time: float) -> None:
         self.contacts.time = time
+        if self.clearance:
+            self.clearance.said = None
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         return self.contacts.indicators(self.state.x) if self.contacts.time is not None else {}
@@ -161,8 +189,6 @@ class Contact(Method):
     def rub(self, path: str, name: str, value: float, world: int | None) -> bool:
         """Friction of a body."""
         bodies = [b for b in self.model.bodies if b.path == path and world in (None, b.world)]
-        if bodies and not (np.isfinite(value) and value >= 0.0):
-            raise SceneError(Problem(path, f"{name} is {value}; allowed is a finite number >= 0"))
         values = self.contacts.points.friction.numpy()
         for b in bodies:
             values[b.first:b.last, FRICTION.index(name)] = value

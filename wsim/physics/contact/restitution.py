@@ -7,8 +7,9 @@ import warp as wp
 
 from wsim.kernels.contact import restitution as kernels
 from wsim.model.model import Model
-from wsim.model.stage import Clock, Stage
+from wsim.model.stage import Clock, Methods, Stage
 from wsim.model.state import State
+from wsim.model.vjp import beside
 
 
 class Bounce:
@@ -22,10 +23,11 @@ class Bounce:
         values = np.array([c.restitution for c in rows.colliders])
         values = np.tile(values[:, None], (1, n)) if model.gradients else values[rows.collider, None]
         self.restitution = wp.array(values, dtype=real, device=model.device, requires_grad=model.gradients)
-        self.explicit: Any = None                        # the method, where an explicit integrator predicts
+        self.copies: Any = None                          # of an explicit integrator: which copy it predicts from, and all
         self.before, self.thrown = state.v, None         # velocity before this substep; who was thrown in it
         self.free = m.explicit and len(m.steps) != 1     # symplectic Euler goes as backward Euler does, in a straight line
         self.kernel = (kernels.bounce_free if self.free else kernels.bounce_held)(real, module)
+        beside(model, type(contacts).__module__, "ReadingAdjoint", contacts, self.kernel)
         self.spare = kernels.spare(real, module) if len(m.steps) == 2 else None
         self.normal = wp.zeros_like(state.v) if self.free else None
         self.stages = [Stage("bounce", "solve", self.launch, 1, n * 12 * state.v.strides[0], what="points that hit")]
@@ -51,11 +53,11 @@ class Bounce:
         values = self.restitution.numpy()
         return float(values[row % values.shape[0], point % values.shape[1]])
 
-    def join(self, explicit) -> None:
-        """Takes an explicit integrator (the method): what it predicts, and its last half kick."""
-        self.explicit = explicit
+    def meet(self, others: Methods) -> None:
+        """Takes what an explicit integrator predicts, and its last half kick."""
+        self.copies = others.find("copies")
         if self.spare:
-            explicit.impacts.append(self.passed)
+            others.find("impacts").append(self.passed)
 
     def keep(self, clock: Clock) -> None:
         """Before anything changes the velocity."""
@@ -72,15 +74,16 @@ class Bounce:
         table.restitution, table.h, table.g = self.restitution, clock.h, clock.g
         d, a = s.d, self.points.anchor
         if self.free:
-            table.source, table.bend = self.explicit.at, 2.0 if self.points.integrator.order > 1 else 1.0
+            table.source, pair = self.copies()
+            table.bend = 2.0 if self.points.integrator.order > 1 else 1.0
             at = c.read(e=s.e, d=d, a=a, push=c.push)
-            inputs, outputs = [table, c.slots, at, self.explicit.pair], [d, a, c.push, self.normal]
+            inputs, outputs = [table, c.slots, at, pair], [d, a, c.push, self.normal]
         else:
             at = c.read(v=self.before, e=a if self.thrown is None else s.e, d=d, a=a, push=c.push)
             inputs = [table, self.points.constants, c.slots, at]
             outputs = [d, a, c.push, self.thrown]
-        self.model.launch(self.kernel, c.count, inputs, outputs, c.adjoint.reading(self.kernel) if c.recorded else None)
+        self.model.launch(self.kernel, c.count, inputs, outputs)
 
-    def passed(self) -> None:
+    def passed(self, change: wp.array) -> None:
         """Before leapfrog's last half kick."""
-        self.model.launch(self.spare, self.model.points, [self.explicit.change, self.normal], [self.explicit.change])
+        self.model.launch(self.spare, self.model.points, [change, self.normal], [change])

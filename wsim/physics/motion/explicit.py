@@ -3,27 +3,27 @@
 Where nothing but springs, elements and hard pins acts, the positions at the start of a frame stay and displacements grow
 through it ("frame"); small nets then take a whole frame in one launch, of a cluster of blocks, and springs alone on a CPU in
 one of threads abreast. Wind, contacts, soft pins, tethers and strain limits act on every substep: its positions are committed
-at its end, and what they changed becomes a velocity.
+at its end, and what they changed becomes a velocity. Frames without contacts: `wsim.physics.motion.one_launch.FreeFrames`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.motion import cluster, march_cpu
 from wsim.kernels.motion import explicit as kernels
+from wsim.kernels.motion import march_cpu
 from wsim.kernels.motion.threads import teams
 from wsim.model.model import Model
-from wsim.model.stage import THROWN, Clock, Method, Port, Remedy, Stage
+from wsim.model.stage import THROWN, Clock, Method, Methods, Port, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.model.structs import filled
-from wsim.physics.cloth.constraints import Constraints, changed, in_worlds
+from wsim.model.vjp import beside
+from wsim.physics.cloth.constraints import Constraints, changed
 from wsim.physics.motion import frequency
 from wsim.physics.motion.forces import ForceGather
 from wsim.physics.motion.overstretch import Watch
@@ -34,37 +34,45 @@ if TYPE_CHECKING:
 
 
 def build(b: Build) -> Explicit:
-    pins = b.methods.get("pins")
-    return Explicit(b.model, b.state, b.methods["points"], b.kept(soft=True), b.clock, b.within,
-                    pins if pins and pins.groups["hard"] else None)
+    return Explicit(b.model, b.state, b.methods.find("points"), b.kept(soft=True), b.clock, b.within,
+                    b.methods.find("hard pins"), b.free and not b.others_within)
 
 
 class Explicit(Method):
     """Stages of an explicit integrator. `steps`: whether others act within a substep."""
 
-    def __init__(self, model: Model, state: State, points, rows: dict[str, list[Constraints]], clock: Clock,
-                 steps: bool, pins=None):
-        """rows: soft constraints of each body of world 0, by path; pins: the method that knows the hard pins, or None."""
+    def __init__(self, model: Model, state: State, points, rows: list[Constraints], clock: Clock,
+                 steps: bool, pins=None, free: bool = False):
+        """rows: soft constraints of all bodies; pins: the method that knows the hard pins, or None; free: only contacts act
+        within a substep, and some frames have none."""
         super().__init__("explicit")
         self.model, self.state, self.points, self.status = model, state, points, points.status
         self.integrator: Integrator = points.integrator
-        self.rows, self.pins, self.steps = in_worlds(model, rows), pins, steps
+        self.rows, self.pins, self.steps, self.apart = rows, pins, steps, free
         self.target = None            # of the pins, as the net has it
         self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
         self.forces = Port()          # called with a row of time tables before forces are evaluated: muscles, loads
-        self.impacts = Port()         # take impacts (restitution) out of `change` before leapfrog's last half kick
+        self.impacts = Port()         # called with `change` before leapfrog's last half kick: restitution takes impacts out
         self.muscles: Any = None      # change rest lengths over time
         self.moving: Any = None       # what a march works on
         self.at_once: Any = None      # whole frames in a launch
-        self.corrected: Callable | None = None        # adjoint of the last launch of a substep
-        self.pull = ForceGather(model, points.constants, self.rows, None if pins is None else pins.columns(),
-                                alone=not (steps or self.integrator.stages), staged=bool(self.integrator.stages))
+        self.columns = None if pins is None else pins.columns()
+        self.pull = ForceGather(model, points.constants, self.rows, self.columns, staged=bool(self.integrator.stages),
+                                alone=not (self.integrator.stages or steps and (not free or model.device.is_cuda)))
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
         state.add(*(table.kept for table in self.solids if table.kept))
         self.acts = int(any(r.body and getattr(r.body.source, "actuation", None) for r in self.rows)) + bool(model.scene.loads)
+        self.free: Any = None         # `wsim.physics.motion.one_launch.FreeFrames`
         self.make(clock.substeps)
         self.watch = None if self.marches and not self.steps else Watch(model, state, self.status, explicit=True)
         self.stages += self.watch.stages if self.watch else []
+        self.offers = {"gather": self.pull, "rows": self.rows, "solids": self.solids, "spring tables": self.spring_tables,
+                       "forces": self.forces, "impacts": self.impacts, "copies": lambda: (self.at, self.pair),
+                       "least": self.least, "send": self.send, "stride": lambda: self.stride, "whole frames": self.apart,
+                       **(self.watch.offers if self.watch else {})}
+        if free:
+            from wsim.physics.motion.one_launch import FreeFrames
+            self.free = FreeFrames(self, clock)
 
     def make(self, count: int) -> None:
         """Kernels and stages."""
@@ -72,20 +80,13 @@ class Explicit(Method):
         what, size = f"{pull.count} springs, {sum(len(e.ids) for e in pull.elements)} elements", pull.bytes
         plain = not (pull.elements or self.integrator.stages or self.field or self.acts)
         self.marches = pull.added and plain
-        if pull.cluster and plain:
-            from wsim.physics.motion.one_launch import OneLaunch
-            self.at_once = OneLaunch(self, cluster.frame(real, model.module_of(pull.cluster.threads), pull.cluster))
-            self.stages = [Stage(self.integrator.name, "predict", self.at_once.by_cluster, 1, size * count, "frame", what)]
-            return
         if self.marches:
-            self.march = march_cpu.march(real, module, self.damped)
-            if not self.steps:
-                from wsim.physics.motion.one_launch import OneLaunch
-                self.at_once = OneLaunch(self, self.march)
-                self.move(self.state.e, self.state.v, self.state.r, None)
-                what += f", {pull.abreast.count} threads" * (pull.abreast.count > 1)
-                self.stages = [Stage(self.integrator.name, "predict", self.at_once.by_march, 1, size * count, "frame", what)]
-                return
+            self.march = march_cpu.march(real, module, self.damped, self.apart)
+        if plain and not self.steps and (pull.cluster or self.marches):
+            from wsim.physics.motion.one_launch import whole_frames
+            self.at_once, stage = whole_frames(self, size * count, what)
+            self.stages = [stage]
+            return
         self.room()
         self.begin, self.commit = kernels.begin(real, module), kernels.commit(real, module)
         if self.marches:
@@ -95,13 +96,13 @@ class Explicit(Method):
             pull.need_springs()
             make = kernels.stage if self.integrator.stages else kernels.leap
             self.kernel = make(real, module, pull.flags(), self.field)
+            if not self.integrator.stages:
+                beside(model, "wsim.physics.motion.forces", "LeapAdjoint", pull, self.kernel)
         launches = self.integrator.forces * (1 + pull.launches + self.acts)
         if self.steps:
             self.correct, self.settle = kernels.correct(real, module), kernels.settle(real, module)
             self.change = wp.zeros(model.points, dtype=types(real).vec3, device=model.device)
-            if model.gradients:
-                from wsim.physics.motion.points_adjoint import CorrectAdjoint
-                self.corrected = CorrectAdjoint(model).backward
+            beside(model, "wsim.physics.motion.points", "CorrectAdjoint", model, self.correct)
             self.stages = [Stage("start", "pose", self.resume, 2, 0, "frame", "displacements are zero"),
                            Stage(self.integrator.name, "predict", self.predict, launches + 1, size, what=what),
                            Stage("correct", "finish", self.finish, 1, 0, what="what others changed")]
@@ -122,8 +123,8 @@ class Explicit(Method):
     def move(self, d: wp.array, q: wp.array, carry: wp.array, slip: wp.array | None) -> None:
         """What a march works on, in place. slip: None where it takes frames."""
         self.status.reserve(THROWN)
-        m = self.moving = march_cpu.moving(self.model.real)()
-        m.x, m.d, m.q, m.v, m.carry, m.slip, m.frame = self.state.x, d, q, self.state.v, carry, slip, int(slip is None)
+        s, frame = self.state, int(slip is None)
+        self.moving = filled(march_cpu.moving(self.model.real), x=s.x, d=d, q=q, v=s.v, carry=carry, slip=slip, frame=frame)
 
     def start(self, clock: Clock) -> None:
         s = self.state
@@ -132,10 +133,9 @@ class Explicit(Method):
         self.model.launch(self.begin, self.model.points, [s.e, s.v, s.r, 0], [self.pair, self.carry, self.own])
 
     def resume(self, clock: Clock) -> None:
-        """As `start`, where others act within substeps: leapfrog goes on from its half step, so that all substeps are alike.
-        """
+        """As `start`, where others act within substeps: leapfrog goes on from its half step: all substeps are alike."""
         self.start(clock)
-        if self.state.has("b") and not clock.starting:
+        if self.state.has("b") and not clock.halved:
             self.model.copy(self.state.v, self.state.b)
 
     @property
@@ -144,13 +144,10 @@ class Explicit(Method):
         return int(self.pins is not None and self.pins.moves)
 
     def step(self, clock: Clock, kick: float, drift: float, source: int):
-        s = kernels.steps(self.model.real)()
-        s.kick, s.later, s.drift, s.h = kick * clock.h, clock.h, drift * clock.h, clock.h
-        s.ahead = 0.5 * clock.h if len(self.integrator.steps) == 2 else 0.0
-        s.source, s.count = source, clock.substeps
-        s.stride = self.stride
-        s.row = clock.k * s.stride
-        return s
+        h, stride = clock.h, self.stride
+        return filled(kernels.steps(self.model.real), kick=kick * h, later=h, drift=drift * h, h=h, source=source,
+                      ahead=0.5 * h if len(self.integrator.steps) == 2 else 0.0, count=clock.substeps, stride=stride,
+                      row=clock.k * stride)
 
     def phase(self):
         """What a launch reads."""
@@ -166,8 +163,9 @@ class Explicit(Method):
             self.model.launch(self.march, 1, [self.net, self.pull.table, step, teams()()], [self.moving, self.pull.space])
             return source
         self.pull.launch(source, s.x, self.pair)
-        self.model.launch(self.kernel, self.model.points * self.pull.lanes,
-                          [self.net, self.pull.force, self.phase(), step], [self.pair, s.v, self.carry], self.pull.backward)
+        kernel, more = (self.free.kernel, [self.free.bounds]) if self.free and clock.free else (self.kernel, [])
+        self.model.launch(kernel, self.model.points * self.pull.lanes, [self.net, self.pull.force, self.phase(), step, *more],
+                          [self.pair, s.v, self.carry])
         return 1 - source
 
     def act(self, clock: Clock, part: float) -> None:
@@ -179,22 +177,23 @@ class Explicit(Method):
         m = self.integrator
         if m.stages:
             return self.stage_by_stage(clock, source)
-        half = len(m.steps) == 2 and clock.k == 0 and (clock.starting or not self.steps)
+        half = len(m.steps) == 2 and clock.k == 0 and (clock.halved or not self.steps or bool(self.free) and clock.free)
         return self.kick(clock, 0.5 if half else 1.0, 1.0, source)
 
     def stage_by_stage(self, clock: Clock, source: int) -> int:
-        s, coefficients = self.state, self.integrator.stages
+        s, n, coefficients = self.state, self.model.points, self.integrator.stages
         for number, (c, b) in enumerate(coefficients):
             self.act(clock, c)
             self.pull.launch(source, s.x, self.pair)
-            part = kernels.parts(self.model.real)()
-            part.last = int(number == len(coefficients) - 1)
-            part.reach = 1.0 if part.last else coefficients[number + 1][0]
-            part.c, part.b, part.h, part.source = part.reach * clock.h, b * clock.h, clock.h, source
-            part.row = clock.k * self.stride
-            self.model.launch(self.kernel, self.model.points * self.pull.lanes,
-                              [self.net, self.pull.force, self.phase(), part], [self.pair, s.v, self.carry, self.own])
+            last = number == len(coefficients) - 1
+            reach = 1.0 if last else coefficients[number + 1][0]
+            part = filled(kernels.parts(self.model.real), c=reach * clock.h, b=b * clock.h, reach=reach, h=clock.h,
+                          source=source, row=clock.k * self.stride, last=int(last))
+            self.model.launch(self.kernel, n * self.pull.lanes, [self.net, self.pull.force, self.phase(), part],
+                              [self.pair, s.v, self.carry, self.own])
             source = 1 - source
+        if self.free and clock.free:
+            self.free.look(s.x, self.pair[source * n:(source + 1) * n])
         return source
 
     def read_out(self, clock: Clock, source: int) -> int:
@@ -239,7 +238,7 @@ class Explicit(Method):
     def finish(self, clock: Clock) -> None:
         s, step = self.state, self.step(clock, 0.0, 0.0, self.at)
         self.model.launch(self.correct, self.model.points, [self.points.at(d=s.d, a=s.a), self.pair, step],
-                          [s.x, s.e, s.v, self.pair, self.change], self.corrected)
+                          [s.x, s.e, s.v, self.pair, self.change])
         if self.own is not None:
             self.model.copy(self.own, self.pair, 0, self.at * self.model.points, self.model.points)
         if clock.k == clock.substeps - 1:
@@ -247,7 +246,7 @@ class Explicit(Method):
         if clock.k == clock.substeps - 1 and len(self.integrator.steps) == 2:
             self.model.copy(s.b, s.v)
             self.read_out(clock, self.at)
-            self.impacts()
+            self.impacts(self.change)
             self.model.launch(self.settle, self.model.points, [s.b, self.change, s.v, 0.5], [s.v])
 
     # around a frame
@@ -256,14 +255,12 @@ class Explicit(Method):
         from wsim.physics.cloth.springs import SpringTable
         return [SpringTable(self.pull.springs, self.pull.table.rest, self.pull.entry, self.pull.given)]
 
-    def drive(self, muscles) -> None:
-        """Evaluates forces with the rest lengths that muscles put."""
-        self.muscles = muscles
-        self.forces.append(muscles.act)
-
-    def meet(self, others: dict[str, Method]) -> None:
+    def meet(self, others: Methods) -> None:
+        self.muscles = others.find("muscles")
         if self.moving is not None:
             self.moving.status = self.status.word(THROWN)
+        if self.free:
+            self.free.meet(others.find("contact").clearance)
 
     def retry(self, status: Status) -> list[Remedy]:
         return [Remedy("doubt")] if status.said(THROWN)[0] else []
@@ -271,12 +268,12 @@ class Explicit(Method):
     def before_frame(self, time: float, clock: Clock) -> None:
         if self.pins is not None and self.target is not self.pins.target["hard"]:
             self.target = self.net.target = self.pins.target["hard"]
-        if self.marches and not self.steps:
-            self.at_once.send(clock)
+        for each in filter(None, (self.at_once, self.free)):
+            each.send(clock)
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]."""
-        from wsim.physics.cloth.energy import energy
+        from wsim.physics.cloth.table import energy
         solid = self.solids[0].indicators(self.solids, self.state) if self.solids else {}
         now = self.muscles.present(self.rows) if self.muscles else self.rows
         return {"elastic_energy": energy(self.model, now, self.state) + solid.get("solid_energy", 0.0), **solid}
@@ -291,10 +288,11 @@ class Explicit(Method):
 
     def send(self) -> None:
         """Uploads constraints."""
-        self.pull.refresh()
+        for pull in {self.pull, self.free.pull if self.free else self.pull}:
+            pull.refresh()
         if self.watch:
-            self.watch.follow(*([self.muscles.longest] if self.muscles else []))
+            self.watch.follow()
 
     def least(self) -> int:
         """Substeps that keep the present stiffness stable, in every world."""
-        return frequency.least(self.model, self.integrator, self.rows, self.solids)
+        return frequency.least(self.model, self.integrator, self.solids)

@@ -5,8 +5,6 @@ much, and are gathered by a few threads; else on a CPU every spring stands once,
 (kernels/cloth/spring.py, kernels/motion/march_cpu.py).
 """
 
-from collections.abc import Callable
-
 import numpy as np
 import warp as wp
 
@@ -17,8 +15,10 @@ from wsim.kernels.motion import march_cpu
 from wsim.kernels.motion import packets as lots
 from wsim.kernels.motion.cluster import Shares
 from wsim.model.model import Model
+from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.elements import Elements
+from wsim.physics.cloth.kind import SPRINGS
 from wsim.physics.motion.cluster import LARGE, MANY, Cluster, cluster_of, halo
 from wsim.physics.motion.packets import Packets
 from wsim.physics.motion.threads import Abreast, cores, orders
@@ -38,8 +38,7 @@ class ForceGather:
         self.exact = model.gradients and not staged and model.real is wp.float32      # see kernels/math/compensated.py
         self.shared = shared and model.device.is_cuda and not (staged and model.gradients)
         self.cluster: Cluster | None = None
-        self.backward: Callable | None = None         # adjoint of a leap
-        self.springs = [r for r in rows if r.kind == "distance"]
+        self.springs = [r for r in rows if r.row.gather == SPRINGS]
         self.tables: list = []
         if model.scene.softs:
             from wsim.physics.soft.fem import tables_of
@@ -59,7 +58,7 @@ class ForceGather:
         if self.springs:
             self.place(model.shared(np.concatenate([r.ids for r in self.springs]).astype(np.int32)))
             self.values()
-        kinds = sorted({r.kind for r in rows} - {"distance"})
+        kinds = sorted({r.kind for r in rows if r.row.gather != SPRINGS})
         flat = [Elements(model, kind, [r for r in rows if r.kind == kind]) for kind in kinds]
         self.elements: list[Elements | Solid] = [*flat, *(Solid(table) for table in self.tables)]
         # adjoints of elements ask p, the gradient by forces on points; those of stages, which are Warp's, leave it at corners
@@ -105,6 +104,7 @@ class ForceGather:
         for name in ("order", "group", "runs", "start"):
             setattr(self.table, name, model.upload(getattr(found, name).astype(np.int32), int))
         self.table.ends = model.upload(found.words(), wp.uint64)
+        self.blocks = len(found.cost)
         self.abreast = Abreast(model, found, cores() if self.whole else 1)
         self.table.row = lots.row(len(found.order))
         self.space = lots.room(model.real, self.table.row, len(found.entry), model.device)
@@ -151,16 +151,12 @@ class ForceGather:
                 self.lanes = _lanes(model.points, int(np.diff(starts).max()))
         for e in self.elements:
             e.first, first = first, first + e.ids.size
-            if model.gradients:
-                e.differentiate(self)
+            beside(model, __name__, "element_adjoint", self, e)
 
     def need_springs(self) -> None:
-        """Makes the kernel of springs that `launch` needs on a CPU, and what gradients of a leap need."""
+        """Makes the kernel of springs that `launch` needs on a CPU."""
         if self.added:
             self.pull = march_cpu.pull(self.model.real, self.model.module, self.damped)
-        if self.model.gradients:
-            from wsim.physics.motion.forces_adjoint import ForceAdjoint
-            self.backward = ForceAdjoint(self.model, self, masses=True).leap
 
     def flags(self) -> tuple:
         """What `wsim.kernels.cloth.spring.acceleration` is made of."""
@@ -221,12 +217,6 @@ class Solid:
 
     def __init__(self, table):
         self.table, self.ids, self.first, self.damped = table, table.ids, 0, table.damped
-
-    def differentiate(self, pull: ForceGather) -> None:
-        from wsim.physics.motion.forces_adjoint import CornerAdjoint
-        self.table.backward = CornerAdjoint(self.table.model, self.table, pull).backward
-        if self.table.plastic:
-            self.table.plastic.adjoint.join(pull.net, self.first)
 
     def make(self, damped: bool) -> None:
         self.table.need_forces()

@@ -1,18 +1,21 @@
 """Adjoints of `wsim.physics.motion.forces` and of a leap, by hand: see kernels/motion/explicit_adjoint.py."""
 
+from functools import partial
+from typing import Any
+
 import warp as wp
 
+from wsim.kernels.cloth import corner_gradients as gathers
 from wsim.kernels.cloth import curvature
 from wsim.kernels.cloth import curvature_adjoint as bent
 from wsim.kernels.cloth import element_adjoint as flat
-from wsim.kernels.cloth import gather_adjoint as gathers
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import explicit_adjoint as kernels
 from wsim.kernels.soft import fem_adjoint as tets
-from wsim.kernels.soft import plastic_adjoint as maths
 from wsim.kernels.solver import newton_adjoint
 from wsim.model.model import Model
 from wsim.model.tape import adjoint_of, without
+from wsim.model.vjp import fixed, of_table, taken_along
 
 
 class ForceAdjoint:
@@ -52,6 +55,25 @@ class ForceAdjoint:
         self.launch(at.x, at.d, force, step.source)
 
 
+class LeapAdjoint(ForceAdjoint):
+    """Of the launches of a leap."""
+
+    def __init__(self, pull, leap):
+        """leap: the kernel."""
+        super().__init__(pull.model, pull, masses=True)
+        self.vjp = {leap: fixed(self.leap)}
+
+
+def element_adjoint(pull, element):
+    """Of the forces of an element of a `wsim.physics.motion.forces.ForceGather`."""
+    if hasattr(element, "kind"):
+        return (BentAdjoint if element.curvature else FlatAdjoint)(pull.model, element, pull)
+    table = element.table
+    if table.plastic:
+        table.plastic.adjoint.join(pull.net, element.first)
+    return CornerAdjoint(pull.model, table, pull)
+
+
 class Forces:
     """Forces f of a `Pull` with gradients at x and at `pair`, displacements and velocities; products with their derivatives."""
 
@@ -81,8 +103,9 @@ class Forces:
             wp.launch(kernel, dim, inputs, outputs, **how)
         self.model.launch(self.force, self.model.points, [self.pull.net, self.corner, self.x, self.pair], [self.f])
 
-    def launch(self, kernel, dim: int, inputs: list, outputs: list, backward=None, **how) -> None:
+    def launch(self, kernel, dim: int, inputs: list, outputs: list, **how) -> None:
         """What `Model.launch` calls while this collects."""
+        backward = self.model.vjp[kernel](inputs) if kernel in self.model.vjp else None
         self.launches.append((kernel, dim, inputs, outputs, [self.bare(a) for a in inputs], backward, how))
 
     def bare(self, a):
@@ -122,6 +145,12 @@ class CornerAdjoint:
         kind = () if nodes == 3 else (table.material, table.damped)
         self.table, self.gathering = table, Gathering(model, pull, table, table.damped)
         self.kernels = [make(*kind, model.real, model.module, parameters, pull.direct) for parameters in (False, True)]
+        self.vjp = of_table(model, table.pull, table.data, self.record)
+
+    def record(self, inputs: list):
+        """Of a launch to come; where tets flow before it, it hands on what their shapes at rest get."""
+        flows = self.table.plastic and self.table.flows
+        return self.table.plastic.adjoint.around(self.backward) if flows else self.backward
 
     def backward(self, read: list, wrote: list) -> None:
         """Adjoint of the launch of the forces, of the arrays that it has read and written; parameters only where x has a
@@ -134,13 +163,18 @@ class CornerAdjoint:
 
 
 class FlatAdjoint:
-    """Of the forces of membranes."""
+    """Of the forces of membranes, or of any kind that is known by its formula alone."""
 
     def __init__(self, model: Model, elements, pull):
         """elements, pull: of `wsim.physics.motion.forces`."""
         self.elements, self.gathering = elements, Gathering(model, pull, elements, elements.damped)
-        self.kernels = [flat.corners(model.real, model.module, elements.damped, parameters, pull.direct)
+        make: Any = flat.corners
+        if elements.row.equation.rows == 1:
+            from wsim.kernels.cloth.general import corners_adjoint
+            make = partial(corners_adjoint, elements.row.equation)
+        self.kernels = [make(model.real, model.module, elements.damped, parameters, pull.direct)
                         for parameters in (False, True)]
+        self.vjp = of_table(model, elements.kernel, elements.data, fixed(self.backward))
 
     def backward(self, read: list, wrote: list) -> None:
         """As that of `CornerAdjoint`."""
@@ -162,6 +196,9 @@ class BentAdjoint:
         self.products, self.sums = bent.products(*how, pull.direct), curvature.sums(model.real, model.module, both=True)
         self.kernels = [bent.corners(*how, parameters, pull.direct) for parameters in (False, True)]
         self.values = bent.values(model.real, model.module)
+        along = (elements.strained, elements.curvature.sums)
+        self.vjp = (of_table(model, elements.kernel, elements.data, fixed(self.backward))
+                    | dict.fromkeys(along, fixed(taken_along)))
 
     def backward(self, read: list, wrote: list) -> None:
         """As that of `CornerAdjoint`."""
@@ -206,35 +243,3 @@ class Gathering:
                 self.model.launch(self.take, n, [net, self.pull.rates, first, first + self.size, 0, rate, None], [])
         elif self.last:                                           # corners of all kinds are written
             self.model.launch(self.take, n * self.pull.lanes, [net, corners, self.pull.rates, by, also, rate], [])
-
-
-class FlowAdjoint:
-    """Of the flow of plastic tets, and of their shapes at rest."""
-
-    def __init__(self, flow):
-        """flow: a `wsim.physics.soft.plastic.Plastic`. `join` says where points find the corners of its tets."""
-        self.flows, self.model = flow, flow.model
-        real, module = self.model.real, self.model.module
-        self.kernels = maths.flow_adjoint(real, module), maths.shape_adjoint(real, module)
-        self.take = gathers.take(real, module)
-        self.corners = wp.zeros(4 * flow.table.size, dtype=types(real).vec3, device=self.model.device)
-
-    def join(self, net, first: int) -> None:
-        self.net, self.first = net, first
-
-    def flow(self, read: list, wrote: list) -> None:
-        """Adjoint of the launch of the flow; what of a version has not flowed is left to the copy that it began as."""
-        (data, table, x, d, q, F), (after,) = read, wrote
-        self.flows.become(F)
-        seen = maths.flows(self.model.real)()
-        seen.x, seen.d, seen.q, seen.F, seen.by_F, seen.by_F_out, seen.corners = x, d, q, F, F.grad, after.grad, self.corners
-        self.model.launch(self.kernels[0], self.flows.table.size, [data, table, seen, adjoint_of(data)], [])
-        last = self.first + self.corners.size
-        self.model.launch(self.take, self.model.points,
-                          [self.net, self.corners, self.first, last, self.first, d.grad, x.grad], [])
-
-    def shape(self, F: wp.array) -> None:
-        """What edges at rest have, to a version of F_p."""
-        data = self.flows.data
-        self.model.launch(self.kernels[1], self.flows.table.size,
-                          [data, F, self.flows.table.data.edge.grad, adjoint_of(data), F.grad], [])

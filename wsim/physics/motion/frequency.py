@@ -5,8 +5,7 @@
                 of tets: the highest eigenvalue of any one with its share of its points' masses (Irons, Treharne 1971), as
                 safe, and less cautious: by 20 to 30 %, against 80 % by row sums (linear), 210 % (quadratic)
     estimate    the highest eigenvalue of M^-1 K at rest by power iteration (von Mises 1929), from below
-    gradients   G of every constraint at rest, as kernels/cloth/constraint.py has them; of hinges, curvatures of triangles have
-                J
+    slopes      G of every constraint at rest (`wsim.physics.cloth.kind`); of hinges, curvatures of triangles have J
 
 K keeps the material part G^T alpha^-1 G, and what smoothed contacts add (`wsim.physics.contact.barrier`); what tension adds is
 not in it. Points that are pinned do not count.
@@ -18,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wsim.model.model import Body, Model, hard_places
-from wsim.physics.cloth.constraints import HARD, Constraints
+from wsim.physics.cloth.constraints import Constraints, of_body
 from wsim.physics.motion.stability import needed
 from wsim.scene.integrator import Integrator
 
@@ -35,45 +34,13 @@ class Stiffness:
     tau: float
 
 
-def gradients(r: Constraints, body: Body) -> np.ndarray:
-    """dC/dx_k at rest, (m, rows, k, 3). Zero-length springs count in every direction: three rows."""
-    p = body.rest[r.ids - body.first]
-    if r.kind == "distance":
-        d = p[:, 1] - p[:, 0]
-        length = np.linalg.norm(d, axis=1, keepdims=True)
-        n = d / np.where(length > 0.0, length, 1.0)
-        G = np.zeros((len(p), 3, 2, 3))
-        G[:, 0, 0], G[:, 0, 1] = -n, n
-        loose = (length[:, 0] == 0.0) | (r.rest <= 0.0)
-        G[loose, :, 0], G[loose, :, 1] = -np.eye(3), np.eye(3)
-        return G
-    if r.kind == "membrane":
-        return _membrane(r, p)
-    E, X2, X3 = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0], p[:, 3] - p[:, 0]
-    N2, N3 = np.cross(E, X2), np.cross(X3, E)
-    L = np.linalg.norm(E, axis=1)[:, None]
-    G2, G3 = (-L * N / (N * N).sum(1)[:, None] for N in (N2, N3))
-    t2, t3 = ((E * X).sum(1)[:, None] / L**2 for X in (X2, X3))
-    G1 = -(t2 * G2 + t3 * G3)
-    return np.stack([-(G1 + G2 + G3), G1, G2, G3], axis=1)[:, None]
-
-
-def _membrane(r: Constraints, p: np.ndarray) -> np.ndarray:
-    """U = I at rest: C_uu sees b_u r_u, C_vv b_v r_v, the shear b_u r_v + b_v r_u, b the row of Dm^-1 of a point."""
-    E = np.stack([p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]], axis=1)              # (m, point, 3)
-    axes = np.einsum("mkc,mki->mci", r.rest, E)                               # F_u, F_v: the unit axes at rest
-    b = np.concatenate([-r.rest.sum(1, keepdims=True), r.rest], axis=1)       # (m, point, uv)
-    u, v = axes[:, None, 0], axes[:, None, 1]
-    return np.stack([b[:, :, :1] * u, b[:, :, 1:] * v, b[:, :, :1] * v + b[:, :, 1:] * u], axis=1)
-
-
 def stiffness(rows: list[Constraints], body: Body) -> Iterator[Stiffness]:
     """Every soft constraint of a body at rest, of sheets some triangles at a time."""
     for r in rows:
-        if r.kind in HARD:
+        if r.hard:
             continue
-        G, alpha = gradients(r, body), r.alpha
-        if r.kind == "membrane":
+        G, alpha = r.row.slopes(r, body), r.alpha
+        if alpha.ndim == 2:
             A = np.zeros((len(G), 3, 3))
             A[:, 0, 0], A[:, 1, 1] = alpha[:, 0], alpha[:, 3]
             A[:, 0, 1] = A[:, 1, 0] = alpha[:, 1]
@@ -149,9 +116,11 @@ def _inverse(model: Model, body: Body, pinned: np.ndarray) -> np.ndarray:
 
 
 def in_world(model: Model, world: int) -> Model:
-    """The model with the masses of that world in world 0: live densities may differ."""
+    """The model with masses and constraints of that world in world 0: live values may differ."""
     masses = {b.path: b.masses for b in model.bodies if b.world == world}
-    return replace(model, bodies=[replace(b, masses=masses[b.path]) if b.world == 0 else b for b in model.bodies])
+    bodies = {b.path: replace(b, masses=masses[b.path]) for b in model.bodies if b.world == 0}
+    rows = [r.moved(bodies[r.body.path]) for r in model.constraints if r.body.world == world]
+    return replace(model, bodies=[bodies[b.path] if b.world == 0 else b for b in model.bodies], constraints=rows)
 
 
 def _sizes(J: np.ndarray) -> np.ndarray:
@@ -162,13 +131,13 @@ def _sizes(J: np.ndarray) -> np.ndarray:
     return np.linalg.norm(J.swapaxes(1, 2), 2, (2, 3))
 
 
-def bound(model: Model, rows: dict[str, list[Constraints]], parts: list | None = None) -> tuple[float, float]:
+def bound(model: Model, parts: list | None = None) -> tuple[float, float]:
     """Highest frequency omega [rad/s] and highest decay rate c [1/s] of the points of world 0, from above. parts: `solids`."""
     pinned, tops, decays = np.setdiff1d(hard_places(model), model.gone), [0.0], [0.0]
     for body in (b for b in model.bodies if b.world == 0):
         w = _inverse(model, body, pinned)
         sums, damped = np.zeros(body.count), np.zeros(body.count)
-        for s in stiffness(rows[body.path], body):
+        for s in stiffness(of_body(model, body), body):
             g = _sizes(s.J)
             g = np.where(w[s.ids] > 0.0, g, 0.0)
             each = np.bincount(s.ids.ravel(), (g * g.sum(1, keepdims=True)).ravel(), body.count)
@@ -189,11 +158,12 @@ def _contacts(model: Model) -> float:
     return stiffness(model.scene)
 
 
-def estimate(model: Model, rows: dict[str, list[Constraints]], iterations: int = ITERATIONS) -> float:
+def estimate(model: Model, iterations: int = ITERATIONS) -> float:
     """Highest frequency [rad/s] of the points of world 0 at rest, from below."""
     pinned, top = hard_places(model), 0.0
     for body in (b for b in model.bodies if b.world == 0):
-        parts, root = [*stiffness(rows[body.path], body), *solids(body, None)], np.sqrt(_inverse(model, body, pinned))[:, None]
+        parts = [*stiffness(of_body(model, body), body), *solids(body, None)]
+        root = np.sqrt(_inverse(model, body, pinned))[:, None]
         y, value = np.random.default_rng(7).normal(size=(body.count, 3)) * root, 0.0
         for _ in range(iterations):
             size = np.linalg.norm(y)
@@ -210,14 +180,13 @@ def estimate(model: Model, rows: dict[str, list[Constraints]], iterations: int =
     return (top + _contacts(model))**0.5
 
 
-def least(model: Model, integrator: Integrator, rows: list[Constraints], tables: list) -> int:
+def least(model: Model, integrator: Integrator, tables: list) -> int:
     """Substeps a frame that keep the present stiffness stable, in every world. tables: of tets."""
-    firsts = [b for b in model.bodies if b.world == 0]
-    bounds = [bound(in_world(model, world),
-                    {b.path: [r.moved(b) for r in rows if r.body is not None and (r.body.path, r.body.world) == (b.path, world)]
-                     for b in firsts},
-                    [replace(p, body=b) for table in tables for p in table.parts for b in firsts
-                     if (p.body.path, p.body.world) == (b.path, world)])
-              for world in range(model.worlds)]
+    bounds = []
+    for world in range(model.worlds):
+        one = in_world(model, world)
+        firsts = [b for b in one.bodies if b.world == 0]
+        bounds.append(bound(one, [replace(p, body=b) for table in tables for p in table.parts for b in firsts
+                                  if (p.body.path, p.body.world) == (b.path, world)]))
     tops = [b for b in set(bounds) if not any(b != o and b[0] <= o[0] and b[1] <= o[1] for o in bounds)]
     return max(needed(model.scene, integrator, omega, c) for omega, c in tops)

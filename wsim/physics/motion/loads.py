@@ -1,8 +1,7 @@
 """Loads: forces on points and tractions on triangles over time, put beside gravity where a substep begins. See
 kernels/motion/load.py.
 
-A table holds the values of a frame at every half of a substep, of sdirk3 at every stage, so that each evaluation of the forces
-has those of its own time (as `wsim.physics.cloth.muscles`).
+A table holds the values of a frame at the times when forces are evaluated (`Clock.acting`; as `wsim.physics.cloth.muscles`).
 """
 
 from __future__ import annotations
@@ -15,10 +14,11 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import load as kernels
 from wsim.model.model import Body, Model
-from wsim.model.stage import Clock, Method, Stage
+from wsim.model.stage import Clock, Method, Methods, Stage
+from wsim.model.vjp import beside
 from wsim.scene import Load, Problem, SceneError
 from wsim.scene.curve import Curve
-from wsim.scene.nodal_loads import nodal
+from wsim.scene.nodal.loads import nodal
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -52,7 +52,7 @@ class Borne:
 
 
 def build(b: Build) -> Loads:
-    return Loads(b.model, b.clock, b.methods["points"])
+    return Loads(b.model, b.clock, b.methods.find("points"))
 
 
 class Loads(Method):
@@ -67,17 +67,15 @@ class Loads(Method):
         self.gravity = points.constants.gravity
         self.tables(t)
         self.bear = kernels.bear(real, module)
-        if model.gradients:
-            self.shares, self.release = kernels.shares(real, module), kernels.release(real, module)
-            self.part = wp.zeros(len(self.borne) * kernels.LANES, dtype=t.vec3, device=model.device)
+        self.adjoint = beside(model, "wsim.physics.motion.points", "LoadsAdjoint", self)
+        self.offers = {"loads": self}
         self.make(clock)
         if not points.integrator.explicit:               # which asks for rows by itself
             self.stage()
 
-    def meet(self, others: dict[str, Method]) -> None:
-        self.points.bear(self)
-        if explicit := others.get("explicit"):
-            explicit.forces.append(self.act)              # type: ignore[attr-defined]
+    def meet(self, others: Methods) -> None:
+        if self.points.integrator.explicit:              # which asks for rows by itself
+            others.find("forces").append(self.act)
 
     def tables(self, t) -> None:
         """Entries by point and by load."""
@@ -96,32 +94,25 @@ class Loads(Method):
         self.own = model.upload(self.gravity.numpy()[self.point], t.vec3)      # gravity alone, of those points
 
     def make(self, clock: Clock) -> None:
-        self.value = wp.zeros((len(self.moments(clock)), len(self.borne)), dtype=types(self.model.real).vec3,
+        self.value = wp.zeros((len(clock.acting()), len(self.borne)), dtype=types(self.model.real).vec3,
                               device=self.model.device, requires_grad=self.model.gradients)
 
     def stage(self) -> None:
         """For solvers whose forces of a substep are at one time."""
         def act(clock: Clock) -> None:
-            self.act(clock.k if clock.staged else 2 * clock.k + round(2.0 * clock.part))
+            self.act(clock.k)
         size = len(self.point) * 40 + self.entries.load.size * 16
         self.stages.append(Stage("loads", "pose", act, 1, size, what=f"{len(self.point)} points"))
 
     def act(self, row: int) -> None:
-        """Accelerations of a row: a half of a substep, or a stage."""
+        """Accelerations of a row, see `Clock.acting`."""
         if self.model.tape:
-            self.model.tape.put(self.name, lambda: self.put(row), lambda: self.take(row))
+            self.model.tape.put(self.name, lambda: self.put(row), lambda: self.adjoint.take(row))
         else:
             self.put(row)
 
     def put(self, row: int) -> None:
         self.launch(self.bear, len(self.point), [self.entries, self.own, self.value, row], [self.gravity])
-
-    def take(self, row: int) -> None:
-        """From the derivatives by what `put` has left."""
-        by = self.gravity.grad
-        self.launch(self.shares, self.part.size, [self.entries, by], [self.part])
-        self.launch(self.release, max(len(self.point), len(self.borne)), [self.entries, self.value, self.part, row],
-                    [by, self.own.grad, self.entries.w.grad, self.value.grad])
 
     def launch(self, kernel, dim: int, inputs: list, outputs: list) -> None:
         """Not by the model, whose tape would give gravity, which stands in structs, another version."""
@@ -132,7 +123,7 @@ class Loads(Method):
 
     def before_frame(self, time: float, clock: Clock) -> None:
         self.time = time
-        if self.value.shape[0] != len(self.moments(clock)):
+        if self.value.shape[0] != len(clock.acting()):
             self.make(clock)
             self.changed = True
         if not (self.changed or any(b.curve.moves for b in self.borne)):
@@ -144,11 +135,7 @@ class Loads(Method):
     @property
     def times(self) -> np.ndarray:
         """[s] of the rows."""
-        return self.time + self.moments(self.clock)
-
-    def moments(self, clock: Clock) -> np.ndarray:
-        """[s] of the rows in a frame."""
-        return clock.moments(False) if clock.staged else 0.5 * clock.h * np.arange(2 * clock.substeps + 1)
+        return self.time + self.clock.acting()
 
     def by_keys(self) -> list[np.ndarray]:
         """Derivatives by the curves' values, (keys, 3) of each load and world, from those by the values of this frame, which

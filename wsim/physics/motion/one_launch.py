@@ -1,13 +1,27 @@
-"""Whole frames of explicit steps in one launch: of a cluster of blocks on a GPU, or of CPU threads abreast."""
+"""Whole frames of explicit steps in one launch: of a cluster of blocks on a GPU, or of CPU threads abreast; and the frames
+without contacts of a scene that has colliders."""
 
-from wsim.model.stage import Clock
+from __future__ import annotations
+
+from typing import Any
+
+from wsim.kernels.motion import cluster
+from wsim.kernels.motion.march_cpu import moving
+from wsim.model.stage import FREE, MET, Clock, Stage
+from wsim.model.structs import filled, values
+from wsim.physics.motion.forces import ForceGather
+
+LARGEST = 8192         # points that a cluster takes at most, see `wsim.physics.motion.cluster`
 
 
 class OneLaunch:
-    """method: `wsim.physics.motion.explicit.Explicit`; kernel: of kernels/motion/cluster.py or march_cpu.py."""
+    """method: `wsim.physics.motion.explicit.Explicit`; kernel: of kernels/motion/cluster.py or march_cpu.py; pull: forces, if
+    not those of the method."""
 
-    def __init__(self, method, kernel):
-        self.method, self.kernel, self.model = method, kernel, method.model
+    def __init__(self, method, kernel, pull=None):
+        self.method, self.kernel, self.model, self.pull = method, kernel, method.model, pull or method.pull
+        self.shares: Any = None          # of a cluster, and
+        self.moving: Any = None          # what a march works on: if not those of the method
 
     def whole(self, clock: Clock):
         """All substeps of a frame, and leapfrog's last half kick."""
@@ -17,24 +31,101 @@ class OneLaunch:
         return step
 
     def by_cluster(self, clock: Clock) -> None:
-        m, s = self.method, self.method.state
-        plan = m.pull.cluster
-        self.model.launch_blocks(self.kernel, plan.size, plan.threads, [m.net, m.pull.shares, s.x, self.whole(clock)],
-                                 [s.x, s.e, s.v, s.r])
+        pull, s = self.pull, self.method.state
+        plan = pull.cluster
+        self.model.launch_blocks(self.kernel, plan.size, plan.threads,
+                                 [pull.net, self.shares or pull.shares, s.x, self.whole(clock)], [s.x, s.e, s.v, s.r])
 
     def by_march(self, clock: Clock) -> None:
         """Of one CPU thread, which others join."""
-        self.walk(clock, self.method.pull.abreast.lead(self.key(clock)))
+        self.walk(clock, self.pull.abreast.lead(self.key(clock)))
 
     def send(self, clock: Clock) -> None:
         """Before a frame: what the others will run."""
-        self.method.pull.abreast.send(self.key(clock), lambda team: self.walk(clock, team))
+        if not self.pull.added:
+            return
+        self.pull.abreast.send(self.key(clock), lambda team: self.walk(clock, team))
 
     def walk(self, clock: Clock, team) -> None:
         """As one of the team."""
-        m = self.method
-        self.model.launch(self.kernel, 1, [m.net, m.pull.table, self.whole(clock), team], [m.moving, m.pull.space])
+        moving = self.moving or self.method.moving
+        self.model.launch(self.kernel, 1, [self.pull.net, self.pull.table, self.whole(clock), team], [moving, self.pull.space])
 
     def key(self, clock: Clock) -> tuple:
         """Of what the arguments of `walk` are made."""
         return clock.substeps, clock.h, self.method.stride, 0 if self.method.target is None else self.method.target.ptr
+
+
+def whole_frames(method, size: int, what: str) -> tuple[OneLaunch, Stage]:
+    """Of a method whose frames a launch takes, and nothing else acts within them. size: bytes of a frame."""
+    pull, model, s = method.pull, method.model, method.state
+    if pull.cluster:
+        one = OneLaunch(method, cluster.frame(model.real, model.module_of(pull.cluster.threads), pull.cluster))
+        return one, Stage(method.integrator.name, "predict", one.by_cluster, 1, size, "frame", what)
+    one = OneLaunch(method, method.march)
+    method.move(s.e, s.v, s.r, None)
+    what += f", {pull.abreast.count} threads" * (pull.abreast.count > 1)
+    return one, Stage(method.integrator.name, "predict", one.by_march, 1, size, "frame", what)
+
+
+class FreeFrames:
+    """Frames of explicit steps in which no point goes so far that it could meet a collider: the launches of the same scene
+    without colliders, and so its bits. They watch how far points go (kernels/motion/clearance.py).
+
+    `b`, the velocity half a step before, is left as the last frame with contacts had it: the next of those begins from v with
+    half a kick, which is the same but for rounding. The remainder of v that such a frame hands over is that of its half step:
+    an error of half an ulp of v, once.
+    """
+
+    def __init__(self, method, clock: Clock):
+        """Adds a stage to those of the method, which are of frames with contacts then; a march looks at its edges itself."""
+        m, model = self.method, self.model = method, method.model
+        self.pull = m.pull
+        if m.acts == 0 and m.field is None and self.pull.only and model.device.is_cuda and model.points <= LARGEST:
+            own = ForceGather(model, m.points.constants, m.rows, m.columns, alone=True)
+            self.pull = own if own.cluster else self.pull
+        self.at_once: Any = None         # `OneLaunch`
+        self.bounds: Any = None
+        self.kernel: Any = None
+        self.look: Any = None            # at displacements of an integrator in stages
+        for stage in m.stages:
+            stage.frames = MET if stage.name != "watch" or m.marches else ""
+        (predict,) = (s for s in m.stages if s.phase == "predict")
+        m.stages.append(self.stage(predict.bytes, clock.substeps, predict.launches - 1, predict.what))
+
+    def stage(self, size: int, count: int, launches: int, what: str) -> Stage:
+        """size: bytes of a substep; launches: of a substep that is launched by itself."""
+        m, real, name = self.method, self.model.real, self.method.integrator.name
+        if self.pull.cluster:
+            kernel = cluster.frame(real, self.model.module_of(self.pull.cluster.threads), self.pull.cluster, True)
+            self.at_once = OneLaunch(m, kernel, self.pull)
+            return Stage(name, "predict", self.at_once.by_cluster, 1, size * count, "frame", what, FREE)
+        if m.marches:
+            self.at_once = OneLaunch(m, m.march)
+            what += f", {self.pull.abreast.count} threads" * (self.pull.abreast.count > 1)
+            return Stage(name, "predict", self.at_once.by_march, 1, size * count, "frame", what, FREE)
+        if not m.integrator.stages:
+            from wsim.kernels.motion.clearance import leap_bounded
+            self.kernel = leap_bounded(real, self.model.module, self.pull.flags(), m.field)
+        return Stage(name, "predict", m.frame, 3 + count * (launches + bool(m.integrator.stages)), size * count, "frame",
+                     what, FREE)
+
+    def meet(self, clearance) -> None:
+        """clearance: `wsim.physics.contact.clearance.Clearance`."""
+        from wsim.kernels.motion.clearance import bounds
+        real, limits = self.model.real, {"room": clearance.room, "met": clearance.word}
+        self.bounds = filled(bounds(real), **limits)
+        self.look = clearance.look_at
+        if self.pull.cluster:
+            self.at_once.shares = filled(cluster.bounded_shares(real), **values(self.pull.shares), **limits)
+        elif self.method.marches:
+            s, now = self.method.state, self.method.moving
+            self.at_once.moving = filled(moving(real), x=s.x, d=s.e, q=s.v, v=s.v, carry=s.r, status=now.status, frame=1,
+                                         least=self.model.upload([0.0] * self.pull.blocks, real), **limits)
+
+    def send(self, clock: Clock) -> None:
+        """As `OneLaunch`."""
+        if self.method.target is not None:
+            self.pull.net.target = self.method.target
+        if self.at_once and clock.free:
+            self.at_once.send(clock)

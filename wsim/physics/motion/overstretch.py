@@ -18,7 +18,7 @@ from wsim.model.model import Model, edge_lengths
 from wsim.model.stage import LONG, STRETCHED, THROWN, Clock, Method, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
-from wsim.physics.cloth.constraints import AT_REST, HARD
+from wsim.physics.cloth.constraints import AT_REST
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -29,7 +29,7 @@ MOST = 2.0             # length over rest length from which an edge is suspect, 
 
 def build(b: Build) -> Watch | None:
     watch = Watch(b.model, b.state, b.status)
-    if b.choice.integrator.beyond and any(r.kind in HARD for found in b.constraints.values() for r in found):
+    if b.choice.integrator.beyond and any(r.hard for r in b.model.constraints):
         watch.thrown_by = b.clock
     return watch if watch.stages else None
 
@@ -43,6 +43,7 @@ class Watch(Method):
         self.model, self.state, self.status, self.own = model, state, status, THROWN if explicit else LONG
         self.thrown_by: Clock | None = None            # of a midpoint whose middle is projected
         self.factor = lambda body: 1.0
+        self.offers = {"watch": self}
         self.bodies = [(b, edge_lengths(b) > 0.0) for b in model.bodies]
         counts = [int(long.sum()) for _, long in self.bodies]
         if not sum(counts):
@@ -72,7 +73,7 @@ class Watch(Method):
         return False
 
     def retry(self, status: Status) -> list[Remedy]:
-        if self.thrown_by is None or not self.thrown_by.beyond or not status.said(self.own)[0]:
+        if self.thrown_by is None or not self.thrown_by.integrator.beyond or not status.said(self.own)[0]:
             return []
         return [Remedy("give way", why="tethers or strain limits act while edges are more than twice as long as at rest")]
 

@@ -12,7 +12,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion import points as kernels
 from wsim.model.midnodes import held, spread
 from wsim.model.model import Body, Model
-from wsim.model.stage import Clock, Method, Stage
+from wsim.model.stage import Clock, Method, Methods, Stage
 from wsim.model.state import State
 from wsim.model.structs import filled
 from wsim.scene import Motion, Pin
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def build(b: Build) -> Pins:
-    return Pins(b.model, b.state, b.methods["points"], b.choice.integrator.explicit)
+    return Pins(b.model, b.state, b.methods.find("points"), b.choice.integrator.explicit)
 
 
 class _Pinned:
@@ -52,8 +52,8 @@ def pins_of(model: Model) -> list[_Pinned]:
 
 
 class Pins(Method):
-    """Stages pose and, where a step of sdirk3 ends, put (hard pins), hold (soft pins). Targets of a whole frame are computed in
-    float64 on the host and uploaded only when a pin moves or was set."""
+    """Stages pose and, where a step of several solves ends, put (hard pins), hold (soft pins). Targets of a whole frame are
+    computed in float64 on the host and uploaded only when a pin moves or was set."""
 
     def __init__(self, model: Model, state: State, points: Points, explicit: bool = False):
         """explicit: hard pins are moved by the integrator itself, which reads `target` and `columns`."""
@@ -83,6 +83,7 @@ class Pins(Method):
                 self.stages.append(Stage("pins placed", "finish", self.put, 1, n * 60, what=f"{n} points"))
         if self.groups["soft"]:
             self.add_soft(t, real, module)
+        self.offers = {"pins": self} | {f"{kind} pins": self for kind, group in self.groups.items() if group}
 
     def add_soft(self, t, real, module) -> None:
         group, n = self.groups["soft"], self.place["soft"].size
@@ -100,9 +101,18 @@ class Pins(Method):
         """Whether any pin does."""
         return any(p.motion.moves for g in self.groups.values() for p in g)
 
-    def give_way(self) -> None:
-        """Soft pins act within Newton steps."""
+    def meet(self, others: Methods) -> None:
+        """Soft pins act within Newton steps, where there are some."""
+        terms, adjoint = others.find("terms"), others.find("adjoint")
+        if terms is None or not self.groups["soft"]:
+            return
+        from wsim.physics.solver.soft_pin import SoftPins
         self.stages = [s for s in self.stages if s.name != "soft pins"]
+        term = SoftPins(others.find("assembly"), self)
+        self.soft.first, self.soft.item = term.first, term.item
+        terms.append(term)
+        if adjoint:
+            adjoint.enter("pins", self, term)
 
     def columns(self) -> np.ndarray:
         """Column of the hard target of each point, or -1, (points,)."""
@@ -114,17 +124,18 @@ class Pins(Method):
 
     def pose(self, clock: Clock) -> None:
         s = self.state
-        row, part = (clock.k + clock.k // 2, 1.0) if clock.staged else (clock.k, clock.part)
+        solves = clock.integrator.solves
+        row, part = (clock.k + clock.k // solves, 1.0) if solves > 1 else (clock.k, clock.part)
         self.model.launch(self.move, self.place["hard"].size,
                           [self.place["hard"], self.target["hard"], s.x, s.e, row, part], [s.d])
 
     def put(self, clock: Clock) -> None:
         """Behind the last stage of a step."""
-        s = self.state
-        if clock.staged and clock.k % 2:
-            pinned, row = self.place["hard"], clock.k + clock.k // 2 + 1
+        s, solves = self.state, clock.integrator.solves
+        if solves > 1 and clock.ends:
+            pinned, row = self.place["hard"], clock.k + clock.k // solves + 1
             at = filled(kernels.states(self.model.real), x=s.x, e=s.e, s=s.s)
-            self.model.launch(self.place_kernel, pinned.size, [pinned, self.target["hard"], at, row, 2.0 * clock.h],
+            self.model.launch(self.place_kernel, pinned.size, [pinned, self.target["hard"], at, row, solves * clock.h],
                               [s.x, s.e, s.v])
 
     def hold(self, clock: Clock) -> None:

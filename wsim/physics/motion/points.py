@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,14 +11,15 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import points as kernels
 from wsim.model.model import Body, Model, hard_places
-from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.model.structs import filled
+from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import AT_REST
 from wsim.scene import Springs
 from wsim.scene.integrator import Integrator
-from wsim.scene.masses import density_of
+from wsim.scene.nodal.masses import density_of
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -29,9 +30,82 @@ NOT_FINITE = "points: not finite"        # status word: 1 + row of the last poin
 
 def build(b: Build) -> Points:
     struck = None
-    if b.reasons["contact"] and b.clock.multistep:
+    if b.reasons["contact"] and b.clock.integrator.memory:
         struck = wp.zeros(b.model.points, dtype=b.model.real, device=b.model.device)
     return Points(b.model, b.state, b.status, struck, b.choice.integrator)
+
+
+class Euler:
+    """Prediction and end of a substep of backward Euler, and of what solves as it does; kernels/motion/points.py.
+
+    moved    vectors a point that both move
+    """
+
+    moved = 4, 6
+
+    def __init__(self, points: Points, row: Integrator):
+        self.points, self.row, self.model, self.state = points, row, points.model, points.state
+        real, module = self.model.real, self.model.module
+        self.kernels = {"predict": kernels.predict_euler(real, module), "finish": kernels.finish_euler(real, module)}
+        beside(self.model, __name__, "EulerAdjoint", self)
+        self.make(real, module)
+
+    def make(self, real, module: str) -> None:
+        """Further kernels."""
+
+    def launch(self, name: str, inputs: list, outputs: list) -> None:
+        self.model.launch(self.kernels[name], self.model.points, inputs, outputs)
+
+    def predict(self, clock: Clock) -> None:
+        s, points = self.state, self.points
+        self.launch("predict", [points.constants, s.e, s.v, clock.g], [points.anchor, s.d])
+
+    def finish(self, clock: Clock) -> None:
+        s = self.state
+        self.launch("finish", [self.points.anchor, s.d, s.x, clock.g], [s.x, s.e, s.v])
+
+
+class Prolonged(Euler):
+    """One node before the end of the step (implicit midpoint)."""
+
+    def make(self, real, module: str) -> None:
+        self.kernels["end"] = kernels.finish_beyond(real, module, self.row.nodes[0])
+
+    def finish(self, clock: Clock) -> None:
+        s = self.state
+        self.launch("end", [s.e, s.d, s.x, s.v, clock.g], [s.x, s.e, s.v])
+
+
+class Multistep(Euler):
+    """BDF2, which begins with a substep of backward Euler."""
+
+    moved = 6, 11
+
+    def make(self, real, module: str) -> None:
+        self.kernels |= {"on": kernels.predict_bdf2(real, module), "end": kernels.finish_bdf2(real, module)}
+
+    def predict(self, clock: Clock) -> None:
+        s, points = self.state, self.points
+        if clock.remembers:
+            self.launch("on", [points.constants, s.e, s.v, s.s, s.u, clock.g], [points.anchor, s.d])
+        else:
+            super().predict(clock)
+
+    def finish(self, clock: Clock) -> None:
+        s, at = self.state, self.points.at(d=self.state.d, a=self.points.anchor, struck=self.points.struck)
+        self.launch("end", [at, clock.h, clock.g], [s.x, s.e, s.v, s.s, s.u])
+
+
+class Staged(Euler):
+    """Two stages of backward Euler, from starts of their own (sdirk3); kernels/motion/sdirk3.py."""
+
+    def make(self, real, module: str) -> None:
+        from wsim.kernels.motion import sdirk3
+        self.kernels |= {"stage": sdirk3.finish_stage(real, module), "step": sdirk3.finish_step(real, module)}
+
+    def finish(self, clock: Clock) -> None:
+        s, before = self.state, {"s": self.state.s, "u": self.state.u} if clock.ends else {}
+        self.launch("step" if clock.ends else "stage", [self.points.at(d=s.d, **before), clock.g], [s.x, s.e, s.v, s.s, s.u])
 
 
 class Points(Method):
@@ -45,6 +119,7 @@ class Points(Method):
         self.densities: dict[int, float] = {}         # that were set, by number of the body
         self.loads: Any = None                        # the method that adds to gravity, see `wsim.physics.motion.loads`
         self.constants = self.tables()
+        self.offers = {"points": self, "constants": self.constants, "densities": self.densities}
         self.kernels = {"guard": kernels.not_finite(model.real, model.module)}
         size = 3 * np.dtype(model.dtype).itemsize * model.points
         if integrator.g:
@@ -53,24 +128,12 @@ class Points(Method):
 
     def implicit(self, size: int, integrator: Integrator) -> None:
         """Stages of an implicit integrator; an explicit one (`wsim.physics.motion.explicit`) has its own."""
-        real, module, bdf2 = self.model.real, self.model.module, integrator.name == "bdf2"
-        self.kernels |= {"predict": kernels.predict_euler(real, module), "finish": kernels.finish_euler(real, module)}
-        self.adjoints: dict[str, Callable] = {}       # by hand
-        if self.model.gradients:
-            from wsim.physics.motion.points_adjoint import EulerAdjoint
-            euler = EulerAdjoint(self.model)
-            self.adjoints = {"predict": euler.predict, "finish": euler.finish}
-        if integrator.beyond:
-            self.kernels |= {"finish_beyond": kernels.finish_beyond(real, module)}
-        if integrator.solves > 1:
-            from wsim.kernels.motion import sdirk3
-            self.kernels |= {"stage": sdirk3.finish_stage(real, module), "step": sdirk3.finish_step(real, module)}
-        if bdf2:
-            self.kernels |= {"predict_bdf2": kernels.predict_bdf2(real, module),
-                             "finish_bdf2": kernels.finish_bdf2(real, module)}
-        what = f"{self.model.points} points"
-        self.stages += [Stage("predict", "predict", self.predict, 1, size * (6 if bdf2 else 4), what=what),
-                        Stage("velocity", "finish", self.finish, 1, size * (11 if bdf2 else 6), what=what)]
+        file, _, name = integrator.motion.rpartition(".")
+        self.euler = Euler(self, integrator)                      # what takes over where the integrator gives way
+        self.motion: Euler = getattr(import_module(file), name)(self, integrator)
+        what, (first, last) = f"{self.model.points} points", self.motion.moved
+        self.stages += [Stage("predict", "predict", self.predict, 1, size * first, what=what),
+                        Stage("velocity", "finish", self.finish, 1, size * last, what=what)]
 
     def tables(self):
         """Inverse masses, object of each point, gravity and air drag of each object."""
@@ -97,30 +160,15 @@ class Points(Method):
         s = self.state
         return filled(kernels.states(self.model.real), x=s.x, e=s.e, v=s.v, **others)
 
+    def now(self, clock: Clock) -> Euler:
+        """What steps now."""
+        return self.motion if clock.integrator is self.integrator else self.euler
+
     def predict(self, clock: Clock) -> None:
-        s, n = self.state, self.model.points
-        if clock.bdf2:
-            self.model.launch(self.kernels["predict_bdf2"], n, [self.constants, s.e, s.v, s.s, s.u, clock.g],
-                              [self.anchor, s.d])
-        else:
-            self.model.launch(self.kernels["predict"], n, [self.constants, s.e, s.v, clock.g], [self.anchor, s.d],
-                              self.adjoints.get("predict"))
+        self.now(clock).predict(clock)
 
     def finish(self, clock: Clock) -> None:
-        s, n = self.state, self.model.points
-        if clock.multistep:
-            self.model.launch(self.kernels["finish_bdf2"], n,
-                              [self.at(d=s.d, a=self.anchor, struck=self.struck), clock.h, clock.g],
-                              [s.x, s.e, s.v, s.s, s.u])
-        elif clock.staged and clock.k % 2 == 0:
-            self.model.launch(self.kernels["stage"], n, [self.at(d=s.d), clock.g], [s.x, s.e, s.v, s.s, s.u])
-        elif clock.staged:
-            self.model.launch(self.kernels["step"], n, [self.at(d=s.d, s=s.s, u=s.u), clock.g], [s.x, s.e, s.v, s.s, s.u])
-        elif clock.beyond:
-            self.model.launch(self.kernels["finish_beyond"], n, [s.e, s.d, s.x, s.v, clock.g], [s.x, s.e, s.v])
-        else:
-            self.model.launch(self.kernels["finish"], n, [self.anchor, s.d, s.x, clock.g], [s.x, s.e, s.v],
-                              self.adjoints.get("finish"))
+        self.now(clock).finish(clock)
 
     def guard(self, clock: Clock) -> None:
         self.model.launch(self.kernels["guard"], self.model.points, [self.state.x, self.state.v],
@@ -154,9 +202,8 @@ class Points(Method):
         array.assign(values)
         return True
 
-    def bear(self, loads) -> None:
-        """What `gravity` leaves out, see `wsim.physics.motion.loads`."""
-        self.loads = loads
+    def meet(self, others: Methods) -> None:
+        self.loads = others.find("loads")
 
     def gravity(self) -> np.ndarray:
         """Of each point [m/s^2], without what loads add, (points, 3)."""
@@ -166,7 +213,7 @@ class Points(Method):
         return values[self.constants.object.numpy()]
 
     def weigh(self, bodies: list[Body], density: float) -> bool:
-        """Masses follow the density; False where a body has none (`wsim.scene.masses.density_of`), or shares points with
+        """Masses follow the density; False where a body has none (`wsim.scene.nodal.masses.density_of`), or shares points with
         another."""
         if not bodies or self.model.alias is not None or any(density_of(b.source) is None for b in bodies):
             return False

@@ -1,17 +1,24 @@
-"""Adjoint of the stages of backward Euler of `wsim.physics.motion.points`, and of the last of an explicit step:
-kernels/motion/points_adjoint.py."""
+"""Adjoint of the stages of backward Euler of `wsim.physics.motion.points`, of the last of an explicit step, and of what loads
+add to gravity: kernels/motion/points_adjoint.py, load.py."""
 
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.motion import load
 from wsim.kernels.motion import points_adjoint as kernels
 from wsim.model.model import Model
 from wsim.model.tape import adjoint_of
+from wsim.model.vjp import fixed
 
 
 class EulerAdjoint:
     """Of the launches of the prediction and of the end of a substep, of the arrays that they have read and written."""
 
-    def __init__(self, model: Model):
-        self.model = model
+    def __init__(self, euler):
+        """euler: `wsim.physics.motion.points.Euler`."""
+        model = self.model = euler.model
         self.kernels = kernels.predict_adjoint(model.real, model.module), kernels.finish_adjoint(model.real, model.module)
+        self.vjp = {euler.kernels[name]: fixed(getattr(self, name)) for name in ("predict", "finish")}
 
     def predict(self, read: list, wrote: list) -> None:
         (constants, e, v, g), (a, d) = read, wrote
@@ -26,8 +33,10 @@ class EulerAdjoint:
 class CorrectAdjoint:
     """Of the launch that makes velocities of what others have changed, in `wsim.physics.motion.explicit`."""
 
-    def __init__(self, model: Model):
+    def __init__(self, model: Model, correct):
+        """correct: the kernel."""
         self.model, self.kernel = model, kernels.correct_adjoint(model.real, model.module)
+        self.vjp = {correct: fixed(self.backward)}
 
     def backward(self, read: list, wrote: list) -> None:
         (at, pair, step), (x_out, _, v_out, pair_out, change) = read, wrote
@@ -37,3 +46,19 @@ class CorrectAdjoint:
         for name, array in arrays.items():
             setattr(by, name, array.grad)
         self.model.launch(self.kernel, self.model.points, [by, step.h, step.source], [])
+
+
+class LoadsAdjoint:
+    """Of the accelerations that `wsim.physics.motion.loads.Loads` puts."""
+
+    def __init__(self, loads):
+        self.loads, model = loads, loads.model
+        self.shares, self.release = load.shares(model.real, model.module), load.release(model.real, model.module)
+        self.part = wp.zeros(len(loads.borne) * load.LANES, dtype=types(model.real).vec3, device=model.device)
+
+    def take(self, row: int) -> None:
+        """From the gradient of gravity to those of the values of a row, of gravity alone and of inverse masses."""
+        own, by = self.loads, self.loads.gravity.grad
+        own.launch(self.shares, self.part.size, [own.entries, by], [self.part])
+        own.launch(self.release, max(len(own.point), len(own.borne)), [own.entries, own.value, self.part, row],
+                   [by, own.own.grad, own.entries.w.grad, own.value.grad])

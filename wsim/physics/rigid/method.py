@@ -17,7 +17,6 @@ from wsim.model.structs import filled
 from wsim.physics.rigid.mass import Inertia, inertia
 from wsim.physics.rigid.objects import Body
 from wsim.physics.rigid.solids import meeting, standing
-from wsim.scene import SceneError
 from wsim.scene.samples import Sample, Transform
 
 FIELDS = (Field("x", "m", True, "centre of mass relative to where it was at the start"),
@@ -162,16 +161,6 @@ class Rigid(Method):
         energy = 0.5 * (self.get("p") * self.velocities()).sum(1) + 0.5 * (self.get("L") * self.spins()).sum(1)
         return {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum()),
                 "rigid_speed": float(np.linalg.norm(self.velocities()[first], axis=1).max())}
-
-    def accept(self, path: str, name: str, value):
-        """A live value as it is kept. Raises SceneError."""
-        from wsim.scene.check.objects import array, number
-        kept = np.asarray(value, np.float64).reshape(-1)
-        wide = LIVE.get(name, 0) == 3
-        problems = list(array(path, name, kept, (3,)) if wide else number(path, name, float(kept[0]), 0.0))
-        if problems and name in LIVE:
-            raise SceneError(problems)
-        return kept if wide else float(kept[0])
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = np.array([k for k, (body, of) in enumerate(self.bodies) if path in ("/", body.path) and world in (None, of)], int)

@@ -1,6 +1,5 @@
 """Tetrahedra of soft bodies on the device, a table for each material model: what kernels/soft/fem.py and fem10.py read."""
 
-from collections.abc import Callable
 from math import inf, sqrt
 from typing import TYPE_CHECKING, Any
 
@@ -46,7 +45,6 @@ class Tetrahedra:
         self.data.mu, self.data.lam, self.data.tau = (model.upload(a, t.scalar) for a in (mu, lam, tau))
         self.damped = bool(tau.any())
         self.q = wp.zeros(points * self.size, dtype=t.quat, device=model.device)
-        self.backward: Callable | None = None    # adjoint of the forces
         self.plastic: Plastic | None = None
         self.flows = True                 # where forces are asked for; with Newton's method where a step ends
         self.kept: state.Part | None = None     # of the state: what outlives a frame
@@ -86,11 +84,9 @@ class Tetrahedra:
 
     def forces(self, x: wp.array, d: wp.array, v: wp.array, force: wp.array | None) -> None:
         """Launches the forces of corners at displacements d and velocities v, where tets have flowed."""
-        backward = self.backward
         if self.plastic and self.flows:
             self.plastic.flow(x, d)
-            backward = self.plastic.around(backward) if backward and self.model.tape else backward
-        self.model.launch(self.pull, self.size, [self.data, x, d, v, self.q], [force, self.q], backward)
+        self.model.launch(self.pull, self.size, [self.data, x, d, v, self.q], [force, self.q])
 
     def kernels(self) -> list:
         """Of Newton's method: `linearise` and `energy_change`."""
@@ -122,7 +118,8 @@ class Tetrahedra:
         if self.plastic:
             self.plastic.shape()
         out = wp.zeros(min(LANES, self.size), dtype=wp.vec3d, device=self.model.device)
-        kernel = self.maths.statistics(self.material, real=self.model.real, module=f"{self.model.module}_report")
+        module = kernel_cache.report_module(self.model, self.maths.__name__, str(self.material))
+        kernel = self.maths.statistics(self.material, real=self.model.real, module=module)
         kernel_cache.ready(kernel, self.model)
         self.model.launch(kernel, out.size, [self.data, self.size, state.x, state.e, self.q], [out])
         each = out.numpy()

@@ -10,7 +10,7 @@ from wsim.geometry.tetra.tets import EDGES, gradients, volumes
 from wsim.kernels.soft.material import lame
 from wsim.model.model import Body
 from wsim.scene import Soft
-from wsim.scene.masses import soft_share
+from wsim.scene.nodal.masses import soft_share
 
 NEAR, FAR = (5.0 + 3.0 * sqrt(5.0)) / 20.0, (5.0 - sqrt(5.0)) / 20.0      # barycentric coordinates of four points
 

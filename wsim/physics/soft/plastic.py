@@ -1,13 +1,12 @@
 """Plastic flow of the tets of a table (`wsim.physics.soft.fem`), on the device: see kernels/soft/plastic.py."""
 
-from collections.abc import Callable
-
 import numpy as np
 import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.soft import plastic
 from wsim.model import state
+from wsim.model.vjp import beside
 from wsim.physics.soft.parts import Region
 
 
@@ -31,9 +30,7 @@ class Plastic:
         self.kept = state.Part(name, table.size, table.size, rows={
             (p.body.path, p.body.world): first + np.argsort(p.rows) for p, first in zip(table.parts, starts[:-1], strict=True)})
         self.kept.take(state.Field(name, "", True, "F_p, what a tet has become at rest", "mat33"), self.F)
-        if model.gradients:
-            from wsim.physics.motion.forces_adjoint import FlowAdjoint
-            self.adjoint = FlowAdjoint(self)
+        self.adjoint = beside(model, __name__, "FlowAdjoint", self)
 
     def shape(self) -> None:
         """Launches what makes edges and gradients of F_p: these alone outlive a frame."""
@@ -49,22 +46,11 @@ class Plastic:
 
     def flow(self, x: wp.array, d: wp.array) -> None:
         """Launches the flow at x + d."""
-        back, tape = None, self.model.tape
+        tape = self.model.tape
         if tape:
-            back, F = self.adjoint.flow, tape.read(self.F)
+            F = tape.read(self.F)
             tape.do(lambda: self.become(F))
-        self.model.launch(self.flow_kernel, self.table.size, [self.data, self.table.data, x, d, self.table.q, self.F], [self.F],
-                          back)
-
-    def around(self, backward: Callable) -> Callable:
-        """The adjoint of forces at the edges and gradients that they have read; these hand on what they get."""
-        F = self.model.tape.read(self.F)
-
-        def back(read: list, wrote: list) -> None:
-            self.become(F)
-            backward(read, wrote)
-            self.adjoint.shape(F)
-        return back
+        self.model.launch(self.flow_kernel, self.table.size, [self.data, self.table.data, x, d, self.table.q, self.F], [self.F])
 
     def strain(self) -> float:
         """Largest |F_p - 1|."""

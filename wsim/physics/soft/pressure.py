@@ -5,7 +5,6 @@ body then. Of ten-node tets each face is taken as four triangles, 4/3 times, and
 what belongs to their nodes (a third to each middle, nothing to corners), and curved ones to the fourth order of their size.
 """
 
-from collections.abc import Callable
 
 import numpy as np
 import warp as wp
@@ -44,7 +43,6 @@ class Pressure:
         self.data.point = model.upload(np.column_stack([self.ids, origin]).astype(np.int32), wp.vec4i)
         self.data.pressure = model.upload(self.spread(), real)
         self.q = None                 # no rotations
-        self.backward: Callable | None = None    # adjoint of the forces
 
     def volumes(self, each: list) -> list[float]:
         """At rest, of the faces of each body [m^3]."""
@@ -62,7 +60,7 @@ class Pressure:
         self.pull = pressure.forces(self.model.real, self.model.module)
 
     def forces(self, x: wp.array, d: wp.array, v: wp.array, force: wp.array | None) -> None:
-        self.model.launch(self.pull, self.size, [self.data, x, d], [force], self.backward)
+        self.model.launch(self.pull, self.size, [self.data, x, d], [force])
 
     def kernels(self) -> list:
         return [f(self.model.real, self.model.module) for f in (pressure.linearise, pressure.energy_change)]

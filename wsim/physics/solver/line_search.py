@@ -1,30 +1,37 @@
 """The line search of Newton steps: of which part of a step the potential Phi is least. Equations:
 kernels/solver/line_search.py."""
 
+from collections.abc import Iterable
+
 import numpy as np
 import warp as wp
 
 from wsim.kernels.solver import line_search
+from wsim.physics.cloth.kind import SHEET
+from wsim.physics.solver.assembly import Assembly, Term
 
 
 class LineSearch:
-    """Of `wsim.physics.solver.newton.Implicit`: sums of Phi's changes, one thread for a few terms, and the step of each
-    system."""
+    """Sums of Phi's changes, one thread for a few of them, and the step of each system."""
 
-    def __init__(self, method):
-        self.method, model = method, method.model
-        bodies, real, module, over = method.system.systems, model.real, model.module, method.system.zeros
+    def __init__(self, assembly: Assembly):
+        self.assembly, model = assembly, assembly.model
+        bodies, real, module, over = assembly.system.systems, model.real, model.module, assembly.system.zeros
         self.step = over(bodies, wp.float64)
-        most = max([int(np.diff(model.starts).max())] + [t.most for t in method.tables.values()]
-                   + [s.most for s in method.solids])
+        kinds = {kind: table.first() for kind, table in assembly.tables.items()}
+        most = max([int(np.diff(model.starts).max())] + [most for _, most in kinds.values()]
+                   + [s.most for s in assembly.solids])
         self.lanes = int(np.clip(most // 8, 32, 2**16)) if model.device.is_cuda else 1
         self.change = wp.zeros((bodies * self.lanes, 1 + line_search.HALVINGS), dtype=wp.float64, device=model.device)
+        firsts = {"": assembly.system.first} | {kind: model.upload(first, int) for kind, (first, _) in kinds.items()}
+        firsts |= {s.name: s.first for s in assembly.solids}
+        if assembly.bending:
+            firsts["curvature"] = assembly.bending.first
         self.trials = {kind: [self.trial(first, begin, end) for begin, end in ((0, 1), (1, 1 + line_search.HALVINGS))]
-                       for kind, first in [("", method.system.first), *((k, b.first) for k, b in method.tables.items()),
-                                           *(("curvature", b.first) for b in [method.bending] if b),
-                                           *((s.name, s.first) for s in method.solids)]}
+                       for kind, first in firsts.items()}
         self.inertia, self.move = line_search.inertia(real, module), line_search.move(real, module)
-        self.elastic = {kind: line_search.elastic(kind, real, module) for kind in method.tables if kind != "dihedral"}
+        self.elastic = {kind: line_search.elastic(t.row.equation, real, module) for kind, t in assembly.tables.items()
+                        if t.row.gather != SHEET}
         self.choose = line_search.choose(real, model.sweep_module)
 
     def trial(self, first: wp.array, begin: int, end: int):
@@ -33,21 +40,22 @@ class LineSearch:
         trial.step, trial.change = self.step, self.change
         return trial
 
-    def search(self, rate: float, *passes: int, rubbed: bool = False) -> None:
-        """d goes along y as far as Phi says: all the way or, after pass 1, a part, or nowhere. rubbed: Phi with friction."""
-        m = self.method
+    def search(self, rate: float, *passes: int, terms: Iterable[Term] = ()) -> None:
+        """d goes along y as far as Phi says: all the way or, after pass 1, a part, or nowhere. terms: what
+        else Phi has."""
+        m = self.assembly
         s, a, y, system, launch = m.state, m.points.anchor, m.v.y, m.system, m.model.launch
         rows = system.systems * self.lanes
         self.step.fill_(-1.0)
         for which in passes:
             trials = {kind: both[which] for kind, both in self.trials.items()}
             launch(self.inertia, rows, [trials[""], m.A, s.d, m.b, y], [])
-            if rubbed:
-                m.active.rub(trials[""], 1.0 / rate, rows)
+            for term in terms:
+                term.rub(trials[""], 1.0 / rate, rows)
             for kind, kernel in self.elastic.items():
                 launch(kernel, rows, [trials[kind], m.tables[kind].data, s.x, s.d, a, y, rate], [])
             if m.bending:
-                m.bending.search(trials["dihedral"], trials["curvature"], [s.x, s.d, a, y, rate])
+                m.bending.search(trials[m.bending.table.kind], trials["curvature"], [s.x, s.d, a, y, rate])
             for solid in m.solids:
                 launch(m.stressed[solid.name][1], rows, [trials[solid.name], solid.data, s.x, s.d, a, y, solid.q, rate], [])
             system.launch(self.choose, [trials[""], system.drop], [self.step])

@@ -14,22 +14,21 @@ gradients, `wsim.physics.solver.newton_adjoint`).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import warp as wp
 
-from wsim.kernels.cloth import hessian
 from wsim.kernels.math.real import types
-from wsim.kernels.solver import line_search, newton
+from wsim.kernels.solver import newton
 from wsim.model.model import Model
-from wsim.model.stage import MISSED, UNSOLVED, Clock, Method, Remedy, Stage
+from wsim.model.stage import MISSED, Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, State
 from wsim.model.status import Status
-from wsim.physics.cloth.constraints import Constraints, changed, in_worlds
-from wsim.physics.cloth.table import Table, bending_of
-from wsim.physics.solver import linear
+from wsim.model.vjp import beside
+from wsim.physics.cloth.constraints import Constraints
+from wsim.physics.solver.assembly import Assembly, Term
 from wsim.physics.solver.line_search import LineSearch
+from wsim.physics.solver.residual import Residual
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -38,138 +37,62 @@ if TYPE_CHECKING:
 TOLERANCE = 1e-2       # of conjugate gradients. 32 x 32 cloth, 4 x 1: error 3.5e-3 m at 0.25 s with 1e-3 and 1e-2, 4.0e-3 with
                        # 3e-2, 5.9e-3 with 1e-1, for 47, 19, 16 and 14 iterations; further Newton steps solve what is left
 CAP = 300              # iterations of conjugate gradients: 1e5 N/m at 1/60 s takes them all, and still goes downhill
-KINDS = ("distance", "dihedral", "membrane")
-MET = 0.5              # largest residual with which BDF2 goes on. 32 x 32 cloth, 1e3 N/m, 1 to 8 substeps: runs that left up to
-                       # 1.5 were as right as solved ones, with 8 or more not. float32 leaves 1e-3 at best, 0.2 with 1e5 N/m
-MET_MIDPOINT = 1e-2    # as MET, for the implicit midpoint, which damps nothing of what is left. Rows of tools/stress (nets
-                       # scattered, or in one place) gained energy with 0.1, and did not with this
-MET_SDIRK3 = 0.1       # as MET, for sdirk3. A scrambled bar of nu 0.49 stayed so with 0.5, and came back with this
 
 
 def build(b: Build) -> Implicit:
-    return Implicit(b.model, b.state, b.methods["points"], b.status, b.clock, b.kept(soft=True))
-
-
-def coarse_space(model: Model, h: float) -> tuple[list, str]:
-    """Bodies solved with one, and what the plan says about it."""
-    from wsim.physics.solver.coarse_space import wanted
-    bodies, why = wanted(model, h)
-    return bodies, f"; {why}"
+    return Implicit(b.model, b.state, b.methods.find("points"), b.status, b.clock, b.kept(soft=True))
 
 
 class Implicit(Method):
-    """Stage newton, and what it reports."""
+    """Stage newton. `terms` is the port where others enter a Newton step."""
 
-    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: dict[str, list[Constraints]]):
-        """rows: soft constraints of each body of world 0, by path."""
+    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: list[Constraints]):
+        """rows: soft constraints of all bodies."""
         super().__init__("implicit")
-        self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
-        self.every = every = in_worlds(model, rows)
-        self.tables = {kind: Table(kind, [r for r in every if r.kind == kind], model)
-                       for kind in KINDS if any(r.kind == kind for r in every)}
-        self.contact = self.pins = self.adjoint = self.hard = None          # type: Any
-        self.free: Any = None                      # `wsim.physics.solver.rigid_translation.Momentum`
-        self.soft: Any = None                      # `wsim.physics.solver.soft_pin.SoftPins`
-        self.active: Any = None                    # `wsim.physics.contact.active_set.ActiveSet`
-        self.solids: list = []
+        self.model, self.state, self.every, self.terms = model, state, rows, list[Term]()
+        self.assembly = own = Assembly(model, state, points, self.every, clock.h)
+        self.c = own.system.zeros(model.points, types(model.real).vec3)
+        state.points.take(Field("c", "m", True, "what forces changed in the substep before (Newton's method)"), self.c)
+        self.kernels = {f.__name__: f(model.real, model.module) for f in (newton.begin, newton.stay, newton.end)}
+        self.line, self.residual = LineSearch(own), Residual(own, status, clock)
+        self.behind = False                        # something is projected behind the last step
         self.present: Any = list                   # rows, with muscles as they are
-        if model.scene.softs:
-            from wsim.physics.soft.fem import tables_of
-            self.solids = tables_of(model)
-            state.add(*(table.kept for table in self.solids if table.kept))
-        self.springs = "distance" in self.tables
-        self.elements = bool(self.solids or self.tables.keys() - {"distance"})
-        self.bending = bending_of(model, self.tables.get("dihedral"))
-        coarse, why = coarse_space(model, self.clock.h) if self.solids else ([], "")
-        self.system = linear.System(model, points.constants.w, self.ids("distance", 2), self.ids("dihedral", 4),
-                                    [self.ids("membrane", 3), *(s.ids for s in self.solids)], coarse,
-                                    self.bending.spans if self.bending else None)
-        self.rows, self.A, self.v = self.system.rows, self.system.A, self.system.v
-        self.work()
-        self.make()
-        if model.gradients:
-            from wsim.physics.solver.newton_adjoint import ImplicitAdjoint
-            self.adjoint = ImplicitAdjoint(self, every)
-        what = [f"{b.size} {b.kind}" for b in self.tables.values()] + [f"{t.size} {t.name} {t.noun}" for t in self.solids]
-        stage = Stage("newton", "solve", self.iterate, self.launches, self.bytes, "iteration", ", ".join(what) + why)
+        self.adjoint = beside(model, __name__, "ImplicitAdjoint", self, self.every)
+        self.offer()
+        what = [f"{b.size} {b.kind}" for b in own.tables.values()] + [f"{t.size} {t.name} {t.noun}" for t in own.solids]
+        stage = Stage("newton", "solve", self.iterate, 8 + own.launches, own.bytes, "iteration", ", ".join(what) + own.why)
         self.stages.append(stage)
-        if any(s.plastic for s in self.solids):
-            size = sum(s.size for s in self.solids if s.plastic)
+        if any(s.plastic for s in own.solids):
+            size = sum(s.size for s in own.solids if s.plastic)
             self.stages.append(Stage("flow", "deform", self.flow, 1, size * 150, what=f"{size} plastic tets"))
 
-    def ids(self, kind: str, corners: int) -> np.ndarray:
-        return self.tables[kind].ids if kind in self.tables else np.zeros((0, corners), np.int32)
+    def offer(self) -> None:
+        own = self.assembly
+        self.offers = {"rows": self.every, "solids": own.solids, "tables": own.tables.values(), "assembly": own,
+                       "terms": self.terms}
+        if self.adjoint:
+            self.offers |= {"gather": self.adjoint.pull, "adjoint": self.adjoint}
+        if own.springs:
+            before = self.adjoint.spring_tables if self.adjoint else list
+            self.offers["spring tables"] = lambda: [*before(), *own.spring_tables()]
 
-    def work(self) -> None:
-        """Vectors over points, and numbers of each body."""
-        model, t = self.model, types(self.model.real)
-        over = self.system.zeros
-        self.b, self.c, self.f = (over(model.points, t.vec3) for _ in range(3))
-        self.state.points.take(Field("c", "m", True, "what forces changed in the substep before (Newton's method)"), self.c)
-        self.status.reserve(UNSOLVED, len(model.bodies))
-        self.element = hessian.elements_of(model.real)()
-        hinges, triangles = len(self.ids("dihedral", 4)), len(self.ids("membrane", 3))
-        force, block = 4 * hinges + 3 * triangles, 3 * triangles
-        for table in self.solids:
-            table.place(force, block)
-            corners = table.ids.shape[1]
-            force, block = force + corners * table.size, block + corners * (corners - 1) // 2 * table.size
-        self.element.block, self.element.force = over(block, t.mat33), over(force, t.vec3)
-        if self.bending:
-            self.bending.room(self.element)
-        self.residual = over(self.system.systems, model.real)
-
-    def make(self) -> None:
-        """Kernels."""
-        real, module, block = self.model.real, self.model.module, self.model.sweep_module
-        self.begin, self.stay, self.end = (f(real, module) for f in (newton.begin, newton.stay, newton.end))
-        self.triangles = hessian.triangles(real, module) if "membrane" in self.tables else None
-        self.assemble = newton.assemble(real, module, self.springs, self.elements)
-        self.stressed = {s.name: s.kernels() for s in self.solids}
-        self.left, self.unmet = line_search.left(real, block), line_search.unmet(real, module)
-        self.line = LineSearch(self)
-        if self.clock.watched:
-            self.status.reserve(MISSED)
-            from wsim.kernels.solver.xpbd_residual import judge
-            self.judge = judge(real, module)
-
-    def spring_tables(self) -> list:
-        from wsim.physics.cloth.springs import SpringTable
-        table, found = self.tables.get("distance"), []
-        if self.adjoint and table:
-            pull = self.adjoint.pull
-            found.append(SpringTable(pull.springs, pull.table.rest, pull.entry, pull.given))
-        return found + ([SpringTable(table.rows, table.data.rest, np.arange(table.size), table.given)] if table else [])
-
-    def drive(self, muscles) -> None:
-        """The energy is that of the rest lengths that muscles have put."""
-        self.present = muscles.present
-
-    def meet(self, others: dict[str, Method]) -> None:
-        """Takes contacts and soft pins into the system; tethers and strain limits are projected behind it."""
-        pins, contact, hard = (cast(Any, others.get(name)) for name in ("pins", "contact", "xpbd"))
-        self.hard, self.contact, self.pins = hard, contact, pins if pins and pins.groups["soft"] else None
-        w, starts = self.rows.w.numpy(), self.system.starts
-        free = [int(not contact and w[i:j].all()) for i, j in zip(starts[:-1], starts[1:], strict=True)]
+    def meet(self, others: Methods) -> None:
+        """Tethers and strain limits are projected behind the last step; muscles give rest lengths."""
+        self.behind = bool(others.every("batches"))
+        if muscles := others.find("muscles"):
+            self.present = muscles.present
+        w, starts = self.assembly.rows.w.numpy(), self.assembly.system.starts
+        free = [int(not others.find("contacts") and w[i:j].all()) for i, j in zip(starts[:-1], starts[1:], strict=True)]
         if any(free):
             from wsim.physics.solver.rigid_translation import Momentum
-            self.free = Momentum(self, free)
-        if self.contact:
-            from wsim.physics.contact.active_set import ActiveSet
-            self.active = ActiveSet(self, contact)
-            contact.give_way(self.active.press if hard else None)
-        if self.pins:
-            from wsim.physics.solver.soft_pin import SoftPins
-            self.soft = SoftPins(self, pins)
-        if self.adjoint:
-            self.adjoint.join(hard)
+            self.terms.append(Momentum(self.assembly, self.line.lanes, free))
 
     def iterate(self, clock: Clock) -> None:
         """A Newton step; all of them where tethers or limits are projected behind them; of recorded gradients to a residual."""
         if self.adjoint and self.model.tape:
             if clock.i == 0:
                 self.model.tape.solve(self.adjoint, clock)
-        elif not self.hard:
+        elif not self.behind:
             self.newton(clock)
         elif clock.i == 0:
             for i in range(clock.iterations):
@@ -179,100 +102,59 @@ class Implicit(Method):
 
     def newton(self, clock: Clock) -> None:
         """One Newton step; after the last of a frame, or of any substep of the midpoint, its residual."""
-        rate = 1.0 / clock.g
+        own, rate = self.assembly, 1.0 / clock.g
         if clock.i == 0 and clock.k == 0:
-            for table in self.solids:
-                table.forget()
+            own.forget()
         if clock.i == 0:
             self.start(clock)
-        self.linearise(rate)
-        if clock.i == 0 and self.springs:
-            self.A.aside.zero_()
-        if self.active:
-            self.active.hold(clock.g, fresh=clock.i == 0)
-            self.active.solve(clock, TOLERANCE, CAP)
-        else:
-            self.system.solve(self.f, TOLERANCE, CAP, (self.state.x, self.state.d))
-            self.carry()
-        self.line.search(rate, 0, 1, rubbed=self.active is not None)
+        own.linearise(rate)
+        if clock.i == 0 and own.springs:
+            own.A.aside.zero_()
+        for term in self.terms:
+            term.hold(clock.g, fresh=clock.i == 0)
+        if not any(term.solve(clock, TOLERANCE, CAP) for term in self.terms):
+            own.solve(own.f, TOLERANCE, CAP)
+        self.carry()
+        self.line.search(rate, 0, 1, terms=self.terms)
         if clock.i == clock.iterations - 1:
-            self.model.launch(self.end, self.model.points, [self.state.d, self.b], [self.c])
-            if clock.k == clock.substeps - 1 or clock.beyond:      # one unsolved step of the midpoint can gain energy
-                self.measure(clock)
+            self.model.launch(self.kernels["end"], self.model.points, [self.state.d, own.b], [self.c])
+            if clock.k == clock.substeps - 1 or clock.integrator.beyond:   # one unsolved step of the midpoint can gain energy
+                self.residual.measure(clock, self.terms)
 
     def flow(self, clock: Clock) -> None:
         """Tets beyond their yield, where a step has ended: between the stages of one no body has ever been."""
-        for table in (s for s in self.solids if s.plastic and not (clock.staged and clock.k % 2 == 0)):
+        for table in (s for s in self.assembly.solids if s.plastic and clock.ends):
             table.plastic.flow(self.state.x, self.state.e)
 
     def start(self, clock: Clock) -> None:
         """d becomes the best of three: the prediction, that and the last step's forces, where the substep began, which is
         looked at when the others are out of colliders: Phi ends below what standing still costs."""
-        s, rate = self.state, 1.0 / clock.g
-        self.system.count.zero_()
-        self.system.drop.zero_()
-        self.A.aside.fill_(newton.ASIDE)
+        s, own, rate = self.state, self.assembly, 1.0 / clock.g
+        own.system.count.zero_()
+        own.system.drop.zero_()
+        own.A.aside.fill_(newton.ASIDE)
         self.prepare(s.d, clock)
         self.line.search(rate, 0)
-        if self.active:
-            self.active.press(clock)
-        self.model.launch(self.stay, self.model.points, [self.rows, s.e, s.d], [self.v.y])
+        for term in self.terms:
+            term.press(clock)
+        self.model.launch(self.kernels["stay"], self.model.points, [own.rows, s.e, s.d], [own.v.y])
         self.carry()
-        if self.active:
-            self.active.clip(clock.g)
+        for term in self.terms:
+            term.clip(clock.g)
         self.line.search(rate, 0)
 
-    def prepare(self, d: wp.array, clock: Clock) -> None:
+    def prepare(self, d, clock: Clock) -> None:
         """own and b of the prediction d, with soft pins."""
-        rate = 1.0 / clock.g
-        self.model.launch(self.begin, self.model.points, [self.rows, d, self.c, rate], [self.A, self.b, self.v.y])
-        if self.soft:
-            self.soft.launch(clock.k, rate)
+        own = self.assembly
+        self.model.launch(self.kernels["begin"], self.model.points, [own.rows, d, self.c, 1.0 / clock.g],
+                          [own.A, own.b, own.v.y])
+        for term in self.terms:
+            term.prepare(clock)
 
     def carry(self) -> None:
         """y gets what it lacks of the translation of free bodies."""
-        if self.free:
-            self.free.keep()
-
-    def measure(self, clock: Clock) -> None:
-        """What the frame's last Newton step left, and whether an integrator that needs it may go on."""
-        self.linearise(1.0 / clock.g)
-        if self.active:
-            self.active.hold(clock.g, fresh=True)
-        f = self.active.held.f if self.active else self.f
-        self.system.launch(self.left, [self.points.constants, self.A, self.system.first, f, self.state.d, self.b],
-                           [self.residual])
-        self.model.launch(self.unmet, self.residual.size, [self.residual, self.status.offset(UNSOLVED)],
-                          [self.status.array])
-        if clock.watched:
-            most = MET_MIDPOINT if clock.beyond else MET_SDIRK3 if clock.staged else MET
-            self.model.launch(self.judge, self.residual.size, [self.residual, most], [self.status.word(MISSED)])
-
-    def linearise(self, rate: float) -> None:
-        """Forces and Jacobian at d, without contacts."""
-        s, a, launch = self.state, self.points.anchor, self.model.launch
-        if self.bending:
-            self.bending.linearise(s.x, s.d, a, rate, self.element)
-        if self.triangles:
-            triangles, offset = self.tables["membrane"], 4 * len(self.ids("dihedral", 4))
-            launch(self.triangles, triangles.size, [triangles.data, s.x, s.d, a, rate, offset], [self.element])
-        for table in self.solids:
-            launch(self.stressed[table.name][0], table.size, [table.data, s.x, s.d, a, table.q, rate], [table.q, self.element])
-        springs = self.tables["distance"].data if self.springs else hessian.batch_of("distance", self.model.real)()
-        launch(self.assemble, self.model.points, [self.rows, springs, self.element, self.points.at(d=s.d, a=a), self.b, rate],
-               [self.f, self.A])
-
-    @property
-    def launches(self) -> int:
-        """Of a Newton step; conjugate gradients by several blocks take two more an iteration."""
-        return (8 + 3 * (self.free is not None) + 2 * len(self.tables) + 3 * len(self.solids)
-                + 6 * bool(self.bending) + bool(self.triangles))
-
-    @property
-    def bytes(self) -> int:
-        """Moved by one assembly and one iteration of conjugate gradients, when every gather hits the cache once."""
-        entries = 2 * (self.A.link.capacity if self.springs else 0) + 2 * (self.A.block.capacity if self.elements else 0)
-        return entries + self.model.points * (8 * self.springs + 8 * self.elements + 50 * np.dtype(self.model.dtype).itemsize)
+        for term in self.terms:
+            term.carry()
 
     def retry(self, status: Status) -> list[Remedy]:
         return [Remedy("give way")] if status.said(MISSED)[0] else []
@@ -280,21 +162,17 @@ class Implicit(Method):
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]; residual of the frame's last Newton step (kernels/solver/line_search.py, `left`), largest of all
         bodies; pcg_iterations of the last substep, largest of all bodies."""
-        from wsim.physics.cloth.energy import energy
-        solid = self.solids[0].indicators(self.solids, self.state) if self.solids else {}
+        from wsim.physics.cloth.table import energy
+        solids = self.assembly.solids
+        solid = solids[0].indicators(solids, self.state) if solids else {}
         stored = energy(self.model, self.present(self.every), self.state) + solid.get("solid_energy", 0.0)
-        return {"elastic_energy": stored, **solid, "residual": float(self.residual.numpy().max()),
-                "pcg_iterations": float(self.system.count.numpy().max())}
+        return {"elastic_energy": stored, **solid, "residual": float(self.residual.array.numpy().max()),
+                "pcg_iterations": float(self.assembly.system.count.numpy().max())}
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """stretch, weft, shear, bend, poisson of a cloth, stiffness of a spring net, young [Pa], poisson, pressure [Pa] and
         yield_strain of a soft body, damping [s]; what a rest shape and rest lengths change."""
-        own = self.adjoint.pull.tables if self.adjoint else ()
-        hit = any([t.set(path, name, value, world) for t in (*self.solids, *own)])
-        for table in self.tables.values():
-            if changed(self.model, table.rows, path, name, value, world):
-                table.stale = hit = True
-            table.refresh()
+        hit = self.assembly.set(path, name, value, world, self.adjoint.pull.tables if self.adjoint else ())
         if self.adjoint:
             self.adjoint.pull.refresh()
         return hit

@@ -22,10 +22,11 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import newton_adjoint
 from wsim.model.tape import without
-from wsim.physics.contact.newton_adjoint import ContactsAdjoint, PinsAdjoint
+from wsim.physics.contact.active_set_adjoint import ContactsAdjoint
 from wsim.physics.motion.forces import ForceGather
 from wsim.physics.motion.forces_adjoint import Forces
 from wsim.physics.solver.gcr import Directions
+from wsim.physics.solver.soft_pin_adjoint import PinsAdjoint
 
 CLOSE = {"float32": 1e-5, "float64": 1e-13}     # forces left over those of inertia, |own (d - a)|
 AMONG = {"float32": 1e-5, "float64": 1e-15}     # among contacts, whose steps gain less: to where rounding ends it
@@ -41,10 +42,10 @@ class ImplicitAdjoint(Forces):
 
     def __init__(self, method, rows: list):
         """method: `wsim.physics.solver.newton.Implicit`; rows: its springs, hinges and triangles, of all worlds."""
-        self.method, model = method, method.model
-        super().__init__(model, ForceGather(model, method.points.constants, rows, None, shared=False), model.module)
+        self.method, self.assembly, model = method, method.assembly, method.model
+        super().__init__(model, ForceGather(model, self.assembly.points.constants, rows, None, shared=False), model.module)
         module, n, real, t = model.module, model.points, model.real, types(model.real)
-        both = zip(self.pull.tables, method.solids, strict=True)
+        both = zip(self.pull.tables, self.assembly.solids, strict=True)
         self.plastic = [self.share(own, live) for own, live in both if live.plastic]
         names = ("pairs", "residual", "product", "free", "spread", "dot", "add", "going", "falling", "worst", "weigh")
         self.kernels = {name: getattr(newton_adjoint, name)(real, module) for name in names}
@@ -70,16 +71,20 @@ class ImplicitAdjoint(Forces):
         own.plastic, own.flows, own.data.edge, own.data.gradient = live.plastic, False, live.data.edge, live.data.gradient
         return live.plastic
 
-    def join(self, hard) -> None:
-        """Takes what the method has taken into its system. hard: what is projected once behind a solve, or None."""
-        if self.method.pins:
-            self.pins = PinsAdjoint(self.model, self.method.pins, [self.method.soft.first, self.method.soft.item])
-        if self.method.contact:
-            self.contacts = ContactsAdjoint(self.model, self.method.contact, hard is not None)
+    def enter(self, kind: str, *given) -> None:
+        """Takes what is a term of Newton steps: "pins" or "contacts", and what their adjoint is made of."""
+        if kind == "pins":
+            self.pins = PinsAdjoint(self.model, *given)
+        else:
+            self.contacts = ContactsAdjoint(self.model, *given)
+
+    def spring_tables(self) -> list:
+        from wsim.physics.cloth.springs import SpringTable
+        return [SpringTable(self.pull.springs, self.pull.table.rest, self.pull.entry, self.pull.given)]
 
     def forget(self) -> None:
         """Rotations, here and in the method, are sought anew."""
-        for table in (*self.pull.tables, *self.method.solids):
+        for table in (*self.pull.tables, *self.assembly.solids):
             if table.q:
                 table.q.zero_()
 
@@ -107,21 +112,22 @@ class ImplicitAdjoint(Forces):
 
     def solve(self, clock) -> None:
         """The state's d, from the prediction to where no force is left."""
-        m, s, contacts = self.method, self.method.state, self.contacts
-        m.c.zero_()                                      # a substep depends on nothing but its own start
+        m, s, contacts = self.assembly, self.assembly.state, self.contacts
+        self.method.c.zero_()                                      # a substep depends on nothing but its own start
         self.forget()
         wp.copy(self.b, s.d)
         if contacts:
             contacts.begin()
         for i in range(max(clock.iterations, CONTACTS if contacts else 0)):
             clock.i = i
-            m.newton(clock)
+            self.method.newton(clock)
         self.count.zero_()
         wp.copy(self.a, m.points.anchor)
         wp.copy(self.x, s.x)
         if contacts:
             m.linearise(1.0 / clock.g)
-            m.active.hold(clock.g, fresh=True)
+            for term in self.method.terms:
+                term.hold(clock.g, fresh=True)
             contacts.turn(s.d, self.a, clock.g, first=True)
         self.look(clock)
         wp.capture_while(self.on, lambda: self.step(clock))
@@ -129,35 +135,35 @@ class ImplicitAdjoint(Forces):
 
     def look(self, clock) -> None:
         """What is left at the state's d, and whether that is too much."""
-        wp.copy(self.d, self.method.state.d)
+        wp.copy(self.d, self.assembly.state.d)
         self.forces(clock)
         miss, rate, close = self.r, 1.0 / clock.g, CLOSE
         if self.contacts:
             miss, close = self.contacts.left.miss, AMONG
             self.bear(rate)
         else:
-            self.run("residual", [self.method.rows.w, self.f, self.d, self.b, self.a, rate], [self.r, self.scale])
+            self.run("residual", [self.assembly.rows.w, self.f, self.d, self.b, self.a, rate], [self.r, self.scale])
         self.run("falling", [self.dot(miss, miss, 0), self.dot(self.scale, self.scale, 1), close[self.name], MOST, self.count,
                              self.best], [self.on], 1)
 
     def step(self, clock) -> None:
         """A full Newton step, and contacts after it."""
-        m, s = self.method, self.method.state
+        m, s = self.assembly, self.assembly.state
         self.system(1.0 / clock.g)
         if self.contacts:
             self.krylov(self.tangent, NEAR, FEW, clock)
             self.run("add", [s.d, self.sum, self.sums[3], self.sums[3], 1.0], [s.d])
             self.contacts.turn(s.d, self.a, clock.g)
         else:
-            m.system.solve(self.r, INNER, CAP, (s.x, s.d))
+            m.solve(self.r, INNER, CAP)
             self.run("add", [s.d, m.v.y, self.sums[1], self.sums[1], 1.0], [s.d])
         self.look(clock)
 
     def system(self, rate: float) -> None:
         """The positive part of the Jacobian at the state's d, of what is free there."""
-        self.method.linearise(rate)
+        self.assembly.linearise(rate)
         if self.contacts:
-            self.contacts.screen(self.method.A.P)
+            self.contacts.screen(self.assembly.A.P)
 
     def bear(self, rate: float, found: bool = False):
         """What contacts leave free at d."""
@@ -170,12 +176,12 @@ class ImplicitAdjoint(Forces):
 
     def back(self, clock, d: wp.array, b: wp.array, x: wp.array, a: wp.array) -> None:
         """From the gradient of d to those of b, x, a and all parameters; each array with its gradient, which is added to."""
-        m, s, contacts = self.method, self.method.state, self.contacts
-        rate, w = 1.0 / clock.g, self.method.rows.w
+        m, s, contacts = self.assembly, self.assembly.state, self.contacts
+        rate, w = 1.0 / clock.g, self.assembly.rows.w
         for into, source in ((self.d, d), (self.a, a), (self.b, b), (self.x, x), (s.d, d), (s.x, x), (m.points.anchor, a),
                              (self.y, d.grad)):
             wp.copy(into, without(source))               # a copy takes gradients along where both have them
-        m.prepare(b, clock)
+        self.method.prepare(b, clock)
         m.A.aside.zero_()
         self.forget()
         self.forces(clock)
@@ -206,7 +212,7 @@ class ImplicitAdjoint(Forces):
         if not contacts.after:
             contacts.run("spread_out", [contacts.frame.S, self.y], [self.r])
             return
-        w, rate = self.method.rows.w, 1.0 / clock.g
+        w, rate = self.assembly.rows.w, 1.0 / clock.g
         contacts.pushed(state, self.y, by_a, w.grad)
         self.turned(contacts.given, False, clock)
         self.run("product", [w, contacts.given, self.pair.grad, rate], [self.q])
@@ -214,7 +220,7 @@ class ImplicitAdjoint(Forces):
 
     def krylov(self, product, tolerance: float, most: int, clock) -> None:
         """sum becomes B^-1 r, q = product(z) = B z; the last sums are those of r then, and as it was."""
-        m, s = self.method, self.method.state
+        m = self.assembly
         rq, qq, rr, first = self.sums
         self.sum.zero_()
         self.directions.begin()
@@ -225,7 +231,7 @@ class ImplicitAdjoint(Forces):
             self.run("going", [rr, first, tolerance, most, self.turns], [self.turning], 1)
 
         def step() -> None:
-            m.system.solve(self.r, INNER, CAP, (s.x, s.d))
+            m.solve(self.r, INNER, CAP)
             product(m.v.y, clock)
             self.directions.turn(m.v.y, self.q)
             self.dot(self.r, self.q, 0)
@@ -243,12 +249,12 @@ class ImplicitAdjoint(Forces):
         contacts = self.contacts
         assert contacts is not None
         self.turned(z, False, clock)
-        self.run("product", [self.method.rows.w, z, self.pair.grad, 1.0 / clock.g], [self.q])
+        self.run("product", [self.assembly.rows.w, z, self.pair.grad, 1.0 / clock.g], [self.q])
         contacts.run("given", [contacts.frame, self.q, z], [self.q])
 
     def product(self, z: wp.array, clock) -> None:
         """q = B z, of the transposed Jacobian."""
-        w, rate, contacts = self.method.rows.w, 1.0 / clock.g, self.contacts
+        w, rate, contacts = self.assembly.rows.w, 1.0 / clock.g, self.contacts
         p = z
         if contacts:
             p = self.p

@@ -5,23 +5,24 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.solver import rigid_translation as kernels
+from wsim.physics.solver.assembly import Assembly, Term
 
 
-class Momentum:
+class Momentum(Term):
     """What a Newton step lacks of their translation."""
 
-    def __init__(self, method, free: list[int]):
-        """method: `wsim.physics.solver.newton.Implicit`; free: 1 for each of its systems that nothing holds."""
-        self.method, model = method, method.model
+    def __init__(self, assembly: Assembly, lanes: int, free: list[int]):
+        """lanes: threads that sum over a system; free: 1 for each system that nothing holds."""
+        self.assembly, self.lanes, model = assembly, lanes, assembly.model
         self.amount, self.mean = kernels.amount(model.real, model.module), kernels.mean(model.real, model.sweep_module)
         self.translate, self.free = kernels.translate(model.real, model.module), model.upload(np.array(free, np.int32), int)
-        self.part = wp.zeros(len(free) * method.line.lanes, dtype=wp.vec4d, device=model.device)
+        self.part = wp.zeros(len(free) * lanes, dtype=wp.vec4d, device=model.device)
         self.shift = wp.zeros(len(free), dtype=wp.vec3d, device=model.device)
 
-    def keep(self) -> None:
+    def carry(self) -> None:
         """Adds it to y."""
-        m = self.method
+        m = self.assembly
         y, launch = m.v.y, m.model.launch
-        launch(self.amount, self.part.size, [m.system.first, m.line.lanes, m.A, m.state.d, m.b, y], [self.part])
-        m.system.launch(self.mean, [m.line.lanes, self.free, self.part], [self.shift])
+        launch(self.amount, self.part.size, [m.system.first, self.lanes, m.A, m.state.d, m.b, y], [self.part])
+        m.system.launch(self.mean, [self.lanes, self.free, self.part], [self.shift])
         launch(self.translate, m.model.points, [m.system.of, self.shift, y], [y])

@@ -4,22 +4,23 @@ import numpy as np
 
 from wsim.geometry import topology
 from wsim.kernels.solver.soft_pin import pinned
+from wsim.model.stage import Clock
+from wsim.physics.solver.assembly import Assembly, Term
 
 
-class SoftPins:
+class SoftPins(Term):
     """first, item: of each point that a pin pulls, which ones do; none is there without."""
 
-    def __init__(self, method, pins):
-        """method: `wsim.physics.solver.newton.Implicit`; pins: `wsim.physics.motion.pins.Pins`."""
-        self.method, self.pins, model = method, pins, method.model
+    def __init__(self, assembly: Assembly, pins):
+        """pins: `wsim.physics.motion.pins.Pins`."""
+        self.assembly, self.pins, model = assembly, pins, assembly.model
         self.kernel = pinned(model.real, model.module)
         first, item = topology.incident(pins.place["soft"].numpy()[:, None], model.points)
-        pins.give_way()
         self.first, self.item = (model.upload(values.astype(np.int32), int) for values in (np.unique(first), item))
-        pins.soft.first, pins.soft.item = self.first, self.item
 
-    def launch(self, k: int, rate: float) -> None:
-        """Their part of own and b, in substep k; rate: 1 / g."""
-        m = self.method
+    def prepare(self, clock: Clock) -> None:
+        """Their part of own and b."""
+        m = self.assembly
         m.model.launch(self.kernel, self.first.size - 1,
-                       [self.pins.soft, self.pins.target["soft"], m.state.x, m.points.anchor, k, rate], [m.A, m.b])
+                       [self.pins.soft, self.pins.target["soft"], m.state.x, m.points.anchor, clock.k, 1.0 / clock.g],
+                       [m.A, m.b])

@@ -9,7 +9,7 @@ substep and kept through its iterations; with one iteration they do not exist.
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -17,44 +17,38 @@ import warp as wp
 from wsim.kernels.motion.points import states
 from wsim.model import kernel_cache
 from wsim.model.model import Model
-from wsim.model.stage import MISSED, Clock, Method, Port, Remedy, Stage
+from wsim.model.stage import MISSED, Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.model.structs import filled
-from wsim.physics.cloth.constraints import HARD, Constraints, changed, colored, in_worlds
+from wsim.physics.cloth.constraints import Constraints, changed, colored
+from wsim.physics.cloth.kind import SPRINGS, named
 from wsim.physics.solver.batch import Batch
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
 
 
-ORDER = ("tether", "membrane", "distance", "dihedral", "limit")        # of the kinds within an iteration
-LANES = 4096          # threads that sum the energy
-MET = 2e-2            # largest residual (strain, radians) with which BDF2 goes on. On a 32 x 32 cloth of 1e3 to 1e6 N/m the
-                      # runs that gained energy had a median of 8e-2 to 1.7e-1, those of 10 substeps or more that did not,
-                      # at most 2.1e-2. Larger cloths stayed calm at 3e-2 too and give way all the same: on the safe side
-MET_SDIRK3 = MET      # as MET, for sdirk3
-MET_MIDPOINT = 1e-3   # as MET, for the implicit midpoint, which damps nothing of what is left. Rows of tools/stress (folded net
-                      # and sheet, gravity that turns) gained energy with 5e-3, and did not with this
-
-
 def build(b: Build) -> Xpbd:
-    return Xpbd(b.model, b.state, b.methods["points"], b.status, b.clock,
-                b.constraints if b.choice.solver == "xpbd" else b.kept(soft=False))
+    return Xpbd(b.model, b.state, b.methods.find("points"), b.status, b.clock,
+                b.model.constraints if b.choice.solver == "xpbd" else b.kept(soft=False))
 
 
 class Xpbd(Method):
     """Stages solve: one per kind, each a launch a colour; before them, once a substep, the multipliers are zeroed."""
 
-    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: dict[str, list[Constraints]]):
-        """rows: constraints of each body of world 0, by path."""
+    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: list[Constraints]):
+        """rows: constraints of all bodies."""
         super().__init__("xpbd")
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
         self.watched: list[Batch] = []
-        self.lengthen = Port()            # puts rest lengths of the end of a frame (`wsim.physics.cloth.muscles`)
-        every = in_worlds(model, {path: colored(found) for path, found in rows.items()})
-        self.batches = [Batch(kind, [r for r in every if r.kind == kind], model, clock)
-                        for kind in ORDER if any(r.kind == kind for r in every)]
+        self.muscles: Any = None
+        colored(rows)
+        self.batches = [Batch(kind.name, [r for r in rows if r.kind == kind.name], model, clock)
+                        for kind in named({r.kind for r in rows})]
+        self.offers = {"batches": self.batches, "rows": [r for b in self.batches for r in b.rows]}
+        if any(b.row.gather == SPRINGS for b in self.batches):
+            self.offers["spring tables"] = self.spring_tables
         if any(b.multipliers for b in self.batches):
             size = sum(b.lam.capacity for b in self.batches)
             self.stages.append(Stage("multipliers", "collide", self.zero, len(self.batches), size, what="zeroed"))
@@ -65,16 +59,17 @@ class Xpbd(Method):
             self.stages.append(Stage(
                 batch.kind, "solve", partial(self.project, batch), launches, batch.bytes, "iteration",
                 f"{batch.size} constraints in {colours} colours"))
-        if clock.watched and any(b.kind not in HARD for b in self.batches):
+        if clock.watched and not all(b.hard for b in self.batches):
             self.watch()
 
     def spring_tables(self) -> list:
         from wsim.physics.cloth.springs import SpringTable
-        return [SpringTable(b.rows, b.data.rest, b.order, b.given) for b in self.batches if b.kind == "distance"]
+        return [SpringTable(b.rows, b.data.rest, b.order, b.given) for b in self.batches
+                if b.row.gather == SPRINGS]
 
-    def drive(self, muscles) -> None:
+    def meet(self, others: Methods) -> None:
         """The energy is that of the rest lengths at the end of a frame."""
-        self.lengthen.append(muscles.finish)
+        self.muscles = others.find("muscles")
 
     def watch(self) -> None:
         """BDF2 gains energy where sweeps leave too much: the last substep of a frame is measured. The midpoint's way to the end
@@ -82,26 +77,26 @@ class Xpbd(Method):
         from wsim.kernels.solver.xpbd_residual import judge
         model = self.model
         self.status.reserve(MISSED)
-        self.watched = [b for b in self.batches if b.kind not in HARD]
+        self.watched = [b for b in self.batches if not b.hard]
         self.largest = wp.zeros(len(self.watched), dtype=model.real, device=model.device)
         self.look_kernels = self.residual_kernels(model.module)
         self.judge = judge(model.real, model.module)
         self.stages.append(Stage("residual", "solve", self.look, len(self.watched) + 1, 0,
                                  what=f"{self.points.integrator.name}'s, in "
-                                      f"{'every' if self.clock.beyond else 'the last'} substep of a frame"))
+                                      f"{'every' if self.clock.integrator.beyond else 'the last'} substep of a frame"))
 
     def retry(self, status: Status) -> list[Remedy]:
         return [Remedy("give way")] if self.watched and status.said(MISSED)[0] else []
 
     def residual_kernels(self, module: str) -> list:
         from wsim.kernels.solver.xpbd_residual import residual
-        return [residual(b.kind, real=self.model.real, module=module, uniform=b.uniform)
-                for b in self.batches if b.kind not in HARD]
+        return [residual(b.row.equation, real=self.model.real, module=module, uniform=b.uniform)
+                for b in self.batches if not b.hard]
 
     def look(self, clock: Clock) -> None:
         """Residual of every batch after the last substep's sweeps, of the midpoint after each (it damps nothing of what one of
         them leaves), and whether the integrator may go on."""
-        if not clock.watched or (clock.k < clock.substeps - 1 and not clock.beyond):
+        if not clock.watched or (clock.k < clock.substeps - 1 and not clock.integrator.beyond):
             return
         model, s, tape = self.model, self.state, self.model.tape
         x, d = (tape.read(s.x), tape.read(s.d)) if tape else (s.x, s.d)
@@ -111,13 +106,12 @@ class Xpbd(Method):
             before, model.tape = model.tape, None        # looks, and changes nothing
             self.largest.zero_()
             self.measure(self.look_kernels, x, d, lam, self.largest)
-            most = MET_MIDPOINT if clock.beyond else MET_SDIRK3 if clock.staged else MET
-            model.launch(self.judge, len(lam), [self.largest, most], [self.status.word(MISSED)])
+            model.launch(self.judge, len(lam), [self.largest, clock.integrator.met[1]], [self.status.word(MISSED)])
             model.tape = before
         tape.do(judge) if tape else judge()
 
     def measure(self, kernels_: list, x: wp.array, d: wp.array, lam: list[wp.array], largest: wp.array) -> None:
-        soft = [b for b in self.batches if b.kind not in HARD]
+        soft = [b for b in self.batches if not b.hard]
         for row, (batch, kernel, own) in enumerate(zip(soft, kernels_, lam, strict=True)):
             batch.aim(x, d, x, 0.0)                      # what damping asks for is left out
             self.model.launch(kernel, batch.size, [batch.data, x, d, own, 1.0 / self.clock.g, row], [largest])
@@ -126,31 +120,25 @@ class Xpbd(Method):
         """elastic_energy [J]; residual: what the last substep's sweeps left, see kernels/solver/xpbd_residual.py (strain,
         radians). A single iteration keeps no multipliers and has no residual. Kernels of their own module, compiled when asked
         for."""
-        soft, module = [b for b in self.batches if b.kind not in HARD], self.model.module + "_report"
-        self.lengthen()
-        found = {"elastic_energy": sum((self.energy(b, module) for b in soft), 0.0)}
+        soft = [b for b in self.batches if not b.hard]
+        looked = any(b.multipliers for b in soft) and not self.clock.integrator.beyond
+        module = kernel_cache.report_module(self.model, f"xpbd {looked}", *sorted({f"{b.kind} {b.uniform}" for b in soft}))
+        looks = self.residual_kernels(module) if looked else []
+        for b in soft:
+            b.energy_kernels(module)
+        if self.muscles:
+            self.muscles.finish()
+        found = {"elastic_energy": sum((b.energy(self.state, module) for b in soft), 0.0)}
         if any(b.multipliers for b in soft):
-            if self.clock.beyond:                        # the end of a substep is not where the multipliers are
+            if self.clock.integrator.beyond:                        # the end of a substep is not where the multipliers are
                 largest = self.largest
             else:
                 largest = wp.zeros(len(soft), dtype=self.model.real, device=self.model.device)
-                looks = self.residual_kernels(module)
                 for kernel in looks:
                     kernel_cache.ready(kernel, self.model)
                 self.measure(looks, self.state.x, self.state.e, [b.lam for b in soft], largest)
             found["residual"] = float(largest.numpy().max())
         return found
-
-    def energy(self, batch: Batch, module: str) -> float:
-        """1/2 C alpha^-1 C [J] of a batch, summed in float64."""
-        from wsim.kernels.cloth.energy import statistics
-        if batch.curvature:
-            return batch.curvature.energy(batch.data, batch.lengths, self.state.x, self.state.e, module)
-        out = wp.zeros(min(LANES, batch.size), dtype=wp.vec3d, device=self.model.device)
-        kernel = statistics(batch.kind, real=self.model.real, module=module, uniform=batch.uniform)
-        kernel_cache.ready(kernel, self.model)
-        self.model.launch(kernel, out.size, [batch.data, self.state.x, batch.size, self.state.e], [out])
-        return float(out.numpy()[:, 2].sum())
 
     def zero(self, clock: Clock) -> None:
         for batch in self.batches if not self.model.tape else ():
@@ -165,7 +153,7 @@ class Xpbd(Method):
         batch.aim(s.x, s.d, a, 1.0 / clock.g)
         at = filled(states(self.model.real), x=s.x, d=s.d, a=a)
         if batch.fused:
-            self.model.sweep(batch.kernel, [batch.data, at, batch.first, 1.0 / clock.g, omega, batch.lam], [s.d, batch.lam])
+            self.model.sweep(batch.kernel, [batch.data, at, batch.begin, 1.0 / clock.g, omega, batch.lam], [s.d, batch.lam])
             return
         for first, last in zip(batch.starts[:-1], batch.starts[1:], strict=True):
             self.model.launch(batch.kernel, int(last - first),
@@ -174,9 +162,7 @@ class Xpbd(Method):
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """stretch, weft, shear, bend, poisson, strain_limit of a cloth, stiffness of a spring net, damping [s] of either; what
         a rest shape and rest lengths change."""
-        for batch in self.batches:
-            batch.stale = bool(changed(self.model, batch.rows, path, name, value, world, batch.damped))
-        hit = any(batch.stale for batch in self.batches)
+        hit = any([changed(self.model, batch.rows, path, name, value, world, batch.damped) for batch in self.batches])
         for batch in self.batches:
             batch.refresh()
         if any(batch.remade for batch in self.batches):

@@ -5,11 +5,11 @@ import numpy as np
 import warp as wp
 
 from wsim.geometry.topology import incident
+from wsim.kernels.cloth.constraint import distance
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import xpbd_adjoint as kernels
 from wsim.model.model import Model
 from wsim.model.tape import Tape, adjoint_of, without
-from wsim.physics.cloth.constraints import HARD
 
 
 class TargetAdjoint:
@@ -53,11 +53,11 @@ class SweepAdjoint:
         """batch: a `wsim.physics.solver.xpbd.Batch`, whose tables are there."""
         self.batch, self.model = batch, model
         self.vec3, self.value = types(model.real).vec3, batch.lam.dtype
-        self.kept = batch.kind in ("membrane", "dihedral")
+        self.kept = batch.row.equation.formula is not distance
         module = model.sweep_module if batch.fused else model.module
         # Each launch a colour, gradients by x would stream past with every one: they are taken from those by d once a sweep
-        self.apart = not (batch.fused or batch.damped or batch.kind in HARD)
-        how = batch.kind, model.real, module, batch.damped, self.kept, batch.fused
+        self.apart = not (batch.fused or batch.damped or batch.hard)
+        how = batch.row.equation, model.real, module, batch.damped, self.kept, batch.fused
         self.kernels = kernels.sweep(*how), kernels.sweep_adjoint(*how, not self.apart)
         self.shift = kernels.shift(model.real, module) if self.apart else None
         self.zero, self.back = (wp.zeros(batch.size, dtype=self.value, device=model.device) for _ in range(2))
@@ -87,7 +87,7 @@ class SweepAdjoint:
         targets = batch.data.rest
         kept = tape.slots.plain.take(targets.dtype, targets.shape) if self.aimed else None
         g.x, g.a, g.lam = x.grad, None if a is None else a.grad, self.back
-        self.last = self.zero if batch.kind in HARD else s.lam_out
+        self.last = self.zero if batch.hard else s.lam_out
 
         def forward(version: wp.array) -> None:
             s.d = version
@@ -127,9 +127,9 @@ class SweepAdjoint:
         """Of all colours, in their order or against it."""
         batch, more = self.batch, [rate, omega]
         if batch.fused:
-            self.model.sweep(kernel, [*tables, batch.first, 0, *more], [])
+            self.model.sweep(kernel, [*tables, batch.begin, 0, *more], [])
             return
         device, sizes = self.model.device, list(enumerate(batch.starts[1:] - batch.starts[:-1]))
         how: dict = {"block_dim": self.model.block} if device.is_cuda else {}
         for number, size in sizes[::way]:                # not by the model, whose tape would take each colour for itself
-            wp.launch(kernel, int(size), [*tables, batch.first, number, *more], device=device, **how)
+            wp.launch(kernel, int(size), [*tables, batch.begin, number, *more], device=device, **how)

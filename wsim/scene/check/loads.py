@@ -6,7 +6,7 @@ import numpy as np
 
 from wsim.scene import Cloth, Load, Problem, Scene, Soft, Springs
 from wsim.scene.check.objects import array, error, warning
-from wsim.scene.nodal_loads import faces
+from wsim.scene.nodal.loads import faces
 
 
 def load(thing: Load, scene: Scene) -> Iterator[Problem]:
@@ -59,7 +59,7 @@ def _triangles(thing: Load, triangles: np.ndarray, body: Cloth | Springs | Soft)
         if len({a, b, c}) < 3 or not of[a] & of[b] & of[c]:
             where = "in one face of the mesh" if isinstance(body, Cloth) else "of one triangle of its surface"
             yield error(thing.path, f"triangle {k} has the points {a}, {b}, {c} of {body.path}", f"three corners {where}",
-                        "name triangles that are there (`wsim.scene.nodal_loads.between` finds them)")
+                        "name triangles that are there (`wsim.scene.nodal.loads.between` finds them)")
             return
     ordered = np.sort(triangles, axis=1)
     if len(np.unique(ordered, axis=0)) < len(triangles):

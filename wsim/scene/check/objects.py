@@ -6,15 +6,17 @@ Each rule yields Problems in one form: what was found, what is allowed (or expec
 from collections.abc import Iterator
 from dataclasses import fields
 from math import inf, isfinite
+from typing import Any
 
 import numpy as np
 
 from wsim.geometry import topology
 from wsim.geometry.triangulate import triangulate
-from wsim.scene import CLOTH_MODELS, Cloth, Collider, Problem, Springs, Surface
+from wsim.scene import CLOTH_MODELS, Cloth, Collider, Plane, Problem, Springs, Surface
 from wsim.scene.check import mesh
 from wsim.scene.curve import Motion
-from wsim.scene.masses import cloth_masses
+from wsim.scene.nodal.masses import cloth_masses
+from wsim.scene.values import table
 
 FAR = 1e5                   # [m] from the own origin: float32 resolves 8 mm there, and no cloth survives that
 LARGE, SMALL = 30.0, 1e-3   # [m] a cloth beyond these is in the wrong unit more often than not
@@ -36,6 +38,18 @@ def number(path: str, name: str, value: float, low: float, strict: bool = False,
     if not isfinite(value) or value < low or (strict and value == low):
         allowed = "finite" + (f" and {'>' if strict else '>='} {low:g}" if low > -inf else "")
         yield error(path, f"{name} is {value:g}", allowed, mend or f"author another {name}")
+
+
+def values(thing) -> Iterator[Problem]:
+    """Numbers and vectors that an object (or the scene, at "/") has itself, by the bounds of the table of values."""
+    path = getattr(thing, "path", "/")
+    for name, row in table.of(type(thing).__name__).items():
+        value: Any = getattr(thing, name, None)
+        mend = row.mend or f"author another {row.usd.attribute if row.usd else name}"
+        if row.form == "vector" and (np.shape(value) != (3,) or not np.all(np.isfinite(value))):
+            yield error(path, f"{name} is {value}", "three finite numbers", mend)
+        elif row.form == "number" and np.ndim(value) == 0 and value is not None and not row.range.holds(value, True):
+            yield error(path, f"{name} is {value:g}", row.range.words, mend)
 
 
 def array(path: str, name: str, value: np.ndarray | None, counts: tuple[int, ...],
@@ -111,10 +125,9 @@ def cloth(thing: Cloth) -> list[Problem]:
     found += array(path, "rest points", thing.rest_points, n)
     found += array(path, "masses", thing.masses, n, 0.0, True)
     found += array(path, "thicknesses", thing.thicknesses, n, 0.0, True)
-    if thing.mass is not None:
-        found += number(path, "mass", thing.mass, 0.0, True, "author physics:mass, or leave it to the density")
-    for name in ("weld", "drag", "lift"):
-        found += number(path, name, getattr(thing, name), 0.0)
+    found += array(path, "stretches", thing.stretches, (len(thing.counts),), 0.0, True)
+    found += array(path, "bends", thing.bends, (len(thing.counts),), 0.0)
+    found += values(thing)
     if thing.model not in CLOTH_MODELS:
         found.append(error(path, f"model is '{thing.model}'", " or ".join(CLOTH_MODELS), "choose one of them"))
     if thing.model == "springs" and thing.material.weft > 0.0:
@@ -176,8 +189,7 @@ def springs(net: Springs) -> list[Problem]:
     found += array(path, "velocities", net.velocities, (n,))
     found += array(path, "stiffnesses", net.stiffness, (m, 1), 0.0, True)
     found += array(path, "rest lengths", net.lengths, (m,), 0.0, True)
-    for name in ("damping", "radius", "static_friction", "dynamic_friction"):
-        found += number(path, name, getattr(net, name), 0.0)
+    found += values(net)
     found += muscles(net)
     if m == 0:
         found.append(error(path, "a net without springs", "at least one", "author curves of two or more points"))
@@ -220,20 +232,19 @@ def muscles(net: Springs) -> Iterator[Problem]:
 
 def collider(thing: Collider) -> list[Problem]:
     path, shape = thing.path, thing.shape
-    found: list[Problem] = []
-    for name in ("static_friction", "dynamic_friction", *["thickness"] * (thing.thickness is not None)):
-        found += number(path, name, getattr(thing, name), 0.0)
-    if not 0.0 <= thing.restitution <= 1.0:
-        found.append(error(path, f"restitution is {thing.restitution:g}", "0 to 1", "author another restitution"))
+    found = list(values(thing))
     if isinstance(shape, Surface):
         found += placed(path, shape.points, thing.motion)
         found += surface(shape, path)
         found += _poses(path, shape)
-    else:
+    elif not isinstance(shape, Plane):
         for f in fields(shape):
             may_vanish = f.name == "half_height"       # a capsule without a straight part is a sphere
             for value in np.atleast_1d(getattr(shape, f.name)):
                 found += number(path, f.name, float(value), 0.0, not may_vanish, "author its size; its scale may be 0")
+    elif shape.axis not in (None, "Z"):
+        found.append(error(path, f"its plane faces {shape.axis}, which came too late to turn it",
+                           "an axis given to a new Collider", f"make it by scene.collider({path!r}, Plane({shape.axis!r}))"))
     return [*found, *rigid(path, thing.motion, "put the scale into the shape: radius, half, points")]
 
 

@@ -17,11 +17,12 @@ from wsim.geometry.triangulate import triangulate
 from wsim.scene import Cloth, Pin, Problem, Scene, Soft, Springs
 from wsim.scene.check import objects
 from wsim.scene.check.counts import MOST
-from wsim.scene.check.objects import array, error, number, rigid, warning
-from wsim.scene.integrator import EXPLICIT, IMPLICIT, INTEGRATORS, SOLVERS
+from wsim.scene.check.objects import array, error, number, rigid, values, warning
+from wsim.scene.integrator import SOLVERS, TABLE
 from wsim.scene.methods import every
 
 SOFT_SOLVERS = tuple(name for name in ("auto", "implicit", "explicit") if name in SOLVERS)
+WEAK = 0.2         # [m/s^2] an eighth of the Moon's; 9.81 in a file of centimetres is 0.0981
 STRONG = 50.0       # [m/s^2] five times Earth's gravity; files that take their unit for centimetres hold 981
 
 
@@ -51,7 +52,7 @@ def check(scene: Scene) -> list[Problem]:
         found += varying.varying(thing, scene)
     for row, thing in every(scene) if scene.others else ():
         role = row.role("check")
-        found += role.check(thing, scene) if role else ()
+        found += [*objects.values(thing), *(role.check(thing, scene) if role else ())]
     if not any(p.fatal for p in found):           # triangles and pieces can be asked only of sound objects
         found += [*_support(scene), *_damping(scene)]
         for body in scene.bodies():
@@ -71,42 +72,41 @@ def _settings(scene: Scene) -> Iterator[Problem]:
     for name in ("frames", "substeps", "iterations"):
         if getattr(scene, name) > MOST:
             yield error("/", f"{name} is {getattr(scene, name):g}", f"up to {MOST}", f"give another --{name}")
-    yield from number("/", "air_density", scene.air_density, 0.0)
-    yield from number("/", "air_drag", scene.air_drag, 0.0)
-    yield from number("/", "contact_width", scene.contact_width, 0.0)
+    yield from values(scene)
     if scene.contact_width > 0.0:
         for path in [c.path for c in scene.colliders if c.restitution > 0.0][:1]:
             yield error(path, f"it has a restitution, and contact_width is {scene.contact_width:g} m: a smoothed contact gives "
                         "back all energy", "one of the two", "leave out the restitution, or wsim:contactWidth")
-    yield from number("/", "error", scene.error, 0.0, True, mend="give 0.01 for 1 % of the scene's size")
     yield from _method(scene)
     if scene.up not in ("Y", "Z"):
         yield error("/", f"up axis is '{scene.up}'", "Y or Z", "author upAxis on the stage")
-    for name in ("gravity", "wind"):
-        value = getattr(scene, name)
-        if np.shape(value) != (3,) or not np.all(np.isfinite(value)):
-            yield error("/", f"{name} is {value}", "three finite numbers", f"author {name} on the PhysicsScene")
+    other = {"Y": "Z", "Z": "Y"}.get(scene.up, "")
+    g = dict(zip("XYZ", scene.gravity, strict=False))
+    if other and len(g) == 3 and g[other] < 0.0 and g["X"] == g[scene.up] == 0.0:
+        yield warning("/", f"gravity acts along -{other}, and {scene.up} is up",
+                      f"up = '{other}', or gravity along -{scene.up}", f"author upAxis = {other} on the stage "
+                      f"(Scene(up='{other}')), or leave gravity out: it is 9.81 m/s^2 against up")
     size = float(np.linalg.norm(scene.gravity))
-    if size > STRONG:
-        yield warning("/", f"gravity is {size:g} m/s^2", "9.81 or so",
+    if size > STRONG or 0.0 < size < WEAK:
+        yield warning("/", f"gravity is {size:.3g} m/s^2", "9.81 or so",
                       "author metersPerUnit (0.01 for centimetres), or physics:gravityMagnitude in stage units")
 
 
 def _method(scene: Scene) -> Iterator[Problem]:
     """Solver and integrator: known, and made for each other."""
-    for name, found, allowed in (("solver", scene.solver, SOLVERS), ("integrator", scene.integrator, INTEGRATORS)):
+    for name, found, allowed in (("solver", scene.solver, SOLVERS), ("integrator", scene.integrator, ("auto", *TABLE))):
         if found not in allowed:
             yield error("/", f"{name} is '{found}'", ", ".join(allowed), "choose one of them")
             return
     if scene.softs and scene.solver == "xpbd":
         yield error("/", f"solver xpbd has no tetrahedra, of which {scene.softs[0].path} is made", ", ".join(SOFT_SOLVERS),
                     "choose one of them")
-    if scene.integrator in ("implicit_midpoint", "sdirk3") and scene.colliders:
+    if scene.colliders and scene.integrator in TABLE and TABLE[scene.integrator].rebounds:
         yield error("/", f"integrator {scene.integrator} rebounds from colliders", "backward_euler, bdf2 or an explicit one",
                     "choose one of them")
     if "auto" in (scene.solver, scene.integrator):
         return
-    fits = EXPLICIT if scene.solver == "explicit" else IMPLICIT
+    fits = [name for name, m in TABLE.items() if m.explicit == (scene.solver == "explicit")]
     if scene.integrator not in fits:
         yield error("/", f"integrator {scene.integrator} is none of solver {scene.solver}", ", ".join(("auto", *fits)),
                     "name one of them, or leave one of the two on auto")
@@ -142,9 +142,7 @@ def _paths(scene: Scene) -> Iterator[Problem]:
 
 def _pin(pin: Pin, scene: Scene) -> Iterator[Problem]:
     path = pin.path
-    yield from number(path, "damping", pin.damping, 0.0)
-    if not pin.stiffness > 0.0:
-        yield error(path, f"stiffness is {pin.stiffness:g}", "> 0; inf for a hard pin", "author physics:stiffness")
+    yield from values(pin)
     yield from array(path, "places", pin.places, (len(pin.points),))
     yield from rigid(path, pin.motion, "take the scale out of the xform that the pin hangs on")
     if len(pin.points) == 0:

@@ -2,15 +2,15 @@
 `wsim.scene.check.scene`."""
 
 from collections.abc import Iterator
-from math import inf, isfinite
+from math import inf
 
 import numpy as np
 
 from wsim.geometry.tetra import tets
 from wsim.geometry.tetra.repair import mend
 from wsim.scene import Problem, Skin, Soft
-from wsim.scene.check.objects import array, error, light, number, placed, rounding, size, warning
-from wsim.scene.masses import soft_masses
+from wsim.scene.check.objects import array, error, light, placed, rounding, size, values, warning
+from wsim.scene.nodal.masses import soft_masses
 
 SOFTEST, STIFFEST = 10.0, 1e12      # [Pa] E of a jelly that cannot stand, ten times that of diamond
 LIGHTEST, HEAVIEST = 1.0, 3e4       # [kg/m^3] air; osmium has 2.3e4
@@ -25,9 +25,7 @@ def soft(thing: Soft) -> list[Problem]:
         found += [*_tets(thing), *size(path, thing.motion.points(thing.points)), *rounding(path, thing.points)]
     found += array(path, "velocities", thing.velocities, n)
     found += array(path, "masses", thing.masses, n, 0.0, True)
-    if thing.mass is not None:
-        found += number(path, "mass", thing.mass, 0.0, True, "author physics:mass, or leave it to the density")
-    found += [*array(path, "filled", thing.filled, t, 0.0), *_parts(thing), *_materials(thing), *_options(thing)]
+    found += [*values(thing), *array(path, "filled", thing.filled, t, 0.0), *_parts(thing), *_materials(thing), *pending(thing)]
     sound = not any(p.fatal for p in found)
     if sound:
         rest = thing.points if thing.rest_points is None else thing.rest_points
@@ -83,13 +81,6 @@ def _materials(thing: Soft) -> Iterator[Problem]:
                 which = f"material {k}" if thing.others else "its material"
                 yield warning(thing.path, f"{which} has {name} = {value:g} {unit}", f"{low:g} to {high:g} {unit}",
                               "author it in stage units (metersPerUnit, kilogramsPerUnit), or set those to what was meant")
-
-
-def _options(thing: Soft) -> Iterator[Problem]:
-    path = thing.path
-    if not isfinite(thing.pressure):
-        yield error(path, f"pressure is {thing.pressure:g}", "a finite number", "author another wsim:pressure")
-    yield from pending(thing)
 
 
 def pending(thing: Soft) -> Iterator[Problem]:

@@ -112,10 +112,10 @@ def words(plan: Plan, substeps: int, substep: int, stage, arrays: dict[tuple, in
     part, name = next((("points", n) for n in ("d", "v", "x") if ("points", n) in arrays), next(iter(arrays)))
     body, point = author(plan, part, arrays[part, name])
     meaning = next(f.meaning for f in plan.state.parts[part].fields if f.name == name)
-    solves = 2 if plan.clock.staged else 1
+    solves = plan.clock.integrator.solves
     where = "when the frame begins" if stage is None else (
         f"in substep {substep // solves + 1} of {substeps // solves}"
-        f"{f' (stage {substep % 2 + 1} of sdirk3)' * plan.clock.staged}, stage {stage.name}")
+        f"{f' (stage {substep % solves + 1} of {plan.integrator})' * (solves > 1)}, stage {stage.name}")
     row = f"{'point' if part == 'points' else part} {point} of {body}"
     return f"first {where}: array {name} ({meaning}) of {row}"
 

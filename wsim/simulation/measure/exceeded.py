@@ -33,8 +33,11 @@ class Note:
 
 def note(sim) -> None:
     """After frame `sim.frame`, which holds."""
-    bodies, explicit, status = sim.model.bodies, sim.plan.choice.solver == "explicit", sim.plan.status
-    unsolved = BEHIND if sim.plan.method("xpbd") else NOTHING
+    status = sim.plan.status
+    if not status.words.any():
+        return
+    bodies, explicit = sim.model.bodies, sim.plan.choice.solver == "explicit"
+    unsolved = BEHIND if sim.plan.hard else NOTHING
     stretched = status.said(STRETCHED)
     if status.said(THROWN)[0] and not stretched.any():            # a march, which does not say where
         stretched = _stretches(sim)

@@ -12,7 +12,6 @@ implicit ones is their numerical damping:
 
 from dataclasses import dataclass
 from math import inf, isfinite
-from typing import Any, cast
 
 import numpy as np
 import warp as wp
@@ -47,7 +46,7 @@ def gather(plan: Plan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
 
 
 def _of_points(plan: Plan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
-    model, points = plan.model, cast(Any, plan.method("points"))
+    model, points = plan.model, plan.find("points")
     masses = model.stack("masses")
     masses[model.gone] = 0.0
     free = points.constants.w.numpy() > 0.0
@@ -145,7 +144,7 @@ def profile(plan: Plan) -> dict[str, float]:
     spent: dict[str, float] = {}
     clock, repeats = plan.clock, 3
     device = plan.model.device
-    for stage in (s for m in plan.methods for s in m.stages if s.rate != "frame"):
+    for stage in (s for m in plan.methods for s in m.stages if s.rate != "frame" and s.frames in ("", clock.form)):
         times = clock.iterations if stage.rate == "iteration" else 1
         clock.k = clock.i = 0
         stage.launch(clock)
@@ -162,13 +161,10 @@ def profile(plan: Plan) -> dict[str, float]:
 def rows(plan: Plan) -> tuple[int, int]:
     """Springs, triangles, hinges, limits, tets of all methods; and how many are worked on in a substep: once each in a sweep, a
     Newton step, an evaluation of the forces."""
-    clock, integrator = plan.clock, plan.choice.integrator
-    swept = getattr(plan.method("xpbd"), "constraints", 0)
-    implicit, explicit = plan.method("implicit"), plan.method("explicit")
-    newton = sum(t.size for t in (*getattr(implicit, "tables", {}).values(), *getattr(implicit, "solids", [])))
-    pulled = sum(len(r.ids) for r in getattr(explicit, "rows", []))
-    pulled += sum(t.size for t in explicit.solids) if explicit else 0             # type: ignore[attr-defined]
-    return swept + newton + pulled, (swept + newton) * clock.iterations + pulled * integrator.forces
+    clock, integrator, found = plan.clock, plan.choice.integrator, plan.methods.every("rows")
+    hard, soft = (sum(len(r.ids) for r in found if r.hard == which) for which in (True, False))
+    soft += sum(table.size for table in plan.solids)
+    return hard + soft, hard * clock.iterations + soft * (integrator.forces if integrator.explicit else clock.iterations)
 
 
 def _limits(sim) -> str:
@@ -187,6 +183,7 @@ def report(sim, with_profile: bool = True) -> dict:
     spent = profile(plan) if with_profile and sim.frame else {}
     constraints, a_substep = rows(plan)
     a_second = 1e3 * plan.clock.substeps / ms if ms else 0.0
+    forms = {"forms": dict(sim.forms)} if plan.parted else {}
     return {
         "device": str(sim.device), "device_name": sim.device.name, "precision": sim.precision, "worlds": sim.worlds,
         "frames": sim.frame, "substeps": plan.clock.steps, "iterations": plan.clock.iterations,
@@ -197,6 +194,6 @@ def report(sim, with_profile: bool = True) -> dict:
         "seconds": dict(sim.seconds), "error": error,
         "stages": [{k: r[k] for k in ("name", "phase", "launches", "bytes")} | {"ms": spent.get(r["name"])}
                    for r in plan.table()],
-        "kept": [k for method in plan.methods for k in getattr(method, "kept", list)()],
-        "skipped": plan.skipped, "warnings": sim.warnings, **limits,
+        "kept": [k for method in plan.methods for k in method.kept()],
+        "skipped": plan.skipped, "warnings": sim.warnings, **limits, **forms,
     }

@@ -4,26 +4,26 @@ are looks, not accuracy: a square metre of cotton that hung by two corners was m
 
 import numpy as np
 
-from wsim.physics.cloth.constraints import HARD, LOOKS
+from wsim.physics.cloth.constraints import LOOKS
+from wsim.physics.cloth.kind import row
 from wsim.simulation.plan import Plan
 
 CLOSE = 1e-3           # of its longest that an edge or tether may be shorter and still counts as held
-NAMES = {"limit": "edges at their strain limit", "tether": "tethers taut"}
 
 
 def acting(plan: Plan, x: np.ndarray) -> dict[str, tuple[int, int]]:
     """Constraints of each hard kind that act, and all there are. x: positions relative to origins [m], solver order."""
-    found = {kind: (0, 0) for kind in HARD}
-    for batch in getattr(plan.method("xpbd"), "batches", []):
-        for r in batch.rows if batch.kind in HARD else ():
+    found: dict[str, tuple[int, int]] = {}
+    for batch in plan.methods.every("batches"):
+        for r in batch.rows if batch.hard else ():
             ends = x[r.ids]
             held = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) >= (1.0 - CLOSE) * r.rest
-            before = found[batch.kind]
+            before = found.get(batch.kind, (0, 0))
             found[batch.kind] = before[0] + int(held.sum()), before[1] + len(held)
     return {kind: counts for kind, counts in found.items() if counts[1]}
 
 
 def told(found: dict[str, tuple[int, int]]) -> str:
     """In words; "" where there is none."""
-    parts = [f"{held} of {every} {NAMES[kind]}" for kind, (held, every) in found.items()]
+    parts = [f"{held} of {every} {row(kind).held}" for kind, (held, every) in found.items()]
     return f"{' and '.join(parts)}: {LOOKS}" if parts else ""

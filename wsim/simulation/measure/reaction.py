@@ -14,7 +14,7 @@ Contacts do not move what is pinned hard and take no part. Where two pins hold o
 
 import copy
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -23,9 +23,9 @@ from wsim.kernels.math.real import types
 from wsim.kernels.solver import newton_adjoint
 from wsim.model.midnodes import held
 from wsim.model.model import Model
-from wsim.physics.cloth.constraints import HARD
 from wsim.physics.motion.forces import ForceGather
 from wsim.scene import Problem, SceneError
+from wsim.scene.values.coverage import refuse
 from wsim.simulation.plan import Plan
 
 
@@ -77,18 +77,17 @@ class Reactions:
         self.plan, self.model = plan, plan.model
         for c in self.model.scene.cloths:
             if c.tethers or np.isfinite(c.material.strain_limit):
-                raise SceneError(Problem(c.path, "has tethers or a strain limit, which pull at pins without a law of force; "
-                                         "reactions are not to be had: leave them out"))
-        points: Any = plan.method("points")
-        pins: Any = plan.method("pins")
-        self.constants, self.held = points.constants, [HeldPoints.of(p) for group in pins.groups.values() for p in group]
+                raise refuse("limits", c.path)
+        pins = plan.find("pins")
+        self.constants, self.held = plan.find("constants"), [HeldPoints.of(p) for group in pins.groups.values() for p in group]
         self.make()
 
     def make(self) -> None:
         """Forces of their own: the plan's may be summed on the way, or differ in what is hard."""
         plan, own = self.plan, copy.copy(self.plan.model)
         own.module, own.modules, own.gradients, own.tape = f"{own.module}_reactions", {}, False, None
-        self.pull = ForceGather(own, self.constants, rows_of(plan), None, shared=False)
+        own.tables = dict(own.tables)
+        self.pull = ForceGather(own, self.constants, soft(self.model), None, shared=False)
         self.pull.need_springs()
         for table, live in zip(self.pull.tables, plan.solids, strict=True):
             table.plastic = None
@@ -107,14 +106,14 @@ class Reactions:
 
     def loads(self) -> np.ndarray | float:
         """Of loads at that time [N], (points, 3)."""
-        method: Any = self.plan.method("loads")
-        return method.forces(self.time) if method else 0.0
+        loads = self.plan.find("loads")
+        return loads.forces(self.time) if loads else 0.0
 
     def elastic(self, x: wp.array, e: wp.array | None, v: wp.array) -> np.ndarray:
         """Of springs and elements [N], (points, 3), at x + e with velocities v."""
         n = self.model.points
         self.pull.refresh()
-        muscles: Any = self.plan.method("muscles")
+        muscles = self.plan.find("muscles")
         if muscles and self.pull.springs:
             rest = np.concatenate([r.rest for r in muscles.present(self.pull.springs, self.time)])
             self.pull.table.rest.assign(np.append(rest, 0.0)[self.pull.entry].astype(self.model.dtype))
@@ -130,7 +129,7 @@ class Reactions:
 
     def wind(self, x: wp.array, v: wp.array) -> np.ndarray:
         """Of the air on triangles [N], (points, 3)."""
-        air: Any = self.plan.method("aero")
+        air = self.plan.find("wind")
         found = np.zeros((self.model.points, 3))
         if air is None:
             return found
@@ -145,7 +144,7 @@ class Reactions:
         """Forces at x + e with velocities v, at `time` [s]; `of` then says what each pin bears."""
         self.time = time
         self.force = self.felt(x, e, v) + self.loads()
-        c, own, points = self.constants, self.constants.object.numpy(), cast(Any, self.plan.method("points"))
+        c, own, points = self.constants, self.constants.object.numpy(), self.plan.find("points")
         self.v, self.x = v.numpy().astype(np.float64), x.numpy().astype(np.float64)
         if e is not None:
             self.x = self.x + e.numpy()
@@ -174,11 +173,9 @@ def no_pin(model: Model, path: str | None, world: int) -> Problem:
                    f"{', '.join(p.path for p in model.scene.pins) or 'none'} in worlds 0 to {model.worlds - 1}")
 
 
-def rows_of(plan: Plan) -> list:
-    """Soft constraints as a plan's solver has them now, of all worlds."""
-    explicit, implicit, xpbd = (cast(Any, plan.method(name)) for name in ("explicit", "implicit", "xpbd"))
-    batches = [r for b in xpbd.batches for r in b.rows] if xpbd else []
-    return [r for r in (explicit.rows if explicit else implicit.every if implicit else batches) if r.kind not in HARD]
+def soft(model: Model) -> list:
+    """Constraints that have a law of force."""
+    return [r for r in model.constraints if not r.hard]
 
 
 def looked(sim) -> Reactions:

@@ -70,33 +70,31 @@ def arrays(source, world: int = 0) -> dict[str, ArrayView]:
     for k, name in enumerate(kept):
         if name in NAMES:
             found[NAMES[name]] = ArrayView(whole[k * model.points:(k + 1) * model.points], index, origin)
-    method: Any = plan.method("points")
-    constants = method.constants
+    constants = plan.find("constants")
     points = index if model.by_point else {}
     found["inverse_masses"] = ArrayView(constants.w, index)
     found["gravity"], found["air_drag"] = ArrayView(constants.gravity, points), ArrayView(constants.decay, points)
-    if air := getattr(plan.method("aero"), "air", None):
+    if air := plan.find("air"):
         found |= {name: ArrayView(getattr(air, name), points) for name in ("wind", "drag", "lift")}
-    return found | {name: view for method in plan.methods for name, view in _materials(method).items()}
+    return found | _materials(plan)
 
 
-def _materials(method) -> dict[str, ArrayView]:
+def _materials(plan) -> dict[str, ArrayView]:
     """Of whichever method solves for the forces."""
-    found, pull = {}, getattr(method, "pull", None)
-    if method.name not in ("explicit", "implicit", "xpbd") or getattr(method, "adjoint", None):
-        return {}                                       # Newton's method keeps them twice, for the solve and for its adjoint
+    twice = plan.find("adjoint") is not None              # Newton's method keeps them for the solve and for its adjoint
+    found, pull = {}, None if twice else plan.find("gather")
     if pull is not None and pull.springs:
         entry = {"springs": np.asarray(pull.entry)}
         for name, own in (("stiffness", "k"), ("damping", "damping"), ("rest", "rest")):
             if name != "damping" or pull.damped:
                 found[f"springs.{name}"] = ArrayView(getattr(pull.table, own), entry)
     flat = [] if pull is None else [e for e in pull.elements if hasattr(e, "kind")]
-    batches = [*getattr(method, "tables", {}).values(), *getattr(method, "batches", [])]
+    batches = ([] if twice else plan.methods.every("tables")) + plan.methods.every("batches")
     for source, own, name in [(e, "stiffness", "stiffness") for e in flat] + [(b, "alpha", "compliance") for b in batches]:
         found[f"{source.kind}.{name}"] = ArrayView(getattr(source.data, own))
         if source.data.tau is not None:
             found[f"{source.kind}.damping"] = ArrayView(source.data.tau)
-    for table in getattr(method, "solids", []):
+    for table in [] if twice else plan.solids:
         if table.name == "pressure":
             found["pressure"] = ArrayView(table.data.pressure)
         else:

@@ -13,49 +13,51 @@ from pxr import Usd
 from wsim.scene import Cloth, Problem, Scene, SceneError
 from wsim.scene.fabric import FABRICS, Fabric
 from wsim.scene.fabric import fabric as preset
-from wsim.usd.new.mesh import (
-    Bare,
-    Wanted,
-    author_ground,
-    author_settings,
-    bare_mesh,
-    free,
-    scene_over,
-    size_notes,
-)
+from wsim.usd.new.colliders import author_colliders
+from wsim.usd.new.material import bind_material
+from wsim.usd.new.mesh import Bare, Wanted, bare_mesh, scene_over, size_notes
+from wsim.usd.new.pins import author_pins
+from wsim.usd.new.place import author_ground, author_settings, settle, under
 from wsim.usd.prims.cloth import apply_cloth
-from wsim.usd.prims.fabric import author_fabric, bind
-from wsim.usd.stage import open_stage
+from wsim.usd.prims.fabric import author_fabric, load_fabric
+from wsim.usd.stage import Reading, open_stage
 
 TALL = 4.0                         # [m]: a garment beyond is probably in other units than its file says
 THIN = 1e-4                        # thickness of a flat mesh against its extent; what is thicker was shaped
 
 
-def author_cloth(mesh_file, out, fabric: Fabric | str = "cotton", prim: str | None = None, *, weld: float | None = None,
-                 ground: float | None = None, meters_per_unit: float | None = None,
-                 frames: int | None = None) -> list[Problem]:
+def author_cloth(mesh_file, out, fabric: Fabric | str | None = None, prim: str | None = None, *, weld: float | None = None,
+                 **wanted) -> list[Problem]:
     """Writes a scene `out` (.usda, .usdc, .usd) in which a mesh of `mesh_file` is cloth. Returns warnings.
 
-    fabric          a Fabric (taken to seven digits), or the name of a preset of `wsim.scene.fabric`
+    fabric          a Fabric (taken to seven digits), or the name of a preset of `wsim.scene.fabric`; None: the physics material
+                    that the mesh is bound to, else cotton
     weld            points closer than this [m] become one particle
-    prim, ground, meters_per_unit, frames    see `wsim.usd.new.mesh.Wanted`
+    prim, wanted    ground, meters_per_unit, frames, pins, colliders, bound: see `wsim.usd.new.mesh.Wanted`
 
     Raises SceneError: no such file or mesh, an unknown fabric, a mesh that cannot be simulated, a place that cannot be
     written.
     """
-    material, name = _fabric(fabric)
+    material, name = _fabric("cotton" if fabric is None else fabric)
     material = replace(material, **{f.name: float(f"{getattr(material, f.name):.7g}") for f in fields(Fabric)})
-    wanted, notes = Wanted(prim, ground, meters_per_unit, frames), []
+    asked, notes = Wanted(prim, **wanted), []
     source = open_stage(mesh_file, notes=notes)
-    bare = bare_mesh(source, mesh_file, out, ("Mesh",), wanted, "cloth")
-    notes += size_notes(source, bare, wanted, TALL, "a garment")
+    bare = bare_mesh(source, mesh_file, out, ("Mesh",), asked, "cloth")
+    notes += size_notes(source, bare, asked, TALL, "a garment")
     del source
     documentation = f"{os.path.basename(bare.file)} with {bare.path} as cloth ({name})"
     with scene_over(bare, out, documentation, notes) as stage:
-        _author(stage, bare, material, name, weld or 0.0)
+        bare = settle(stage, bare)
+        mesh = stage.OverridePrim(bare.path)
+        made = bind_material(stage, bare, mesh, asked, fabric is not None,
+                             lambda: author_fabric(stage, under(stage, f"materials/{name}"), material, bare.units))
+        own = material if made else load_fabric(Reading(stage, bare.units), mesh, None, None)
+        _author(mesh, bare, own, weld or 0.0)
         author_settings(stage, Scene().substeps, Scene().iterations)
-        if ground is not None:
-            author_ground(stage, bare.units, bare.bounds, ground)
+        author_pins(stage, bare, mesh, asked.pins)
+        author_colliders(stage, bare, out, asked.colliders, notes)
+        if asked.ground is not None:
+            author_ground(stage, bare.units, bare.bounds, asked.ground)
     return notes
 
 
@@ -76,9 +78,7 @@ def _is_flat(points: np.ndarray) -> bool:
     return bool(spread[0] <= THIN**2 * spread[2])
 
 
-def _author(stage: Usd.Stage, bare: Bare, material: Fabric, name: str, weld: float) -> None:
-    mesh = stage.OverridePrim(bare.path)
+def _author(mesh: Usd.Prim, bare: Bare, material: Fabric, weld: float) -> None:
     none = np.zeros(0)
     sheet = Cloth(str(bare.path), none, none, none, material=material, weld=weld, flat=_is_flat(bare.world))
     apply_cloth(mesh, sheet, bare.units)
-    bind(mesh, author_fabric(stage, free(stage, f"/materials/{name}"), material, bare.units))

@@ -2,12 +2,15 @@
 
 import os
 
-from pxr import Usd
+import numpy as np
+from pxr import Usd, UsdGeom
 
 from wsim.scene import Problem
 from wsim.scene.methods import METHODS
 from wsim.scene.solids import SOLIDS
 from wsim.usd import names
+
+SEEN = 8              # meshes that are looked at: a set may have thousands
 
 
 def nothing(stage: Usd.Stage, simulated: list, meshes: list, tet_meshes: list) -> Problem:
@@ -17,8 +20,9 @@ def nothing(stage: Usd.Stage, simulated: list, meshes: list, tet_meshes: list) -
     text = "nothing in it can be simulated: no cloth, spring net or soft body" + (
         f" (left out: {', '.join(left_out)})" if left_out else
         f" (no prim has {names.BODY} and {names.SURFACE_SIM} or {names.VOLUME_SIM})")
-    hints = [_hint(os.path.basename(file), *kind) for kind in (("meshes", "cloth", meshes),
-                                                              ("TetMeshes", "softbody", tet_meshes)) if kind[2]]
+    hints = [_hint(os.path.basename(file), *kind) for kind in (
+        ("meshes", "cloth", meshes), ("closed meshes", "softbody", [m for m in meshes[:SEEN] if _closed(m)]),
+        ("TetMeshes", "softbody", tet_meshes)) if kind[2]]
     if not hints:
         hints = [f"A scene may hold: {'; '.join(could())}"] if not left_out else []
         text += "; it has no Mesh and no TetMesh to make one of"
@@ -35,6 +39,22 @@ def could() -> list[str]:
             ("load", names.WSIM_LOAD)]
     rows = [(name.lower(), " or ".join(row.claims)) for row in METHODS for name in row.owns if row.claims]
     return [f"{what} ({how})" for what, how in [*ours, *rows]]
+
+
+def _closed(mesh: Usd.Prim) -> bool:
+    """Whether a Mesh encloses something; points at the same place count as one."""
+    from wsim.geometry.triangulate import triangulate
+    from wsim.scene.check.signed_distance import closed
+    start, shape = Usd.TimeCode(mesh.GetStage().GetStartTimeCode()), UsdGeom.Mesh(mesh)
+    values = [attribute.Get(start) for attribute in (shape.GetPointsAttr(), shape.GetFaceVertexCountsAttr(),
+                                                     shape.GetFaceVertexIndicesAttr())]
+    if not all(values):
+        return False
+    points, counts, indices = (np.array(value) for value in values)
+    try:
+        return closed(points.astype(np.float64), triangulate(points.astype(np.float64), counts, indices)[0])
+    except (ValueError, IndexError):
+        return False
 
 
 def _hint(file: str, plural: str, kind: str, prims: list) -> str:

@@ -8,18 +8,16 @@ point.
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from wsim.scene import Problem, Scene, SceneError
-from wsim.usd import names
-from wsim.usd.attributes import author
 from wsim.usd.load import read_stage
 from wsim.usd.result.dependencies import overwritten
-from wsim.usd.stage import Units, quiet
+from wsim.usd.stage import Units, open_stage, quiet
 from wsim.usd.write import author_units, new_stage
 
 
@@ -49,13 +47,19 @@ class Wanted:
     prim            path of the mesh, or of what holds it alone, or its name; None: the only mesh of the file
     ground          a ground plane this far [m] below the lowest point; None: no ground
     meters_per_unit overrules what the file says (USD's fallback is 0.01)
-    frames          frames to simulate; None: those of the file, else the default of `Scene`
+    frames          frames to simulate; None: those of the file, or of an animated collider's, else the default of `Scene`
+    pins            points to hold, see `wsim.usd.new.pins`
+    colliders       prims or files that collide, see `wsim.usd.new.colliders`
+    bound           path or name of a physics material of the file, see `wsim.usd.new.material`
     """
 
     prim: str | None = None
     ground: float | None = None
     meters_per_unit: float | None = None
     frames: int | None = None
+    pins: tuple[str, ...] = ()
+    colliders: tuple[str, ...] = ()
+    bound: str | None = None
 
 
 def bare_mesh(source: Usd.Stage, file, out, kinds: tuple[str, ...], wanted: Wanted, what: str) -> Bare:
@@ -76,12 +80,20 @@ def bare_mesh(source: Usd.Stage, file, out, kinds: tuple[str, ...], wanted: Want
         raise SceneError(Problem(os.fspath(out), "is a file that the mesh is made of; choose another output"))
     M = np.array(UsdGeom.XformCache(Usd.TimeCode(units.start)).GetLocalToWorldTransform(mesh))
     world = (np.array(points, np.float64) @ M[:3, :3] + M[3, :3]) * units.metres
-    frames = wanted.frames
-    if frames is None:
-        authored = round(source.GetEndTimeCode() - source.GetStartTimeCode()) if source.HasAuthoredTimeCodeRange() else 0
-        frames = authored if authored > 0 else Scene().frames
-    root = source.GetDefaultPrim().GetPath() if source.HasDefaultPrim() else mesh.GetPath().GetPrefixes()[0]
+    units, frames = _times(source, units, wanted)
+    default = source.GetDefaultPrim()
+    root = default.GetPath() if default and mesh.GetPath().HasPrefix(default.GetPath()) else mesh.GetPath().GetPrefixes()[0]
     return Bare(file, mesh.GetPath(), str(mesh.GetTypeName()), units, frames, world, str(root))
+
+
+def _times(source: Usd.Stage, units: Units, wanted: Wanted) -> tuple[Units, int]:
+    """Start, rate and number of frames: of the mesh's file, or, where that has no range, of a collider's."""
+    stages = [source, *(open_stage(file) for file in wanted.colliders if os.path.isfile(file))]
+    timed = next((s for s in stages if s.HasAuthoredTimeCodeRange()), source)
+    if timed is not source:
+        units = replace(units, fps=timed.GetTimeCodesPerSecond(), start=timed.GetStartTimeCode())
+    authored = round(timed.GetEndTimeCode() - timed.GetStartTimeCode()) if timed.HasAuthoredTimeCodeRange() else 0
+    return units, wanted.frames or (authored if authored > 0 else Scene().frames)
 
 
 def _mesh(stage: Usd.Stage, file: str, kinds: tuple[str, ...], prim: str | None, what: str) -> Usd.Prim:
@@ -145,49 +157,14 @@ def scene_over(bare: Bare, out, documentation: str, notes: list[Problem]) -> Ite
     """A new stage over the mesh's file, written to `out` when the block ends well and what it holds can be loaded; the
     loader's warnings are added to `notes`. What USD says of the source must be in notes already."""
     with quiet([]), new_stage(out) as stage:
-        stage.GetRootLayer().subLayerPaths.append(_relative(bare.file, out))
+        stage.GetRootLayer().subLayerPaths.append(relative(bare.file, out))
         stage.GetRootLayer().documentation = documentation
         author_units(stage, bare.units, bare.frames)
-        stage.SetDefaultPrim(stage.GetPrimAtPath(bare.root))
         yield stage
         notes += [note for note in read_stage(stage).notes if note not in notes]
 
 
-def author_settings(stage: Usd.Stage, substeps: int, iterations: int) -> None:
-    """A PhysicsScene, unless there is one; its gravity stays the standard's: 9.81 m/s^2 downwards."""
-    if any(prim.GetTypeName() == names.PHYSICS_SCENE for prim in stage.Traverse()):
-        return
-    settings = stage.DefinePrim(free(stage, "/physicsScene"), names.PHYSICS_SCENE)
-    settings.AddAppliedSchema(names.WSIM_SCENE)
-    author(settings, "Scene", "substeps", substeps)
-    author(settings, "Scene", "iterations", iterations)
-
-
-def author_ground(stage: Usd.Stage, units: Units, bounds: np.ndarray, below: float) -> None:
-    """A plane `below` [m] under the lowest of `bounds` (2, 3) [m], seen four times as wide as those are large."""
-    up = 2 if units.up == "Z" else 1
-    place = bounds.mean(axis=0)
-    place[up] = bounds[0, up] - below
-    plane = UsdGeom.Plane.Define(stage, free(stage, "/ground"))
-    plane.CreateAxisAttr(units.up)
-    width = 4.0 * float((bounds[1] - bounds[0]).max()) / units.metres
-    plane.CreateWidthAttr(width)
-    plane.CreateLengthAttr(width)
-    plane.CreateExtentAttr(UsdGeom.Boundable.ComputeExtentFromPlugins(plane, Usd.TimeCode.Default()))
-    plane.AddTranslateOp().Set(tuple(place / units.metres))
-    plane.GetPrim().AddAppliedSchema(names.COLLISION)
-
-
-def free(stage: Usd.Stage, path: str) -> str:
-    """path, or path_1, path_2 ... where no prim is yet."""
-    candidate, i = path, 0
-    while stage.GetPrimAtPath(candidate):
-        i += 1
-        candidate = f"{path}_{i}"
-    return candidate
-
-
-def _relative(file: str, out) -> str:
+def relative(file: str, out) -> str:
     """Path of a file as seen from the folder of `out`, anchored there ("./"), in USD's spelling."""
     try:
         path = Path(os.path.relpath(file, Path(os.fspath(out)).resolve().parent)).as_posix()

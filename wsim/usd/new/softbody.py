@@ -1,16 +1,18 @@
 """A bare mesh -> a small scene layer in which it is a soft body. See mesh.py for what that has in common with other bodies.
 
-    TetMesh     is the body itself, with its own tets; what is wrong with them and can be mended is mended over it
-    Mesh        is seen, and follows a cage of tets around it (`wsim.geometry.tetra.cage`): a TetMesh beside it, both below one
-                prim, the body. That is what is above the mesh where nothing else is seen below it, else a new prim that the
-                mesh moves to (by an internal reference; the original is deactivated)
+    TetMesh     is simulated, with its own tets; what is wrong with them and can be repaired is repaired over it. Its surface is
+                a Mesh beside it, for tools that show no TetMesh
+    Mesh        is seen, and follows a cage of tets around it (`wsim.geometry.tetra.cage`): a TetMesh beside it
+
+Both stand below one prim, the body. That is what is above the mesh where nothing else is seen below it, else a new prim that
+the mesh moves to (by an internal reference; the original is deactivated).
 
 The cage is larger than the mesh, by about half a cell on each side, and it is what collides; its tets weigh as much as the part
 of them that is inside of the mesh.
 """
 
 import os
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from math import inf
 
 import numpy as np
@@ -25,18 +27,13 @@ from wsim.scene import Problem, SceneError
 from wsim.scene.solid import Bulk
 from wsim.usd import names
 from wsim.usd.attributes import author, read
-from wsim.usd.new.mesh import (
-    Bare,
-    Wanted,
-    author_ground,
-    author_settings,
-    bare_mesh,
-    free,
-    scene_over,
-    size_notes,
-)
-from wsim.usd.prims.fabric import bind
+from wsim.usd.new.colliders import author_colliders
+from wsim.usd.new.material import bind_material
+from wsim.usd.new.mesh import Bare, Wanted, bare_mesh, scene_over, size_notes
+from wsim.usd.new.pins import author_pins
+from wsim.usd.new.place import author_ground, author_settings, enclosed, frame, settle, under
 from wsim.usd.prims.solid import author_bulk
+from wsim.usd.prims.surface import author_surface, free
 from wsim.usd.stage import applied, open_stage
 
 CELLS = 10                         # of a cage along the longest side: bodies bend as they should from 4 cells across
@@ -54,33 +51,37 @@ class Tets:
 
 
 def author_softbody(mesh_file, out, material: Bulk | None = None, prim: str | None = None, *, cells: int = CELLS,
-                    ground: float | None = None, meters_per_unit: float | None = None,
-                    frames: int | None = None) -> list[Problem]:
+                    **wanted) -> list[Problem]:
     """Writes a scene `out` (.usda, .usdc, .usd) in which a TetMesh of `mesh_file`, or a closed Mesh, is a soft body. Returns
     warnings.
 
-    material        a Bulk (taken to seven digits); None: its defaults
+    material        a Bulk (taken to seven digits); None: the physics material that the mesh is bound to, else its defaults
     cells           of the cage of a Mesh, along the longest side of its bounds; a TetMesh has its own
-    prim, ground, meters_per_unit, frames    see `wsim.usd.new.mesh.Wanted`; without prim the TetMesh counts where there are
-                                             both
+    prim, wanted    ground, meters_per_unit, frames, pins, colliders, bound: see `wsim.usd.new.mesh.Wanted`; without prim
+                    the TetMesh counts where there are both
 
     Raises SceneError: no such file or mesh, a mesh that encloses nothing or cannot be simulated, a place that cannot be
     written.
     """
-    material, wanted, notes = _rounded(material or Bulk()), Wanted(prim, ground, meters_per_unit, frames), []
+    bulk, asked, notes = _rounded(material or Bulk()), Wanted(prim, **wanted), []
     source = open_stage(mesh_file, notes=notes)
-    bare = bare_mesh(source, mesh_file, out, ("TetMesh", "Mesh"), wanted, "a soft body")
-    notes += size_notes(source, bare, wanted, inf, "a soft body")
-    mesh = source.GetPrimAtPath(bare.path)
-    found = _caged(mesh, bare, cells, notes) if bare.kind == "Mesh" else _mended(mesh, bare, notes)
+    bare = bare_mesh(source, mesh_file, out, ("TetMesh", "Mesh"), asked, "a soft body")
+    notes += size_notes(source, bare, asked, inf, "a soft body")
+    mesh, caged = source.GetPrimAtPath(bare.path), bare.kind == "Mesh"
+    found = _caged(mesh, bare, cells, notes) if caged else _mended(mesh, bare, notes)
     del source, mesh
-    what = "as" if bare.kind == "TetMesh" else f"in a cage of {len(found.tets)} tets, as"
+    what = f"in a cage of {len(found.tets)} tets, as" if caged else "as"
     with scene_over(bare, out, f"{os.path.basename(bare.file)} with {bare.path} {what} soft body", notes) as stage:
-        tets = (_author_cage if bare.kind == "Mesh" else _author_tets)(stage, bare, found)
-        bind(tets, author_bulk(stage, free(stage, "/materials/soft"), material, bare.units))
+        bare = settle(stage, bare)
+        body, bare = _body(stage, bare, apart=bool(asked.colliders))
+        tets = (_author_cage if caged else _author_tets)(stage, bare, body, found)
+        bind_material(stage, bare, tets, asked, material is not None,
+                      lambda: author_bulk(stage, under(stage, "materials/soft"), bulk, bare.units))
         author_settings(stage, SUBSTEPS, ITERATIONS)
-        if ground is not None:
-            author_ground(stage, bare.units, np.array([found.points.min(axis=0), found.points.max(axis=0)]), ground)
+        author_pins(stage, bare, tets, asked.pins, *(found.points, found.tets) if caged else ())
+        author_colliders(stage, bare, out, asked.colliders, notes)
+        if asked.ground is not None:
+            author_ground(stage, bare.units, (found.points.min(axis=0), found.points.max(axis=0)), asked.ground)
     return notes
 
 
@@ -127,15 +128,13 @@ def _open_edges(points: np.ndarray, triangles: np.ndarray) -> int:
     return int((uses % 2).sum())
 
 
-def _author_cage(stage: Usd.Stage, bare: Bare, found: Tets) -> Usd.Prim:
-    """The body, with the mesh and the cage in it; returns the prim of the cage."""
-    body = _body(stage, stage.GetPrimAtPath(bare.path))
-    body.AddAppliedSchema(names.BODY)
-    path = free(stage, f"{body.GetPath()}/tets")
-    above = np.array(UsdGeom.XformCache(Usd.TimeCode(bare.units.start)).GetLocalToWorldTransform(body))
+def _author_cage(stage: Usd.Stage, bare: Bare, body: Usd.Prim, found: Tets) -> Usd.Prim:
+    """The cage beside the mesh in the body; returns the prim of the cage."""
+    _no_collider(stage.GetPrimAtPath(bare.path))
+    above = frame(body, bare.units)
     local = (found.points / bare.units.metres - above[3, :3]) @ np.linalg.inv(above[:3, :3])
     centre = np.round(local.mean(axis=0))                        # float32 points lose nothing far from the origin
-    mesh = UsdGeom.TetMesh.Define(stage, path)
+    mesh = UsdGeom.TetMesh.Define(stage, free(stage, f"{body.GetPath()}/tets"))
     mesh.AddTranslateOp().Set(tuple(centre))
     mesh.CreatePurposeAttr(UsdGeom.Tokens.guide)
     prim = mesh.GetPrim()
@@ -146,23 +145,18 @@ def _author_cage(stage: Usd.Stage, bare: Bare, found: Tets) -> Usd.Prim:
     return _simulated(prim)
 
 
-def _body(stage: Usd.Stage, mesh: Usd.Prim) -> Usd.Prim:
-    """The prim that becomes the deformable body around a mesh, which may have to move there; a body takes in every mesh
-    below it."""
-    above = mesh.GetParent()
-    others = [p for p in Usd.PrimRange(above) if p.IsA(UsdGeom.Boundable) and p != mesh]
-    if above.IsA(UsdGeom.Imageable) and not above.IsA(UsdGeom.Gprim) and not others:
-        _no_collider(mesh)
-        return above
-    body = UsdGeom.Xform.Define(stage, free(stage, f"{mesh.GetPath()}_body")).GetPrim()
-    moved = stage.DefinePrim(body.GetPath().AppendChild(mesh.GetName()))
-    moved.GetReferences().AddInternalReference(mesh.GetPath())
-    moved.SetActive(True)
-    mesh.SetActive(False)
-    if stage.GetDefaultPrim() == mesh:
-        stage.SetDefaultPrim(body)
-    _no_collider(moved)
-    return body
+def _body(stage: Usd.Stage, bare: Bare, apart: bool) -> tuple[Usd.Prim, Bare]:
+    """The prim that becomes the deformable body around a mesh, which may have to move there, and where the mesh is then. A body
+    takes in every mesh below it; apart: it is none that others are put below."""
+    mesh = stage.GetPrimAtPath(bare.path)
+    body = mesh.GetParent()
+    others = [p for p in Usd.PrimRange(body) if p.IsA(UsdGeom.Boundable) and p != mesh]
+    alone = body.IsA(UsdGeom.Imageable) and not body.IsA(UsdGeom.Gprim) and not others
+    if not alone or apart and body == stage.GetDefaultPrim():
+        bare = replace(bare, path=enclosed(stage, mesh).GetPath())
+        body = stage.GetPrimAtPath(bare.path).GetParent()
+    body.AddAppliedSchema(names.BODY)
+    return body, bare
 
 
 def _no_collider(mesh: Usd.Prim) -> None:
@@ -217,13 +211,13 @@ def _without_bad(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
     return tets[np.sort(np.unique(np.sort(tets, axis=1), axis=0, return_index=True)[1])]
 
 
-def _author_tets(stage: Usd.Stage, bare: Bare, found: Tets) -> Usd.Prim:
-    """What makes the TetMesh a body; its tets only where they were mended."""
+def _author_tets(stage: Usd.Stage, bare: Bare, body: Usd.Prim, found: Tets) -> Usd.Prim:
+    """What makes the TetMesh the simulated one of its body: its tets only where they were mended, and its surface as a Mesh."""
     prim = stage.OverridePrim(bare.path)
-    prim.AddAppliedSchema(names.BODY)
     rows, mirrored = _rows(prim, bare)
     if not np.array_equal(rows, found.tets):
         _author_topology(prim, found.tets, mirrored)
+    author_surface(stage, UsdGeom.TetMesh(prim), found.tets, free(stage, f"{body.GetPath()}/surface"), bare.units.start)
     return _simulated(prim)
 
 

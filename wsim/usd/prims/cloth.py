@@ -14,8 +14,9 @@ from wsim.usd import names
 from wsim.usd.attributes import DEFAULT, author, read
 from wsim.usd.load_varying import attributes_of, steady, vary
 from wsim.usd.names import row
-from wsim.usd.prims.fabric import author_fabric, bind, bound, load_fabric, subset_materials
+from wsim.usd.prims.fabric import author_fabric, bind, bound, load_fabric, note_density, subset_materials
 from wsim.usd.prims.masses import at_least_the_lightest, body_density, body_mass, element_type, shared
+from wsim.usd.prims.painted import author_maps, load_stiffness, load_thickness
 from wsim.usd.stage import Reading, Units
 from wsim.usd.transforms import author_motion, placement
 
@@ -48,11 +49,14 @@ def load_cloth(reading: Reading, mesh: Usd.Prim, body: Usd.Prim) -> Cloth | None
     cloth = Cloth(path, points, counts, indices, motion=placement(reading, mesh).motion,
                   velocities=read(mesh, "Cloth", "velocities", units, reading.start),
                   rest_points=_rest(reading, mesh, rest), flat=_flat(reading, mesh))
-    cloth.thicknesses, constant = _thicknesses(reading, mesh, cloth)
+    cloth.thicknesses, constant = load_thickness(reading, mesh, cloth) or _thicknesses(reading, mesh, cloth)
     cloth.masses, cloth.mass = _masses(reading, mesh, body, cloth)
     density = body_density(reading, body)
+    if density is None and cloth.masses is None and cloth.mass is None:
+        note_density(reading, mesh)
     cloth.material = load_fabric(reading, mesh, density, constant)
     vary(reading, path, Cloth, attributes_of(bound(reading, mesh)), lambda at: vars(load_fabric(at, mesh, density, constant)))
+    load_stiffness(reading, mesh, cloth)
     for field in OWN:
         value = read(mesh, "Cloth", field, units)
         if value is not None:
@@ -157,6 +161,7 @@ def apply_cloth(mesh: Usd.Prim, cloth: Cloth, units: Units) -> None:
     if cloth.rest_points is not None:
         author(mesh, "Cloth", "rest_points", cloth.rest_points, units)
     author(mesh, "Elements", "rest_angles", "flat" if cloth.flat else "restShape")
+    author_maps(mesh, cloth, units)
     for field in OWN:
         author(mesh, "Cloth", field, getattr(cloth, field), units)
 

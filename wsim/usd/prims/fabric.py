@@ -13,13 +13,13 @@ from typing import Any
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from wsim.scene.fabric import Fabric
+from wsim.scene.values.table import FRICTION
 from wsim.usd import names
 from wsim.usd.attributes import author, authored, read
 from wsim.usd.names import row
 from wsim.usd.stage import Reading, Units, applied
 
 DEFORMABLE = (names.SURFACE_MATERIAL, names.CURVES_MATERIAL, names.VOLUME_MATERIAL)
-FRICTION = ("static_friction", "dynamic_friction")
 UNAUTHORED = (None, -math.inf)     # what stands for "derive it"
 UNBOUND_FRICTION = 0.5             # where no physics material is bound, as in `wsim.scene`
 
@@ -96,16 +96,28 @@ def load_fabric(reading: Reading, prim: Usd.Prim, body_density: float | None, th
     values = _sheet(reading, material, thickness)
     values["density"] = density_of(reading, material, body_density)
     values["static_friction"], values["dynamic_friction"] = load_friction(reading, prim, note=True)
-    for field in ("damping", "weft", "strain_limit"):
-        value = read(material, "Fabric", field, reading.units)
-        if value is not None:
-            values[field] = value
+    values |= plain(reading, material, "Fabric", values)
     return validated(reading, material, Fabric, values)
+
+
+def plain(reading: Reading, material: Usd.Prim, owner: str, known: dict) -> dict:
+    """Values of wsim's own schema that a material authors and nothing else says [SI], by field."""
+    found = {field: read(material, owner, field, reading.units) for field in names.fields(owner, names.WSIM_MATERIAL)
+             if field not in known}
+    return {field: value for field, value in found.items() if value is not None}
 
 
 def density_of(reading: Reading, material: Usd.Prim, body_density: float | None) -> float:
     """[kg/m^3]: the body's, else the material's, else the proposal's fallback."""
     return body_density or _positive(read(material, "Friction", "density", reading.units)) or names.DENSITY
+
+
+def note_density(reading: Reading, prim: Usd.Prim) -> None:
+    """Warns of a physics material without a density, where that of nothing else counts."""
+    material, entry = bound(reading, prim), row("Friction", "density")
+    if material is not None and is_physical(material) and _positive(read(material, "Friction", "density")) is None:
+        reading.warn(material.GetPath(), f"{entry.attribute} is not authored: {names.DENSITY:g} kg/m^3 counts, the fallback, "
+                     "as heavy as water; author it in units of the stage")
 
 
 def _sheet(reading: Reading, material: Usd.Prim, thickness: float | None) -> dict:

@@ -9,7 +9,7 @@ from pxr import Sdf, Usd
 
 from wsim.scene import Cloth, Load, Soft, Springs
 from wsim.scene.curve import Curve
-from wsim.scene.nodal_loads import between
+from wsim.scene.nodal.loads import between
 from wsim.usd import names
 from wsim.usd.attributes import attribute_of, author, author_times, authored, read, read_times
 from wsim.usd.prims.pins import particles, vertices

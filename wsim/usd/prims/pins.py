@@ -1,17 +1,19 @@
-"""PhysicsAttachment, point to xform <-> `Pin`.
+"""PhysicsAttachment, point to xform <-> `Pin`; point to point <-> `Tie`: indices0 of src0 and indices1 of src1 are the same
+particles, one by one.
 
 src0 is the simulation geometry, indices0 its points; src1 is an Xform, still or animated, and coords1 are the places
 in its space (none: where the points are at the start). An attachment without src1 hangs on the world. Other kinds are
-left out with a note.
+left out with a note. Weights that are painted on a mesh are pins without a prim (`wsim.usd.prims.painted`).
 """
 
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
-from wsim.scene import Cloth, Pin, Soft, Springs
+from wsim.scene import Cloth, Pin, Soft, Springs, Tie
 from wsim.scene.curve import Motion
 from wsim.usd import names
 from wsim.usd.attributes import author, read
+from wsim.usd.prims.painted import LEVELS, read_map
 from wsim.usd.prims.springs import curve_vertices
 from wsim.usd.stage import Reading, Units
 from wsim.usd.transforms import author_motion, placement, split
@@ -134,6 +136,41 @@ def _follow(prim: Usd.Prim, pin: Pin, body: Body, units: Units) -> bool:
     return np.allclose(pin.places, _places(pin, body).astype(np.float32), rtol=1e-6, atol=1e-6)
 
 
+def load_painted(reading: Reading, mesh: Usd.Prim, body: Cloth | Soft) -> list[Pin]:
+    """Pins of the weights that are painted on a mesh: PATH/painted of 1, PATH/painted_K of K / LEVELS."""
+    found = read_map(reading, mesh, "pin", "1", {"point": len(body.points)})
+    if found is None:
+        return []
+    weights = found[1]
+    if weights.max(initial=0.0) > 1.0:
+        k = int(np.argmax(weights > 1.0))
+        reading.fail(mesh.GetPath(), f"primvars:wsim:pin[{k}] is {weights[k]:g}; allowed is 0 (free) to 1 (held): paint it "
+                     "again there")
+        return []
+    level = np.where((weights > 0.0) & (weights < 1.0), np.clip(np.rint(weights * LEVELS), 1, LEVELS - 1),
+                     LEVELS * weights).astype(int)
+    pins = []
+    for k in (int(k) for k in np.unique(level) if k):
+        pin = Pin(f"{body.path}/painted" + (f"_{k}" if k < LEVELS else ""), body.path, np.flatnonzero(level == k))
+        if k < LEVELS:
+            pin.stiffness = k / (LEVELS - k) * _own(body)
+        if _hang(reading, mesh, pin, body.path):
+            pins.append(pin)
+    return pins
+
+
+def _own(body: Cloth | Soft) -> float:
+    """Stiffness of a body as a point of it feels it [N/m]."""
+    if isinstance(body, Cloth):
+        return body.material.stretch
+    if not len(body.tets) or body.tets.min() < 0 or body.tets.max() >= len(body.points):
+        return 1.0                                             # reported by wsim.scene.check.soft
+    from wsim.geometry.tetra.tets import edges
+    x = body.motion.points(body.points if body.rest_points is None else body.rest_points, 0.0)
+    a, b = edges(body.tets).T
+    return body.material.young * float(np.linalg.norm(x[b] - x[a], axis=1).mean())
+
+
 def author_pin(stage: Usd.Stage, pin: Pin, body: Body, units: Units, frames: int) -> None:
     """Defines the attachment of a pin and, where it has no target of its own, the Xform that it hangs on."""
     prim = stage.DefinePrim(pin.path, names.ATTACHMENT)
@@ -158,3 +195,45 @@ def vertices(points: np.ndarray, body: Body) -> np.ndarray:
     if not isinstance(body, Springs):
         return points
     return np.unique(curve_vertices(body), return_index=True)[1][points]
+
+
+def is_tie(prim: Usd.Prim) -> bool:
+    return read(prim, "Pin", "type0") == read(prim, "Pin", "type1") == "point"
+
+
+def load_tie(reading: Reading, prim: Usd.Prim, bodies: dict[str, Body]) -> Tie | None:
+    """The tie of an attachment; None if it is switched off, or between bodies that cannot share points (noted).
+
+    bodies      by path of the simulation geometry; also by the path of the body above it
+    """
+    path = prim.GetPath()
+    if read(prim, "Pin", "enabled") is False:
+        return None
+    ends = [(_target(prim, source), read(prim, "Tie", field))
+            for source, field in ((names.SRC0, "points"), (names.SRC1, "others"))]
+    found = [(bodies.get(source), indices) for source, indices in ends]
+    for (source, _), (body, _) in zip(ends, found, strict=True):
+        if body is None:
+            reading.warn(path, f"attaches {source or 'nothing'}, which is no simulated cloth or soft body; it is left out")
+            return None
+    (mine, points), (other, others) = found if isinstance(found[1][0], Soft) else found[::-1]
+    if not isinstance(other, Soft) or isinstance(mine, Springs):
+        reading.warn(path, f"attaches points of {ends[0][0]} to points of {ends[1][0]} and is left out: a cloth or a soft body "
+                     "shares points with a soft body")
+        return None
+    if points is None or others is None:
+        reading.warn(path, "has no physics:indices0 or no physics:indices1: it holds no point and is left out")
+        return None
+    assert mine is not None
+    return Tie(str(path), mine.path, points, other.path, others)
+
+
+def author_tie(stage: Usd.Stage, tie: Tie) -> None:
+    """Defines the attachment of a tie."""
+    prim = stage.DefinePrim(tie.path, names.ATTACHMENT)
+    prim.CreateRelationship(names.SRC0, False).SetTargets([Sdf.Path(tie.body)])
+    prim.CreateRelationship(names.SRC1, False).SetTargets([Sdf.Path(tie.other)])
+    for field, value in (("enabled", True), ("type0", "point"), ("type1", "point")):
+        author(prim, "Pin", field, value)
+    author(prim, "Tie", "points", tie.points)
+    author(prim, "Tie", "others", tie.others)

@@ -6,6 +6,8 @@
     float[]    wsim:reactionWeights   of each point: part of 1 / noise^2; 0: not counted
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from pxr import Usd
 
@@ -21,6 +23,12 @@ def sample(prim: Usd.Prim, forces: np.ndarray) -> tuple:
     entry = names.row("Pin", "reaction")
     prim.AddAppliedSchema(entry.schema)
     return attribute_of(prim, entry), array(forces, entry.type, Units.of(prim.GetStage()).factor(entry.unit))
+
+
+def forces_of(stage: Usd.Stage, forces: Mapping[str, np.ndarray]) -> list[tuple]:
+    """`sample` of each pin, by path; pins that are painted have no prim, and none."""
+    found = ((stage.GetPrimAtPath(path), values) for path, values in forces.items())
+    return [sample(prim, values) for prim, values in found if prim]
 
 
 def codes(prim: Usd.Prim) -> list[float]:

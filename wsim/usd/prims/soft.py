@@ -17,7 +17,7 @@ from wsim.usd.attributes import author, read
 from wsim.usd.load_varying import attributes_of, steady, vary
 from wsim.usd.names import row
 from wsim.usd.prims.cloth import load_points
-from wsim.usd.prims.fabric import bind, bound
+from wsim.usd.prims.fabric import bind, bound, note_density
 from wsim.usd.prims.masses import at_least_the_lightest, body_density, body_mass, element_type, shared
 from wsim.usd.prims.skins import author_bind_pose, author_skin, body_of, load_skins, mirrored
 from wsim.usd.prims.solid import author_bulk, author_parts, load_bulk, load_parts
@@ -49,6 +49,8 @@ def load_soft(reading: Reading, mesh: Usd.Prim, body: Usd.Prim) -> Soft | None:
     soft.rest_points = _rest(reading, mesh, soft, default)
     soft.masses, soft.mass = _masses(reading, mesh, body, soft)
     density = body_density(reading, body)
+    if density is None and soft.masses is None and soft.mass is None:
+        note_density(reading, mesh)
     soft.material = load_bulk(reading, mesh, density)
     vary(reading, path, Soft, attributes_of(bound(reading, mesh)), lambda at: vars(load_bulk(at, mesh, density)))
     pressure = mesh.GetAttribute(row("Soft", "pressure").attribute)

@@ -24,12 +24,12 @@ from wsim.usd.prims.fabric import (
     is_physical,
     load_friction,
     physical,
+    plain,
     validated,
 )
 from wsim.usd.stage import Reading, Units
 
 FAMILY = "materialBind"            # of subsets that bind materials, as UsdShade has it
-PLAIN = ("model", "damping", "yield_strain")       # fields that have no sentinel
 
 
 def load_bulk(reading: Reading, prim: Usd.Prim, body_density: float | None) -> Bulk:
@@ -46,10 +46,9 @@ def load_bulk(reading: Reading, prim: Usd.Prim, body_density: float | None) -> B
         values[field] = fallback if values[field] in UNAUTHORED else values[field]
     values["density"] = density_of(reading, material, body_density)
     values["static_friction"], values["dynamic_friction"] = load_friction(reading, prim, note=True)
-    for field in PLAIN:
-        value = read(material, "Bulk", field, reading.units)
-        if value is not None:
-            values[field] = value
+    if (model := read(material, "Bulk", "model")) is not None:
+        values["model"] = model
+    values |= plain(reading, material, "Bulk", values)
     return validated(reading, material, Bulk, values)
 
 

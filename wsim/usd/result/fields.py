@@ -15,17 +15,15 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from wsim.scene import Cloth, Collider, Motion, Pin, Soft, Springs
-from wsim.scene.bodies import parted, values_of
 from wsim.scene.solid import Bulk
+from wsim.scene.values.per_tet import parted, values_of
 from wsim.usd import names
 from wsim.usd.attributes import author
+from wsim.usd.prims.painted import ELEMENTS
 from wsim.usd.prims.pins import FRAME
 from wsim.usd.prims.springs import author_muscles
 from wsim.usd.stage import Reading, Units
 from wsim.usd.transforms import author_motion
-
-SOLID = {"young": "Pa", "poisson": "1"}
-FLAT = {"stretch": "N/m", "shear": "N/m", "weft": "N/m", "bend": "N m"}
 
 
 def author_fields(stage: Usd.Stage, fields: list[tuple[str, str, np.ndarray]], bodies: dict[str, Any]) -> None:
@@ -34,10 +32,12 @@ def author_fields(stage: Usd.Stage, fields: list[tuple[str, str, np.ndarray]], b
     units = Units.of(stage)
     for where, name, values in fields:
         prim, thing = stage.GetPrimAtPath(where), bodies[where]
-        if name in SOLID or name in FLAT:
-            kind = UsdGeom.Tokens.uniform if name in SOLID else UsdGeom.Tokens.constant
+        if name in names.PER_TET or name in names.PER_ELEMENT:
+            kind = UsdGeom.Tokens.uniform if name in names.PER_TET else UsdGeom.Tokens.constant
             primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(f"wsim:{name}", Sdf.ValueTypeNames.DoubleArray, kind)
-            primvar.Set(Vt.DoubleArray.FromNumpy(values / units.factor((SOLID | FLAT)[name])))
+            if name in names.PER_ELEMENT:
+                primvar.GetAttr().SetCustomDataByKey(ELEMENTS, True)
+            primvar.Set(Vt.DoubleArray.FromNumpy(values / units.factor((names.PER_TET | names.PER_ELEMENT)[name])))
         elif name == "velocities":
             owner = next(kind.__name__ for kind in (Cloth, Springs, Soft) if isinstance(thing, kind))
             author(prim, owner, name, _at_vertices(prim, thing.velocities), units)
@@ -78,7 +78,7 @@ def _lead(prim: Usd.Prim, collider: Collider, units: Units) -> None:
 
 def load_fields(reading: Reading, mesh: Usd.Prim, soft: Soft) -> Soft:
     """The soft body with what primvars say of each tet. What is of another size, or out of range, is reported and left out."""
-    for name, unit in SOLID.items():
+    for name, unit in names.PER_TET.items():
         primvar = UsdGeom.PrimvarsAPI(mesh).GetPrimvar(f"wsim:{name}")
         if not (primvar and primvar.HasAuthoredValue()):
             continue
@@ -88,9 +88,11 @@ def load_fields(reading: Reading, mesh: Usd.Prim, soft: Soft) -> Soft:
                          "left out")
             continue
         values = values * reading.units.factor(unit)
+        if primvar.GetInterpolation() in ("vertex", "varying") and values.shape == (len(soft.points),):     # painted
+            values = values[np.clip(soft.tets, 0, len(soft.points) - 1)].mean(axis=1)
         if values.shape != (len(soft.tets),):
             reading.warn(mesh.GetPath(), f"{primvar.GetName()} has {values.size} values; allowed is {len(soft.tets)}, one for "
-                         "each tet: it is left out")
+                         f"each tet, or {len(soft.points)} of points with interpolation vertex: it is left out")
             continue
         try:
             for value in (values.min(), values.max()):

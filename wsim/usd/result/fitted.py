@@ -14,11 +14,14 @@ from pxr import Sdf, Usd
 
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
 from wsim.scene.fabric import Fabric
+from wsim.scene.methods import every
 from wsim.scene.solid import Bulk
+from wsim.scene.values import table
+from wsim.scene.values.table import FRICTION
 from wsim.usd import names
 from wsim.usd.attributes import author, authored
 from wsim.usd.prims.colliders import surface
-from wsim.usd.prims.fabric import FRICTION, author_fabric, author_friction, bind, bound, plane_stress
+from wsim.usd.prims.fabric import author_fabric, author_friction, bind, bound, plane_stress
 from wsim.usd.prims.loads import author_values
 from wsim.usd.prims.solid import author_bulk
 from wsim.usd.result.as_json import as_json
@@ -28,8 +31,11 @@ from wsim.usd.stage import Reading, Units, open_stage
 from wsim.usd.write import new_stage
 
 SCOPE, SAID = "/fitted", "wsim:fit"
-PLAIN = {Springs: ("stiffness", "damping", "masses"), Soft: ("pressure",), Cloth: ()}       # of the prim itself
-SCENE = ("wind", "air_drag")
+
+
+def plain(owner: str) -> list[str]:
+    """Fields of a class that a fit finds and its prim says itself, not a material."""
+    return [row.name for row in table.of(owner).values() if row.fit and row.usd and row.usd.schema not in table.MATERIALS]
 
 
 def check_target(scene: Scene, path: str) -> None:
@@ -61,6 +67,8 @@ def save_fitted(before: Scene, after: Scene, path, said: dict | None = None,
         units = Units.of(stage)
         _scene(stage, before, after, units)
         _bodies(stage, before, after, units)
+        for (_, old), (_, new) in zip(every(before), every(after), strict=True):
+            _plain(stage.GetPrimAtPath(new.path), old, new, [], units)
         for old, new in zip(before.loads, after.loads, strict=True):
             if old != new:
                 author_values(_reached(stage.GetPrimAtPath(new.path)), new, units)
@@ -71,16 +79,17 @@ def save_fitted(before: Scene, after: Scene, path, said: dict | None = None,
 
 
 def _scene(stage: Usd.Stage, before: Scene, after: Scene, units: Units) -> None:
-    changed = [name for name in ("gravity", *SCENE) if getattr(before, name) != getattr(after, name)]
+    own = plain("Scene")
+    changed = [name for name in ("gravity", *own) if getattr(before, name) != getattr(after, name)]
     if not changed:
         return
     prim = next((p for p in stage.Traverse() if p.GetTypeName() == names.PHYSICS_SCENE), None)
     prim = prim or stage.DefinePrim("/physicsScene", names.PHYSICS_SCENE)
     if "gravity" in changed:
         author_gravity(prim, after, units)
-    if set(changed) & set(SCENE):
+    if set(changed) & set(own):
         prim.AddAppliedSchema(names.WSIM_SCENE)
-    for name in set(changed) & set(SCENE):
+    for name in set(changed) & set(own):
         author(prim, "Scene", name, getattr(after, name), units)
 
 
@@ -93,9 +102,7 @@ def _bodies(stage: Usd.Stage, before: Scene, after: Scene, units: Units) -> None
         if isinstance(new, (Cloth, Soft)):
             material = bound(reading, prim)
             users.setdefault(str(material.GetPath()) if material else "", []).append(new.material)
-        for name in PLAIN[type(new)]:
-            if not np.array_equal(getattr(old, name), getattr(new, name)):
-                author(_reached(prim), {Springs: "Springs", Soft: "Soft"}[type(new)], name, getattr(new, name), units)
+        _plain(prim, old, new, ["masses"] * isinstance(new, Springs), units)
         if isinstance(old, (Cloth, Soft)) and isinstance(new, (Cloth, Soft)) and old.material != new.material:
             changed.append((prim, old.material, new.material))
     for own, given in zip(before.colliders, after.colliders, strict=True):
@@ -116,6 +123,14 @@ def _bodies(stage: Usd.Stage, before: Scene, after: Scene, units: Units) -> None
             for owner in (prim, prim.GetParent()):
                 if authored(owner, "Body", "density"):
                     author(_reached(owner), "Body", "density", is_.density, units)
+
+
+def _plain(prim: Usd.Prim, old, new, more: list[str], units: Units) -> None:
+    """What of an object its prim says itself and has changed; more: beside values."""
+    owner = type(new).__name__
+    for name in (*plain(owner), *more):
+        if not np.array_equal(getattr(old, name), getattr(new, name)):
+            author(_reached(prim), owner, name, getattr(new, name), units)
 
 
 def _over(material: Usd.Prim, was, is_, units: Units) -> None:

@@ -16,6 +16,7 @@ from typing import Any
 
 from pxr import Sdf, Tf
 
+from wsim.usd import clips
 from wsim.usd.result import atomic, crate
 from wsim.usd.result.kinds import beside
 from wsim.usd.result.lock import Lock
@@ -148,11 +149,14 @@ class Partial:
         self.saved = perf_counter()
         self.cost = self.saved - began
 
-    def finish(self, flat=None) -> None:
-        """The final file: the partial one renamed, or (`flat` a layer, or another format) exported whole and renamed.
+    def finish(self, flat=None, as_clips: bool = False) -> None:
+        """The final file: the partial one renamed, or (`flat` a layer, or another format) exported whole and renamed; as_clips:
+        with its samples in files beside it (`wsim.usd.clips`).
 
         The caller must have let go of every stage and prim of the layer.
         """
+        if as_clips:
+            flat = clips.split(self.layer, self.final)
         if flat is None and self.final.endswith(".usda"):
             flat = self.layer
         before = beside.of(self.final, self.final)
@@ -164,6 +168,7 @@ class Partial:
             self.layer = None
             os.remove(self.path)
         beside.remove(self.beside.place, before)
+        clips.tidy(self.final)
         self.lock.release()
         stale = Sdf.Layer.Find(self.final)
         if stale:

@@ -3,12 +3,17 @@ another now.
 
     {"version": "0.0.1", "settings": {"precision": "float32", "solver": "xpbd", ...}, "scene": {path: {field: digest}}}
 
+Beside it, for people (`usdcat --layerMetadata`), the dictionary `wsim`: version, command, scene, sceneHash and the settings.
+
 A digest is of a value as it decides the motion: names, what is only seen and where a run begins are left out. The scene itself
 stands at "/". Each body, collider, pin, tie and load has its own row, so that a change is told by path and field.
 """
 
 import hashlib
 import json
+import os
+import shlex
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 
@@ -17,7 +22,7 @@ import numpy as np
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
 from wsim.scene.methods import every
 
-KEY = "wsim:run"
+KEY, SHOWN = "wsim:run", "wsim"                                   # for a run that goes on, for people
 START = {"velocities", "start", "frames"}                         # where a run begins and ends
 SEEN = {"path", "skins", "target", "up", "error", "source", "notes", "variants"}                          # no motion follows
 SETTINGS = {"solver", "integrator", "substeps", "iterations"}     # as a scene names them; what ran is told by `settings`
@@ -63,8 +68,19 @@ def of_scene(scene: Scene) -> dict[str, dict[str, str]]:
 def write(layer, scene: Scene, settings: Mapping) -> None:
     """Into a result layer. settings: of the simulation, by name, numbers and text."""
     from wsim import __version__
-    made = {"version": __version__, "settings": dict(settings), "scene": of_scene(scene)}
-    layer.customLayerData = {**layer.customLayerData, KEY: json.dumps(made)}
+    digests = of_scene(scene)
+    made = {"version": __version__, "settings": dict(settings), "scene": digests}
+    told = {"version": __version__, "command": command(), "scene": os.path.basename(scene.source or ""),
+            "sceneHash": hashlib.blake2b(json.dumps(digests, sort_keys=True).encode(), digest_size=16).hexdigest()}
+    layer.customLayerData = {**layer.customLayerData, KEY: json.dumps(made), SHOWN: told | dict(settings)}
+
+
+def command() -> str:
+    """The command line of this process, its program by name alone."""
+    program = os.path.basename(sys.argv[0] or "python")
+    if program == "__main__.py":
+        program = "wsim"
+    return shlex.join([program, *sys.argv[1:]])
 
 
 def read(layer) -> dict:

@@ -4,10 +4,9 @@
         recorder.append(recorder.time_code(0), {"/flag": positions}, {"/flag": velocities})
 
 The result sublayers the scene's file by a relative path and has `over`s alone: time samples of points, velocities,
-normals and extent, of the bodies and of the skins that follow them (`wsim.scene.skin`). Default values stay those of the
-source, because unauthored rest shapes are read from them. The file grows under a name of its own and is renamed when it is
-whole (`wsim.usd.result.partial`): a run that is killed, interrupted or fails leaves NAME.partial.usdc with its frames and an
-earlier result as it was, and the next run to the same output puts that aside as NAME.recovered.usdc."""
+normals and extent, of bodies and skins that follow them (`wsim.scene.skin`), and the surface of a soft body without a skin.
+Default values stay those of the source, because unauthored rest shapes are read from them. The file grows under a name of its
+own and is renamed when it is whole: `wsim.usd.result.partial` says what stays of a run that does not get so far."""
 
 import math
 import os
@@ -19,7 +18,8 @@ from pxr import Usd, UsdUtils
 
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.skin import held
-from wsim.usd.prims.reactions import sample
+from wsim.usd.prims.reactions import forces_of
+from wsim.usd.prims.surface import surfaces
 from wsim.usd.result import provenance
 from wsim.usd.result.dependencies import overwritten
 from wsim.usd.result.kinds.rows import Sample, taken
@@ -69,10 +69,10 @@ class Recorder:
         self.restart_fields, self.continues, self.settings = restart_fields, continues, settings
         self.notes: list[Problem] = []
         self.codes: list[float] = []          # time codes written, this run's and those it continues
-        self.count = 0                        # appends of this run
+        self.count, self.fields_code = 0, 0.0             # appends of this run
+        self.clips = False                    # one file a frame, see `wsim.usd.clips`
         self.bytes_since_fields = math.inf    # of samples; the first save takes the fields along
         self.fields: Mapping[str, Arrays] = {}   # of the last whole frame
-        self.fields_code = 0.0
         self.made: str | None = None          # source written by this recorder
         self.result: str | None = None        # the finished file
         self.kept: str | None = None          # the unfinished one that stays
@@ -119,6 +119,7 @@ class Recorder:
                       for path, (prim, _) in {**self.bodies, **followers}.items()}
         if self.continues:
             self.codes += copy_samples(self.continues, self.stage, self.scene, self.file.beside)
+        self.surfaces = surfaces(self.scene, self.bodies, self.codes)
         self.colliders = {c.path: ColliderOver(self.stage, self._original, c, self.codes) for c in self.scene.colliders}
         layer.startTimeCode = self.scene.start
 
@@ -136,11 +137,6 @@ class Recorder:
 
     def _original(self) -> Any:
         return open_stage(self.source, self.scene.variants)
-
-    @property
-    def moved(self) -> set[str]:
-        """Paths of colliders that this result moves otherwise than their source."""
-        return {path for path, over in self.colliders.items() if over.op is not None}
 
     # writing
 
@@ -170,7 +166,7 @@ class Recorder:
         samples: list[tuple] = []
         try:
             samples += self._samples(code, positions, velocities, primvars or {})
-            samples += [sample(self.stage.GetPrimAtPath(path), values) for path, values in (reactions or {}).items()]
+            samples += forces_of(self.stage, reactions or {})
             samples += [pair for each in others for pair in taken(self.stage, each, code, self.file.beside)]
             for path in (poses or {}).keys() & self.colliders.keys():
                 self.colliders[path].write(code, (code - self.scene.start) / self.rate, (poses or {})[path])
@@ -195,9 +191,9 @@ class Recorder:
         """(attribute, value) of each sample of bodies and skins."""
         found = []
         for path, over in self.overs.items():
-            found += over.sample(code, self._of(path, positions), self._of(path, velocities) if velocities else None)
-        for path, values in primvars.items():
-            found += self.overs[path].color(values)
+            own = over.sample(code, self._of(path, positions), self._of(path, velocities) if velocities else None)
+            own += over.color(primvars.get(path, {}))
+            found += own + (self.surfaces[path].of(own) if path in self.surfaces else [])
         return found
 
     def _of(self, path: str, values: Arrays) -> np.ndarray:
@@ -275,14 +271,15 @@ class Recorder:
         flat = flattened(self.stage, os.path.dirname(self.path)) if self.flatten else None
         layer = None
         self._let_go()
-        self.file.finish(flat)
+        self.file.finish(flat, self.clips)
         self.result, self.kept = self.path, None
         if not self.scene.source:
             remove_sources(self.path, None if self.flatten else self.source)
 
     def _let_go(self) -> None:
         """Releases stage and prims, so that the file can be renamed on every system."""
-        self.overs, self.skins, self.colliders, self.bodies, self.stage, self.closed = {}, {}, {}, {}, None, True
+        self.overs, self.skins, self.surfaces, self.colliders, self.bodies = {}, {}, {}, {}, {}
+        self.stage, self.closed = None, True
 
     def _drop(self) -> None:
         """Ends without a result: no file of this recorder stays, and that of an earlier run has its name again."""

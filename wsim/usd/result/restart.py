@@ -26,6 +26,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, Vt
 
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
 from wsim.scene.methods import every
+from wsim.usd.clips import joined
 from wsim.usd.prims.reactions import REACTION
 from wsim.usd.result import crate, provenance
 from wsim.usd.result.kinds import sidecar
@@ -38,7 +39,7 @@ CODE, FIELDS = "wsim:restart:timeCode", "wsim:restart:fields:"
 TYPES = {np.dtype(np.float32): (Sdf.ValueTypeNames.FloatArray, Vt.FloatArray),
          np.dtype(np.float64): (Sdf.ValueTypeNames.DoubleArray, Vt.DoubleArray),
          np.dtype(np.int32): (Sdf.ValueTypeNames.IntArray, Vt.IntArray)}
-STRESS = tuple(f"primvars:{name}" for name in PRIMVARS)
+STRESS = tuple(f"primvars:{name}" for name in (*PRIMVARS, "displayColor"))       # only where they are asked for
 SAMPLED = ("points", "velocities", "extent", "normals", "primvars:normals", *STRESS)     # what a recorder samples on a body
 NAME = re.compile(r"[A-Za-z_]\w*\Z")
 
@@ -247,7 +248,7 @@ def copy_samples(restart: Restart, stage: Usd.Stage, scene: Scene, beside: Besid
     Of a flattened result only bodies and skins: its other samples are the source's own.
     """
     try:
-        layer = crate.read(restart.path)
+        layer = joined(crate.read(restart.path), os.path.dirname(os.path.realpath(restart.path)))
     except (Tf.ErrorException, OSError) as error:
         raise SceneError(Problem(restart.path, f"cannot be read any more: {reason(error)}")) from None
     wanted: list[tuple[str, tuple[str, ...]]] = [(b.path, SAMPLED) for b in scene.bodies()]

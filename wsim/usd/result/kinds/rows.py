@@ -4,6 +4,7 @@
     Transform   xformOp:transform                                 of a UsdGeom.Xformable
     Particles   points, widths, ids, velocities, extent           of a UsdGeom.Points
     Value       an attribute double or double[]                   of any prim
+    Colour      primvars:displayColor of each point               of a UsdGeom.PointBased
     Volume      asset filePath, a file a frame beside the layer   of any prim; a UsdVol.OpenVDBAsset where none is there
 """
 
@@ -15,9 +16,9 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from wsim.scene import Problem, SceneError
-from wsim.scene.samples import Particles, Points, Sample, Transform, Value, Volume
+from wsim.scene.samples import Colour, Particles, Points, Sample, Transform, Value, Volume
 from wsim.usd.result.kinds.beside import Beside
-from wsim.usd.result.samples import Frame
+from wsim.usd.result.samples import Frame, particles_of
 
 OP = "xformOp:transform"
 Written = list[tuple[Usd.Attribute, Any]]           # (attribute, value), not yet set
@@ -113,10 +114,20 @@ def _volume(prim: Usd.Prim, sample: Volume, code: float, beside: Beside) -> Writ
     return [(attribute, Sdf.AssetPath(name))]
 
 
+def _colour(prim: Usd.Prim, sample: Colour, code: float, beside: Beside) -> Written:
+    """The indices that a source may have for its own colours count no more."""
+    primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex)
+    if primvar.IsIndexed():
+        primvar.BlockIndices()
+    particles = particles_of(prim)
+    return [(primvar.GetAttr(), _vectors(sample.values if particles is None else sample.values[particles]))]
+
+
 KINDS: dict[type, Row] = {
     Points: Row("Points", _points),
     Transform: Row("Xform", _transform),
     Particles: Row("Points", _particles),
     Value: Row("", _value),
     Volume: Row("OpenVDBAsset", _volume),
+    Colour: Row("Points", _colour),
 }

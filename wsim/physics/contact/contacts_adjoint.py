@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.contact import project_adjoint as kernels
-from wsim.kernels.contact.collider_adjoint import sums
+from wsim.kernels.contact.collider_gradients import sums
 from wsim.kernels.contact.project import slots
 from wsim.kernels.contact.search_adjoint import search_adjoint
 from wsim.kernels.math.real import types
@@ -34,7 +34,9 @@ class ContactAdjoint:
     same is found."""
 
     def __init__(self, contacts, model: Model):
-        """contacts: `wsim.physics.contact.contacts.Contacts`."""
+        """contacts: `wsim.physics.contact.contacts.Contacts`, whose lists have room for all: they do not grow while they are
+        recorded."""
+        contacts.grow(contacts.rows.most)
         self.contacts, self.model, self.real = contacts, model, model.real
         self.search_kernel = search_adjoint(contacts.kinds, model.real, model.module)
         self.project_kernel, self.sum_kernel = (make(model.real, model.module) for make in (kernels.project_adjoint, sums))
@@ -52,6 +54,10 @@ class ContactAdjoint:
         self.sums = wp.zeros((len(model.bodies), contacts.rows.most, lanes), dtype=self.motion.dtype, device=model.device)
         self.wanted = zeros(1, int)
         self.found: SearchResult | None = None
+        self.vjp = {contacts.search_kernel: lambda inputs: self.searched(inputs[2]),
+                    contacts.project_kernel: lambda inputs: self.projected()}
+        if contacts.settle_kernel:
+            self.vjp[contacts.settle_kernel] = lambda inputs: self.reading(contacts.settle_kernel)
 
     def shaped(self, k: int) -> None:
         """The shapes of meshes that the next search works on."""
@@ -150,3 +156,10 @@ class ContactAdjoint:
         """A gradient of the points by the rows of their objects, (rows, points, ...) in float64."""
         found = array.numpy().astype(np.float64)
         return found.reshape(-1, self.contacts.count, *found.shape[1:])[:self.contacts.rows.most]
+
+
+class ReadingAdjoint:
+    """Of another kernel that reads contacts."""
+
+    def __init__(self, contacts, kernel):
+        self.vjp = {kernel: lambda inputs: contacts.adjoint.reading(kernel)}

@@ -1,47 +1,21 @@
-"""Soft pins and contacts of an implicit substep that is solved to a residual, and their adjoints. See
-kernels/solver/soft_pin_adjoint.py, kernels/contact/coulomb.py and kernels/contact/coulomb_adjoint.py."""
+"""Contacts of an implicit substep that is solved to a residual, and their adjoints. See kernels/contact/coulomb.py and
+kernels/contact/coulomb_adjoint.py."""
 
 import warp as wp
 
 from wsim.kernels.contact import coulomb, coulomb_adjoint
 from wsim.kernels.math.real import types
-from wsim.kernels.solver import soft_pin_adjoint as kernels
 from wsim.model.model import Model
 from wsim.model.structs import filled
 
 
-class PinsAdjoint:
-    """Of the soft pins that `wsim.physics.solver.newton.Implicit.meet` takes."""
-
-    def __init__(self, model: Model, pins, soft: list[wp.array]):
-        """pins: `wsim.physics.motion.pins.Pins`; soft: (first, item), its pins by point."""
-        self.model, self.pins, self.soft = model, pins, soft
-        self.forces, self.adjoint = (f(model.real, model.module) for f in (kernels.pin_forces, kernels.pin_adjoint))
-
-    def table(self):
-        held, soft, target = kernels.helds(self.model.real)(), self.pins.soft, self.pins.target["soft"]
-        held.point, held.alpha, held.damping, held.target = soft.point, soft.alpha, soft.damping, target
-        held.by_alpha, held.by_damping, held.by_target = soft.alpha.grad, soft.damping.grad, target.grad
-        held.first, held.item = self.soft
-        return held
-
-    def add(self, x: wp.array, pair: wp.array, k: int, f: wp.array) -> None:
-        """Forces at substep k to those in f."""
-        self.model.launch(self.forces, self.soft[0].size - 1, [self.table(), x, pair, k], [f])
-
-    def transposed(self, x: wp.array, pair: wp.array, p: wp.array, k: int, whole: bool) -> None:
-        """Adds to the gradients of pair and, if whole, of x and the pins."""
-        self.model.launch(self.adjoint, self.soft[0].size - 1, [self.table(), x, pair, p, k, int(whole)], [x.grad, pair.grad])
-
-
 class ContactsAdjoint:
-    """Of the contacts that `wsim.physics.solver.newton.Implicit.meet` takes."""
+    """Of contacts."""
 
-    def __init__(self, model: Model, contact, after: bool):
-        """contact: `wsim.physics.contact.Contact`. after: something is projected behind a solve, and contacts once more behind
-        that."""
-        self.model, self.contacts = model, contact.contacts
-        contact.solved, contact.after, self.after = True, after, after
+    def __init__(self, model: Model, contacts, after: bool):
+        """contacts: `wsim.physics.contact.contacts.Contacts`. after: something is projected behind a solve, and contacts once
+        more behind that."""
+        self.model, self.contacts, self.after = model, contacts, after
         real, t, n = model.real, types(model.real), model.points
         self.kernels = {f.__name__: f(real, model.module) for f in (
             coulomb.turn, coulomb.bear, coulomb.screen, coulomb_adjoint.held_adjoint, coulomb_adjoint.spread_out,

@@ -1,0 +1,210 @@
+"""Clearance: how far each point may go in a frame before a collider can be met. Frames in which none goes so far need no
+contacts.
+
+    x0   position where the frame begins [m]      T_k  pose of a collider at substep k, c_k its centre, R the radius about it
+    D    lower bound of the distance of x0 from the collider in T_0 [m]: of convex shapes the distance, of meshes the ball's
+    s    max_k |c_k - c_0|,  S = max_k |R_k - R_0|       w  max_k |c_(k+1) - c_k|,  W = max_k |R_(k+1) - R_k|
+
+A point of the collider moves by at most s + S L in the frame, L = R (of a plane, where all that counts is the turn of its
+normal about x, L = 2 |x0 - c_0| + s). In the collider's own frame a straight step of the point is straight up to what the
+collider moves meanwhile at the point's place, no more than V = w + W (2 |x0 - c_0| + s), as long as the point goes no further
+than |x0 - c_0|, which is taken a bit too long, and is the most that D may be. So every place that a point, or its straight
+path, has in a frame, and that is no more than
+
+    C = min over colliders (D - s - S L - 2 V - gap) - reach - 2 skin
+
+from x0, is further from every collider than contacts look for: kernels/contact/search.py keeps a contact where the gap is under
+|dq| + skin, dq <= |d| + V. Two skins, since one covers rounding. A frame in which
+
+    |x - x0| + 2 |d| <= C    for every point and every substep of displacement d from x
+
+has no contact in any substep: it is the same to the bit with contacts and without. Where nothing but contacts acts within a
+substep, |d| <= C for displacements d since the frame began is enough for no contact to push (kernels/motion/explicit.py,
+march_cpu.py and cluster.py see to it at every substep).
+
+|R_a - R_b| is twice the length of the vector part of the quaternion that leads from one to the other.
+"""
+
+# Device code: an outer `if` on a Python bool drops its branch before it is compiled.
+# ruff: noqa: SIM102
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.contact.collide import split
+from wsim.kernels.contact.mesh import SOLID
+from wsim.kernels.contact.project import slots, tables
+from wsim.kernels.contact.shape import distance
+from wsim.kernels.math.real import types
+
+FREE = 1.0e30          # [m] of a point that has no contacts
+SLACK = 1.0e-5         # of distances, that clearances are smaller by: what poses and shapes a kilometre away are rounded by
+NEAR = 4               # bit of a point's mark: where the frame ended it was so near that the next one has contacts
+
+
+@cache
+def movements(real):
+    """Struct of how colliders move in a frame, a row each as in the table of colliders."""
+    t = types(real)
+
+    @wp.struct
+    class Movements:
+        ball: wp.array(dtype=t.vec4)         # centre in the collider's frame, radius [m]; < 0: it has none, (rows,)
+        loss: wp.array(dtype=t.vec2)         # of D: constant [m], and times |x0 - c_0|, (rows,)
+
+    return Movements
+
+
+@cache
+def sweeps(real, module):
+    """Kernel over rows: what D loses in a frame, S L + s + 2 V + gap and what is rounded."""
+    t, Rows, Movements = types(real), tables(real)[0], movements(real)
+
+    @wp.func
+    def turn(a: t.transform, b: t.transform):
+        q = wp.transform_get_rotation(b) * wp.quat_inverse(wp.transform_get_rotation(a))
+        return real(2.0) * wp.length(t.vec3(q[0], q[1], q[2]))
+
+    def sweeps(c: Rows, m: Movements, loss_out: wp.array(dtype=t.vec2)):
+        row = wp.tid()
+        ball = m.ball[row]
+        center = t.vec3(ball[0], ball[1], ball[2])
+        T0 = c.pose[0, row]
+        c0 = wp.transform_point(T0, center)
+        before = T0
+        way = t.vec4()                                                     # s, S, w, W
+        for k in range(1, c.pose.shape[0]):
+            T1 = c.pose[k, row]
+            c1 = wp.transform_point(T1, center)
+            way = wp.max(way, t.vec4(wp.length(c1 - c0), turn(T0, T1), wp.length(c1 - wp.transform_point(before, center)),
+                                     turn(before, T1)))
+            before = T1
+        lever = ball[3]
+        slope = real(4.0) * way[3] + real(SLACK)
+        if lever < real(0.0):
+            lever = way[0]
+            slope += real(2.0) * way[1]
+        moved = way[0] + way[1] * lever + real(2.0) * (way[2] + way[3] * way[0])
+        loss_out[row] = t.vec2(moved + c.gap[row] + real(SLACK) * (wp.length(c0) + wp.abs(ball[3])), slope)
+
+    return wp.kernel(sweeps, name=f"sweeps_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def away(kinds: tuple[str, ...], real):
+    """Function (T0, ball, loss, kind, size, x) -> D - s - S L - 2 V - gap of a point at x and a collider."""
+    t, (convex, meshes) = types(real), split(kinds)
+    shaped, meshed, formula = bool(convex), bool(meshes), distance(convex)
+
+    @wp.func
+    def away(T0: t.transform, ball: t.vec4, loss: t.vec2, kind: int, size: t.vec3, x: t.vec3):
+        q = wp.quat_rotate_inv(wp.transform_get_rotation(T0), x - wp.transform_get_translation(T0))
+        apart = q - t.vec3(ball[0], ball[1], ball[2])
+        D = real(-FREE)
+        if shaped:
+            if kind < SOLID:
+                D, n = formula(kind, size, q)
+        if meshed:
+            if kind >= SOLID:
+                D = wp.length(apart) - ball[3]
+        most = wp.abs(apart[0]) + wp.abs(apart[1]) + wp.abs(apart[2])      # no less than its length, and no root
+        return wp.min(D, most) - (loss[0] + loss[1] * most)
+
+    return away
+
+
+@cache
+def clearance(kinds: tuple[str, ...], real, module):
+    """Kernel over points, before a frame without contacts: the clearance, and no contacts in the slots."""
+    t, Movements, Slots, of = types(real), movements(real), slots(real), away(kinds, real)
+    Rows, Points = tables(real)
+
+    def clearance(c: Rows, points: Points, m: Movements, x: wp.array(dtype=t.vec3), s: Slots,
+                  room_out: wp.array(dtype=real), struck_out: wp.array(dtype=real)):
+        i = wp.tid()
+        found = real(FREE)
+        if points.w[i] > real(0.0):
+            o = points.object[i]
+            for row in range(c.first[o], c.first[o + 1]):
+                found = wp.min(found, of(c.pose[0, row], m.ball[row], m.loss[row], c.kind[row], c.size[row], x[i]))
+            found -= points.reach[i] + real(2.0) * c.skin
+        room_out[i] = found
+        s.count[i] = 0
+        if struck_out:
+            struck_out[i] = real(0.0)
+
+    return wp.kernel(clearance, name=f"clearance_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def stray(real, module):
+    """Kernel over points, in a substep of a frame without contacts that displaces by d from x: `met` becomes 1 where one may go
+    further than its clearance."""
+    t = types(real)
+
+    def stray(start: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), room: wp.array(dtype=real),
+              met_out: wp.array(dtype=int)):
+        i = wp.tid()
+        if not wp.length(x[i] - start[i]) + real(2.0) * wp.length(d[i]) <= room[i]:
+            wp.atomic_max(met_out, 0, 1)
+
+    return wp.kernel(stray, name=f"stray_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def near(kinds: tuple[str, ...], real, module):
+    """Kernel over points, after a frame with contacts: `met` becomes 1 where one touches, or its clearance is less than `ahead`
+    [s] at its present speed; then it has a mark."""
+    t, Movements, Slots, of = types(real), movements(real), slots(real), away(kinds, real)
+    Rows, Points = tables(real)
+
+    def near(c: Rows, points: Points, m: Movements, x: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), ahead: real,
+             s: Slots, met_out: wp.array(dtype=int)):
+        i = wp.tid()
+        mark = s.mark[i]
+        if mark == 0 and points.w[i] > real(0.0):
+            o = points.object[i]
+            need = ahead * wp.length(v[i]) + points.reach[i] + real(2.0) * c.skin
+            for row in range(c.first[o], c.first[o + 1]):
+                T1 = c.pose[c.ball.shape[0], row]
+                if not need <= of(T1, m.ball[row], m.loss[row], c.kind[row], c.size[row], x[i]):
+                    mark = NEAR
+            s.mark[i] = mark
+        if mark != 0:
+            wp.atomic_max(met_out, 0, 1)
+
+    return wp.kernel(near, name=f"near_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def bounds(real):
+    """Struct of a frame without contacts, as `leap_bounded` reads it."""
+
+    @wp.struct
+    class Bounds:
+        room: wp.array(dtype=real)           # clearance [m], (points,)
+        met: wp.array(dtype=int)             # becomes 1 where a point goes further
+
+    return Bounds
+
+
+@cache
+def leap_bounded(real, module, flags: tuple, field=None):
+    """Kernel: as `leap` of kernels/motion/explicit.py, and whether the displacement is within the clearance."""
+    from wsim.kernels.cloth.spring import net
+    from wsim.kernels.motion.explicit import leaper, phases, steps
+    vec3, one, lanes = types(real).vec3, leaper(real, flags, field), dict(flags).get("lanes", 1)
+    Net, Phase, Step, Bounds = net(real), phases(real), steps(real), bounds(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def leap_bounded(net: Net, f: wp.array(dtype=vec3), at: Phase, step: Step, within: Bounds,
+                     d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3)):
+        thread = wp.tid()
+        one(thread, net, f, at, step, d_out, v_out, carry_out)
+        i = thread // lanes
+        if thread % lanes == 0 and net.w[i] > real(0.0):
+            if not wp.length(d_out[(1 - step.source) * at.x.shape[0] + i]) <= within.room[i]:
+                wp.atomic_max(within.met, 0, 1)
+
+    return leap_bounded

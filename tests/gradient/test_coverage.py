@@ -1,0 +1,233 @@
+"""The table of what has gradients is true: rows that are covered name tests, values that have a derivative have that of
+differences, and what is refused raises, with the prim path."""
+
+import ast
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.gradient.test_gradients import net, sheet
+from tests.make.wheels import ROW
+from tests.make.wheels.objects import Wheel
+from wsim import Bulk, Fabric, Plane, Simulation, Sphere
+from wsim.gradient.inputs.by_name import inputs
+from wsim.gradient.recording import Recording
+from wsim.gradient.rollout.products import Rollout
+from wsim.scene import Pin, Scene, SceneError, Varying, methods, shapes
+from wsim.scene.curve import Curve, Motion
+from wsim.scene.nodal.loads import between
+from wsim.scene.values import table
+from wsim.scene.values.coverage import BY, COVERED, REFUSED, row_of, summary, text
+
+TESTS = Path(__file__).resolve().parent.parent
+PATHS = {"Cloth": "/cloth", "Springs": "/net", "Soft": "/bar", "Collider": "/floor", "Pin": "/pin", "Scene": ""}
+ONLY = {"Springs.rest_shape"}                 # lengths say the same
+IDLE = ("static_friction",)                  # what slides does not know it
+
+
+@cache
+def functions(path: str) -> set[str]:
+    tree = ast.parse((TESTS / path).read_text(encoding="utf-8"))
+    return {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+
+
+@pytest.mark.parametrize("covered", COVERED, ids=lambda c: f"{c.kind} {c.what}")
+def test_what_is_covered_names_tests_that_there_are(covered):
+    assert covered.tests
+    for test in covered.tests.values():
+        path, _, name = test.partition("::")
+        assert name in functions(path), test
+
+
+def test_values_with_a_derivative_are_those_of_the_rows():
+    rows = [name for covered in COVERED for name in covered.names()]
+    assert len(rows) == len(set(rows)) and set(rows) == {(v.owner, v.name) for v in table.VALUES if v.gradient}
+
+
+def test_the_documents_are_made_of_the_rows():
+    import wsim.gradient
+    readme = " ".join((TESTS.parent / "wsim/gradient/README.md").read_text(encoding="utf-8").split())
+    for kind, what in summary().items():
+        assert f"{kind} {what}." in readme
+    assert text() in (wsim.gradient.__doc__ or "") and all(covered.what.split()[-1] in text() for covered in COVERED)
+
+
+def everything() -> Scene:
+    """A cloth in the wind, a net with muscles and a bar that flows, that slide on a floor which throws them back."""
+    scene = Scene(fps=60.0, frames=2, substeps=60, solver="explicit", integrator="leapfrog", air_drag=0.4, wind=(1.0, 0.5, 2.0))
+    rng, points = np.random.default_rng(3), shapes.sheet(0.2, 0.2, 3, 3, horizontal=True)
+    cloth = scene.cloth("/cloth", points[0] + [0.0, 0.01, 0.0], *points[1:], drag=1.0, lift=0.5, velocities=speeds(rng, 16),
+                        material=Fabric(stretch=40.0, weft=25.0, shear=15.0, bend=1e-3, poisson=0.2, damping=1e-3,
+                                        density=150.0))
+    chain = np.array([[0.1 * k, 0.012 + 0.003 * (k % 2), 1.0] for k in range(5)])
+    scene.net("/net", chain, [[k, k + 1] for k in range(4)], [40.0], [0.01], damping=1e-3, lengths=[0.09, 0.1, 0.11, 0.1],
+              velocities=speeds(rng, 5), actuation=Curve([0.0, 0.05], np.array([[1.0], [1.1]])))
+    block, tets = shapes.block((0.2, 0.1, 0.1), (2, 1, 1))
+    scene.soft("/bar", block + [0.0, 0.06, -1.0], tets, pressure=300.0, velocities=speeds(rng, len(block), 3.0),
+               material=Bulk(2e4, 0.35, 1e3, damping=1e-3, yield_strain=0.01))
+    scene.collider("/floor", Plane(), motion=flat(), restitution=0.4, thickness=0.001, static_friction=0.4,
+                   dynamic_friction=0.3)
+    scene.collider("/dull", Sphere(0.1), at=(3.0, 0.2, 0.0))
+    scene.pin("/pin", "/net", [0])
+    scene.force("/push", "/net", [3, 4], (0.02, -0.1, 0.03))
+    scene.traction("/drag", cloth, between(cloth, range(8)), (1.0, -2.0, 0.5))
+    return scene
+
+
+def swept() -> Scene:
+    """The same by XPBD, without what it has not."""
+    scene = replace(everything(), solver="xpbd", integrator="backward_euler", substeps=10, iterations=3, softs=[])
+    scene.cloths[0].material = replace(scene.cloths[0].material, strain_limit=0.01)
+    return scene
+
+
+SCENES = {"explicit": everything, "xpbd": swept}
+
+
+def speeds(rng, n: int, spin: float = 0.3) -> np.ndarray:
+    return np.array([0.6, -0.8, 0.3]) + spin * rng.normal(size=(n, 3))
+
+
+def flat() -> Motion:
+    """Up is +y."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
+    return Motion.still(matrix)
+
+
+def name_of(value) -> list[str]:
+    """Inputs of a row in that scene."""
+    if value.owner == "Load":
+        return [{"force": "/push:force", "traction": "/drag:traction"}[value.name]]
+    return [f"{PATHS[value.owner]}:{value.name}".removeprefix(":")]
+
+
+def values_of(solver: str) -> list:
+    """Rows that a solver covers, by what is in its scene."""
+    by = {name: covered.tests for covered in COVERED for name in covered.names()}
+    return [v for v in table.VALUES if v.gradient and solver in by[v.owner, v.name] and f"{v.owner}.{v.name}" not in ONLY]
+
+
+@cache
+def run(solver: str):
+    """A rollout of all that it covers, seeds, and what they are differentiated to."""
+    names = [name for value in values_of(solver) for name in name_of(value)]
+    f = Rollout(Recording(Simulation(SCENES[solver](), device="cpu", precision="float64", gradients=True), 2), names, [2])
+    s = np.random.default_rng(5).normal(size=f.run().shape)
+    s[..., 1, :, :, :] *= 0.01
+    return f, s, f.vjp(s)
+
+
+ROWS = [pytest.param(solver, v, id=f"{solver}-{v.owner}.{v.name}") for solver in SCENES for v in values_of(solver)]
+
+
+@pytest.mark.parametrize("solver, value", ROWS)
+def test_every_value_has_the_slope_of_differences(solver, value):
+    """Of order 4, by steps of a thousandth of what may change; losses have a few units of rounding."""
+    f, s, found = run(solver)
+    for name in name_of(value):
+        base = f.values()[name]
+        way = np.random.default_rng(8).normal(size=base.shape) if base.ndim else np.ones(())
+        step = 1e-3 * f.inputs[name].scale() / float(np.abs(way).max())
+        losses = {}
+        for k in (-2, -1, 1, 2):
+            losses[k] = float((f.run({name: base + k * step * way}) * s).sum())
+        f.run({name: base})
+        expected = (8.0 * (losses[1] - losses[-1]) - (losses[2] - losses[-2])) / (12.0 * step)
+        slope = float((found[name] * way).sum())
+        assert abs(expected) > 0.0 or value.name in IDLE
+        assert slope == pytest.approx(expected, rel=5e-8, abs=4e-15 * abs(losses[1]) / step)
+
+
+@pytest.mark.parametrize("value", [v for v in table.VALUES if not v.gradient], ids=lambda v: f"{v.owner}.{v.name}")
+def test_a_value_without_a_derivative_is_refused_with_its_reason(value):
+    path = PATHS[value.owner] or "/"
+    with pytest.raises(SceneError) as said:
+        inputs(run("explicit")[0].recording, [f"{path}:{value.name}"])
+    (problem,) = said.value.problems
+    assert problem.path == path and value.why in problem.text and value.name in problem.text
+
+
+def recorded(scene: Scene, frames: int = 1) -> Recording:
+    return Recording(Simulation(scene, device="cpu", precision="float64", gradients=True), frames)
+
+
+def gradient(scene: Scene):
+    recording = recorded(scene)
+    body = scene.bodies()[0]
+    return recording.backward({1: {body.path: np.ones((len(body.points), 3))}})
+
+
+def of(material: dict, **more) -> Scene:
+    scene = sheet("membrane", **more)
+    scene.cloths[0].material = replace(scene.cloths[0].material, **material)
+    return scene
+
+
+def heavy() -> Scene:
+    scene = sheet("springs")
+    scene.cloths[0].masses = np.full(25, 1e-3)
+    return scene
+
+
+def tethered() -> Scene:
+    scene = sheet("springs", solver="xpbd", integrator="bdf2", substeps=8, iterations=4)
+    scene.cloths[0].tethers = True
+    return scene
+
+
+def turned() -> Scene:
+    scene = Scene(solver="xpbd")
+    scene.add(Wheel("/wheel"))
+    return scene
+
+
+def moving():
+    motion = Motion(np.arange(2) / 60.0, np.stack([np.eye(4), np.eye(4) + np.eye(4, k=3) * 0.01]))
+    scene = net(integrator="leapfrog", pins=[Pin("/pin", "/chain", np.array([0]), motion=motion)])
+    return recorded(scene).backward(reactions={1: {"/pin": np.ones((1, 3))}})
+
+
+VARIES = Varying("/chain", "stiffness", Curve([0.0, 1.0], np.array([40.0, 50.0])))
+CASES = {
+    "method": ("/wheel", lambda: Simulation(turned(), device="cpu", gradients=True)),
+    "varying": ("/chain", lambda: recorded(net(varying=[VARIES]))),
+    "limits": ("/cloth", lambda: recorded(tethered()).reactions(1)),
+    "moved": ("/pin", lambda: moving().targets("/pin")),
+    "weft": ("/cloth", lambda: gradient(of({"weft": 0.0})).material("weft")),
+    "shear": ("/cloth", lambda: gradient(of({"shear": 0.0})).material("shear")),
+    "density": ("/cloth", lambda: gradient(heavy()).density()),
+    "mass": ("/cloth", lambda: gradient(sheet("springs")).mass()),
+    "lengths": ("/cloth", lambda: gradient(sheet("springs")).lengths()),
+    "air": ("/cloth", lambda: gradient(sheet("springs")).air_coefficient("drag")),
+    "wind": ("wind", lambda: inputs(recorded(net()), ["wind"])),
+    "restitution": ("/dull", lambda: run("explicit")[0].recording.backward({2: {"/net": np.ones((5, 3))}})
+                    .restitution("/dull")),
+    "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
+    "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),
+    "load": ("loads", lambda: gradient(net()).load()),
+    "pin": ("/pin", lambda: gradient(net()).pin("/pin", "stiffness")),
+    "material": ("/chain", lambda: gradient(net()).material("stretch")),
+    "value": ("/pin", lambda: row_of(net(), "/pin", "stiffness")),
+}
+
+
+@pytest.mark.parametrize("key", REFUSED)
+def test_what_is_refused_raises_with_its_words_and_path(key, monkeypatch):
+    if key == "method":
+        monkeypatch.setattr(methods, "METHODS", [*methods.METHODS, ROW])
+        for module in ("wsim.simulation.plan", "wsim.simulation.methods"):
+            monkeypatch.setattr(f"{module}.METHODS", methods.METHODS)
+    path, call = CASES[key]
+    with pytest.raises(SceneError) as said:
+        call()
+    (problem,) = said.value.problems
+    start, end = (part.strip() for part in (REFUSED[key].text.partition("{")[0], REFUSED[key].text.rpartition("}")[2]))
+    assert problem.path == path and problem.text.startswith(start) and problem.text.endswith(end)
+
+
+def test_rows_with_respect_to_values_name_values():
+    assert all(table.of(owner)[name].gradient for row in COVERED if row.kind == BY for owner, name in row.names())

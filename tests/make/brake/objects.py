@@ -1,0 +1,12 @@
+"""Brakes: v' = -grip v of every point of a body, beside all that moves it."""
+
+from dataclasses import dataclass
+
+from wsim.scene.bodies import Compared
+
+
+@dataclass(eq=False)
+class Brake(Compared):
+    path: str
+    body: str                   # path of a body
+    grip: float = 0.0           # [1/s]

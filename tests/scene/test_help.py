@@ -1,0 +1,95 @@
+"""What `help()` shows of public names: a docstring each, and a line for every field of a dataclass, with its unit."""
+
+import inspect
+import re
+from dataclasses import fields, is_dataclass
+
+import numpy as np
+import pytest
+
+import wsim
+from wsim.scene import scene as scenes
+from wsim.scene.methods import METHODS
+
+NUMBERS = re.compile(r"\b(float|ndarray|Curve)\b")         # what is measured in something
+COUNTED = {"counts", "indices", "edges", "tets", "triangles", "others", "muscles", "which", "Pin.points", "Tie.points",
+           "Load.points"}                                   # numbers of points and elements
+UNIT = re.compile(r"\[[^\[\]]+\]")
+
+
+def owned() -> list[type]:
+    """Dataclasses of methods that have no list in a scene."""
+    return [getattr(row.role("objects"), name) for row in METHODS for name in row.owns]
+
+
+PUBLIC = {name: getattr(wsim, name) for name in (*wsim.__all__, "Problem", "Skin")}
+CLASSES = {c.__name__: c for c in (*PUBLIC.values(), *(getattr(scenes, n) for n in scenes.__all__), *owned())
+           if inspect.isclass(c) and is_dataclass(c)}
+
+
+def explained(cls: type) -> dict[str, str]:
+    """{field: what the docstring says of it} in a table of two columns."""
+    found, last = {}, None
+    for line in inspect.getdoc(cls).splitlines()[1:]:
+        if match := re.match(r"(\w+) {2,}(\S.*)", line):
+            last = match[1]
+            found[last] = match[2]
+        elif last and line.startswith("   "):
+            found[last] += " " + line.strip()
+        else:
+            last = None
+    return found
+
+
+def test_every_public_name_has_a_docstring():
+    assert len(wsim.__all__) <= 25
+    assert [name for name, value in PUBLIC.items() if not inspect.getdoc(value)] == []
+
+
+def test_every_public_method_has_a_docstring():
+    bare = [f"{name}.{attribute}" for name, value in PUBLIC.items() if inspect.isclass(value)
+            for attribute, each in vars(value).items() if not attribute.startswith("_")
+            and (inspect.isfunction(each) or isinstance(each, (property, staticmethod))) and not inspect.getdoc(each)]
+    assert bare == []
+
+
+@pytest.mark.parametrize("name", sorted(CLASSES))
+def test_every_field_is_explained_with_its_unit(name):
+    cls = CLASSES[name]
+    said = explained(cls)
+    for field in fields(cls):
+        assert field.name in said, f"help({name}) does not explain {field.name}"
+        if NUMBERS.search(str(field.type)) and not {field.name, f"{name}.{field.name}"} & COUNTED:
+            text = said[field.name]
+            assert UNIT.search(text) or "unit" in text, f"{name}.{field.name} has no unit: {text}"
+
+
+@pytest.mark.parametrize("name", sorted(CLASSES))
+def test_nothing_is_explained_that_is_not_there(name):
+    assert set(explained(CLASSES[name])) <= {f.name for f in fields(CLASSES[name])}
+
+
+@pytest.mark.parametrize("up, normal", [("Y", (0, 1, 0)), ("Z", (0, 0, 1))])
+def test_a_plane_is_a_floor_and_gravity_acts_against_up(up, normal):
+    scene = wsim.Scene(up=up)
+    floor = scene.collider("/floor", wsim.Plane(), at=(0.0, 0.0, 0.0))
+    assert np.array_equal(floor.motion.at(0.0)[:3, 2], normal) and floor.shape == wsim.Plane()
+    assert np.linalg.det(floor.motion.at(0.0)) == pytest.approx(1.0)
+    assert np.array_equal(scene.gravity, -9.81 * np.array(normal))
+
+
+@pytest.mark.parametrize("axis, normal", [("X", (1, 0, 0)), ("Y", (0, 1, 0)), ("Z", (0, 0, 1))])
+def test_a_plane_faces_its_axis(axis, normal):
+    wall = wsim.Scene().collider("/wall", wsim.Plane(axis), at=(1.0, 2.0, 3.0))
+    assert np.array_equal(wall.motion.at(0.0)[:3, 2], normal) and np.array_equal(wall.motion.at(0.0)[:3, 3], (1.0, 2.0, 3.0))
+
+
+def test_an_axis_that_is_none_is_refused():
+    with pytest.raises(ValueError, match="axis is 'y'; allowed is 'X', 'Y', 'Z'"):
+        wsim.Plane("y")
+
+
+def test_presets_of_fabrics_are_public():
+    assert wsim.fabric("denim").density > 0.0
+    with pytest.raises(ValueError, match="allowed is one of silk, cotton, denim"):
+        wsim.fabric("tweed")

@@ -1,0 +1,103 @@
+"""Frames without contacts: those in which no point can go so far that it meets a collider.
+
+Such a scene has two forms of a frame over the same state. One has contacts. The other leaves out all of their stages, and an
+integrator on which nothing else acts within a substep takes whole frames then (`wsim.physics.motion.one_launch.FreeFrames`). It
+measures how far each point may go in the frame (kernels/motion/clearance.py, where it is shown that this is enough), and looks
+in every substep whether one goes further: then the frame is repeated with contacts, from where it began.
+
+Which form is tried first follows from the state alone, so that a restart goes on to the bit: a frame with contacts marks the
+points that touched, or whose clearance where it ended was less than AHEAD frames of their speed, and the next frame has
+contacts again where there is a mark. A frame without contacts ends without marks. Where a point of any world or body may meet
+something, the frame has contacts for all.
+
+Always with contacts: colliders that throw points back, meshes that deform, so many colliders that a tree finds them, and
+recordings with gradients. Meshes are as large as their bounding balls here.
+"""
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.motion import clearance as kernels
+from wsim.model.stage import FREE, MET, Clock, Stage
+from wsim.scene import Plane, Scene, Surface
+
+REACHED = "a collider may be met"         # status word: in this frame without contacts; after one with contacts: in the next
+AHEAD = 2.0            # frames at the speed of a point that it must be away from contacts. A frame that is repeated has cost
+                       # its time without contacts in vain; one that has contacts and needs none, theirs
+
+
+def possible(scene: Scene, gradients: bool) -> bool:
+    """Whether frames without contacts are tried in a scene that has colliders."""
+    from wsim.physics.contact.contacts import MANY
+    balls = sum(not isinstance(c.shape, Plane) for c in scene.colliders)
+    forming = any(isinstance(c.shape, Surface) and c.shape.poses is not None and c.shape.poses.moves for c in scene.colliders)
+    return not (gradients or forming or balls >= MANY or any(c.restitution > 0.0 for c in scene.colliders))
+
+
+class Clearance:
+    """Of the contacts of a plan."""
+
+    def __init__(self, contact, clock: Clock, whole: bool):
+        """contact: the method; whole: an explicit integrator takes frames without contacts whole, and looks at the bounds
+        itself."""
+        self.model, self.state, self.contacts, self.status = contact.model, contact.state, contact.contacts, contact.status
+        self.clock, self.whole, model, state, contacts = clock, whole, contact.model, contact.state, contact.contacts
+        real, module, kinds, t = model.real, model.module, contacts.kinds, types(model.real)
+        contact.status.reserve(REACHED)
+        self.room = wp.zeros(model.points, dtype=real, device=model.device)
+        rows, m = contacts.rows, kernels.movements(real)()
+        radius = np.where(np.isfinite(rows.radius), rows.radius, -1.0)
+        m.ball = model.upload(np.concatenate([rows.centers(), radius[:, None]], axis=1)[rows.collider], t.vec4)
+        m.loss = wp.zeros(len(rows.collider), dtype=t.vec2, device=model.device)
+        self.moves, self.sweeps = m, kernels.sweeps(real, module)
+        self.measure, self.near = kernels.clearance(kinds, real, module), kernels.near(kinds, real, module)
+        self.stray = None if whole and not contact.points.integrator.stages else kernels.stray(real, module)
+        k, width = state.points.names.index("x"), state.points.capacity
+        self.start = state.points.aside[k * width:(k + 1) * width]             # positions where the frame began
+        self.said: bool | None = None        # whether the frame tried last might meet something
+        n, size = model.points, np.dtype(model.dtype).itemsize
+        what = f"{len(model.scene.colliders)} x {n} points"
+        self.stages = [Stage("clearance", "pose", self.begin, 1, n * (16 + 6 * size), "frame", what, FREE),
+                       Stage("near", "deform", self.end, 1, n * (8 + 8 * size), "frame", what, MET)]
+        if not whole:
+            self.stages.append(Stage("stray", "collide", self.look, 1, n * 10 * size, what="points", frames=FREE))
+
+    @property
+    def word(self) -> wp.array:
+        return self.status.word(REACHED)
+
+    def enter(self, clock: Clock) -> None:
+        """The form that a frame takes first."""
+        known = self.said is not None and not clock.starting
+        near = self.said if known else bool(self.contacts.mark.numpy().any())
+        clock.free, clock.after_free = not near, self.whole and not near
+
+    def hear(self) -> bool:
+        """After a frame: whether it had no contacts and should have."""
+        self.said = bool(self.status.said(REACHED)[0])
+        return self.said and self.clock.free
+
+    def moved(self) -> None:
+        """Colliders have other poses in the frame to come."""
+        c = self.contacts
+        self.model.launch(self.sweeps, len(self.moves.loss), [c.table, self.moves], [self.moves.loss])
+
+    def begin(self, clock: Clock) -> None:
+        c = self.contacts
+        self.model.launch(self.measure, self.model.points, [c.table, c.points, self.moves, self.state.x, c.slots],
+                          [self.room, c.struck])
+
+    def look(self, clock: Clock) -> None:
+        """At a substep that is predicted."""
+        s = self.state
+        self.model.launch(self.stray, self.model.points, [self.start, s.x, s.d, self.room], [self.word])
+
+    def look_at(self, x: wp.array, d: wp.array) -> None:
+        """At displacements [m] since the frame began at x."""
+        self.model.launch(self.stray, self.model.points, [x, x, d, self.room], [self.word])
+
+    def end(self, clock: Clock) -> None:
+        c, s = self.contacts, self.state
+        self.model.launch(self.near, self.model.points, [c.table, c.points, self.moves, s.x, s.v, AHEAD * clock.dt, c.slots],
+                          [self.word])

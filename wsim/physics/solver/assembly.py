@@ -1,0 +1,153 @@
+"""Forces and Jacobian of springs, hinges, triangles and tets at displacements d, assembled into one sparse system
+(`wsim.physics.solver.linear`) for Newton's method. Equations: kernels/solver/newton.py, kernels/cloth/hessian.py.
+
+What acts beside the forces of bodies (soft pins, contacts, the momentum of what is free) is a `Term`.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.cloth import hessian
+from wsim.kernels.cloth.constraint import DISTANCE
+from wsim.kernels.math.real import types
+from wsim.kernels.solver import newton
+from wsim.model.model import Model
+from wsim.model.stage import Clock
+from wsim.model.state import State
+from wsim.physics.cloth.constraints import Constraints, changed
+from wsim.physics.cloth.kind import CORNERS, SHEET, SPRINGS
+from wsim.physics.cloth.table import Table, bending_of, tables_of
+from wsim.physics.solver import linear
+
+
+class Term:
+    """What acts in a Newton step beside the forces of bodies. Every hook may stay as it is; all only launch kernels."""
+
+    def prepare(self, clock: Clock) -> None:
+        """Adds to own and b of a prediction."""
+
+    def press(self, clock: Clock) -> None:
+        """Looks at a d that was moved without it."""
+
+    def hold(self, g: float, fresh: bool) -> None:
+        """After an assembly. fresh: of forces, not of the Newton step before."""
+
+    def solve(self, clock: Clock, tolerance: float, cap: int) -> bool:
+        """Finds the step y itself; False: it leaves that to the system's own solver."""
+        return False
+
+    def carry(self) -> None:
+        """Adds to y what the step lacks."""
+
+    def clip(self, g: float) -> None:
+        """Takes from y what is not allowed."""
+
+    def rub(self, trial, g: float, rows: int) -> None:
+        """Adds to what a line search looks at."""
+
+    def left(self, f: wp.array) -> wp.array:
+        """Forces that are not borne, of forces f, after `hold`."""
+        return f
+
+
+class Assembly:
+    """The system of all bodies: tables of what has forces, f and the matrix A, and b, where forces would be none.
+
+    v     vectors of the solver: y is the step that is found
+    """
+
+    def __init__(self, model: Model, state: State, points, every: list[Constraints], h: float):
+        """every: springs, hinges and triangles, of all worlds; h: a substep [s]."""
+        self.model, self.state, self.points = model, state, points
+        self.tables = tables_of(model, every)
+        self.solids: list = []
+        if model.scene.softs:
+            from wsim.physics.soft import fem
+            self.solids = fem.tables_of(model)
+            state.add(*(table.kept for table in self.solids if table.kept))
+        self.springs = bool(self.of(SPRINGS))
+        self.elements = bool(self.solids or self.of(SHEET) or self.of(CORNERS))
+        self.bending = bending_of(model, self.of(SHEET))
+        coarse, self.why = coarse_space(model, h) if self.solids else ([], "")
+        self.system = linear.System(model, points.constants.w, self.ids(SPRINGS, 2), self.ids(SHEET, 4),
+                                    [table.ids for table in (*self.of(CORNERS), *self.solids)], coarse,
+                                    self.bending.spans if self.bending else None)
+        self.rows, self.A, self.v = self.system.rows, self.system.A, self.system.v
+        self.work()
+        self.assemble = newton.assemble(model.real, model.module, self.springs, self.elements)
+        self.stressed = {s.name: s.kernels() for s in self.solids}
+
+    def of(self, gather: str) -> list[Table]:
+        return [table for table in self.tables.values() if table.row.gather == gather]
+
+    def ids(self, gather: str, corners: int) -> np.ndarray:
+        return next((table.ids for table in self.of(gather)), np.zeros((0, corners), np.int32))
+
+    def work(self) -> None:
+        """Vectors over points, and forces and blocks of elements."""
+        model, t, over = self.model, types(self.model.real), self.system.zeros
+        self.b, self.f = (over(model.points, t.vec3) for _ in range(2))
+        self.element = hessian.elements_of(model.real)()
+        force, block = self.ids(SHEET, 4).size, 0
+        for table in (*self.of(CORNERS), *self.solids):
+            table.place(force, block)
+            corners = table.ids.shape[1]
+            force, block = force + corners * table.size, block + corners * (corners - 1) // 2 * table.size
+        self.element.block, self.element.force = over(block, t.mat33), over(force, t.vec3)
+        if self.bending:
+            self.bending.room(self.element)
+
+    def forget(self) -> None:
+        """Rotations of tets are sought anew."""
+        for table in self.solids:
+            table.forget()
+
+    def linearise(self, rate: float) -> None:
+        """Forces and Jacobian at d, without terms; rate: 1 / g."""
+        s, a, launch = self.state, self.points.anchor, self.model.launch
+        if self.bending:
+            self.bending.linearise(s.x, s.d, a, rate, self.element)
+        for elements in self.of(CORNERS):
+            elements.linearise(s.x, s.d, a, rate, self.element)
+        for table in self.solids:
+            launch(self.stressed[table.name][0], table.size, [table.data, s.x, s.d, a, table.q, rate], [table.q, self.element])
+        springs = self.of(SPRINGS)[0].data if self.springs else hessian.batch_of(DISTANCE, self.model.real)()
+        launch(self.assemble, self.model.points, [self.rows, springs, self.element, self.points.at(d=s.d, a=a), self.b, rate],
+               [self.f, self.A])
+
+    def solve(self, f: wp.array, tolerance: float, cap: int) -> None:
+        """y of A y = f, by conjugate gradients."""
+        self.system.solve(f, tolerance, cap, (self.state.x, self.state.d))
+
+    def spring_tables(self) -> list:
+        from wsim.physics.cloth.springs import SpringTable
+        table = self.of(SPRINGS)[0]
+        return [SpringTable(table.rows, table.data.rest, np.arange(table.size), table.given)]
+
+    def set(self, path: str, name: str, value, world: int | None, own: Sequence = ()) -> bool:
+        """A live parameter of a body; own: further tables that have it."""
+        hit = any([t.set(path, name, value, world) for t in (*self.solids, *own)])
+        for table in self.tables.values():
+            hit = bool(changed(self.model, table.rows, path, name, value, world)) or hit
+            table.refresh()
+        return hit
+
+    @property
+    def launches(self) -> int:
+        """Of an assembly and a line search, of what stands in tables."""
+        return 2 * len(self.tables) + 3 * len(self.solids) + 6 * bool(self.bending) + len(self.of(CORNERS))
+
+    @property
+    def bytes(self) -> int:
+        """Moved by one assembly and one iteration of conjugate gradients, when every gather hits the cache once."""
+        entries = 2 * (self.A.link.capacity if self.springs else 0) + 2 * (self.A.block.capacity if self.elements else 0)
+        return entries + self.model.points * (8 * self.springs + 8 * self.elements + 50 * np.dtype(self.model.dtype).itemsize)
+
+
+def coarse_space(model: Model, h: float) -> tuple[list, str]:
+    """Bodies solved with one, and what the plan says about it."""
+    from wsim.physics.solver.coarse_space import wanted
+    bodies, why = wanted(model, h)
+    return bodies, f"; {why}"

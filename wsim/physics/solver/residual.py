@@ -1,0 +1,40 @@
+"""What Newton steps leave: the residual of every system at the end of a frame. Equations: kernels/solver/line_search.py,
+`left`."""
+
+from collections.abc import Iterable
+
+import warp as wp
+
+from wsim.kernels.solver import line_search
+from wsim.model.stage import MISSED, UNSOLVED, Clock
+from wsim.model.status import Status
+from wsim.physics.solver.assembly import Assembly, Term
+
+
+class Residual:
+    """Of each system, and the words of the status that say where it is too large."""
+
+    def __init__(self, assembly: Assembly, status: Status, clock: Clock):
+        model, self.assembly, self.status = assembly.model, assembly, status
+        status.reserve(UNSOLVED, len(model.bodies))
+        self.array = assembly.system.zeros(assembly.system.systems, model.real)
+        self.left, self.unmet = line_search.left(model.real, model.sweep_module), line_search.unmet(model.real, model.module)
+        if clock.watched:
+            status.reserve(MISSED)
+            from wsim.kernels.solver.xpbd_residual import judge
+            self.judge = judge(model.real, model.module)
+
+    def measure(self, clock: Clock, terms: Iterable[Term]) -> None:
+        """What the frame's last Newton step left, and whether an integrator that needs it may go on."""
+        own, f = self.assembly, self.assembly.f
+        own.linearise(1.0 / clock.g)
+        for term in terms:
+            term.hold(clock.g, fresh=True)
+            f = term.left(f)
+        own.system.launch(self.left, [own.points.constants, own.A, own.system.first, f, own.state.d, own.b], [self.array])
+        self.launch(self.unmet, [self.array, self.status.offset(UNSOLVED)], [self.status.array])
+        if clock.watched:
+            self.launch(self.judge, [self.array, clock.integrator.met[0]], [self.status.word(MISSED)])
+
+    def launch(self, kernel, inputs: list, outputs: list[wp.array]) -> None:
+        self.assembly.model.launch(kernel, self.array.size, inputs, outputs)

@@ -1,0 +1,30 @@
+"""Soft pins of an implicit substep that is solved to a residual, and their adjoint: kernels/solver/soft_pin_adjoint.py."""
+
+import warp as wp
+
+from wsim.kernels.solver import soft_pin_adjoint as kernels
+from wsim.model.model import Model
+
+
+class PinsAdjoint:
+    """Of soft pins."""
+
+    def __init__(self, model: Model, pins, term):
+        """pins: `wsim.physics.motion.pins.Pins`; term: `wsim.physics.solver.soft_pin.SoftPins`, its pins by point."""
+        self.model, self.pins, self.soft = model, pins, [term.first, term.item]
+        self.forces, self.adjoint = (f(model.real, model.module) for f in (kernels.pin_forces, kernels.pin_adjoint))
+
+    def table(self):
+        held, soft, target = kernels.helds(self.model.real)(), self.pins.soft, self.pins.target["soft"]
+        held.point, held.alpha, held.damping, held.target = soft.point, soft.alpha, soft.damping, target
+        held.by_alpha, held.by_damping, held.by_target = soft.alpha.grad, soft.damping.grad, target.grad
+        held.first, held.item = self.soft
+        return held
+
+    def add(self, x: wp.array, pair: wp.array, k: int, f: wp.array) -> None:
+        """Forces at substep k to those in f."""
+        self.model.launch(self.forces, self.soft[0].size - 1, [self.table(), x, pair, k], [f])
+
+    def transposed(self, x: wp.array, pair: wp.array, p: wp.array, k: int, whole: bool) -> None:
+        """Adds to the gradients of pair and, if whole, of x and the pins."""
+        self.model.launch(self.adjoint, self.soft[0].size - 1, [self.table(), x, pair, p, k, int(whole)], [x.grad, pair.grad])

@@ -1,0 +1,208 @@
+"""Coverage of gradients as data: what recordings differentiate through, with respect to what, of what, by which solver, and how
+that is tested; and what they refuse, with the words. Refusals, documents and tests read it.
+
+A value without a row in `COVERED` has no derivative: its own row says why (`wsim.scene.values.table`). Rows name tests below
+tests/ as file::function; a solver without one has no such thing, or shares the code that is tested by another.
+"""
+
+from dataclasses import dataclass
+
+from wsim.scene.values import table
+from wsim.scene.values.value import Value
+
+THROUGH, BY, OF = "through", "with respect to", "of"
+
+
+@dataclass(frozen=True)
+class Covered:
+    """what: in words; with respect to values Owner.name, one or several. explicit, xpbd, implicit: tests by that solver."""
+
+    kind: str
+    what: str
+    explicit: str = ""
+    xpbd: str = ""
+    implicit: str = ""
+
+    @property
+    def tests(self) -> dict[str, str]:
+        """By solver."""
+        return {name: test for name in ("explicit", "xpbd", "implicit") if (test := getattr(self, name))}
+
+    def names(self) -> list[tuple[str, str]]:
+        """(owner, name) of values."""
+        return [(each.partition(".")[0], each.partition(".")[2]) for each in self.what.split()] if self.kind == BY else []
+
+
+@dataclass(frozen=True)
+class Refused:
+    """what: the case, in words. text: what is said of it, with places for words."""
+
+    what: str
+    text: str
+
+
+CHAIN = BAR = "gradient/test_gradients.py"
+SWEPT, LIMITS = "physics/solver/test_xpbd_adjoint.py", "physics/solver/test_newton_adjoint_limits.py"
+SLID, MESH, SOLVED = (f"physics/{name}.py" for name in ("contact/test_project_adjoint", "contact/test_collider_adjoint",
+                                                         "solver/test_newton_adjoint_contacts"))
+BOUNCE, FLOW, PULLED = (f"physics/{name}.py" for name in ("contact/test_restitution", "soft/test_plastic_adjoint",
+                                                           "cloth/test_muscles"))
+RESTS, LIVE, LOADED = (f"physics/{name}.py" for name in ("cloth/test_rest_shape", "cloth/test_live_fabric",
+                                                          "motion/test_loads"))
+SOFT, BORNE = "physics/contact/test_soft_contacts.py", "gradient/test_reaction_adjoint.py"
+SHEET, STEPS = "test_a_sheet_that_stretches_shears_and_bends", "test_a_sheet_by_implicit_steps"
+SLOPES = "gradient/test_coverage.py::test_every_value_has_the_slope_of_differences"
+PUSH = "test_a_force_over_time_moves_by_its_integral_and_has_exact_derivatives"
+FALL = "test_a_sheet_that_falls_on_a_turning_collider_and_slides"
+BLOCK, SOLID = f"{BAR}::test_a_soft_bar", f"{BAR}::test_a_soft_bar_by_implicit_steps"
+
+COVERED: list[Covered] = [
+    Covered(THROUGH, "leapfrog, symplectic_euler, rk4, midpoint, explicit_euler",
+            f"{CHAIN}::test_a_chain_of_springs_by_every_explicit_integrator"),
+    Covered(THROUGH, "backward_euler, bdf2, implicit_midpoint", "", f"{SWEPT}::test_a_chain", f"{CHAIN}::{STEPS}"),
+    Covered(THROUGH, "sdirk3", "", "", f"{CHAIN}::{STEPS}"),
+    Covered(THROUGH, "springs", f"{CHAIN}::test_every_gradient_of_a_chain_is_that_of_a_complex_step", f"{SWEPT}::test_a_chain",
+            f"{CHAIN}::{STEPS}"),
+    Covered(THROUGH, "membranes, bending, and their damping", f"{CHAIN}::{SHEET}", f"{SWEPT}::{SHEET}", f"{CHAIN}::{STEPS}"),
+    Covered(THROUGH, "soft bodies of four nodes a tet, all four materials, their damping", BLOCK, "", SOLID),
+    Covered(THROUGH, "soft bodies of ten nodes a tet, pressure", f"{BAR}::test_a_bar_of_quadratic_tets_under_pressure", "",
+            f"{BAR}::test_a_bar_of_quadratic_tets_under_pressure"),
+    Covered(THROUGH, "plastic flow", f"{FLOW}::test_a_bar_that_flows", "", f"{FLOW}::test_a_bar_that_flows"),
+    Covered(THROUGH, "ties", f"{BAR}::test_a_bar_with_a_cloth_laid_on_it"),
+    Covered(THROUGH, "hard pins", f"{CHAIN}::test_where_a_pin_puts_its_points", f"{SWEPT}::test_a_chain",
+            f"{CHAIN}::test_where_a_pin_puts_its_points"),
+    Covered(THROUGH, "soft pins", *(f"{SWEPT}::test_soft_pins",) * 3),
+    Covered(THROUGH, "strain limits and tethers", f"{RESTS}::test_strain_limits_and_tethers",
+            f"{LIVE}::test_by_a_strain_limit", f"{LIMITS}::test_a_sheet_that_is_pulled"),
+    Covered(THROUGH, "contacts with convex shapes, friction", f"{SLID}::{FALL}", f"{SLID}::{FALL}", f"{SOLVED}::{FALL}"),
+    Covered(THROUGH, "contacts with meshes, that deform too", f"{MESH}::test_a_sheet_that_slides_on_a_mesh",
+            f"{MESH}::test_a_sheet_that_slides_on_a_mesh", f"{SOFT}::test_a_bar_that_lands_and_slides"),
+    Covered(THROUGH, "restitution", *(f"{BOUNCE}::test_a_sheet_thrown_at_a_sphere_has_the_gradients_of_its_scheme",) * 2,
+            f"{SOLVED}::test_what_is_thrown_back"),
+    Covered(THROUGH, "muscles", *(f"{PULLED}::test_gradients_by_the_factors",) * 3),
+    Covered(THROUGH, "loads", *(f"{LOADED}::{PUSH}",) * 3),
+    Covered(THROUGH, "wind (drag and lift)", *(f"{SWEPT}::test_wind",) * 3),
+
+    Covered(BY, "Cloth.positions Cloth.velocities Cloth.stretch Cloth.bend Cloth.weft Cloth.shear Cloth.damping Cloth.density",
+            f"{CHAIN}::{SHEET}", f"{SWEPT}::{SHEET}", f"{CHAIN}::{STEPS}"),
+    Covered(BY, "Cloth.poisson", *(f"{LIVE}::test_by_poisson_s_ratio",) * 3),
+    Covered(BY, "Cloth.strain_limit", "", f"{LIVE}::test_by_a_strain_limit", f"{LIVE}::test_by_a_strain_limit"),
+    Covered(BY, "Springs.positions Springs.velocities Springs.stiffness Springs.damping",
+            f"{CHAIN}::test_a_chain_of_springs_by_every_explicit_integrator", f"{SWEPT}::test_a_chain",
+            f"{RESTS}::test_a_net"),
+    Covered(BY, "Springs.mass", SLOPES, SLOPES),
+    Covered(BY, "Springs.lengths Springs.rest_shape", *(f"{RESTS}::test_a_net",) * 3),
+    Covered(BY, "Springs.actuation", *(f"{PULLED}::test_gradients_by_the_factors",) * 3),
+    Covered(BY, "Cloth.rest_shape", *(f"{RESTS}::test_a_sheet",) * 3),
+    Covered(BY, "Soft.rest_shape", f"{RESTS}::test_a_bar", "", f"{RESTS}::test_a_bar"),
+    Covered(BY, "Soft.positions Soft.velocities Soft.young Soft.poisson Soft.damping", BLOCK, "", SOLID),
+    Covered(BY, "Soft.pressure", f"{BAR}::test_a_bar_of_quadratic_tets_under_pressure", "",
+            f"{BAR}::test_a_bar_of_quadratic_tets_under_pressure"),
+    Covered(BY, "Soft.yield_strain", f"{FLOW}::test_by_the_yield", "", f"{FLOW}::test_by_the_yield"),
+    Covered(BY, "Soft.density", SLOPES, "",
+            "fitting/test_numbers_and_fields.py::test_the_gradient_of_the_misfit_is_that_of_differences"),
+    Covered(BY, "Scene.gravity Scene.air_drag", f"{CHAIN}::{SHEET}", f"{SWEPT}::{SHEET}", f"{CHAIN}::{STEPS}"),
+    Covered(BY, "Scene.wind", *(f"{SWEPT}::test_wind",) * 3),
+    Covered(BY, "Pin.targets", f"{CHAIN}::test_where_a_pin_puts_its_points", f"{SWEPT}::test_soft_pins",
+            f"{CHAIN}::test_where_a_pin_puts_its_points"),
+    Covered(BY, "Load.force Load.traction", *(f"{LOADED}::{PUSH}",) * 3),
+    Covered(BY, "Cloth.static_friction Cloth.dynamic_friction Springs.static_friction Springs.dynamic_friction",
+            f"{SLID}::{FALL}", f"{SLID}::{FALL}", f"{SOLVED}::{FALL}"),
+    Covered(BY, "Soft.static_friction Soft.dynamic_friction", SLOPES, "", f"{SOFT}::test_a_bar_that_lands_and_slides"),
+    Covered(BY, "Collider.static_friction Collider.dynamic_friction Collider.thickness",
+            *(f"{MESH}::test_by_friction_and_thickness_of_a_collider",) * 2),
+    Covered(BY, "Collider.restitution", *(f"{MESH}::test_by_the_restitution_of_two_colliders_in_two_worlds",) * 2,
+            f"{SOLVED}::test_what_is_thrown_back"),
+    Covered(BY, "Collider.shift", *(f"{MESH}::test_by_the_motion_of_a_collider",) * 2,
+            f"{SOFT}::test_by_the_motion_of_a_collider"),
+
+    Covered(OF, "positions and velocities", f"{CHAIN}::{SHEET}", f"{SWEPT}::{SHEET}", f"{CHAIN}::{STEPS}"),
+    Covered(OF, "reactions of pins", f"{BORNE}::test_a_chain_by_leapfrog", f"{BORNE}::test_a_chain_by_sweeps",
+            f"{BORNE}::test_a_soft_bar"),
+]
+
+REFUSED: dict[str, Refused] = {
+    "method": Refused("methods whose row in `wsim.scene.methods.METHODS` says gradients=False",
+                      "gradients do not go through {method}; leave out gradients=True, or take these objects out of the scene"),
+    "varying": Refused("values that vary in time", "{name} varies in time, and a recording has one value for all its frames; "
+                       "author one value, or take it out of scene.varying ({count} in it)"),
+    "limits": Refused("reactions of pins where tethers or strain limits pull", "has tethers or a strain limit, which pull at "
+                      "pins without a law of force; reactions are not to be had: leave them out"),
+    "moved": Refused("targets, stiffness and damping of a pin that moves, where its own reaction is in the loss",
+                     "moves, and what it bears is in the loss: with respect to its {name} that has no derivative yet; hold it "
+                     "still, or leave its reaction out"),
+    "weft": Refused("a weft of 0", "its weft is 0 and follows stretch: it has no derivative of its own"),
+    "shear": Refused("a shear below a millionth of stretch", "its shear is below {least:g} of stretch, and taken as that: no "
+                     "derivative"),
+    "density": Refused("the density of given masses", "its masses follow no single density; take masses()"),
+    "mass": Refused("the mass of a cloth or soft body", "is no spring net, which has a mass of its own; take density() or "
+                    "masses()"),
+    "lengths": Refused("rest lengths of a cloth", "is no spring net: it has no rest lengths of its own"),
+    "air": Refused("drag and lift where both are 0", "has no coefficient {name!r} with a derivative; drag and lift have one "
+                   "where one of both is not 0"),
+    "wind": Refused("wind that meets nothing", "no cloth has drag or lift, so that wind does nothing; leave it out"),
+    "restitution": Refused("a restitution of 0", "its restitution is 0, and nothing is thrown back: no derivative; give it one "
+                           "> 0"),
+    "touched": Refused("contacts without a collider", "there is no collider, so that nothing touches"),
+    "actuation": Refused("muscles that there are not", "no net has muscles; give one an actuation"),
+    "load": Refused("loads that there are not", "there is no load; give the scene one"),
+    "pin": Refused("anything but stiffness and damping of a soft pin", "is no soft pin with a derivative with respect to "
+                   "{name!r}; soft pins have stiffness and damping"),
+    "material": Refused("what a body has none of", "has no {name!r} with a derivative; there are {names}"),
+    "value": Refused("values whose row says why", "has no derivative with respect to {name}: {why}; there are {names}"),
+}
+
+
+def refuse(key: str, path: str, **words):
+    """The SceneError of a row of `REFUSED` at a prim path."""
+    from wsim.scene import Problem, SceneError
+    return SceneError(Problem(path, REFUSED[key].text.format(**words)))
+
+
+def row_of(scene, path: str, name: str, own=()) -> Value:
+    """The row of a value of the object at a path ("/": the scene) that has a derivative. own: values of that body that a
+    recording has. Raises SceneError, with the path and the reason, where there is none."""
+    from wsim.scene.methods import named
+    thing = named(scene, path)
+    owner = type(thing).__name__ if thing is not None else ""
+    row = table.of(owner).get(name)
+    if row is not None and owner == "Load" and name != thing.name:
+        row = None
+    if row is None or not row.gradient:
+        raise without(path, name, owner, own, row.why if row else "")
+    return row
+
+
+def without(path: str, name: str, owner: str, own=(), why: str = ""):
+    """The SceneError of a value that has no derivative there; those that have one are named."""
+    from wsim.scene import Problem, SceneError
+    names = ", ".join(["positions", "velocities", "rest_shape", *own] if own else table.inputs(owner)) or "none"
+    if why:
+        return refuse("value", path, name=name, why=why, names=names)
+    if owner == "Scene":
+        return SceneError(Problem(name, f"is no value of the whole scene; there are {names}"))
+    said = f"a collider has {names}" if owner == "Collider" else f"there are {names}"
+    return SceneError(Problem(path, f"has no {name!r} to be differentiated by; {said}"))
+
+
+def lines() -> list[tuple[str, str, str]]:
+    """(kind, what, solvers) of all rows, then what is refused: of documents."""
+    found = [(row.kind, ", ".join(row.what.split()) if row.kind == BY else row.what, ", ".join(row.tests)) for row in COVERED]
+    apart = [(f"{row.owner}.{row.name}", row.why) for row in table.VALUES if not row.gradient]
+    found += [("refused", f"with respect to {name} ({why})" if why else f"with respect to {name}", "") for name, why in apart]
+    return found + [("refused", row.what, "") for key, row in REFUSED.items() if key not in ("value", "material")]
+
+
+def summary() -> dict[str, str]:
+    """What is covered, in a sentence a kind: of documents."""
+    by: dict[str, list[str]] = {}
+    for owner, name in (pair for row in COVERED for pair in row.names()):
+        by.setdefault(owner, []).append(name)
+    return {THROUGH: "; ".join(row.what for row in COVERED if row.kind == THROUGH),
+            BY: "; ".join(f"{', '.join(names)} of {owner}" for owner, names in by.items()),
+            OF: "; ".join(row.what for row in COVERED if row.kind == OF)}
+
+
+def text() -> str:
+    """The table in plain text."""
+    return "\n".join(f"    {kind:<16}{what}{f'   [{solvers}]' if solvers else ''}" for kind, what, solvers in lines())

@@ -1,0 +1,96 @@
+"""Recording of a simulation that is stepped from Python: each frame is a sample of a result layer over its scene.
+
+    with simulation.record("out.usdc"):
+        for frame in simulation.frames(24):
+            ...
+
+`wsim run` writes its frames by the same functions.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from wsim.scene import Problem, SceneError
+
+if TYPE_CHECKING:
+    from wsim.simulation.simulation import Simulation
+    from wsim.usd.result.recorder import Recorder
+
+
+def settings(sim: "Simulation", samples: int = 1) -> dict:
+    """How a run is stepped now: what its result says, and what one that goes on from it is held against. samples: of the steps
+    that make a frame."""
+    return {"device": "cuda" if sim.device.is_cuda else "cpu", "precision": sim.precision, "solver": sim.plan.choice.solver,
+            "integrator": sim.plan.integrator, "substeps": sim.plan.clock.steps * samples,
+            "iterations": sim.plan.clock.iterations}
+
+
+def append(recorder: "Recorder", sim: "Simulation", code: float, stress: bool = False, reactions: bool = False,
+           others: Sequence = ()) -> None:
+    """Writes the present state of every body, collider and method at a time code.
+
+    stress       with von Mises stress and strain of soft bodies        reactions    with the reaction forces of pins
+    others       further samples, see `wsim.scene.samples`
+    """
+    scene, paths = recorder.scene, [body.path for body in recorder.scene.bodies()]
+    primvars = {s.path: sim.stress(s.path).at_points() for s in scene.softs if stress}
+    forces = {p.path: sim.reactions(p.path) for p in scene.pins if reactions}
+    recorder.append(code, {p: sim.positions(p) for p in paths}, {p: sim.velocities(p) for p in paths}, _poses(recorder, sim),
+                    primvars, forces, [*sim.samples(), *others])
+
+
+def _poses(recorder: "Recorder", sim: "Simulation") -> dict:
+    """Of colliders that may move otherwise than their source says: they were given a motion here or in an earlier run. All
+    are not asked: that takes 0.1 to 0.4 ms each, which the simulation does not need on the host."""
+    given = {path for path, over in recorder.colliders.items() if over.op is not None}
+    given |= {path for path, name, *_ in sim.changes if name == "motion"}
+    return {c.path: c.motion.at(sim.time) for c in sim.scene.colliders if c.path in given}
+
+
+class Record:
+    """A result layer that grows by every frame that its simulation steps; a context manager, or closed by `close`.
+
+    path         the result: .usdc, .usda or .usd, over the scene's file
+    stress       with von Mises stress and strain of soft bodies        reactions    with the reaction forces of pins
+    more         what `wsim.Recorder` takes: flatten, velocities, normals
+
+    `result` is the finished file. After an exception the frames so far stay in NAME.partial.usdc.
+    Raises SceneError for a simulation of several worlds, and as `wsim.Recorder` does.
+    """
+
+    def __init__(self, sim: "Simulation", path, *, stress: bool = False, reactions: bool = False, **more):
+        from wsim.usd.result.recorder import Recorder
+        if sim.worlds > 1:
+            raise SceneError(Problem(str(path), f"a result holds one world, and the simulation has {sim.worlds}; record one of "
+                                     "worlds=1"))
+        self.sim, self.stress, self.reactions = sim, stress, reactions
+        self.result: str | None = None
+        self.recorder = Recorder(sim.given, path, restart_fields=lambda: {p: sim.fields(p) for p in sim.state.paths()},
+                                 settings=lambda: settings(sim), **more)
+        try:
+            self._write(sim)
+        except BaseException:
+            self.recorder.close(interrupted=True)
+            raise
+        sim.watchers.append(self._write)
+
+    def _write(self, sim: "Simulation") -> None:
+        append(self.recorder, sim, self.recorder.time_code(sim.frame), self.stress, self.reactions)
+
+    @property
+    def notes(self) -> list[Problem]:
+        """Warnings of the file that grows."""
+        return self.recorder.notes
+
+    def close(self, interrupted: bool = False) -> str | None:
+        """Ends the file and gives it its name, which is returned. Later frames are not written."""
+        if self._write in self.sim.watchers:
+            self.sim.watchers.remove(self._write)
+        self.result = self.recorder.close(interrupted=interrupted)
+        return self.result
+
+    def __enter__(self) -> "Record":
+        return self
+
+    def __exit__(self, kind, error, trace) -> None:
+        self.close(interrupted=kind is not None)

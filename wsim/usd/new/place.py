@@ -1,0 +1,84 @@
+"""Where what `wsim new` makes stands: below the default prim, so that another stage that refers to the new file gets all of it.
+
+The default prim is that of the mesh's file, or what the mesh stands below; where that is the mesh itself, an Xform of its own,
+to which the mesh moves (by an internal reference; the original is deactivated), since a shape holds no others in USD.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from pxr import Gf, Usd, UsdGeom
+
+from wsim.usd import names
+from wsim.usd.attributes import author
+from wsim.usd.new.mesh import Bare
+from wsim.usd.prims.surface import free
+from wsim.usd.stage import Units
+
+
+def settle(stage: Usd.Stage, bare: Bare) -> Bare:
+    """Makes the root the default prim; returns where root and mesh stand now."""
+    root = stage.GetPrimAtPath(bare.root)
+    if root.IsA(UsdGeom.Gprim):
+        moved = enclosed(stage, root)
+        bare = replace(bare, path=bare.path.ReplacePrefix(root.GetPath(), moved.GetPath()),
+                       root=str(moved.GetPath().GetParentPath()))
+        root = moved.GetParent()
+    stage.SetDefaultPrim(root)
+    return bare
+
+
+def enclosed(stage: Usd.Stage, mesh: Usd.Prim) -> Usd.Prim:
+    """The mesh again, alone in an Xform beside it; the original is deactivated."""
+    around = UsdGeom.Xform.Define(stage, free(stage, f"{mesh.GetPath()}_body")).GetPrim()
+    moved = stage.DefinePrim(around.GetPath().AppendChild(mesh.GetName()))
+    moved.GetReferences().AddInternalReference(mesh.GetPath())
+    moved.SetActive(True)
+    mesh.SetActive(False)
+    return moved
+
+
+def under(stage: Usd.Stage, name: str) -> str:
+    """A free path below the default prim: name may be of several parts."""
+    return free(stage, f"{stage.GetDefaultPrim().GetPath()}/{name}")
+
+
+def frame(prim: Usd.Prim, units: Units) -> np.ndarray:
+    """Local-to-world matrix of a prim at the start, (4, 4), of row vectors, in stage units."""
+    return np.array(UsdGeom.XformCache(Usd.TimeCode(units.start)).GetLocalToWorldTransform(prim))
+
+
+def put(xformable: UsdGeom.Xformable, world: np.ndarray, units: Units) -> None:
+    """Transforms a prim so that `world` (4, 4), row vectors [stage units], is its local-to-world matrix at the start."""
+    local = world @ np.linalg.inv(frame(xformable.GetPrim().GetParent(), units))
+    if np.allclose(local[:3, :3], np.eye(3), rtol=0.0, atol=1e-12):
+        xformable.AddTranslateOp().Set(tuple(local[3, :3]))
+    else:
+        xformable.AddTransformOp().Set(Gf.Matrix4d(local))
+
+
+def author_settings(stage: Usd.Stage, substeps: int, iterations: int) -> None:
+    """A PhysicsScene, unless there is one; its gravity stays the standard's: 9.81 m/s^2 downwards."""
+    if any(prim.GetTypeName() == names.PHYSICS_SCENE for prim in stage.Traverse()):
+        return
+    settings = stage.DefinePrim(under(stage, "physicsScene"), names.PHYSICS_SCENE)
+    settings.AddAppliedSchema(names.WSIM_SCENE)
+    author(settings, "Scene", "substeps", substeps)
+    author(settings, "Scene", "iterations", iterations)
+
+
+def author_ground(stage: Usd.Stage, units: Units, bounds: Sequence | np.ndarray, below: float) -> None:
+    """A plane `below` [m] under the lowest of `bounds` (2, 3) [m], seen four times as wide as those are large."""
+    bounds, up = np.asarray(bounds), 2 if units.up == "Z" else 1
+    place = np.eye(4)
+    place[3, :3] = bounds.mean(axis=0) / units.metres
+    place[3, up] = (bounds[0, up] - below) / units.metres
+    plane = UsdGeom.Plane.Define(stage, under(stage, "ground"))
+    plane.CreateAxisAttr(units.up)
+    width = 4.0 * float((bounds[1] - bounds[0]).max()) / units.metres
+    plane.CreateWidthAttr(width)
+    plane.CreateLengthAttr(width)
+    plane.CreateExtentAttr(UsdGeom.Boundable.ComputeExtentFromPlugins(plane, Usd.TimeCode.Default()))
+    put(plane, place, units)
+    plane.GetPrim().AddAppliedSchema(names.COLLISION)
