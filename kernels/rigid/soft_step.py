@@ -12,8 +12,8 @@ Soft contact (Catto 2011, Soft constraints; Solver2D, Soft Step) of damping rati
     a_1 = 2 zeta + h w,  a_2 = h w a_1,  soft = a_2 / (1 + a_2),  give = 1 / (1 + a_2),  rate = w / a_1
     dP = -K_nn^-1 soft (u_n + rate max(gap, -most)) - give P,    P + dP >= 0;   gap > 0: bias = gap / h, soft = 1, give = 0
 
-with h w = pi / 2, a frequency of 0.25 / h. Sweeps are the scene's iterations. A column of ten boxes of 1 m at 480 Hz sinks 1.73 mm
-and rests; one sweep never rests; of 100 kg on nine boxes of 1 kg, two sweeps sway by 0.1 m, four by 5 mm (sinking 32 mm both).
+with h w = pi / 2, a frequency of 0.25 / h. Sweeps are the scene's iterations. A column of ten boxes of 1 m at 480 Hz sinks
+1.73 mm and rests; one sweep never rests; of 100 kg on nine boxes of 1 kg, two sweeps sway by 0.1 m, four by 5 mm (sinking 32 mm both).
 """
 
 from functools import cache
@@ -121,7 +121,7 @@ def body_steps(real):
 
 
 def soft_step(real, module, bouncing: bool):
-    """Kernel of substeps steps[0] .. steps[1] of a frame, of h [s], with steps[2] sweeps each; manifolds: how many there are."""
+    """Kernel of substeps steps[0] .. steps[1] of a frame, of h [s], with steps[2] sweeps each; manifolds: their number."""
     Rig = whole(real)
     prepare = formulas(real)[1]
     warm, solve = sweeps(real)

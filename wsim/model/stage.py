@@ -216,3 +216,8 @@ class Methods(list[Method]):
     def every(self, name: str) -> list:
         """All things of a name, of lists that several methods may offer."""
         return [thing for m in self for thing in m.offers.get(name, ())]
+
+    def restored(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
+        """`Method.restored` of each."""
+        for each in self:
+            each.restored(fields)

@@ -244,19 +244,17 @@ class Simulation:
         body has all of them (then there is no jump in time), else as at a start, without history. alike: that run stepped
         as this one does; history of other steps is none."""
         exact = alike
-        for method in self.plan.methods:
-            method.restored(fields)
+        self.plan.methods.restored(fields)
         for path in self.state.paths():
             values = fields.get(path, {})
             for name, array, rows in self.state.of(path):
-                exact &= name in values and len(values[name]) == len(rows)
+                fits = name in values and len(values[name]) == len(rows)
+                exact &= fits
                 if name in values:
                     now = array.numpy()
-                    fits = len(values[name]) == len(rows)
                     now[rows] = values[name] if fits else stored(self.model.body(path), values[name])
                     array.assign(now)
-        self.frame = frame
-        self.plan.clock.starting = not exact
+        self.frame, self.plan.clock.starting = frame, not exact
         for method in self.plan.methods if exact else ():
             method.resumed((frame - 1) / self.scene.fps)
 

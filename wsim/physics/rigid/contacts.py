@@ -148,7 +148,8 @@ class Contacts:
         ends = [round(i * clock.substeps / times) for i in range(times + 1)]
         for first, last in zip(ends[:-1], ends[1:], strict=True):
             self._manifolds(clock, first, last)
-            self.model.launch(self.step, 1, [wp.vec3i(first, last, self.sweeps), clock.h, self.first[self.shapes - 1:], self.rig()], [])
+            steps = wp.vec3i(first, last, self.sweeps)
+            self.model.launch(self.step, 1, [steps, clock.h, self.first[self.shapes - 1:], self.rig()], [])
             for name, array in self.arrays().items():
                 wp.copy(array, getattr(self.list, name))
 
