@@ -13,7 +13,8 @@ Soft contact (Catto 2011, Soft constraints; Solver2D, Soft Step) of damping rati
     dP = -K_nn^-1 soft (u_n + rate max(gap, -most)) - give P,    P + dP >= 0;   gap > 0: bias = gap / h, soft = 1, give = 0
 
 with h w = pi / 2, a frequency of 0.25 / h. Sweeps are the scene's iterations. A column of ten boxes of 1 m at 480 Hz sinks
-1.73 mm and rests; one sweep never rests; of 100 kg on nine boxes of 1 kg, two sweeps sway by 0.1 m, four by 5 mm (sinking 32 mm both).
+1.73 mm and rests; one sweep never rests; of 100 kg on nine boxes of 1 kg, two sweeps sway by 0.1 m, four by 5 mm (both sink by
+32 mm).
 """
 
 from functools import cache

@@ -174,6 +174,12 @@ class Contacts:
         return filled(contact.whole(self.real), s=self.table, b=self.method.table, now=self.method.moving(), still=self.still,
                       c=self.list, work=self.work)
 
+    def overlap(self) -> float:
+        """How deep the points of manifolds lie in each other now, at most [m]."""
+        count = self.list.count.numpy()
+        used = np.arange(4) < count[:, None]
+        return max(0.0, -float(self.work.now.numpy().reshape(-1, 4)[used].min(initial=0.0)))
+
     def grow(self, room: int) -> None:
         """Room for so many pairs; what the state has of them stays."""
         before = self.parts[0].capacity

@@ -154,13 +154,13 @@ class Rigid(Method):
         return [Transform(body.path, poses[k]) for k, (body, of) in enumerate(self.bodies) if of == world]
 
     def indicators(self, x, v) -> dict[str, float]:
-        """Kinetic energy and that in gravity [J], of all bodies of the first world."""
+        """Kinetic energy and that in gravity [J] of all bodies of the first world; how deep shapes overlap [m]."""
         first = np.array([world == 0 for _, world in self.bodies])
         places = self.origin + self.get("x")
         mass = np.array([m.mass for m in self.masses])
         energy = 0.5 * (self.get("p") * self.velocities()).sum(1) + 0.5 * (self.get("L") * self.spins()).sum(1)
-        return {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum()),
-                "rigid_speed": float(np.linalg.norm(self.velocities()[first], axis=1).max())}
+        found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
+        return found | ({"rigid_overlap": self.contacts.overlap()} if self.contacts else {})
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = np.array([k for k, (body, of) in enumerate(self.bodies) if path in ("/", body.path) and world in (None, of)], int)
