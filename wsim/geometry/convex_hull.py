@@ -1,9 +1,9 @@
 """Convex hull of points (quickhull; Barber, Dobkin, Huhdanpaa 1996), with faces merged where they lie in one plane. NumPy only.
 
-The farthest point of all is added next, so that a hull of few vertices is a good one: `error` says how far the farthest left out
-lies beyond. Every tolerance is a part of the size, the diagonal of the points' bounds: what lies within NEAR of a face makes no
-vertex; triangles whose corners lie within FLAT of the plane of a larger neighbour are part of its face. Points on a plane, on a
-line or in one place have no hull with an inside and raise DegenerateHull, which says which.
+The farthest point of all is added next, so that a hull of few vertices is a good one: `error` says how far the farthest that
+is left out lies beyond. Every tolerance is a part of the size, the diagonal of the points' bounds: what lies within NEAR of a
+face makes no vertex; triangles whose corners lie within FLAT of the plane of a larger neighbour are part of its face. Points
+on a plane, on a line or in one place have no hull with an inside and raise DegenerateHull, which says which.
 """
 
 from dataclasses import dataclass

@@ -2,10 +2,10 @@
 
 Two segments (Eberly 2001; Ericson 2005, section 5.1.9): (s, t) minimises |p_a + s a - p_b - t b|^2, clamped to its bounds.
 
-A segment and a box: half the squared distance is convex in t, its derivative sum_i d_i e_i(t) grows by linear pieces, with e the
-part of the place beyond the box. The pieces end where the segment crosses the planes of the faces: of those, the last with
-a derivative below 0 and the first above are found, and between them the zero is exact. A segment that enters the box leaves it by
-the least of six axes, three faces and three products of an edge with the segment.
+A segment and a box: half the squared distance is convex in t, its derivative sum_i d_i e_i(t) grows by linear pieces, with e
+the part of the place beyond the box. The pieces end where the segment crosses the planes of the faces: of those, the last with
+a derivative below 0 and the first above are found, and between them the zero is exact. A segment that enters the box leaves it
+by the least of six axes, three faces and three products of an edge with the segment.
 """
 
 from functools import cache
@@ -93,7 +93,7 @@ def capsules(real):
 
 @cache
 def box_capsule(real):
-    """Function (half, size, R, p) -> Nearest of a box A of half edges `half` and a capsule B in the pose (R, p) in A's frame."""
+    """Function (half, size, R, p) -> Nearest of a box A of half edges `half` and a capsule B in the pose (R, p) there."""
     t, Nearest = types(real), structs(real).Nearest
     vec3 = t.vec3
     _aside, nearest = finishing(real)

@@ -5,8 +5,9 @@ pushed out to the place w of D farthest along f, until f.w is d: every f.w bound
 answer, every least d from below. Distances have signs, so that the start need not hold 0: a tetrahedron of places that lie far
 from one another, whatever GJK ended with. Faces that see w are taken away and what is left of their edges is joined to w.
 
-n = -f, gap = -f.w. A face too thin for a normal is never pushed. Room for VERTICES places: shapes that are round both ways come
-to about 1e-5 of their size with it, polyhedra to rounding.
+n = -f, gap = -f.w. A face too thin for a normal is never pushed. There is room for VERTICES places: polyhedra come to rounding,
+as do round shapes with one nearest place. Where a whole ring is as near (a place on the axis of a cone) it ends early, near the
+answer, and says so: kernels/rigid/narrow/gjk.py goes on from there.
 """
 
 from functools import cache
@@ -22,6 +23,7 @@ from wsim.kernels.rigid.narrow.shape import extent, hulls, shape, support
 VERTICES = wp.constant(64)
 FACES = wp.constant(160)
 EDGES = wp.constant(96)
+RAN_OUT = wp.constant(1)                 # key of an answer for which the room did not do
 NEVER = wp.constant(1.0e30)              # distance of a face that has no normal
 
 
@@ -103,7 +105,7 @@ def polytope(real) -> SimpleNamespace:
 
 @cache
 def beginning(kinds: frozenset[str], real):
-    """(far, tetrahedron): functions. far: place of D farthest along d, and where it is on A. tetrahedron: -> whether D is flat."""
+    """(far, tetrahedron): functions. far: place of D farthest along d, and where it is on A. """
     t, Shape, Hulls = types(real), shape(real), hulls(real)
     vec3, vec3s = t.vec3, wp.array(dtype=t.vec3)
     farthest = support(kinds, real)
@@ -189,6 +191,7 @@ def penetration(kinds: frozenset[str], real):
         depth = real(NEVER)
         n = vec3()
         pa = vec3()
+        left = int(RAN_OUT)
         while vertices < VERTICES:
             f = nearest(D, faces)
             w, pw = far(a, b, H, R, p, N[f])
@@ -200,6 +203,7 @@ def penetration(kinds: frozenset[str], real):
                 lam = weights(V, corners, n, D[f])
                 pa = lam[0] * A[corners[0]] + lam[1] * A[corners[1]] + lam[2] * A[corners[2]]
             if h - D[f] <= tiny:
+                left = 0
                 break
             faces, edges = remove(F, N, D, E, faces, w, f, tiny)
             if faces + edges > FACES:
@@ -211,7 +215,7 @@ def penetration(kinds: frozenset[str], real):
                 put(V, F, N, D, faces + e, wp.vec3i(pair[0], pair[1], vertices), tiny)
             faces += edges
             vertices += 1
-        return nearest_of(pa, pa - depth * n, -n, -depth, radii, 0)
+        return nearest_of(pa, pa - depth * n, -n, -depth, radii, left)
 
     @wp.func
     def penetration(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, d: vec3):

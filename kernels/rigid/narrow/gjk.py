@@ -1,12 +1,13 @@
-"""Distance of two convex cores (Gilbert, Johnson, Keerthi 1988) in A's frame; where they overlap, EPA (kernels/rigid/narrow/epa.py).
+"""Distance of two convex cores (Gilbert, Johnson, Keerthi 1988) in A's frame; where they overlap, EPA (epa.py beside this).
 
-The difference D = {a - b} is nearest to 0 at v. A simplex of at most four places of D is kept, v is its nearest; the place w of D
-farthest along -v bounds the distance from below by v.w / |v|. Of a simplex the nearest part is found by trying all: the inside of
-a triangle where all three areas are above 0, else the best edge; of a tetrahedron the best triangle that 0 lies outside of. So a
-flat or needle-shaped simplex has a nearest place too, and the distance falls with each step or the search ends.
+The difference D = {a - b} is nearest to 0 at v. A simplex of at most four places of D is kept, v is its nearest; the place w
+of D farthest along -v bounds the distance from below by v.w / |v|. Of a simplex the nearest part is found by trying all: the
+inside of a triangle where all three areas are above 0, else the best edge; of a tetrahedron the best triangle, unless 0
+is inside. So a flat or needle-shaped simplex has a nearest place too, and the distance falls with each step or the end is
+reached.
 
-Every tolerance is a number of roundings of the two sizes. Where v ends inside a triangle its plane gives n, which keeps its digits
-however near the two are.
+Every tolerance is a number of roundings of the two sizes. Near one another the direction of v is rounding; a triangle's plane
+is not, and where the bound does not prove the distance EPA has the word whether the two overlap.
 """
 
 from functools import cache
@@ -18,10 +19,11 @@ from wsim.kernels.math.eigen import rounding
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.narrow.capsule import finishing
 from wsim.kernels.rigid.narrow.clip import structs
-from wsim.kernels.rigid.narrow.epa import penetration
+from wsim.kernels.rigid.narrow.epa import NEVER, RAN_OUT, penetration
 from wsim.kernels.rigid.narrow.shape import extent, hulls, shape, support
 
 MOST = wp.constant(64)                   # steps; polyhedra take 3 to 10, two rims up to 30
+NEARLY = wp.constant(1.0e-2)             # of the sizes: further apart, a distance needs no proof by EPA
 CLOSE = wp.constant(8.0)                 # roundings: the distance is known, or 0
 
 
@@ -29,7 +31,7 @@ CLOSE = wp.constant(8.0)                 # roundings: the distance is known, or 
 def simplex(real) -> SimpleNamespace:
     """Functions of the nearest place to 0 of simplices: weights of four places, 0 of those that do not count."""
     t = types(real)
-    vec3, vec4, rows = t.vec3, t.vec4, wp.types.matrix((4, 3), real)
+    vec4, rows = t.vec4, wp.types.matrix((4, 3), real)
 
     @wp.func
     def place(W: rows, lam: vec4):
@@ -86,11 +88,11 @@ def simplex(real) -> SimpleNamespace:
             across = wp.dot(n, W[o] - W[i])
             if wp.dot(n, W[i]) * across >= real(0.0):          # 0 and the corner lie on two sides, or there is no volume
                 inside = False
-                lam = triangle(W, i, j, k)
-                far = wp.length_sq(place(W, lam))
-                if far < least:
-                    least = far
-                    best = lam
+            lam = triangle(W, i, j, k)
+            far = wp.length_sq(place(W, lam))
+            if far < least:
+                least = far
+                best = lam
         return best, inside
 
     return SimpleNamespace(place=place, edge=edge, triangle=triangle, tetrahedron=tetrahedron)
@@ -98,7 +100,7 @@ def simplex(real) -> SimpleNamespace:
 
 @cache
 def reducing(real):
-    """Function (W, A, count) -> (W, A, count, weights): the part of the simplex that is nearest to 0; 4 places if it holds 0."""
+    """Function (W, A, count) -> (W, A, count, weights): the part of the simplex nearest to 0; 4 places if it holds 0."""
     t, s = types(real), simplex(real)
     vec4, rows = t.vec4, wp.types.matrix((4, 3), real)
     edge, triangle, tetrahedron = s.edge, s.triangle, s.tetrahedron
@@ -132,13 +134,43 @@ def reducing(real):
 
 
 @cache
+def bearing(real):
+    """Function (W, count, v) -> unit vector along v. By itself it rounds by the size over |v|: of a triangle wider than |v| it
+    comes from the plane, of an edge it is made to be across."""
+    vec3, rows = types(real).vec3, wp.types.matrix((4, 3), real)
+
+    @wp.func
+    def bearing(W: rows, count: int, v: vec3):
+        n = v
+        if count > 1:
+            e = W[1] - W[0]
+            if count == 3:
+                m = wp.cross(e, W[2] - W[0])
+                long = wp.max(wp.length_sq(e), wp.max(wp.length_sq(W[2] - W[0]), wp.length_sq(W[2] - W[1])))
+                if wp.dot(m, m) > wp.dot(v, v) * long:
+                    n = m
+                    if wp.dot(m, v) < real(0.0):
+                        n = -m
+            elif count == 2:
+                n = v - (wp.dot(v, e) / wp.dot(e, e)) * e
+        length = wp.length(n)
+        if length <= real(0.0):
+            n = v
+            length = wp.length(v)
+        return n / length
+
+    return bearing
+
+
+@cache
 def descent(kinds: frozenset[str], real):
-    """Function (a, b, hulls, R, p, most) -> (W, A, weights, count, v, distance, how): the search itself. How it ended: 0 at the
-    nearest places, 1 with the cores overlapping or touching, 2 with the bound `distance` of the cores above `most` [m]."""
+    """Function (a, b, hulls, R, p, most) -> (W, A, weights, count, v, distance, how): the search itself. How it ended: 0 at
+    the nearest places, 1 where the cores overlap or touch, 2 with the bound `distance` above `most` [m], 3 near, no proof."""
     t, Shape, Hulls = types(real), shape(real), hulls(real)
     vec3, rows, farthest, place, reduced = t.vec3, wp.types.matrix((4, 3), real), support(kinds, real), simplex(real).place, \
         reducing(real)
     _radius, size = extent(real)
+    toward = bearing(real)
 
     @wp.func
     def known(W: rows, count: int, w: vec3):
@@ -159,12 +191,15 @@ def descent(kinds: frozenset[str], real):
         if wp.length(v) <= tiny:
             v = vec3(real(1.0), real(0.0), real(0.0))
         far = real(1.0e30)
+        least = -far
         how = int(0)
         steps = int(MOST)
         for _k in range(steps):
-            pa = farthest(a, H, -v)
-            w = pa - (R * farthest(b, H, wp.transpose(R) * v) + p)
-            bound = wp.dot(v, w) / wp.length(v)
+            n = toward(W, count, v)
+            pa = farthest(a, H, -n)
+            w = pa - (R * farthest(b, H, wp.transpose(R) * n) + p)
+            bound = wp.dot(n, w)
+            least = wp.max(least, bound)
             if bound > most:
                 how = 2
                 far = bound
@@ -186,6 +221,8 @@ def descent(kinds: frozenset[str], real):
             weights = lam
             v = u
             far = wp.length(v)
+        if how == 0 and far - least > tiny and far < real(NEARLY) * (size(a, H) + size(b, H)):
+            how = 3
         return W, A, weights, count, v, far, how
 
     return descent
@@ -196,41 +233,48 @@ def apart(kinds: frozenset[str], real):
     """Function (a, b, hulls, R, p, margin) -> Nearest of two shapes, B in the pose (R, p) in A's frame. Beyond the margin n and
     the gap are a bound: they are apart by that much along n."""
     t, Shape, Hulls, Nearest = types(real), shape(real), hulls(real), structs(real).Nearest
-    vec3, rows, place, search = t.vec3, wp.types.matrix((4, 3), real), simplex(real).place, descent(kinds, real)
+    vec3, place, search = t.vec3, simplex(real).place, descent(kinds, real)
     radius, _size = extent(real)
     _aside, nearest = finishing(real)
-    inner = penetration(kinds, real)
+    farthest, inner, toward = support(kinds, real), penetration(kinds, real), bearing(real)
 
     @wp.func
-    def direction(W: rows, count: int, v: vec3):
-        """(n, distance): of a triangle from its plane, unless that is a needle."""
-        far = wp.length(v)
-        n = v / far
-        if count == 3:
-            m = wp.cross(W[1] - W[0], W[2] - W[0])
-            long = wp.max(wp.length_sq(W[1] - W[0]), wp.max(wp.length_sq(W[2] - W[0]), wp.length_sq(W[2] - W[1])))
-            if wp.length(m) > real(1.0e-3) * long:
-                n = wp.normalize(m)
-                far = wp.dot(n, W[0])
-                if far < real(0.0):
-                    far = -far
-                    n = -n
-        return n, far
+    def settled(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, found: Nearest):
+        """With B pushed out along n by twice the depth the nearest places give a better n, while the depth along it falls."""
+        near = found
+        near.key = 0
+        radii = t.vec2(radius(a), radius(b))
+        depth = -(near.gap + radii[0] + radii[1])
+        for _k in range(int(MOST)):
+            W, A, weights, count, v, _far, how = search(a, b, H, R, p - real(2.0) * depth * near.n, real(NEVER))
+            if how != 0 and how != 3:
+                break
+            n = toward(W, count, v)
+            pa = farthest(a, H, -n)
+            less = -wp.dot(n, pa - (R * farthest(b, H, wp.transpose(R) * n) + p))
+            if less >= depth * (real(1.0) - rounding(depth)):
+                break
+            depth = less
+            pa = place(A, weights)
+            near = nearest(pa, pa + depth * n, n, -depth, radii, 0)
+        return near
 
     @wp.func
     def apart(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, margin: real):
         radii = t.vec2(radius(a), radius(b))
         W, A, weights, count, v, far, how = search(a, b, H, R, p, margin + radii[0] + radii[1])
         near = Nearest()
-        if how == 1:
+        if how == 1 or how == 3:
             near = inner(a, b, H, R, p, v)
-        elif how == 2:
+            if near.key == RAN_OUT:
+                near = settled(a, b, H, R, p, near)
+        if how == 2:
             near.n = v / wp.length(v)
             near.gap = far - radii[0] - radii[1]
-        else:
-            n, gap = direction(W, count, v)
+        elif how == 0 or (how == 3 and near.gap + radii[0] + radii[1] > real(0.0)):
+            n = toward(W, count, v)
             pa = place(A, weights)
-            near = nearest(pa, pa - gap * n, n, gap, radii, 0)
+            near = nearest(pa, pa - far * n, n, far, radii, 0)
         return near
 
     return apart

@@ -95,20 +95,16 @@ def nearest(pairs: frozenset[tuple[str, str]], real):
 
 
 @cache
-def ordered(pairs: frozenset[tuple[str, str]], real):
-    """Function (a, b, hulls, R, p, margin) -> Manifold in A's frame, a of the lower kind, b in the pose (R, p) there."""
+def completion(kinds: frozenset[str], real):
+    """Function (a, b, hulls, R, p, near, margin) -> Manifold of two shapes whose nearest places are known."""
     t, Shape, Hulls, Manifold, of = types(real), shape(real), hulls(real), manifold(real), structs(real)
-    kinds = frozenset(kind for pair in pairs for kind in pair)
     corners = capacity(kinds)
-    planes, others = any(a == "plane" for a, _ in pairs), any(a != "plane" for a, _ in pairs)
-    on_plane, near_of = plane(kinds, real, corners), nearest(pairs, real)
     radius, size = extent(real)
     place, touch, room = face(kinds, real), contact(real, corners), 4 * corners
-    vec3 = t.vec3
+    vec3, Nearest = t.vec3, of.Nearest
 
     @wp.func
-    def convex(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: t.vec3, margin: real):
-        near = near_of(a, b, H, R, p, margin)
+    def completed(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: t.vec3, near: Nearest, margin: real):
         m = Manifold()
         if near.gap <= margin:
             PA = wp.zeros(shape=(wp.static(room),), dtype=vec3)
@@ -130,6 +126,17 @@ def ordered(pairs: frozenset[tuple[str, str]], real):
             m = touch(PA, sa, PB, sb, near, margin, wp.min(size(a, H), size(b, H)))
         return m
 
+    return completed
+
+
+@cache
+def ordered(pairs: frozenset[tuple[str, str]], real):
+    """Function (a, b, hulls, R, p, margin) -> Manifold in A's frame, a of the lower kind, b in the pose (R, p) there."""
+    t, Shape, Hulls, Manifold = types(real), shape(real), hulls(real), manifold(real)
+    kinds = frozenset(kind for pair in pairs for kind in pair)
+    planes, others = any(a == "plane" for a, _ in pairs), any(a != "plane" for a, _ in pairs)
+    on_plane, near_of, completed = plane(kinds, real, capacity(kinds)), nearest(pairs, real), completion(kinds, real)
+
     @wp.func
     def ordered(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: t.vec3, margin: real):
         m = Manifold()
@@ -138,7 +145,7 @@ def ordered(pairs: frozenset[tuple[str, str]], real):
                 m = on_plane(b, H, R, p, margin)
         if others:
             if a.kind != PLANE:
-                m = convex(a, b, H, R, p, margin)
+                m = completed(a, b, H, R, p, near_of(a, b, H, R, p, margin), margin)
         return m
 
     return ordered
