@@ -40,7 +40,8 @@ def pyramid() -> str:
     """Of ten rows of boxes of 20 cm."""
     side, rows = 0.2, 10
     parts = [body(("Cube", f"Box{row}_{k}", "double size = 0.2"),
-                  (side * (k + 0.5 * (row + 1 - rows)), side * (row + 0.5), 0.0), WOOD[(row + k) % 3]) for row in range(rows) for k in range(rows - row)]
+                  (side * (k + 0.5 * (row + 1 - rows)), side * (row + 0.5), 0.0), WOOD[(row + k) % 3])
+             for row in range(rows) for k in range(rows - row)]
     radius, speed = 0.3, 5.0
     rolls = (f"vector3f physics:velocity = (0, 0, {number(speed)})\n"
              f"vector3f physics:angularVelocity = ({number(degrees(speed / radius))}, 0, 0)\n")
