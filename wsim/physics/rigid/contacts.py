@@ -61,6 +61,7 @@ class Contacts:
                       Part.allocate("rigid touches", POINTS, 0, real, self.device, 4 * self._room()))
         b.state.add(*self.parts)
         self._lists(self._room())
+        self._boxes()
         self._empty(0)
         self.poses_of: tuple = ()
 
@@ -113,6 +114,14 @@ class Contacts:
                            goal=zeros(4 * room, real), hit=zeros(4 * room, real), scrape=zeros(4 * room, t.vec3))
         self.number, self.first = zeros(self.shapes, int), zeros(self.shapes, int)
 
+    def _boxes(self) -> None:
+        """The tree of the broad phase, built anew whenever manifolds are made."""
+        low, high = (wp.zeros(self.shapes, dtype=wp.vec3f, device=self.device) for _ in range(2))
+        self.bvh = wp.Bvh(low, high)
+        endless = np.flatnonzero(self.table.ball.numpy() < 0.0).astype(np.int32)
+        self.tree = filled(pairs.trees(), id=self.bvh.id, low=low, high=high,
+                           endless=wp.array(endless, dtype=int, device=self.device))
+
     def _empty(self, first: int) -> None:
         """No pairs from this row on, and in the snapshot; rows of the parts are those of the first body, for a restart."""
         for array in (self.parts[0].every, self.parts[0].aside):
@@ -154,7 +163,7 @@ class Contacts:
                 wp.copy(array, getattr(self.list, name))
 
     def launches(self, clock: Clock) -> int:
-        return 12 * max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
+        return 13 * max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
 
     def arrays(self) -> dict[str, wp.array]:
         """Of the state: the last list."""
@@ -162,9 +171,10 @@ class Contacts:
 
     def _manifolds(self, clock: Clock, first: int, last: int) -> None:
         launch, rig, n = self.model.launch, self.rig(), self.shapes
-        launch(self.reach, n, [rig, first, clock.h * (last - first)], [])
+        launch(self.reach, n, [rig, first, clock.h * (last - first)], [self.tree.low, self.tree.high])
+        self.bvh.rebuild()
         for write in (0, 1):
-            launch(self.listed, n, [rig, self.first, write], [self.number, self.status.word(WORD)])
+            launch(self.listed, n, [rig, self.tree, self.first, write], [self.number, self.status.word(WORD)])
             if not write:
                 wp.utils.array_scan(self.number, self.first, True)
         before = filled(collide.lasts(self.real), **self.arrays())
