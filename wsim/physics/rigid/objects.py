@@ -22,24 +22,40 @@ def vector(value) -> np.ndarray | None:
 
 @dataclass(eq=False)
 class Body(Compared):
-    """A rigid body. Quaternions are (x, y, z, w)."""
+    """A rigid body, which moves by forces.
+
+    path        prim path
+    colliders   its shapes; their `motion` leads to the body's frame, with one key
+    motion      the body's frame to world at the start, one key, rigid, lengths [m]
+    velocity    of its centre of mass at the start, world (3,) [m/s]
+    spin        angular velocity at the start, world (3,) [rad/s]
+    density     of its colliders [kg/m^3], where no mass is given
+    mass        [kg]; None: that of the colliders
+    center      centre of mass in the body's frame (3,) [m]; None: that of the colliders
+    inertia     principal moments about the centre (3,) [kg m^2]; None: those of the colliders
+    axes        quaternion (x, y, z, w) [1] from the principal axes of `inertia` to the body's frame
+    force       on the centre of mass, world (3,) [N]
+    torque      world (3,) [N m]
+    drag        decay rate of the velocity [1/s]
+    spin_drag   decay rate of the angular momentum [1/s]
+    stretch     of its prim's transform, before `motion`, (3, 3) [1]: it has gone into the colliders, and results keep it
+    """
 
     path: str
     colliders: list[Collider] = field(default_factory=list)
-    motion: Motion = field(default_factory=Motion.still)      # its frame to the world at the start: one key, rigid [m]
-    velocity: np.ndarray = field(default_factory=lambda: np.zeros(3))      # of its centre of mass, world [m/s]
-    spin: np.ndarray = field(default_factory=lambda: np.zeros(3))          # angular velocity, world [rad/s]
-    density: float = DENSITY                 # [kg/m^3]
-    mass: float | None = None                # [kg]; None: of the colliders
-    center: np.ndarray | None = None         # centre of mass in the body's frame [m]; None: of the colliders
-    inertia: np.ndarray | None = None        # principal moments about the centre (3,) [kg m^2]; None: of the colliders
-    axes: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))   # principal axes to the body's frame
-    force: np.ndarray = field(default_factory=lambda: np.zeros(3))         # on the centre of mass, world [N]
-    torque: np.ndarray = field(default_factory=lambda: np.zeros(3))        # world [N m]
-    drag: float = 0.0                        # decay rate of the velocity [1/s]
-    spin_drag: float = 0.0                   # of the angular momentum [1/s]
-    stretch: np.ndarray | None = field(default=None, compare=False)        # (3, 3) of its prim's transform, before `motion`:
-                                             # it has gone into the colliders, and results keep it
+    motion: Motion = field(default_factory=Motion.still)
+    velocity: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    spin: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    density: float = DENSITY
+    mass: float | None = None
+    center: np.ndarray | None = None
+    inertia: np.ndarray | None = None
+    axes: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
+    force: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    torque: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    drag: float = 0.0
+    spin_drag: float = 0.0
+    stretch: np.ndarray | None = field(default=None, compare=False)
 
     def __post_init__(self):
         for name in ("velocity", "spin", "center", "inertia", "force", "torque"):
