@@ -1,4 +1,8 @@
-"""What a newcomer does, then the checks: the README's commands in a fresh copy, environment and kernel cache.
+"""What a newcomer does, then the checks: the README's commands in a fresh copy and environment.
+
+The first command, which installs and runs a scene, has an empty kernel cache, as a newcomer has. The tests keep theirs from run
+to run (keys are hashes of what is compiled): in WSIM_CI_KERNELS, or in ~/.cache/wsim-ci; an empty value keeps nothing. One
+that has grown beyond LARGE is emptied first.
 
 The commands are taken from the `sh` blocks of the README's section Install, so that they cannot drift apart; its quick starts
 are run by tests/tools/test_readme.py. Prints each step with its time, and at the end pytest's closing line; exits with 1 if
@@ -21,6 +25,7 @@ EXTRAS = ("tests/show/test_view.py tests/tools/test_reference.py tests/physics/c
           "tests/tools/test_suite.py tests/show/test_animation.py")       # need an extra in parts
 CHECKS = (".venv/bin/pip install -q -e '.[dev,view,plot,picture]'", f".venv/bin/pytest -q {EXTRAS}", ".venv/bin/ruff check .",
           ".venv/bin/mypy", ".venv/bin/python tools/lint.py")
+LARGE = 4e9                                     # [bytes] of kernels of the tests; one commit's are 0.5e9
 CLOSING = re.compile(r"\b(passed|failed|errors?)\b.* in [\d.]+s")
 MADE = ("hanging.usdc", "hanging.png")          # what the first command must leave behind
 
@@ -46,6 +51,24 @@ def copy(to: Path) -> None:
             shutil.copy2(source, target, follow_symlinks=False)
 
 
+def kept() -> Path | None:
+    """Where kernels of the tests are kept; None where they are not, or cannot be."""
+    named = os.environ.get("WSIM_CI_KERNELS")
+    if named == "":
+        return None
+    place = Path(named) if named else Path("~/.cache/wsim-ci").expanduser()
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        if sum(f.stat().st_size for f in place.rglob("*") if f.is_file()) > LARGE:
+            shutil.rmtree(place)
+            place.mkdir()
+        (place / "used").touch()
+    except OSError as error:
+        print(f"kernels of the tests are not kept: {error}", flush=True)
+        return None
+    return place
+
+
 def step(command: str, folder: Path, environment: dict[str, str]) -> tuple[bool, list[str]]:
     """Runs a command, passing on what it prints: (success, its lines)."""
     print(f"\n$ {command}", flush=True)
@@ -68,7 +91,10 @@ def main() -> int:
         strange = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")
         environment = {k: v for k, v in os.environ.items() if k not in strange}
         environment["WARP_CACHE_PATH"] = str(Path(place, "kernels"))
-        for command in (*commands(), *CHECKS):
+        for number, command in enumerate((*commands(), *CHECKS)):
+            if number == 1 and (cache := kept()):
+                print(f"kernels are kept: {sum(1 for _ in cache.rglob('*.meta'))} modules were there", flush=True)
+                environment["WARP_CACHE_PATH"] = str(cache)
             good, lines = step(command, folder, environment)
             if not good:
                 failed.append(command)
