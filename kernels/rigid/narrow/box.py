@@ -31,7 +31,8 @@ def box(real):
         most = real(-1.0e30)
         bias = real(EDGE) * wp.min(wp.length(a), wp.length(b))
         q = wp.transpose(R) * p
-        for i in range(6):
+        axes = int(6)                              # a variable: unrolled, a GPU compiles for long
+        for i in range(axes):
             s = real(0.0)
             if i < 3:
                 s = wp.abs(p[i]) - a[i] - wp.dot(wp.abs(R[i]), b)
@@ -49,7 +50,8 @@ def box(real):
         best = int(-1)
         most = real(-1.0e30)
         axis = vec3()
-        for k in range(9):
+        products = int(9)
+        for k in range(products):
             i = k // 3
             j = k % 3
             e = vec3()

@@ -115,7 +115,8 @@ def box_capsule(real):
         if at_high <= real(0.0) and at_low < real(0.0):
             found = high
         elif at_low < real(0.0):
-            for k in range(6):
+            planes = int(6)                                # a variable: unrolled, a GPU compiles for long
+            for k in range(planes):
                 i = k % 3
                 side = wp.where(k < 3, half[i], -half[i])
                 if wp.abs(d[i]) > real(0.0):
@@ -137,7 +138,8 @@ def box_capsule(real):
         best = vec3()
         least = real(1.0e30)
         bias = real(1.0e-4) * wp.length(half)
-        for k in range(6):
+        axes = int(6)
+        for k in range(axes):
             i = k % 3
             L = vec3()
             L[i] = real(1.0)

@@ -199,24 +199,42 @@ def contact(real, corners: int):
                 and a.count == 2 and b.count == 2)
 
     @wp.func
-    def contact(PA: vec3s, a: Side, PB: vec3s, b: Side, near: Nearest, margin: real, size: real):
-        m = Manifold()
-        radii = a.r + b.r
+    def reference(PA: vec3s, a: Side, PB: vec3s, b: Side, near: Nearest, size: real):
+        """0: the face or the segment of A, 1: the face of B, -1: none touches flat."""
         low = near.gap - real(BIAS) * size
         by_a = low - size
         by_b = low - size
         if b.count > 1 and wp.dot(a.f, near.n) < -real(ALIGNED):
-            by_a = apart(PB, b.count, PA[0], a.f) - radii
+            by_a = apart(PB, b.count, PA[0], a.f) - a.r - b.r
         if a.count > 1 and wp.dot(b.f, near.n) > real(ALIGNED):
-            by_b = apart(PA, a.count, PB[0], b.f) - radii
+            by_b = apart(PA, a.count, PB[0], b.f) - a.r - b.r
+        which = int(-1)
         if by_a >= low and by_b <= by_a + real(BIAS) * size:
-            m = clipped(PA, a, PB, b, 0, margin, size)
+            which = 0
         elif by_b >= low:
-            m = clipped(PB, b, PA, a, 1, margin, size)
+            which = 1
         elif along(PA, a, PB, b, near.n):
-            line = a
-            line.f = -near.n
-            m = clipped(PA, line, PB, b, 0, margin, size)
+            which = 0
+        return which
+
+    @wp.func
+    def contact(PA: vec3s, a: Side, PB: vec3s, b: Side, near: Nearest, margin: real, size: real):
+        m = Manifold()
+        which = reference(PA, a, PB, b, near, size)
+        ref = a
+        other = b
+        if which == 1:                                          # one call: inlined thrice, a GPU compiles for long
+            ref = b
+            other = a
+            for i in range(wp.max(a.count, b.count)):
+                p = PA[i]
+                q = PB[i]
+                PA[i] = q
+                PB[i] = p
+        if ref.count == 2:
+            ref.f = -near.n
+        if which >= 0:
+            m = clipped(PA, ref, PB, other, which, margin, size)
         if near.key >= 0 and near.gap <= margin:
             deepest = near.gap + real(2.0) * real(BIAS) * size
             for i in range(4):

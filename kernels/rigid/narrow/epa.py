@@ -117,37 +117,48 @@ def beginning(kinds: frozenset[str], real):
         return pa - (R * farthest(b, H, -(wp.transpose(R) * d)) + p), pa
 
     @wp.func
-    def farther(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, d: vec3, o: vec3):
-        """The one of the places along d and -d that is farther from o along it."""
-        w, pa = far(a, b, H, R, p, d)
-        u, pu = far(a, b, H, R, p, -d)
-        if wp.abs(wp.dot(u - o, d)) > wp.abs(wp.dot(w - o, d)):
-            w = u
-            pa = pu
-        return w, pa
-
-    @wp.func
-    def tetrahedron(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, d: vec3, V: vec3s, A: vec3s):
-        """V, A: four places. Returns their volume's height."""
-        w, pa = far(a, b, H, R, p, d)
-        V[0] = w
-        A[0] = pa
-        w, pa = far(a, b, H, R, p, -d)
-        V[1] = w
-        A[1] = pa
-        w, pa = farther(a, b, H, R, p, aside(V[1] - V[0]), V[0])
-        V[2] = w
-        A[2] = pa
-        n = wp.normalize(wp.cross(V[1] - V[0], V[2] - V[0]))
-        w, pa = farther(a, b, H, R, p, n, V[0])
-        V[3] = w
-        A[3] = pa
-        if wp.dot(w - V[0], n) > real(0.0):                    # 0 1 2 is to face away from 3
+    def tetrahedron(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, start: vec3, V: vec3s, A: vec3s):
+        """V, A: four places, the fifth the way out of D if it is flat. Returns (f, height): outward there, of the four."""
+        d = start
+        o = vec3()
+        po = vec3()
+        height = real(0.0)
+        steps = int(6)                                         # along d and -d, a line's side, a plane's
+        for k in range(steps):
+            side = real(1 - 2 * (k % 2))
+            if k == 2:
+                d = aside(V[1] - V[0])
+            if k == 4:
+                d = wp.normalize(wp.cross(V[1] - V[0], V[2] - V[0]))
+            w, pa = far(a, b, H, R, p, side * d)
+            if k < 2:
+                V[k] = w
+                A[k] = pa
+            elif k % 2 == 0:
+                o = w
+                po = pa
+            else:
+                V[4] = o
+                A[4] = po
+                if -wp.dot(w, d) < wp.dot(o, d):
+                    V[4] = w
+                    A[4] = pa
+                    side = real(1.0)
+                if wp.abs(wp.dot(w - V[0], d)) < wp.abs(wp.dot(o - V[0], d)):
+                    w = o
+                    pa = po
+                V[k // 2 + 1] = w
+                A[k // 2 + 1] = pa
+                height = wp.dot(w - V[0], d)
+                o = -side * d
+        if height > real(0.0):                                 # 0 1 2 is to face away from 3
+            w = V[3]
+            pa = A[3]
             V[3] = V[2]
             A[3] = A[2]
             V[2] = w
             A[2] = pa
-        return n, wp.abs(wp.dot(w - V[0], n))
+        return o, wp.abs(height)
 
     return far, tetrahedron
 
@@ -163,18 +174,6 @@ def penetration(kinds: frozenset[str], real):
     put, remove, nearest, weights = of.put, of.remove, of.nearest, of.weights
 
     @wp.func
-    def flat(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, n: vec3, radii: t.vec2):
-        """D has no volume: out of its plane the shorter way."""
-        w, pa = far(a, b, H, R, p, n)
-        u, pu = far(a, b, H, R, p, -n)
-        f = n
-        if wp.dot(u, -n) < wp.dot(w, n):
-            f = -n
-            w = u
-            pa = pu
-        return nearest_of(pa, pa - wp.dot(w, f) * f, -f, -wp.dot(w, f), radii, 0)
-
-    @wp.func
     def expanded(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, V: wp.array(dtype=vec3), A: wp.array(dtype=vec3),
                  radii: t.vec2):
         F = wp.zeros(shape=(FACES,), dtype=wp.vec3i)
@@ -182,11 +181,12 @@ def penetration(kinds: frozenset[str], real):
         D = wp.zeros(shape=(FACES,), dtype=real)
         E = wp.zeros(shape=(EDGES,), dtype=wp.vec2i)
         tiny = real(2.0) * rounding(radii[0]) * (size(a, H) + size(b, H))
-        put(V, F, N, D, 0, wp.vec3i(0, 1, 2), tiny)
-        put(V, F, N, D, 1, wp.vec3i(0, 3, 1), tiny)
-        put(V, F, N, D, 2, wp.vec3i(1, 3, 2), tiny)
-        put(V, F, N, D, 3, wp.vec3i(2, 3, 0), tiny)
         faces = int(4)
+        for k in range(faces):
+            corners = wp.vec3i(0, 1, 2)
+            if k > 0:
+                corners = wp.vec3i(k - 1, 3, k % 3)
+            put(V, F, N, D, k, corners, tiny)
         vertices = int(4)
         depth = real(NEVER)
         n = vec3()
@@ -225,8 +225,8 @@ def penetration(kinds: frozenset[str], real):
         start = d
         if wp.length_sq(d) <= real(0.0):
             start = aside(vec3(real(1.0), real(1.0), real(1.0)))
-        n, height = tetrahedron(a, b, H, R, p, start, V, A)
-        near = flat(a, b, H, R, p, n, radii)
+        f, height = tetrahedron(a, b, H, R, p, start, V, A)
+        near = nearest_of(A[4], A[4] - wp.dot(V[4], f) * f, -f, -wp.dot(V[4], f), radii, 0)
         if height > real(1.0e-5) * (size(a, H) + size(b, H)):
             near = expanded(a, b, H, R, p, V, A, radii)
         return near

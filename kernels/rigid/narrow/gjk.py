@@ -80,7 +80,8 @@ def simplex(real) -> SimpleNamespace:
         inside = bool(True)
         best = vec4()
         least = real(1.0e30)
-        for o in range(4):                                     # the corner across
+        corners = int(4)                                       # a variable: unrolled, a GPU compiles for long
+        for o in range(corners):                               # the corner across
             i = wp.where(o == 0, 1, 0)
             j = wp.where(o < 2, 2, 1)
             k = wp.where(o < 3, 3, 2)
@@ -239,42 +240,54 @@ def apart(kinds: frozenset[str], real):
     farthest, inner, toward = support(kinds, real), penetration(kinds, real), bearing(real)
 
     @wp.func
-    def settled(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, found: Nearest):
-        """With B pushed out along n by twice the depth the nearest places give a better n, while the depth along it falls."""
-        near = found
-        near.key = 0
-        radii = t.vec2(radius(a), radius(b))
-        depth = -(near.gap + radii[0] + radii[1])
-        for _k in range(int(MOST)):
-            W, A, weights, count, v, _far, how = search(a, b, H, R, p - real(2.0) * depth * near.n, real(NEVER))
-            if how != 0 and how != 3:
-                break
-            n = toward(W, count, v)
-            pa = farthest(a, H, -n)
-            less = -wp.dot(n, pa - (R * farthest(b, H, wp.transpose(R) * n) + p))
-            if less >= depth * (real(1.0) - rounding(depth)):
-                break
-            depth = less
-            pa = place(A, weights)
-            near = nearest(pa, pa + depth * n, n, -depth, radii, 0)
+    def first(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, v: vec3, how: int):
+        """Nearest by EPA where GJK asks for it; the key says whether it ran out of room."""
+        near = Nearest()
+        near.gap = real(1.0)
+        if how == 1 or how == 3:
+            near = inner(a, b, H, R, p, v)
         return near
 
     @wp.func
+    def deepest(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, n: vec3):
+        """Depth of the cores along n."""
+        return wp.dot(n, R * farthest(b, H, wp.transpose(R) * n) + p) - wp.dot(n, farthest(a, H, -n))
+
+    @wp.func
     def apart(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, margin: real):
+        """Where EPA ran out of room, B pushed out along n by twice the depth has nearest places with a better n: as long as the
+        depth along it falls."""
         radii = t.vec2(radius(a), radius(b))
-        W, A, weights, count, v, far, how = search(a, b, H, R, p, margin + radii[0] + radii[1])
         near = Nearest()
-        if how == 1 or how == 3:
-            near = inner(a, b, H, R, p, v)
-            if near.key == RAN_OUT:
-                near = settled(a, b, H, R, p, near)
-        if how == 2:
-            near.n = v / wp.length(v)
-            near.gap = far - radii[0] - radii[1]
-        elif how == 0 or (how == 3 and near.gap + radii[0] + radii[1] > real(0.0)):
+        most = margin + radii[0] + radii[1]
+        shift = vec3()
+        depth = real(0.0)
+        steps = int(MOST)
+        for k in range(steps):
+            W, A, weights, count, v, far, how = search(a, b, H, R, p - shift, most)
             n = toward(W, count, v)
             pa = place(A, weights)
-            near = nearest(pa, pa - far * n, n, far, radii, 0)
+            more = int(0)
+            if k == 0:
+                near = first(a, b, H, R, p, v, how)
+                more = near.key
+                near.key = 0
+                if how == 2:
+                    near.n = v / wp.length(v)
+                    near.gap = far - radii[0] - radii[1]
+                elif how == 0 or (how == 3 and near.gap + radii[0] + radii[1] > real(0.0)):
+                    near = nearest(pa, pa - far * n, n, far, radii, 0)
+                    more = 0
+            elif how == 0 or how == 3:
+                less = deepest(a, b, H, R, p, n)
+                if less < depth * (real(1.0) - rounding(depth)):
+                    near = nearest(pa, pa + less * n, n, -less, radii, 0)
+                    more = RAN_OUT
+            if more != RAN_OUT:
+                break
+            depth = -(near.gap + radii[0] + radii[1])
+            shift = real(2.0) * depth * near.n
+            most = real(NEVER)
         return near
 
     return apart

@@ -155,21 +155,27 @@ def ordered(pairs: frozenset[tuple[str, str]], real):
 def narrow(pairs: frozenset[tuple[str, str]], real):
     """Function (a, b, hulls, pose_a, pose_b, margin) -> Manifold of the shapes of these pairs (`every`): n in the world's axes,
     places from where pose_a is, in the world's axes too [m]. Poses are from one origin, quaternions (x, y, z, w), unit."""
-    t, Shape, Hulls, Manifold = types(real), shape(real), hulls(real), manifold(real)
+    t, Shape, Hulls = types(real), shape(real), hulls(real)
     made = ordered(pairs, real)
     _single, flipped, turned = making(real)
 
     @wp.func
     def narrow(a: Shape, b: Shape, H: Hulls, pose_a: t.transform, pose_b: t.transform, margin: real):
+        first = a
+        second = b
         A = matrix(wp.transform_get_rotation(pose_a))
         B = matrix(wp.transform_get_rotation(pose_b))
         d = wp.transform_get_translation(pose_b) - wp.transform_get_translation(pose_a)
-        m = Manifold()
-        if a.kind <= b.kind:
-            m = turned(made(a, b, H, wp.transpose(A) * B, wp.transpose(A) * d, margin), A)
-        else:
-            m = made(b, a, H, wp.transpose(B) * A, wp.transpose(B) * (-d), margin)
-            m = flipped(turned(m, B), -d)
+        if a.kind > b.kind:                                    # one call: inlined twice, a GPU compiles for long
+            first = b
+            second = a
+            C = A
+            A = B
+            B = C
+            d = -d
+        m = turned(made(first, second, H, wp.transpose(A) * B, wp.transpose(A) * d, margin), A)
+        if a.kind > b.kind:
+            m = flipped(m, d)
         return m
 
     return narrow
