@@ -12,6 +12,7 @@ from wsim.geometry.tetra.tets import volumes
 from wsim.scene import Box, Plane, Sphere, Surface, shapes
 from wsim.scene.check.scene import check
 from wsim.scene.fabric import FABRICS
+from wsim.simulation.simulation import Simulation
 from wsim.usd import load
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -34,9 +35,10 @@ SOFT = {
     "squeezed_cube": (343, 5 * 6 ** 3, 0.125, "corotational", 0, (Box, Box, Plane)),
     "trampoline": (125, 5 * 4 ** 3, 0.064, "corotational", 64, ()),
 }
+RIGID = {"dominoes": 31, "pyramid": 56}            # bodies
 scenes = pytest.mark.parametrize("name", CONTENT)
 soft_scenes = pytest.mark.parametrize("name", SOFT)
-every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT])
+every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT, *RIGID])
 
 
 def area(cloth) -> float:
@@ -65,7 +67,7 @@ def test_files_are_what_the_generator_writes(name):
 
 
 def test_every_scene_file_is_generated():
-    assert {path.stem for path in FOLDER.glob("*.usda")} == set(SCENES) == {*CONTENT, *SOFT}
+    assert {path.stem for path in FOLDER.glob("*.usda")} == set(SCENES) == {*CONTENT, *SOFT, *RIGID}
 
 
 @scenes
@@ -252,3 +254,19 @@ def test_a_tablecloth_shows_its_folds():
 def test_the_generator_writes_into_the_folder_it_is_given(tmp_path):
     done = subprocess.run([sys.executable, "-m", "tools.scenes", str(tmp_path)], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0 and len(list(tmp_path.glob("*.usda"))) == len(SCENES), done.stderr
+
+
+@pytest.mark.parametrize("name", RIGID)
+def test_rigid_scenes_fall_as_they_say(name):
+    """All dominoes lie after 6 s; the pyramid stands until the ball comes, which moves more than ten boxes by their size."""
+    scene = load(FOLDER / f"{name}.usda")
+    assert len(scene.things("Body")) == RIGID[name] and not scene.notes
+    sim = Simulation(scene, device="cpu")
+    rows = [k for k, body in enumerate(scene.things("Body")) if "Ball" not in body.path]
+    start = sim.plan.method("rigid").poses()[rows]
+    sim.run(84)
+    if name == "pyramid":
+        assert np.abs(sim.plan.method("rigid").poses()[rows] - start).max() < 1e-3
+    sim.run(60)
+    way = sim.plan.method("rigid").poses()[rows][:, :3, 3] - start[:, :3, 3]
+    assert (way[:, 1] < -0.1).all() if name == "dominoes" else (np.linalg.norm(way, axis=1) > 0.2).sum() > 10, way

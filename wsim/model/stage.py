@@ -181,6 +181,9 @@ class Method:
         """What results hold of this method, now, of one world."""
         return []
 
+    def restored(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
+        """Makes room for what an earlier run has left, by path and name, before it is put into the state."""
+
     def resumed(self, time: float) -> None:
         """A run goes on exactly where an earlier one has ended; its last frame began at `time` [s]."""
 
@@ -213,3 +216,8 @@ class Methods(list[Method]):
     def every(self, name: str) -> list:
         """All things of a name, of lists that several methods may offer."""
         return [thing for m in self for thing in m.offers.get(name, ())]
+
+    def restored(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
+        """`Method.restored` of each."""
+        for each in self:
+            each.restored(fields)

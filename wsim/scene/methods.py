@@ -5,7 +5,8 @@ when a scene holds such a thing:
 
     objects    dataclasses of the scene; NumPy only
     check      check(thing, scene) yields Problems
-    usd        load(reading, prim) -> thing, author(stage, thing, units); imports pxr, never Warp
+    usd        load(reading, prim) -> thing, author(stage, thing, units); within(reading, prim) -> paths of prims that are
+               the thing's, and no colliders of the scene; imports pxr, never Warp
     method     build(Build) -> Method, see `wsim.simulation.methods`
     show       triangles(prim) -> points (n, 3) and triangles (t, 3), in the prim's frame and the units of the stage
 
@@ -40,6 +41,8 @@ class Row:
         return import_module(place) if find_spec(place) else None
 
 
+JOINTS = tuple(f"Physics{kind}Joint" for kind in ("Fixed", "Revolute", "Prismatic", "Spherical", "Distance"))
+
 METHODS: list[Row] = [
     Row("points", "wsim.physics.motion.points", without="there are no points", gradients=True),
     Row("pins", "wsim.physics.motion.pins", without="nothing is pinned", gradients=True),
@@ -48,6 +51,8 @@ METHODS: list[Row] = [
     Row("implicit", "wsim.physics.solver.newton", without="another solver is chosen", gradients=True),
     Row("xpbd", "wsim.physics.solver.xpbd", without="another solver is chosen, and nothing is hard", gradients=True,
         pushes=True),
+    Row("rigid", "wsim.physics.rigid", owns=("Body",), claims=("PhysicsRigidBodyAPI", "PhysicsJoint", *JOINTS),
+        without="there is no rigid body"),
     Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),
     Row("watch", "wsim.physics.motion.overstretch", gradients=True),
     Row("muscles", "wsim.physics.cloth.muscles", without="no spring has an actuation", gradients=True),

@@ -126,15 +126,14 @@ class Collider(Compared):
     """A solid that pushes and is not pushed.
 
     path                prim path
-    shape               Plane, Sphere, Box, Capsule, Cylinder, Cone or Surface
+    shape               Plane (of axis X or Y: one of axis Z in a turned frame), Sphere, Box, Capsule, Cylinder, Cone, Surface
     motion              own frame to world over time, rigid, lengths [m]; a scale belongs into the shape's sizes
     static_friction     coefficient of friction [1] up to which a contact sticks
     dynamic_friction    coefficient of friction of a contact that slides [1]
     thickness           kept free around it [m], besides half of the cloth's own; None: what hides the chords of the cloth's
                         mesh (`wsim.scene.check.chord`)
     restitution         share of the speed along its normal with which a point rebounds [1], 0 to 1
-
-    A plane that faces X or Y becomes one that faces the z of a turned frame.
+    meets               False, of a rigid body's: it has mass and touches nothing
     """
 
     path: str
@@ -144,6 +143,7 @@ class Collider(Compared):
     dynamic_friction: float = 0.5
     thickness: float | None = None
     restitution: float = 0.0
+    meets: bool = True
 
     def __post_init__(self):
         if isinstance(self.shape, Plane) and self.shape.axis is not None:

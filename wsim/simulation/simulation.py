@@ -222,9 +222,9 @@ class Simulation:
         springs that have muscles (a Curve, or values of its present keys); force or traction of a load (as actuation, or one
         (3,) for all times); static_friction, dynamic_friction of a body or a collider; thickness and restitution of a collider
         (the latter where one throws back from the start); motion (rigid) of a pin, or of a collider (which all worlds share);
-        positions and velocities (in world space, author's order) of a body.
-        Values are copied. Raises SceneError, with nothing changed, if nothing of that path has such a parameter, for what a
-        scene would not take, and for what would need more than `wsim.scene.check.counts.MOST` substeps.
+        positions and velocities (world, author's order) of a body; velocity, spin, force, torque, drag, spin_drag of a rigid
+        one. Values are copied. Raises SceneError, with nothing changed, if nothing of that path has such a parameter, for what
+        a scene would not take, and for what would need more than `wsim.scene.check.counts.MOST` substeps.
         """
         from wsim.simulation import live
         with GATE.alone():
@@ -244,17 +244,17 @@ class Simulation:
         body has all of them (then there is no jump in time), else as at a start, without history. alike: that run stepped
         as this one does; history of other steps is none."""
         exact = alike
+        self.plan.methods.restored(fields)
         for path in self.state.paths():
             values = fields.get(path, {})
             for name, array, rows in self.state.of(path):
-                exact &= name in values and len(values[name]) == len(rows)
+                fits = name in values and len(values[name]) == len(rows)
+                exact &= fits
                 if name in values:
                     now = array.numpy()
-                    fits = len(values[name]) == len(rows)
                     now[rows] = values[name] if fits else stored(self.model.body(path), values[name])
                     array.assign(now)
-        self.frame = frame
-        self.plan.clock.starting = not exact
+        self.frame, self.plan.clock.starting = frame, not exact
         for method in self.plan.methods if exact else ():
             method.resumed((frame - 1) / self.scene.fps)
 

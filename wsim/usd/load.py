@@ -79,7 +79,9 @@ def _read(reading: Reading) -> Scene:
     pairs = _pairs(reading, found)
     for prim, body in pairs:
         _load_body(reading, scene, prim, body)
+    reading.points = bool(pairs)
     taken = {prim.GetPath() for prim, _ in pairs}
+    taken.update(path for row, prim in found.others for path in getattr(row.role("usd"), "within", _nothing)(reading, prim))
     for prim in found.colliders:
         if prim.GetPath() not in taken and not _in_body(prim, found):
             collider = load_collider(reading, prim)
@@ -106,6 +108,10 @@ def _read(reading: Reading) -> Scene:
             scene.add(thing)
     _order(scene, found.scenes)
     return _finished(reading, scene, found)
+
+
+def _nothing(reading: Reading, prim: Usd.Prim) -> list:
+    return []
 
 
 def _usable_units(reading: Reading) -> None:
@@ -178,20 +184,12 @@ def _walk(reading: Reading) -> Prims:
             found.colliders.append(prim)
         if names.FILTERED_PAIRS in apis and prim.GetRelationship(names.FILTERED).HasAuthoredTargets():
             reading.warn(prim.GetPath(), f"{names.FILTERED} is not used yet: every collider acts on every body")
-        if names.RIGID_BODY in apis and not _kinematic(prim):
-            reading.warn(prim.GetPath(), "is a dynamic rigid body: rigid bodies are not simulated yet, its colliders "
-                         "move only as animated")
     return found
 
 
 def _collides(prim: Usd.Prim) -> bool:
     enabled = prim.GetAttribute("physics:collisionEnabled")
     return not enabled or enabled.Get(prim.GetStage().GetStartTimeCode()) is not False
-
-
-def _kinematic(prim: Usd.Prim) -> bool:
-    return any(bool(a) and a.Get(prim.GetStage().GetStartTimeCode()) is wanted for a, wanted in (
-        (prim.GetAttribute("physics:kinematicEnabled"), True), (prim.GetAttribute("physics:rigidBodyEnabled"), False)))
 
 
 def _pairs(reading: Reading, found: Prims) -> list[tuple[Usd.Prim, Usd.Prim]]:

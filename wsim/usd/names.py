@@ -36,7 +36,7 @@ BINDING = "MaterialBindingAPI"
 # Schemas of wsim, registered from schema/.
 WSIM_SCENE, WSIM_CLOTH, WSIM_MATERIAL = table.AIR, table.FLAT, table.OWN
 WSIM_SPRINGS, WSIM_COLLIDER, WSIM_SOFT = "WsimSpringsAPI", "WsimColliderAPI", "WsimSoftAPI"
-WSIM_ATTACHMENT, WSIM_LOAD = "WsimAttachmentAPI", "WsimLoadAPI"
+WSIM_ATTACHMENT, WSIM_LOAD, WSIM_RIGID = "WsimAttachmentAPI", "WsimLoadAPI", "WsimRigidBodyAPI"
 
 # Fallbacks of the proposal, in SI units; the schemas are not registered, so USD cannot supply them.
 YOUNGS_MODULUS = 1.0e6      # [Pa]
@@ -47,7 +47,7 @@ GRAVITY = 9.81              # [m/s^2]
 
 # Powers of (length, mass) in each unit; time is in seconds on every stage.
 UNITS = {
-    "1": (0, 0), "s": (0, 0), "1/s": (0, 0), "m": (1, 0), "m/s": (1, 0), "m/s^2": (1, 0), "kg": (0, 1),
+    "1": (0, 0), "s": (0, 0), "1/s": (0, 0), "rad/s": (0, 0), "m": (1, 0), "m/s": (1, 0), "m/s^2": (1, 0), "kg": (0, 1),
     "kg/m^3": (-3, 1), "N": (1, 1), "N/m": (0, 1), "N m": (2, 1), "N m^2": (3, 1), "N s/m": (0, 1), "Pa": (-1, 1),
 }
 
@@ -124,6 +124,11 @@ OTHERS = (
     Entry("Springs", "particles", WSIM_SPRINGS, "wsim:particles", "int[]", uniform=True),
     Entry("Springs", "masses", WSIM_SPRINGS, "wsim:masses", "float[]", "kg"),
     Entry("Springs", "muscles", WSIM_SPRINGS, "wsim:muscles", "int[]", uniform=True),
+
+    Entry("RigidBody", "force", WSIM_RIGID, "wsim:force", "vector3d", "N"),
+    Entry("RigidBody", "torque", WSIM_RIGID, "wsim:torque", "vector3d", "N m"),
+    Entry("RigidBody", "drag", WSIM_RIGID, "wsim:linearDamping", "double", "1/s"),
+    Entry("RigidBody", "spin_drag", WSIM_RIGID, "wsim:angularDamping", "double", "1/s"),
 
     Entry("Pin", "enabled", ATTACHMENT, "physics:attachmentEnabled", "bool"),
     Entry("Pin", "type0", ATTACHMENT, "physics:type0", "token", uniform=True),

@@ -17,7 +17,7 @@ FIELDS = dict.fromkeys(names.PER_TET, names.VOLUME_SIM) | dict.fromkeys(
 # what must be the type of a prim, or applied to it, for the attributes of a schema of wsim to be read
 PLACES = {names.WSIM_SCENE: names.PHYSICS_SCENE, names.WSIM_MATERIAL: "Material", names.WSIM_CLOTH: names.SURFACE_SIM,
           names.WSIM_SPRINGS: names.WSIM_SPRINGS, names.WSIM_SOFT: names.VOLUME_SIM, names.WSIM_COLLIDER: names.COLLISION,
-          names.WSIM_ATTACHMENT: names.ATTACHMENT, names.WSIM_LOAD: names.WSIM_LOAD}
+          names.WSIM_ATTACHMENT: names.ATTACHMENT, names.WSIM_LOAD: names.WSIM_LOAD, names.WSIM_RIGID: names.RIGID_BODY}
 SCHEMAS = tuple(v for v in vars(names).values() if isinstance(v, str) and v.startswith(("Physics", "Wsim")))
 DEFORMABLE = {names.BODY, names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM, names.SURFACE_MATERIAL, names.CURVES_MATERIAL,
               names.VOLUME_MATERIAL, names.ATTACHMENT, names.PHYSICS_SCENE, "Material"}    # whose physics: names wsim reads

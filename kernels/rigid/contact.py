@@ -1,0 +1,116 @@
+"""Tables of rigid contact, and the formulas of one manifold: gaps, effective mass, impulses.
+
+A manifold has a normal n from B to A, fixed while it lives, and up to four points. A point has a core in the frame of each
+body, which turns with it, and a skin along n, which does not: of a sphere the core is its centre, so that rolling moves no
+contact.
+
+    r_a = R_a c_a - n s_a,   r_b = R_b c_b + n s_b                             places from the centres of mass
+    gap = gap_0 + n . (d_a - d_b + (R_a c_a - R_a0 c_a) - (R_b c_b - R_b0 c_b))   d: displacement since the manifold was made
+    u   = v_a + omega_a x r_a - (v_b + omega_b x r_b)                          velocity of A against B
+    K   = w_a + w_b - [r_a] I_a^-1 [r_a] - [r_b] I_b^-1 [r_b]                  u changes by K P for an impulse P on A
+
+Frames: dynamic bodies come first, then colliders, which have no inverse mass and whose poses and velocities are tables.
+"""
+
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.rigid.motion import structs as bodies
+
+POINTS = wp.constant(4)
+
+
+@cache
+def structs(real):
+    """(Shapes, Still, Contacts, Work). Lengths in [m]."""
+    t = types(real)
+
+    @wp.struct
+    class Shapes:
+        """Of bodies and colliders, (shapes,)."""
+        frame: wp.array(dtype=int)             # bodies, then colliders
+        kind: wp.array(dtype=int)
+        row: wp.array(dtype=int)               # of a hull in its tables
+        size: wp.array(dtype=t.vec3)
+        place: wp.array(dtype=t.transform)     # to the frame: of a body its centre of mass and principal axes
+        ball: wp.array(dtype=real)             # radius of a ball about the shape's origin that holds it; < 0: it has no end
+        skin: wp.array(dtype=real)             # radius of what is round
+        friction: wp.array(dtype=t.vec2)       # static, dynamic
+        restitution: wp.array(dtype=real)
+        world: wp.array(dtype=int)             # -1: all
+        origin: wp.array(dtype=wp.vec3d)       # of the frames, (bodies + colliders,), world
+
+    @wp.struct
+    class Still:
+        """Colliders, [row, collider]; rows are substeps where `moving`, else one."""
+        moving: int
+        x: wp.array2d(dtype=t.vec3)            # from the collider's origin
+        q: wp.array2d(dtype=t.quat)
+        v: wp.array2d(dtype=t.vec3)
+        omega: wp.array2d(dtype=t.vec3)
+
+    @wp.struct
+    class Contacts:
+        """Manifolds, (room,), and points, (4 room,)."""
+        a: wp.array(dtype=int)                 # shapes; -1: no manifold
+        b: wp.array(dtype=int)
+        count: wp.array(dtype=int)
+        key: wp.array(dtype=int)               # of a point
+        n: wp.array(dtype=t.vec3)
+        skin: wp.array(dtype=t.vec2)
+        core_a: wp.array(dtype=t.vec3)         # in the frames
+        core_b: wp.array(dtype=t.vec3)
+        first_a: wp.array(dtype=t.vec3)        # R c as the manifold was made
+        first_b: wp.array(dtype=t.vec3)
+        gap: wp.array(dtype=real)
+        push: wp.array(dtype=real)             # impulse along n in a substep [N s]
+        rub: wp.array(dtype=t.vec3)            # across n
+
+    @wp.struct
+    class Work:
+        """Of a substep: frames of all bodies (bodies + colliders,), and points."""
+        center: wp.array(dtype=wp.vec3d)       # of shapes, world
+        span: wp.array(dtype=t.vec2)           # of shapes: radius of the ball, < 0 without end; how far it may go
+        from_x: wp.array(dtype=t.vec3)         # where bodies were when manifolds were made
+        spread: wp.array(dtype=t.mat33)        # I^-1, world
+        turn: wp.array(dtype=t.mat33)          # R
+        p0: wp.array(dtype=t.vec3)             # momenta before the substep's forces
+        L0: wp.array(dtype=t.vec3)
+        touched: wp.array(dtype=int)
+        r_a: wp.array(dtype=t.vec3)
+        r_b: wp.array(dtype=t.vec3)
+        now: wp.array(dtype=real)              # gap
+        K: wp.array(dtype=t.mat33)
+        goal: wp.array(dtype=real)             # velocity along n behind an impact; < 0: none
+        hit: wp.array(dtype=real)              # impulses of it
+        scrape: wp.array(dtype=t.vec3)
+
+    return Shapes, Still, Contacts, Work
+
+
+@cache
+def whole(real):
+    """Struct of all that a launch needs: s, b, now, still, c, work."""
+    Shapes, Still, Contacts, Work = structs(real)
+    Bodies, Moving = bodies(real)
+
+    @wp.struct
+    class Rig:
+        s: Shapes
+        b: Bodies
+        now: Moving
+        still: Still
+        c: Contacts
+        work: Work
+
+    return Rig
+
+
+@wp.func
+def against(r: Any, S: Any):
+    """-[r] S [r], what an impulse at r turns."""
+    X = wp.skew(r)
+    return -X * S * X

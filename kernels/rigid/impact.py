@@ -1,0 +1,98 @@
+"""Impacts: what would touch within a substep, faster than a rest, leaves with a part e of the speed (Newton's law).
+
+    u = sqrt(u_n^2 + 2 a gap),  u_n < 0,  a = -n . (a_A - a_B)         speed at which the gap closes, under the forces
+    u' = sqrt(e^2 u^2 - 2 a gap)                                       along n, now: the same bounce, seen from this height
+
+so that the height of a bounce does not depend on the step. Points that meet in one substep are solved together: sweeps until
+each has its u', with friction; what they have thrown then meets the next ones, round by round, as a blow runs through a row of
+balls. e is the larger of both restitutions. Rests are those below REST times the speed that forces give in a substep.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.impulse import formulas
+
+ROUNDS, SWEEPS = wp.constant(64), wp.constant(64)
+REST, MET = wp.constant(4.0), wp.constant(1.0e-4)        # MET: part of the speed to which the sweeps go
+SOONER = wp.constant(1.01)         # what the soft steps would catch in this substep is an impact, whatever the rounding
+
+
+@cache
+def impacts(real):
+    """Function of a substep k of h [s], before its forces."""
+    t, Rig = types(real), whole(real)
+    _, _, begun, pushed, ended, slip, rubbed = formulas(real)
+
+    @wp.func
+    def pull(f: int, rig: Rig):
+        a = t.vec3()
+        if f < rig.b.w.shape[0]:
+            a = rig.b.w[f] * rig.b.push[f]
+        return a
+
+    @wp.func
+    def marked(m: int, k: int, h: real, rig: Rig):
+        """Whether a point of manifold m is thrown back in this round; their goals."""
+        e = wp.max(rig.s.restitution[rig.c.a[m]], rig.s.restitution[rig.c.b[m]])
+        some = bool(False)
+        two = begun(m, k, rig)
+        n = rig.c.n[m]
+        a = -wp.dot(n, pull(rig.s.frame[rig.c.a[m]], rig) - pull(rig.s.frame[rig.c.b[m]], rig))
+        for i in range(rig.c.count[m]):
+            j = 4 * m + i
+            rig.work.goal[j] = real(-1.0)
+            rig.work.hit[j] = real(0.0)
+            rig.work.scrape[j] = t.vec3()
+            u = wp.dot(n, slip(two, j, rig))
+            gap = wp.max(rig.work.now[j], real(0.0))
+            speed = wp.sqrt(wp.max(u * u + real(2.0) * a * gap, real(0.0)))
+            if e > real(0.0) and u < real(0.0) and gap + real(SOONER) * h * (u - h * wp.max(a, real(0.0))) < real(0.0):
+                if speed > real(REST) * h * wp.abs(a) and speed > real(1.0e-6):
+                    rig.work.goal[j] = wp.sqrt(wp.max(e * e * speed * speed - real(2.0) * a * gap, real(0.0)))
+                    some = True
+        return some
+
+    @wp.func
+    def struck(m: int, k: int, rig: Rig):
+        """One sweep over manifold m; the largest miss, as a part of the goal's own size."""
+        two = begun(m, k, rig)
+        n = rig.c.n[m]
+        mu = real(0.5) * (rig.s.friction[rig.c.a[m]] + rig.s.friction[rig.c.b[m]])
+        miss = real(0.0)
+        for i in range(rig.c.count[m]):
+            j = 4 * m + i
+            if rig.work.goal[j] >= real(0.0):
+                u = wp.dot(n, slip(two, j, rig))
+                before = rig.work.hit[j]
+                hit = wp.max(before + (rig.work.goal[j] - u) / wp.dot(n, rig.work.K[j] * n), real(0.0))
+                rig.work.hit[j] = hit
+                two = pushed(two, m, j, (hit - before) * n, rig)
+                miss = wp.max(miss, wp.abs(hit - before) / wp.max(hit, real(1.0e-30)))
+                was = rig.work.scrape[j]
+                rub = rubbed(was, slip(two, j, rig), n, rig.work.K[j], hit, mu)
+                rig.work.scrape[j] = rub
+                two = pushed(two, m, j, rub - was, rig)
+        ended(two, m, rig)
+        return miss
+
+    @wp.func
+    def impacts(k: int, h: real, count: int, rig: Rig):
+        for _round in range(int(ROUNDS)):
+            some = bool(False)
+            for m in range(count):
+                if marked(m, k, h, rig):
+                    some = True
+            if not some:
+                break
+            for _sweep in range(int(SWEEPS)):
+                miss = real(0.0)
+                for m in range(count):
+                    miss = wp.max(miss, struck(m, k, rig))
+                if miss < real(MET):
+                    break
+
+    return impacts

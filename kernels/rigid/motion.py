@@ -1,0 +1,182 @@
+"""Free motion of rigid bodies: Newton-Euler with momentum as the state.
+
+    p' = F - c p,   x' = p / m          half of the kick before the step, half behind it
+    L' = T - k L,   q' = omega q / 2,   omega = I^-1 L
+
+    x  place of the centre of mass relative to the body's origin [m], e its rounding remainder
+    q  quaternion (x, y, z, w) from the principal axes to the world, o its rounding remainder
+    p  momentum [kg m/s]    L  angular momentum about the centre, world [kg m^2/s]    I  principal moments [kg m^2]
+
+Free rotation conserves L, which is the state, and the energy sum_k M_k^2 / 2 I_k of the momentum M = q* L q in the body's axes.
+I_1 <= I_2 <= I_3. The part |M|^2 / 2 I_2 turns the body about L, exactly, and commutes with the rest; of that, the two terms
+(1/I_1 - 1/I_2) M_1^2 / 2 and (1/I_3 - 1/I_2) M_3^2 / 2 each turn it about an axis of its own at a constant rate. A symmetric
+sequence of such turns, 1 3 1 3 1 with parts c, 1/2, 1 - 2 c, 1/2, c of the step, is of order 2; at this c its error is least
+(McLachlan 1995, section 3.1). Neither the length of M nor that of q changes, and with two or three equal moments it is exact.
+(Splitting into all three terms, 1 2 3 2 1: Reich 1996.) A tennis racket at 10 rad/s, 240 Hz, after 10 s: 0.009 degrees and
+7e-7 of the energy, where 1 2 3 2 1 has 0.12 and 1.2e-5.
+
+A racket near its middle axis multiplies a rounding error by thousands at every flip. q carries its rounding remainder o, and a
+turn is float64, by series: a small turn takes no sine.
+"""
+
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.math.rotation import conjugate, multiply, normalized, rotate
+
+C = wp.constant(wp.float64(0.1931833275037836))
+SMALL = wp.constant(wp.float64(0.25))             # [rad] below which half an angle takes a series: 1e-17 of it left out
+
+
+@wp.func
+def half_turn(half: wp.float64):
+    """(sin, cos) of half an angle [rad]."""
+    s = wp.float64(0.0)
+    c = wp.float64(1.0)
+    if wp.abs(half) < SMALL:
+        z = half * half
+        one = wp.float64(1.0)
+        s = half * (one - z / wp.float64(6.0) * (one - z / wp.float64(20.0) * (one - z / wp.float64(42.0) * (
+            one - z / wp.float64(72.0) * (one - z / wp.float64(110.0) * (one - z / wp.float64(156.0)))))))
+        c = one - z / wp.float64(2.0) * (one - z / wp.float64(12.0) * (one - z / wp.float64(30.0) * (
+            one - z / wp.float64(56.0) * (one - z / wp.float64(90.0) * (one - z / wp.float64(132.0))))))
+    else:
+        s = wp.sin(half)
+        c = wp.cos(half)
+    return s, c
+
+
+@wp.func
+def turned_first(q: wp.quatd, L: wp.vec3d, rate: wp.float64):
+    """q after a turn about its first axis by an angle of rate times the momentum along it."""
+    M = rotate(conjugate(q), L)
+    s, c = half_turn(wp.float64(0.5) * rate * M[0])
+    return multiply(q, wp.quatd(s, wp.float64(0.0), wp.float64(0.0), c))
+
+
+@wp.func
+def turned_third(q: wp.quatd, L: wp.vec3d, rate: wp.float64):
+    """As `turned_first`, about the third axis."""
+    M = rotate(conjugate(q), L)
+    s, c = half_turn(wp.float64(0.5) * rate * M[2])
+    return multiply(q, wp.quatd(wp.float64(0.0), wp.float64(0.0), s, c))
+
+
+@wp.func
+def free_rotation(q: wp.quatd, L: wp.vec3d, inverse: wp.vec3d, h: wp.float64):
+    """q after h [s] without a torque; inverse: 1 / I [1/(kg m^2)], descending. Order 2."""
+    one = wp.float64(1.0)
+    half = wp.float64(0.5)
+    a = h * (inverse[0] - inverse[1])
+    b = h * (inverse[2] - inverse[1])
+    r = q
+    if a != b:
+        r = turned_first(r, L, C * a)
+        r = turned_third(r, L, half * b)
+        r = turned_first(r, L, (one - C - C) * a)
+        r = turned_third(r, L, half * b)
+        r = turned_first(r, L, C * a)
+    rate = h * inverse[1] * wp.length(L)
+    s, c = half_turn(half * rate)
+    k = half * h * inverse[1]
+    if rate > wp.float64(1.0e-9):
+        k = s / wp.length(L)
+    return normalized(multiply(wp.quatd(k * L[0], k * L[1], k * L[2], c), r))
+
+
+@wp.func
+def double(q: Any, o: Any):
+    """q + o in float64."""
+    return wp.quatd(wp.float64(q[0]) + wp.float64(o[0]), wp.float64(q[1]) + wp.float64(o[1]),
+                    wp.float64(q[2]) + wp.float64(o[2]), wp.float64(q[3]) + wp.float64(o[3]))
+
+
+@wp.func
+def double3(v: Any):
+    return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
+
+
+@wp.func
+def near(v: wp.quatd, q: Any):
+    """v rounded to the type of q."""
+    return type(q)(type(q[0])(v[0]), type(q[0])(v[1]), type(q[0])(v[2]), type(q[0])(v[3]))
+
+
+@wp.func
+def angular_velocity_of(q: Any, L: Any, inverse: Any):
+    """omega [rad/s], world, of the angular momentum L."""
+    return rotate(q, wp.cw_mul(inverse, rotate(conjugate(q), L)))
+
+
+@wp.func
+def kicked(p: Any, push: Any, decay: Any, h: Any):
+    """p after h [s] of p' = push - decay p, exactly. A small decay h keeps its digits by a series."""
+    z = decay * h
+    one = type(h)(1.0)
+    left = wp.exp(-z)
+    part = one - z * (type(h)(0.5) - z / type(h)(6.0))
+    if z > type(h)(1.0e-2):
+        part = (one - left) / z
+    return left * p + (h * part) * push
+
+
+@cache
+def structs(real):
+    """Bodies: tables (bodies,) that no stage writes. w = 1/m [1/kg], inverse = 1 / I [1/(kg m^2)], push [N] (weight and force),
+    torque [N m], drag and spin_drag [1/s]."""
+    t = types(real)
+
+    @wp.struct
+    class Bodies:
+        w: wp.array(dtype=real)
+        inverse: wp.array(dtype=t.vec3)
+        push: wp.array(dtype=t.vec3)
+        torque: wp.array(dtype=t.vec3)
+        drag: wp.array(dtype=real)
+        spin_drag: wp.array(dtype=real)
+
+    @wp.struct
+    class Moving:
+        x: wp.array(dtype=t.vec3)
+        e: wp.array(dtype=t.vec3)
+        q: wp.array(dtype=t.quat)
+        o: wp.array(dtype=t.quat)
+        p: wp.array(dtype=t.vec3)
+        L: wp.array(dtype=t.vec3)
+
+    return Bodies, Moving
+
+
+def free(real, module):
+    """Kernel of `substeps` steps of h [s] of bodies that touch nothing."""
+    Bodies, Moving = structs(real)
+
+    def rigid_free(b: Bodies, now: Moving, substeps: int, h: real, out: Moving):
+        i = wp.tid()
+        x = now.x[i]
+        e = now.e[i]
+        q = double(now.q[i], now.o[i])
+        p = now.p[i]
+        L = now.L[i]
+        half = real(0.5) * h
+        for _k in range(substeps):
+            p = kicked(p, b.push[i], b.drag[i], half)
+            L = kicked(L, b.torque[i], b.spin_drag[i], half)
+            step = e + h * b.w[i] * p
+            place = x + step
+            e = step - (place - x)
+            x = place
+            q = free_rotation(q, double3(L), double3(b.inverse[i]), wp.float64(h))
+            p = kicked(p, b.push[i], b.drag[i], half)
+            L = kicked(L, b.torque[i], b.spin_drag[i], half)
+        out.x[i] = x
+        out.e[i] = e
+        out.q[i] = near(q, now.q[i])
+        out.o[i] = near(q - double(out.q[i], wp.quatd()), now.q[i])
+        out.p[i] = p
+        out.L[i] = L
+
+    return wp.kernel(rigid_free, name="rigid_free", module=module, enable_backward=False)

@@ -1,0 +1,54 @@
+"""The example scenes of rigid bodies; tools/scenes.py writes them."""
+
+from math import cos, degrees, sin
+
+from tools.usda import block, ground, number, scene, settings
+
+APIS = '["PhysicsRigidBodyAPI", "PhysicsCollisionAPI"]'
+STEPS = "Contacts are soft with a frequency of a quarter of the steps': short steps make them stiff; iterations are sweeps."
+WOOD = [(0.72, 0.45, 0.25), (0.80, 0.56, 0.32), (0.60, 0.36, 0.20)]
+
+
+def body(prim: tuple[str, str, str], at, color, turn: float = 0.0, size=(1.0, 1.0, 1.0), more: str = "",
+         comment: str = "") -> str:
+    """A rigid body that is its own collider, turned about y [degrees]; prim: its type, name and sizes."""
+    kind, name, sizes = prim
+    place = (f"double3 xformOp:translate = ({', '.join(number(v) for v in at)})\n"
+             f"double xformOp:rotateY = {number(turn)}\n"
+             f"double3 xformOp:scale = ({', '.join(number(v) for v in size)})\n"
+             'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY", "xformOp:scale"]\n')
+    colour = f"color3f[] primvars:displayColor = [({', '.join(number(c) for c in color)})]"
+    return block(kind, name, sizes + "\n" + place + more + colour, APIS, comment)
+
+
+def dominoes() -> str:
+    """Along a bend of 3 m radius, 24 cm apart."""
+    radius, gap, parts = 3.0, 0.24, []
+    for k in range(30):
+        a = k * gap / radius
+        at = (radius * sin(a) - 2.0, 0.3, radius * (1.0 - cos(a)) - 1.0)
+        parts.append(body(("Cube", f"Domino{k}", "double size = 1"), at, WOOD[k % 3], -degrees(a), (0.08, 0.6, 0.3),
+                          comment="A Cube of size 1, scaled. What is no mass or density here weighs 1000 kg/m^3, as USD has it."
+                          if k == 0 else ""))
+    ball = body(("Sphere", "Ball", "double radius = 0.15"), (-3.0, 0.15, -1.0), (0.16, 0.30, 0.55),
+                more="vector3f physics:velocity = (1.5, 0, 0)\n", comment="Rolls against the first.")
+    return scene("Thirty dominoes along a bend, pushed over by a ball.", [
+        settings(substeps=20, iterations=4, comment=STEPS), ground(), ball, *parts], frames=144)
+
+
+def pyramid() -> str:
+    """Of ten rows of boxes of 20 cm."""
+    side, rows = 0.2, 10
+    parts = [body(("Cube", f"Box{row}_{k}", "double size = 0.2"),
+                  (side * (k + 0.5 * (row + 1 - rows)), side * (row + 0.5), 0.0), WOOD[(row + k) % 3])
+             for row in range(rows) for k in range(rows - row)]
+    radius, speed = 0.3, 5.0
+    rolls = (f"vector3f physics:velocity = (0, 0, {number(speed)})\n"
+             f"vector3f physics:angularVelocity = ({number(degrees(speed / radius))}, 0, 0)\n")
+    ball = body(("Sphere", "Ball", f"double radius = {radius:g}"), (0.1, radius, -4.0 * speed), (0.16, 0.30, 0.55), more=rolls,
+                comment="Rolls, without slip, and arrives after 4 s. Angular velocities are in degrees a second.")
+    return scene("A pyramid of ten rows of boxes stands, and is hit by a ball that rolls, after 4 s.", [
+        settings(substeps=20, iterations=4, comment=STEPS), ground(), *parts, ball], frames=144)
+
+
+RIGID_SCENES = {"dominoes": dominoes, "pyramid": pyramid}

@@ -1,0 +1,221 @@
+"""Contacts of rigid bodies with each other and with colliders: tables of shapes, lists that grow, and the launches of a frame.
+
+Manifolds are made at least COLLIDE times a second, by balls that may meet, then pair by pair (kernels/rigid/pairs.py,
+kernels/rigid/collide.py); the substeps until the next time are one launch (kernels/rigid/soft_step.py). Impulses that substeps
+begin with are a part of the state, so that a repeated frame and a restart have them. Friction is the mean of both colliders,
+restitution the larger.
+"""
+
+from math import ceil
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.geometry.rotation import angular_velocity, quaternion
+from wsim.kernels.math.real import types
+from wsim.kernels.rigid import collide, contact, pairs, soft_step
+from wsim.kernels.rigid.narrow.pair import every
+from wsim.kernels.rigid.narrow.shape import KINDS
+from wsim.model.stage import Clock, Remedy
+from wsim.model.state import Field, Part
+from wsim.model.status import Status
+from wsim.model.structs import filled
+from wsim.physics.rigid.hulls import tables
+from wsim.physics.rigid.solids import hull, kind, meeting, standing
+from wsim.scene import Collider, Surface
+from wsim.scene.solids import Capsule, Plane, Sphere, row
+
+COLLIDE = 60.0               # [1/s]: a ball at 5 m/s goes 8 cm meanwhile
+WORD = "rigid pairs"
+PAIRS = (Field("a", "", True, "shape of a manifold, -1 for none", "int"), Field("b", "", True, "the other", "int"),
+         Field("count", "", True, "its points", "int"))
+POINTS = (Field("push", "N s", True, "impulse of a point in the last substep", "scalar"),
+          Field("rub", "N s", True, "that of friction"), Field("key", "", True, "features that touch", "int"))
+
+
+def kinds(bodies: list, colliders: list[Collider]) -> frozenset[tuple[str, str]]:
+    """Kinds of shapes that can meet."""
+    mine = {kind(c) for body in bodies for c in meeting(body)}
+    still = {kind(c) for c in standing(colliders)}
+    return frozenset(p for p in every(mine | still) if mine & set(p))
+
+
+class Contacts:
+    """bodies: (Body, world) of each row of the method's part."""
+
+    def __init__(self, b, method):
+        self.model, self.status, self.method = b.model, b.status, method
+        self.colliders: list[Collider] = standing(b.scene.colliders)
+        self.real, self.device = b.model.real, b.model.device
+        self.owners = [(k, world, c) for k, (body, world) in enumerate(method.bodies) for c in meeting(body)]
+        self.still_first = len(method.bodies)
+        self.bouncing, self.sweeps = bounces(b.scene), b.scene.iterations
+        self._shapes()
+        real, module = self.real, b.model.module
+        self.reach, self.listed = pairs.reach(real, module), pairs.listed(real, module)
+        self.collide = collide.collide(kinds(b.scene.things("Body"), self.colliders), real, module)
+        self.step = soft_step.soft_step(real, module, self.bouncing)
+        b.status.reserve(WORD)
+        self.parts = (Part.allocate("rigid pairs", PAIRS, 0, real, self.device, self._room()),
+                      Part.allocate("rigid touches", POINTS, 0, real, self.device, 4 * self._room()))
+        b.state.add(*self.parts)
+        self._lists(self._room())
+        self._boxes()
+        self._empty(0)
+        self.poses_of: tuple = ()
+
+    def _room(self) -> int:
+        return 16 + 4 * self.shapes
+
+    def _shapes(self) -> None:
+        method, real = self.method, self.real
+        self.still_origin = np.array([c.motion.at(0.0)[:3, 3] for c in self.colliders]).reshape(-1, 3)
+        rows = [(k, world, c, place_of(method.masses[k], c)) for k, world, c in self.owners]
+        rows += [(self.still_first + s, -1, c, np.array([0.0, 0, 0, 0, 0, 0, 1])) for s, c in enumerate(self.colliders)]
+        self.shapes = len(rows)
+        shape = [c.shape for _, _, c, _ in rows]
+        solid = {k: made for k, s in enumerate(shape) if isinstance(s, Surface) and (made := hull(s)) is not None}
+        number = {k: place for place, k in enumerate(solid)}
+        self.hulls = tables(list(solid.values()), real, self.device)
+        ball = [-1.0 if isinstance(s, Plane) else float(np.linalg.norm(solid[k].vertices, axis=1).max()) if k in solid
+                else row(s).ball(s) for k, s in enumerate(shape)]
+        size = [(0.0, 0.0, 0.0) if k in solid else row(s).size(s) for k, s in enumerate(shape)]
+        t = types(real)
+        Shapes, self.Still, self.Contacts, self.Work = contact.structs(real)
+
+        def array(values, dtype):
+            return self.model.upload(np.array(values, np.int32 if dtype is int else self.model.dtype), dtype)
+        self.table = filled(
+            Shapes, frame=array([k for k, *_ in rows], int), world=array([w for _, w, _, _ in rows], int),
+            kind=array([KINDS[kind(c)] for _, _, c, _ in rows], int),
+            row=array([number.get(k, 0) for k in range(len(rows))], int),
+            size=array(size, t.vec3), place=array([p for *_, p in rows], t.transform),
+            ball=array(ball, real), skin=array([s.radius if isinstance(s, (Sphere, Capsule)) else 0.0 for s in shape], real),
+            friction=array([(c.static_friction, c.dynamic_friction) for _, _, c, _ in rows], t.vec2),
+            restitution=array([c.restitution for _, _, c, _ in rows], real),
+            origin=wp.array(np.concatenate([method.origin, self.still_origin]), dtype=wp.vec3d, device=self.device))
+
+    def _lists(self, room: int) -> None:
+        """Arrays for so many pairs, and those of bodies and shapes."""
+        t, real, n = types(self.real), self.real, self.still_first + len(self.colliders)
+
+        def zeros(length, dtype):
+            return wp.zeros(length, dtype=dtype, device=self.device)
+        self.room = room
+        self.list = filled(self.Contacts, a=zeros(room, int), b=zeros(room, int), count=zeros(room, int), n=zeros(room, t.vec3),
+                           skin=zeros(room, t.vec2), key=zeros(4 * room, int), gap=zeros(4 * room, real),
+                           push=zeros(4 * room, real), rub=zeros(4 * room, t.vec3),
+                           **{name: zeros(4 * room, t.vec3) for name in ("core_a", "core_b", "first_a", "first_b")})
+        self.work = filled(self.Work, center=zeros(self.shapes, wp.vec3d), span=zeros(self.shapes, t.vec2),
+                           from_x=zeros(n, t.vec3), spread=zeros(n, t.mat33), turn=zeros(n, t.mat33), p0=zeros(n, t.vec3),
+                           L0=zeros(n, t.vec3), touched=zeros(n, int), r_a=zeros(4 * room, t.vec3),
+                           r_b=zeros(4 * room, t.vec3), now=zeros(4 * room, real), K=zeros(4 * room, t.mat33),
+                           goal=zeros(4 * room, real), hit=zeros(4 * room, real), scrape=zeros(4 * room, t.vec3))
+        self.number, self.first = zeros(self.shapes, int), zeros(self.shapes, int)
+
+    def _boxes(self) -> None:
+        """The tree of the broad phase, built anew whenever manifolds are made."""
+        low, high = (wp.zeros(self.shapes, dtype=wp.vec3f, device=self.device) for _ in range(2))
+        self.bvh = wp.Bvh(low, high)
+        endless = np.flatnonzero(self.table.ball.numpy() < 0.0).astype(np.int32)
+        self.tree = filled(pairs.trees(), id=self.bvh.id, low=low, high=high,
+                           endless=wp.array(endless, dtype=int, device=self.device))
+
+    def _empty(self, first: int) -> None:
+        """No pairs from this row on, and in the snapshot; rows of the parts are those of the first body, for a restart."""
+        for array in (self.parts[0].every, self.parts[0].aside):
+            array[first:self.parts[0].capacity].fill_(-1)
+        body, world = self.method.bodies[0]
+        for part in self.parts:
+            part.rows = {(body.path, world): np.arange(part.capacity)}
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        """Uploads the poses of colliders at the substeps of a frame; still ones once."""
+        moves = any(c.motion.moves for c in self.colliders)
+        known = (clock.substeps, tuple(id(c.motion) for c in self.colliders))
+        if self.poses_of == known and not moves:
+            return
+        rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.colliders)
+        M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)]).reshape(-1, n, 4, 4)
+        x, q = M[:, :, :3, 3] - self.still_origin, quaternion(M[:, :, :3, :3])
+        v, omega = np.zeros_like(x), np.zeros_like(x)
+        if moves:
+            v, omega = (x[1:] - x[:-1]) / h, angular_velocity(q[:-1], q[1:], h)
+        values = (x[:rows], q[:rows], v[:rows], omega[:rows])
+        if self.poses_of != known:
+            t = types(self.real)
+            arrays = [wp.zeros((rows, n), dtype=each, device=self.device) for each in (t.vec3, t.quat, t.vec3, t.vec3)]
+            self.still = filled(self.Still, moving=int(moves), x=arrays[0], q=arrays[1], v=arrays[2], omega=arrays[3])
+            self.poses_of = known
+        for name, value in zip(("x", "q", "v", "omega"), values, strict=True):
+            getattr(self.still, name).assign(np.ascontiguousarray(value, self.model.dtype))
+
+    def advance(self, clock: Clock) -> None:
+        """All substeps of a frame."""
+        times = max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
+        ends = [round(i * clock.substeps / times) for i in range(times + 1)]
+        for first, last in zip(ends[:-1], ends[1:], strict=True):
+            self._manifolds(clock, first, last)
+            steps = wp.vec3i(first, last, self.sweeps)
+            self.model.launch(self.step, 1, [steps, clock.h, self.first[self.shapes - 1:], self.rig()], [])
+            for name, array in self.arrays().items():
+                wp.copy(array, getattr(self.list, name))
+
+    def launches(self, clock: Clock) -> int:
+        return 13 * max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
+
+    def arrays(self) -> dict[str, wp.array]:
+        """Of the state: the last list."""
+        return {name: array for part in self.parts for name, array in part.arrays.items()}
+
+    def _manifolds(self, clock: Clock, first: int, last: int) -> None:
+        launch, rig, n = self.model.launch, self.rig(), self.shapes
+        launch(self.reach, n, [rig, first, clock.h * (last - first)], [self.tree.low, self.tree.high])
+        self.bvh.rebuild()
+        for write in (0, 1):
+            launch(self.listed, n, [rig, self.tree, self.first, write], [self.number, self.status.word(WORD)])
+            if not write:
+                wp.utils.array_scan(self.number, self.first, True)
+        before = filled(collide.lasts(self.real), **self.arrays())
+        launch(self.collide, self.room, [rig, self.hulls, first, before], [])
+
+    def rig(self) -> Any:
+        return filled(contact.whole(self.real), s=self.table, b=self.method.table, now=self.method.moving(), still=self.still,
+                      c=self.list, work=self.work)
+
+    def overlap(self) -> float:
+        """How deep the points of manifolds lie in each other now, at most [m]."""
+        count = self.list.count.numpy()
+        used = np.arange(4) < count[:, None]
+        return max(0.0, -float(self.work.now.numpy().reshape(-1, 4)[used].min(initial=0.0)))
+
+    def grow(self, room: int) -> None:
+        """Room for so many pairs; what the state has of them stays."""
+        before = self.parts[0].capacity
+        self.parts[0].enlarge(room, self.real, self.device)
+        self.parts[1].enlarge(4 * room, self.real, self.device)
+        self._lists(room)
+        self._empty(before)
+
+    def retry(self, status: Status) -> list[Remedy]:
+        wanted = int(status.said(WORD)[0])
+
+        def more() -> str:
+            self.grow(wanted + wanted // 4)
+            return f"{wanted} pairs of rigid shapes were near each other, more than there was room for"
+        return [Remedy("grow", more)] if wanted > self.room else []
+
+
+def bounces(scene) -> bool:
+    """Whether something has a restitution."""
+    own = [c for body in scene.things("Body") for c in meeting(body)]
+    return any(c.restitution > 0.0 for c in (*own, *standing(scene.colliders)))
+
+
+def place_of(mass: Any, collider: Collider) -> np.ndarray:
+    """(x, y, z, quaternion) of a collider in the frame of its body's centre of mass and principal axes."""
+    from wsim.geometry.rotation import conjugate, multiply, rotate
+    M = collider.motion.at(0.0)
+    back = conjugate(mass.axes)
+    return np.concatenate([rotate(back, M[:3, 3] - mass.center), multiply(back, quaternion(M[:3, :3]))])

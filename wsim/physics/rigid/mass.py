@@ -1,0 +1,145 @@
+"""Mass, centre and inertia of solids of uniform density, of the shapes that colliders have. NumPy only, float64.
+
+Solids of revolution about z, of height 2 h and radius r:
+
+    sphere    V = 4/3 pi r^3          I = 2/5 m r^2
+    cylinder  V = 2 pi r^2 h          I_z = 1/2 m r^2        I_x = m (3 r^2 + 4 h^2) / 12
+    cone      V = 2/3 pi r^2 h        I_z = 3/10 m r^2       I_x = m (3/20 r^2 + 3/80 (2 h)^2), the centre h/2 below the middle
+    capsule   a cylinder and two half balls, whose centres are 3/8 r beyond its ends
+
+A closed mesh is a sum of signed tetrahedra from one point to its triangles: of one with corners 0, a, b, c, V = a . (b x c) / 6
+and the centre (a + b + c) / 4; the integral of x x^T is V / 20 (s s^T + a a^T + b b^T + c c^T), s = a + b + c (Tonon 2004,
+section 3). Inertia is tr(C) - C of the integral C about the centre.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wsim.geometry.rotation import multiply, normalized, quaternion
+from wsim.geometry.triangulate import triangulate
+from wsim.physics.rigid.objects import Body
+from wsim.scene import Shape, Surface
+from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Sphere
+
+
+@dataclass(frozen=True)
+class Volume:
+    """volume [m^3]; center [m]; inertia (3, 3) about the center per density [m^5]."""
+
+    volume: float
+    center: np.ndarray
+    inertia: np.ndarray
+
+    def moved(self, M: np.ndarray) -> "Volume":
+        """In a frame that M (4, 4), rigid, leads to."""
+        R = M[:3, :3]
+        return Volume(self.volume, R @ self.center + M[:3, 3], R @ self.inertia @ R.T)
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """mass [kg]; center (3,) [m]; moments (3,) [kg m^2] about it, ascending, along axes, (x, y, z, w) to the body's frame."""
+
+    mass: float
+    center: np.ndarray
+    moments: np.ndarray
+    axes: np.ndarray
+
+
+NOTHING = Volume(0.0, np.zeros(3), np.zeros((3, 3)))
+
+
+def volume(shape: Shape) -> Volume:
+    """Of a shape in its own frame. A plane and an open mesh have none: 0."""
+    if isinstance(shape, Plane):
+        return NOTHING
+    if isinstance(shape, Surface):
+        return _mesh(shape)
+    if isinstance(shape, Box):
+        a = np.array(shape.half, np.float64)
+        V = 8.0 * a.prod()
+        return Volume(V, np.zeros(3), np.diag(V / 3.0 * ((a * a).sum() - a * a)))
+    V, z, across, along = _round(shape)
+    return Volume(V, np.array([0.0, 0.0, z]), np.diag([across, across, along]))
+
+
+def _round(shape: Sphere | Cylinder | Cone | Capsule) -> tuple[float, float, float, float]:
+    """Volume, height of the centre, inertia across the axis and along it."""
+    r = shape.radius
+    if isinstance(shape, Sphere):
+        V = 4.0 / 3.0 * np.pi * r**3
+        return V, 0.0, 0.4 * V * r * r, 0.4 * V * r * r
+    h = shape.half_height
+    if isinstance(shape, Cone):
+        V = 2.0 / 3.0 * np.pi * r * r * h
+        return V, -0.5 * h, V * (0.15 * r * r + 0.15 * h * h), 0.3 * V * r * r
+    V = 2.0 * np.pi * r * r * h
+    across, along = V * (3.0 * r * r + 4.0 * h * h) / 12.0, 0.5 * V * r * r
+    if isinstance(shape, Capsule):
+        ends = 4.0 / 3.0 * np.pi * r**3
+        about = 0.4 * r * r - (0.375 * r) ** 2                 # of a half ball about its own centre, across
+        V, across, along = (V + ends, across + ends * (about + (h + 0.375 * r) ** 2), along + 0.4 * ends * r * r)
+    return V, 0.0, across, along
+
+
+def _mesh(shape: Surface) -> Volume:
+    """A mesh wound inward counts as the solid inside it."""
+    points = np.asarray(shape.points, np.float64)
+    triangles, _ = triangulate(shape.points, shape.counts, shape.indices)
+    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    if len(triangles) == 0 or np.any(np.unique(edges, axis=0, return_counts=True)[1] != 2):
+        return NOTHING
+    middle = points.mean(axis=0)
+    a, b, c = np.moveaxis(points[triangles] - middle, 1, 0)
+    V = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+    total = V.sum()
+    if total == 0.0:
+        return NOTHING
+    s = a + b + c
+    center = (V[:, None] * s).sum(axis=0) / (4.0 * total)
+    C = sum(np.einsum("i,ij,ik->jk", V / 20.0, u, u) for u in (s, a, b, c)) - total * np.outer(center, center)
+    inertia = np.trace(C) * np.eye(3) - C
+    sign = np.sign(total)
+    return Volume(abs(total), center + middle, sign * inertia)
+
+
+def joined(parts: list[Volume]) -> Volume:
+    """Of several, each of density 1; what overlaps counts twice, as USD has it."""
+    total = sum(p.volume for p in parts)
+    if total == 0.0:
+        return NOTHING
+    center = sum((p.volume * p.center for p in parts), np.zeros(3)) / total
+    inertia = np.zeros((3, 3))
+    for p in parts:
+        d = p.center - center
+        inertia += p.inertia + p.volume * (d @ d * np.eye(3) - np.outer(d, d))
+    return Volume(total, center, inertia)
+
+
+def principal(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Moments (3,) and axes (x, y, z, w) of a symmetric (3, 3); a diagonal one keeps its own axes."""
+    if np.abs(inertia - np.diag(np.diag(inertia))).max() <= 1e-12 * np.abs(inertia).max():
+        return np.diag(inertia).copy(), np.array([0.0, 0.0, 0.0, 1.0])
+    moments, R = np.linalg.eigh(inertia)
+    return moments, quaternion(R * np.sign(np.linalg.det(R)))
+
+
+def ascending(moments: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same inertia with its moments in order, as kernels/rigid/motion.py has them."""
+    order = np.argsort(moments, kind="stable")
+    R = np.eye(3)[:, order]
+    return moments[order], multiply(axes, quaternion(R * np.sign(np.linalg.det(R))))
+
+
+def inertia(body: Body) -> Inertia:
+    """Of a body: what is given, else of its colliders; a given mass scales the inertia of the colliders, and a given centre
+    moves it."""
+    whole = joined([volume(c.shape).moved(c.motion.at(0.0)) for c in body.colliders])
+    mass = body.density * whole.volume if body.mass is None else body.mass
+    center = whole.center if body.center is None else body.center
+    if body.inertia is not None:
+        return Inertia(mass, center, *ascending(body.inertia, normalized(body.axes)))
+    d = center - whole.center
+    own = whole.inertia / whole.volume if whole.volume > 0.0 else np.zeros((3, 3))
+    return Inertia(mass, center, *ascending(*principal(mass * (own + d @ d * np.eye(3) - np.outer(d, d)))))

@@ -1,0 +1,203 @@
+"""Rigid bodies on the device: the part "bodies", whose rows are the bodies of every world, and the steps of a frame.
+
+All substeps of a frame are one launch where nothing can meet: a thread moves one body (kernels/rigid/motion.py). Else
+wsim/physics/rigid/contacts.py.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from wsim.geometry import rotation
+from wsim.kernels.rigid import motion
+from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.state import Field, Part
+from wsim.model.status import Status
+from wsim.model.structs import filled
+from wsim.physics.rigid.mass import Inertia, inertia
+from wsim.physics.rigid.objects import Body
+from wsim.physics.rigid.solids import meeting, standing
+from wsim.scene.samples import Sample, Transform
+
+FIELDS = (Field("x", "m", True, "centre of mass relative to where it was at the start"),
+          Field("e", "m", True, "rounding remainder of x"), Field("p", "kg m/s", True, "momentum"),
+          Field("L", "kg m^2/s", True, "angular momentum about the centre of mass"),
+          Field("q", "", True, "orientation of the principal axes, (x, y, z, w)", "quat"),
+          Field("o", "", True, "rounding remainder of q", "quat"))
+LIVE = {"velocity": 3, "spin": 3, "force": 3, "torque": 3, "drag": 0, "spin_drag": 0}
+
+
+def build(b) -> Method:
+    return Rigid(b)
+
+
+class Rigid(Method):
+    """`bodies`: (body, world), a row of the part each; `masses` of them."""
+
+    def __init__(self, b):
+        super().__init__("rigid")
+        self.model, scene = b.model, b.scene
+        worlds = range(b.model.worlds)
+        self.bodies: list[tuple[Body, int]] = [(body, world) for world in worlds for body in scene.things("Body")]
+        of = {id(body): inertia(body) for body in scene.things("Body")}
+        self.masses: list[Inertia] = [of[id(body)] for body, _ in self.bodies]
+        frames = np.array([body.motion.at(0.0) for body, _ in self.bodies])
+        self.origin = np.array([M[:3, :3] @ m.center + M[:3, 3] for M, m in zip(frames, self.masses, strict=True)])
+        self.gravity = np.tile(np.asarray(scene.gravity, np.float64), (b.model.worlds, 1))
+        self.force, self.twist = (np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("force", "torque"))
+        self.part = Part.allocate("bodies", FIELDS, len(self.bodies), b.model.real, b.model.device)
+        self.part.rows = {(body.path, world): np.array([k]) for k, (body, world) in enumerate(self.bodies)}
+        b.state.add(self.part)
+        self._begin(frames)
+        self.Bodies, self.Moving = motion.structs(b.model.real)
+        self.table, self.pushed = self._tables(), True
+        self.contacts: Any = None
+        what, launches = f"{len(self.bodies)} bodies, all substeps", 1
+        if meet(scene):
+            from wsim.physics.rigid.contacts import Contacts
+            self.contacts = Contacts(b, self)
+            what += f", {self.contacts.shapes} shapes that can meet"
+            launches = self.contacts.launches(b.clock)
+        else:
+            self.kernel = motion.free(b.model.real, b.model.module)
+        self.stages.append(Stage("rigid bodies", "predict", self.advance, launches, self.part.bytes, "frame", what))
+
+    def _begin(self, frames: np.ndarray) -> None:
+        q = rotation.multiply(rotation.quaternion(frames[:, :3, :3]), np.array([m.axes for m in self.masses]))
+        spin = np.array([body.spin for body, _ in self.bodies])
+        near = rotation.normalized(q).astype(self.model.dtype)
+        self.put("q", near)
+        self.put("o", rotation.normalized(q) - near)
+        self.put("p", np.array([m.mass * body.velocity for m, (body, _) in zip(self.masses, self.bodies, strict=True)]))
+        self.put("L", self.momentum(rotation.normalized(q), spin))
+
+    def momentum(self, q: np.ndarray, spin: np.ndarray) -> np.ndarray:
+        """Angular momentum (n, 3) [kg m^2/s] of angular velocities [rad/s]."""
+        moments = np.array([m.moments for m in self.masses])
+        return rotation.rotate(q, moments * rotation.rotate(rotation.conjugate(q), spin))
+
+    def put(self, name: str, values: np.ndarray) -> None:
+        self.part.arrays[name].assign(np.ascontiguousarray(values, self.model.dtype))
+
+    def get(self, name: str) -> np.ndarray:
+        """A field of all bodies, float64."""
+        return self.part.arrays[name].numpy().astype(np.float64)
+
+    def turns(self) -> np.ndarray:
+        """Quaternions (n, 4) from principal axes to the world now."""
+        return rotation.normalized(self.get("q") + self.get("o"))
+
+    def _tables(self) -> Any:
+        m, dtype, real = self.model, self.model.dtype, self.model.real
+        mass = np.array([one.mass for one in self.masses])
+        moments = np.array([one.moments for one in self.masses])
+        columns = {name: np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("drag", "spin_drag")}
+        vec3 = self.part.arrays["x"].dtype
+        table = filled(self.Bodies, w=m.upload((1.0 / mass).astype(dtype), real),
+                       inverse=m.upload((1.0 / moments).astype(dtype), vec3),
+                       **{name: m.upload(value.astype(dtype), real) for name, value in columns.items()})
+        table.push = m.upload(self._push().astype(dtype), vec3)
+        table.torque = m.upload(self.twist.astype(dtype), vec3)
+        return table
+
+    def _push(self) -> np.ndarray:
+        """Weight and force [N], (n, 3)."""
+        worlds = [world for _, world in self.bodies]
+        return np.array([m.mass for m in self.masses])[:, None] * self.gravity[worlds] + self.force
+
+    def moving(self) -> Any:
+        return filled(self.Moving, **{name: self.part.arrays[name] for name in ("x", "e", "q", "o", "p", "L")})
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        if self.contacts:
+            self.contacts.before_frame(time, clock)
+
+    def retry(self, status: Status) -> list[Remedy]:
+        return self.contacts.retry(status) if self.contacts else []
+
+    def restored(self, fields) -> None:
+        pairs = fields.get(self.bodies[0][0].path, {}).get("a")
+        if self.contacts and pairs is not None and len(pairs) > self.contacts.room:
+            self.contacts.grow(len(pairs))
+
+    def advance(self, clock: Clock) -> None:
+        if self.contacts:
+            self.contacts.advance(clock)
+            return
+        now = self.moving()
+        self.model.launch(self.kernel, self.part.count, [self.table, now, clock.substeps, clock.h], [now])
+
+    def poses(self) -> np.ndarray:
+        """Frames of the bodies to the world now, (n, 4, 4) float64 [m]."""
+        axes = np.array([m.axes for m in self.masses])
+        R = rotation.matrix(rotation.multiply(self.turns(), rotation.conjugate(axes)))
+        found = np.tile(np.eye(4), (len(R), 1, 1))
+        center = np.array([m.center for m in self.masses])
+        found[:, :3, :3] = R
+        found[:, :3, 3] = self.origin + self.get("x") + self.get("e") - np.einsum("nij,nj->ni", R, center)
+        return found
+
+    def spins(self) -> np.ndarray:
+        """Angular velocities now, world (n, 3) [rad/s]."""
+        q, moments = self.turns(), np.array([m.moments for m in self.masses])
+        return rotation.rotate(q, rotation.rotate(rotation.conjugate(q), self.get("L")) / moments)
+
+    def velocities(self) -> np.ndarray:
+        """Of the centres of mass now, (n, 3) [m/s]."""
+        return self.get("p") / np.array([m.mass for m in self.masses])[:, None]
+
+    def samples(self, world: int = 0) -> list[Sample]:
+        poses = self.poses()
+        for k, (body, _) in enumerate(self.bodies):
+            if body.stretch is not None:
+                poses[k, :3, :3] = poses[k, :3, :3] @ body.stretch
+        return [Transform(body.path, poses[k]) for k, (body, of) in enumerate(self.bodies) if of == world]
+
+    def indicators(self, x, v) -> dict[str, float]:
+        """Kinetic energy and that in gravity [J] of all bodies of the first world; how deep shapes overlap [m]."""
+        first = np.array([world == 0 for _, world in self.bodies])
+        places = self.origin + self.get("x")
+        mass = np.array([m.mass for m in self.masses])
+        energy = 0.5 * (self.get("p") * self.velocities()).sum(1) + 0.5 * (self.get("L") * self.spins()).sum(1)
+        found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
+        return found | ({"rigid_overlap": self.contacts.overlap()} if self.contacts else {})
+
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+        hit = np.array([k for k, (body, of) in enumerate(self.bodies) if path in ("/", body.path) and world in (None, of)], int)
+        if path == "/" and name == "gravity":
+            self.gravity[slice(None) if world is None else world] = value
+            self.table.push.assign(self._push().astype(self.model.dtype))
+            return True
+        if path == "/" or len(hit) == 0 or name not in LIVE:
+            return False
+        if name in ("velocity", "spin"):
+            field = "p" if name == "velocity" else "L"
+            now = self.get(field)
+            q, every = self.turns(), np.tile(value, (len(now), 1))
+            wanted = np.array([m.mass for m in self.masses])[:, None] * every if field == "p" else self.momentum(q, every)
+            now[hit] = wanted[hit]
+            self.put(field, now)
+            return True
+        rows = {"force": self.force, "torque": self.twist}.get(name)
+        if rows is not None:
+            rows[hit] = value
+            array, values = (self.table.push, self._push()) if name == "force" else (self.table.torque, rows)
+        else:
+            array = getattr(self.table, name)
+            values = array.numpy()
+            values[hit] = value
+        array.assign(values.astype(self.model.dtype))
+        return True
+
+
+def meet(scene) -> bool:
+    """Whether there are two things that can touch."""
+    bodies = [body for body in scene.things("Body") if meeting(body)]
+    return bool(bodies) and len(bodies) + len(standing(scene.colliders)) > 1
+
+
+def signature(b) -> list:
+    if not meet(b.scene):
+        return []
+    from wsim.physics.rigid.contacts import bounces, kinds
+    return [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), bounces(b.scene)]

@@ -1,0 +1,63 @@
+"""Rigid bodies of a scene: plain data in SI units, NumPy only.
+
+A body has a frame of its own, `motion` to the world at the start, and colliders that are fixed in it: their `motion` leads to
+the frame of the body, not to the world. Without colliders it meets nothing. Its mass, centre and inertia are those of its
+colliders of `density` unless they are given (`wsim.physics.rigid.mass`).
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wsim.scene import Collider
+from wsim.scene.bodies import Compared
+from wsim.scene.curve import Motion
+
+DENSITY = 1000.0                             # [kg/m^3] where nothing is given, as USD has it
+
+
+def vector(value) -> np.ndarray | None:
+    return None if value is None else np.array(value, np.float64).reshape(3)
+
+
+@dataclass(eq=False)
+class Body(Compared):
+    """A rigid body, which moves by forces.
+
+    path        prim path
+    colliders   its shapes; their `motion` leads to the body's frame, with one key
+    motion      the body's frame to world at the start, one key, rigid, lengths [m]
+    velocity    of its centre of mass at the start, world (3,) [m/s]
+    spin        angular velocity at the start, world (3,) [rad/s]
+    density     of its colliders [kg/m^3], where no mass is given
+    mass        [kg]; None: that of the colliders
+    center      centre of mass in the body's frame (3,) [m]; None: that of the colliders
+    inertia     principal moments about the centre (3,) [kg m^2]; None: those of the colliders
+    axes        quaternion (x, y, z, w) [1] from the principal axes of `inertia` to the body's frame
+    force       on the centre of mass, world (3,) [N]
+    torque      world (3,) [N m]
+    drag        decay rate of the velocity [1/s]
+    spin_drag   decay rate of the angular momentum [1/s]
+    stretch     of its prim's transform, before `motion`, (3, 3) [1]: it has gone into the colliders, and results keep it
+    """
+
+    path: str
+    colliders: list[Collider] = field(default_factory=list)
+    motion: Motion = field(default_factory=Motion.still)
+    velocity: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    spin: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    density: float = DENSITY
+    mass: float | None = None
+    center: np.ndarray | None = None
+    inertia: np.ndarray | None = None
+    axes: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
+    force: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    torque: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    drag: float = 0.0
+    spin_drag: float = 0.0
+    stretch: np.ndarray | None = field(default=None, compare=False)
+
+    def __post_init__(self):
+        for name in ("velocity", "spin", "center", "inertia", "force", "torque"):
+            setattr(self, name, vector(getattr(self, name)))
+        self.axes = np.array(self.axes, np.float64).reshape(4)

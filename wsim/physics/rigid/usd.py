@@ -1,0 +1,158 @@
+"""Prims with PhysicsRigidBodyAPI <-> `Body`; the colliders on and below them are theirs.
+
+Masses are those of usd-core (`UsdPhysics.RigidBodyAPI.ComputeMassProperties`, which knows the precedence of mass and density
+of bodies, colliders and materials), from the volumes of wsim/physics/rigid/mass.py. A kinematic or disabled body is none here:
+its colliders move as animated and push.
+"""
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+
+from wsim.physics.rigid.mass import Volume, volume
+from wsim.physics.rigid.objects import Body
+from wsim.scene import Collider
+from wsim.scene.curve import Motion
+from wsim.usd import names
+from wsim.usd.attributes import author as write
+from wsim.usd.attributes import read
+from wsim.usd.prims.colliders import author_collider, load_collider, surface
+from wsim.usd.stage import Reading, Units, applied
+from wsim.usd.transforms import author_motion, placement, split
+
+OWN = ("force", "torque", "drag", "spin_drag")           # of WsimRigidBodyAPI
+LEAF = "collider"
+
+
+def simulated(reading: Reading, prim: Usd.Prim) -> bool:
+    """Whether a body moves by forces: it is enabled, not kinematic, and there are no points that it would have to meet."""
+    return dynamic(reading, prim) and not reading.points
+
+
+def dynamic(reading: Reading, prim: Usd.Prim) -> bool:
+    api, start = UsdPhysics.RigidBodyAPI(prim), reading.start
+    return api.GetRigidBodyEnabledAttr().Get(start) is not False and not api.GetKinematicEnabledAttr().Get(start)
+
+
+def within(reading: Reading, prim: Usd.Prim) -> list[Sdf.Path]:
+    """Prims that are colliders of the body, and no colliders of the scene."""
+    if names.RIGID_BODY not in applied(prim) or not simulated(reading, prim):
+        return []
+    found, prims = [], iter(Usd.PrimRange(prim, Usd.TraverseInstanceProxies()))
+    for each in prims:
+        if each != prim and names.RIGID_BODY in applied(each):
+            prims.PruneChildren()
+        elif names.COLLISION in applied(each):
+            found.append(each.GetPath())
+    return found
+
+
+def load(reading: Reading, prim: Usd.Prim) -> Body | None:
+    path = str(prim.GetPath())
+    if names.RIGID_BODY not in applied(prim):
+        if not reading.points:
+            reading.warn(path, f"is a {prim.GetTypeName()}: joints are not simulated yet, and its bodies come apart")
+        return None
+    if not simulated(reading, prim):
+        if dynamic(reading, prim):
+            reading.warn(path, "is a dynamic rigid body beside cloth, springs or soft bodies, which rigid bodies do not meet "
+                         "yet: its colliders move only as animated")
+        return None
+    if prim.IsInstanceProxy():
+        reading.fail(path, "is a rigid body in an instance, whose contents cannot be written over; author instanceable = false "
+                     "on the instance")
+        return None
+    place = placement(reading, prim)
+    if len(place.times) > 1:
+        reading.warn(path, "is animated and a dynamic rigid body: it starts where the animation does and then moves by forces")
+    try:
+        R, S = split(place.linear[0])
+    except ValueError as error:
+        reading.fail(path, f"{error}; give it scales other than zero")
+        return None
+    M = place.frame[0].copy()
+    M[:3, :3] = R
+    colliders = [c for each in within(reading, prim) if (c := _own(reading, reading.stage.GetPrimAtPath(each), M)) is not None]
+    velocity, spin = _rates(reading, prim)
+    own = {name: value for name in OWN if (value := read(prim, "RigidBody", name, reading.units)) is not None}
+    return Body(path, colliders, Motion.still(M), velocity, spin, stretch=None if np.array_equal(S, np.eye(3)) else S,
+                **_mass(reading, prim, colliders), **own)
+
+
+def _own(reading: Reading, prim: Usd.Prim, M: np.ndarray) -> Collider | None:
+    enabled = prim.GetAttribute("physics:collisionEnabled")
+    before = len(reading.problems)
+    found = load_collider(reading, prim)
+    reading.problems[before:] = [p for p in reading.problems[before:] if "physics:approximation = convexHull" not in p.text]
+    if found is None:                                   # a mesh of a body is its convex hull
+        return None
+    found.motion = Motion(found.motion.times[:1], np.linalg.inv(M) @ found.motion.values[:1])
+    found.meets = not enabled or enabled.Get(reading.start) is not False
+    return found
+
+
+def _rates(reading: Reading, prim: Usd.Prim) -> tuple[np.ndarray, np.ndarray]:
+    """World [m/s], [rad/s]; authored in the space that the prim's own transform leads to."""
+    api, R = UsdPhysics.RigidBodyAPI(prim), _above(prim, reading.start)
+    v, w = (np.array(a.Get(reading.start) or (0.0, 0.0, 0.0), np.float64)
+            for a in (api.GetVelocityAttr(), api.GetAngularVelocityAttr()))
+    return R @ v * reading.units.metres, R @ np.radians(w)
+
+
+def _above(prim: Usd.Prim, time) -> np.ndarray:
+    """Rotation (3, 3) of the space above a prim."""
+    if UsdGeom.Xformable(prim).GetResetXformStack():
+        return np.eye(3)
+    return split(np.array(UsdGeom.XformCache(time).GetParentToWorldTransform(prim)).T[:3, :3])[0]
+
+
+def _mass(reading: Reading, prim: Usd.Prim, colliders: list[Collider]) -> dict:
+    """mass, center, inertia and axes of usd-core, in SI units."""
+    units, by_path = reading.units, {c.path: c for c in colliders}
+
+    def information(each: Usd.Prim, *_):
+        found = UsdPhysics.RigidBodyAPI.MassInformation()
+        own = by_path.get(str(each.GetPath()))
+        V = Volume(0.0, np.zeros(3), np.zeros((3, 3))) if own is None else volume(own.shape).moved(own.motion.at(0.0))
+        found.volume = V.volume / units.metres**3
+        found.inertia = Gf.Matrix3f(*(V.inertia / units.metres**5).ravel().tolist())
+        found.centerOfMass = Gf.Vec3f(*(V.center / units.metres).tolist())
+        found.localPos, found.localRot = Gf.Vec3f(0.0), Gf.Quatf(1.0)
+        return found
+
+    given = UsdPhysics.MassAPI(prim)
+    inertia = given.GetDiagonalInertiaAttr().Get(reading.start) if given else None
+    if not any(volume(c.shape).volume for c in colliders) and not (inertia and any(inertia)):
+        mass = given.GetMassAttr().Get(reading.start) if given else None       # nothing that an inertia could follow from
+        return {"mass": float(mass) * units.kilograms} if mass else {}
+    mass, diagonal, center, axes = UsdPhysics.RigidBodyAPI(prim).ComputeMassProperties(information)
+    q = np.array([*axes.GetImaginary(), axes.GetReal()], np.float64)
+    return {"mass": float(mass) * units.kilograms, "center": np.array(center, np.float64) * units.metres,
+            "inertia": np.array(diagonal, np.float64) * units.kilograms * units.metres**2, "axes": q}
+
+
+def author(stage: Usd.Stage, body: Body, units: Units) -> None:
+    prim = UsdGeom.Xform.Define(stage, body.path).GetPrim()
+    surfaces: dict[tuple, str] = {}
+    for collider in body.colliders:                     # before the body has a transform: theirs is within it
+        material = surfaces.setdefault(surface(collider), f"{body.path}/Materials/surface{len(surfaces)}")
+        path = collider.path if collider.path != body.path else f"{body.path}/{LEAF}"
+        author_collider(stage, Collider(**{**vars(collider), "path": path}), material, units, 0)
+        if not collider.meets:
+            UsdPhysics.CollisionAPI(stage.GetPrimAtPath(path)).CreateCollisionEnabledAttr(False)
+    author_motion(prim, body.motion, units, 0)
+    api, mass, R = UsdPhysics.RigidBodyAPI.Apply(prim), UsdPhysics.MassAPI.Apply(prim), _above(prim, Usd.TimeCode.Default()).T
+    api.CreateVelocityAttr(Gf.Vec3f(*(R @ body.velocity / units.metres).tolist()))
+    api.CreateAngularVelocityAttr(Gf.Vec3f(*np.degrees(R @ body.spin).tolist()))
+    mass.CreateDensityAttr(body.density / units.factor("kg/m^3"))
+    if body.mass is not None:
+        mass.CreateMassAttr(body.mass / units.kilograms)
+    if body.center is not None:
+        mass.CreateCenterOfMassAttr(Gf.Vec3f(*(body.center / units.metres).tolist()))
+    if body.inertia is not None:
+        mass.CreateDiagonalInertiaAttr(Gf.Vec3f(*(body.inertia / (units.kilograms * units.metres**2)).tolist()))
+        mass.CreatePrincipalAxesAttr(Gf.Quatf(float(body.axes[3]), Gf.Vec3f(*body.axes[:3].tolist())))
+    for name in OWN:
+        value = getattr(body, name)
+        if np.any(value):
+            prim.AddAppliedSchema(names.WSIM_RIGID)
+            write(prim, "RigidBody", name, value, units)
