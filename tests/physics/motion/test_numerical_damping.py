@@ -35,7 +35,7 @@ def test_backward_euler_takes_what_it_must(solver):
     wanted = (1.0 + (H * OMEGA)**2) ** (-4 * FRAMES) - 1.0
     assert found["error"]["energy_change"] == pytest.approx(wanted, rel=1e-6)
     assert found["error"]["energy_change_seconds"] == 0.25
-    assert f"energy {100.0 * wanted:+.2g} % in 0.25 s (numerical damping of backward_euler)" in report.text(found)
+    assert f" {100.0 * wanted:+.2g} % in 0.25 s (numerical damping of backward_euler)" in report.text(found)
 
 
 def test_the_midpoint_takes_nothing():

@@ -114,7 +114,7 @@ def test_lengths_at_rest_are_what_limits_and_tethers_allow(what, integrator):
 def cord(integrator: str, what: str, iterations: int) -> Scene:
     """A row of squares that hangs in a plane and is pulled along its springs: tethers keep it straight, limits of its diagonals
     bend it."""
-    scene = Scene(fps=60, frames=3, solver="implicit", integrator=integrator, substeps=2, iterations=iterations)
+    scene = Scene(fps=60, up="Z", frames=3, solver="implicit", integrator=integrator, substeps=2, iterations=iterations)
     points = np.stack([np.repeat([0.0, 0.125], 5), np.zeros(10), np.tile(-0.125 * np.arange(5), 2)], -1)
     quads = np.array([[k, k + 1, k + 6, k + 5] for k in range(4)])
     cloth = scene.cloth("/cloth", points, np.full(4, 4), quads.ravel(), model="springs")
