@@ -17,6 +17,7 @@ import ast
 import re
 import sys
 from collections.abc import Iterable, Iterator
+from functools import cache
 from pathlib import Path
 
 TEXTS = (".md", ".toml", ".usda", ".json", ".csv", ".txt", "")
@@ -63,9 +64,14 @@ def sources(root: Path = ROOT, folders=("wsim", "kernels", "tests", "tools")) ->
     return found
 
 
+@cache
+def parsed(text: str) -> ast.Module:
+    return ast.parse(text)
+
+
 def product(files: dict[Path, str]) -> dict[str, tuple[Path, ast.Module]]:
     """Modules of the product by name, parsed."""
-    return {name_of(path): (path, ast.parse(text)) for path, text in files.items()
+    return {name_of(path): (path, parsed(text)) for path, text in files.items()
             if path.parts[0] in ("wsim", "kernels")}
 
 
@@ -181,7 +187,7 @@ def size(files: dict[Path, str]) -> Iterator[str]:
         most, lines = (TEST_LINES if test else FILE_LINES), text.count("\n")
         if lines > most:
             yield f"{path}:1: {lines} lines, at most {most}: split it into two subjects"
-        for node in ast.walk(ast.parse(text)):
+        for node in ast.walk(parsed(text)):
             if not isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
                 continue
             if length(node) > FUNCTION_LINES:
@@ -196,7 +202,7 @@ def kernels(files: dict[Path, str]) -> Iterator[str]:
     """Two kernels of one name: where a plan has both in its module, Warp 1.19 replays a graph on a CPU with either for both."""
     seen: dict[str, str] = {}
     for path, text in files.items():
-        for node in ast.walk(ast.parse(text)) if path.parts[0] == "kernels" else ():
+        for node in ast.walk(parsed(text)) if path.parts[0] == "kernels" else ():
             if isinstance(node, ast.FunctionDef) and any("wp.kernel" in ast.unparse(d) for d in node.decorator_list):
                 place = f"{path}:{node.lineno}"
                 if seen.setdefault(node.name, place) != place:
@@ -206,7 +212,7 @@ def kernels(files: dict[Path, str]) -> Iterator[str]:
 def ports(files: dict[Path, str]) -> Iterator[str]:
     """`plan.method(...)` of anything but a row of the table, and `methods[...]`: see `wsim.model.stage.Methods`."""
     for path, text in files.items():
-        for node in ast.walk(ast.parse(text)) if path.parts[0] == "wsim" else ():
+        for node in ast.walk(parsed(text)) if path.parts[0] == "wsim" else ():
             said = (ast.unparse(node.args[0]) if isinstance(node, ast.Call) and node.args
                     and isinstance(node.func, ast.Attribute) and node.func.attr == "method" else
                     ast.unparse(node.slice) if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Attribute)
@@ -227,7 +233,7 @@ def adjoints(files: dict[Path, str]) -> Iterator[str]:
                 yield f"{path}:1: {forward.name} does not stand beside it: name it after what it is the adjoint of"
         elif path.parts[0] == "wsim":
             yield from (f"{path}:{line}: imports {dotted}: let `wsim.model.vjp.beside` do so"
-                        for line, dotted in imports(ast.parse(text)) if "_adjoint" in dotted)
+                        for line, dotted in imports(parsed(text)) if "_adjoint" in dotted)
 
 
 def words(files: dict[Path, str]) -> Iterator[str]:
