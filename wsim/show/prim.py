@@ -73,7 +73,8 @@ def triangulated(prim: Usd.Prim, kind: str, number: int, time: float, meters: fl
     if color_of is None:
         color_of = np.zeros_like(triangles)
     drawn = Drawn(Look(triangles, colors, color_of, groups, path), kind, points, moves(prim))
-    if UsdGeom.PrimvarsAPI(prim).GetPrimvar("displayColor").ValueMightBeTimeVarying():
+    colour = UsdGeom.PrimvarsAPI(prim).GetPrimvar("displayColor")
+    if colour and colour.ValueMightBeTimeVarying():
         count = len(colors)
 
         def now(t: float) -> np.ndarray:
