@@ -40,7 +40,7 @@ class Particles:
 
 
 @dataclass(frozen=True)
-class Value:
+class Quantity:
     """A number, or numbers (n,) such as joint values, as a sampled attribute of type double or double[]."""
 
     path: str
@@ -66,4 +66,4 @@ class Colour:
     values: np.ndarray
 
 
-Sample = Points | Transform | Particles | Value | Volume | Colour
+Sample = Points | Transform | Particles | Quantity | Volume | Colour

@@ -7,7 +7,7 @@ from tests.make.sparks.objects import GRAVITY, WIDTH
 from wsim.kernels.math.real import types
 from wsim.model.stage import Clock, Method, Stage
 from wsim.model.state import Field, Part
-from wsim.scene.samples import Particles, Points, Sample, Transform, Value, Volume
+from wsim.scene.samples import Particles, Points, Quantity, Sample, Transform, Volume
 
 FIELDS = (Field("x", "m", True, "position"), Field("v", "m/s", True, "velocity"),
           Field("frames", "", True, "frames that have passed", "int"))
@@ -46,7 +46,7 @@ class Flying(Method):
                 density = np.histogram(x[rows, 2], bins=8)[0]
                 found += [Particles(f"{sparks.path}/Lit", x[lit], np.full(len(lit), WIDTH), lit - rows[0], v[lit]),
                           Points(f"{sparks.path}/Trace", x[rows], v[rows]), Transform(f"{sparks.path}/Middle", M),
-                          Value(sparks.path, "toy:speeds", np.linalg.norm(v[rows[:5]], axis=1)),
+                          Quantity(sparks.path, "toy:speeds", np.linalg.norm(v[rows[:5]], axis=1)),
                           Volume(f"{sparks.path}/Smoke", ".npy", lambda file, density=density: np.save(file, density))]
         return found
 

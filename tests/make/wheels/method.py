@@ -6,7 +6,7 @@ import warp as wp
 from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
-from wsim.scene.samples import Sample, Transform, Value
+from wsim.scene.samples import Quantity, Sample, Transform
 
 ROOM = "wheels: turns"
 FIELDS = (Field("angle", "rad", True, "since the start", "scalar"), Field("rate", "rad/s", True, "of the angle", "scalar"),
@@ -60,7 +60,7 @@ class Wheels(Method):
             if of == world:
                 M = np.eye(4)
                 M[:2, :2] = [[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]]
-                found += [Transform(w.path, M), Value(w.path, "toy:turns", float(theta / (2.0 * np.pi)))]
+                found += [Transform(w.path, M), Quantity(w.path, "toy:turns", float(theta / (2.0 * np.pi)))]
         return found
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:

@@ -3,7 +3,7 @@
     Points      points, velocities, extent                        of a UsdGeom.PointBased
     Transform   xformOp:transform                                 of a UsdGeom.Xformable
     Particles   points, widths, ids, velocities, extent           of a UsdGeom.Points
-    Value       an attribute double or double[]                   of any prim
+    Quantity    an attribute double or double[]                   of any prim
     Colour      primvars:displayColor of each point               of a UsdGeom.PointBased
     Volume      asset filePath, a file a frame beside the layer   of any prim; a UsdVol.OpenVDBAsset where none is there
 """
@@ -16,7 +16,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from wsim.scene import Problem, SceneError
-from wsim.scene.samples import Colour, Particles, Points, Sample, Transform, Value, Volume
+from wsim.scene.samples import Colour, Particles, Points, Quantity, Sample, Transform, Volume
 from wsim.usd.result.kinds.beside import Beside
 from wsim.usd.result.samples import Frame, particles_of
 
@@ -99,7 +99,7 @@ def _transform(prim: Usd.Prim, sample: Transform, code: float, beside: Beside) -
     return [(op.GetAttr(), Gf.Matrix4d(*local.T.ravel().tolist()))]
 
 
-def _value(prim: Usd.Prim, sample: Value, code: float, beside: Beside) -> Written:
+def _value(prim: Usd.Prim, sample: Quantity, code: float, beside: Beside) -> Written:
     several = np.ndim(sample.value) > 0
     kind = Sdf.ValueTypeNames.DoubleArray if several else Sdf.ValueTypeNames.Double
     attribute = prim.GetAttribute(sample.name) or prim.CreateAttribute(sample.name, kind, True)
@@ -127,7 +127,7 @@ KINDS: dict[type, Row] = {
     Points: Row("Points", _points),
     Transform: Row("Xform", _transform),
     Particles: Row("Points", _particles),
-    Value: Row("", _value),
+    Quantity: Row("", _value),
     Volume: Row("OpenVDBAsset", _volume),
     Colour: Row("Points", _colour),
 }
