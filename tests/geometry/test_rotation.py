@@ -5,7 +5,6 @@ from functools import cache
 import numpy as np
 import pytest
 import warp as wp
-from scipy.spatial.transform import Rotation
 
 from wsim.geometry import rotation as host
 from wsim.kernels.math import rotation as device
@@ -23,9 +22,13 @@ def vectors() -> np.ndarray:
     return (axes[:, None, :] * np.array(ANGLES)[:, None]).reshape(-1, 3)
 
 
+def rotations():
+    return pytest.importorskip("scipy.spatial.transform").Rotation
+
+
 def quaternions() -> np.ndarray:
     """Of `vectors`, then the other quaternion of each."""
-    q = Rotation.from_rotvec(vectors()).as_quat()
+    q = rotations().from_rotvec(vectors()).as_quat()
     return np.concatenate([q, -q])
 
 
@@ -38,6 +41,7 @@ def same_turn(u: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 def test_quaternions_matrices_and_vectors_are_those_of_scipy():
     u, q = vectors(), quaternions()
+    Rotation = rotations()
     R = Rotation.from_quat(q)
     v = np.random.default_rng(1).normal(size=(len(q), 3))
     p = np.roll(q, 7, axis=0)

@@ -4,8 +4,6 @@ solver, energy and bounds, live values, worlds, reactions, gradients."""
 import numpy as np
 import pytest
 import warp as wp
-from scipy.integrate import solve_ivp
-from scipy.optimize import root
 
 from tests.gradient.test_gradients import Run
 from tests.make.area import KIND, ROW, VALUE, Film
@@ -87,6 +85,7 @@ class Reference:
             x, v = y.reshape(2, -1, 3)
             return np.concatenate([v.ravel(), self.acceleration(x).ravel()])
         start = np.concatenate([self.x.ravel(), 0.0 * self.x.ravel()])
+        solve_ivp = pytest.importorskip("scipy.integrate").solve_ivp
         return solve_ivp(rate, (0.0, time), start, "DOP853", rtol=1e-11, atol=1e-12).y[:, -1].reshape(2, -1, 3)[0]
 
     def backward_euler(self, h: float, steps: int) -> np.ndarray:
@@ -96,6 +95,7 @@ class Reference:
             def left(y, x=x, v=v):
                 y = y.reshape(-1, 3)
                 return (y - x - np.where(self.free[:, None], h * v + h * h * self.acceleration(y), 0.0)).ravel()
+            root = pytest.importorskip("scipy.optimize").root
             y = root(left, (x + h * v).ravel(), method="hybr", tol=1e-13).x.reshape(-1, 3)
             assert np.abs(left(y)).max() < 1e-13
             x, v = y, (y - x) / h

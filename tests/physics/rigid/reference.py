@@ -2,7 +2,7 @@
 corners (SciPy's Qhull), or, where a shape is round, by a search over directions that closes in on the best."""
 
 import numpy as np
-from scipy.spatial import ConvexHull
+import pytest
 
 from tests.physics.rigid.pairs import matrix
 
@@ -43,7 +43,7 @@ def polyhedra(a, pose_a, b, pose_b):
     A, ra = corners(*a[:2])
     B, rb = corners(*b[:2])
     D = (placed(A, pose_a)[:, None] - placed(B, pose_b)[None]).reshape(-1, 3)
-    hull = ConvexHull(D)
+    hull = pytest.importorskip("scipy.spatial").ConvexHull(D)
     offset = hull.equations[:, 3].max()
     return (offset if offset <= 0 else to_triangles(D[hull.simplices])) - ra - rb
 

@@ -4,7 +4,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from wsim.geometry import rotation
 from wsim.physics.rigid.objects import Body
@@ -35,6 +34,7 @@ def turned(spin: tuple, moments: tuple, time: float, start=(0.0, 0.0, 0.0, 1.0))
         q, w = y[:4], y[4:]
         return np.concatenate([0.5 * rotation.multiply(q, np.append(w, 0.0)), -np.cross(w, J * w) / J])
     w = rotation.rotate(rotation.conjugate(np.array(start)), np.array(spin))
+    solve_ivp = pytest.importorskip("scipy.integrate").solve_ivp
     found = solve_ivp(rates, (0.0, time), np.concatenate([start, w]), method="DOP853", rtol=1e-13, atol=1e-13)
     return rotation.normalized(found.y[:4, -1])
 
