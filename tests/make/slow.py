@@ -1,6 +1,6 @@
 """Rows that took more than seven seconds, and tests without rows that took more than ten, in a run of all on two cores with an
-empty kernel cache (`pytest --durations`): they are marked slow, beside those that are marked where they stand. A test with rows
-keeps one that is not."""
+empty kernel cache (`pytest --durations`), and those that took longest in a run with kernels that were there. They are marked
+slow, beside those that are marked where they stand. A test with rows keeps one that is not."""
 
 SLOW = {
     "fitting/test_fields.py": [
