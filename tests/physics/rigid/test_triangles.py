@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.rigid.pairs import PRECISIONS, matrix, poses, shapes, turns
+from tests.physics.rigid.pairs import PRECISIONS, WHERE, matrix, poses, shapes, turns
 from tests.physics.rigid.reference import SIGNS, polyhedra
 from wsim.geometry.convex_hull import convex_hull
 from wsim.kernels.math.real import types
@@ -44,20 +44,20 @@ def meet(rows, pose, meshes, margin, real, of=(), capacity=4096, every=False):
     """(manifolds in the shapes' frames, (shape, face) of each, how many were wanted) of all shapes with all meshes at rest."""
     Near, find, touch = kernels(real)
     t, near = types(real), Near()
-    n, keep = len(rows), tables(meshes, real, "cpu")
+    n, keep = len(rows), tables(meshes, real, WHERE["device"])
     near.shape, near.surfaces = shapes(rows, real), keep[0]
-    near.hulls = hull_tables.tables(of, real, "cpu") if of else hulls(real)()
-    near.pose = wp.array(np.ascontiguousarray(np.broadcast_to(pose, (n, 7))), dtype=t.transform, device="cpu")
-    near.mesh_pose = wp.array([STILL] * len(meshes), dtype=t.transform, device="cpu")
+    near.hulls = hull_tables.tables(of, real, WHERE["device"]) if of else hulls(real)()
+    near.pose = wp.array(np.ascontiguousarray(np.broadcast_to(pose, (n, 7))), dtype=t.transform, **WHERE)
+    near.mesh_pose = wp.array([STILL] * len(meshes), dtype=t.transform, **WHERE)
     pairs = np.array([(i, j) for i in range(n) for j in range(len(meshes))])
-    near.pairs = wp.array(pairs, dtype=wp.vec2i, device="cpu")
-    near.margin = wp.full(n, margin, dtype=real, device="cpu")
-    counts, found = wp.array([len(pairs), 0], dtype=int, device="cpu"), wp.zeros(capacity, dtype=wp.vec2i, device="cpu")
-    wp.launch(find, 3, [near, 3], [counts, found], device="cpu")
+    near.pairs = wp.array(pairs, dtype=wp.vec2i, **WHERE)
+    near.margin = wp.full(n, margin, dtype=real, **WHERE)
+    counts, found = wp.array([len(pairs), 0], dtype=int, **WHERE), wp.zeros(capacity, dtype=wp.vec2i, **WHERE)
+    wp.launch(find, 3, [near, 3], [counts, found], **WHERE)
     wanted = int(counts.numpy()[1])
     listed = min(wanted, capacity)
-    out = wp.zeros(max(listed, 1), dtype=manifold(real), device="cpu")
-    wp.launch(touch, listed, [near, found], [out], device="cpu")
+    out = wp.zeros(max(listed, 1), dtype=manifold(real), **WHERE)
+    wp.launch(touch, listed, [near, found], [out], **WHERE)
     where = found.numpy()[:listed]
     where[:, 0] = pairs[where[:, 0], 0]
     order = np.lexsort((where[:, 1], where[:, 0]))
