@@ -179,3 +179,23 @@ def test_gradients_are_refused_by_path():
     scene.add(ball("/b", (0.0, 0.0, 0.0)))
     with pytest.raises(SceneError, match="/b: gradients do not go through rigid"):
         Simulation(scene, gradients=True, **WHERE)
+
+
+def test_an_approximation_is_read_and_saved_and_an_unknown_one_is_told(tmp_path):
+    stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
+    for name, said in (("hull", "convexHull"), ("plain", None), ("odd", "sdf")):
+        mesh = UsdGeom.Mesh.Define(stage, f"/{name}")
+        mesh.CreatePointsAttr([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
+        mesh.CreateFaceVertexCountsAttr([3, 3, 3, 3])
+        mesh.CreateFaceVertexIndicesAttr([0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3])
+        UsdPhysics.CollisionAPI.Apply(mesh.GetPrim())
+        if said:
+            UsdPhysics.MeshCollisionAPI.Apply(mesh.GetPrim()).CreateApproximationAttr(said)
+    UsdPhysics.CollisionAPI.Apply(UsdGeom.Sphere.Define(stage, "/ball").GetPrim())
+    UsdPhysics.RigidBodyAPI.Apply(stage.GetPrimAtPath("/ball"))
+    stage.Save()
+    scene = load(tmp_path / "a.usda")
+    assert {c.path: c.approximation for c in scene.colliders} == {"/hull": "convexHull", "/plain": "none", "/odd": "none"}
+    assert any("is sdf" in p.text and p.path.startswith("/odd") for p in scene.notes)
+    save(scene, tmp_path / "b.usda")
+    assert {c.path: c.approximation for c in load(tmp_path / "b.usda").colliders}["/hull"] == "convexHull"
