@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.geometry.rotation import angular_velocity, quaternion
+from wsim.geometry.rotation import angular_velocity, conjugate, multiply, quaternion, rotate
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid import collide, contact, pairs
 from wsim.kernels.rigid.kinds import SERIAL
@@ -76,10 +76,11 @@ class Contacts:
     def _shapes(self) -> None:
         method, real = self.method, self.real
         self.still_origin = np.array([c.motion.at(0.0)[:3, 3] for c in self.colliders]).reshape(-1, 3)
-        rows = [(k, world, c, place_of(method.masses[k], c)) for k, world, c in self.owners]
-        rows += [(self.still_first + s, -1, c, np.array([0.0, 0, 0, 0, 0, 0, 1])) for s, c in enumerate(self.colliders)]
+        rows = self.owners + [(self.still_first + s, -1, c) for s, c in enumerate(self.colliders)]
+        places = np.concatenate([places_of([method.masses[k] for k, _, _ in self.owners], [c for _, _, c in self.owners]),
+                                 np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(self.colliders), 1))])
         self.shapes = len(rows)
-        shape = [c.shape for _, _, c, _ in rows]
+        shape = [c.shape for _, _, c in rows]
         solid = {k: made for k, s in enumerate(shape) if isinstance(s, Surface) and (made := hull(s)) is not None}
         number = {k: place for place, k in enumerate(solid)}
         self.hulls = tables(list(solid.values()), real, self.device)
@@ -92,13 +93,13 @@ class Contacts:
         def array(values, dtype):
             return self.model.upload(np.array(values, np.int32 if dtype is int else self.model.dtype), dtype)
         self.table = filled(
-            Shapes, frame=array([k for k, *_ in rows], int), world=array([w for _, w, _, _ in rows], int),
-            kind=array([KINDS[kind(c)] for _, _, c, _ in rows], int),
+            Shapes, frame=array([k for k, _, _ in rows], int), world=array([w for _, w, _ in rows], int),
+            kind=array([KINDS[kind(c)] for _, _, c in rows], int),
             row=array([number.get(k, 0) for k in range(len(rows))], int),
-            size=array(size, t.vec3), place=array([p for *_, p in rows], t.transform),
+            size=array(size, t.vec3), place=array(places, t.transform),
             ball=array(ball, real), skin=array([s.radius if isinstance(s, (Sphere, Capsule)) else 0.0 for s in shape], real),
-            friction=array([(c.static_friction, c.dynamic_friction) for _, _, c, _ in rows], t.vec2),
-            restitution=array([c.restitution for _, _, c, _ in rows], real),
+            friction=array([(c.static_friction, c.dynamic_friction) for _, _, c in rows], t.vec2),
+            restitution=array([c.restitution for _, _, c in rows], real),
             origin=wp.array(np.concatenate([method.origin, self.still_origin]), dtype=wp.vec3d, device=self.device))
 
     def _lists(self, room: int) -> None:
@@ -161,17 +162,22 @@ class Contacts:
 
     def advance(self, clock: Clock) -> None:
         """All substeps of a frame."""
-        times = max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
+        times = self.times(clock)
         ends = [round(i * clock.substeps / times) for i in range(times + 1)]
         for first, last in zip(ends[:-1], ends[1:], strict=True):
             self._manifolds(clock, first, last)
-            self.form.colour(self.model, self.rig(), self.status.word(IN_TURN))
-            self.form.advance(self.model, (first, last, self.sweeps), clock.h, self.rig())
+            self.form.colour(self.rig(), self.status.word(IN_TURN))
+            self.form.advance((first, last, self.sweeps), clock.h, self.rig())
             for name, array in self.arrays().items():
                 wp.copy(array, getattr(self.list, name))
 
+    def times(self, clock: Clock) -> int:
+        """How often manifolds are made in a frame."""
+        return max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
+
     def launches(self, clock: Clock) -> int:
-        return (14 + self.form.coloured) * max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
+        times = self.times(clock)
+        return 13 * times + self.form.launches(clock.substeps, self.sweeps, times)
 
     def arrays(self) -> dict[str, wp.array]:
         """Of the state: the last list."""
@@ -226,9 +232,8 @@ def bounces(scene) -> bool:
     return any(c.restitution > 0.0 for c in (*own, *standing(scene.colliders)))
 
 
-def place_of(mass: Any, collider: Collider) -> np.ndarray:
-    """(x, y, z, quaternion) of a collider in the frame of its body's centre of mass and principal axes."""
-    from wsim.geometry.rotation import conjugate, multiply, rotate
-    M = collider.motion.at(0.0)
-    back = conjugate(mass.axes)
-    return np.concatenate([rotate(back, M[:3, 3] - mass.center), multiply(back, quaternion(M[:3, :3]))])
+def places_of(masses: list, colliders: list[Collider]) -> np.ndarray:
+    """(x, y, z, quaternion), (n, 7), of colliders in the frames of their bodies' centres of mass and principal axes."""
+    M = np.array([c.motion.at(0.0) for c in colliders])
+    back, center = conjugate(np.array([m.axes for m in masses])), np.array([m.center for m in masses])
+    return np.concatenate([rotate(back, M[:, :3, 3] - center), multiply(back, quaternion(M[:, :3, :3]))], axis=1)
