@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.physics.rigid.pairs import WHERE
-from tests.physics.rigid.test_contact import G, UP, Seen
+from tests.physics.rigid.test_contact import UP, G, Seen
 from wsim.geometry.rotation import about_axis
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Capsule, Collider, Plane, Scene, Surface

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.geometry.rotation import angular_velocity, quaternion
+from wsim.geometry.rotation import angular_velocity, conjugate, multiply, quaternion, rotate
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid import contact
 from wsim.kernels.rigid.kinds import SERIAL
@@ -81,9 +81,13 @@ class Contacts:
         self.still_origin = np.array([c.motion.at(0.0)[:3, 3] for c in self.colliders]).reshape(-1, 3)
         owned = [(k, world, c, as_met(c, True)) for k, world, c in self.owners]
         owned += [(self.still_first + s, -1, c, as_met(c, False)) for s, c in enumerate(self.colliders)]
-        placed = [(k, world, c, met, place_of(method.masses[k], c, met.center) if k < self.still_first else
-                 np.array([*met.center, 0, 0, 0, 1])) for k, world, c, met in owned if met is not None]
-        self.shapes, forms_of = len(placed), [met for *_, met, _ in placed]
+        rows_of = [(k, world, c, met) for k, world, c, met in owned if met is not None]
+        mine, forms_of = len(self.owners), [met for *_, met in rows_of]
+        centers = np.array([met.center for met in forms_of]).reshape(-1, 3)
+        places = np.concatenate([places_of([method.masses[k] for k, _, _ in self.owners], [c for _, _, c in self.owners],
+                                           centers[:mine]),
+                                 np.hstack([centers[mine:], np.tile([0.0, 0, 0, 1], (len(forms_of) - mine, 1))])])
+        self.shapes = len(rows_of)
         solid = {k: met.hull for k, met in enumerate(forms_of) if met.hull is not None}
         meshes = {k: met.mesh for k, met in enumerate(forms_of) if met.mesh is not None}
         number = {k: place for of in (solid, meshes) for place, k in enumerate(of)}
@@ -96,13 +100,13 @@ class Contacts:
         def array(values, dtype):
             return self.model.upload(np.array(values, np.int32 if dtype is int else self.model.dtype), dtype)
         self.table = filled(
-            Shapes, frame=array([k for k, *_ in placed], int), world=array([w for _, w, *_ in placed], int),
+            Shapes, frame=array([k for k, *_ in rows_of], int), world=array([w for _, w, *_ in rows_of], int),
             kind=array([KINDS[met.kind] for met in forms_of], int),
-            row=array([number.get(k, 0) for k in range(len(placed))], int),
-            size=array([met.size for met in forms_of], t.vec3), place=array([p for *_, p in placed], t.transform),
+            row=array([number.get(k, 0) for k in range(len(rows_of))], int),
+            size=array([met.size for met in forms_of], t.vec3), place=array(places, t.transform),
             ball=array([met.ball for met in forms_of], real), skin=array([met.skin for met in forms_of], real),
-            friction=array([(c.static_friction, c.dynamic_friction) for _, _, c, *_ in placed], t.vec2),
-            restitution=array([c.restitution for _, _, c, *_ in placed], real),
+            friction=array([(c.static_friction, c.dynamic_friction) for _, _, c, _ in rows_of], t.vec2),
+            restitution=array([c.restitution for _, _, c, _ in rows_of], real),
             origin=wp.array(np.concatenate([method.origin, self.still_origin]), dtype=wp.vec3d, device=self.device))
 
     def _lists(self, room: int) -> None:
@@ -165,17 +169,22 @@ class Contacts:
 
     def advance(self, clock: Clock) -> None:
         """All substeps of a frame."""
-        times = max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
+        times = self.times(clock)
         ends = [round(i * clock.substeps / times) for i in range(times + 1)]
         for first, last in zip(ends[:-1], ends[1:], strict=True):
             self._manifolds(clock, first, last)
-            self.form.colour(self.model, self.rig(), self.status.word(IN_TURN))
-            self.form.advance(self.model, (first, last, self.sweeps), clock.h, self.rig())
+            self.form.colour(self.rig(), self.status.word(IN_TURN))
+            self.form.advance((first, last, self.sweeps), clock.h, self.rig())
             for name, array in self.arrays().items():
                 wp.copy(array, getattr(self.list, name))
 
+    def times(self, clock: Clock) -> int:
+        """How often manifolds are made in a frame."""
+        return max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
+
     def launches(self, clock: Clock) -> int:
-        return (14 + self.form.coloured + bool(self.on_meshes)) * max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
+        times = self.times(clock)
+        return (13 + bool(self.on_meshes)) * times + self.form.launches(clock.substeps, self.sweeps, times)
 
     def arrays(self) -> dict[str, wp.array]:
         """Of the state: the last list."""
@@ -232,10 +241,10 @@ def bounces(scene) -> bool:
     return any(c.restitution > 0.0 for c in (*own, *standing(scene.colliders)))
 
 
-def place_of(mass: Any, collider: Collider, center) -> np.ndarray:
-    """(x, y, z, quaternion) of a collider, about `center` in its frame, in that of its body's centre of mass and principal
-    axes."""
-    from wsim.geometry.rotation import conjugate, multiply, rotate
-    M = collider.motion.at(0.0)
-    back, x = conjugate(mass.axes), M[:3, :3] @ np.asarray(center) + M[:3, 3]
-    return np.concatenate([rotate(back, x - mass.center), multiply(back, quaternion(M[:3, :3]))])
+def places_of(masses: list, colliders: list[Collider], centers: np.ndarray) -> np.ndarray:
+    """(x, y, z, quaternion), (n, 7), of colliders, about `centers` (n, 3) in their frames, in those of the centres of mass and
+    principal axes of their bodies."""
+    M = np.array([c.motion.at(0.0) for c in colliders])
+    back, center = conjugate(np.array([m.axes for m in masses])), np.array([m.center for m in masses])
+    x = np.einsum("nij,nj->ni", M[:, :3, :3], centers) + M[:, :3, 3]
+    return np.concatenate([rotate(back, x - center), multiply(back, quaternion(M[:, :3, :3]))], axis=1)
