@@ -237,3 +237,37 @@ def test_coal_finds_the_same_gaps(real):
     assert 0.2 < apart_ones.mean() < 0.8 and np.median(np.abs(got - want)) < (MEDIAN if real is wp.float32 else 1e-10)
     assert np.abs(got - want)[apart_ones].max() < MOST
     assert (got < 0)[want < -MOST].all() and (got > want - MOST).all()
+
+
+@both
+def test_coal_finds_the_same_gaps_of_hulls(real):
+    """Where coal is installed: flat, long and other hulls, anywhere and nearly touching; of hulls its depths are exact too."""
+    coal = pytest.importorskip("coal")
+    rng, n = np.random.default_rng(22), 400
+    of = clouds(rng, 40)
+    rows = rng.integers(0, 40, (2, n))
+    a, b = ([("hull", 0.0, int(k)) for k in row] for row in rows)
+    pose_a, pose_b = poses(rng, n), poses(rng, n)
+    pose_b[:, :3] = pose_a[:, :3] + rng.uniform(0.2, 1.5, (n, 1)) * (matrix(turns(rng, n)) @ (0, 0, 1.0))
+    H = tables(of, real, WHERE["device"])
+    near = apart_by(a, pose_a, b, pose_b, wp.float64, tables(of, wp.float64, WHERE["device"]))
+    left = rng.choice([-1, 1], n // 2) * 10.0 ** rng.uniform(-6, -2, n // 2)
+    normal = np.einsum("nij,nj->ni", matrix(pose_a[:, 3:]), near["n"])[:n // 2]
+    pose_b[:n // 2, :3] -= normal * (left - near["gap"][:n // 2])[:, None]
+    solid = []
+    for hull in of:
+        points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+        points.extend(list(hull.vertices))
+        faces.extend([coal.Triangle(*map(int, face)) for face in hull.triangles])
+        solid.append(coal.Convex(points, faces))
+    asked = coal.DistanceRequest()
+    asked.gjk_tolerance = asked.epa_tolerance = 1e-10
+    asked.gjk_max_iterations = asked.epa_max_iterations = 1000
+    want = np.array([coal.distance(solid[i], coal.Transform3s(matrix(p[3:]), p[:3]), solid[j],
+                                   coal.Transform3s(matrix(q[3:]), q[:3]), asked, coal.DistanceResult())
+                     for i, j, p, q in zip(*rows, pose_a, pose_b, strict=True)])
+    got = apart_by(a, pose_a, b, pose_b, real, H)["gap"]
+    error = np.abs(got - want) / 2.0
+    assert 0.2 < (want > 0).mean() < 0.8 and np.median(error) < (MEDIAN if real is wp.float32 else 1e-9)
+    assert error[want > 0].max() < MOST
+    assert not ((got * want < 0) & (np.abs(want) > MOST)).any() and (got > want - MOST).all()
