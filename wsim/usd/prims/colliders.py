@@ -192,8 +192,10 @@ def _mesh(reading: Reading, prim: Usd.Prim, place: Placement, S: np.ndarray) -> 
     if prim.GetAttribute("orientation").Get() == UsdGeom.Tokens.leftHanded:
         indices = turned_over(counts, indices)
     codes, noted = attribute.GetTimeSamples(), read_times(attribute, units)
-    poses = None
-    if len(codes) > 1 or (len(codes) == 1 and noted is not None):
+    poses = _follows(reading, prim)
+    if poses is not None:
+        points = poses.at(0.0)
+    elif len(codes) > 1 or (len(codes) == 1 and noted is not None):
         values = [read(prim, "Cloth", "points", units, code) for code in codes]
         if any(v is None or v.shape != points.shape for v in values):
             reading.fail(path, f"its number of points changes (from {len(points)}); a collider mesh must keep its "
@@ -202,6 +204,14 @@ def _mesh(reading: Reading, prim: Usd.Prim, place: Placement, S: np.ndarray) -> 
         times = units.time(np.array(codes)) if noted is None or len(noted) != len(codes) else noted
         poses = Curve(times, np.array(values))
     return _stretched((points, counts, indices), place, S, poses)
+
+
+def _follows(reading: Reading, prim: Usd.Prim) -> Curve | None:
+    """Points of a mesh that a skeleton moves."""
+    if prim.GetPath() not in reading.skinned:
+        return None
+    from wsim.usd.prims.skeletons import poses
+    return poses(reading, prim)
 
 
 def author_collider(stage: Usd.Stage, collider: Collider, material: str, units: Units, frames: int) -> None:
