@@ -26,20 +26,27 @@ def over_bodies(real):
             forces(b, h, rig)
 
     @wp.func
-    def placed(i: int, threads: int, k: int, rig: Rig):
-        """Where substep k begins."""
+    def faced(i: int, threads: int, k: int, last: int, rig: Rig):
         n = rig.b.w.shape[0]
-        for f in range(i, rig.work.turn.shape[0], threads):
+        for f in range(i, last, threads):
             if f < n:
                 oriented(f, rig)
             else:
                 turned(f, k, rig)
 
     @wp.func
+    def placed(i: int, threads: int, k: int, rig: Rig):
+        """Where substep k begins."""
+        faced(i, threads, k, rig.work.turn.shape[0], rig)
+
+    @wp.func
     def ended(i: int, threads: int, k: int, h: real, rig: Rig):
         for b in range(i, rig.b.w.shape[0], threads):
             place(b, h, rig)
-        placed(i, threads, k + 1, rig)
+        last = rig.b.w.shape[0]
+        if rig.still.moving == 1:                       # of colliders that stand, once is enough
+            last = rig.work.turn.shape[0]
+        faced(i, threads, k + 1, last, rig)
 
     return begun, placed, ended
 

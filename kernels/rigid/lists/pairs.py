@@ -4,8 +4,9 @@ Of shapes i < j: not both of colliders, not of one body, of one world (or all), 
 
     |c_i - c_j| < ball_i + ball_j + way_i + way_j,    way = time (|v| + |a| time) + a part of the size,
 
-and boxes about them that overlap, which Warp's tree finds. A thread takes shape i and counts, then, behind a scan, writes its
-partners and sorts them: the list is sorted, and the same from run to run. What has no end (planes) is no leaf and tried by all.
+and boxes about them that overlap, which Warp's trees find: one of the shapes of bodies, built anew each time, one of colliders,
+built once if they stand. A thread takes shape i of a body and counts, then, behind a scan, writes its partners and sorts them:
+the list is sorted, and the same from run to run. What has no end (planes) is no leaf; all try it, by the height above it.
 Places are float64 sums of the bodies' origins and displacements; boxes are float32, from the first origin, and widened by what
 that rounds.
 """
@@ -27,24 +28,27 @@ SLACK = wp.constant(0.02)          # part of a ball's radius within which shapes
 
 @cache
 def trees():
-    """Struct of a tree of boxes [m] and of the shapes that have no end."""
+    """Struct of the trees of boxes [m] and of the shapes that have no end."""
     @wp.struct
     class Tree:
-        id: wp.uint64
-        low: wp.array(dtype=wp.vec3f)
+        id: wp.uint64                          # of shapes of bodies
+        still: wp.uint64                       # of colliders; 0: none
+        low: wp.array(dtype=wp.vec3f)          # of all shapes, bodies' first
         high: wp.array(dtype=wp.vec3f)
+        up: wp.array(dtype=wp.vec3f)           # normals of planes
         endless: wp.array(dtype=int)
 
     return Tree
 
 
 def reach(real, module):
-    """Kernel of the centre, (ball, way) of every shape: where it has no end, its ball is < 0. Also notes where bodies are."""
-    t = types(real)
+    """Kernel of the centre, (ball, way) of every shape from `first` on: where it has no end, its ball is < 0. Also notes where
+    bodies are. Colliders go as they are animated: they need no slack, and one may be a landscape."""
+    t, Tree = types(real), trees()
     Rig = whole(real)
 
-    def rigid_reach(rig: Rig, k: int, time: real, low: wp.array(dtype=wp.vec3f), high: wp.array(dtype=wp.vec3f)):
-        i = wp.tid()
+    def rigid_reach(rig: Rig, first: int, k: int, time: real, tree: Tree):
+        i = first + wp.tid()
         f = rig.s.frame[i]
         n = rig.b.w.shape[0]
         x = t.vec3()
@@ -65,9 +69,9 @@ def reach(real, module):
         rig.work.from_x[f] = x
         p = x + wp.quat_rotate(q, wp.transform_get_translation(rig.s.place[i]))
         rig.work.center[i] = rig.s.origin[f] + wp.vec3d(wp.float64(p[0]), wp.float64(p[1]), wp.float64(p[2]))
-        slack = real(SLACK) * wp.max(rig.s.ball[i], real(0.0))
-        if rig.s.kind[i] == MESH:                  # it may be a landscape
-            slack = real(0.0)
+        slack = real(0.0)
+        if f < n:
+            slack = real(SLACK) * rig.s.ball[i]
         rig.work.span[i] = t.vec2(rig.s.ball[i], way + slack)
         ball = rig.s.ball[i]
         half = t.vec3(ball, ball, ball)
@@ -77,22 +81,33 @@ def reach(real, module):
                           wp.dot(wp.abs(R[2]), rig.s.size[i]))
         if ball < real(0.0):
             half = t.vec3()
+            R = matrix(q * wp.transform_get_rotation(rig.s.place[i]))
+            tree.up[i] = wp.vec3f(wp.float32(R[0, 2]), wp.float32(R[1, 2]), wp.float32(R[2, 2]))
         from_first = rig.work.center[i] - rig.s.origin[0]
         at = wp.vec3f(wp.float32(from_first[0]), wp.float32(from_first[1]), wp.float32(from_first[2]))
         more = wp.float32(rig.work.span[i][1]) + ROUNDED * wp.max(wp.abs(at))
         wide = wp.vec3f(wp.float32(half[0]) + more, wp.float32(half[1]) + more, wp.float32(half[2]) + more)
-        low[i] = at - wide
-        high[i] = at + wide
+        tree.low[i] = at - wide
+        tree.high[i] = at + wide
 
     return wp.kernel(rigid_reach, name="rigid_reach", module=module, enable_backward=False)
 
 
 def listed(real, module):
-    """Kernel that counts the partners of each shape (write = 0), or writes them behind `first`, where there is room."""
+    """Kernel that counts the partners of a body's shape (write = 0), or writes them behind `first`, where there is room."""
     Rig, Tree = whole(real), trees()
 
     @wp.func
-    def near(i: int, j: int, rig: Rig):
+    def above(i: int, j: int, tree: Tree, rig: Rig):
+        """Whether shape i is near enough to plane j; one that moves may turn."""
+        d = rig.work.center[i] - rig.work.center[j]
+        n = tree.up[j]
+        height = d[0] * wp.float64(n[0]) + d[1] * wp.float64(n[1]) + d[2] * wp.float64(n[2])
+        more = rig.work.span[i][0] + rig.work.span[i][1] + rig.work.span[j][1] + real(ROUNDED) * real(wp.length(d))
+        return rig.still.moving == 1 or real(height) < more
+
+    @wp.func
+    def near(i: int, j: int, tree: Tree, rig: Rig):
         bodies = rig.b.w.shape[0]
         fi = rig.s.frame[i]
         fj = rig.s.frame[j]
@@ -102,16 +117,16 @@ def listed(real, module):
             return False
         one = rig.work.span[i]
         other = rig.work.span[j]
-        if one[0] < real(0.0) or other[0] < real(0.0):
-            return True
+        if other[0] < real(0.0):
+            return above(i, j, tree, rig)
         return real(wp.length(rig.work.center[i] - rig.work.center[j])) < one[0] + one[1] + other[0] + other[1]
 
     @wp.func
-    def take(i: int, j: int, at: int, write: int, rig: Rig):
+    def take(i: int, j: int, at: int, write: int, tree: Tree, rig: Rig):
         """How many rows j > i takes if it may meet i; they are written at their place then, where there is room."""
         taken = int(0)
         if j > i:
-            if near(i, j, rig):
+            if near(i, j, tree, rig):
                 taken = 1
                 if rig.s.kind[j] == MESH:
                     taken = ROWS
@@ -139,23 +154,27 @@ def listed(real, module):
         at = int(0)
         if write == 1 and i > 0:
             at = first[i - 1]
-        if rig.work.span[i][0] < real(0.0):
-            for j in range(i + 1, rig.s.kind.shape[0]):
-                found += take(i, j, at + found, write, rig)
-        else:
-            for e in range(tree.endless.shape[0]):
-                found += take(i, tree.endless[e], at + found, write, rig)
-            query = wp.bvh_query_aabb(tree.id, tree.low[i], tree.high[i])
-            j = int(0)
-            while wp.bvh_query_next(query, j):
-                if rig.work.span[j][0] >= real(0.0):
-                    found += take(i, j, at + found, write, rig)
+        shapes = first.shape[0]
+        for e in range(tree.endless.shape[0]):
+            found += take(i, tree.endless[e], at + found, write, tree, rig)
+        ids = int(2)
+        for which in range(ids):
+            id = tree.id
+            if which == 1:
+                id = tree.still
+            if id != wp.uint64(0):
+                query = wp.bvh_query_aabb(id, tree.low[i], tree.high[i])
+                e = int(0)
+                while wp.bvh_query_next(query, e):
+                    j = e + which * shapes
+                    if rig.work.span[j][0] >= real(0.0):
+                        found += take(i, j, at + found, write, tree, rig)
         room = rig.c.a.shape[0]
         if write == 0:
             count[i] = found
         else:
             sort(at, wp.min(at + found, room), rig.c.b)
-            if i == rig.s.kind.shape[0] - 1:
+            if i == shapes - 1:
                 wanted[0] = wp.max(wanted[0], at + found)
                 for m in range(at + found, room):
                     rig.c.a[m] = -1

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.contact import structs, whole
 from wsim.kernels.rigid.narrow.shape import shape
 
 
@@ -31,6 +31,26 @@ def lasts(real):
         rub: wp.array(dtype=t.vec3)
 
     return Last
+
+
+def keeping(real, module):
+    """Kernel over the rows of a list that keeps what the next list asks for."""
+    Contacts, Last = structs(real)[2], lasts(real)
+
+    def rigid_keep(c: Contacts, last: Last):
+        m = wp.tid()
+        last.a[m] = c.a[m]
+        last.b[m] = c.b[m]
+        last.count[m] = c.count[m]
+        last.colour[m] = c.colour[m]
+        points = int(4)
+        for i in range(points):
+            j = 4 * m + i
+            last.key[j] = c.key[j]
+            last.push[j] = c.push[j]
+            last.rub[j] = c.rub[j]
+
+    return wp.kernel(rigid_keep, name="rigid_keep", module=module, enable_backward=False)
 
 
 @cache

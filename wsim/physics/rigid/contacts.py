@@ -54,9 +54,10 @@ class Contacts:
         self.owners = [(k, world, c) for k, (body, world) in enumerate(method.bodies) for c in meeting(body)]
         self.still_first = len(method.bodies)
         self.bouncing, self.sweeps = bounces(b.scene), b.scene.iterations
+        self.moves = any(c.motion.moves for c in self.colliders)
         self._shapes()
         real, module = self.real, b.model.module
-        self.reach, self.listed = pairs.reach(real, module), pairs.listed(real, module)
+        self.reach, self.listed, self.keep = pairs.reach(real, module), pairs.listed(real, module), rows.keeping(real, module)
         met = kinds(b.scene.things("Body"), self.colliders)
         on_meshes = frozenset(one for one, other in met if other == "mesh")
         self.collide = collide.collide(frozenset(p for p in met if p[1] != "mesh"), real, module)
@@ -68,13 +69,13 @@ class Contacts:
         self.parts = (Part.allocate("rigid pairs", PAIRS, 0, real, self.device, self._room()),
                       Part.allocate("rigid touches", POINTS, 0, real, self.device, 4 * self._room()))
         b.state.add(*self.parts)
-        self._lists(self._room())
         self._boxes()
+        self._lists(self._room())
         self._empty(0)
         self.poses_of: tuple = ()
 
     def _room(self) -> int:
-        return 16 + 4 * self.shapes
+        return 16 + 4 * len(self.owners)
 
     def _shapes(self) -> None:
         method, real = self.method, self.real
@@ -82,7 +83,7 @@ class Contacts:
         owned = [(k, world, c, as_met(c, True)) for k, world, c in self.owners]
         owned += [(self.still_first + s, -1, c, as_met(c, False)) for s, c in enumerate(self.colliders)]
         rows_of = [(k, world, c, met) for k, world, c, met in owned if met is not None]
-        mine, forms_of = len(self.owners), [met for *_, met in rows_of]
+        mine, forms_of = len(self.owners), [met for *_, met in rows_of]         # shapes of bodies come first
         centers = np.array([met.center for met in forms_of]).reshape(-1, 3)
         places = np.concatenate([places_of([method.masses[k] for k, _, _ in self.owners], [c for _, _, c in self.owners],
                                            centers[:mine]),
@@ -120,24 +121,29 @@ class Contacts:
                            gap=zeros(4 * room, real), push=zeros(4 * room, real), rub=zeros(4 * room, t.vec3),
                            **{name: zeros(room, int) for name in ("a", "b", "count", "colour")},
                            **{name: zeros(4 * room, t.vec3) for name in ("core_a", "core_b", "first_a", "first_b")})
-        self.work = filled(self.Work, center=zeros(self.shapes, wp.vec3d), span=zeros(self.shapes, t.vec2),
-                           from_x=zeros(n, t.vec3), spread=zeros(n, t.mat33), turn=zeros(n, t.mat33), p0=zeros(n, t.vec3),
+        self.work = filled(self.Work, **self.seen, spread=zeros(n, t.mat33), turn=zeros(n, t.mat33), p0=zeros(n, t.vec3),
                            L0=zeros(n, t.vec3), touched=zeros(n, int), r_a=zeros(4 * room, t.vec3),
                            r_b=zeros(4 * room, t.vec3), now=zeros(4 * room, real), K=zeros(4 * room, t.vec3),
                            A=zeros(room, t.mat44),
                            goal=zeros(4 * room, real), hit=zeros(4 * room, real), scrape=zeros(4 * room, t.vec3),
                            order=zeros(room, int), starts=zeros(SERIAL + 2, int), place=zeros(SERIAL + 2, int),
                            colours=zeros(1, int), flags=zeros(2, int), taken=zeros(n, wp.int64), first=zeros(n, int))
-        self.number, self.first = zeros(self.shapes, int), zeros(self.shapes, int)
-        self.work.listed = self.first[self.shapes - 1:]
+        self.work.listed = self.first[len(self.owners) - 1:]
 
     def _boxes(self) -> None:
-        """The tree of the broad phase, built anew whenever manifolds are made."""
-        low, high = (wp.zeros(self.shapes, dtype=wp.vec3f, device=self.device) for _ in range(2))
-        self.bvh = wp.Bvh(low, high)
+        """Trees of the broad phase, and where shapes are: built anew whenever manifolds are made, of colliders if they move."""
+        t, n, mine = types(self.real), self.still_first + len(self.colliders), len(self.owners)
+
+        def zeros(length, dtype):
+            return wp.zeros(length, dtype=dtype, device=self.device)
+        low, high, up = (zeros(self.shapes, wp.vec3f) for _ in range(3))
+        self.bvh = wp.Bvh(low[:mine], high[:mine])
         endless = np.flatnonzero(self.table.ball.numpy() < 0.0).astype(np.int32)
-        self.tree = filled(pairs.trees(), id=self.bvh.id, low=low, high=high,
-                           endless=wp.array(endless, dtype=int, device=self.device))
+        self.bvh_still = wp.Bvh(low[mine:], high[mine:]) if self.shapes - mine > len(endless) else None
+        self.tree = filled(pairs.trees(), id=self.bvh.id, still=self.bvh_still.id if self.bvh_still else 0, low=low, high=high,
+                           up=up, endless=wp.array(endless, dtype=int, device=self.device))
+        self.seen = {"center": zeros(self.shapes, wp.vec3d), "span": zeros(self.shapes, t.vec2), "from_x": zeros(n, t.vec3)}
+        self.number, self.first = zeros(mine, int), zeros(mine, int)
 
     def _empty(self, first: int) -> None:
         """No pairs from this row on, and in the snapshot; rows of the parts are those of the first body, for a restart."""
@@ -149,10 +155,10 @@ class Contacts:
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Uploads the poses of colliders at the substeps of a frame; still ones once."""
-        moves = any(c.motion.moves for c in self.colliders)
-        known = (clock.substeps, tuple(id(c.motion) for c in self.colliders))
-        if self.poses_of == known and not moves:
+        known = (clock.substeps, tuple([id(c.motion) for c in self.colliders]))
+        if self.poses_of == known and not self.moves:
             return
+        self.moves = moves = any(c.motion.moves for c in self.colliders)
         rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.colliders)
         M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)]).reshape(-1, n, 4, 4)
         x, q = M[:, :, :3, 3] - self.still_origin, quaternion(M[:, :, :3, :3])
@@ -167,6 +173,15 @@ class Contacts:
             self.poses_of = known
         for name, value in zip(("x", "q", "v", "omega"), values, strict=True):
             getattr(self.still, name).assign(np.ascontiguousarray(value, self.model.dtype))
+        if not moves:
+            self._stand(0, 0.0)
+
+    def _stand(self, k: int, time: float) -> None:
+        """Where colliders are at substep k, and how far they go within a time [s]."""
+        mine = len(self.owners)
+        self.model.launch(self.reach, self.shapes - mine, [self.rig(), mine, k, time], [self.tree])
+        if self.bvh_still:
+            self.bvh_still.rebuild()
 
     def advance(self, clock: Clock) -> None:
         """All substeps of a frame."""
@@ -176,8 +191,7 @@ class Contacts:
             self._manifolds(clock, first, last)
             self.form.colour(self.rig(), self.status.word(IN_TURN))
             self.form.advance((first, last, self.sweeps), clock.h, self.rig())
-            for name, array in self.arrays().items():
-                wp.copy(array, getattr(self.list, name))
+            self.model.launch(self.keep, self.room, [self.list], [filled(rows.lasts(self.real), **self.arrays())])
 
     def times(self, clock: Clock) -> int:
         """How often manifolds are made in a frame."""
@@ -185,15 +199,17 @@ class Contacts:
 
     def launches(self, clock: Clock) -> int:
         times = self.times(clock)
-        return (13 + bool(self.on_meshes)) * times + self.form.launches(clock.substeps, self.sweeps, times)
+        return (7 + bool(self.on_meshes) + 2 * self.moves) * times + self.form.launches(clock.substeps, self.sweeps, times)
 
     def arrays(self) -> dict[str, wp.array]:
         """Of the state: the last list."""
         return {name: array for part in self.parts for name, array in part.arrays.items()}
 
     def _manifolds(self, clock: Clock, first: int, last: int) -> None:
-        launch, rig, n = self.model.launch, self.rig(), self.shapes
-        launch(self.reach, n, [rig, first, clock.h * (last - first)], [self.tree.low, self.tree.high])
+        launch, rig, n = self.model.launch, self.rig(), len(self.owners)
+        if self.moves:
+            self._stand(first, clock.h * (last - first))
+        launch(self.reach, n, [rig, 0, first, clock.h * (last - first)], [self.tree])
         self.bvh.rebuild()
         for write in (0, 1):
             launch(self.listed, n, [rig, self.tree, self.first, write], [self.number, self.status.word(WORD)])
