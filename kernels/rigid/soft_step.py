@@ -135,26 +135,28 @@ def body_steps(real):
 
     @wp.func
     def forces(i: int, h: real, rig: Rig):
-        rig.work.p0[i] = rig.now.p[i]
-        rig.work.L0[i] = rig.now.L[i]
-        rig.now.p[i] = kicked(rig.now.p[i], rig.b.push[i], rig.b.drag[i], h)
-        rig.now.L[i] = kicked(rig.now.L[i], rig.b.torque[i], rig.b.spin_drag[i], h)
         rig.work.touched[i] = 0
+        if rig.work.asleep[i] == 0:
+            rig.work.p0[i] = rig.now.p[i]
+            rig.work.L0[i] = rig.now.L[i]
+            rig.now.p[i] = kicked(rig.now.p[i], rig.b.push[i], rig.b.drag[i], h)
+            rig.now.L[i] = kicked(rig.now.L[i], rig.b.torque[i], rig.b.spin_drag[i], h)
 
     @wp.func
     def place(i: int, h: real, rig: Rig):
-        p = rig.now.p[i]
-        L = rig.now.L[i]
-        if rig.work.touched[i] == 0:
-            p = kicked(rig.work.p0[i], rig.b.push[i], rig.b.drag[i], real(0.5) * h)
-            L = kicked(rig.work.L0[i], rig.b.torque[i], rig.b.spin_drag[i], real(0.5) * h)
-        step = rig.now.e[i] + h * rig.b.w[i] * p
-        x = rig.now.x[i] + step
-        rig.now.e[i] = step - (x - rig.now.x[i])
-        rig.now.x[i] = x
-        q = free_rotation(double(rig.now.q[i], rig.now.o[i]), double3(L), double3(rig.b.inverse[i]), wp.float64(h))
-        rig.now.q[i] = near(q, rig.now.q[i])
-        rig.now.o[i] = near(q - double(rig.now.q[i], wp.quatd()), rig.now.q[i])
+        if rig.work.asleep[i] == 0:
+            p = rig.now.p[i]
+            L = rig.now.L[i]
+            if rig.work.touched[i] == 0:
+                p = kicked(rig.work.p0[i], rig.b.push[i], rig.b.drag[i], real(0.5) * h)
+                L = kicked(rig.work.L0[i], rig.b.torque[i], rig.b.spin_drag[i], real(0.5) * h)
+            step = rig.now.e[i] + h * rig.b.w[i] * p
+            x = rig.now.x[i] + step
+            rig.now.e[i] = step - (x - rig.now.x[i])
+            rig.now.x[i] = x
+            q = free_rotation(double(rig.now.q[i], rig.now.o[i]), double3(L), double3(rig.b.inverse[i]), wp.float64(h))
+            rig.now.q[i] = near(q, rig.now.q[i])
+            rig.now.o[i] = near(q - double(rig.now.q[i], wp.quatd()), rig.now.q[i])
 
     return oriented, turned, forces, place
 

@@ -60,6 +60,8 @@ class Contacts:
         self.collide = collide.collide(kinds(b.scene.things("Body"), self.colliders), real, module)
         self.form = forms.chosen(b.model.device, self.shapes)
         self.form.make(b.model, self.bouncing)
+        if method.sleep:
+            method.sleep.make(self.form)
         b.status.reserve(WORD)
         b.status.reserve(IN_TURN)
         self.parts = (Part.allocate("rigid pairs", PAIRS, 0, real, self.device, self._room()),
@@ -123,6 +125,8 @@ class Contacts:
                            colours=zeros(1, int), flags=zeros(2, int), taken=zeros(n, wp.int64), first=zeros(n, int))
         self.number, self.first = zeros(self.shapes, int), zeros(self.shapes, int)
         self.work.listed = self.first[self.shapes - 1:]
+        for name, array in (self.method.sleep.arrays(n) if self.method.sleep else {"asleep": zeros(n, int)}).items():
+            setattr(self.work, name, array)
 
     def _boxes(self) -> None:
         """The tree of the broad phase, built anew whenever manifolds are made."""
@@ -146,6 +150,8 @@ class Contacts:
         known = (clock.substeps, tuple(id(c.motion) for c in self.colliders))
         if self.poses_of == known and not moves:
             return
+        if self.method.sleep and self.poses_of and self.poses_of != known:
+            self.method.sleep.wake()
         rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.colliders)
         M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)]).reshape(-1, n, 4, 4)
         x, q = M[:, :, :3, 3] - self.still_origin, quaternion(M[:, :, :3, :3])
@@ -163,12 +169,24 @@ class Contacts:
 
     def advance(self, clock: Clock) -> None:
         """All substeps of a frame."""
-        times = self.times(clock)
+        sleep = self.method.sleep
+        if sleep and self.device.is_cpu and not self.still.moving:
+            wp.capture_if(sleep.awake, self.awake, clock=clock)
+        else:
+            self.awake(clock)
+
+    def awake(self, clock: Clock) -> None:
+        """A frame in which something may move."""
+        sleep, times = self.method.sleep, self.times(clock)
         ends = [round(i * clock.substeps / times) for i in range(times + 1)]
         for first, last in zip(ends[:-1], ends[1:], strict=True):
             self._manifolds(clock, first, last)
+            if sleep:
+                sleep.settle(first, clock.h * (last - first), self.rig())
             self.form.colour(self.rig(), self.status.word(IN_TURN))
             self.form.advance((first, last, self.sweeps), clock.h, self.rig())
+            if sleep:
+                sleep.end(self.room, self.rig())
             for name, array in self.arrays().items():
                 wp.copy(array, getattr(self.list, name))
 
@@ -178,7 +196,7 @@ class Contacts:
 
     def launches(self, clock: Clock) -> int:
         times = self.times(clock)
-        return 13 * times + self.form.launches(clock.substeps, self.sweeps, times)
+        return (13 + 2 * bool(self.method.sleep)) * times + self.form.launches(clock.substeps, self.sweeps, times)
 
     def arrays(self) -> dict[str, wp.array]:
         """Of the state: the last list."""

@@ -49,6 +49,10 @@ class Rigid(Method):
         self.part.rows = {(body.path, world): np.array([k]) for k, (body, world) in enumerate(self.bodies)}
         b.state.add(self.part)
         self._begin(frames)
+        self.sleep: Any = None
+        if sleeps(scene):
+            from wsim.physics.rigid.sleep import Sleep
+            self.sleep = Sleep(b, self)
         self.Bodies, self.Moving = motion.structs(b.model.real)
         self.table, self.pushed = self._tables(), True
         self.contacts: Any = None
@@ -125,7 +129,8 @@ class Rigid(Method):
             self.contacts.advance(clock)
             return
         now = self.moving()
-        self.model.launch(self.kernel, self.part.count, [self.table, now, clock.substeps, clock.h], [now])
+        asleep = self.part.arrays["asleep"] if self.sleep else None
+        self.model.launch(self.kernel, self.part.count, [self.table, now, asleep, clock.substeps, clock.h], [now])
 
     def poses(self) -> np.ndarray:
         """Frames of the bodies to the world now, (n, 4, 4) float64 [m]."""
@@ -155,7 +160,7 @@ class Rigid(Method):
 
     def indicators(self, x, v) -> dict[str, float]:
         """Kinetic energy and that in gravity [J] of all bodies of the first world; how deep shapes overlap [m];
-        manifolds that found no colour, if any."""
+        bodies asleep and manifolds that found no colour, if any."""
         first = np.array([world == 0 for _, world in self.bodies])
         places = self.origin + self.get("x")
         mass = np.array([m.mass for m in self.masses])
@@ -163,12 +168,16 @@ class Rigid(Method):
         found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
         if self.contacts:
             found["rigid_overlap"] = self.contacts.overlap()
+            if self.sleep:
+                found["rigid_asleep"] = float(self.part.arrays["asleep"].numpy().sum())
             if self.contacts.in_turn:
                 found["rigid_in_turn"] = float(self.contacts.in_turn)
         return found
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = np.array([k for k, (body, of) in enumerate(self.bodies) if path in ("/", body.path) and world in (None, of)], int)
+        if self.sleep and name in (*LIVE, "gravity"):
+            self.sleep.wake(None if path == "/" else hit)
         if path == "/" and name == "gravity":
             self.gravity[slice(None) if world is None else world] = value
             self.table.push.assign(self._push().astype(self.model.dtype))
@@ -201,6 +210,12 @@ def meet(scene) -> bool:
     return bool(bodies) and len(bodies) + len(standing(scene.colliders)) > 1
 
 
+def sleeps(scene) -> bool:
+    """Whether something may sleep: not what joints hold, nor beside points, where others may wake it."""
+    some = scene.sleep_speed > 0.0 or any(body.asleep for body in scene.things("Body"))
+    return some and not scene.things("Joint") and not scene.bodies()
+
+
 def signature(b) -> list:
     if not meet(b.scene):
         return []
@@ -209,4 +224,4 @@ def signature(b) -> list:
     bodies = b.scene.things("Body")
     shapes = b.model.worlds * sum(len(meeting(body)) for body in bodies) + len(standing(b.scene.colliders))
     form = chosen(b.model.device, shapes)
-    return [sorted(kinds(bodies, b.scene.colliders)), bounces(b.scene), form.name, form.blocks]
+    return [sorted(kinds(bodies, b.scene.colliders)), bounces(b.scene), form.name, form.blocks, sleeps(b.scene)]

@@ -74,7 +74,9 @@ def load(reading: Reading, prim: Usd.Prim) -> Body | None:
     colliders = [c for each in within(reading, prim) if (c := _own(reading, reading.stage.GetPrimAtPath(each), M)) is not None]
     velocity, spin = _rates(reading, prim)
     own = {name: value for name in OWN if (value := read(prim, "RigidBody", name, reading.units)) is not None}
-    return Body(path, colliders, Motion.still(M), velocity, spin, stretch=None if np.array_equal(S, np.eye(3)) else S,
+    asleep = bool(UsdPhysics.RigidBodyAPI(prim).GetStartsAsleepAttr().Get(reading.start))
+    stretch = None if np.array_equal(S, np.eye(3)) else S
+    return Body(path, colliders, Motion.still(M), velocity, spin, asleep=asleep, stretch=stretch,
                 **_mass(reading, prim, colliders), **own)
 
 
@@ -143,6 +145,8 @@ def author(stage: Usd.Stage, body: Body, units: Units) -> None:
     api, mass, R = UsdPhysics.RigidBodyAPI.Apply(prim), UsdPhysics.MassAPI.Apply(prim), _above(prim, Usd.TimeCode.Default()).T
     api.CreateVelocityAttr(Gf.Vec3f(*(R @ body.velocity / units.metres).tolist()))
     api.CreateAngularVelocityAttr(Gf.Vec3f(*np.degrees(R @ body.spin).tolist()))
+    if body.asleep:
+        api.CreateStartsAsleepAttr(True)
     mass.CreateDensityAttr(body.density / units.factor("kg/m^3"))
     if body.mass is not None:
         mass.CreateMassAttr(body.mass / units.kilograms)
