@@ -164,14 +164,15 @@ def measuring(real):
 
 
 @cache
-def contact(real, corners: int):
-    """Function (PA, a, PB, b, near, margin, size) -> Manifold; faces of at most `corners` corners, which are overwritten."""
+def contact(real, corners: int, outer: bool = False):
+    """Function (PA, a, PB, b, near, margin, size) -> Manifold; faces of at most `corners` corners, which are overwritten.
+    outer: see `reduction`."""
     t, Manifold, of = types(real), manifold(real), structs(real)
     Side, Nearest, vec3s = of.Side, of.Nearest, wp.array(dtype=t.vec3)
     _side, polygon, segment = cutting(real)
     apart, heights = measuring(real)
     single, _flipped, _turned = making(real)
-    reduce, most = reduction(real), 2 * corners
+    reduce, most = reduction(real, outer), 2 * corners
 
     @wp.func
     def clipped(Q: vec3s, ref: Side, P: vec3s, other: Side, flip: int, margin: real, size: real):
