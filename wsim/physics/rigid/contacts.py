@@ -130,6 +130,7 @@ class Contacts:
                            goal=zeros(4 * room, real), hit=zeros(4 * room, real), scrape=zeros(4 * room, t.vec3),
                            order=zeros(room, int), starts=zeros(SERIAL + 2, int), place=zeros(SERIAL + 2, int),
                            colours=zeros(1, int), flags=zeros(2, int), taken=zeros(n, wp.int64), first=zeros(n, int))
+        self.work.residual = zeros(2, real)
         self.number, self.first = zeros(self.shapes, int), zeros(self.shapes, int)
         self.work.listed = self.first[self.shapes - 1:]
         for name, array in (self.method.sleep.arrays(n) if self.method.sleep else {"asleep": zeros(n, int)}).items():
@@ -185,6 +186,8 @@ class Contacts:
     def awake(self, clock: Clock) -> None:
         """A frame in which something may move."""
         sleep, times = self.method.sleep, self.times(clock)
+        if self.form.tolerance > 0.0:
+            self.work.residual.zero_()
         ends = [round(i * clock.substeps / times) for i in range(times + 1)]
         for first, last in zip(ends[:-1], ends[1:], strict=True):
             self._manifolds(clock, first, last)
@@ -232,6 +235,10 @@ class Contacts:
         count = self.list.count.numpy()
         used = np.arange(4) < count[:, None]
         return max(0.0, -float(self.work.now.numpy().reshape(-1, 4)[used].min(initial=0.0)))
+
+    def residual(self) -> float:
+        """What the converged mode has left in the last frame, at most [m/s]."""
+        return float(self.work.residual.numpy()[1])
 
     def grow(self, room: int) -> None:
         """Room for so many pairs; what the state has of them stays."""

@@ -160,7 +160,7 @@ class Rigid(Method):
 
     def indicators(self, x, v) -> dict[str, float]:
         """Kinetic energy and that in gravity [J] of all bodies of the first world; how deep shapes overlap [m];
-        bodies asleep and manifolds that found no colour, if any."""
+        the residual of contacts [m/s] in the converged mode; bodies asleep and manifolds that found no colour, if any."""
         first = np.array([world == 0 for _, world in self.bodies])
         places = self.origin + self.get("x")
         mass = np.array([m.mass for m in self.masses])
@@ -168,6 +168,8 @@ class Rigid(Method):
         found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
         if self.contacts:
             found["rigid_overlap"] = self.contacts.overlap()
+            if self.contacts.form.tolerance > 0.0:
+                found["rigid_residual"] = self.contacts.residual()
             if self.sleep:
                 found["rigid_asleep"] = float(self.part.arrays["asleep"].numpy().sum())
             if self.contacts.in_turn:
@@ -224,4 +226,5 @@ def signature(b) -> list:
     bodies = b.scene.things("Body")
     shapes = b.model.worlds * sum(len(meeting(body)) for body in bodies) + len(standing(b.scene.colliders))
     form = chosen(b.model.device, shapes)
-    return [sorted(kinds(bodies, b.scene.colliders)), bounces(b.scene), form.name, form.blocks, sleeps(b.scene)]
+    return [sorted(kinds(bodies, b.scene.colliders)), bounces(b.scene), form.name, form.blocks, sleeps(b.scene),
+            b.scene.contact_tolerance > 0.0]
