@@ -19,11 +19,6 @@ ADVECTION = ("reflection", "cubic", "maccormack", "bfecc", "linear")     # of ve
 SCALARS = ("cubic", "maccormack", "bfecc", "linear")                     # of smoke and temperature
 
 
-def whole(value, *shape):
-    """As doubles; None stays None."""
-    return None if value is None else np.array(value, np.float64).reshape(shape)
-
-
 @dataclass(eq=False)
 class Fluid(Compared):
     """A box of air on a grid of cubes. Where an axis has one cell the fluid is flat, and costs no third axis.
@@ -78,9 +73,9 @@ class Fluid(Compared):
     temperature: np.ndarray | None = None
 
     def __post_init__(self):
-        self.low, self.high = vector(self.low), vector(self.high)
+        self.low, self.high = (np.array(v, np.float64).reshape(3) for v in (self.low, self.high))
         self.sides = tuple(self.sides)
-        self.side_velocities = whole(self.side_velocities, 6, 3)
+        self.side_velocities = np.array(self.side_velocities, np.float64).reshape(6, 3)
 
     @property
     def shape(self) -> tuple[int, int, int]:
