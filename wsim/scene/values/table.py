@@ -92,8 +92,8 @@ VALUES: list[Value] = [
     *(Value("Body", name, unit, POSITIVE, live=False, why=RIGID) for name, unit in (("mass", "kg"), ("density", "kg/m^3"))),
 
     *(Value("Fluid", name, unit, ANY, why=AIRY) for name, unit in (("lift", "1/K"), ("weight", "1"))),
-    *(Value("Fluid", name, unit, why=AIRY) for name, unit in (
-        ("vorticity", "1"), ("smoke_decay", "1/s"), ("cooling", "1/s"), ("viscosity", "m^2/s"))),
+    *(Value("Fluid", name, "1/s", why=AIRY) for name in ("smoke_decay", "cooling")),
+    *(Value("Fluid", name, unit, needs=("start",), why=AIRY) for name, unit in (("vorticity", "1"), ("viscosity", "m^2/s"))),
     *(Value("Fluid", name, unit, POSITIVE, live=False, why=AIRY) for name, unit in (
         ("cell", "m"), ("density", "kg/m^3"), ("tolerance", "1"), ("cfl", "1"))),
     *(Value("Source", name, unit, ANY, why=AIRY) for name, unit in (
