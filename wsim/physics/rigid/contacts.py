@@ -137,7 +137,7 @@ class Contacts:
         if self.poses_of == known and not moves:
             return
         rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.colliders)
-        M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)]).reshape(-1, n, 4, 4)
+        M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)]).reshape(rows + moves, n, 4, 4)
         x, q = M[:, :, :3, 3] - self.still_origin, quaternion(M[:, :, :3, :3])
         v, omega = np.zeros_like(x), np.zeros_like(x)
         if moves:
@@ -153,14 +153,22 @@ class Contacts:
 
     def advance(self, clock: Clock) -> None:
         """All substeps of a frame."""
-        times = max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
-        ends = [round(i * clock.substeps / times) for i in range(times + 1)]
+        ends = self.ends(clock)
         for first, last in zip(ends[:-1], ends[1:], strict=True):
-            self._manifolds(clock, first, last)
+            self.manifolds(clock, first, last)
             steps = wp.vec3i(first, last, self.sweeps)
             self.model.launch(self.step, 1, [steps, clock.h, self.first[self.shapes - 1:], self.rig()], [])
-            for name, array in self.arrays().items():
-                wp.copy(array, getattr(self.list, name))
+            self.keep()
+
+    def ends(self, clock: Clock) -> list[int]:
+        """Substeps before which manifolds are made, and the number of substeps."""
+        times = max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
+        return [round(i * clock.substeps / times) for i in range(times + 1)]
+
+    def keep(self) -> None:
+        """Puts the list into the state."""
+        for name, array in self.arrays().items():
+            wp.copy(array, getattr(self.list, name))
 
     def launches(self, clock: Clock) -> int:
         return 13 * max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
@@ -169,7 +177,7 @@ class Contacts:
         """Of the state: the last list."""
         return {name: array for part in self.parts for name, array in part.arrays.items()}
 
-    def _manifolds(self, clock: Clock, first: int, last: int) -> None:
+    def manifolds(self, clock: Clock, first: int, last: int) -> None:
         launch, rig, n = self.model.launch, self.rig(), self.shapes
         launch(self.reach, n, [rig, first, clock.h * (last - first)], [self.tree.low, self.tree.high])
         self.bvh.rebuild()

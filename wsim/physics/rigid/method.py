@@ -52,14 +52,21 @@ class Rigid(Method):
         self.Bodies, self.Moving = motion.structs(b.model.real)
         self.table, self.pushed = self._tables(), True
         self.contacts: Any = None
+        self.touch: Any = None                           # `wsim.physics.rigid.touch.Touch`, where there are points
         what, launches = f"{len(self.bodies)} bodies, all substeps", 1
-        if meet(scene):
+        points = touches(scene)
+        if points or meet(scene):
             from wsim.physics.rigid.contacts import Contacts
             self.contacts = Contacts(b, self)
             what += f", {self.contacts.shapes} shapes that can meet"
             launches = self.contacts.launches(b.clock)
         else:
             self.kernel = motion.free(b.model.real, b.model.module)
+        if points:
+            from wsim.physics.rigid.touch import Touch
+            self.touch = Touch(b, self)
+            self.stages, self.offers = self.touch.stages, {"movers": self.touch}
+            return
         self.stages.append(Stage("rigid bodies", "predict", self.advance, launches, self.part.bytes, "frame", what))
 
     def _begin(self, frames: np.ndarray) -> None:
@@ -111,6 +118,8 @@ class Rigid(Method):
     def before_frame(self, time: float, clock: Clock) -> None:
         if self.contacts:
             self.contacts.before_frame(time, clock)
+        if self.touch:
+            self.touch.before_frame()
 
     def retry(self, status: Status) -> list[Remedy]:
         return self.contacts.retry(status) if self.contacts else []
@@ -196,8 +205,16 @@ def meet(scene) -> bool:
     return bool(bodies) and len(bodies) + len(standing(scene.colliders)) > 1
 
 
+def touches(scene) -> bool:
+    """Whether bodies may touch points."""
+    return bool(scene.bodies()) and any(meeting(body) for body in scene.things("Body"))
+
+
 def signature(b) -> list:
-    if not meet(b.scene):
+    points = touches(b.scene)
+    if not (points or meet(b.scene)):
         return []
     from wsim.physics.rigid.contacts import bounces, kinds
-    return [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), bounces(b.scene)]
+    own = [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), bounces(b.scene)]
+    shapes = [c for body in b.scene.things("Body") for c in meeting(body)] if points else []
+    return own + [sorted({type(c.shape).__name__ for c in shapes}), any(c.restitution > 0.0 for c in shapes)] * points
