@@ -10,7 +10,7 @@ import numpy as np
 
 from wsim.geometry import rotation
 from wsim.kernels.rigid import motion
-from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
@@ -45,7 +45,11 @@ class Rigid(Method):
         self.origin = np.array([M[:3, :3] @ m.center + M[:3, 3] for M, m in zip(frames, self.masses, strict=True)])
         self.gravity = np.tile(np.asarray(scene.gravity, np.float64), (b.model.worlds, 1))
         self.force, self.twist = (np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("force", "torque"))
-        self.part = Part.allocate("bodies", FIELDS, len(self.bodies), b.model.real, b.model.device)
+        fields = FIELDS
+        if touches(scene) and b.choice.solver == "implicit":
+            from wsim.physics.rigid.touch_newton import KEPT
+            fields += KEPT
+        self.part = Part.allocate("bodies", fields, len(self.bodies), b.model.real, b.model.device)
         self.part.rows = {(body.path, world): np.array([k]) for k, (body, world) in enumerate(self.bodies)}
         b.state.add(self.part)
         self._begin(frames)
@@ -120,6 +124,10 @@ class Rigid(Method):
             self.contacts.before_frame(time, clock)
         if self.touch:
             self.touch.before_frame()
+
+    def meet(self, others: Methods) -> None:
+        if self.touch:
+            self.touch.meet(others)
 
     def retry(self, status: Status) -> list[Remedy]:
         return self.contacts.retry(status) if self.contacts else []

@@ -18,7 +18,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.rigid import rebound, touch
 from wsim.kernels.rigid import star as stars
 from wsim.kernels.rigid.touch_step import touch_step
-from wsim.model.stage import Clock, Stage
+from wsim.model.stage import Clock, Methods, Stage
 from wsim.model.structs import filled
 from wsim.physics.rigid.contacts import COLLIDE, bounces, place_of
 from wsim.physics.rigid.solids import meeting
@@ -55,12 +55,21 @@ class Touch:
         self.kernels = {f.__name__: f(self.real, b.model.module) for f in (*own, *more, *of_memory)}
         self.before = wp.zeros_like(b.state.x) if self.memory else None          # anchors before a search
         self.bounds = colour.bounds(b.model.module)
+        self.foreseen: Any = None                        # `wsim.physics.rigid.touch_newton.Foreseen`
         self.stages = [Stage("rigid bodies", "predict", self.begin, 1, rigid.part.bytes, what=f"{len(rigid.bodies)} bodies: forces"),
                        Stage("rigid bodies: places", "finish", self.end, 2, rigid.part.bytes, what="and what pushed them apart")]
 
     def colliders(self, world: int) -> list[Collider]:
         """Shapes of the bodies of a world, where they start."""
         return self.copies[world]
+
+    def meet(self, others: Methods) -> None:
+        """Enters Newton steps, before the contacts of points do."""
+        terms = others.find("terms")
+        if terms is not None:
+            from wsim.physics.rigid.touch_newton import Foreseen
+            self.foreseen = Foreseen(self, others.find("assembly"), others.find("lanes"))
+            terms.append(self.foreseen)
 
     def join(self, contact) -> None:
         """Takes the table of contacts that have the rows of bodies in them (`wsim.physics.contact.method.Contact`)."""
@@ -152,6 +161,8 @@ class Touch:
         self.model.launch(self.step[2], 1, self.steps(clock), [])
         if clock.k + 1 in own.ends(clock):
             own.keep()
+        if self.foreseen:
+            self.foreseen.keep()
         if clock.k + 1 == clock.substeps:                # where measures look
             self.place(clock, 1)
 
@@ -174,19 +185,37 @@ class Touch:
         wp.utils.radix_sort_pairs(self.numbers, own.slot, self.room_for)
         self.model.launch(self.bounds, n + 1, [self.numbers, self.room_for], [own.first])
         self.run("found", self.room_for, [self.shapes, rig, slots, self.points(clock)], [own, self.found])
+        if self.foreseen:
+            self.foreseen.recall(clock)
+
+    def solve(self, clock: Clock, given: float, k: float, g: float) -> None:
+        """The stars of `rows`. given: 1 where they are of all impulses of the substep, 0 of such as come on top."""
+        self.run("hubs", len(self.rigid.bodies), [self.rigid.contacts.rig(), self.found, given], [self.hubs])
+        self.blocks(self.star, [self.rows, self.hubs, k, g, self.lanes], [self.V, self.left])
+
+    def tell(self, clock: Clock) -> None:
+        """Planes go with the bodies."""
+        self.run("tell", self.room_for, [self.rows, self.found, self.V, self.shapes.of, clock.h], [self.contacts.slots])
 
     def project(self, clock: Clock) -> None:
         """Contacts at the end of an iteration."""
+        if self.foreseen and not self.contact.press:     # else all Newton steps are done in the first iteration
+            if clock.i < clock.iterations - 1:
+                self.foreseen.lean(clock)
+                return
+            self.foreseen.owe(clock)
         n, rig, slots = len(self.rigid.bodies), self.rigid.contacts.rig(), self.contacts.slots
         for _ in range(self.rounds):
             self.run("gather", self.room_for, [self.contacts.table, slots, self.points(clock), self.found, n], [self.rows])
-            self.run("hubs", n, [rig, self.found, 1.0], [self.hubs])
-            self.blocks(self.star, [self.rows, self.hubs, clock.h, clock.g, self.lanes], [self.V, self.left])
-            self.run("tell", self.room_for, [self.rows, self.found, self.V, self.shapes.of, clock.h], [slots])
+            self.solve(clock, 1.0, clock.h, clock.g)
+            self.tell(clock)
             self.contacts.project(clock.g, self.state.d, self.contact.anchor)
             self.blocks(self.take, [self.rows, self.contacts.push, self.found, 0, self.lanes], [rig])
             if not self.alone:
                 self.model.launch(self.step[1], 1, self.steps(clock), [])
+
+        if self.foreseen and clock.i == clock.iterations - 1:
+            self.foreseen.balance(clock)
 
     def others(self) -> wp.array:
         """Pushes of the colliders that are no bodies: what velocities of points follow from without them."""
@@ -198,8 +227,7 @@ class Touch:
         n, rig, slots, s = len(self.rigid.bodies), self.rigid.contacts.rig(), self.contacts.slots, self.state
         at, memory = self.points(clock), int(clock.integrator.memory > 0.0)
         self.run("rise", self.room_for, [self.shapes, slots, at, self.found, memory, n], [self.rows])
-        self.run("hubs", n, [rig, self.found, 0.0], [self.hubs])
-        self.blocks(self.star, [self.rows, self.hubs, 1.0, 0.0, self.lanes], [self.V, self.left])
+        self.solve(clock, 0.0, 1.0, 0.0)
         self.run("thrown", self.room_for, [self.rows, self.V, self.shapes.of, slots], [self.found])
         self.blocks(self.take, [self.rows, self.contacts.push, self.found, 1, self.lanes], [rig])
         self.run("remember", self.model.points, [self.shapes.of, slots, at, self.found, memory],
