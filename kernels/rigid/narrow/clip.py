@@ -123,8 +123,9 @@ def cutting(real):
                 if da / (da - db) < high:
                     high = wp.max(da / (da - db), real(0.0))
                     key[1] = 64 + s
-        P[1] = P[0] + high * e
-        P[0] += low * e
+        start = P[0]
+        P[1] = start + high * e
+        P[0] = start + low * e                     # += of an array is an atomic addition, which a GPU has not on local memory
         return wp.where(low <= high, 2, 0)
 
     return side, polygon, segment

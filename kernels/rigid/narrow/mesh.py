@@ -4,8 +4,7 @@ Warp's tree over a mesh is walked on the device for the bounds of each shape; a 
 (row, face). The list is appended to in any order, up to the room there is, and says how many it wanted; whoever uses it sorts
 it, or reads what it finds by the key of row and face. The tree is float32: bounds are widened by what that rounds.
 
-Held on a CPU alone: on an H200 tests of hulls against triangles ended with an unspecified launch failure, whose cause is not
-found. No scene uses this yet.
+No scene uses this yet.
 """
 
 from functools import cache

@@ -14,7 +14,7 @@ def skew(r):
 
 @dataclass
 class Problem:
-    """M (6, 6), q (6,) momentum; of each contact: n, r, base, slip, mu, m, as kernels/rigid/star.py has them, with f = m / h."""
+    """M (6, 6), q (6,) momentum; of each contact: n, r, base, slip, mu, m, as kernels/rigid/touch/star.py has them, with f = m / h."""
 
     M: np.ndarray
     q: np.ndarray

@@ -45,7 +45,7 @@ class Contact(Method):
 
     def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, movers=None):
         """points: the method that owns inverse masses and objects (`constants`) and the anchor; movers: what places colliders
-        of its own and takes what they are pushed by (`wsim.physics.rigid.touch.Touch`), or None."""
+        of its own and takes what they are pushed by (`wsim.physics.rigid.touch.points.Touch`), or None."""
         super().__init__("contact")
         self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
         self.within = False                              # of a Newton step

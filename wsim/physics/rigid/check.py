@@ -1,5 +1,6 @@
 """What can be wrong with a rigid body. NumPy only."""
 
+from collections import Counter
 from collections.abc import Iterator
 from math import inf
 
@@ -30,16 +31,25 @@ def check(body: Body, scene: Scene) -> Iterator[Problem]:
     if body.motion.moves:
         yield error(path, "its motion has several keys", "one, where it starts",
                     "take the keys away, or author physics:kinematicEnabled, where it is animated")
-    for other in scene.things("Body"):
-        if other is not body and (other.path == path or other.path.startswith(path + "/")):
-            yield error(other.path, f"is a rigid body within the rigid body {path}", "bodies apart in the stage",
-                        "move it out of that prim, or take its PhysicsRigidBodyAPI away so that its colliders belong to it")
+    if body is scene.things("Body")[0]:
+        yield from _nested([other.path for other in scene.things("Body")])
     yield from _beside(body, scene)
     wrong = [p for c in body.colliders for p in _collider(path, c)]
     yield from wrong
     if not any(p.fatal for p in wrong):
         yield from _meshes(body, scene)
         yield from _mass(body)
+
+
+def _nested(paths: list[str]) -> Iterator[Problem]:
+    """Bodies within bodies, and a path that two have."""
+    counts = Counter(paths)
+    for path in paths:
+        parts = path.split("/")
+        above = ["/".join(parts[:k]) for k in range(2, len(parts))]
+        for outer in [path] * (counts[path] > 1) + [p for p in above if p in counts]:
+            yield error(path, f"is a rigid body within the rigid body {outer}", "bodies apart in the stage",
+                        "move it out of that prim, or take its PhysicsRigidBodyAPI away so that its colliders belong to it")
 
 
 def _beside(body: Body, scene: Scene) -> Iterator[Problem]:

@@ -47,7 +47,7 @@ class Rigid(Method):
         self.force, self.twist = (np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("force", "torque"))
         fields = FIELDS
         if touches(scene) and b.choice.solver == "implicit":
-            from wsim.physics.rigid.touch_newton import KEPT
+            from wsim.physics.rigid.touch.newton import KEPT
             fields += KEPT
         self.part = Part.allocate("bodies", fields, len(self.bodies), b.model.real, b.model.device)
         self.part.rows = {(body.path, world): np.array([k]) for k, (body, world) in enumerate(self.bodies)}
@@ -56,18 +56,18 @@ class Rigid(Method):
         self.Bodies, self.Moving = motion.structs(b.model.real)
         self.table, self.pushed = self._tables(), True
         self.contacts: Any = None
-        self.touch: Any = None                           # `wsim.physics.rigid.touch.Touch`, where there are points
+        self.touch: Any = None                           # `wsim.physics.rigid.touch.points.Touch`, where there are points
         what, launches = f"{len(self.bodies)} bodies, all substeps", 1
         points = touches(scene)
         if points or meet(scene):
             from wsim.physics.rigid.contacts import Contacts
             self.contacts = Contacts(b, self)
-            what += f", {self.contacts.shapes} shapes that can meet"
+            what += f", {self.contacts.shapes} shapes that can meet, {self.contacts.form.what}"
             launches = self.contacts.launches(b.clock)
         else:
             self.kernel = motion.free(b.model.real, b.model.module)
         if points:
-            from wsim.physics.rigid.touch import Touch
+            from wsim.physics.rigid.touch.points import Touch
             self.touch = Touch(b, self)
             self.stages, self.offers = self.touch.stages, {"movers": self.touch}
             return
@@ -171,13 +171,18 @@ class Rigid(Method):
         return [Transform(body.path, poses[k]) for k, (body, of) in enumerate(self.bodies) if of == world]
 
     def indicators(self, x, v) -> dict[str, float]:
-        """Kinetic energy and that in gravity [J] of all bodies of the first world; how deep shapes overlap [m]."""
+        """Kinetic energy and that in gravity [J] of all bodies of the first world; how deep shapes overlap [m];
+        manifolds that found no colour, if any."""
         first = np.array([world == 0 for _, world in self.bodies])
         places = self.origin + self.get("x")
         mass = np.array([m.mass for m in self.masses])
         energy = 0.5 * (self.get("p") * self.velocities()).sum(1) + 0.5 * (self.get("L") * self.spins()).sum(1)
         found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
-        return found | ({"rigid_overlap": self.contacts.overlap()} if self.contacts else {})
+        if self.contacts:
+            found["rigid_overlap"] = self.contacts.overlap()
+            if self.contacts.in_turn:
+                found["rigid_in_turn"] = float(self.contacts.in_turn)
+        return found
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = np.array([k for k, (body, of) in enumerate(self.bodies) if path in ("/", body.path) and world in (None, of)], int)
@@ -222,7 +227,9 @@ def signature(b) -> list:
     points = touches(b.scene)
     if not (points or meet(b.scene)):
         return []
-    from wsim.physics.rigid.contacts import bounces, kinds
-    own = [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), bounces(b.scene)]
-    shapes = [c for body in b.scene.things("Body") for c in meeting(body)] if points else []
-    return own + [sorted({type(c.shape).__name__ for c in shapes}), any(c.restitution > 0.0 for c in shapes)] * points
+    from wsim.physics.rigid.contacts import bounces, kinds, standing
+    from wsim.physics.rigid.forms import chosen
+    own = [c for body in b.scene.things("Body") for c in meeting(body)]
+    form = chosen(b.model.device, b.model.worlds * len(own) + len(standing(b.scene.colliders)))
+    said = [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), bounces(b.scene), form.name, form.blocks]
+    return said + [sorted({type(c.shape).__name__ for c in own}), any(c.restitution > 0.0 for c in own)] * points

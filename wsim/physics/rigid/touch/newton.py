@@ -1,8 +1,8 @@
-"""Rigid bodies in Newton steps of points. Equations: kernels/rigid/lean.py."""
+"""Rigid bodies in Newton steps of points. Equations: kernels/rigid/touch/lean.py."""
 
 import warp as wp
 
-from wsim.kernels.rigid import lean
+from wsim.kernels.rigid.touch import lean
 from wsim.model.stage import Clock
 from wsim.model.state import Field
 from wsim.physics.solver.assembly import Term
@@ -16,7 +16,7 @@ class Foreseen(Term):
     """Where bodies will be when a Newton step is done."""
 
     def __init__(self, touch, assembly, lanes: int):
-        """touch: `wsim.physics.rigid.touch.Touch`; lanes: threads that sum over a system."""
+        """touch: `wsim.physics.rigid.touch.points.Touch`; lanes: threads that sum over a system."""
         self.touch, self.assembly, model = touch, assembly, touch.model
         self.kernels = {f.__name__: f(model.real, model.module) for f in (lean.lean, lean.recall, lean.owe, lean.given, lean.keep)}
         self.P, self.y = wp.zeros_like(assembly.A.P), wp.zeros_like(assembly.f)

@@ -2,8 +2,8 @@
 
 Their shapes are rows of the table of colliders that points have (`wsim.physics.contact.contacts`), placed on the device from the
 state of the bodies. In a substep bodies first take their forces, then points are predicted and meet them; at the end of every
-iteration of points a star is solved around each body (kernels/rigid/star.py) in turn with the contacts that bodies have among
-themselves; then both go where they go. Equations: kernels/rigid/touch.py.
+iteration of points a star is solved around each body (kernels/rigid/touch/star.py) in turn with the contacts that bodies have among
+themselves; then both go where they go. Equations: kernels/rigid/touch/points.py.
 """
 
 from dataclasses import replace
@@ -15,12 +15,13 @@ import warp as wp
 
 from wsim.kernels.carrier import colour
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid import rebound, touch
-from wsim.kernels.rigid import star as stars
-from wsim.kernels.rigid.touch_step import touch_step
+from wsim.kernels.rigid.touch import points as touch
+from wsim.kernels.rigid.touch import rebound
+from wsim.kernels.rigid.touch import star as stars
+from wsim.kernels.rigid.touch.step import touch_step
 from wsim.model.stage import Clock, Methods, Stage
 from wsim.model.structs import filled
-from wsim.physics.rigid.contacts import COLLIDE, bounces, place_of
+from wsim.physics.rigid.contacts import places_of
 from wsim.physics.rigid.solids import meeting
 from wsim.scene import Collider, Motion
 
@@ -43,11 +44,11 @@ class Touch:
         self.memory = b.clock.integrator.memory > 0.0
         self.rises, self.alone = bouncing or self.memory, len(self.owners) == 1 and not b.scene.colliders
         self.rounds = 1 if self.alone else max(1, ceil(ROUNDS / b.clock.iterations))
-        self.step = touch_step(self.real, b.model.module, bounces(b.scene))
+        self.form = rigid.contacts.form
+        self.step = self.form.parts(touch_step, rigid.contacts.bouncing)
         self.lanes, module = 1, b.model.module
         if b.model.device.is_cuda:                       # blocks of another size stand in a module of their own
-            self.lanes, module = LANES, f"{module}_star"
-            b.model.modules[module] = LANES
+            self.lanes, module = LANES, b.model.module_of(LANES)
         self.star, self.take = stars.star(self.real, module), touch.take(self.real, module)
         own = (touch.place, touch.keys, touch.begin, touch.found, touch.gather, touch.hubs, touch.tell)
         more = (rebound.rise, rebound.thrown, rebound.remember) if self.rises else ()
@@ -55,7 +56,7 @@ class Touch:
         self.kernels = {f.__name__: f(self.real, b.model.module) for f in (*own, *more, *of_memory)}
         self.before = wp.zeros_like(b.state.x) if self.memory else None          # anchors before a search
         self.bounds = colour.bounds(b.model.module)
-        self.foreseen: Any = None                        # `wsim.physics.rigid.touch_newton.Foreseen`
+        self.foreseen: Any = None                        # `wsim.physics.rigid.touch.newton.Foreseen`
         self.stages = [Stage("rigid bodies", "predict", self.begin, 1, rigid.part.bytes, what=f"{len(rigid.bodies)} bodies: forces"),
                        Stage("rigid bodies: places", "finish", self.end, 2, rigid.part.bytes, what="and what pushed them apart")]
 
@@ -67,7 +68,7 @@ class Touch:
         """Enters Newton steps, before the contacts of points do."""
         terms = others.find("terms")
         if terms is not None:
-            from wsim.physics.rigid.touch_newton import Foreseen
+            from wsim.physics.rigid.touch.newton import Foreseen
             self.foreseen = Foreseen(self, others.find("assembly"), others.find("lanes"))
             terms.append(self.foreseen)
 
@@ -79,7 +80,7 @@ class Touch:
         found = [(rows.first[o] + several + place, n, o) for o, body in enumerate(model.bodies)
                  for place, n in enumerate(numbers[body.world])]
         bodies = np.array([self.owners[n][0] for _, n, _ in found], np.int32)
-        places = [place_of(self.rigid.masses[self.owners[n][0]], self.owners[n][2]) for _, n, _ in found]
+        places = places_of([self.rigid.masses[k] for k in bodies], [self.owners[n][2] for _, n, _ in found])
         row = np.array([r for r, *_ in found], np.int32)
         of, thrown = np.full(len(rows.collider), -1, np.int32), np.zeros(len(rows.collider))
         of[row], thrown[row] = bodies, [self.owners[n][2].restitution for _, n, _ in found]
@@ -145,7 +146,7 @@ class Touch:
 
     def steps(self, clock: Clock) -> list:
         own = self.rigid.contacts
-        return [wp.vec3i(clock.k, clock.k + 1, own.sweeps), clock.h, own.first[own.shapes - 1:], own.rig()]
+        return [wp.vec3i(clock.k, clock.k + 1, own.sweeps), clock.h, self.form.threads, own.rig()]
 
     def begin(self, clock: Clock) -> None:
         """Forces on bodies; manifolds where it is time for them."""
@@ -153,12 +154,12 @@ class Touch:
         ends = own.ends(clock)
         if k in ends[:-1]:
             own.manifolds(clock, k, ends[ends.index(k) + 1])
-        self.model.launch(self.step[0], 1, self.steps(clock), [])
+        self.form.launch(self.step[0], self.steps(clock), [])
 
     def end(self, clock: Clock) -> None:
         """Bodies go where they go."""
         own = self.rigid.contacts
-        self.model.launch(self.step[2], 1, self.steps(clock), [])
+        self.form.launch(self.step[2], self.steps(clock), [])
         if clock.k + 1 in own.ends(clock):
             own.keep()
         if self.foreseen:
@@ -212,7 +213,7 @@ class Touch:
             self.contacts.project(clock.g, self.state.d, self.contact.anchor)
             self.blocks(self.take, [self.rows, self.contacts.push, self.found, 0, self.lanes], [rig])
             if not self.alone:
-                self.model.launch(self.step[1], 1, self.steps(clock), [])
+                self.form.launch(self.step[1], self.steps(clock), [])
 
         if self.foreseen and clock.i == clock.iterations - 1:
             self.foreseen.balance(clock)

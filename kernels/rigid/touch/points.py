@@ -1,4 +1,4 @@
-"""Bodies as colliders of points, and what both give each other in a substep. The solve: kernels/rigid/star.py.
+"""Bodies as colliders of points, and what both give each other in a substep. The solve: kernels/rigid/touch/star.py.
 
     place     rows of the table of colliders (kernels/contact/project.py) go where the bodies are, and would go by momenta alone
     sort      slots of contacts (kernels/contact/search.py) in the order of bodies; within a body in that of slots
@@ -26,7 +26,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import conjugate, multiply, normalized, rotate
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.motion import double, double3, free_rotation
-from wsim.kernels.rigid.star import structs as stars
+from wsim.kernels.rigid.touch.star import structs as stars
 
 SLID = 0.999           # of the bound of friction at which a contact counts as one that slides: it then has the dynamic bound
 

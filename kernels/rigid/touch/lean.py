@@ -1,7 +1,7 @@
 """Bodies in a Newton step of points (kernels/contact/active_set.py): where planes will be when the step is done.
 
 A step of Newton's method holds points at planes that go with a body as it has been foreseen, and says how they push, P. A star
-(kernels/rigid/star.py) then foresees it anew, of points that give way as A_ii lets them alone: the block of a point is stiffer
+(kernels/rigid/touch/star.py) then foresees it anew, of points that give way as A_ii lets them alone: the block of a point is stiffer
 than all of them together are to what moves them together, so what is foreseen goes towards the solution from one side, and does
 not swing however light the body is. Force F = own P is lam' = own P / own' in a metric own' = n.A_ii n:
 
@@ -19,8 +19,8 @@ import warp as wp
 from wsim.kernels.contact import project
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.motion import double3
-from wsim.kernels.rigid.star import structs as stars
-from wsim.kernels.rigid.touch import structs
+from wsim.kernels.rigid.touch.star import structs as stars
+from wsim.kernels.rigid.touch.points import structs
 
 
 @cache

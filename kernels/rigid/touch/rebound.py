@@ -1,4 +1,4 @@
-"""Velocities behind a substep of points that push bodies, by impulses that change no place. Equations: kernels/rigid/touch.py."""
+"""Velocities behind a substep of points that push bodies, by impulses that change no place. Equations: kernels/rigid/touch/points.py."""
 
 from functools import cache
 
@@ -6,8 +6,8 @@ import warp as wp
 
 from wsim.kernels.contact import project
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.star import structs as stars
-from wsim.kernels.rigid.touch import structs
+from wsim.kernels.rigid.touch.star import structs as stars
+from wsim.kernels.rigid.touch.points import structs
 
 
 @cache
