@@ -27,6 +27,7 @@ from wsim.kernels.math.rotation import conjugate, multiply, normalized, rotate
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.motion import double, double3, free_rotation
 from wsim.kernels.rigid.touch.star import structs as stars
+from wsim.kernels.rigid.touch.star import total_vector
 
 SLID = 0.999           # of the bound of friction at which a contact counts as one that slides: it then has the dynamic bound
 
@@ -277,8 +278,8 @@ def take(real, module):
             J += P
             T += wp.cross(double3(rows.r[m]), P)
             m += lanes
-        J = wp.tile_extract(wp.tile_sum(wp.tile(J, preserve_type=True)), 0)
-        T = wp.tile_extract(wp.tile_sum(wp.tile(T, preserve_type=True)), 0)
+        J = total_vector(J)
+        T = total_vector(T)
         if tid % lanes == 0 and rows.first[i + 1] > rows.first[i]:
             p = double3(rig.now.p[i]) - J
             L = double3(rig.now.L[i]) - T

@@ -96,27 +96,100 @@ def law(of):
     return law
 
 
+@wp.struct
+class Sums:
+    """Over contacts: impulse and its moment, size, and the derivatives of both by velocity (A, C) and spin (B, D)."""
+    J: vec3
+    T: vec3
+    A: mat33
+    B: mat33
+    C: mat33
+    D: mat33
+    size: real
+
+
+@wp.func
+def total(x: real):
+    """Of all threads of a block, in an order that is always the same."""
+    return wp.tile_extract(wp.tile_sum(wp.tile(x)), 0)
+
+
+@wp.func
+def total_vector(x: vec3):
+    return wp.tile_extract(wp.tile_sum(wp.tile(x, preserve_type=True)), 0)
+
+
+@wp.func
+def total_matrix(x: mat33):
+    return wp.tile_extract(wp.tile_sum(wp.tile(x, preserve_type=True)), 0)
+
+
+@wp.func
+def gathered(own: Sums):
+    """Of all threads of a block."""
+    all = Sums()
+    all.J = total_vector(own.J)
+    all.T = total_vector(own.T)
+    all.A = total_matrix(own.A)
+    all.B = total_matrix(own.B)
+    all.C = total_matrix(own.C)
+    all.D = total_matrix(own.D)
+    all.size = total(own.size)
+    return all
+
+
+@wp.func
+def newton(S: Sums, mass: real, inertia: mat33, Fv: vec3, Fo: vec3):
+    """Step of V: [[A + m, B], [C, D + I]] dV = -F, by blocks."""
+    back = wp.inverse(S.A + mass * wp.identity(n=3, dtype=real))
+    do = wp.inverse(S.D + inertia - S.C * back * S.B) * (S.C * back * Fv - Fo)
+    return -back * (Fv + S.B * do), do
+
+
+@cache
+def sums(of):
+    """Function: the part of lane `lane` of the sums at V = (v, o)."""
+    Rows, _ = structs(of)
+    formula = law(of)
+
+    @wp.func
+    def sums(rows: Rows, body: int, lane: int, lanes: int, k: real, g: real, v: vec3, o: vec3):
+        own = Sums()
+        s = rows.first[body] + lane
+        while s < rows.first[body + 1]:
+            r = vec3(rows.r[s])
+            f = real(rows.f[s])
+            P, slope = formula(rows, s, k, g, v + wp.cross(o, r))
+            X = wp.skew(r)
+            fS = f * slope
+            own.J += f * P
+            own.T += f * wp.cross(r, P)
+            own.A += fS
+            own.B -= fS * X
+            own.C += X * fS
+            own.D -= X * fS * X
+            own.size += f * wp.length(P)
+            s += lanes
+        return own
+
+    return sums
+
+
 @cache
 def star(of, module):
     """Kernel over bodies times lanes: V of each, (velocity, then spin), and what is left of F as a part of what it began with.
     k, g: of `law` [s]."""
     Rows, Hubs = structs(of)
-    formula = law(of)
+    part_of = sums(of)
 
     def star(rows: Rows, hubs: Hubs, k: real, g: real, lanes: int, V_out: wp.array(dtype=vec3), left_out: wp.array(dtype=of)):
         tid = wp.tid()
         body = tid // lanes
-        bodies = hubs.w.shape[0]
-        first = rows.first[body]
-        last = rows.first[body + 1]
         R = mat33(hubs.turn[body])
-        inverse = vec3(hubs.inverse[body])
-        spread = R * wp.diag(inverse) * wp.transpose(R)
-        inertia = R * wp.diag(vec3(real(1.0) / inverse[0], real(1.0) / inverse[1], real(1.0) / inverse[2])) * wp.transpose(R)
+        moments = wp.cw_div(vec3(real(1.0), real(1.0), real(1.0)), vec3(hubs.inverse[body]))
+        inertia = R * wp.diag(moments) * wp.transpose(R)
+        spread = R * wp.diag(vec3(hubs.inverse[body])) * wp.transpose(R)
         w = real(hubs.w[body])
-        mass = real(1.0) / w
-        p = hubs.q[body]
-        L = hubs.q[bodies + body]
         v = vec3()
         o = vec3()
         dv = vec3()
@@ -124,68 +197,31 @@ def star(of, module):
         best = real(-1.0)
         scale = real(0.0)
         part = real(1.0)
-        going = int(0)
-        if last > first:
-            going = int(EVALUATIONS)
+        going = wp.where(rows.first[body + 1] > rows.first[body], int(EVALUATIONS), 0)
         while going > 0:
             going -= 1
             tv = v + part * dv
             to = o + part * do
-            J = vec3()
-            T = vec3()
-            A = mat33()
-            B = mat33()
-            C = mat33()
-            D = mat33()
-            size = real(0.0)
-            s = first + tid % lanes
-            while s < last:
-                r = vec3(rows.r[s])
-                f = real(rows.f[s])
-                P, slope = formula(rows, s, k, g, tv + wp.cross(to, r))
-                X = wp.skew(r)
-                J += f * P
-                T += f * wp.cross(r, P)
-                size += f * wp.length(P)
-                fS = f * slope
-                A += fS
-                B -= fS * X
-                C += X * fS
-                D -= X * fS * X
-                s += lanes
-            J = wp.tile_extract(wp.tile_sum(wp.tile(J, preserve_type=True)), 0)
-            T = wp.tile_extract(wp.tile_sum(wp.tile(T, preserve_type=True)), 0)
-            A = wp.tile_extract(wp.tile_sum(wp.tile(A, preserve_type=True)), 0)
-            B = wp.tile_extract(wp.tile_sum(wp.tile(B, preserve_type=True)), 0)
-            C = wp.tile_extract(wp.tile_sum(wp.tile(C, preserve_type=True)), 0)
-            D = wp.tile_extract(wp.tile_sum(wp.tile(D, preserve_type=True)), 0)
-            size = wp.tile_extract(wp.tile_sum(wp.tile(size)), 0)
-            Fv = mass * tv - p + J
-            Fo = inertia * to - L + T
+            S = gathered(part_of(rows, body, tid % lanes, lanes, k, g, tv, to))
+            Fv = tv / w - hubs.q[body] + S.J
+            Fo = inertia * to - hubs.q[hubs.w.shape[0] + body] + S.T
             found = w * wp.dot(Fv, Fv) + wp.dot(Fo, spread * Fo)
-            if best < real(0.0):
-                scale = found
             if best < real(0.0) or found < best:
+                scale = wp.where(best < real(0.0), found, scale)
                 v = tv
                 o = to
                 best = found
                 part = real(1.0)
-                if best <= SMALL * wp.max(scale, w * size * size):
+                if best <= SMALL * wp.max(scale, w * S.size * S.size):
                     going = int(0)
-                A += mass * wp.identity(n=3, dtype=real)
-                D += inertia
-                back = wp.inverse(A)
-                do = wp.inverse(D - C * back * B) * (C * back * Fv - Fo)
-                dv = -back * (Fv + B * do)
+                dv, do = newton(S, real(1.0) / w, inertia, Fv, Fo)
             else:
                 part = real(0.5) * part
                 if part < LEAST_STEP:
                     going = int(0)
         if tid % lanes == 0:
             V_out[body] = v
-            V_out[bodies + body] = o
-            left_out[body] = of(0.0)
-            if scale > real(0.0):
-                left_out[body] = of(wp.sqrt(wp.max(best, real(0.0)) / scale))
+            V_out[hubs.w.shape[0] + body] = o
+            left_out[body] = of(wp.sqrt(wp.max(best, real(0.0)) / wp.max(scale, real(1e-300))))
 
     return wp.kernel(star, name=f"star_{types(of).name}", module=module, enable_backward=False)
