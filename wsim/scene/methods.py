@@ -82,6 +82,16 @@ def things(scene) -> list:
     return [*scene.bodies(), *scene.pins, *scene.colliders, *scene.loads, *(thing for _, thing in every(scene))]
 
 
+def carried(scene) -> list:
+    """Colliders that move with things of methods, and are met."""
+    return [c for _, thing in every(scene) for c in getattr(thing, "colliders", ()) if c.meets] if scene.others else []
+
+
+def collides(scene) -> bool:
+    """Whether points may meet something."""
+    return bool(scene.colliders or carried(scene))
+
+
 def every(scene) -> Iterator[tuple[Row, Any]]:
     """(row, thing) of what a scene holds of methods that have no list of their own in it."""
     for row in METHODS:

@@ -56,9 +56,10 @@ def _nested(paths: list[str]) -> Iterator[Problem]:
 
 
 def _beside(body: Body, scene: Scene) -> Iterator[Problem]:
-    if scene.bodies() and body is scene.things("Body")[0]:
-        yield warning(body.path, "rigid bodies and cloth, springs or soft bodies pass through each other",
-                      "one kind in a scene", "make the bodies kinematic (colliders of the scene), or take one kind out")
+    if scene.bodies() and scene.contact_width > 0.0 and any(c.meets for c in body.colliders):
+        yield error(body.path, f"is a rigid body that cloth, springs or soft bodies touch, and contact_width is "
+                    f"{scene.contact_width:g} m: a potential before a contact knows no body that gives way", "0",
+                    "leave out wsim:contactWidth, or make the body kinematic")
 
 
 def _meshes(body: Body, scene: Scene) -> Iterator[Problem]:

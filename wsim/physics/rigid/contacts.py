@@ -160,7 +160,8 @@ class Contacts:
         if self.method.sleep and self.poses_of and self.poses_of != known:
             self.method.sleep.wake()
         rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.colliders)
-        M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)]).reshape(-1, n, 4, 4)
+        M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)])
+        M = M.reshape(rows + moves, n, 4, 4)
         x, q = M[:, :, :3, 3] - self.still_origin, quaternion(M[:, :, :3, :3])
         v, omega = np.zeros_like(x), np.zeros_like(x)
         if moves:
@@ -184,18 +185,23 @@ class Contacts:
 
     def awake(self, clock: Clock) -> None:
         """A frame in which something may move."""
-        sleep, times = self.method.sleep, self.times(clock)
-        ends = [round(i * clock.substeps / times) for i in range(times + 1)]
+        ends = self.ends(clock)
         for first, last in zip(ends[:-1], ends[1:], strict=True):
-            self._manifolds(clock, first, last)
-            if sleep:
-                sleep.settle(first, clock.h * (last - first), self.rig())
-            self.form.colour(self.rig(), self.status.word(IN_TURN))
+            self.manifolds(clock, first, last)
             self.form.advance((first, last, self.sweeps), clock.h, self.rig())
-            if sleep:
-                sleep.end(self.room, self.rig())
-            for name, array in self.arrays().items():
-                wp.copy(array, getattr(self.list, name))
+            if self.method.sleep:
+                self.method.sleep.end(self.room, self.rig())
+            self.keep()
+
+    def ends(self, clock: Clock) -> list[int]:
+        """Substeps before which manifolds are made, and the number of substeps."""
+        times = self.times(clock)
+        return [round(i * clock.substeps / times) for i in range(times + 1)]
+
+    def keep(self) -> None:
+        """Puts the list into the state."""
+        for name, array in self.arrays().items():
+            wp.copy(array, getattr(self.list, name))
 
     def times(self, clock: Clock) -> int:
         """How often manifolds are made in a frame."""
@@ -210,7 +216,8 @@ class Contacts:
         """Of the state: the last list."""
         return {name: array for part in self.parts for name, array in part.arrays.items()}
 
-    def _manifolds(self, clock: Clock, first: int, last: int) -> None:
+    def manifolds(self, clock: Clock, first: int, last: int) -> None:
+        """Of substeps first .. last, with their colours."""
         launch, rig, n = self.model.launch, self.rig(), self.shapes
         launch(self.reach, n, [rig, first, clock.h * (last - first)], [self.tree.low, self.tree.high])
         self.bvh.rebuild()
@@ -222,6 +229,9 @@ class Contacts:
         launch(self.collide, self.room, [rig, self.hulls, first, before], [])
         if self.on_meshes:
             launch(self.on_meshes, self.room, [rig, self.hulls, self.surfaces, first, before], [])
+        if self.method.sleep:
+            self.method.sleep.settle(first, clock.h * (last - first), rig)
+        self.form.colour(rig, self.status.word(IN_TURN))
 
     def rig(self) -> Any:
         return filled(contact.whole(self.real), s=self.table, b=self.method.table, now=self.method.moving(), still=self.still,

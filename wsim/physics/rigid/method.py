@@ -10,7 +10,7 @@ import numpy as np
 
 from wsim.geometry import rotation
 from wsim.kernels.rigid import motion
-from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
@@ -45,7 +45,11 @@ class Rigid(Method):
         self.origin = np.array([M[:3, :3] @ m.center + M[:3, 3] for M, m in zip(frames, self.masses, strict=True)])
         self.gravity = np.tile(np.asarray(scene.gravity, np.float64), (b.model.worlds, 1))
         self.force, self.twist = (np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("force", "torque"))
-        self.part = Part.allocate("bodies", FIELDS, len(self.bodies), b.model.real, b.model.device)
+        fields = FIELDS
+        if touches(scene) and b.choice.solver == "implicit":
+            from wsim.physics.rigid.touch.newton import KEPT
+            fields += KEPT
+        self.part = Part.allocate("bodies", fields, len(self.bodies), b.model.real, b.model.device)
         self.part.rows = {(body.path, world): np.array([k]) for k, (body, world) in enumerate(self.bodies)}
         b.state.add(self.part)
         self._begin(frames)
@@ -56,14 +60,21 @@ class Rigid(Method):
         self.Bodies, self.Moving = motion.structs(b.model.real)
         self.table, self.pushed = self._tables(), True
         self.contacts: Any = None
+        self.touch: Any = None                           # `wsim.physics.rigid.touch.points.Touch`, where there are points
         what, launches = f"{len(self.bodies)} bodies, all substeps", 1
-        if meet(scene):
+        points = touches(scene)
+        if points or meet(scene):
             from wsim.physics.rigid.contacts import Contacts
             self.contacts = Contacts(b, self)
             what += f", {self.contacts.shapes} shapes that can meet, {self.contacts.form.what}"
             launches = self.contacts.launches(b.clock)
         else:
             self.kernel = motion.free(b.model.real, b.model.module)
+        if points:
+            from wsim.physics.rigid.touch.points import Touch
+            self.touch = Touch(b, self)
+            self.stages, self.offers = self.touch.stages, {"movers": self.touch}
+            return
         self.stages.append(Stage("rigid bodies", "predict", self.advance, launches, self.part.bytes, "frame", what))
 
     def _begin(self, frames: np.ndarray) -> None:
@@ -115,6 +126,12 @@ class Rigid(Method):
     def before_frame(self, time: float, clock: Clock) -> None:
         if self.contacts:
             self.contacts.before_frame(time, clock)
+        if self.touch:
+            self.touch.before_frame()
+
+    def meet(self, others: Methods) -> None:
+        if self.touch:
+            self.touch.meet(others)
 
     def retry(self, status: Status) -> list[Remedy]:
         return self.contacts.retry(status) if self.contacts else []
@@ -216,12 +233,18 @@ def sleeps(scene) -> bool:
     return some and not scene.things("Joint") and not scene.bodies()
 
 
+def touches(scene) -> bool:
+    """Whether bodies may touch points."""
+    return bool(scene.bodies()) and any(meeting(body) for body in scene.things("Body"))
+
+
 def signature(b) -> list:
-    if not meet(b.scene):
+    points = touches(b.scene)
+    if not (points or meet(b.scene)):
         return []
     from wsim.physics.rigid.contacts import bounces, kinds, standing
     from wsim.physics.rigid.forms import chosen
-    bodies = b.scene.things("Body")
-    shapes = b.model.worlds * sum(len(meeting(body)) for body in bodies) + len(standing(b.scene.colliders))
-    form = chosen(b.model.device, shapes)
-    return [sorted(kinds(bodies, b.scene.colliders)), bounces(b.scene), form.name, form.blocks, sleeps(b.scene)]
+    own = [c for body in b.scene.things("Body") for c in meeting(body)]
+    form = chosen(b.model.device, b.model.worlds * len(own) + len(standing(b.scene.colliders)))
+    said = [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), bounces(b.scene), form.name, form.blocks, sleeps(b.scene)]
+    return said + [sorted({type(c.shape).__name__ for c in own}), any(c.restitution > 0.0 for c in own)] * points

@@ -25,11 +25,7 @@ UNIT = 1e-2                                              # departure of |q| from
 
 
 def simulated(reading: Reading, prim: Usd.Prim) -> bool:
-    """Whether a body moves by forces: it is enabled, not kinematic, and there are no points that it would have to meet."""
-    return dynamic(reading, prim) and not reading.points
-
-
-def dynamic(reading: Reading, prim: Usd.Prim) -> bool:
+    """Whether a body moves by forces: it is enabled and not kinematic."""
     api, start = UsdPhysics.RigidBodyAPI(prim), reading.start
     return api.GetRigidBodyEnabledAttr().Get(start) is not False and not api.GetKinematicEnabledAttr().Get(start)
 
@@ -50,13 +46,9 @@ def within(reading: Reading, prim: Usd.Prim) -> list[Sdf.Path]:
 def load(reading: Reading, prim: Usd.Prim) -> Body | None:
     path = str(prim.GetPath())
     if names.RIGID_BODY not in applied(prim):
-        if not reading.points:
-            reading.warn(path, f"is a {prim.GetTypeName()}: joints are not simulated yet, and its bodies come apart")
+        reading.warn(path, f"is a {prim.GetTypeName()}: joints are not simulated yet, and its bodies come apart")
         return None
     if not simulated(reading, prim):
-        if dynamic(reading, prim):
-            reading.warn(path, "is a dynamic rigid body beside cloth, springs or soft bodies, which rigid bodies do not meet "
-                         "yet: its colliders move only as animated")
         return None
     if prim.IsInstanceProxy():
         reading.fail(path, "is a rigid body in an instance, whose contents cannot be written over; author instanceable = false "
