@@ -2,11 +2,11 @@
 begin with and are made of. Steps are those of kernels/rigid/motion.py, whose adjoints the tape runs; what stands before
 and behind them is here, on the host in float64.
 
-    M = [R A^T, place - R A^T c],  v = p / m,  omega = R J R^T L      R from the principal axes, A from those to the body
+    M = [R A^T, place - R A^T c],  v = p / m,  omega = R J R^T L     R from the principal axes, A from those to the body
     begins with   p = m v,  L = R I R^T omega                           J = I^-1, c the centre of mass in the body's frame
 
-The gradient with respect to a quaternion is that of the turn [theta]x R before it: q' = theta q / 2, so 2 tau q of the cotangent
-tau of theta.
+The gradient with respect to a quaternion is that of the turn [theta]x R before it: q' = theta q / 2, so 2 tau q of the
+cotangent tau of theta.
 """
 
 from dataclasses import dataclass
