@@ -52,7 +52,7 @@ METHODS: list[Row] = [
     Row("xpbd", "wsim.physics.solver.xpbd", without="another solver is chosen, and nothing is hard", gradients=True,
         pushes=True),
     Row("rigid", "wsim.physics.rigid", owns=("Body",), claims=("PhysicsRigidBodyAPI", "PhysicsJoint", *JOINTS),
-        without="there is no rigid body"),
+        without="there is no rigid body", gradients=True),
     Row("fluid", "wsim.physics.fluid", owns=("Fluid", "Source"), claims=("WsimFluidDomainAPI", "WsimFluidSourceAPI"),
         without="there is no fluid"),
     Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),

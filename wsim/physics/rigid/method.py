@@ -14,7 +14,7 @@ from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
-from wsim.physics.rigid.mass import Inertia, inertia
+from wsim.physics.rigid.mass import Inertia, inertia, weighed
 from wsim.physics.rigid.objects import Body
 from wsim.physics.rigid.solids import meeting, standing
 from wsim.scene.samples import Sample, Transform
@@ -24,7 +24,7 @@ FIELDS = (Field("x", "m", True, "centre of mass relative to where it was at the 
           Field("L", "kg m^2/s", True, "angular momentum about the centre of mass"),
           Field("q", "", True, "orientation of the principal axes, (x, y, z, w)", "quat"),
           Field("o", "", True, "rounding remainder of q", "quat"))
-LIVE = {"velocity": 3, "spin": 3, "force": 3, "torque": 3, "drag": 0, "spin_drag": 0}
+LIVE = ("velocity", "spin", "force", "torque", "drag", "spin_drag", "mass", "inertia")
 
 
 def build(b) -> Method:
@@ -37,6 +37,8 @@ class Rigid(Method):
     def __init__(self, b):
         super().__init__("rigid")
         self.model, scene = b.model, b.scene
+        if b.model.gradients:
+            refuse_contacts(scene)
         worlds = range(b.model.worlds)
         self.bodies: list[tuple[Body, int]] = [(body, world) for world in worlds for body in scene.things("Body")]
         of = {id(body): inertia(body) for body in scene.things("Body")}
@@ -59,8 +61,10 @@ class Rigid(Method):
             self.sleep = Sleep(b, self)
         self.Bodies, self.Moving = motion.structs(b.model.real)
         self.table, self.pushed = self._tables(), True
+        self.offers = {"bodies": self}
         self.contacts: Any = None
         self.touch: Any = None                           # `wsim.physics.rigid.touch.points.Touch`, where there are points
+        self.recorded: Any = None
         what, launches = f"{len(self.bodies)} bodies, all substeps", 1
         points = touches(scene)
         if points or meet(scene):
@@ -68,14 +72,24 @@ class Rigid(Method):
             self.contacts = Contacts(b, self)
             what += f", {self.contacts.shapes} shapes that can meet, {self.contacts.form.what}"
             launches = self.contacts.launches(b.clock)
+        elif b.model.gradients:
+            self._record()
         else:
             self.kernel = motion.free(b.model.real, b.model.module)
         if points:
             from wsim.physics.rigid.touch.points import Touch
             self.touch = Touch(b, self)
-            self.stages, self.offers = self.touch.stages, {"movers": self.touch}
+            self.stages = self.touch.stages
+            self.offers["movers"] = self.touch
             return
-        self.stages.append(Stage("rigid bodies", "predict", self.advance, launches, self.part.bytes, "frame", what))
+        rate = "substep" if self.recorded else "frame"
+        self.stages.append(Stage("rigid bodies", "predict", self.advance, launches, self.part.bytes, rate, what))
+
+    def _record(self) -> None:
+        """A launch for each step, which has an adjoint."""
+        from wsim.physics.rigid.recorded import Recorded
+        self.recorded = Recorded(self)
+        self.offers["recorded bodies"] = self.recorded
 
     def _begin(self, frames: np.ndarray) -> None:
         q = rotation.multiply(rotation.quaternion(frames[:, :3, :3]), np.array([m.axes for m in self.masses]))
@@ -142,8 +156,8 @@ class Rigid(Method):
             self.contacts.grow(len(pairs))
 
     def advance(self, clock: Clock) -> None:
-        if self.contacts:
-            self.contacts.advance(clock)
+        if self.contacts or self.recorded:
+            (self.contacts.advance if self.contacts else self.recorded.step)(clock)
             return
         now = self.moving()
         asleep = self.part.arrays["asleep"] if self.sleep else None
@@ -159,6 +173,10 @@ class Rigid(Method):
         found[:, :3, 3] = self.origin + self.get("x") + self.get("e") - np.einsum("nij,nj->ni", R, center)
         return found
 
+    def placed(self, path: str) -> np.ndarray:
+        """As `poses`, of one body in every world."""
+        return self.poses()[[k for k, (body, _) in enumerate(self.bodies) if body.path == path]]
+
     def spins(self) -> np.ndarray:
         """Angular velocities now, world (n, 3) [rad/s]."""
         q, moments = self.turns(), np.array([m.moments for m in self.masses])
@@ -167,6 +185,23 @@ class Rigid(Method):
     def velocities(self) -> np.ndarray:
         """Of the centres of mass now, (n, 3) [m/s]."""
         return self.get("p") / np.array([m.mass for m in self.masses])[:, None]
+
+    def weigh(self, rows: np.ndarray, name: str, value) -> None:
+        """Another mass or inertia of bodies, which go on as fast as they are, linear and angular."""
+        poses, v, spins = self.turns(), self.velocities(), self.spins()
+        for k in rows:
+            before, body = self.masses[k], self.bodies[k][0]
+            self.masses[k] = now = weighed(body, before, name, value)
+            poses[k] = rotation.multiply(poses[k], rotation.multiply(rotation.conjugate(before.axes), now.axes))
+        q = rotation.normalized(poses)
+        near = q.astype(self.model.dtype)
+        self.put("q", near)
+        self.put("o", q - near)
+        self.put("p", np.array([m.mass for m in self.masses])[:, None] * v)
+        self.put("L", self.momentum(q, spins))
+        self.table.w.assign(np.array([1.0 / m.mass for m in self.masses], self.model.dtype))
+        self.table.inverse.assign(np.array([1.0 / m.moments for m in self.masses], self.model.dtype))
+        self.table.push.assign(self._push().astype(self.model.dtype))
 
     def samples(self, world: int = 0) -> list[Sample]:
         poses = self.poses()
@@ -209,6 +244,9 @@ class Rigid(Method):
             now[hit] = wanted[hit]
             self.put(field, now)
             return True
+        if name in ("mass", "inertia"):
+            self.weigh(hit, name, value)
+            return True
         rows = {"force": self.force, "torque": self.twist}.get(name)
         if rows is not None:
             rows[hit] = value
@@ -219,6 +257,17 @@ class Rigid(Method):
             values[hit] = value
         array.assign(values.astype(self.model.dtype))
         return True
+
+
+def refuse_contacts(scene) -> None:
+    """Raises SceneError where bodies that are to be recorded can touch something, or are joined."""
+    from wsim.scene.values.coverage import refuse
+    for joint in scene.things("Joint"):
+        raise refuse("joints", joint.path)
+    if meet(scene):
+        bodies = [body for body in scene.things("Body") if meeting(body)]
+        other = next((c.path for c in standing(scene.colliders)), bodies[-1].path)
+        raise refuse("impulses", bodies[0].path, other=other)
 
 
 def meet(scene) -> bool:

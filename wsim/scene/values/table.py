@@ -19,8 +19,7 @@ OWN, AIR, FLAT = "WsimMaterialAPI", "WsimSceneAPI", "WsimClothAPI"
 MATERIALS = (SHEET, SOLID, RUB, OWN)                 # schemas of materials: what they say is no attribute of the prim itself
 DAMPING = {"Cloth": OWN, "Springs": "WsimSpringsAPI", "Soft": OWN}
 FRICTION = ("static_friction", "dynamic_friction")
-FIXED, RIGID = "fixed while a scene runs", "nothing is recorded of rigid bodies"
-AIRY = "nothing is recorded of fluids"
+FIXED, AIRY = "fixed while a scene runs", "nothing is recorded of fluids"
 PARTS = {"stretch": ("stretch", "weft"), "stretch_warp": ("stretch",), "stretch_weft": ("weft",)}    # values of a parameter
 
 VALUES: list[Value] = [
@@ -86,10 +85,12 @@ VALUES: list[Value] = [
     Value("Collider", "points", "m", ANY, "array", live=False, why="the shape of a mesh that deforms has none yet"),
     Value("Collider", "shift", "m", ANY, "array", live=False, gradient="shift"),
 
-    *(Value("Body", name, unit, ANY, "vector", why=RIGID) for name, unit in (
+    *(Value("Body", name, unit, ANY, "vector", fit=PLAIN, gradient="body") for name, unit in (
         ("velocity", "m/s"), ("spin", "rad/s"), ("force", "N"), ("torque", "N m"))),
-    *(Value("Body", name, "1/s", why=RIGID) for name in ("drag", "spin_drag")),
-    *(Value("Body", name, unit, POSITIVE, live=False, why=RIGID) for name, unit in (("mass", "kg"), ("density", "kg/m^3"))),
+    *(Value("Body", name, "1/s", fit=LOG, gradient="body") for name in ("drag", "spin_drag")),
+    Value("Body", "mass", "kg", POSITIVE, fit=LOG, gradient="body"),
+    Value("Body", "inertia", "kg m^2", POSITIVE, "vector", gradient="body"),
+    Value("Body", "density", "kg/m^3", POSITIVE, live=False, why=f"{FIXED}; take mass"),
 
     *(Value("Fluid", name, unit, ANY, why=AIRY) for name, unit in (("lift", "1/K"), ("weight", "1"))),
     *(Value("Fluid", name, "1/s", why=AIRY) for name in ("smoke_decay", "cooling")),
