@@ -5,7 +5,7 @@
     Particles   points, widths, ids, velocities, extent           of a UsdGeom.Points
     Quantity    an attribute double or double[]                   of any prim
     Colour      primvars:displayColor of each point               of a UsdGeom.PointBased
-    Volume      asset filePath, a file a frame beside the layer   of any prim; a UsdVol.OpenVDBAsset where none is there
+    Volume      assets filePath, a file a frame beside the layer  of a UsdVol.Volume, see `wsim.usd.result.kinds.volumes`
 """
 
 from collections.abc import Callable
@@ -18,6 +18,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 from wsim.scene import Problem, SceneError
 from wsim.scene.samples import Colour, Particles, Points, Quantity, Sample, Transform, Volume
 from wsim.usd.result.kinds.beside import Beside
+from wsim.usd.result.kinds.volumes import volume
 from wsim.usd.result.samples import Frame, particles_of
 
 OP = "xformOp:transform"
@@ -108,12 +109,6 @@ def _value(prim: Usd.Prim, sample: Quantity, code: float, beside: Beside) -> Wri
     return [(attribute, Vt.DoubleArray.FromNumpy(np.ascontiguousarray(sample.value, np.float64).reshape(-1)))]
 
 
-def _volume(prim: Usd.Prim, sample: Volume, code: float, beside: Beside) -> Written:
-    name = beside.write(prim.GetName(), sample.suffix, sample.data)
-    attribute = prim.GetAttribute("filePath") or prim.CreateAttribute("filePath", Sdf.ValueTypeNames.Asset, False)
-    return [(attribute, Sdf.AssetPath(name))]
-
-
 def _colour(prim: Usd.Prim, sample: Colour, code: float, beside: Beside) -> Written:
     """The indices that a source may have for its own colours count no more."""
     primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex)
@@ -128,6 +123,6 @@ KINDS: dict[type, Row] = {
     Transform: Row("Xform", _transform),
     Particles: Row("Points", _particles),
     Quantity: Row("", _value),
-    Volume: Row("OpenVDBAsset", _volume),
+    Volume: Row("Volume", volume),
     Colour: Row("Points", _colour),
 }
