@@ -164,7 +164,7 @@ def _metadata(grid: Grid, active: np.ndarray, places: np.ndarray) -> bytes:
         used = active.reshape(-1, 8, 8, 8).any(axis=tuple(a + 1 for a in range(3) if a != axis))
         index = (8 * places[:, axis, None] + np.arange(8))[used]
         low[axis], high[axis] = index.min(), index.max()
-    texts = {"class": grid.kind, "name": grid.name, "file_compression": "active values", "creator": "wsim"} | dict(grid.metadata)
+    texts = {"class": grid.kind, "name": grid.name, "file_compression": "active values"} | dict(grid.metadata)
     found = [_text(name) + _text("string") + _text(value) for name, value in texts.items()]
     found += [_text(f"file_bbox_{end}") + _text("vec3i") + struct.pack("<Iiii", 12, *(int(v) for v in corner))
               for end, corner in (("min", low), ("max", high))]
