@@ -53,6 +53,8 @@ METHODS: list[Row] = [
         pushes=True),
     Row("rigid", "wsim.physics.rigid", owns=("Body",), claims=("PhysicsRigidBodyAPI", "PhysicsJoint", *JOINTS),
         without="there is no rigid body"),
+    Row("fluid", "wsim.physics.fluid", owns=("Fluid", "Source"), claims=("WsimFluidDomainAPI", "WsimFluidSourceAPI"),
+        without="there is no fluid"),
     Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),
     Row("watch", "wsim.physics.motion.overstretch", gradients=True),
     Row("muscles", "wsim.physics.cloth.muscles", without="no spring has an actuation", gradients=True),

@@ -114,7 +114,6 @@ def built(row: Row, b: Build) -> Method | None:
 PARTS: list[tuple[str, str, Callable[[Build], bool]]] = [
     ("history", "backward Euler needs no earlier step", lambda b: b.clock.integrator.memory > 0.0),
     ("fem", "there is no soft body", lambda b: bool(b.scene.softs)),
-    ("fluid", "there is no fluid", lambda b: False),
     ("gradients", "not asked for", lambda b: b.model.gradients),
     ("membrane", "no cloth has triangle strain", lambda b: any(c.model == "membrane" for c in b.scene.cloths)),
 ]

@@ -20,6 +20,7 @@ MATERIALS = (SHEET, SOLID, RUB, OWN)                 # schemas of materials: wha
 DAMPING = {"Cloth": OWN, "Springs": "WsimSpringsAPI", "Soft": OWN}
 FRICTION = ("static_friction", "dynamic_friction")
 FIXED, RIGID = "fixed while a scene runs", "nothing is recorded of rigid bodies"
+AIRY = "nothing is recorded of fluids"
 PARTS = {"stretch": ("stretch", "weft"), "stretch_warp": ("stretch",), "stretch_weft": ("weft",)}    # values of a parameter
 
 VALUES: list[Value] = [
@@ -89,6 +90,14 @@ VALUES: list[Value] = [
         ("velocity", "m/s"), ("spin", "rad/s"), ("force", "N"), ("torque", "N m"))),
     *(Value("Body", name, "1/s", why=RIGID) for name in ("drag", "spin_drag")),
     *(Value("Body", name, unit, POSITIVE, live=False, why=RIGID) for name, unit in (("mass", "kg"), ("density", "kg/m^3"))),
+
+    *(Value("Fluid", name, unit, ANY, why=AIRY) for name, unit in (("lift", "1/K"), ("weight", "1"))),
+    *(Value("Fluid", name, unit, why=AIRY) for name, unit in (
+        ("vorticity", "1"), ("smoke_decay", "1/s"), ("cooling", "1/s"), ("viscosity", "m^2/s"))),
+    *(Value("Fluid", name, unit, POSITIVE, live=False, why=AIRY) for name, unit in (
+        ("cell", "m"), ("density", "kg/m^3"), ("tolerance", "1"), ("cfl", "1"))),
+    *(Value("Source", name, unit, ANY, why=AIRY) for name, unit in (
+        ("smoke", "1/s"), ("temperature", "K/s"), ("expansion", "1/s"))),
 
     Value("Cloth", "thickness", "m", POSITIVE, live=False, usd=Usd(OWN, "wsim:thickness"), why=FIXED),
     *(Value("Cloth", name, "1", live=False, usd=Usd(FLAT, f"wsim:{name}"), why=f"{FIXED}, and no input; take air_coefficient()")
