@@ -8,6 +8,8 @@ x varies slowest, and bit k of a mask belongs to child or voxel k. In the file:
     header      magic, version, library, offsets flag, identity, metadata, number of grids
     each grid   name, type, offsets | compression, metadata, transform | masks of all nodes | masks and values of all leaves
 
+(tinyvdb 0.9, of PyPI, reads such files; it makes no grid from nothing, and stores vectors not at all.)
+
 Museth 2013, VDB: High-resolution sparse volumes with dynamic topology, ACM Transactions on Graphics 32(3), section 3; the
 layout as OpenVDB 10 writes it.
 """
