@@ -32,7 +32,7 @@ METHODS = {"physics.motion.points", "physics.motion.explicit", "physics.motion.l
 WITHOUT_WARP = ("geometry", "scene", "usd", "physics.rigid.usd", "physics.fluid.usd", "simulation.duration", "simulation.interrupt",
                 "simulation.report", "show.camera", "show.png", "show.prim", "show.shading", "show.visible", "cli.arguments",
                 "cli.inventory", "cli.progress")
-ONLY = {"rerun": ("show.viewer", "show.rerun_log"), "pxr": ("usd", "show", "physics.rigid.usd", "physics.fluid.usd"), "matplotlib": ("bench",),
+ONLY = {"rerun": ("show.viewer", "show.rerun_log"), "pxr": ("usd", "show", *USD), "matplotlib": ("bench",),
         "torch": ("gradient.rollout.torch",), "jax": ("gradient.rollout.jax",),
         "PIL": ("show.animation",), "imageio": ("show.animation",)}     # who may import these packages
 
