@@ -119,10 +119,11 @@ def _source(reading: Reading, prim: Usd.Prim) -> Source | None:
     found = load_shape(reading, prim)
     if found is None:
         return None
-    values = read_values(prim, "Source", units)
+    values: dict[str, Any] = read_values(prim, "Source", units)
     values |= {name: value for name in ("hold", "velocity") if (value := read(prim, "Source", name, units)) is not None}
-    strength = _strength(prim, units) if authored(prim, "Source", "strength") else 1.0
-    return Source(path, *found, *targets, **values, strength=strength)
+    if authored(prim, "Source", "strength"):
+        values["strength"] = _strength(prim, units)
+    return Source(path, *found, fluid="".join(targets), **values)
 
 
 def _strength(prim: Usd.Prim, units: Units) -> Curve:
@@ -166,6 +167,7 @@ def _author_domain(stage: Usd.Stage, fluid: Fluid, units: Units) -> None:
 
 def _author_source(stage: Usd.Stage, source: Source, units: Units) -> None:
     prim = author_shape(stage, source, units, 0)
+    UsdGeom.Imageable(prim).CreatePurposeAttr(UsdGeom.Tokens.guide)
     prim.AddAppliedSchema(names.WSIM_SOURCE)
     if source.fluid:
         prim.CreateRelationship(names.INTO, False).SetTargets([Sdf.Path(source.fluid)])

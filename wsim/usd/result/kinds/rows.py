@@ -18,7 +18,6 @@ from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 from wsim.scene import Problem, SceneError
 from wsim.scene.samples import Colour, Particles, Points, Quantity, Sample, Transform, Volume
 from wsim.usd.result.kinds.beside import Beside
-from wsim.usd.result.kinds.volumes import volume
 from wsim.usd.result.samples import Frame, particles_of
 
 OP = "xformOp:transform"
@@ -109,6 +108,11 @@ def _value(prim: Usd.Prim, sample: Quantity, code: float, beside: Beside) -> Wri
     return [(attribute, Vt.DoubleArray.FromNumpy(np.ascontiguousarray(sample.value, np.float64).reshape(-1)))]
 
 
+def _volume(prim: Usd.Prim, sample: Volume, code: float, beside: Beside) -> Written:
+    from wsim.usd.result.kinds.volumes import volume
+    return volume(prim, sample, code, beside)
+
+
 def _colour(prim: Usd.Prim, sample: Colour, code: float, beside: Beside) -> Written:
     """The indices that a source may have for its own colours count no more."""
     primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex)
@@ -123,6 +127,6 @@ KINDS: dict[type, Row] = {
     Transform: Row("Xform", _transform),
     Particles: Row("Points", _particles),
     Quantity: Row("", _value),
-    Volume: Row("Volume", volume),
+    Volume: Row("Volume", _volume),
     Colour: Row("Points", _colour),
 }
