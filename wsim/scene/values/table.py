@@ -16,6 +16,7 @@ BODIES = ("Cloth", "Springs", "Soft")
 
 SHEET, SOLID, RUB = "PhysicsSurfaceDeformableMaterialAPI", "PhysicsVolumeDeformableMaterialAPI", "PhysicsMaterialAPI"
 OWN, AIR, FLAT = "WsimMaterialAPI", "WsimSceneAPI", "WsimClothAPI"
+DOMAIN, SOURCE = "WsimFluidDomainAPI", "WsimFluidSourceAPI"
 MATERIALS = (SHEET, SOLID, RUB, OWN)                 # schemas of materials: what they say is no attribute of the prim itself
 DAMPING = {"Cloth": OWN, "Springs": "WsimSpringsAPI", "Soft": OWN}
 FRICTION = ("static_friction", "dynamic_friction")
@@ -92,12 +93,16 @@ VALUES: list[Value] = [
     Value("Body", "inertia", "kg m^2", POSITIVE, "vector", gradient="body"),
     Value("Body", "density", "kg/m^3", POSITIVE, live=False, why=f"{FIXED}; take mass"),
 
-    *(Value("Fluid", name, unit, ANY, why=AIRY) for name, unit in (("lift", "1/K"), ("weight", "1"))),
-    *(Value("Fluid", name, "1/s", why=AIRY) for name in ("smoke_decay", "cooling")),
-    *(Value("Fluid", name, unit, needs=("start",), why=AIRY) for name, unit in (("vorticity", "1"), ("viscosity", "m^2/s"))),
-    *(Value("Fluid", name, unit, POSITIVE, live=False, why=AIRY) for name, unit in (
-        ("cell", "m"), ("density", "kg/m^3"), ("tolerance", "1"), ("cfl", "1"))),
-    *(Value("Source", name, unit, ANY, why=AIRY) for name, unit in (
+    *(Value("Fluid", name, unit, ANY, why=AIRY, usd=Usd(DOMAIN, f"wsim:fluid:{name}")) for name, unit in (
+        ("lift", "1/K"), ("weight", "1"))),
+    *(Value("Fluid", name, "1/s", why=AIRY, usd=Usd(DOMAIN, f"wsim:fluid:{called}")) for name, called in (
+        ("smoke_decay", "smokeDecay"), ("cooling", "cooling"))),
+    *(Value("Fluid", name, unit, needs=("start",), why=AIRY, usd=Usd(DOMAIN, f"wsim:fluid:{name}")) for name, unit in (
+        ("vorticity", "1"), ("viscosity", "m^2/s"))),
+    *(Value("Fluid", name, unit, POSITIVE, live=False, why=AIRY, usd=Usd(DOMAIN, f"wsim:fluid:{called}"))
+      for name, called, unit in (("cell", "cellSize", "m"), ("density", "density", "kg/m^3"), ("tolerance", "tolerance", "1"),
+                                 ("cfl", "cfl", "1"))),
+    *(Value("Source", name, unit, ANY, why=AIRY, usd=Usd(SOURCE, f"wsim:fluid:{name}")) for name, unit in (
         ("smoke", "1/s"), ("temperature", "K/s"), ("expansion", "1/s"))),
 
     Value("Cloth", "thickness", "m", POSITIVE, live=False, usd=Usd(OWN, "wsim:thickness"), why=FIXED),
