@@ -161,7 +161,8 @@ class Contacts:
         if self.method.sleep and self.poses_of and self.poses_of != known:
             self.method.sleep.wake()
         rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.colliders)
-        M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)]).reshape(-1, n, 4, 4)
+        M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)])
+        M = M.reshape(rows + moves, n, 4, 4)
         x, q = M[:, :, :3, 3] - self.still_origin, quaternion(M[:, :, :3, :3])
         v, omega = np.zeros_like(x), np.zeros_like(x)
         if moves:
@@ -185,20 +186,25 @@ class Contacts:
 
     def awake(self, clock: Clock) -> None:
         """A frame in which something may move."""
-        sleep, times = self.method.sleep, self.times(clock)
         if self.form.tolerance > 0.0:
             self.work.residual.zero_()
-        ends = [round(i * clock.substeps / times) for i in range(times + 1)]
+        ends = self.ends(clock)
         for first, last in zip(ends[:-1], ends[1:], strict=True):
-            self._manifolds(clock, first, last)
-            if sleep:
-                sleep.settle(first, clock.h * (last - first), self.rig())
-            self.form.colour(self.rig(), self.status.word(IN_TURN))
+            self.manifolds(clock, first, last)
             self.form.advance((first, last, self.sweeps), clock.h, self.rig())
-            if sleep:
-                sleep.end(self.room, self.rig())
-            for name, array in self.arrays().items():
-                wp.copy(array, getattr(self.list, name))
+            if self.method.sleep:
+                self.method.sleep.end(self.room, self.rig())
+            self.keep()
+
+    def ends(self, clock: Clock) -> list[int]:
+        """Substeps before which manifolds are made, and the number of substeps."""
+        times = self.times(clock)
+        return [round(i * clock.substeps / times) for i in range(times + 1)]
+
+    def keep(self) -> None:
+        """Puts the list into the state."""
+        for name, array in self.arrays().items():
+            wp.copy(array, getattr(self.list, name))
 
     def times(self, clock: Clock) -> int:
         """How often manifolds are made in a frame."""
@@ -213,7 +219,8 @@ class Contacts:
         """Of the state: the last list."""
         return {name: array for part in self.parts for name, array in part.arrays.items()}
 
-    def _manifolds(self, clock: Clock, first: int, last: int) -> None:
+    def manifolds(self, clock: Clock, first: int, last: int) -> None:
+        """Of substeps first .. last, with their colours."""
         launch, rig, n = self.model.launch, self.rig(), self.shapes
         launch(self.reach, n, [rig, first, clock.h * (last - first)], [self.tree.low, self.tree.high])
         self.bvh.rebuild()
@@ -225,6 +232,9 @@ class Contacts:
         launch(self.collide, self.room, [rig, self.hulls, first, before], [])
         if self.on_meshes:
             launch(self.on_meshes, self.room, [rig, self.hulls, self.surfaces, first, before], [])
+        if self.method.sleep:
+            self.method.sleep.settle(first, clock.h * (last - first), rig)
+        self.form.colour(rig, self.status.word(IN_TURN))
 
     def rig(self) -> Any:
         return filled(contact.whole(self.real), s=self.table, b=self.method.table, now=self.method.moving(), still=self.still,
@@ -236,9 +246,15 @@ class Contacts:
         used = np.arange(4) < count[:, None]
         return max(0.0, -float(self.work.now.numpy().reshape(-1, 4)[used].min(initial=0.0)))
 
-    def residual(self) -> float:
-        """What the converged mode has left in the last frame, at most [m/s]."""
-        return float(self.work.residual.numpy()[1])
+    def indicators(self) -> dict[str, float]:
+        """How deep shapes overlap [m]; in the converged mode the residual that the last frame left, at most [m/s]; bodies
+        asleep, and manifolds that found no colour, if any."""
+        found = {"rigid_overlap": self.overlap()}
+        if self.form.tolerance > 0.0 and self.method.touch is None:
+            found["rigid_residual"] = float(self.work.residual.numpy()[1])
+        if self.method.sleep:
+            found["rigid_asleep"] = float(self.method.part.arrays["asleep"].numpy().sum())
+        return found | ({"rigid_in_turn": float(self.in_turn)} if self.in_turn else {})
 
     def grow(self, room: int) -> None:
         """Room for so many pairs; what the state has of them stays."""

@@ -6,7 +6,7 @@ import sys
 import pytest
 import warp as wp
 
-from tests.physics.rigid import test_triangles
+from tests.physics.rigid.narrow import test_triangles
 from wsim.kernels.rigid.lists.collide_mesh import collide_mesh
 
 
