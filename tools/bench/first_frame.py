@@ -2,8 +2,8 @@
 
     python tools/bench/first_frame.py [--scenes cape,bear] [--rounds 1] [--json FILE]
 
-Each row is a process of its own with a cache of its own. `import` is that of Warp, which the others are counted from; `load`, from
-USD, with the imports of wsim; `build`, the plan; `compile`; `frame`, what the first frame takes besides; `report`, with what it
+Each row is a process of its own with a cache of its own. `import` is that of Warp, which the others are counted from; `load`,
+from USD, with the imports of wsim; `build`, the plan; `compile`; `frame`, what the first frame takes besides; `report`, with what it
 compiles; `modules`, how many were compiled; `first`, the sum without the report; `run`, a process `wsim run SCENE --frames 1`,
 less the import of Warp. CPU seconds of all threads: on a loaded machine they are more than on a quiet one, by a half here. Least of the rounds.
 """
