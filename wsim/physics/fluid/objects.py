@@ -24,7 +24,8 @@ class Fluid(Compared):
     """A box of air on a grid of cubes. Where an axis has one cell the fluid is flat, and costs no third axis.
 
     path             prim path
-    low, high        corners of the box, world (3,) [m]; `high` is rounded to whole cells
+    low              corner of the box, world (3,) [m]
+    high             corner across from it (3,) [m], rounded to whole cells
     cell             edge of a cell [m]
     sides            what is at -x, +x, -y, +y, -z, +z: "open" (pressure 0: air comes and goes), "closed" (a wall), "periodic"
                      (both sides of an axis), "wind" (air passes with the scene's wind)
@@ -36,9 +37,10 @@ class Fluid(Compared):
     lift             buoyancy of heat, acceleration against gravity by K over the air around, in units of g [1/K]
     weight           acceleration of smoke of 1 along gravity, in units of g [1]
     vorticity        confinement [1]: acceleration by this times cell size times curl
-    smoke_decay      [1/s]                         cooling        decay rate of the temperature [1/s]
+    smoke_decay      decay rate of the smoke [1/s]
+    cooling          decay rate of the temperature [1/s]
     advection        of the velocity: "reflection", "cubic", "maccormack", "bfecc" or "linear"
-    scalar_advection of smoke and temperature: "cubic", "maccormack", "bfecc" or "linear"
+    scalar_advection  of smoke and temperature: "cubic", "maccormack", "bfecc" or "linear"
     tolerance        of the pressure solve, residual over right-hand side [1]
     cfl              cells that air may cross in a step [1]: as many steps a frame as that takes, up to `most_steps`
     steps            steps a frame; 0: by `cfl`
@@ -115,8 +117,8 @@ class Source(Compared):
     hold          smoke and temperature are raised to these values, not by these rates
     velocity      of the air inside, world (3,) [m/s]; None: it is left alone
     expansion     air that comes out of nothing, volume by volume and time [1/s]; below 0: a sink
-    strength      factor over time, a Curve of numbers or one number [1]: of rates, of what is held, and of the expansion; the
-                  velocity is held while it is above 0
+    strength      factor over time, a Curve of numbers or one number [1]: of rates, of what is held, and of the expansion;
+                  the velocity is held while it is above 0
     """
 
     path: str
