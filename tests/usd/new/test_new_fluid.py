@@ -1,5 +1,7 @@
 """`wsim new fluid`: a closed mesh becomes a scene in which it smokes; its file stays as it is."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from pxr import Usd, UsdGeom, Vt
@@ -28,7 +30,7 @@ def source(tmp_path):
 
 
 def test_a_ball_smokes_in_a_box_with_room_above_it(source, tmp_path):
-    before = open(source, "rb").read()
+    before = Path(source).read_bytes()
     assert author_fluid(source, tmp_path / "s.usda", cells=40) == []
     scene = load(str(tmp_path / "s.usda"))
     (fluid,), (burner,) = scene.things("Fluid"), scene.things("Source")
@@ -36,7 +38,7 @@ def test_a_ball_smokes_in_a_box_with_room_above_it(source, tmp_path):
     assert max(fluid.shape) == 40 and np.allclose((fluid.high - fluid.low) / fluid.cell, fluid.shape)
     assert (fluid.low < [0.6, -0.4, 1.6]).all() and (fluid.high > [1.4, 0.4, 2.4]).all()
     assert fluid.high[2] - 2.4 > 2.0 and np.allclose(0.5 * (fluid.low + fluid.high)[:2], [1.0, 0.0])
-    assert fluid.sides == ("open",) * 6 and check(scene) == [] and open(source, "rb").read() == before
+    assert fluid.sides == ("open",) * 6 and check(scene) == [] and Path(source).read_bytes() == before
 
 
 def test_a_ground_is_the_floor_of_the_box(source, tmp_path):

@@ -1,5 +1,5 @@
-"""A bare closed mesh -> a small scene layer in which it smokes: a source that keeps hot smoke inside, in a domain around it with
-room for the smoke to rise. See mesh.py for what that has in common with cloth and soft bodies.
+"""A bare closed mesh -> a small scene layer in which it smokes: a source that keeps hot smoke inside, in a domain around it
+with room for the smoke to rise. See mesh.py for what that has in common with cloth and soft bodies.
 """
 
 import os
