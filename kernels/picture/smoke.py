@@ -10,8 +10,8 @@ Along a ray from the eye, radiance L and transmittance T (Kajiya, Von Herzen 198
     S    the sky's mean        P  part of the key light that is scattered to the eye, of all directions and orders
 
 A ray is cut into equal pieces, of a voxel at most towards the light, of half of one from the eye; a piece has the density at
-its middle, and the exact integral of that. V is worked out once an image, at each voxel near smoke. Surfaces and ground have the
-shadow of smoke. Grids are trilinear between the centres of voxels, 0 outside. Lengths as in ray.py, float32 only.
+its middle, and the exact integral of that. V is worked out once an image, at each voxel near smoke. Surfaces and ground have
+the shadow of smoke. Grids are trilinear between the centres of voxels, 0 outside. Lengths as in ray.py, float32 only.
 """
 
 import warp as wp
