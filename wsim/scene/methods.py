@@ -23,13 +23,14 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Row:
-    """owns: names of its dataclasses; claims: names of USD types or applied APIs that its `usd` reads; without: why it is left
-    out where a scene lacks it; gradients: whether recordings differentiate through it; pushes: whether it acts on points within
-    a substep, as pairs of carriers do."""
+    """owns: names of its dataclasses; unseen: those of them that results hold nothing of; claims: names of USD types or applied
+    APIs that its `usd` reads; without: why it is left out where a scene lacks it; gradients: whether recordings differentiate
+    through it; pushes: whether it acts on points within a substep, as pairs of carriers do."""
 
     name: str
     folder: str
     owns: tuple[str, ...] = ()
+    unseen: tuple[str, ...] = ()
     claims: tuple[str, ...] = ()
     without: str = ""
     gradients: bool = False
@@ -53,8 +54,8 @@ METHODS: list[Row] = [
         pushes=True),
     Row("rigid", "wsim.physics.rigid", owns=("Body",), claims=("PhysicsRigidBodyAPI", "PhysicsJoint", *JOINTS),
         without="there is no rigid body", gradients=True),
-    Row("fluid", "wsim.physics.fluid", owns=("Fluid", "Source"), claims=("WsimFluidDomainAPI", "WsimFluidSourceAPI"),
-        without="there is no fluid"),
+    Row("fluid", "wsim.physics.fluid", owns=("Fluid", "Source"), unseen=("Source",),
+        claims=("WsimFluidDomainAPI", "WsimFluidSourceAPI"), without="there is no fluid"),
     Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),
     Row("watch", "wsim.physics.motion.overstretch", gradients=True),
     Row("muscles", "wsim.physics.cloth.muscles", without="no spring has an actuation", gradients=True),
