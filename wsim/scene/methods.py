@@ -23,13 +23,14 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Row:
-    """owns: names of its dataclasses; claims: names of USD types or applied APIs that its `usd` reads; without: why it is left
-    out where a scene lacks it; gradients: whether recordings differentiate through it; pushes: whether it acts on points within
-    a substep, as pairs of carriers do."""
+    """owns: names of its dataclasses; unseen: those of them that results hold nothing of; claims: names of USD types or applied
+    APIs that its `usd` reads; without: why it is left out where a scene lacks it; gradients: whether recordings differentiate
+    through it; pushes: whether it acts on points within a substep, as pairs of carriers do."""
 
     name: str
     folder: str
     owns: tuple[str, ...] = ()
+    unseen: tuple[str, ...] = ()
     claims: tuple[str, ...] = ()
     without: str = ""
     gradients: bool = False
@@ -52,9 +53,9 @@ METHODS: list[Row] = [
     Row("xpbd", "wsim.physics.solver.xpbd", without="another solver is chosen, and nothing is hard", gradients=True,
         pushes=True),
     Row("rigid", "wsim.physics.rigid", owns=("Body",), claims=("PhysicsRigidBodyAPI", "PhysicsJoint", *JOINTS),
-        without="there is no rigid body"),
-    Row("fluid", "wsim.physics.fluid", owns=("Fluid", "Source"), claims=("WsimFluidDomainAPI", "WsimFluidSourceAPI"),
-        without="there is no fluid"),
+        without="there is no rigid body", gradients=True),
+    Row("fluid", "wsim.physics.fluid", owns=("Fluid", "Source"), unseen=("Source",),
+        claims=("WsimFluidDomainAPI", "WsimFluidSourceAPI"), without="there is no fluid"),
     Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),
     Row("watch", "wsim.physics.motion.overstretch", gradients=True),
     Row("muscles", "wsim.physics.cloth.muscles", without="no spring has an actuation", gradients=True),
@@ -80,6 +81,16 @@ def named(scene, path: str | None) -> Any:
 def things(scene) -> list:
     """All objects of a scene that may have values."""
     return [*scene.bodies(), *scene.pins, *scene.colliders, *scene.loads, *(thing for _, thing in every(scene))]
+
+
+def carried(scene) -> list:
+    """Colliders that move with things of methods, and are met."""
+    return [c for _, thing in every(scene) for c in getattr(thing, "colliders", ()) if c.meets] if scene.others else []
+
+
+def collides(scene) -> bool:
+    """Whether points may meet something."""
+    return bool(scene.colliders or carried(scene))
 
 
 def every(scene) -> Iterator[tuple[Row, Any]]:

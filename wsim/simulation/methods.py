@@ -16,7 +16,7 @@ from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import Constraints
 from wsim.scene import Scene
-from wsim.scene.methods import METHODS, Row
+from wsim.scene.methods import METHODS, Row, carried
 from wsim.simulation.choice import Choice
 
 
@@ -75,7 +75,7 @@ def _xpbd(b: Build) -> str:
 
 
 def _contact(b: Build) -> str:
-    kinds = sorted({type(c.shape).__name__.lower() for c in b.scene.colliders})
+    kinds = sorted({type(c.shape).__name__.lower() for c in (*b.scene.colliders, *carried(b.scene))})
     return f"colliders: {', '.join(kinds)}" if kinds and b.model.bodies else ""
 
 

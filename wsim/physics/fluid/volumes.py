@@ -1,6 +1,4 @@
-"""Fields of a fluid as samples of a result: a file a frame, beside the layer."""
-
-from typing import Any
+"""Fields of a fluid as samples of a result: an OpenVDB file a frame, beside the layer (`wsim.usd.result.kinds.volumes`)."""
 
 import numpy as np
 
@@ -11,5 +9,4 @@ from wsim.scene.samples import Sample, Volume
 def samples(fluid: Fluid, fields: dict[str, np.ndarray]) -> list[Sample]:
     """One sample of the domain's prim. fields: density [1] and temperature [K] (nx, ny, nz), velocity (nx, ny, nz, 3) [m/s], of
     the cells' centres."""
-    found: dict[str, Any] = {"low": fluid.low, "cell": np.float64(fluid.cell), **fields}
-    return [Volume(fluid.path, ".npz", lambda file: np.savez_compressed(file, **found))]
+    return [Volume(fluid.path, fluid.low, fluid.cell, fields, {"velocity": "m/s"})]
