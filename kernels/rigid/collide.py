@@ -25,6 +25,7 @@ def lasts(real):
         a: wp.array(dtype=int)
         b: wp.array(dtype=int)
         count: wp.array(dtype=int)
+        colour: wp.array(dtype=int)
         key: wp.array(dtype=int)
         push: wp.array(dtype=real)
         rub: wp.array(dtype=t.vec3)
@@ -114,6 +115,9 @@ def collide(pairs, real, module):
             found_m = found(solid(a, rig), solid(b, rig), H, pose_a, pose_b, margin)
             n = found_m.n
             row = known(a, b, last)
+            rig.c.colour[m] = -1
+            if row >= 0:
+                rig.c.colour[m] = last.colour[row]
             rig.c.count[m] = found_m.count
             rig.c.n[m] = n
             rig.c.skin[m] = t.vec2(rig.s.skin[a], rig.s.skin[b])

@@ -58,6 +58,7 @@ def structs(real):
         a: wp.array(dtype=int)                 # shapes; -1: no manifold
         b: wp.array(dtype=int)
         count: wp.array(dtype=int)
+        colour: wp.array(dtype=int)            # -1: none yet
         key: wp.array(dtype=int)               # of a point
         n: wp.array(dtype=t.vec3)
         skin: wp.array(dtype=t.vec2)
@@ -80,6 +81,14 @@ def structs(real):
         p0: wp.array(dtype=t.vec3)             # momenta before the substep's forces
         L0: wp.array(dtype=t.vec3)
         touched: wp.array(dtype=int)
+        listed: wp.array(dtype=int)            # (1,): how many manifolds there are, those that found no room with them
+        order: wp.array(dtype=int)             # manifolds by colour
+        starts: wp.array(dtype=int)            # of colours in `order`, and the end
+        colours: wp.array(dtype=int)           # (1,): how many
+        flags: wp.array(dtype=int)             # (2,): what one thread says to all
+        taken: wp.array(dtype=wp.int64)        # of bodies: colours of their manifolds, a bit each
+        place: wp.array(dtype=int)             # of colours: where the next manifold goes
+        first: wp.array(dtype=int)             # of bodies: rank of the manifold that may take a colour
         r_a: wp.array(dtype=t.vec3)
         r_b: wp.array(dtype=t.vec3)
         now: wp.array(dtype=real)              # gap
@@ -107,6 +116,18 @@ def whole(real):
         work: Work
 
     return Rig
+
+
+@cache
+def manifolds(real):
+    """Function: how many manifolds there are in the list."""
+    Rig = whole(real)
+
+    @wp.func
+    def manifolds(rig: Rig):
+        return wp.min(rig.work.listed[0], rig.c.a.shape[0])
+
+    return manifolds
 
 
 @wp.func

@@ -1,4 +1,4 @@
-"""Soft Step: the substeps of bodies in contact, all in one launch of one thread, manifold by manifold (Gauss-Seidel).
+"""Soft Step: the passes of a substep of bodies in contact, manifold by manifold (Gauss-Seidel), see kernels/rigid/passes.py.
 
     impacts            what would touch in this substep faster than a rest is thrown back, see kernels/rigid/impact.py
     forces             p, L by a whole substep
@@ -22,9 +22,9 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.rotation import matrix
-from wsim.kernels.rigid.contact import whole
-from wsim.kernels.rigid.impact import impacts
+from wsim.kernels.rigid.contact import manifolds, whole
 from wsim.kernels.rigid.impulse import formulas
+from wsim.kernels.rigid.kinds import Kind
 from wsim.kernels.rigid.motion import double, double3, free_rotation, kicked, near
 
 ZETA, TURN = 10.0, 1.5707963267948966      # damping ratio; h w
@@ -86,7 +86,7 @@ def sweeps(real):
 
 @cache
 def body_steps(real):
-    """(forces, place): functions of a body i."""
+    """(oriented, turned, forces, place): functions of a body or a collider, f behind the bodies."""
     Rig = whole(real)
 
     @wp.func
@@ -94,6 +94,10 @@ def body_steps(real):
         R = matrix(rig.now.q[i])
         rig.work.turn[i] = R
         rig.work.spread[i] = R * wp.diag(rig.b.inverse[i]) * wp.transpose(R)
+
+    @wp.func
+    def turned(f: int, k: int, rig: Rig):
+        rig.work.turn[f] = matrix(rig.still.q[k * rig.still.moving, f - rig.b.w.shape[0]])
 
     @wp.func
     def forces(i: int, h: real, rig: Rig):
@@ -118,50 +122,37 @@ def body_steps(real):
         rig.now.q[i] = near(q, rig.now.q[i])
         rig.now.o[i] = near(q - double(rig.now.q[i], wp.quatd()), rig.now.q[i])
 
-    return oriented, forces, place
+    return oriented, turned, forces, place
 
 
-def soft_step(real, module, bouncing: bool):
-    """Kernel of substeps steps[0] .. steps[1] of a frame, of h [s], with steps[2] sweeps each; manifolds: their number."""
-    Rig = whole(real)
-    prepare = formulas(real)[1]
-    warm, solve = sweeps(real)
-    oriented, forces, place = body_steps(real)
-    if bouncing:
-        thrown = impacts(real)
+@cache
+def contact_kind(real, coloured: bool) -> Kind:
+    """Manifolds as a kind of constraints; not coloured: all in turn, as they are listed, by one thread."""
+    Rig, prepare, (warm, solve) = whole(real), formulas(real)[1], sweeps(real)
+    count = manifolds(real)
+    if coloured:
+        @wp.func
+        def colours(rig: Rig):
+            return rig.work.colours[0]
+
+        @wp.func
+        def start(colour: int, rig: Rig):
+            return rig.work.starts[colour]
+
+        @wp.func
+        def item(slot: int, rig: Rig):
+            return rig.work.order[slot]
     else:
         @wp.func
-        def thrown(k: int, h: real, manifolds: int, rig: Rig):
-            return
+        def colours(rig: Rig):
+            return 1
 
-    @wp.func
-    def placed(k: int, count: int, rig: Rig):
-        """Arms and gaps as bodies and colliders are where substep k begins."""
-        n = rig.b.w.shape[0]
-        for i in range(n):
-            oriented(i, rig)
-        for f in range(rig.work.turn.shape[0] - n):
-            rig.work.turn[n + f] = matrix(rig.still.q[k * rig.still.moving, f])
-        for m in range(count):
-            prepare(m, k, rig)
+        @wp.func
+        def start(colour: int, rig: Rig):
+            return colour * count(rig)
 
-    def rigid_soft_step(steps: wp.vec3i, h: real, manifolds: wp.array(dtype=int), rig: Rig):
-        count = wp.min(manifolds[0], rig.c.a.shape[0])
-        n = rig.b.w.shape[0]
-        placed(steps[0], count, rig)
-        for k in range(steps[0], steps[1]):
-            thrown(k, h, count, rig)
-            for i in range(n):
-                forces(i, h, rig)
-            for m in range(count):
-                warm(m, k, rig)
-            for _sweep in range(steps[2]):
-                for m in range(count):
-                    solve(m, k, h, 1, rig)
-            for i in range(n):
-                place(i, h, rig)
-            placed(k + 1, count, rig)
-            for m in range(count):
-                solve(m, k, h, 0, rig)
+        @wp.func
+        def item(slot: int, rig: Rig):
+            return slot
 
-    return wp.kernel(rigid_soft_step, name="rigid_soft_step", module=module, enable_backward=False)
+    return Kind("contacts", prepare, warm, solve, colours, start, item)

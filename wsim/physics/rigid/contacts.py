@@ -1,7 +1,8 @@
 """Contacts of rigid bodies with each other and with colliders: tables of shapes, lists that grow, and the launches of a frame.
 
 Manifolds are made at least COLLIDE times a second, by balls that may meet, then pair by pair (kernels/rigid/pairs.py,
-kernels/rigid/collide.py); the substeps until the next time are one launch (kernels/rigid/soft_step.py). Impulses that substeps
+kernels/rigid/collide.py); the substeps until the next time are passes over bodies and manifolds (kernels/rigid/passes.py), in
+the form that device and size ask for (wsim/physics/rigid/forms.py). Impulses that substeps
 begin with are a part of the state, so that a repeated frame and a restart have them. Friction is the mean of both colliders,
 restitution the larger.
 """
@@ -14,22 +15,24 @@ import warp as wp
 
 from wsim.geometry.rotation import angular_velocity, quaternion
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid import collide, contact, pairs, soft_step
+from wsim.kernels.rigid import collide, contact, pairs
+from wsim.kernels.rigid.kinds import SERIAL
 from wsim.kernels.rigid.narrow.pair import every
 from wsim.kernels.rigid.narrow.shape import KINDS
 from wsim.model.stage import Clock, Remedy
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
+from wsim.physics.rigid import forms
 from wsim.physics.rigid.hulls import tables
 from wsim.physics.rigid.solids import hull, kind, meeting, standing
 from wsim.scene import Collider, Surface
 from wsim.scene.solids import Capsule, Plane, Sphere, row
 
 COLLIDE = 60.0               # [1/s]: a ball at 5 m/s goes 8 cm meanwhile
-WORD = "rigid pairs"
+WORD, IN_TURN = "rigid pairs", "rigid manifolds without a colour"
 PAIRS = (Field("a", "", True, "shape of a manifold, -1 for none", "int"), Field("b", "", True, "the other", "int"),
-         Field("count", "", True, "its points", "int"))
+         Field("count", "", True, "its points", "int"), Field("colour", "", True, "its colour, -1 for none", "int"))
 POINTS = (Field("push", "N s", True, "impulse of a point in the last substep", "scalar"),
           Field("rub", "N s", True, "that of friction"), Field("key", "", True, "features that touch", "int"))
 
@@ -55,8 +58,10 @@ class Contacts:
         real, module = self.real, b.model.module
         self.reach, self.listed = pairs.reach(real, module), pairs.listed(real, module)
         self.collide = collide.collide(kinds(b.scene.things("Body"), self.colliders), real, module)
-        self.step = soft_step.soft_step(real, module, self.bouncing)
+        self.form = forms.chosen(b.model.device, self.shapes)
+        self.form.make(b.model, self.bouncing)
         b.status.reserve(WORD)
+        b.status.reserve(IN_TURN)
         self.parts = (Part.allocate("rigid pairs", PAIRS, 0, real, self.device, self._room()),
                       Part.allocate("rigid touches", POINTS, 0, real, self.device, 4 * self._room()))
         b.state.add(*self.parts)
@@ -103,16 +108,19 @@ class Contacts:
         def zeros(length, dtype):
             return wp.zeros(length, dtype=dtype, device=self.device)
         self.room = room
-        self.list = filled(self.Contacts, a=zeros(room, int), b=zeros(room, int), count=zeros(room, int), n=zeros(room, t.vec3),
-                           skin=zeros(room, t.vec2), key=zeros(4 * room, int), gap=zeros(4 * room, real),
-                           push=zeros(4 * room, real), rub=zeros(4 * room, t.vec3),
+        self.list = filled(self.Contacts, n=zeros(room, t.vec3), skin=zeros(room, t.vec2), key=zeros(4 * room, int),
+                           gap=zeros(4 * room, real), push=zeros(4 * room, real), rub=zeros(4 * room, t.vec3),
+                           **{name: zeros(room, int) for name in ("a", "b", "count", "colour")},
                            **{name: zeros(4 * room, t.vec3) for name in ("core_a", "core_b", "first_a", "first_b")})
         self.work = filled(self.Work, center=zeros(self.shapes, wp.vec3d), span=zeros(self.shapes, t.vec2),
                            from_x=zeros(n, t.vec3), spread=zeros(n, t.mat33), turn=zeros(n, t.mat33), p0=zeros(n, t.vec3),
                            L0=zeros(n, t.vec3), touched=zeros(n, int), r_a=zeros(4 * room, t.vec3),
                            r_b=zeros(4 * room, t.vec3), now=zeros(4 * room, real), K=zeros(4 * room, t.mat33),
-                           goal=zeros(4 * room, real), hit=zeros(4 * room, real), scrape=zeros(4 * room, t.vec3))
+                           goal=zeros(4 * room, real), hit=zeros(4 * room, real), scrape=zeros(4 * room, t.vec3),
+                           order=zeros(room, int), starts=zeros(SERIAL + 2, int), place=zeros(SERIAL + 2, int),
+                           colours=zeros(1, int), flags=zeros(2, int), taken=zeros(n, wp.int64), first=zeros(n, int))
         self.number, self.first = zeros(self.shapes, int), zeros(self.shapes, int)
+        self.work.listed = self.first[self.shapes - 1:]
 
     def _boxes(self) -> None:
         """The tree of the broad phase, built anew whenever manifolds are made."""
@@ -157,13 +165,13 @@ class Contacts:
         ends = [round(i * clock.substeps / times) for i in range(times + 1)]
         for first, last in zip(ends[:-1], ends[1:], strict=True):
             self._manifolds(clock, first, last)
-            steps = wp.vec3i(first, last, self.sweeps)
-            self.model.launch(self.step, 1, [steps, clock.h, self.first[self.shapes - 1:], self.rig()], [])
+            self.form.colour(self.model, self.rig(), self.status.word(IN_TURN))
+            self.form.advance(self.model, (first, last, self.sweeps), clock.h, self.rig())
             for name, array in self.arrays().items():
                 wp.copy(array, getattr(self.list, name))
 
     def launches(self, clock: Clock) -> int:
-        return 13 * max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
+        return (14 + self.form.coloured) * max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
 
     def arrays(self) -> dict[str, wp.array]:
         """Of the state: the last list."""
@@ -197,6 +205,11 @@ class Contacts:
         self.parts[1].enlarge(4 * room, self.real, self.device)
         self._lists(room)
         self._empty(before)
+
+    @property
+    def in_turn(self) -> int:
+        """Manifolds that found no colour in the last frame: they are solved, but in turn."""
+        return int(self.status.said(IN_TURN)[0])
 
     def retry(self, status: Status) -> list[Remedy]:
         wanted = int(status.said(WORD)[0])

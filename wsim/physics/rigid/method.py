@@ -56,7 +56,7 @@ class Rigid(Method):
         if meet(scene):
             from wsim.physics.rigid.contacts import Contacts
             self.contacts = Contacts(b, self)
-            what += f", {self.contacts.shapes} shapes that can meet"
+            what += f", {self.contacts.shapes} shapes that can meet, {self.contacts.form.what}"
             launches = self.contacts.launches(b.clock)
         else:
             self.kernel = motion.free(b.model.real, b.model.module)
@@ -154,13 +154,18 @@ class Rigid(Method):
         return [Transform(body.path, poses[k]) for k, (body, of) in enumerate(self.bodies) if of == world]
 
     def indicators(self, x, v) -> dict[str, float]:
-        """Kinetic energy and that in gravity [J] of all bodies of the first world; how deep shapes overlap [m]."""
+        """Kinetic energy and that in gravity [J] of all bodies of the first world; how deep shapes overlap [m];
+        manifolds that found no colour, if any."""
         first = np.array([world == 0 for _, world in self.bodies])
         places = self.origin + self.get("x")
         mass = np.array([m.mass for m in self.masses])
         energy = 0.5 * (self.get("p") * self.velocities()).sum(1) + 0.5 * (self.get("L") * self.spins()).sum(1)
         found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
-        return found | ({"rigid_overlap": self.contacts.overlap()} if self.contacts else {})
+        if self.contacts:
+            found["rigid_overlap"] = self.contacts.overlap()
+            if self.contacts.in_turn:
+                found["rigid_in_turn"] = float(self.contacts.in_turn)
+        return found
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = np.array([k for k, (body, of) in enumerate(self.bodies) if path in ("/", body.path) and world in (None, of)], int)
@@ -199,5 +204,9 @@ def meet(scene) -> bool:
 def signature(b) -> list:
     if not meet(b.scene):
         return []
-    from wsim.physics.rigid.contacts import bounces, kinds
-    return [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), bounces(b.scene)]
+    from wsim.physics.rigid.contacts import bounces, kinds, standing
+    from wsim.physics.rigid.forms import chosen
+    bodies = b.scene.things("Body")
+    shapes = b.model.worlds * sum(len(meeting(body)) for body in bodies) + len(standing(b.scene.colliders))
+    form = chosen(b.model.device, shapes)
+    return [sorted(kinds(bodies, b.scene.colliders)), bounces(b.scene), form.name, form.blocks]
