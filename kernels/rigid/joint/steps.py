@@ -311,15 +311,18 @@ def jointed(real, module):
         g = wp.tid()
         d = wp.float64(h)
         placed(g, steps[0], b, now, J)
+        linked = J.t.first_joint[g + 1] > J.t.first_joint[g]
         for k in range(steps[0], steps[1]):
             for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
                 kicks(J.t.body[m], h, b, now, J)
-            begun(g, d, J)
-            for sweep in range(steps[2]):
-                solve(g, k, sweep, d, b, now, J)
+            if linked:
+                begun(g, d, J)
+                for sweep in range(steps[2]):
+                    solve(g, k, sweep, d, b, now, J)
             for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
                 place(J.t.body[m], h, b, now, J)
-            placed(g, k + 1, b, now, J)
-            relax(g, k, d, now, J)
+            if linked:
+                placed(g, k + 1, b, now, J)
+                relax(g, k, d, now, J)
 
     return wp.kernel(rigid_joints, name="rigid_joints", module=module, enable_backward=False)

@@ -38,6 +38,7 @@ def structs():
         most: wp.array2d(dtype=wp.float64)           # [N], [N m]; of accelerations too
         breaking: wp.array(dtype=wp.vec2d)           # [N], [N m]
         w: wp.array(dtype=wp.float64)                # of bodies [1/kg]
+        linked: wp.array(dtype=int)                  # of bodies: 1: a joint has it
         first_joint: wp.array(dtype=int)             # of islands, and one more
         first_body: wp.array(dtype=int)
         body: wp.array(dtype=int)

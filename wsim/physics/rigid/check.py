@@ -1,4 +1,4 @@
-"""What can be wrong with a rigid body. NumPy only."""
+"""What can be wrong with a rigid body; of joints see wsim/physics/rigid/joints/check.py. NumPy only."""
 
 from collections.abc import Iterator
 from math import inf
@@ -16,7 +16,15 @@ UNIT = 1e-4                  # departure of |q| from 1 that float32 quaternions 
 TRIANGLE = 1e-4              # of a moment over the sum of the other two
 
 
-def check(body: Body, scene: Scene) -> Iterator[Problem]:
+def check(thing, scene: Scene) -> Iterator[Problem]:
+    if not isinstance(thing, Body):
+        from wsim.physics.rigid.joints.check import check as joint
+        yield from joint(thing, scene)
+        return
+    yield from _body(thing, scene)
+
+
+def _body(body: Body, scene: Scene) -> Iterator[Problem]:
     path = body.path
     for name in ("velocity", "spin", "center", "inertia", "force", "torque", "axes"):
         value = getattr(body, name)

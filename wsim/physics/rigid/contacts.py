@@ -59,7 +59,7 @@ class Contacts:
         self.reach, self.listed = pairs.reach(real, module), pairs.listed(real, module)
         self.collide = collide.collide(kinds(b.scene.things("Body"), self.colliders), real, module)
         self.form = forms.chosen(b.model.device, self.shapes)
-        self.form.make(b.model, self.bouncing)
+        self.form.make(b.model, self.bouncing, method.joints is not None)
         b.status.reserve(WORD)
         b.status.reserve(IN_TURN)
         self.parts = (Part.allocate("rigid pairs", PAIRS, 0, real, self.device, self._room()),
@@ -166,7 +166,11 @@ class Contacts:
         for first, last in zip(ends[:-1], ends[1:], strict=True):
             self._manifolds(clock, first, last)
             self.form.colour(self.model, self.rig(), self.status.word(IN_TURN))
-            self.form.advance(self.model, (first, last, self.sweeps), clock.h, self.rig())
+            joints = self.method.joints
+            if joints:
+                self.form.advance(self.model, (first, last, joints.sweeps), clock.h, self.rig(), joints.with_contacts(self.work))
+            else:
+                self.form.advance(self.model, (first, last, self.sweeps), clock.h, self.rig())
             for name, array in self.arrays().items():
                 wp.copy(array, getattr(self.list, name))
 

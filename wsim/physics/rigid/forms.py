@@ -47,14 +47,17 @@ class Form:
     def what(self) -> str:
         return TITLES.get(self.name, f"a cluster of {self.blocks} blocks of {THREADS} threads, colour by colour")
 
-    def make(self, model, bouncing: bool) -> None:
-        """Its kernels, in the model's modules."""
+    def make(self, model, bouncing: bool, linked: bool = False) -> None:
+        """Its kernels, in the model's modules; linked: there are joints."""
         real, wide = model.real, self.threads > 1
         meet = block.meet_cluster if self.blocks > 1 else block.meet if wide else block.alone
         sizes = {"threads": THREADS, "cluster": self.blocks if self.blocks > 1 else 0} if wide else {}
         module = model.module_of(THREADS) if wide else model.module
         kinds = [soft_step.contact_kind(real, self.coloured)]
-        self.kernels["substeps"] = passes.substeps(kinds, real, module, meet, bouncing=bouncing, **sizes)
+        steps = passes.substeps
+        if linked:
+            from wsim.kernels.rigid.joint.passes import linked as steps
+        self.kernels["substeps"] = steps(kinds, real, module, meet, bouncing=bouncing, **sizes)
         if self.coloured:
             self.kernels["colours"] = colours.colours(real, module, meet, **sizes)
 
@@ -69,9 +72,9 @@ class Form:
         if self.coloured:
             self.launch(model, "colours", [self.threads, rig], [serial])
 
-    def advance(self, model, steps: tuple[int, int, int], h: float, rig) -> None:
+    def advance(self, model, steps: tuple[int, int, int], h: float, *rig) -> None:
         """Substeps steps[0] .. steps[1] of h [s], of steps[2] sweeps."""
-        self.launch(model, "substeps", [wp.vec3i(*steps), h, self.threads, rig], [])
+        self.launch(model, "substeps", [wp.vec3i(*steps), h, self.threads, *rig], [])
 
 
 def chosen(device, shapes: int) -> Form:

@@ -7,6 +7,7 @@ wsim/physics/rigid/contacts.py.
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from wsim.geometry import rotation
 from wsim.kernels.rigid import motion
@@ -52,14 +53,23 @@ class Rigid(Method):
         self.Bodies, self.Moving = motion.structs(b.model.real)
         self.table, self.pushed = self._tables(), True
         self.contacts: Any = None
+        self.joints: Any = None
+        if acting(scene):
+            from wsim.physics.rigid.joints.tables import Joints
+            self.joints = Joints(b, self)
         what, launches = f"{len(self.bodies)} bodies, all substeps", 1
         if meet(scene):
             from wsim.physics.rigid.contacts import Contacts
             self.contacts = Contacts(b, self)
             what += f", {self.contacts.shapes} shapes that can meet, {self.contacts.form.what}"
             launches = self.contacts.launches(b.clock)
+        elif self.joints:
+            from wsim.kernels.rigid.joint.steps import jointed
+            self.kernel = jointed(b.model.real, b.model.module)
         else:
             self.kernel = motion.free(b.model.real, b.model.module)
+        if self.joints:
+            what += f", {self.joints.what}"
         self.stages.append(Stage("rigid bodies", "predict", self.advance, launches, self.part.bytes, "frame", what))
 
     def _begin(self, frames: np.ndarray) -> None:
@@ -109,6 +119,8 @@ class Rigid(Method):
         return filled(self.Moving, **{name: self.part.arrays[name] for name in ("x", "e", "q", "o", "p", "L")})
 
     def before_frame(self, time: float, clock: Clock) -> None:
+        if self.joints:
+            self.joints.before_frame(time, clock)
         if self.contacts:
             self.contacts.before_frame(time, clock)
 
@@ -125,6 +137,10 @@ class Rigid(Method):
             self.contacts.advance(clock)
             return
         now = self.moving()
+        if self.joints:
+            steps = wp.vec3i(0, clock.substeps, self.joints.sweeps)
+            self.model.launch(self.kernel, self.joints.islands, [steps, clock.h, self.table, self.joints.linked], [now])
+            return
         self.model.launch(self.kernel, self.part.count, [self.table, now, clock.substeps, clock.h], [now])
 
     def poses(self) -> np.ndarray:
@@ -165,6 +181,8 @@ class Rigid(Method):
             found["rigid_overlap"] = self.contacts.overlap()
             if self.contacts.in_turn:
                 found["rigid_in_turn"] = float(self.contacts.in_turn)
+        if self.joints:
+            found |= self.joints.indicators()
         return found
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
@@ -201,12 +219,17 @@ def meet(scene) -> bool:
     return bool(bodies) and len(bodies) + len(standing(scene.colliders)) > 1
 
 
+def acting(scene) -> list:
+    """Joints of a scene that act."""
+    return [joint for joint in scene.things("Joint") if joint.enabled]
+
+
 def signature(b) -> list:
     if not meet(b.scene):
-        return []
+        return ["joints"] if acting(b.scene) else []
     from wsim.physics.rigid.contacts import bounces, kinds, standing
     from wsim.physics.rigid.forms import chosen
     bodies = b.scene.things("Body")
     shapes = b.model.worlds * sum(len(meeting(body)) for body in bodies) + len(standing(b.scene.colliders))
     form = chosen(b.model.device, shapes)
-    return [sorted(kinds(bodies, b.scene.colliders)), bounces(b.scene), form.name, form.blocks]
+    return [sorted(kinds(bodies, b.scene.colliders)), bounces(b.scene), form.name, form.blocks, *["joints"] * bool(acting(b.scene))]

@@ -82,7 +82,7 @@ def _eliminated(joints: list[int], near: dict[int, set[int]]) -> tuple[list[int]
 
 
 def ordered(pairs: np.ndarray, bodies: int) -> Order:
-    """pairs: rows of the bodies of each joint, (joints, 2), -1 for none."""
+    """pairs: rows of the bodies of each joint, (joints, 2), -1 for none. Bodies without joints are islands of their own, behind."""
     island = _islands(pairs, bodies)
     at: dict[int, list[int]] = {}
     for j, pair in enumerate(pairs.tolist()):
@@ -103,6 +103,10 @@ def ordered(pairs: np.ndarray, bodies: int) -> Order:
         order += one
         behind |= more
         rows += sorted({b for j in one for b in pairs[j].tolist() if b >= 0})
+        first_joint.append(len(order))
+        first_body.append(len(rows))
+    for lone in sorted(set(range(bodies)) - set(rows)):
+        rows.append(lone)
         first_joint.append(len(order))
         first_body.append(len(rows))
     return _program(order, behind, first_joint, first_body, rows)

@@ -1,13 +1,13 @@
 """Joints on the device: their tables, the part "joints" of the state, the poses of what they are fixed to."""
 
-from math import inf, isfinite
+from math import inf
 from typing import Any
 
 import numpy as np
 import warp as wp
 
 from wsim.geometry import rotation
-from wsim.kernels.rigid.joint import steps, tables
+from wsim.kernels.rigid.joint import tables
 from wsim.kernels.rigid.joint.coordinates import CONE, DISTANCE, GENERAL
 from wsim.model.stage import Clock
 from wsim.model.state import Field, Part
@@ -20,11 +20,6 @@ FIELDS = (Field("quarters", "", True, "quarter turns of the twist, counted on", 
           Field("broken", "", True, "1: it broke", "int"))
 SWEEPS = 4                  # at least: limits that a drive pushes at are seen from the second on
 ONE = np.array([0.0, 0.0, 0.0, 1.0])
-
-
-def acting(scene) -> list[Joint]:
-    """Joints of a scene that act."""
-    return [joint for joint in scene.things("Joint") if joint.enabled]
 
 
 def rows_of(joint: Joint) -> list[Joint]:
@@ -40,6 +35,14 @@ def rows_of(joint: Joint) -> list[Joint]:
         values = vars(joint) | {"limits": mine(joint.limits), "drives": mine(joint.drives)}
         return Joint(**values | ({"cone": None} if far else {}))
     return [part(False), part(True)]
+
+
+def narrowed(joint: Joint) -> Joint:
+    """The same joint without a cone that is none: one of no width is a range of the other swing."""
+    if joint.cone is None or joint.cone != (inf, inf) and min(joint.cone) > 0.0:
+        return joint
+    range_of = {name: (-c, c) for name, c in zip(AXES[4:], joint.cone, strict=True) if c < inf}
+    return Joint(**vars(joint) | {"cone": None, "limits": joint.limits | range_of})
 
 
 def turned(joint: Joint) -> Joint:
@@ -64,9 +67,9 @@ class Joints:
 
     def __init__(self, b, method):
         self.model, self.method, self.device = b.model, method, b.model.device
-        self.given = acting(b.scene)
+        self.given = [joint for joint in b.scene.things("Joint") if joint.enabled]
         rows = {body.path: k for k, body in enumerate(b.scene.things("Body"))}
-        every = [(k, turned(part)) for k, joint in enumerate(self.given) for part in rows_of(joint)]
+        every = [(k, turned(part)) for k, joint in enumerate(self.given) for part in rows_of(narrowed(joint))]
         pairs = np.array([[rows.get(j.body0, -1), rows.get(j.body1, -1)] for _, j in every])
         one = ordered(pairs, len(rows))
         self.joints = [every[k][1] for k in one.joint]
@@ -80,7 +83,6 @@ class Joints:
                 own = np.flatnonzero([every[m][0] == k for m in one.joint]) + world * len(self.joints)
                 self.part.rows[joint.path, world] = own
         b.state.add(self.part)
-        self.alone = np.setdiff1d(np.arange(len(method.bodies)), self.order.body)
         self.sweeps = max(SWEEPS, b.scene.iterations)
         self._tables(worlds)
         self.known: tuple = ()
@@ -115,7 +117,8 @@ class Joints:
                    apart=tiled([b - a for a, b in from_to], wp.vec3d), form=tiled([_form(j) for j in self.joints], int),
                    cone=tiled([_cone(j) for j in self.joints], wp.vec2d),
                    breaking=tiled([(j.force, j.torque) for j in self.joints], wp.vec2d),
-                   w=up([1.0 / m.mass for m in masses], wp.float64), target_block=up(order.target, int), **shape, **lists)
+                   w=up([1.0 / m.mass for m in masses], wp.float64),
+                   linked=up(np.isin(np.arange(bodies), np.concatenate(body)), int), target_block=up(order.target, int), **shape, **lists)
         self.linked = filled(Linked, t=t, quarters=self.part.arrays["quarters"], broken=self.part.arrays["broken"],
                              **self._work(n * worlds, bodies))
 
@@ -156,6 +159,21 @@ class Joints:
         for name, value in zip(names, values, strict=True):
             getattr(t, name).assign(np.ascontiguousarray(value))
 
+    def with_contacts(self, work) -> Any:
+        """`linked`, knowing which bodies contacts have touched."""
+        self.linked.touched = work.touched
+        return self.linked
+
+    @property
+    def what(self) -> str:
+        linked = int((np.diff(self.order.first_joint) > 0).sum())
+        return f"{self.count} joints in {linked} islands"
+
+    def indicators(self) -> dict[str, float]:
+        shift, turn = self.error()
+        broken = int(self.linked.broken.numpy().sum())
+        return {"joint_error": shift, "joint_angle_error": turn} | ({"joints_broken": float(broken)} if broken else {})
+
     def error(self) -> tuple[float, float]:
         """By how much locked coordinates are off now, at most: [m], [rad]."""
         now, kind, low = (np.asarray(a.numpy()) for a in (self.linked.now, self.linked.t.kind, self.linked.t.low))
@@ -183,14 +201,12 @@ def _frame(joint: Joint, side: int, masses: list, row: int) -> tuple[np.ndarray,
 def _form(joint: Joint) -> int:
     if LENGTH in joint.limits or LENGTH in joint.drives:
         return int(DISTANCE)
-    return int(CONE if joint.cone is not None and any(0.0 < c < inf for c in joint.cone) else GENERAL)
+    return int(CONE if joint.cone is not None else GENERAL)
 
 
 def _cone(joint: Joint) -> tuple[float, float]:
-    if joint.cone is None:
-        return 0.0, 0.0
-    y, z = (1.0 / c if isfinite(c) and c > 0.0 else 0.0 for c in joint.cone)
-    return y, z
+    y, z = joint.cone or (inf, inf)
+    return 1.0 / y, 1.0 / z
 
 
 def _rows(joint: Joint) -> dict[str, list]:
@@ -201,8 +217,8 @@ def _rows(joint: Joint) -> dict[str, list]:
         name = LENGTH if form == DISTANCE and k == 0 else name
         low, high = joint.limits.get(name, (-inf, inf))
         kind = tables.LOCKED if low >= high else tables.LIMITED if low > -inf or high < inf else tables.FREE
-        if joint.cone is not None and k > 3:
-            low, high, kind = _coned(joint, form, k)
+        if form == CONE and k > 3:
+            low, high, kind = 0.0, inf, tables.LIMITED if k == 4 else tables.FREE
         drive = joint.drives.get(name, Drive())
         on = drive.stiffness > 0.0 or drive.damping > 0.0
         found["kind"].append(int(kind))
@@ -211,14 +227,3 @@ def _rows(joint: Joint) -> dict[str, list]:
                               ("target", drive.target), ("speed", drive.speed), ("most", drive.most)):
             found[column].append(value)
     return found
-
-
-def _coned(joint: Joint, form: int, k: int) -> tuple[float, float, Any]:
-    """Row of a swing under a cone: half angles of 0 lock it; one alone is a range about the other axis."""
-    assert joint.cone is not None
-    if form == CONE:
-        return (0.0, inf, tables.LIMITED) if k == 4 else (0.0, 0.0, tables.FREE)
-    return (0.0, 0.0, tables.LOCKED if joint.cone[k - 4] == 0.0 else tables.FREE)
-
-
-__all__ = ["Joints", "acting", "steps"]
