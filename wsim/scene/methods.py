@@ -5,7 +5,7 @@ when a scene holds such a thing:
 
     objects    dataclasses of the scene; NumPy only
     check      check(thing, scene) yields Problems
-    usd        load(reading, prim) -> thing, author(stage, thing, units); within(reading, prim) -> paths of prims that are
+    usd        load(reading, prim) -> thing, things or None, author(stage, thing, units); within(reading, prim) -> paths of prims that are
                the thing's, and no colliders of the scene; imports pxr, never Warp
     method     build(Build) -> Method, see `wsim.simulation.methods`
     show       triangles(prim) -> points (n, 3) and triangles (t, 3), in the prim's frame and the units of the stage
@@ -51,7 +51,8 @@ METHODS: list[Row] = [
     Row("implicit", "wsim.physics.solver.newton", without="another solver is chosen", gradients=True),
     Row("xpbd", "wsim.physics.solver.xpbd", without="another solver is chosen, and nothing is hard", gradients=True,
         pushes=True),
-    Row("rigid", "wsim.physics.rigid", owns=("Body", "Joint"), claims=("PhysicsRigidBodyAPI", "PhysicsJoint", *JOINTS),
+    Row("rigid", "wsim.physics.rigid", owns=("Body", "Joint", "Group", "Parted"),
+        claims=("PhysicsRigidBodyAPI", "PhysicsJoint", *JOINTS, "PhysicsCollisionGroup", "PhysicsFilteredPairsAPI"),
         without="there is no rigid body"),
     Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),
     Row("watch", "wsim.physics.motion.overstretch", gradients=True),

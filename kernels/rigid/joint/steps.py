@@ -21,6 +21,7 @@ from wsim.kernels.rigid.joint.elimination import Linked, factor, mat66d, product
 from wsim.kernels.rigid.joint.rows import both, drive, relaxed, taken, wanted
 from wsim.kernels.rigid.motion import double, double3, free_rotation, kicked, near, structs
 
+FAST = wp.constant(wp.float64(0.25))     # [rad] of a turn in a substep: RATTLE has no solution for a joint that turns much more
 CONTACT, JOINT = wp.constant(1), wp.constant(2)       # what touched a body in a substep
 
 
@@ -117,6 +118,23 @@ def broke(j: int, h: wp.float64, J: Linked):
         J.broken[j] = 1
 
 
+@wp.func
+def noted(j: int, r: int, acts: int, much: wp.float64, J: Linked):
+    """Sets what a row asks for, nothing where the joint is broken; 1 where it was another one."""
+    act = acts
+    ask = much
+    if J.broken[j] != 0:
+        act = 0
+        ask = wp.float64(0.0)
+    before = J.active[j, r]
+    J.active[j, r] = act
+    J.rhs[j, r] = ask
+    changed = int(0)
+    if act != before:
+        changed = 1
+    return changed
+
+
 @cache
 def functions(real):
     """Functions of an island g: placed, begun, solve, relax; of a body i: kicks, place."""
@@ -152,23 +170,29 @@ def functions(real):
             J.Q[i] = free_rotation(double(now.q[i], now.o[i]), L, double3(b.inverse[i]), h)
 
     @wp.func
-    def rate_of(j: int, k: int, now: Moving, J: Linked):
-        """Velocity at the joint and angular velocity, of b against a."""
+    def rate_of(j: int, k: int, placing: wp.float64, now: Moving, J: Linked):
+        """Velocity at the joint and angular velocity, of b against a; placing 1: of the momenta that bodies are placed by."""
         row = k * J.t.moving
         a = J.t.a[j]
         b = J.t.b[j]
         u = wp.vec3d()
         omega = wp.vec3d()
         if b >= 0:
-            o = J.S[b] * double3(now.L[b])
-            u = J.t.w[b] * double3(now.p[b]) + wp.cross(o, J.r_b[j])
+            more = placing
+            if J.touched[b] == CONTACT:
+                more = wp.float64(0.0)
+            o = J.S[b] * (double3(now.L[b]) + more * J.dL[b])
+            u = J.t.w[b] * (double3(now.p[b]) + more * J.dp[b]) + wp.cross(o, J.r_b[j])
             omega = o
         else:
             omega = J.t.anchor_o[row, j]
             u = J.t.anchor_v[row, j] + wp.cross(omega, J.r_b[j])
         if a >= 0:
-            o = J.S[a] * double3(now.L[a])
-            u = u - J.t.w[a] * double3(now.p[a]) - wp.cross(o, J.r_a[j])
+            more = placing
+            if J.touched[a] == CONTACT:
+                more = wp.float64(0.0)
+            o = J.S[a] * (double3(now.L[a]) + more * J.dL[a])
+            u = u - J.t.w[a] * (double3(now.p[a]) + more * J.dp[a]) - wp.cross(o, J.r_a[j])
             omega = omega - o
         else:
             u = u - J.t.anchor_v[row, j] - wp.cross(J.t.anchor_o[row, j], J.r_a[j])
@@ -216,54 +240,63 @@ def functions(real):
             drive(j, h, J)
 
     @wp.func
+    def fast(j: int, h: wp.float64, now: Moving, J: Linked):
+        """Part of what is not linear in a step that is believed: 1 below FAST, 0 above twice that."""
+        spin = wp.float64(0.0)
+        if J.t.a[j] >= 0:
+            spin = wp.length(J.S[J.t.a[j]] * double3(now.L[J.t.a[j]]))
+        if J.t.b[j] >= 0:
+            spin = wp.max(spin, wp.length(J.S[J.t.b[j]] * double3(now.L[J.t.b[j]])))
+        return wp.clamp(wp.float64(2.0) - h * spin / FAST, wp.float64(0.0), wp.float64(1.0))
+
+    @wp.func
+    def acts_of(j: int, k: int, sweep: int, h: wp.float64, now: Moving, J: Linked):
+        """Which rows of a joint act, and what each asks for; 1 where other ones do."""
+        at = place_of(ends_of(j, k + 1, J), J.t.form[j], J.t.cone[j])
+        u, omega = rate_of(j, k, wp.float64(0.0), now, J)
+        lead, whirl = rate_of(j, k, wp.float64(1.0), now, J)
+        part = fast(j, h, now, J)
+        u = J.axis[j] * u
+        omega = J.turn[j] * omega
+        lead = J.axis[j] * lead
+        whirl = J.turn[j] * whirl
+        other = int(0)
+        three = int(3)
+        for r in range(three):
+            line = J.now[j, r] + h * lead[r]
+            acts, much = wanted(j, r, sweep, h, line + part * (at.shift[r] - line), u[r], J)
+            other += noted(j, r, acts, much, J)
+            line = J.now[j, 3 + r] + h * whirl[r]
+            then_at = at.turned[r]
+            if r == 0:
+                then_at = unwound(then_at, J.quarters[j])
+            acts, much = wanted(j, 3 + r, sweep, h, line + part * (then_at - line), omega[r], J)
+            other += noted(j, 3 + r, acts, much, J)
+        return other
+
+    @wp.func
     def solve(g: int, k: int, sweep: int, h: wp.float64, b: Bodies, now: Moving, J: Linked):
         then(g, h, b, now, J)
         other = int(0)
-        six = int(6)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
-            at = place_of(ends_of(j, k + 1, J), J.t.form[j], J.t.cone[j])
-            u, omega = rate_of(j, k, now, J)
-            u = J.axis[j] * u
-            omega = J.turn[j] * omega
-            for r in range(six):
-                acts = int(0)
-                much = wp.float64(0.0)
-                if J.broken[j] == 0:
-                    if r < 3:
-                        acts, much = wanted(j, r, sweep, h, at.shift[r], u[r], J)
-                    else:
-                        g_then = at.turned[r - 3]
-                        if r == 3:
-                            g_then = unwound(g_then, J.quarters[j])
-                        acts, much = wanted(j, r, sweep, h, g_then, omega[r - 3], J)
-                if acts != J.active[j, r]:
-                    other = 1
-                J.active[j, r] = acts
-                J.rhs[j, r] = much
-        if other == 1:
+            other += acts_of(j, k, sweep, h, now, J)
+        if other > 0:
             factored(J.t.first_joint[g], J.t.first_joint[g + 1], J)
         solved(J.t.first_joint[g], J.t.first_joint[g + 1], J)
         given(g, h, now, J)
 
     @wp.func
     def relax(g: int, k: int, h: wp.float64, now: Moving, J: Linked):
-        six = int(6)
+        three = int(3)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
-            u, omega = rate_of(j, k, now, J)
+            u, omega = rate_of(j, k, wp.float64(0.0), now, J)
             u = J.axis[j] * u
             omega = J.turn[j] * omega
-            for r in range(six):
-                acts = int(0)
-                much = wp.float64(0.0)
-                if J.broken[j] == 0:
-                    rate = wp.float64(0.0)
-                    if r < 3:
-                        rate = u[r]
-                    else:
-                        rate = omega[r - 3]
-                    acts, much = relaxed(j, r, rate, J)
-                J.active[j, r] = acts
-                J.rhs[j, r] = much
+            for r in range(three):
+                acts, much = relaxed(j, r, u[r], J)
+                noted(j, r, acts, much, J)
+                acts, much = relaxed(j, 3 + r, omega[r], J)
+                noted(j, 3 + r, acts, much, J)
         factored(J.t.first_joint[g], J.t.first_joint[g + 1], J)
         solved(J.t.first_joint[g], J.t.first_joint[g + 1], J)
         given(g, h, now, J)

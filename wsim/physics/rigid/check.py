@@ -17,11 +17,14 @@ TRIANGLE = 1e-4              # of a moment over the sum of the other two
 
 
 def check(thing, scene: Scene) -> Iterator[Problem]:
-    if not isinstance(thing, Body):
-        from wsim.physics.rigid.joints.check import check as joint
-        yield from joint(thing, scene)
+    if isinstance(thing, Body):
+        yield from _body(thing, scene)
         return
-    yield from _body(thing, scene)
+    if type(thing).__name__ == "Joint":
+        from wsim.physics.rigid.joints.check import check as other
+    else:
+        from wsim.physics.rigid.filters.groups import check as other
+    yield from other(thing, scene)
 
 
 def _body(body: Body, scene: Scene) -> Iterator[Problem]:

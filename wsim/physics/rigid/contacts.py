@@ -55,8 +55,13 @@ class Contacts:
         self.still_first = len(method.bodies)
         self.bouncing, self.sweeps = bounces(b.scene), b.scene.iterations
         self._shapes()
+        self.filters = None
+        if any(b.scene.things(name) for name in ("Joint", "Group", "Parted")):
+            from wsim.physics.rigid.filters.groups import filters
+            paths = [(c.path, world) for _, world, c in self.owners] + [(c.path, -1) for c in self.colliders]
+            self.filters = filters(b.scene, paths, [method.bodies[k][0].path for k, _, _ in self.owners] + [""] * len(self.colliders))
         real, module = self.real, b.model.module
-        self.reach, self.listed = pairs.reach(real, module), pairs.listed(real, module)
+        self.reach, self.listed = pairs.reach(real, module), pairs.listed(real, module, self.filters is not None)
         self.collide = collide.collide(kinds(b.scene.things("Body"), self.colliders), real, module)
         self.form = forms.chosen(b.model.device, self.shapes)
         self.form.make(b.model, self.bouncing, method.joints is not None)
@@ -127,7 +132,12 @@ class Contacts:
         low, high = (wp.zeros(self.shapes, dtype=wp.vec3f, device=self.device) for _ in range(2))
         self.bvh = wp.Bvh(low, high)
         endless = np.flatnonzero(self.table.ball.numpy() < 0.0).astype(np.int32)
-        self.tree = filled(pairs.trees(), id=self.bvh.id, low=low, high=high,
+        more = {}
+        if self.filters:
+            names = {"group": self.filters.kind, "apart": self.filters.table, "first": self.filters.first,
+                     "parted": self.filters.parted}
+            more = {name: wp.array(v.astype(np.int32), dtype=int, device=self.device) for name, v in names.items()}
+        self.tree = filled(pairs.trees(bool(more)), **more, id=self.bvh.id, low=low, high=high,
                            endless=wp.array(endless, dtype=int, device=self.device))
 
     def _empty(self, first: int) -> None:
@@ -145,7 +155,7 @@ class Contacts:
         if self.poses_of == known and not moves:
             return
         rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.colliders)
-        M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)]).reshape(-1, n, 4, 4)
+        M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)]).reshape(rows + moves, n, 4, 4)
         x, q = M[:, :, :3, 3] - self.still_origin, quaternion(M[:, :, :3, :3])
         v, omega = np.zeros_like(x), np.zeros_like(x)
         if moves:

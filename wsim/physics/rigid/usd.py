@@ -5,9 +5,12 @@ of bodies, colliders and materials), from the volumes of wsim/physics/rigid/mass
 its colliders move as animated and push.
 """
 
+from typing import Any
+
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
+from wsim.physics.rigid.joints.joint import Joint
 from wsim.physics.rigid.mass import Volume, volume
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Collider
@@ -46,12 +49,24 @@ def within(reading: Reading, prim: Usd.Prim) -> list[Sdf.Path]:
     return found
 
 
-def load(reading: Reading, prim: Usd.Prim) -> Body | None:
+def load(reading: Reading, prim: Usd.Prim) -> list:
+    apis, found = applied(prim), []
+    if names.RIGID_BODY in apis:
+        found.append(_body(reading, prim))
+    elif prim.GetTypeName() == names.COLLISION_GROUP:
+        from wsim.physics.rigid.filters.usd import load_group
+        found.append(load_group(reading, prim))
+    elif prim.IsA(UsdPhysics.Joint):
+        from wsim.physics.rigid.joints.usd import load as joint
+        found.append(joint(reading, prim))
+    if names.FILTERED_PAIRS in apis:
+        from wsim.physics.rigid.filters.usd import load_pairs
+        found.append(load_pairs(reading, prim))
+    return [thing for thing in found if thing is not None]
+
+
+def _body(reading: Reading, prim: Usd.Prim) -> Body | None:
     path = str(prim.GetPath())
-    if names.RIGID_BODY not in applied(prim):
-        if not reading.points:
-            reading.warn(path, f"is a {prim.GetTypeName()}: joints are not simulated yet, and its bodies come apart")
-        return None
     if not simulated(reading, prim):
         if dynamic(reading, prim):
             reading.warn(path, "is a dynamic rigid body beside cloth, springs or soft bodies, which rigid bodies do not meet "
@@ -130,7 +145,19 @@ def _mass(reading: Reading, prim: Usd.Prim, colliders: list[Collider]) -> dict:
             "inertia": np.array(diagonal, np.float64) * units.kilograms * units.metres**2, "axes": q}
 
 
-def author(stage: Usd.Stage, body: Body, units: Units) -> None:
+def author(stage: Usd.Stage, thing: Any, units: Units) -> None:
+    if isinstance(thing, Body):
+        _author_body(stage, thing, units)
+        return
+    if isinstance(thing, Joint):
+        from wsim.physics.rigid.joints.usd import author as joint
+        joint(stage, thing, units)
+        return
+    from wsim.physics.rigid.filters.usd import author as filters
+    filters(stage, thing, units)
+
+
+def _author_body(stage: Usd.Stage, body: Body, units: Units) -> None:
     prim = UsdGeom.Xform.Define(stage, body.path).GetPrim()
     surfaces: dict[tuple, str] = {}
     for collider in body.colliders:                     # before the body has a transform: theirs is within it

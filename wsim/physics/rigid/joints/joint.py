@@ -83,7 +83,7 @@ class Joint(Compared):
     force: float = inf
     torque: float = inf
     motion: Motion = field(default_factory=Motion.still)
-    still: str = ""
+    still: str = field(default="", compare=False)
 
     def __post_init__(self):
         for name in ("at0", "at1"):

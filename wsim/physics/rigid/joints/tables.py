@@ -139,7 +139,7 @@ class Joints:
         if self.known == known and not moves:
             return
         rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.joints)
-        M = np.array([[j.motion.at(time + h * k) for j in self.joints] for k in range(rows + moves)]).reshape(-1, n, 4, 4)
+        M = np.array([[j.motion.at(time + h * k) for j in self.joints] for k in range(rows + moves)]).reshape(rows + moves, n, 4, 4)
         local = [(j.at1, j.turn1) if pair[0] >= 0 else (j.at0, j.turn0) for j, pair in zip(self.joints, self.pairs, strict=True)]
         q = rotation.multiply(rotation.quaternion(M[:, :, :3, :3]), np.array([turn for _, turn in local]))
         x = np.einsum("knij,nj->kni", M[:, :, :3, :3], np.array([at for at, _ in local])) + M[:, :, :3, 3] - self.anchor
