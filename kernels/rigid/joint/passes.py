@@ -88,9 +88,13 @@ def linked(kinds, real, module, meet, threads: int = 0, cluster: int = 0, bounci
             meet()
             warm(i, threads, k, h, 1, rig)
             for sweep in range(steps[2]):
+                if sweep == 0:
+                    joined(i, threads, k, sweep, h, rig, J)
+                    meet()
+                solve(i, threads, k, h, 1, rig)
+                meet()
                 joined(i, threads, k, sweep, h, rig, J)
                 meet()
-                solve(i, threads, k, h, 1, rig)
             ended(i, threads, k, h, rig, J)
             meet()
             lined(i, threads, k + 1, rig, J)
@@ -99,6 +103,9 @@ def linked(kinds, real, module, meet, threads: int = 0, cluster: int = 0, bounci
             loosed(i, threads, k, h, rig, J)
             meet()
             solve(i, threads, k, h, 0, rig)
+            meet()
+            loosed(i, threads, k, h, rig, J)
+            meet()
 
     more = {"launch_bounds": threads} if threads else {}
     return wp.kernel(rigid_linked, name="rigid_linked", module=module, enable_backward=False, grid_stride=False,

@@ -6,7 +6,7 @@
     relax    velocities along what is held, at the new places; joints that broke
 
 Bodies that joints alone move are placed by their momentum less half of the kick of the forces, as free ones are; the rest of it
-comes behind: leapfrog. What also rests in contact is placed by all of it.
+comes behind: leapfrog. Islands of which a body is in contact are placed by all of it, as contacts expect.
 """
 
 from functools import cache
@@ -158,12 +158,18 @@ def functions(real):
 
     @wp.func
     def then(g: int, h: wp.float64, b: Bodies, now: Moving, J: Linked):
-        """X and Q where the velocities lead to, as `place` will have it."""
+        """X and Q where the velocities lead to, as `place` will have it. Where one body rests in contact, all of them do."""
+        rests = int(0)
+        for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
+            if J.touched[J.t.body[m]] == CONTACT:
+                rests = 1
         for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
             i = J.t.body[m]
             p = double3(now.p[i])
             L = double3(now.L[i])
-            if J.touched[i] != CONTACT:
+            if rests == 1:
+                J.touched[i] = CONTACT
+            else:
                 p = p + J.dp[i]
                 L = L + J.dL[i]
             J.X[i] = double3(now.x[i]) + double3(now.e[i]) + h * J.t.w[i] * p
