@@ -29,10 +29,13 @@ LAYERS = ("kernels", "geometry", "scene", "usd", "model", "physics", "simulation
           "cli", "__init__", "__main__")
 METHODS = {"physics.motion.points", "physics.motion.explicit", "physics.motion.loads", "physics.solver.newton",
            "physics.solver.xpbd", "physics.cloth.air", "physics.cloth.muscles"}                  # never each other
-WITHOUT_WARP = ("geometry", "scene", "usd", "physics.rigid.usd", "simulation.duration", "simulation.interrupt",
+WITHOUT_WARP = ("geometry", "scene", "usd", "physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.moving",
+                "physics.rigid.filters.usd", "simulation.duration", "simulation.interrupt",
                 "simulation.report", "show.camera", "show.png", "show.prim", "show.shading", "show.visible", "cli.arguments",
                 "cli.inventory", "cli.progress")
-ONLY = {"rerun": ("show.viewer", "show.rerun_log"), "pxr": ("usd", "show", "physics.rigid.usd"), "matplotlib": ("bench",),
+ONLY = {"rerun": ("show.viewer", "show.rerun_log"), "matplotlib": ("bench",),
+        "pxr": ("usd", "show", "physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.moving",
+                "physics.rigid.filters.usd"),
         "torch": ("gradient.rollout.torch",), "jax": ("gradient.rollout.jax",),
         "PIL": ("show.animation",), "imageio": ("show.animation",)}     # who may import these packages
 

@@ -10,8 +10,8 @@ so that (phi', s_y', s_z') = M^-1 omega with the columns R_s x, E y, E z of M. N
 singular place, swing one at half a turn. A row's impulse is a force along the row of A^T at p_b, on both bodies in one place,
 or a torque along a row of M^-1 A^T: momentum and angular momentum stay, whatever the error is.
 
-Two other forms. Distance: row 0 is n = (p_b - p_a) / |p_b - p_a|, its coordinate the distance. Cone: row 4 is what is left to
-the elliptic cone f = |(s_y / c_y, s_z / c_z)| <= 1, along its gradient: (1 - f) / |grad f|.
+Two other forms. Distance: row 0 is n = (p_b - p_a) / |p_b - p_a|, its coordinate the distance. Cone: the coordinate of row 4 is
+what is left to the elliptic cone f = |(s_y / c_y, s_z / c_z)| <= 1, as min(c_y, c_z) (1 - f) [rad].
 
 (Swing and twist: Dobrowolski 2015, Swing-twist decomposition in Clifford algebra; E, the left Jacobian of SO(3): Sola 2018,
 A micro Lie theory, equation 145.)
@@ -120,13 +120,11 @@ def place_of(e: Ends, form: int, cone: wp.vec2d):
         y = s[1] * cone[0]
         z = s[2] * cone[1]
         f = wp.sqrt(y * y + z * z)
-        left = wp.float64(1.0) / wp.max(cone[0], cone[1])
+        size = wp.float64(1.0) / wp.max(cone[0], cone[1])
         way = wp.vec2d(wp.float64(1.0), zero)
         if f > wp.float64(1.0e-9):
-            slope = wp.vec2d(y * cone[0] / f, z * cone[1] / f)
-            left = (wp.float64(1.0) - f) / wp.length(slope)
-            way = -slope / wp.length(slope)
-        found.turned = wp.vec3d(s[0], left, zero)
+            way = -size * wp.vec2d(y * cone[0] / f, z * cone[1] / f)
+        found.turned = wp.vec3d(s[0], size * (wp.float64(1.0) - f), zero)
         found.turn = wp.matrix_from_rows(found.turn[0], way[0] * found.turn[1] + way[1] * found.turn[2], wp.vec3d())
     return found
 

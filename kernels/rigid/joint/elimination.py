@@ -3,11 +3,13 @@
     block (i, k) = sum over bodies c of both of  s_i s_k J_i M_c^-1 J_k^T,   s = 1 on side b, -1 on side a
     D_i D_i^T = A_ii,   L_ki = A_ki D_i^-T,   A_kl -= L_ki L_li^T       for k, l that are near i and come behind
 
-The order and what fills in are known on the host (wsim/physics/rigid/joints/islands.py): a chain of n joints costs n steps, loops
-some more. So a chain with a hundred times its weight at the end is solved as well as any other, where sweeps joint by joint need
-more than n^2. Rows that are not active are those of the identity. Joints that say the same twice (a plane four-bar loop
-has three rows too many) leave A singular: held rows have a part EASE of their diagonal added, which a sweep makes up for as the next one
-begins from what is left. (Baraff 1996, Linear-time dynamics using Lagrange multipliers; George, Liu 1981, chapter 5.)
+The order and what fills in are known on the host (wsim/physics/rigid/joints/islands.py): a chain of n joints costs n steps,
+loops some more. So a chain with a hundred times its weight at the end is solved as well as any other, where sweeps joint by
+joint need more than n^2. Rows that are not active are those of the identity. Joints that say the same twice (a plane four-bar
+loop has three rows too many) leave A singular: held rows have a part EASE of their diagonal added, which the next sweep makes
+up for, as it begins from what is left.
+
+(Baraff 1996, Linear-time dynamics using Lagrange multipliers; George, Liu 1981, chapter 5.)
 """
 
 import warp as wp

@@ -8,11 +8,12 @@
 
 A step whose held rows have g(x + h v) = goal, and which then takes the speed along them away, is SHAKE and RATTLE (Ryckaert,
 Ciccotti, Berendsen 1977; Andersen 1983): of order 2, and no energy is lost. goal is 0, or what is left of an error that is
-taken back at PULL or SPIN. A drive is backward Euler: stable for all k and c. That of an acceleration has k and c per effective mass,
-which is what the row moves while the locked rows of its joint stay (Schur complement of A_jj).
+taken back at PULL or SPIN. A drive is backward Euler: stable for all k and c. That of an acceleration has k and c per effective
+mass, which is what the row moves while the locked rows of its joint stay (Schur complement of A_jj).
 
 An active set by signs: a row at the end of its range that is driven beyond it is left out, and so is one at 0 without cause
-(Hintermueller, Ito, Kunisch 2003). A row that is driven meets its limit from the second sweep on; its drive then stays as it is.
+(Hintermueller, Ito, Kunisch 2003). A row that is driven meets its limit from the second sweep on; its drive then stays as it
+is.
 """
 
 import warp as wp

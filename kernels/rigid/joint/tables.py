@@ -1,7 +1,9 @@
 """Tables of joints on a device. They are numbered island by island, in the order in which they are eliminated.
 
-A joint has six rows: three shifts, twist, two swings (kernels/rigid/joint/coordinates.py). Each is free, locked at `low` or held
-within low .. high, and may be driven. An island is what joints connect: its joints share no dynamic body with other islands.
+A joint has six rows: three shifts, twist, two swings (kernels/rigid/joint/coordinates.py). Each is free, locked at `low` or
+held within low .. high, and may be driven.
+
+An island is what joints connect: its joints share no dynamic body with other islands.
 """
 
 from functools import cache

@@ -59,7 +59,8 @@ class Contacts:
         if any(b.scene.things(name) for name in ("Joint", "Group", "Parted")):
             from wsim.physics.rigid.filters.groups import filters
             paths = [(c.path, world) for _, world, c in self.owners] + [(c.path, -1) for c in self.colliders]
-            self.filters = filters(b.scene, paths, [method.bodies[k][0].path for k, _, _ in self.owners] + [""] * len(self.colliders))
+            frames = [method.bodies[k][0].path for k, _, _ in self.owners] + [""] * len(self.colliders)
+            self.filters = filters(b.scene, paths, frames)
         real, module = self.real, b.model.module
         self.reach, self.listed = pairs.reach(real, module), pairs.listed(real, module, self.filters is not None)
         self.collide = collide.collide(kinds(b.scene.things("Body"), self.colliders), real, module)
@@ -155,7 +156,8 @@ class Contacts:
         if self.poses_of == known and not moves:
             return
         rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.colliders)
-        M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)]).reshape(rows + moves, n, 4, 4)
+        M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)])
+        M = M.reshape(rows + moves, n, 4, 4)
         x, q = M[:, :, :3, 3] - self.still_origin, quaternion(M[:, :, :3, :3])
         v, omega = np.zeros_like(x), np.zeros_like(x)
         if moves:
@@ -176,11 +178,10 @@ class Contacts:
         for first, last in zip(ends[:-1], ends[1:], strict=True):
             self._manifolds(clock, first, last)
             self.form.colour(self.model, self.rig(), self.status.word(IN_TURN))
-            joints = self.method.joints
+            joints, rig = self.method.joints, [self.rig()]
             if joints:
-                self.form.advance(self.model, (first, last, joints.sweeps), clock.h, self.rig(), joints.with_contacts(self.work))
-            else:
-                self.form.advance(self.model, (first, last, self.sweeps), clock.h, self.rig())
+                rig.append(joints.with_contacts(self.work))
+            self.form.advance(self.model, (first, last, joints.sweeps if joints else self.sweeps), clock.h, *rig)
             for name, array in self.arrays().items():
                 wp.copy(array, getattr(self.list, name))
 

@@ -232,4 +232,5 @@ def signature(b) -> list:
     bodies = b.scene.things("Body")
     shapes = b.model.worlds * sum(len(meeting(body)) for body in bodies) + len(standing(b.scene.colliders))
     form = chosen(b.model.device, shapes)
-    return [sorted(kinds(bodies, b.scene.colliders)), bounces(b.scene), form.name, form.blocks, *["joints"] * bool(acting(b.scene))]
+    filtered = any(b.scene.things(name) for name in ("Group", "Parted"))
+    return [sorted(kinds(bodies, b.scene.colliders)), bounces(b.scene), form.name, form.blocks, filtered, bool(acting(b.scene))]

@@ -11,6 +11,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from wsim.physics.rigid.joints.joint import Joint
+from wsim.physics.rigid.joints.moving import dynamic, simulated
 from wsim.physics.rigid.mass import Volume, volume
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Collider
@@ -24,16 +25,6 @@ from wsim.usd.transforms import author_motion, placement, split
 
 OWN = ("force", "torque", "drag", "spin_drag")           # of WsimRigidBodyAPI
 LEAF = "collider"
-
-
-def simulated(reading: Reading, prim: Usd.Prim) -> bool:
-    """Whether a body moves by forces: it is enabled, not kinematic, and there are no points that it would have to meet."""
-    return dynamic(reading, prim) and not reading.points
-
-
-def dynamic(reading: Reading, prim: Usd.Prim) -> bool:
-    api, start = UsdPhysics.RigidBodyAPI(prim), reading.start
-    return api.GetRigidBodyEnabledAttr().Get(start) is not False and not api.GetKinematicEnabledAttr().Get(start)
 
 
 def within(reading: Reading, prim: Usd.Prim) -> list[Sdf.Path]:

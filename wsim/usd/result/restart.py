@@ -178,7 +178,8 @@ def load_restart(result_path, scene: Scene) -> Restart:
         raise SceneError(Problem(result.path, f"has {result.fps:g} time codes a second, the scene {scene.fps:g}; "
                                  "restart with the scene that the result was made from"))
     bodies = scene.bodies()
-    others = {thing.path: result.stage.GetPrimAtPath(thing.path) for _, thing in every(scene)}
+    others = {thing.path: result.stage.GetPrimAtPath(thing.path) for row, thing in every(scene)
+              if type(thing).__name__ not in row.unseen}
     if lost := [path for path, prim in others.items() if not prim]:
         raise SceneError(Problem(lost[0], f"is not in {result.path}; restart from a result of this scene"))
     prims = {b.path: body_prim(result.stage, b.path, len(b.points)) for b in bodies} | others

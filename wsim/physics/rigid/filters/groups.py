@@ -1,7 +1,7 @@
 """Which colliders do not touch each other, by groups, by pairs and by joints. NumPy only.
 
-    groups    two groups do not touch where one of them filters the other; an inverted one filters all but those it names. Groups
-              of one `merge` are one group. What is in no group touches all.
+    groups    two groups do not touch where one of them filters the other; an inverted one filters all but those it names.
+              Groups of one `merge` are one group. What is in no group touches all.
     pairs     what a prim names, and all that is below it, does not touch what is at or below that prim; groups count as their
               members
     joints    the bodies of a joint do not touch each other, unless it says so (`Joint.collides`)
@@ -52,8 +52,8 @@ def check(thing: Group | Parted, scene: Scene) -> Iterator[Problem]:
     if isinstance(thing, Parted):
         lost = [p for p in thing.others if not any(k == p or k.startswith(p + "/") for k in known)]
         if lost:
-            yield warning(thing.path, f"is filtered from {', '.join(lost)}, where nothing collides", "bodies, colliders or groups",
-                          "name others, or take it out")
+            yield warning(thing.path, f"is filtered from {', '.join(lost)}, where nothing collides",
+                          "bodies, colliders or groups", "name others, or take it out")
         return
     lost = [p for p in thing.filtered if p not in {group.path for group in scene.things("Group")}]
     if lost:
@@ -89,8 +89,8 @@ def apart(scene: Scene) -> np.ndarray:
 
 @dataclass
 class Filters:
-    """kind: of each shape, (shapes,); table: kinds that do not touch, (kinds, kinds); first, parted: shapes that each shape does
-    not touch besides, as lists behind each other."""
+    """kind: of each shape, (shapes,); table: kinds that do not touch, (kinds, kinds); first, parted: shapes that a shape does not
+    touch besides, as lists behind each other."""
 
     kind: np.ndarray
     table: np.ndarray
@@ -99,7 +99,7 @@ class Filters:
 
 
 def filters(scene: Scene, shapes: list[tuple[str, int]], frames: list[str]) -> Filters | None:
-    """Of shapes (path of the collider, world or -1) and the path of the body of each, "" for none. None: all touch."""
+    """Of shapes (path of the collider, world or -1) and the path of the body of each, "" for none. None where all touch."""
     kind, table = _kinds(scene, [path for path, _ in shapes])
     pairs = {(i, j) for i, j in _pairs(scene, shapes, frames) if i != j}
     pairs |= {(j, i) for i, j in pairs}

@@ -3,7 +3,7 @@
 from pxr import Sdf, Usd, UsdPhysics
 
 from wsim.physics.rigid.filters.groups import Group, Parted
-from wsim.physics.rigid.usd import simulated
+from wsim.physics.rigid.joints.moving import simulated
 from wsim.usd import names
 from wsim.usd.stage import Reading, Units, applied
 

@@ -96,8 +96,9 @@ def _apart(joint: Joint, scene: Scene) -> Iterator[Problem]:
     if all(joint.locked(name) for name in AXES[3:]):
         turn = float(np.linalg.norm(u))
     if shift > CLOSED or turn > CLOSED:
-        yield warning(joint.path, f"starts {shift:.3g} m and {turn:.3g} rad apart: its bodies are pulled together, at most 4 m/s "
-                      "and 10 rad/s fast", "frames that meet", "author physics:localPos0, localRot0 or those of body 1 again")
+        yield warning(joint.path, f"starts {shift:.3g} m and {turn:.3g} rad apart: its bodies are pulled together, at most "
+                      "4 m/s and 10 rad/s fast", "frames that meet",
+                      "author physics:localPos0, localRot0 or those of body 1 again")
 
 
 def _range(joint: Joint, name: str) -> tuple[float, float]:

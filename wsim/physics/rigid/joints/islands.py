@@ -82,7 +82,7 @@ def _eliminated(joints: list[int], near: dict[int, set[int]]) -> tuple[list[int]
 
 
 def ordered(pairs: np.ndarray, bodies: int) -> Order:
-    """pairs: rows of the bodies of each joint, (joints, 2), -1 for none. Bodies without joints are islands of their own, behind."""
+    """pairs: rows of the bodies of each joint, (joints, 2), -1 for none. Bodies without joints are islands of their own."""
     island = _islands(pairs, bodies)
     at: dict[int, list[int]] = {}
     for j, pair in enumerate(pairs.tolist()):
@@ -126,4 +126,5 @@ def _program(order, behind, first_joint, first_body, rows) -> Order:
         for e, k in enumerate(own):
             target += [k if m == k else block[k, m] for m in own[:e + 1]]
         first_target.append(len(target))
-    return Order(*(np.array(v, np.int64) for v in (order, first_joint, first_body, rows, first_near, near, first_target, target)))
+    every = (order, first_joint, first_body, rows, first_near, near, first_target, target)
+    return Order(*(np.array(values, np.int64) for values in every))

@@ -6,8 +6,8 @@ A joint has a frame on each of two bodies. Where frame 1 stands in frame 0 is sa
     rotX rotY rotZ          twist about x, then the swing, a rotation vector across x [rad] (kernels/rigid/joint/coordinates.py)
     distance                between the origins of both frames [m]
 
-`limits` says between which values one stays: what is not there is free, (0, 0) is locked. So a fixed joint has all six locked, a revolute
-one all but rotX, a prismatic one all but transX, a spherical one the three shifts, and a cone.
+`limits` says between which values one stays: what is not there is free, (0, 0) is locked. So a fixed joint has all six locked,
+a revolute one all but rotX, a prismatic one all but transX, a spherical one the three shifts, and a cone.
 """
 
 from dataclasses import dataclass, field
@@ -102,8 +102,8 @@ def all_locked(*but: str) -> dict[str, tuple[float, float]]:
 
 
 def between(path: str, body0: Body | None, body1: Body | None, at=(0.0, 0.0, 0.0), axis=(1.0, 0.0, 0.0), **more) -> Joint:
-    """A joint of two bodies as they stand, None for the world; its frames agree, at a place `at` (3,) [m] of the world, with x along
-    `axis`. more: fields of `Joint`."""
+    """A joint of two bodies as they stand, None for the world; its frames agree, at a place `at` (3,) [m] of the world, with x
+    along `axis`. more: fields of `Joint`."""
     x = np.asarray(axis, np.float64) / np.linalg.norm(axis)
     y = np.cross(np.eye(3)[np.argmin(np.abs(x))], x)
     y /= np.linalg.norm(y)

@@ -46,8 +46,8 @@ def narrowed(joint: Joint) -> Joint:
 
 
 def turned(joint: Joint) -> Joint:
-    """The same joint with its axes named anew, so that the twist is about the one axis that turns, if no other does: a swing of half a
-    turn has no direction."""
+    """The same joint with its axes named anew, so that the twist is about the one axis that turns, if no other does: a swing of
+    half a turn has no direction."""
     free = [k for k, name in enumerate(AXES[3:]) if not joint.locked(name)]
     if len(free) != 1 or free == [0]:
         return joint
@@ -78,10 +78,8 @@ class Joints:
         self.order = one.repeated(worlds, len(rows))
         self.count, self.islands = len(self.joints) * worlds, len(self.order.first_joint) - 1
         self.part = Part.allocate("joints", FIELDS, self.count, b.model.real, self.device)
-        for world in range(worlds):
-            for k, joint in enumerate(self.given):
-                own = np.flatnonzero([every[m][0] == k for m in one.joint]) + world * len(self.joints)
-                self.part.rows[joint.path, world] = own
+        path, n = b.scene.things("Body")[0].path, len(self.joints)             # joints have no samples: they go with a body
+        self.part.rows = {(path, world): np.arange(n) + world * n for world in range(worlds)}
         b.state.add(self.part)
         self.sweeps = max(SWEEPS, b.scene.iterations)
         self._tables(worlds)
@@ -109,8 +107,8 @@ class Joints:
             shape[name] = up(np.concatenate([[r[name] for r in rows]] * worlds), int)
         for name in ("low", "high", "stiffness", "damping", "target", "speed", "most"):
             shape[name] = up(np.concatenate([[r[name] for r in rows]] * worlds), wp.float64)
-        lists = {name: up(getattr(order, name), int) for name in ("first_joint", "first_body", "body", "first_near", "near",
-                                                                  "first_target")}
+        names = ("first_joint", "first_body", "body", "first_near", "near", "first_target")
+        lists = {name: up(getattr(order, name), int) for name in names}
         t = filled(Joints, a=up(np.concatenate(body[0::2]), int), b=up(np.concatenate(body[1::2]), int),
                    at_a=tiled([s[0] for s in sides[0::2]], wp.vec3d), at_b=tiled([s[0] for s in sides[1::2]], wp.vec3d),
                    turn_a=tiled([s[1] for s in sides[0::2]], wp.quatd), turn_b=tiled([s[1] for s in sides[1::2]], wp.quatd),
@@ -118,7 +116,8 @@ class Joints:
                    cone=tiled([_cone(j) for j in self.joints], wp.vec2d),
                    breaking=tiled([(j.force, j.torque) for j in self.joints], wp.vec2d),
                    w=up([1.0 / m.mass for m in masses], wp.float64),
-                   linked=up(np.isin(np.arange(bodies), np.concatenate(body)), int), target_block=up(order.target, int), **shape, **lists)
+                   linked=up(np.isin(np.arange(bodies), np.concatenate(body)), int),
+                   target_block=up(order.target, int), **shape, **lists)
         self.linked = filled(Linked, t=t, quarters=self.part.arrays["quarters"], broken=self.part.arrays["broken"],
                              **self._work(n * worlds, bodies))
 
@@ -139,8 +138,8 @@ class Joints:
         if self.known == known and not moves:
             return
         rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.joints)
-        M = np.array([[j.motion.at(time + h * k) for j in self.joints] for k in range(rows + moves)]).reshape(rows + moves, n, 4, 4)
-        local = [(j.at1, j.turn1) if pair[0] >= 0 else (j.at0, j.turn0) for j, pair in zip(self.joints, self.pairs, strict=True)]
+        M = np.array([[j.motion.at(time + h * k) for j in self.joints] for k in range(rows + moves)])
+        local = [(j.at0, j.turn0) if a < 0 else (j.at1, j.turn1) for j, (a, _) in zip(self.joints, self.pairs, strict=True)]
         q = rotation.multiply(rotation.quaternion(M[:, :, :3, :3]), np.array([turn for _, turn in local]))
         x = np.einsum("knij,nj->kni", M[:, :, :3, :3], np.array([at for at, _ in local])) + M[:, :, :3, 3] - self.anchor
         v, omega = np.zeros_like(x), np.zeros_like(x)
@@ -211,7 +210,8 @@ def _cone(joint: Joint) -> tuple[float, float]:
 
 def _rows(joint: Joint) -> dict[str, list]:
     """What the six rows of a joint are."""
-    found: dict[str, list] = {name: [] for name in ("kind", "drive", "low", "high", "stiffness", "damping", "target", "speed", "most")}
+    names = ("kind", "drive", "low", "high", "stiffness", "damping", "target", "speed", "most")
+    found: dict[str, list] = {name: [] for name in names}
     form = _form(joint)
     for k, name in enumerate(AXES):
         name = LENGTH if form == DISTANCE and k == 0 else name

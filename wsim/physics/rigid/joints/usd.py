@@ -1,8 +1,8 @@
 """Prims of the type PhysicsJoint and those that derive from it <-> `Joint`.
 
 Angles are degrees on a stage, and stiffness and damping of angular drives per degree. A frame is placed in its prim with the
-scale of that, and turned without. What a joint names and what moves is a body, or lies in one; anything else holds the joint where
-it stands or goes.
+scale of that, and turned without. What a joint names and what moves is a body, or lies in one; anything else holds the joint
+where it stands or goes.
 """
 
 from math import inf, pi
@@ -12,9 +12,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from wsim.geometry import rotation
 from wsim.physics.rigid.joints.joint import AXES, DISTANCE, LOCKED, SHIFTS, TURNS, Drive, Joint, all_locked
-from wsim.physics.rigid.usd import simulated
+from wsim.physics.rigid.joints.moving import body_of
 from wsim.scene.curve import Motion
-from wsim.usd import names
 from wsim.usd.stage import Reading, Units, applied
 from wsim.usd.transforms import author_motion, placement, split
 
@@ -33,7 +32,7 @@ def load(reading: Reading, prim: Usd.Prim) -> Joint | None:
         reading.fail(path, "is a joint in an instance, whose contents cannot be written over; author instanceable = false "
                      "on the instance")
         return None
-    bodies = [None if t is None else _body(reading, t) for t in targets]
+    bodies = [None if t is None else body_of(reading, t) for t in targets]
     if bodies == [None, None]:
         if targets == [None, None]:
             reading.fail(path, "joins no body; author physics:body0 or physics:body1")
@@ -71,15 +70,6 @@ def _target(reading: Reading, prim: Usd.Prim, rel: Usd.Relationship):
         reading.fail(prim.GetPath(), f"{rel.GetName()} names {what}")
         return ""
     return found
-
-
-def _body(reading: Reading, prim: Usd.Prim) -> Usd.Prim | None:
-    """The body that moves by forces that a prim is, or lies in."""
-    while prim and not prim.IsPseudoRoot():
-        if names.RIGID_BODY in applied(prim):
-            return prim if simulated(reading, prim) else None
-        prim = prim.GetParent()
-    return None
 
 
 def _side(reading: Reading, api: UsdPhysics.Joint, k: int, target, body) -> dict:
