@@ -41,24 +41,24 @@ def test_a_column_stands():
     assert 9.5 - Seen(sim).at("/box9")[1] < 3e-3 and np.abs(Seen(sim).v).max() < 1e-3
 
 
-FORMS = {"block": forms.Form("block"), "cluster": forms.Form("cluster", 8)}
+FORMS = ("block", "cluster", "launches")
 
 
 @pytest.mark.parametrize("name", FORMS)
 def test_a_heap_falls_by_every_form_as_by_one_thread(name, monkeypatch):
     """Same colours, so the same sums in the same order; a blow amplifies what rounding left."""
-    def run(form: forms.Form, device: str) -> np.ndarray:
-        monkeypatch.setattr(forms, "chosen", lambda *_: forms.Form(form.name, form.blocks))
+    def run(name: str, device: str) -> np.ndarray:
+        monkeypatch.setattr(forms, "chosen", lambda device, _: forms.named(name, device))
         sim = world(*heap(), device=device, precision="float64")
         sim.run(30)
         assert check_colours(sim) > 3
         return Seen(sim).poses
-    assert np.abs(run(FORMS[name], "cuda:0") - run(forms.Form("coloured"), "cpu")).max() < 1e-6
+    assert np.abs(run(name, "cuda:0") - run("coloured", "cpu")).max() < 1e-6
 
 
 @pytest.mark.parametrize("name", FORMS)
 def test_a_heap_falls_the_same_to_the_bit_from_run_to_run(name, monkeypatch):
-    monkeypatch.setattr(forms, "chosen", lambda *_: forms.Form(name, FORMS[name].blocks))
+    monkeypatch.setattr(forms, "chosen", lambda device, _: forms.named(name, device))
 
     def run() -> bytes:
         sim = world(*heap(), device="cuda:0", precision="float32")

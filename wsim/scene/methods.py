@@ -23,9 +23,9 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Row:
-    """owns: names of its dataclasses; unseen: those of them that results hold nothing of; claims: names of USD types or applied APIs that its `usd` reads; without: why it is left
-    out where a scene lacks it; gradients: whether recordings differentiate through it; pushes: whether it acts on points within
-    a substep, as pairs of carriers do."""
+    """owns: names of its dataclasses; unseen: those of them that results hold nothing of; claims: names of USD types or applied
+    APIs that its `usd` reads; without: why it is left out where a scene lacks it; gradients: whether recordings differentiate
+    through it; pushes: whether it acts on points within a substep, as pairs of carriers do."""
 
     name: str
     folder: str

@@ -67,6 +67,35 @@ def islands(real):
     return placed, begun, solve, relax
 
 
+def launched(real, module) -> dict:
+    """Kernels of the same passes, each a launch: begun and ended of bodies, and those of islands, a thread each."""
+    Rig = whole(real)
+    begin, _, end = bodies(real)
+    line, clear, join, loose = islands(real)
+
+    def linked_begun(threads: int, h: real, rig: Rig, J: Linked):
+        begin(wp.tid(), threads, h, rig, J)
+
+    def linked_ended(threads: int, k: int, h: real, rig: Rig, J: Linked):
+        end(wp.tid(), threads, k, h, rig, J)
+
+    def linked_lined(k: int, rig: Rig, J: Linked):
+        line(wp.tid(), J.t.first_joint.shape[0], k, rig, J)
+
+    def linked_reset(h: real, rig: Rig, J: Linked):
+        clear(wp.tid(), J.t.first_joint.shape[0], h, J)
+
+    def linked_joined(k: int, sweep: int, h: real, rig: Rig, J: Linked):
+        join(wp.tid(), J.t.first_joint.shape[0], k, sweep, h, rig, J)
+
+    def linked_loosed(k: int, h: real, rig: Rig, J: Linked):
+        loose(wp.tid(), J.t.first_joint.shape[0], k, h, rig, J)
+
+    every = (linked_begun, linked_ended, linked_lined, linked_reset, linked_joined, linked_loosed)
+    return {f.__name__.removeprefix("linked_"): wp.kernel(f, name=f.__name__, module=module, enable_backward=False)
+            for f in every}
+
+
 def linked(kinds, real, module, meet, threads: int = 0, cluster: int = 0, bouncing: bool = False):
     """Kernel as `wsim.kernels.rigid.passes.substeps`, with islands of joints in front of the kinds."""
     Rig, w = whole(real), walks(kinds, real, meet, bouncing)

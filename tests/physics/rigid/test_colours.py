@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.physics.rigid.test_contact import Seen, ball, box, free, world
+from wsim.kernels.rigid import launches
 from wsim.physics.rigid import forms
 
 
@@ -77,6 +78,19 @@ def test_the_order_within_a_colour_changes_no_bit():
     assert ends(turned) == ends(lambda work: None)
 
 
+def test_launches_of_passes_and_colours_give_the_bits_of_one_launch(monkeypatch):
+    """With more colours than have a launch of their own."""
+    def ends(name: str) -> bytes:
+        monkeypatch.setattr(forms, "chosen", lambda device, shapes: forms.Form(name))
+        spots = [(0.6 * (k % 5) - 1.2, 1.4, 0.6 * (k // 5) - 1.2) for k in range(25)]
+        sim = world(box("/plate", (0.0, 0.6, 0.0), (2.0, 0.5, 2.0)), *heap(10)[5:],
+                    *[box(f"/top{k}", at, (0.25, 0.25, 0.25), rest=0.3) for k, at in enumerate(spots)], precision="float32")
+        sim.run(40)
+        assert check_colours(sim) > launches.LAUNCHED
+        return b"".join(sim.plan.method("rigid").part.arrays[name].numpy().tobytes() for name in ("x", "q", "p", "L"))
+    assert ends("launches") == ends("coloured")
+
+
 def test_a_plate_under_many_boxes_has_more_manifolds_than_colours():
     """What finds no colour is solved in turn, is told, and holds."""
     spots = [(0.6 * (k % 9) - 2.4, 1.26, 0.6 * (k // 9) - 2.4) for k in range(81)]
@@ -122,5 +136,5 @@ def test_a_heap_without_weight_keeps_its_momentum():
 
 
 def test_a_form_has_a_name_of_the_table():
-    with pytest.raises(ValueError, match="there are listed, coloured, block, cluster"):
+    with pytest.raises(ValueError, match="there are listed, coloured, block, cluster, launches"):
         forms.Form("quick")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.physics.rigid.pairs import WHERE
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Collider, Plane, Scene, Sphere, Surface, shapes
 from wsim.scene.curve import Motion
@@ -33,7 +34,7 @@ def world(*bodies: Body, gravity=(0.0, -G, 0.0), rub: float = 0.5, fps: float = 
     scene.collider("/post", Sphere(0.5), at=(1.0, 0.0, 200.0), static_friction=0.0, dynamic_friction=0.0)
     for body in (*bodies, ball("/far/ball", (90.0, 0.5, 0.0), rest=0.5), box("/far/box", (90.0, 0.5, 5.0))):
         scene.add(body)
-    return Simulation(scene, **{"device": "cpu", "precision": "float64"} | more)
+    return Simulation(scene, **WHERE | {"precision": "float64"} | more)
 
 
 class Seen:
@@ -200,7 +201,7 @@ def test_a_collider_that_moves_carries_a_box_along_and_throws_a_ball():
     scene = sim.given
     scene.collider("/table", Box((5.0, 1.0, 5.0)), motion=going(1.0, (0.0, 1.0, 0.0)))
     scene.collider("/wall", Box((0.5, 1.0, 1.0)), motion=going(2.0, (0.0, 8.0, 0.0)), static_friction=0.0, dynamic_friction=0.0)
-    sim = Simulation(scene, device="cpu", precision="float64")
+    sim = Simulation(scene, **WHERE, precision="float64")
     sim.run(120)
     assert np.abs(Seen(sim).speed("/box") - (1.0, 0.0, 0.0)).max() < 1e-4
     assert np.abs(Seen(sim).speed("/ball") - (4.0, 0.0, 0.0)).max() < 1e-3
@@ -208,7 +209,7 @@ def test_a_collider_that_moves_carries_a_box_along_and_throws_a_ball():
 
 def test_worlds_do_not_touch_each_other_and_are_alike():
     scene = world(box("/box", (0.0, 1.5, 0.0)), ball("/ball", (0.2, 3.0, 0.1))).given
-    one, three = (Simulation(scene, device="cpu", worlds=worlds) for worlds in (1, 3))
+    one, three = (Simulation(scene, **WHERE, worlds=worlds) for worlds in (1, 3))
     for sim in (one, three):
         sim.run(60)
     alone, all_ = one.plan.method("rigid").get("x"), three.plan.method("rigid").get("x").reshape(3, -1, 3)
@@ -220,7 +221,7 @@ def test_a_mesh_lies_as_its_hull_does():
     scene = world(box("/box", (0.0, 0.7, 0.0))).given
     points, counts, indices = shapes.box((0.5, 0.5, 0.5))
     scene.add(Body("/mesh", [Collider("/mesh/shape", Surface(points, counts, indices))], Motion.at_place((5.0, 0.7, 0.0))))
-    sim = Simulation(scene, device="cpu")
+    sim = Simulation(scene, **WHERE)
     sim.run(120)
     assert abs(Seen(sim).at("/mesh")[1] - Seen(sim).at("/box")[1]) < 1e-5 and np.abs(Seen(sim).v).max() < 1e-4
 

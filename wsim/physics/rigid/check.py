@@ -1,5 +1,6 @@
 """What can be wrong with a rigid body; of joints see wsim/physics/rigid/joints/check.py. NumPy only."""
 
+from collections import Counter
 from collections.abc import Iterator
 from math import inf
 
@@ -7,12 +8,13 @@ import numpy as np
 
 from wsim.physics.rigid.mass import inertia
 from wsim.physics.rigid.objects import Body
-from wsim.physics.rigid.solids import CONVEX, filled, met
+from wsim.physics.rigid.solids import CONVEX, as_met, filled
 from wsim.scene import Plane, Problem, Scene, Surface
 from wsim.scene.check import objects
 from wsim.scene.check.objects import error, number, rigid, warning
 
 UNIT = 1e-4                  # departure of |q| from 1 that float32 quaternions keep
+SAID = ("convexHull", "boundingCube", "boundingSphere")          # approximations that are what they say, of a body too
 TRIANGLE = 1e-4              # of a moment over the sum of the other two
 
 
@@ -41,16 +43,25 @@ def _body(body: Body, scene: Scene) -> Iterator[Problem]:
     if body.motion.moves:
         yield error(path, "its motion has several keys", "one, where it starts",
                     "take the keys away, or author physics:kinematicEnabled, where it is animated")
-    for other in scene.things("Body"):
-        if other is not body and (other.path == path or other.path.startswith(path + "/")):
-            yield error(other.path, f"is a rigid body within the rigid body {path}", "bodies apart in the stage",
-                        "move it out of that prim, or take its PhysicsRigidBodyAPI away so that its colliders belong to it")
+    if body is scene.things("Body")[0]:
+        yield from _nested([other.path for other in scene.things("Body")])
     yield from _beside(body, scene)
     wrong = [p for c in body.colliders for p in _collider(path, c)]
     yield from wrong
     if not any(p.fatal for p in wrong):
         yield from _meshes(body, scene)
         yield from _mass(body)
+
+
+def _nested(paths: list[str]) -> Iterator[Problem]:
+    """Bodies within bodies, and a path that two have."""
+    counts = Counter(paths)
+    for path in paths:
+        parts = path.split("/")
+        above = ["/".join(parts[:k]) for k in range(2, len(parts))]
+        for outer in [path] * (counts[path] > 1) + [p for p in above if p in counts]:
+            yield error(path, f"is a rigid body within the rigid body {outer}", "bodies apart in the stage",
+                        "move it out of that prim, or take its PhysicsRigidBodyAPI away so that its colliders belong to it")
 
 
 def _beside(body: Body, scene: Scene) -> Iterator[Problem]:
@@ -62,16 +73,21 @@ def _beside(body: Body, scene: Scene) -> Iterator[Problem]:
 def _meshes(body: Body, scene: Scene) -> Iterator[Problem]:
     """Meshes that are met as something else, or not at all."""
     for c in body.colliders:
-        if c.meets and isinstance(c.shape, Surface) and not met(c, True):
+        if c.meets and isinstance(c.shape, Surface) and as_met(c, True) is None:
             yield warning(c.path, "is a mesh without a volume, which rigid bodies pass through", "a solid",
                           "give it a thickness")
-        elif c.meets and isinstance(c.shape, Surface) and filled(c.shape) < 1.0 - CONVEX:
+        elif c.meets and isinstance(c.shape, Surface) and c.approximation not in SAID and filled(c.shape) < 1.0 - CONVEX:
             yield warning(c.path, "is a mesh with hollows, or an open one, and meets others as its convex hull",
                           "a convex mesh", "put several convex colliders in its place")
     for c in scene.colliders if body is scene.things("Body")[0] else ():
-        if isinstance(c.shape, Surface) and not any(p.fatal for p in objects.collider(c)) and not met(c, False):
-            yield warning(c.path, "is a mesh that is hollow, open or moves its points, which rigid bodies pass through",
-                          "a closed convex mesh, or a simple shape", "put simple shapes in its place")
+        if not isinstance(c.shape, Surface) or any(p.fatal for p in objects.collider(c)):
+            continue
+        if as_met(c, False) is None:
+            yield warning(c.path, "is a mesh that moves its points, or has no surface, and rigid bodies pass through it",
+                          "a mesh that keeps its shape", "put simple shapes in its place")
+        elif c.approximation == "convexDecomposition" and filled(c.shape) < 1.0 - CONVEX:
+            yield warning(c.path, "is met as one hull, which fills what is hollow: convexDecomposition makes no parts here",
+                          "none: its triangles", "author physics:approximation = none, or several convex colliders")
 
 
 def _words(value: np.ndarray) -> str:

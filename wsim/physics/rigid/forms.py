@@ -4,6 +4,7 @@
     coloured    one thread, colour by colour: the bits of the forms below (CPU, asked for by name)
     block       a block, colour by colour, whose threads meet after each; all substeps in a launch
     cluster     a cluster of blocks, as a block
+    launches    a launch for each pass and colour
 """
 
 from dataclasses import dataclass, field
@@ -12,15 +13,16 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.math import block
-from wsim.kernels.rigid import colours, passes, soft_step
+from wsim.kernels.rigid import colours, launches, passes, soft_step
 from wsim.physics.motion.cluster import LARGE, MANY
 
-RULE = 1                  # of the choice below; a change of it changes which form a scene takes
+RULE = 1                  # of `chosen`; a change of it changes which form a scene takes
 CLUSTERS = 90             # compute capability that has clusters
 THREADS = 256             # of a block, for which there are 255 registers each
-SMALL = 256               # shapes up to which a block has a thread for each manifold of a colour
+SMALL, HUGE = 256, 32768  # shapes up to which a block has a thread for each manifold of a colour; from which one cluster is few
+WALKERS = {True: 65536, False: 48}               # threads of a launch that walks up to a count: CUDA, CPU
 TITLES = {"listed": "one thread, manifold by manifold", "coloured": "one thread, colour by colour",
-          "block": f"a block of {THREADS} threads, colour by colour"}
+          "block": f"a block of {THREADS} threads, colour by colour", "cluster": "", "launches": "a launch for each colour"}
 
 
 @dataclass
@@ -30,57 +32,130 @@ class Form:
     name: str
     blocks: int = 1
     kernels: dict[str, Any] = field(default_factory=dict)
+    kinds: list = field(default_factory=list)         # `wsim.kernels.rigid.kinds.Kind`, joints before contacts
+    of: list = field(default_factory=list)            # kernels of each, of launches
+    model: Any = None
+    wide: bool = False                                # blocks of THREADS
+    threads: int = 1                                  # that meet
+    islands: int = 0                                  # of joints
 
     def __post_init__(self):
-        if self.name not in (*TITLES, "cluster"):
-            raise ValueError(f"form is {self.name!r}; there are {', '.join((*TITLES, 'cluster'))}")
+        if self.name not in TITLES:
+            raise ValueError(f"form is {self.name!r}; there are {', '.join(TITLES)}")
 
     @property
     def coloured(self) -> bool:
         return self.name != "listed"
 
     @property
-    def threads(self) -> int:
-        return THREADS * self.blocks if self.name in ("block", "cluster") else 1
-
-    @property
     def what(self) -> str:
-        return TITLES.get(self.name, f"a cluster of {self.blocks} blocks of {THREADS} threads, colour by colour")
+        return TITLES[self.name] or f"a cluster of {self.blocks} blocks of {THREADS} threads, colour by colour"
 
-    def make(self, model, bouncing: bool, linked: bool = False) -> None:
-        """Its kernels, in the model's modules; linked: there are joints."""
-        real, wide = model.real, self.threads > 1
-        meet = block.meet_cluster if self.blocks > 1 else block.meet if wide else block.alone
-        sizes = {"threads": THREADS, "cluster": self.blocks if self.blocks > 1 else 0} if wide else {}
-        module = model.module_of(THREADS) if wide else model.module
-        kinds = [soft_step.contact_kind(real, self.coloured)]
-        steps = passes.substeps
-        if linked:
-            from wsim.kernels.rigid.joint.passes import linked as steps
-        self.kernels["substeps"] = steps(kinds, real, module, meet, bouncing=bouncing, **sizes)
+    def make(self, model, bouncing: bool, linked: int = 0) -> None:
+        """Its kernels, in the model's modules; linked: how many islands of joints there are."""
+        real, self.model, self.islands = model.real, model, linked
+        self.wide = self.name in ("block", "cluster") or (self.name == "launches" and model.device.is_cuda)
+        self.threads = THREADS * self.blocks if self.wide else 1
+        meet = block.meet_cluster if self.blocks > 1 else block.meet if self.wide else block.alone
+        sizes = {"threads": THREADS * self.wide, "cluster": self.blocks if self.blocks > 1 else 0}
+        module = model.module_of(THREADS) if self.wide else model.module
+        self.kinds = [soft_step.contact_kind(real, self.coloured)]
         if self.coloured:
             self.kernels["colours"] = colours.colours(real, module, meet, **sizes)
+        if self.name != "launches":
+            steps = passes.substeps
+            if linked:
+                from wsim.kernels.rigid.joint.passes import linked as steps
+            self.kernels["substeps"] = steps(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
+            return
+        if bouncing:
+            self.kernels["thrown"] = launches.thrown(self.kinds, real, module, meet, **sizes)
+        self.kernels |= dict(zip(("begun", "placed", "ended"), launches.of_bodies(real, model.module), strict=True))
+        if linked:
+            from wsim.kernels.rigid.joint.passes import launched
+            self.kernels |= launched(real, model.module)
+        rest = block.meet if self.wide else block.alone
+        self.of = [launches.of_kind(kind, real, model.module, module, rest, sizes["threads"]) for kind in self.kinds]
 
-    def launch(self, model, name: str, inputs: list, outputs: list) -> None:
-        if self.threads > 1:
-            model.launch_blocks(self.kernels[name], self.blocks, THREADS, inputs, outputs)
+    def launch(self, kernel, inputs: list, outputs: list, blocks: int = 0) -> None:
+        """Of all threads that meet, or so many blocks of them."""
+        if self.wide:
+            self.model.launch_blocks(kernel, blocks or self.blocks, THREADS, inputs, outputs)
         else:
-            model.launch(self.kernels[name], 1, inputs, outputs)
+            self.model.launch(kernel, 1, inputs, outputs)
 
-    def colour(self, model, rig, serial: wp.array) -> None:
+    def colour(self, rig, serial: wp.array) -> None:
         """Colours of the manifolds that there are; serial: a word, how many found none."""
         if self.coloured:
-            self.launch(model, "colours", [self.threads, rig], [serial])
+            self.launch(self.kernels["colours"], [self.threads, rig], [serial])
 
-    def advance(self, model, steps: tuple[int, int, int], h: float, *rig) -> None:
-        """Substeps steps[0] .. steps[1] of h [s], of steps[2] sweeps."""
-        self.launch(model, "substeps", [wp.vec3i(*steps), h, self.threads, *rig], [])
+    def advance(self, steps: tuple[int, int, int], h: float, rig, *joints) -> None:
+        """Substeps steps[0] .. steps[1] of h [s], of steps[2] sweeps; joints: their struct, where there are some."""
+        if self.name != "launches":
+            self.launch(self.kernels["substeps"], [wp.vec3i(*steps), h, self.threads, rig, *joints], [])
+            return
+        self.walk("placed", steps[0], rig)
+        self.link("lined", steps[0], rig, *joints)
+        self.prepare(steps[0], rig)
+        for k in range(steps[0], steps[1]):
+            if "thrown" in self.kernels:
+                self.launch(self.kernels["thrown"], [self.threads, k, h, rig], [])
+            self.walk("begun", h, rig, *joints)
+            self.link("reset", h, rig, *joints)
+            self.sweep("warm", k, h, 1, rig)
+            self.link("joined", k, 0, h, rig, *joints)
+            for sweep in range(steps[2]):
+                self.sweep("solve", k, h, 1, rig)
+                self.link("joined", k, sweep, h, rig, *joints)
+            self.walk("ended", k, h, rig, *joints)
+            self.link("lined", k + 1, rig, *joints)
+            self.prepare(k + 1, rig)
+            self.link("loosed", k, h, rig, *joints)
+            self.sweep("solve", k, h, 0, rig)
+            self.link("loosed", k, h, rig, *joints)
+
+    def link(self, name: str, *given) -> None:
+        """A pass of the islands of joints, a thread each."""
+        if self.islands:
+            self.model.launch(self.kernels[name], self.islands, [*given], [])
+
+    @property
+    def walkers(self) -> int:
+        return WALKERS[self.model.device.is_cuda]
+
+    def walk(self, name: str, *given) -> None:
+        self.model.launch(self.kernels[name], self.walkers, [self.walkers, *given], [])
+
+    def prepare(self, k: int, rig) -> None:
+        for kernels in self.of:
+            self.model.launch(kernels.prepare, self.walkers, [self.walkers, k, rig], [])
+
+    def sweep(self, name: str, k: int, h: float, biased: int, rig) -> None:
+        for kernels in self.of:
+            for colour in range(launches.LAUNCHED):
+                self.model.launch(getattr(kernels, name), self.walkers, [colour, self.walkers, k, h, biased, rig], [])
+            self.launch(getattr(kernels, f"rest_{name}"), [self.threads // self.blocks, k, h, biased, rig], [], 1)
+
+    def launches(self, steps: int, sweeps: int, times: int) -> int:
+        """Of a frame of so many substeps, in which manifolds are made so many times."""
+        if self.name != "launches":
+            return (1 + self.coloured) * times
+        kinds = len(self.of)
+        more = bool(self.islands) * (times + steps * (5 + sweeps))
+        return more + times * (2 + kinds) + steps * (2 + kinds + ("thrown" in self.kernels)
+                                              + kinds * (sweeps + 2) * (launches.LAUNCHED + 1))
 
 
 def chosen(device, shapes: int) -> Form:
     """By the rule."""
     if not device.is_cuda:
         return Form("listed")
-    if shapes <= SMALL or device.arch < CLUSTERS:
-        return Form("block")
-    return Form("cluster", 16 if device.arch == LARGE and device.sm_count >= MANY else 8)
+    if shapes > HUGE:
+        return named("launches", device)
+    return named("block" if shapes <= SMALL or device.arch < CLUSTERS else "cluster", device)
+
+
+def named(name: str, device) -> Form:
+    """The form of a name with the blocks that a device has for it."""
+    clusters = device.is_cuda and device.arch >= CLUSTERS and name in ("cluster", "launches")
+    return Form(name, (16 if device.arch == LARGE and device.sm_count >= MANY else 8) if clusters else 1)

@@ -86,10 +86,8 @@ def _body(reading: Reading, prim: Usd.Prim) -> Body | None:
 
 def _own(reading: Reading, prim: Usd.Prim, M: np.ndarray) -> Collider | None:
     enabled = prim.GetAttribute("physics:collisionEnabled")
-    before = len(reading.problems)
     found = load_collider(reading, prim)
-    reading.problems[before:] = [p for p in reading.problems[before:] if "physics:approximation = convexHull" not in p.text]
-    if found is None:                                   # a mesh of a body is its convex hull
+    if found is None:
         return None
     found.motion = Motion(found.motion.times[:1], np.linalg.inv(M) @ found.motion.values[:1])
     found.meets = not enabled or enabled.Get(reading.start) is not False

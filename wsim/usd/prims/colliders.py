@@ -12,7 +12,7 @@ from pxr import Sdf, Usd, UsdGeom
 
 from wsim.scene import Collider, Shape, Surface
 from wsim.scene.curve import Curve, Motion
-from wsim.scene.solids import SAME, Solid, claimed, row
+from wsim.scene.solids import APPROXIMATIONS, SAME, Solid, claimed, row
 from wsim.usd import names
 from wsim.usd.attributes import DEFAULT, array, author, author_times, read, read_times, size
 from wsim.usd.load_varying import attributes_of, steady, vary
@@ -21,6 +21,7 @@ from wsim.usd.stage import Reading, Units, applied
 from wsim.usd.transforms import Placement, author_motion, placement, split
 
 TURN = {"X": [1, 2, 0], "Y": [2, 0, 1], "Z": [0, 1, 2]}      # columns of the prim's frame as own x, y, z
+APPROXIMATION = "physics:approximation"                        # of meshes, for rigid bodies
 AROUND = 32                                                    # points on a circle of a shape that becomes a mesh
 
 
@@ -58,7 +59,19 @@ def load_collider(reading: Reading, prim: Usd.Prim) -> Collider | None:
         return None
     vary(reading, path, Collider, [prim.GetAttribute(names.row("Collider", "thickness").attribute),
                                    *attributes_of(bound(reading, prim))], lambda at: load_contact(at, prim))
-    return Collider(path, shape, Motion(place.times, place.frame), **load_contact(reading, prim))
+    return Collider(path, shape, Motion(place.times, place.frame), approximation=_approximation(reading, prim, shape),
+                    **load_contact(reading, prim))
+
+
+def _approximation(reading: Reading, prim: Usd.Prim, shape: Shape) -> str:
+    attribute = prim.GetAttribute(APPROXIMATION)
+    said = str(attribute.Get() or "none") if attribute and isinstance(shape, Surface) else "none"
+    if said not in APPROXIMATIONS:
+        reading.warn(attribute.GetPath(), f"is {said}; read are {', '.join(APPROXIMATIONS)}, and it is taken as none")
+        return "none"
+    if said != "none" and reading.points:
+        reading.warn(prim.GetPath(), f"{APPROXIMATION} = {said} is not used: points meet the mesh itself")
+    return said
 
 
 def _axis(prim: Usd.Prim) -> str:
@@ -176,14 +189,13 @@ def _mesh(reading: Reading, prim: Usd.Prim, place: Placement, S: np.ndarray) -> 
     if points is None or counts is None or indices is None:
         reading.fail(path, "is a mesh collider without points or faces (is a payload or reference missing?)")
         return None
-    approximation = prim.GetAttribute("physics:approximation")
-    if approximation and approximation.Get() not in (None, "none"):
-        reading.warn(path, f"physics:approximation = {approximation.Get()} is not used: the mesh itself collides")
     if prim.GetAttribute("orientation").Get() == UsdGeom.Tokens.leftHanded:
         indices = turned_over(counts, indices)
     codes, noted = attribute.GetTimeSamples(), read_times(attribute, units)
-    poses = None
-    if len(codes) > 1 or (len(codes) == 1 and noted is not None):
+    poses = _follows(reading, prim)
+    if poses is not None:
+        points = poses.at(0.0)
+    elif len(codes) > 1 or (len(codes) == 1 and noted is not None):
         values = [read(prim, "Cloth", "points", units, code) for code in codes]
         if any(v is None or v.shape != points.shape for v in values):
             reading.fail(path, f"its number of points changes (from {len(points)}); a collider mesh must keep its "
@@ -192,6 +204,14 @@ def _mesh(reading: Reading, prim: Usd.Prim, place: Placement, S: np.ndarray) -> 
         times = units.time(np.array(codes)) if noted is None or len(noted) != len(codes) else noted
         poses = Curve(times, np.array(values))
     return _stretched((points, counts, indices), place, S, poses)
+
+
+def _follows(reading: Reading, prim: Usd.Prim) -> Curve | None:
+    """Points of a mesh that a skeleton moves."""
+    if prim.GetPath() not in reading.skinned:
+        return None
+    from wsim.usd.prims.skeletons import poses
+    return poses(reading, prim)
 
 
 def author_collider(stage: Usd.Stage, collider: Collider, material: str, units: Units, frames: int) -> None:
@@ -206,6 +226,9 @@ def author_collider(stage: Usd.Stage, collider: Collider, material: str, units: 
     prim.AddAppliedSchema(names.COLLISION)
     if isinstance(collider.shape, Surface):
         prim.AddAppliedSchema(names.MESH_COLLISION)
+        if collider.approximation != "none":
+            attribute = prim.CreateAttribute(APPROXIMATION, Sdf.ValueTypeNames.Token, False, Sdf.VariabilityUniform)
+            attribute.Set(collider.approximation)
     if collider.thickness is not None:
         prim.AddAppliedSchema(names.WSIM_COLLIDER)
         author(prim, "Collider", "thickness", collider.thickness, units)

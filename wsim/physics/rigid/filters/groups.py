@@ -89,8 +89,8 @@ def apart(scene: Scene) -> np.ndarray:
 
 @dataclass
 class Filters:
-    """kind: of each shape, (shapes,); table: kinds that do not touch, (kinds, kinds); first, parted: shapes that a shape does not
-    touch besides, as lists behind each other."""
+    """kind: of each shape, (shapes,); table: kinds that do not touch, (kinds, kinds); first, parted: shapes that a shape does
+    not touch besides, as lists behind each other."""
 
     kind: np.ndarray
     table: np.ndarray

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
-from tests.physics.rigid.joints.make import rod, scene
+from tests.physics.joints.make import rod, scene
 from wsim.geometry import rotation
 from wsim.physics.rigid.filters.groups import Group, Parted, apart, filters
 from wsim.physics.rigid.joints.joint import Drive, Joint, all_locked, between, fixed, prismatic, revolute, spherical

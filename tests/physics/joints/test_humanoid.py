@@ -12,7 +12,7 @@ from wsim.simulation.simulation import Simulation
 from wsim.usd import load, save
 from wsim.usd.result.restart import Result
 
-ASSETS = Path(__file__).parents[4] / "scenes" / "assets"
+ASSETS = Path(__file__).parents[3] / "scenes" / "assets"
 CPU = {"device": "cpu"}
 
 

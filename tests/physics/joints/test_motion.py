@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.physics.rigid.joints.make import G, coordinates, errors, places, rod, start
+from tests.physics.joints.make import G, coordinates, errors, places, rod, start
 from wsim.geometry import rotation
 from wsim.physics.rigid.joints.joint import Drive, Joint, fixed, prismatic, revolute, spherical
 from wsim.scene.curve import Motion

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.rigid.joints.make import errors, places, rod, start
+from tests.physics.joints.make import errors, places, rod, start
 from wsim.geometry import rotation
 from wsim.kernels.rigid.joint import coordinates
 from wsim.physics.rigid.joints.islands import ordered
