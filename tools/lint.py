@@ -30,12 +30,12 @@ LAYERS = ("kernels", "geometry", "scene", "usd", "model", "physics", "simulation
 METHODS = {"physics.motion.points", "physics.motion.explicit", "physics.motion.loads", "physics.solver.newton",
            "physics.solver.xpbd", "physics.cloth.air", "physics.cloth.muscles"}                  # never each other
 WITHOUT_WARP = ("geometry", "scene", "usd", "physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.moving",
-                "physics.rigid.filters.usd", "simulation.duration", "simulation.interrupt",
+                "physics.rigid.filters.usd", "physics.rigid.instances.usd", "simulation.duration", "simulation.interrupt",
                 "simulation.report", "show.camera", "show.png", "show.prim", "show.shading", "show.visible", "cli.arguments",
                 "cli.inventory", "cli.progress")
 ONLY = {"rerun": ("show.viewer", "show.rerun_log"), "matplotlib": ("bench",),
         "pxr": ("usd", "show", "physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.moving",
-                "physics.rigid.filters.usd"),
+                "physics.rigid.filters.usd", "physics.rigid.instances.usd"),
         "torch": ("gradient.rollout.torch",), "jax": ("gradient.rollout.jax",),
         "PIL": ("show.animation",), "imageio": ("show.animation",)}     # who may import these packages
 

@@ -166,7 +166,6 @@ def _walk(reading: Reading) -> Prims:
         spelling(reading, prim)
         if kind == "PointInstancer":
             prims.PruneChildren()
-            reading.warn(prim.GetPath(), "is a PointInstancer: its prototypes take no part")
         elif kind == names.PHYSICS_SCENE:
             found.scenes.append(prim)
         elif kind == names.ATTACHMENT:

@@ -155,7 +155,7 @@ class Contacts:
             array[first:self.parts[0].capacity].fill_(-1)
         body, world = self.method.bodies[0]
         for part in self.parts:
-            part.rows = {(body.path, world): np.arange(part.capacity)}
+            part.rows = {(body.written, world): np.arange(part.capacity)}
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Uploads the poses of colliders at the substeps of a frame; still ones once."""

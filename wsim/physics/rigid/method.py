@@ -18,7 +18,7 @@ from wsim.model.structs import filled
 from wsim.physics.rigid.mass import Inertia, inertia
 from wsim.physics.rigid.objects import Body
 from wsim.physics.rigid.solids import meeting, standing
-from wsim.scene.samples import Sample, Transform
+from wsim.scene.samples import Instances, Sample, Transform
 
 FIELDS = (Field("x", "m", True, "centre of mass relative to where it was at the start"),
           Field("e", "m", True, "rounding remainder of x"), Field("p", "kg m/s", True, "momentum"),
@@ -47,7 +47,10 @@ class Rigid(Method):
         self.gravity = np.tile(np.asarray(scene.gravity, np.float64), (b.model.worlds, 1))
         self.force, self.twist = (np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("force", "torque"))
         self.part = Part.allocate("bodies", FIELDS, len(self.bodies), b.model.real, b.model.device)
-        self.part.rows = {(body.path, world): np.array([k]) for k, (body, world) in enumerate(self.bodies)}
+        rows: dict[tuple[str, int], list[int]] = {}
+        for k, (body, world) in enumerate(self.bodies):
+            rows.setdefault((body.written, world), []).append(k)
+        self.part.rows = {key: np.array(own) for key, own in rows.items()}
         b.state.add(self.part)
         self._begin(frames)
         self.Bodies, self.Moving = motion.structs(b.model.real)
@@ -128,7 +131,7 @@ class Rigid(Method):
         return self.contacts.retry(status) if self.contacts else []
 
     def restored(self, fields) -> None:
-        pairs = fields.get(self.bodies[0][0].path, {}).get("a")
+        pairs = fields.get(self.bodies[0][0].written, {}).get("a")
         if self.contacts and pairs is not None and len(pairs) > self.contacts.room:
             self.contacts.grow(len(pairs))
 
@@ -167,7 +170,21 @@ class Rigid(Method):
         for k, (body, _) in enumerate(self.bodies):
             if body.stretch is not None:
                 poses[k, :3, :3] = poses[k, :3, :3] @ body.stretch
-        return [Transform(body.path, poses[k]) for k, (body, of) in enumerate(self.bodies) if of == world]
+        own = [k for k, (body, of) in enumerate(self.bodies) if of == world and not body.instancer]
+        found: list[Sample] = [Transform(self.bodies[k][0].path, poses[k]) for k in own]
+        instanced = [k for k, (body, of) in enumerate(self.bodies) if of == world and body.instancer]
+        return found + (self._instances(poses, instanced) if instanced else [])
+
+    def _instances(self, poses: np.ndarray, rows: list[int]) -> list[Sample]:
+        """Of the bodies in these rows, an instancer each."""
+        where: dict[str, list[int]] = {}
+        for k in rows:
+            where.setdefault(self.bodies[k][0].instancer, []).append(k)
+        first = np.array([body.motion.at(0.0) @ _stretch(body) for body, _ in self.bodies])
+        moved, centers = poses @ np.linalg.inv(first), self.origin + self.get("x") + self.get("e")
+        v, w = self.velocities(), self.spins()
+        return [Instances(path, np.array([self.bodies[k][0].instance for k in own]), moved[own], centers[own], v[own], w[own])
+                for path, own in where.items()]
 
     def indicators(self, x, v) -> dict[str, float]:
         """Kinetic energy and that in gravity [J] of all bodies of the first world; how deep shapes overlap [m];
@@ -211,6 +228,12 @@ class Rigid(Method):
             values[hit] = value
         array.assign(values.astype(self.model.dtype))
         return True
+
+
+def _stretch(body: Body) -> np.ndarray:
+    found = np.eye(4)
+    found[:3, :3] = np.eye(3) if body.stretch is None else body.stretch
+    return found
 
 
 def meet(scene) -> bool:

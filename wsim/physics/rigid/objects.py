@@ -39,6 +39,8 @@ class Body(Compared):
     drag        decay rate of the velocity [1/s]
     spin_drag   decay rate of the angular momentum [1/s]
     stretch     of its prim's transform, before `motion`, (3, 3) [1]: it has gone into the colliders, and results keep it
+    instancer   prim path of the PointInstancer that it is an instance of, which results write; "": it is a prim
+    instance    its number there
     """
 
     path: str
@@ -56,6 +58,13 @@ class Body(Compared):
     drag: float = 0.0
     spin_drag: float = 0.0
     stretch: np.ndarray | None = field(default=None, compare=False)
+    instancer: str = field(default="", compare=False)
+    instance: int = field(default=0, compare=False)
+
+    @property
+    def written(self) -> str:
+        """Path of the prim that results write."""
+        return self.instancer or self.path
 
     def __post_init__(self):
         for name in ("velocity", "spin", "center", "inertia", "force", "torque"):

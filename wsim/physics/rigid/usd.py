@@ -47,6 +47,9 @@ def load(reading: Reading, prim: Usd.Prim) -> list:
     elif prim.GetTypeName() == names.COLLISION_GROUP:
         from wsim.physics.rigid.filters.usd import load_group
         found.append(load_group(reading, prim))
+    elif prim.IsA(UsdGeom.PointInstancer):
+        from wsim.physics.rigid.instances.usd import load as instances
+        return instances(reading, prim, _body)
     elif prim.IsA(UsdPhysics.Joint):
         from wsim.physics.rigid.joints.usd import load as joint
         found.append(joint(reading, prim))

@@ -178,8 +178,7 @@ def load_restart(result_path, scene: Scene) -> Restart:
         raise SceneError(Problem(result.path, f"has {result.fps:g} time codes a second, the scene {scene.fps:g}; "
                                  "restart with the scene that the result was made from"))
     bodies = scene.bodies()
-    others = {thing.path: result.stage.GetPrimAtPath(thing.path) for row, thing in every(scene)
-              if type(thing).__name__ not in row.unseen}
+    others = {path: result.stage.GetPrimAtPath(path) for path in _written(scene)}
     if lost := [path for path, prim in others.items() if not prim]:
         raise SceneError(Problem(lost[0], f"is not in {result.path}; restart from a result of this scene"))
     prims = {b.path: body_prim(result.stage, b.path, len(b.points)) for b in bodies} | others
@@ -202,6 +201,12 @@ def load_restart(result_path, scene: Scene) -> Restart:
                 "the order of accuracy, not bit for bit")
         restart.notes.append(Problem(result.path, text, fatal=False))
     return restart
+
+
+def _written(scene: Scene) -> list[str]:
+    """Prims that results hold what methods have of."""
+    found = (getattr(thing, "written", thing.path) for row, thing in every(scene) if type(thing).__name__ not in row.unseen)
+    return list(dict.fromkeys(found))
 
 
 def is_frame(code: float, scene: Scene, rate: float) -> bool:
@@ -257,7 +262,7 @@ def copy_samples(restart: Restart, stage: Usd.Stage, scene: Scene, beside: Besid
     wanted += [(p.path, (REACTION,)) for p in scene.pins]
     if layer.subLayerPaths:
         wanted += [(c.path, ("xformOp:transform",)) for c in scene.colliders]
-    codes = copied(layer, stage, restart, [thing.path for _, thing in every(scene)], beside)
+    codes = copied(layer, stage, restart, _written(scene), beside)
     for path, names in wanted:
         for name in names:
             spec = layer.GetAttributeAtPath(f"{path}.{name}")

@@ -13,7 +13,7 @@ COLLIDERS = "colliders"
 def used(reading: Reading) -> bool:
     """Whether there are bodies that filters are for."""
     prims = Usd.PrimRange(reading.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
-    return not reading.points and any(names.RIGID_BODY in applied(p) and simulated(reading, p) for p in prims)
+    return any(names.RIGID_BODY in applied(p) and simulated(reading, p) for p in prims)
 
 
 def load_group(reading: Reading, prim: Usd.Prim) -> Group | None:

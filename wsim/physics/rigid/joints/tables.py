@@ -78,7 +78,7 @@ class Joints:
         self.order = one.repeated(worlds, len(rows))
         self.count, self.islands = len(self.joints) * worlds, len(self.order.first_joint) - 1
         self.part = Part.allocate("joints", FIELDS, self.count, b.model.real, self.device)
-        path, n = b.scene.things("Body")[0].path, len(self.joints)             # joints have no samples: they go with a body
+        path, n = b.scene.things("Body")[0].written, len(self.joints)             # joints have no samples: they go with a body
         self.part.rows = {(path, world): np.arange(n) + world * n for world in range(worlds)}
         b.state.add(self.part)
         self.sweeps = max(SWEEPS, b.scene.iterations)

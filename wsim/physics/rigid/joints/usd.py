@@ -26,7 +26,7 @@ KINDS = {"PhysicsRevoluteJoint": ("rotX", "angular"), "PhysicsPrismaticJoint": (
 def load(reading: Reading, prim: Usd.Prim) -> Joint | None:
     path, api = str(prim.GetPath()), UsdPhysics.Joint(prim)
     targets = [_target(reading, prim, rel) for rel in (api.GetBody0Rel(), api.GetBody1Rel())]
-    if "" in targets or reading.points:
+    if "" in targets:
         return None
     if prim.IsInstanceProxy():
         reading.fail(path, "is a joint in an instance, whose contents cannot be written over; author instanceable = false "
@@ -34,6 +34,8 @@ def load(reading: Reading, prim: Usd.Prim) -> Joint | None:
         return None
     bodies = [None if t is None else body_of(reading, t) for t in targets]
     if bodies == [None, None]:
+        if reading.points and any(targets):
+            return None                                 # its bodies say why they stand
         if targets == [None, None]:
             reading.fail(path, "joins no body; author physics:body0 or physics:body1")
         else:
