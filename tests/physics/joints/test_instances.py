@@ -92,7 +92,7 @@ def test_results_are_positions_and_orientations_of_the_instancer_and_go_on_to_th
     assert np.allclose(fallen, (0.0, -0.5 * 9.81 * 0.25, -0.5), atol=1e-4)
     rates = np.array(many.GetVelocitiesAttr().Get(12.0))
     assert np.allclose(rates[2], (100.0, -981.0 * 0.5, 0.0), atol=0.05) and np.allclose(rates[1], (100.0, 0.0, 0.0))
-    x, y, z = np.degrees(m.spins()[0])                                       # the frame above is turned by a right angle about y
+    x, y, z = np.degrees(m.spins()[0])                                  # the frame above is turned by a right angle about y
     assert np.allclose(np.array(many.GetAngularVelocitiesAttr().Get(12.0))[0], (-z, y, x), atol=1e-3) and abs(x) > 1.0
 
 

@@ -23,10 +23,11 @@ def check(thing, scene: Scene) -> Iterator[Problem]:
         yield from _body(thing, scene)
         return
     if type(thing).__name__ == "Joint":
-        from wsim.physics.rigid.joints.check import check as other
+        from wsim.physics.rigid.joints.check import check as joint
+        yield from joint(thing, scene)
     else:
-        from wsim.physics.rigid.filters.groups import check as other
-    yield from other(thing, scene)
+        from wsim.physics.rigid.filters.groups import check as filters
+        yield from filters(thing, scene)
 
 
 def _body(body: Body, scene: Scene) -> Iterator[Problem]:

@@ -41,7 +41,7 @@ def within(reading: Reading, prim: Usd.Prim) -> list[Sdf.Path]:
 
 
 def load(reading: Reading, prim: Usd.Prim) -> list:
-    apis, found = applied(prim), []
+    apis, found = applied(prim), list[Any]()
     if names.RIGID_BODY in apis:
         found.append(_body(reading, prim))
     elif prim.GetTypeName() == names.COLLISION_GROUP:

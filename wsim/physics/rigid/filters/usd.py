@@ -19,7 +19,7 @@ def used(reading: Reading) -> bool:
 def load_group(reading: Reading, prim: Usd.Prim) -> Group | None:
     path, group = str(prim.GetPath()), UsdPhysics.CollisionGroup(prim)
     if not used(reading):
-        reading.warn(path, f"{names.COLLISION_GROUP} is not used: every collider acts on every cloth, net or soft body")
+        reading.warn(path, f"{names.COLLISION_GROUP} is not used yet: every collider acts on every body")
         return None
     query = Usd.CollectionAPI(prim, COLLIDERS).ComputeMembershipQuery()
     prims = Usd.PrimRange(reading.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
@@ -34,7 +34,7 @@ def load_pairs(reading: Reading, prim: Usd.Prim) -> Parted | None:
     if not targets:
         return None
     if not used(reading):
-        reading.warn(prim.GetPath(), f"{names.FILTERED} is not used: every collider acts on every cloth, net or soft body")
+        reading.warn(prim.GetPath(), f"{names.FILTERED} is not used yet: every collider acts on every body")
         return None
     return Parted(str(prim.GetPath()), [str(p) for p in targets])
 

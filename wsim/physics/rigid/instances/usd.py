@@ -88,8 +88,9 @@ def _instance(reading: Reading, prim: Usd.Prim, proto: Usd.Prim, body: Body, k: 
     S, frame = size * own, M.copy()
     frame[:3, :3] = R
     name = f"{path}/{proto.GetName()}_{k}"
-    made = replace(body, path=name, motion=Motion.still(frame), instancer=path, instance=k,
-                   stretch=None if np.array_equal(S, np.eye(3)) else S, **_rates(reading, prim, k, frame))
+    velocity, spin = _rates(reading, prim, k)
+    made = replace(body, path=name, motion=Motion.still(frame), instancer=path, instance=k, velocity=velocity, spin=spin,
+                   stretch=None if np.array_equal(S, np.eye(3)) else S)
     if size != 1.0:
         given = UsdPhysics.MassAPI(proto).GetMassAttr().Get(reading.start) if proto.HasAPI(UsdPhysics.MassAPI) else 0.0
         made = _scaled(made, size, not given)
@@ -97,13 +98,13 @@ def _instance(reading: Reading, prim: Usd.Prim, proto: Usd.Prim, body: Body, k: 
     return made
 
 
-def _rates(reading: Reading, prim: Usd.Prim, k: int, frame: np.ndarray) -> dict[str, np.ndarray]:
+def _rates(reading: Reading, prim: Usd.Prim, k: int) -> tuple[np.ndarray, np.ndarray]:
     """World velocity [m/s] and spin [rad/s] of an instance, from the instancer's own."""
     instancer, start = UsdGeom.PointInstancer(prim), reading.start
     W = np.array(UsdGeom.XformCache(start).GetLocalToWorldTransform(prim)).T[:3, :3]
     v, w = (np.array(values[k], np.float64) if (values := a.Get(start)) and len(values) > k else np.zeros(3)
             for a in (instancer.GetVelocitiesAttr(), instancer.GetAngularVelocitiesAttr()))
-    return {"velocity": W @ v * reading.units.metres, "spin": split(W)[0] @ np.radians(w)}
+    return W @ v * reading.units.metres, split(W)[0] @ np.radians(w)
 
 
 def _scaled(body: Body, s: float, dense: bool) -> Body:
