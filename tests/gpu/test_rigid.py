@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.rigid.test_colours import check_colours, heap
+from tests.physics.rigid.solver.test_colours import check_colours, heap
 from tests.physics.rigid.test_contact import Seen, ball, box, world
 from wsim.physics.rigid import forms
 

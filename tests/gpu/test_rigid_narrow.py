@@ -6,7 +6,8 @@ The narrow phase comes in the order in which its parts build on one another, so 
 import pytest
 import warp as wp
 
-from tests.physics.rigid import pairs, test_contact, test_floors, test_free, test_gjk, test_manifold, test_triangles, test_usd
+from tests.physics.rigid import pairs, test_contact, test_floors, test_free, test_usd
+from tests.physics.rigid.narrow import test_gjk, test_manifold, test_triangles
 
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a GPU")
 READ = ("test_scenes_of_others", "test_results_are", "test_a_run_goes_on")       # of test_usd: what runs

@@ -29,7 +29,7 @@ JOBS = {
     "stress_soft": (240, ["-m", "tools.stress", "--device", DEVICE, "--only", "soft", "--solvers", "auto,implicit/sdirk3",
                           "--json", "{json}"]),
     "gradients": (480, ["tools/bench/gradients.py", "--device", DEVICE, "--million", "--json", "{json}"]),
-    "contact": (120, ["tools/bench/contact.py", "--device", DEVICE, "--json", "{json}"]),
+    "contact": (120, ["tools/bench/contact/points.py", "--device", DEVICE, "--json", "{json}"]),
     "soft": (120, ["tools/bench/soft/substeps.py", "--device", DEVICE, "--json", "{json}"]),
 }
 PEERS = {

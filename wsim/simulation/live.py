@@ -123,6 +123,8 @@ def _judged(sim: Simulation, row: Value, thing, path: str, value, world: int | N
     if row.form == "vector":
         if values.shape != (3,) or not np.isfinite(values).all():
             raise SceneError(Problem(path, f"{name} is {value}; allowed are three finite numbers"))
+        if not np.asarray(row.range.holds(values)).all():
+            raise SceneError(Problem(path, row.range.wrong(name, float(values.min()))))
         return values
     good = np.asarray(row.range.holds(values))
     if not good.all():

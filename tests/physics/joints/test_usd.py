@@ -9,7 +9,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from tests.physics.joints.make import rod, scene
 from wsim.geometry import rotation
-from wsim.physics.rigid.filters.groups import Group, Parted, apart, filters
+from wsim.physics.rigid.joints.filters.groups import Group, Parted, apart, filters
 from wsim.physics.rigid.joints.joint import Drive, Joint, all_locked, between, fixed, prismatic, revolute, spherical
 from wsim.scene import Box, Collider, Scene, SceneError
 from wsim.scene.check.scene import check

@@ -172,13 +172,16 @@ def test_a_hundred_kilogrammes_stand_on_nine_boxes_of_one():
     """They sink 32 mm in soft contact."""
     sim = world(*[box(f"/box{k}", (0.0, 0.5 + k, 0.0), mass=1.0 if k < 9 else 100.0) for k in range(10)], precision="float32")
     sim.run(600)
-    assert 9.5 - Seen(sim).at("/box9")[1] < 50e-3 and abs(Seen(sim).at("/box9")[0]) < 0.05
+    seen = Seen(sim)
+    assert 9.5 - seen.at("/box9")[1] < 50e-3 and abs(seen.at("/box9")[0]) < 1e-3 and np.abs(seen.v).max() < 1e-3
 
 
-def test_twenty_boxes_sink_less_than_eight_millimetres():
+def test_twenty_boxes_sink_less_than_eight_millimetres_and_come_to_rest():
+    """A column of twenty sways slowly once it is pushed: what pushes its corners one after the other never lets it rest."""
     sim = world(*[box(f"/box{k}", (0.0, 0.5 + k, 0.0)) for k in range(20)], precision="float32")
     sim.run(600)
-    assert 19.5 - Seen(sim).at("/box19")[1] < 8e-3 and abs(Seen(sim).at("/box19")[0]) < 1e-2
+    seen = Seen(sim)
+    assert 19.5 - seen.at("/box19")[1] < 8e-3 and np.abs(seen.v).max() < 1e-3 and abs(seen.at("/box19")[0]) < 1e-3
 
 
 def test_a_pyramid_of_ten_rows_stands():

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from tests.physics.rigid.narrow.test_triangles import cube, floor
 from tests.physics.rigid.pairs import WHERE
 from tests.physics.rigid.test_contact import G, Seen, ball, box, tilted
-from tests.physics.rigid.test_triangles import cube, floor
 from wsim.physics.rigid.solids import as_met
 from wsim.scene import Collider, Scene, Surface, shapes
 from wsim.scene.check.scene import check

@@ -177,7 +177,8 @@ def test_a_body_within_a_body_is_refused():
 def test_gradients_are_refused_by_path():
     scene = Scene()
     scene.add(ball("/b", (0.0, 0.0, 0.0)))
-    with pytest.raises(SceneError, match="/b: gradients do not go through rigid"):
+    scene.add(ball("/c", (5.0, 0.0, 0.0)))
+    with pytest.raises(SceneError, match="/b: can meet /c"):
         Simulation(scene, gradients=True, **WHERE)
 
 

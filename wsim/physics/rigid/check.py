@@ -11,10 +11,12 @@ from wsim.physics.rigid.objects import Body
 from wsim.physics.rigid.solids import CONVEX, as_met, filled
 from wsim.scene import Plane, Problem, Scene, Surface
 from wsim.scene.check import objects
-from wsim.scene.check.objects import error, number, rigid, warning
+from wsim.scene.check.objects import error, rigid, warning
 
 UNIT = 1e-4                  # departure of |q| from 1 that float32 quaternions keep
 SAID = ("convexHull", "boundingCube", "boundingSphere")          # approximations that are what they say, of a body too
+SMALL, LARGE = 1e-3, 1e3     # [m] a body beyond these is in the wrong unit more often than not
+LEAST = 1e-30                # [kg], [kg m^2]; and the inverse of the greatest
 TRIANGLE = 1e-4              # of a moment over the sum of the other two
 
 
@@ -26,20 +28,18 @@ def check(thing, scene: Scene) -> Iterator[Problem]:
         from wsim.physics.rigid.joints.check import check as joint
         yield from joint(thing, scene)
     else:
-        from wsim.physics.rigid.filters.groups import check as filters
+        from wsim.physics.rigid.joints.filters.groups import check as filters
         yield from filters(thing, scene)
 
 
 def _body(body: Body, scene: Scene) -> Iterator[Problem]:
+    """Velocities, forces, drags, mass and density are values, and checked as such."""
     path = body.path
-    for name in ("velocity", "spin", "center", "inertia", "force", "torque", "axes"):
+    for name in ("center", "inertia", "axes"):
         value = getattr(body, name)
         if value is not None and not np.isfinite(value).all():
             yield error(path, f"{name} is {_words(value)}", "finite numbers", f"author another {name}")
             return
-    for name in ("drag", "spin_drag"):
-        yield from number(path, name, getattr(body, name), 0.0)
-    yield from number(path, "density", body.density, 0.0, True)
     yield from rigid(path, body.motion, "a rigid body has no scale: put it into the sizes of its colliders")
     if body.motion.moves:
         yield error(path, "its motion has several keys", "one, where it starts",
@@ -51,6 +51,8 @@ def _body(body: Body, scene: Scene) -> Iterator[Problem]:
     yield from wrong
     if not any(p.fatal for p in wrong):
         yield from _meshes(body, scene)
+    if not any(p.fatal for p in wrong) and all(v is None or 0.0 < v < inf for v in (body.mass, body.density)):
+        yield from _size(body)
         yield from _mass(body)
 
 
@@ -66,9 +68,10 @@ def _nested(paths: list[str]) -> Iterator[Problem]:
 
 
 def _beside(body: Body, scene: Scene) -> Iterator[Problem]:
-    if scene.bodies() and body is scene.things("Body")[0]:
-        yield warning(body.path, "rigid bodies and cloth, springs or soft bodies pass through each other",
-                      "one kind in a scene", "make the bodies kinematic (colliders of the scene), or take one kind out")
+    if scene.bodies() and scene.contact_width > 0.0 and any(c.meets for c in body.colliders):
+        yield error(body.path, f"is a rigid body that cloth, springs or soft bodies touch, and contact_width is "
+                    f"{scene.contact_width:g} m: a potential before a contact knows no body that gives way", "0",
+                    "leave out wsim:contactWidth, or make the body kinematic")
 
 
 def _meshes(body: Body, scene: Scene) -> Iterator[Problem]:
@@ -108,12 +111,25 @@ def _collider(path: str, collider) -> Iterator[Problem]:
                     "take a box, or move the plane out of the body")
 
 
+def _size(body: Body) -> Iterator[Problem]:
+    """Bounds of the colliders, and how far from them the centre of mass is."""
+    balls = [(c.motion.at(0.0)[:3, 3], met.ball) for c in body.colliders if (met := as_met(c, True)) is not None]
+    if not balls:
+        return
+    low, high = np.min([x - r for x, r in balls], axis=0), np.max([x + r for x, r in balls], axis=0)
+    extent = float((high - low).max())
+    if not SMALL <= extent <= LARGE:
+        yield warning(body.path, f"it is {extent:.3g} m {'large' if extent > LARGE else 'small'}",
+                      f"{SMALL:g} m to {LARGE:g} m", "author metersPerUnit on the stage: "
+                      "1 if its numbers are metres, 0.01 if they are centimetres")
+    away = 0.0 if body.center is None else float(np.linalg.norm(body.center - np.clip(body.center, low, high)))
+    if away > extent:
+        yield warning(body.path, f"its centre of mass {_words(body.center)} is {away:.3g} m from its colliders, which are "
+                      f"{extent:.3g} m large", "a place within or near them", "author physics:centerOfMass again")
+
+
 def _mass(body: Body) -> Iterator[Problem]:
     path = body.path
-    if body.mass is not None and not 0.0 < body.mass < inf:
-        yield error(path, f"mass is {body.mass:g}", "finite and > 0", "author physics:mass, or leave it out for the density; "
-                    "to hold a body still, make it kinematic")
-        return
     if abs(np.linalg.norm(body.axes) - 1.0) > UNIT:
         yield error(path, f"axes {_words(body.axes)} is a quaternion of length {np.linalg.norm(body.axes):g}",
                     "a unit quaternion (x, y, z, w)", "divide it by its length")
@@ -126,6 +142,9 @@ def _mass(body: Body) -> Iterator[Problem]:
     said = f"moments of inertia are {_words(moments)} kg m^2"
     if not (np.isfinite(moments).all() and moments.min() > 0.0):
         yield error(path, said, "three numbers > 0", "author physics:diagonalInertia, or give it a collider with a volume")
+    elif not (min(moments.min(), found.mass) > LEAST and max(moments.max(), found.mass) < 1.0 / LEAST):
+        yield error(path, f"{said}, of {found.mass:g} kg", f"{LEAST:g} to {1.0 / LEAST:g}, of which float32 holds the inverse",
+                    "author metersPerUnit and kilogramsPerUnit on the stage, or another mass")
     elif 2.0 * moments.max() > moments.sum() * (1.0 + TRIANGLE):
         yield warning(path, f"{said}, which no solid has", "none larger than the other two together",
                       "author physics:diagonalInertia again; the motion is that of these numbers")

@@ -57,7 +57,7 @@ class Contacts:
         self._shapes()
         self.filters = None
         if any(b.scene.things(name) for name in ("Joint", "Group", "Parted")):
-            from wsim.physics.rigid.filters.groups import filters
+            from wsim.physics.rigid.joints.filters.groups import filters
             paths = [(c.path, world) for _, world, c in self.owners] + [(c.path, -1) for c in self.colliders]
             frames = [method.bodies[k][0].path for k, _, _ in self.owners] + [""] * len(self.colliders)
             self.filters = filters(b.scene, paths, frames)
@@ -69,6 +69,8 @@ class Contacts:
         self.on_meshes = collide_mesh.collide_mesh(on_meshes, real, module) if on_meshes else None
         self.form = forms.chosen(b.model.device, self.shapes)
         self.form.make(b.model, self.bouncing, method.joints.islands if method.joints else 0)
+        if method.sleep:
+            method.sleep.make(self.form)
         b.status.reserve(WORD)
         b.status.reserve(IN_TURN)
         self.parts = (Part.allocate("rigid pairs", PAIRS, 0, real, self.device, self._room()),
@@ -129,12 +131,15 @@ class Contacts:
         self.work = filled(self.Work, center=zeros(self.shapes, wp.vec3d), span=zeros(self.shapes, t.vec2),
                            from_x=zeros(n, t.vec3), spread=zeros(n, t.mat33), turn=zeros(n, t.mat33), p0=zeros(n, t.vec3),
                            L0=zeros(n, t.vec3), touched=zeros(n, int), r_a=zeros(4 * room, t.vec3),
-                           r_b=zeros(4 * room, t.vec3), now=zeros(4 * room, real), K=zeros(4 * room, t.mat33),
+                           r_b=zeros(4 * room, t.vec3), now=zeros(4 * room, real), K=zeros(4 * room, t.vec3),
+                           A=zeros(room, t.mat44),
                            goal=zeros(4 * room, real), hit=zeros(4 * room, real), scrape=zeros(4 * room, t.vec3),
                            order=zeros(room, int), starts=zeros(SERIAL + 2, int), place=zeros(SERIAL + 2, int),
                            colours=zeros(1, int), flags=zeros(2, int), taken=zeros(n, wp.int64), first=zeros(n, int))
         self.number, self.first = zeros(self.shapes, int), zeros(self.shapes, int)
         self.work.listed = self.first[self.shapes - 1:]
+        for name, array in (self.method.sleep.arrays(n) if self.method.sleep else {"asleep": zeros(n, int)}).items():
+            setattr(self.work, name, array)
 
     def _boxes(self) -> None:
         """The tree of the broad phase, built anew whenever manifolds are made."""
@@ -163,6 +168,8 @@ class Contacts:
         known = (clock.substeps, tuple(id(c.motion) for c in self.colliders))
         if self.poses_of == known and not moves:
             return
+        if self.method.sleep and self.poses_of and self.poses_of != known:
+            self.method.sleep.wake()
         rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.colliders)
         M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)])
         M = M.reshape(rows + moves, n, 4, 4)
@@ -181,17 +188,33 @@ class Contacts:
 
     def advance(self, clock: Clock) -> None:
         """All substeps of a frame."""
-        times = self.times(clock)
-        ends = [round(i * clock.substeps / times) for i in range(times + 1)]
+        sleep = self.method.sleep
+        if sleep and self.device.is_cpu and not self.still.moving:
+            wp.capture_if(sleep.awake, self.awake, clock=clock)
+        else:
+            self.awake(clock)
+
+    def awake(self, clock: Clock) -> None:
+        """A frame in which something may move."""
+        ends = self.ends(clock)
         for first, last in zip(ends[:-1], ends[1:], strict=True):
-            self._manifolds(clock, first, last)
-            joints, rig = self.method.joints, [self.rig()]
-            self.form.colour(rig[0], self.status.word(IN_TURN))
-            if joints:
-                rig.append(joints.with_contacts(self.work))
-            self.form.advance((first, last, joints.sweeps if joints else self.sweeps), clock.h, *rig)
-            for name, array in self.arrays().items():
-                wp.copy(array, getattr(self.list, name))
+            self.manifolds(clock, first, last)
+            joints = self.method.joints
+            sweeps, more = (joints.sweeps, [joints.with_contacts(self.work)]) if joints else (self.sweeps, [])
+            self.form.advance((first, last, sweeps), clock.h, self.rig(), *more)
+            if self.method.sleep:
+                self.method.sleep.end(self.room, self.rig())
+            self.keep()
+
+    def ends(self, clock: Clock) -> list[int]:
+        """Substeps before which manifolds are made, and the number of substeps."""
+        times = self.times(clock)
+        return [round(i * clock.substeps / times) for i in range(times + 1)]
+
+    def keep(self) -> None:
+        """Puts the list into the state."""
+        for name, array in self.arrays().items():
+            wp.copy(array, getattr(self.list, name))
 
     def times(self, clock: Clock) -> int:
         """How often manifolds are made in a frame."""
@@ -199,13 +222,15 @@ class Contacts:
 
     def launches(self, clock: Clock) -> int:
         times = self.times(clock)
-        return (13 + bool(self.on_meshes)) * times + self.form.launches(clock.substeps, self.sweeps, times)
+        made = 13 + bool(self.on_meshes) + 2 * bool(self.method.sleep)
+        return made * times + self.form.launches(clock.substeps, self.sweeps, times)
 
     def arrays(self) -> dict[str, wp.array]:
         """Of the state: the last list."""
         return {name: array for part in self.parts for name, array in part.arrays.items()}
 
-    def _manifolds(self, clock: Clock, first: int, last: int) -> None:
+    def manifolds(self, clock: Clock, first: int, last: int) -> None:
+        """Of substeps first .. last, with their colours."""
         launch, rig, n = self.model.launch, self.rig(), self.shapes
         launch(self.reach, n, [rig, first, clock.h * (last - first)], [self.tree.low, self.tree.high])
         self.bvh.rebuild()
@@ -217,6 +242,9 @@ class Contacts:
         launch(self.collide, self.room, [rig, self.hulls, first, before], [])
         if self.on_meshes:
             launch(self.on_meshes, self.room, [rig, self.hulls, self.surfaces, first, before], [])
+        if self.method.sleep:
+            self.method.sleep.settle(first, clock.h * (last - first), rig)
+        self.form.colour(rig, self.status.word(IN_TURN))
 
     def rig(self) -> Any:
         return filled(contact.whole(self.real), s=self.table, b=self.method.table, now=self.method.moving(), still=self.still,

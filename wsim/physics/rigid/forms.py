@@ -13,7 +13,8 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.math import block
-from wsim.kernels.rigid import colours, launches, passes, soft_step
+from wsim.kernels.rigid import launches, passes, soft_step
+from wsim.kernels.rigid.graph import colours
 from wsim.physics.motion.cluster import LARGE, MANY
 
 RULE = 1                  # of `chosen`; a change of it changes which form a scene takes
@@ -38,6 +39,9 @@ class Form:
     wide: bool = False                                # blocks of THREADS
     threads: int = 1                                  # that meet
     islands: int = 0                                  # of joints
+    meet: Any = None                                  # function that they call
+    module: str = ""                                  # of their kernels
+    sizes: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self):
         if self.name not in TITLES:
@@ -56,9 +60,9 @@ class Form:
         real, self.model, self.islands = model.real, model, linked
         self.wide = self.name in ("block", "cluster") or (self.name == "launches" and model.device.is_cuda)
         self.threads = THREADS * self.blocks if self.wide else 1
-        meet = block.meet_cluster if self.blocks > 1 else block.meet if self.wide else block.alone
-        sizes = {"threads": THREADS * self.wide, "cluster": self.blocks if self.blocks > 1 else 0}
-        module = model.module_of(THREADS) if self.wide else model.module
+        self.meet = meet = block.meet_cluster if self.blocks > 1 else block.meet if self.wide else block.alone
+        self.sizes = sizes = {"threads": THREADS * self.wide, "cluster": self.blocks if self.blocks > 1 else 0}
+        self.module = module = model.module_of(THREADS) if self.wide else model.module
         self.kinds = [soft_step.contact_kind(real, self.coloured)]
         if self.coloured:
             self.kernels["colours"] = colours.colours(real, module, meet, **sizes)
@@ -76,6 +80,13 @@ class Form:
             self.kernels |= launched(real, model.module)
         rest = block.meet if self.wide else block.alone
         self.of = [launches.of_kind(kind, real, model.module, module, rest, sizes["threads"]) for kind in self.kinds]
+
+    def parts(self, make, bouncing: bool) -> Any:
+        """Kernels of threads that meet of another cut of a substep (`wsim.kernels.rigid.touch.step`)."""
+        meet = block.meet_cluster if self.blocks > 1 else block.meet if self.wide else block.alone
+        module = self.model.module_of(THREADS) if self.wide else self.model.module
+        return make(self.kinds, self.model.real, module, meet, threads=THREADS * self.wide,
+                    cluster=self.blocks if self.blocks > 1 else 0, bouncing=bouncing)
 
     def launch(self, kernel, inputs: list, outputs: list, blocks: int = 0) -> None:
         """Of all threads that meet, or so many blocks of them."""

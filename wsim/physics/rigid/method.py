@@ -7,25 +7,24 @@ wsim/physics/rigid/contacts.py.
 from typing import Any
 
 import numpy as np
-import warp as wp
 
 from wsim.geometry import rotation
 from wsim.kernels.rigid import motion
-from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
-from wsim.physics.rigid.mass import Inertia, inertia
+from wsim.physics.rigid.mass import Inertia, inertia, weighed
 from wsim.physics.rigid.objects import Body
-from wsim.physics.rigid.solids import meeting, standing
-from wsim.scene.samples import Instances, Sample, Transform
+from wsim.physics.rigid.solids import acting, meet, meeting, sleeps, touches
+from wsim.scene.samples import Sample, Transform
 
 FIELDS = (Field("x", "m", True, "centre of mass relative to where it was at the start"),
           Field("e", "m", True, "rounding remainder of x"), Field("p", "kg m/s", True, "momentum"),
           Field("L", "kg m^2/s", True, "angular momentum about the centre of mass"),
           Field("q", "", True, "orientation of the principal axes, (x, y, z, w)", "quat"),
           Field("o", "", True, "rounding remainder of q", "quat"))
-LIVE = {"velocity": 3, "spin": 3, "force": 3, "torque": 3, "drag": 0, "spin_drag": 0}
+LIVE = ("velocity", "spin", "force", "torque", "drag", "spin_drag", "mass", "inertia")
 
 
 def build(b) -> Method:
@@ -38,6 +37,9 @@ class Rigid(Method):
     def __init__(self, b):
         super().__init__("rigid")
         self.model, scene = b.model, b.scene
+        if b.model.gradients:
+            from wsim.physics.rigid.recorded import refuse_contacts
+            refuse_contacts(scene)
         worlds = range(b.model.worlds)
         self.bodies: list[tuple[Body, int]] = [(body, world) for world in worlds for body in scene.things("Body")]
         of = {id(body): inertia(body) for body in scene.things("Body")}
@@ -46,34 +48,64 @@ class Rigid(Method):
         self.origin = np.array([M[:3, :3] @ m.center + M[:3, 3] for M, m in zip(frames, self.masses, strict=True)])
         self.gravity = np.tile(np.asarray(scene.gravity, np.float64), (b.model.worlds, 1))
         self.force, self.twist = (np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("force", "torque"))
-        self.part = Part.allocate("bodies", FIELDS, len(self.bodies), b.model.real, b.model.device)
+        self._allocate(b)
+        self._begin(frames)
+        self.sleep: Any = None
+        if sleeps(scene):
+            from wsim.physics.rigid.sleep import Sleep
+            self.sleep = Sleep(b, self)
+        self.Bodies, self.Moving = motion.structs(b.model.real)
+        self.table, self.pushed = self._tables(), True
+        self.offers = {"bodies": self}
+        self.joints: Any = None
+        if acting(scene):
+            from wsim.physics.rigid.joints.tables import Joints
+            self.joints = Joints(b, self)
+        self._stages(b)
+
+    def _allocate(self, b) -> None:
+        fields = FIELDS
+        if touches(b.scene) and b.choice.solver == "implicit":
+            from wsim.physics.rigid.touch.newton import KEPT
+            fields += KEPT
+        self.part = Part.allocate("bodies", fields, len(self.bodies), b.model.real, b.model.device)
         rows: dict[tuple[str, int], list[int]] = {}
         for k, (body, world) in enumerate(self.bodies):
             rows.setdefault((body.written, world), []).append(k)
         self.part.rows = {key: np.array(own) for key, own in rows.items()}
         b.state.add(self.part)
-        self._begin(frames)
-        self.Bodies, self.Moving = motion.structs(b.model.real)
-        self.table, self.pushed = self._tables(), True
+
+    def _stages(self, b) -> None:
         self.contacts: Any = None
-        self.joints: Any = None
-        if acting(scene):
-            from wsim.physics.rigid.joints.tables import Joints
-            self.joints = Joints(b, self)
-        what, launches = f"{len(self.bodies)} bodies, all substeps", 1
-        if meet(scene):
+        self.touch: Any = None                           # `wsim.physics.rigid.touch.points.Touch`, where there are points
+        self.recorded: Any = None
+        what, launches = f"{len(self.bodies)} bodies, all substeps" + (f", {self.joints.what}" if self.joints else ""), 1
+        points = touches(b.scene)
+        if points or meet(b.scene):
             from wsim.physics.rigid.contacts import Contacts
             self.contacts = Contacts(b, self)
             what += f", {self.contacts.shapes} shapes that can meet, {self.contacts.form.what}"
             launches = self.contacts.launches(b.clock)
+        elif b.model.gradients:
+            self._record()
         elif self.joints:
-            from wsim.kernels.rigid.joint.steps import jointed
-            self.kernel = jointed(b.model.real, b.model.module)
+            self.kernel = self.joints.alone()
         else:
             self.kernel = motion.free(b.model.real, b.model.module)
-        if self.joints:
-            what += f", {self.joints.what}"
-        self.stages.append(Stage("rigid bodies", "predict", self.advance, launches, self.part.bytes, "frame", what))
+        if points:
+            from wsim.physics.rigid.touch.points import Touch
+            self.touch = Touch(b, self)
+            self.stages = self.touch.stages
+            self.offers["movers"] = self.touch
+            return
+        rate = "substep" if self.recorded else "frame"
+        self.stages.append(Stage("rigid bodies", "predict", self.advance, launches, self.part.bytes, rate, what))
+
+    def _record(self) -> None:
+        """A launch for each step, which has an adjoint."""
+        from wsim.physics.rigid.recorded import Recorded
+        self.recorded = Recorded(self)
+        self.offers["recorded bodies"] = self.recorded
 
     def _begin(self, frames: np.ndarray) -> None:
         q = rotation.multiply(rotation.quaternion(frames[:, :3, :3]), np.array([m.axes for m in self.masses]))
@@ -126,6 +158,12 @@ class Rigid(Method):
             self.joints.before_frame(time, clock)
         if self.contacts:
             self.contacts.before_frame(time, clock)
+        if self.touch:
+            self.touch.before_frame()
+
+    def meet(self, others: Methods) -> None:
+        if self.touch:
+            self.touch.meet(others)
 
     def retry(self, status: Status) -> list[Remedy]:
         return self.contacts.retry(status) if self.contacts else []
@@ -136,15 +174,14 @@ class Rigid(Method):
             self.contacts.grow(len(pairs))
 
     def advance(self, clock: Clock) -> None:
-        if self.contacts:
-            self.contacts.advance(clock)
+        if self.contacts or self.recorded:
+            (self.contacts.advance if self.contacts else self.recorded.step)(clock)
             return
         now = self.moving()
         if self.joints:
-            steps = wp.vec3i(0, clock.substeps, self.joints.sweeps)
-            self.model.launch(self.kernel, self.joints.islands, [steps, clock.h, self.table, self.joints.linked], [now])
-            return
-        self.model.launch(self.kernel, self.part.count, [self.table, now, clock.substeps, clock.h], [now])
+            return self.joints.advance(self.kernel, clock, self.table, now)
+        asleep = self.part.arrays["asleep"] if self.sleep else None
+        self.model.launch(self.kernel, self.part.count, [self.table, now, asleep, clock.substeps, clock.h], [now])
 
     def poses(self) -> np.ndarray:
         """Frames of the bodies to the world now, (n, 4, 4) float64 [m]."""
@@ -156,6 +193,10 @@ class Rigid(Method):
         found[:, :3, 3] = self.origin + self.get("x") + self.get("e") - np.einsum("nij,nj->ni", R, center)
         return found
 
+    def placed(self, path: str) -> np.ndarray:
+        """As `poses`, of one body in every world."""
+        return self.poses()[[k for k, (body, _) in enumerate(self.bodies) if body.path == path]]
+
     def spins(self) -> np.ndarray:
         """Angular velocities now, world (n, 3) [rad/s]."""
         q, moments = self.turns(), np.array([m.moments for m in self.masses])
@@ -165,30 +206,38 @@ class Rigid(Method):
         """Of the centres of mass now, (n, 3) [m/s]."""
         return self.get("p") / np.array([m.mass for m in self.masses])[:, None]
 
+    def weigh(self, rows: np.ndarray, name: str, value) -> None:
+        """Another mass or inertia of bodies, which go on as fast as they are, linear and angular."""
+        poses, v, spins = self.turns(), self.velocities(), self.spins()
+        for k in rows:
+            before, body = self.masses[k], self.bodies[k][0]
+            self.masses[k] = now = weighed(body, before, name, value)
+            poses[k] = rotation.multiply(poses[k], rotation.multiply(rotation.conjugate(before.axes), now.axes))
+        q = rotation.normalized(poses)
+        near = q.astype(self.model.dtype)
+        self.put("q", near)
+        self.put("o", q - near)
+        self.put("p", np.array([m.mass for m in self.masses])[:, None] * v)
+        self.put("L", self.momentum(q, spins))
+        self.table.w.assign(np.array([1.0 / m.mass for m in self.masses], self.model.dtype))
+        self.table.inverse.assign(np.array([1.0 / m.moments for m in self.masses], self.model.dtype))
+        self.table.push.assign(self._push().astype(self.model.dtype))
+
     def samples(self, world: int = 0) -> list[Sample]:
         poses = self.poses()
         for k, (body, _) in enumerate(self.bodies):
             if body.stretch is not None:
                 poses[k, :3, :3] = poses[k, :3, :3] @ body.stretch
-        own = [k for k, (body, of) in enumerate(self.bodies) if of == world and not body.instancer]
-        found: list[Sample] = [Transform(self.bodies[k][0].path, poses[k]) for k in own]
-        instanced = [k for k, (body, of) in enumerate(self.bodies) if of == world and body.instancer]
-        return found + (self._instances(poses, instanced) if instanced else [])
-
-    def _instances(self, poses: np.ndarray, rows: list[int]) -> list[Sample]:
-        """Of the bodies in these rows, an instancer each."""
-        where: dict[str, list[int]] = {}
-        for k in rows:
-            where.setdefault(self.bodies[k][0].instancer, []).append(k)
-        first = np.array([body.motion.at(0.0) @ _stretch(body) for body, _ in self.bodies])
-        moved, centers = poses @ np.linalg.inv(first), self.origin + self.get("x") + self.get("e")
-        v, w = self.velocities(), self.spins()
-        return [Instances(path, np.array([self.bodies[k][0].instance for k in own]), moved[own], centers[own], v[own], w[own])
-                for path, own in where.items()]
+        own = [(k, body) for k, (body, of) in enumerate(self.bodies) if of == world]
+        found: list[Sample] = [Transform(body.path, poses[k]) for k, body in own if not body.instancer]
+        if len(found) < len(own):
+            from wsim.physics.rigid.joints.instances.samples import moved
+            found += moved(self, poses, [k for k, body in own if body.instancer])
+        return found
 
     def indicators(self, x, v) -> dict[str, float]:
         """Kinetic energy and that in gravity [J] of all bodies of the first world; how deep shapes overlap [m];
-        manifolds that found no colour, if any."""
+        bodies asleep and manifolds that found no colour, if any."""
         first = np.array([world == 0 for _, world in self.bodies])
         places = self.origin + self.get("x")
         mass = np.array([m.mass for m in self.masses])
@@ -196,6 +245,8 @@ class Rigid(Method):
         found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
         if self.contacts:
             found["rigid_overlap"] = self.contacts.overlap()
+            if self.sleep:
+                found["rigid_asleep"] = float(self.part.arrays["asleep"].numpy().sum())
             if self.contacts.in_turn:
                 found["rigid_in_turn"] = float(self.contacts.in_turn)
         if self.joints:
@@ -204,6 +255,8 @@ class Rigid(Method):
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = np.array([k for k, (body, of) in enumerate(self.bodies) if path in ("/", body.path) and world in (None, of)], int)
+        if self.sleep and name in (*LIVE, "gravity"):
+            self.sleep.wake(None if path == "/" else hit)
         if path == "/" and name == "gravity":
             self.gravity[slice(None) if world is None else world] = value
             self.table.push.assign(self._push().astype(self.model.dtype))
@@ -218,6 +271,9 @@ class Rigid(Method):
             now[hit] = wanted[hit]
             self.put(field, now)
             return True
+        if name in ("mass", "inertia"):
+            self.weigh(hit, name, value)
+            return True
         rows = {"force": self.force, "torque": self.twist}.get(name)
         if rows is not None:
             rows[hit] = value
@@ -230,30 +286,15 @@ class Rigid(Method):
         return True
 
 
-def _stretch(body: Body) -> np.ndarray:
-    found = np.eye(4)
-    found[:3, :3] = np.eye(3) if body.stretch is None else body.stretch
-    return found
-
-
-def meet(scene) -> bool:
-    """Whether there are two things that can touch."""
-    bodies = [body for body in scene.things("Body") if meeting(body)]
-    return bool(bodies) and len(bodies) + len(standing(scene.colliders)) > 1
-
-
-def acting(scene) -> list:
-    """Joints of a scene that act."""
-    return [joint for joint in scene.things("Joint") if joint.enabled]
-
-
 def signature(b) -> list:
-    if not meet(b.scene):
+    points = touches(b.scene)
+    if not (points or meet(b.scene)):
         return ["joints"] if acting(b.scene) else []
     from wsim.physics.rigid.contacts import bounces, kinds, standing
     from wsim.physics.rigid.forms import chosen
-    bodies = b.scene.things("Body")
-    shapes = b.model.worlds * sum(len(meeting(body)) for body in bodies) + len(standing(b.scene.colliders))
-    form = chosen(b.model.device, shapes)
+    own = [c for body in b.scene.things("Body") for c in meeting(body)]
+    form = chosen(b.model.device, b.model.worlds * len(own) + len(standing(b.scene.colliders)))
     filtered = any(b.scene.things(name) for name in ("Group", "Parted"))
-    return [sorted(kinds(bodies, b.scene.colliders)), bounces(b.scene), form.name, form.blocks, filtered, bool(acting(b.scene))]
+    said = [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), bounces(b.scene), form.name, form.blocks, sleeps(b.scene),
+            filtered, bool(acting(b.scene))]
+    return said + [sorted({type(c.shape).__name__ for c in own}), any(c.restitution > 0.0 for c in own)] * points

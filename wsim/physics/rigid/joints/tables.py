@@ -163,6 +163,26 @@ class Joints:
         self.linked.touched = work.touched
         return self.linked
 
+    def alone(self):
+        """Kernel of islands whose bodies touch nothing."""
+        from wsim.kernels.rigid.joint.steps import jointed
+        return jointed(self.model.real, self.model.module)
+
+    def advance(self, kernel, clock: Clock, bodies, now) -> None:
+        """All substeps of a frame by that kernel."""
+        steps = wp.vec3i(0, clock.substeps, self.sweeps)
+        self.model.launch(kernel, self.islands, [steps, clock.h, bodies, self.linked], [now])
+
+    def passes(self):
+        """Function (name, what is given, contacts) that launches a pass of the islands (kernels/rigid/joint/passes.py)."""
+        from wsim.kernels.rigid.joint.passes import launched
+        kernels = launched(self.model.real, self.model.module)
+
+        def run(name: str, given, contacts) -> None:
+            first = given if isinstance(given, tuple) else (given,)
+            self.model.launch(kernels[name], self.islands, [*first, contacts.rig(), self.with_contacts(contacts.work)], [])
+        return run
+
     @property
     def what(self) -> str:
         linked = int((np.diff(self.order.first_joint) > 0).sum())

@@ -34,8 +34,6 @@ def load(reading: Reading, prim: Usd.Prim) -> Joint | None:
         return None
     bodies = [None if t is None else body_of(reading, t) for t in targets]
     if bodies == [None, None]:
-        if reading.points and any(targets):
-            return None                                 # its bodies say why they stand
         if targets == [None, None]:
             reading.fail(path, "joins no body; author physics:body0 or physics:body1")
         else:
