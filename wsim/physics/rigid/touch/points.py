@@ -56,6 +56,7 @@ class Touch:
         self.kernels = {f.__name__: f(self.real, b.model.module) for f in (*own, *more, *of_memory)}
         self.before = wp.zeros_like(b.state.x) if self.memory else None          # anchors before a search
         self.bounds = colour.bounds(b.model.module)
+        self.joints = rigid.joints.passes() if rigid.joints else None
         self.foreseen: Any = None                        # `wsim.physics.rigid.touch.newton.Foreseen`
         self.stages = [Stage("rigid bodies", "predict", self.begin, 1, rigid.part.bytes, what=f"{len(rigid.bodies)} bodies: forces"),
                        Stage("rigid bodies: places", "finish", self.end, 2, rigid.part.bytes, what="and what pushed them apart")]
@@ -156,11 +157,21 @@ class Touch:
         if k in ends[:-1]:
             own.manifolds(clock, k, ends[ends.index(k) + 1])
         self.form.launch(self.step[0], self.steps(clock), [])
+        self.joined(clock, lined=k, reset=clock.h)
+        self.joined(clock)
+
+    def joined(self, clock: Clock, **passes) -> None:
+        """Passes of joints, a sweep where none is named; bodies are placed by all of their momentum, as points foresee."""
+        if self.joints:
+            for name, given in (passes or {"joined": (clock.k, clock.i, clock.h)}).items():
+                self.joints(name, given, self.rigid.contacts)
 
     def end(self, clock: Clock) -> None:
         """Bodies go where they go."""
         own = self.rigid.contacts
+        self.joined(clock)
         self.form.launch(self.step[2], self.steps(clock), [])
+        self.joined(clock, lined=clock.k + 1, loosed=(clock.k, clock.h))
         if clock.k + 1 in own.ends(clock):
             own.keep()
         if self.foreseen:
@@ -215,6 +226,7 @@ class Touch:
             self.blocks(self.take, [self.rows, self.contacts.push, self.found, 0, self.lanes], [rig])
             if not self.alone:
                 self.form.launch(self.step[1], self.steps(clock), [])
+            self.joined(clock)
 
         if self.foreseen and clock.i == clock.iterations - 1:
             self.foreseen.balance(clock)
