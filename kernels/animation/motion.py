@@ -1,4 +1,4 @@
-"""Motions between keys on the device, in float64: formulas and their order are those of wsim/scene/curve.py (`Motion.at`).
+"""Motions between keys on the device, in float64: formulas and their order are those of `Motion.at` (wsim/scene/curve).
 
     M = T R S     T and S linear, R turned at constant speed about a fixed axis (slerp), held outside of the keys
 

@@ -45,6 +45,22 @@ def meet():
     ...
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+    asm volatile("barrier.cluster.arrive.release;\\nbarrier.cluster.wait.acquire;" ::: "memory");
+#endif
+""")
+def meet_cluster():
+    """As `meet`, of all threads of a cluster of blocks (sm_90 and up)."""
+    ...
+
+
+@wp.func
+def alone():
+    """As `meet`, of one thread."""
+    return
+
+
 @wp.func
 def entry(a: wp.array(dtype=Any), i: int):
     """Entry i, by a plain read."""

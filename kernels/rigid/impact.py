@@ -15,17 +15,48 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.impulse import formulas
+from wsim.kernels.rigid.kinds import Kind, at_once, by_colour
 
 ROUNDS, SWEEPS = wp.constant(64), wp.constant(64)
 REST, MET = wp.constant(4.0), wp.constant(1.0e-4)        # MET: part of the speed to which the sweeps go
 SOONER = wp.constant(1.01)         # what the soft steps would catch in this substep is an impact, whatever the rounding
 
 
+def impacts(kind: Kind, meet, real):
+    """Function of a substep k of h [s], before its forces, of all contacts, which `kind` knows by their colours."""
+    mark, strike = marks(real)
+    look, sweep = at_once(kind, mark, real), by_colour(kind, strike, meet, real)
+    Rig = whole(real)
+
+    @wp.func
+    def told(flag: int, i: int, rig: Rig):
+        """What a thread has said since this was asked last, and then forgets."""
+        meet()
+        said = rig.work.flags[flag]
+        meet()
+        if i == 0:
+            rig.work.flags[flag] = 0
+        return said
+
+    @wp.func
+    def impacts(i: int, threads: int, k: int, h: real, rig: Rig):
+        for _round in range(int(ROUNDS)):
+            look(i, threads, k, h, 0, rig)
+            if told(0, i, rig) == 0:
+                break
+            for _sweep in range(int(SWEEPS)):
+                sweep(i, threads, k, h, 0, rig)
+                if told(1, i, rig) == 0:
+                    break
+
+    return impacts
+
+
 @cache
-def impacts(real):
-    """Function of a substep k of h [s], before its forces."""
+def marks(real):
+    """(mark, strike): functions of a contact m, a look and a sweep; they tell by a flag what is left to do."""
     t, Rig = types(real), whole(real)
-    _, _, begun, pushed, ended, slip, rubbed = formulas(real)
+    _, _, begun, _, pushed, ended, slip, rubbed = formulas(real)
 
     @wp.func
     def pull(f: int, rig: Rig):
@@ -63,36 +94,31 @@ def impacts(real):
         n = rig.c.n[m]
         mu = real(0.5) * (rig.s.friction[rig.c.a[m]] + rig.s.friction[rig.c.b[m]])
         miss = real(0.0)
+        A = rig.work.A[m]
         for i in range(rig.c.count[m]):
             j = 4 * m + i
             if rig.work.goal[j] >= real(0.0):
                 u = wp.dot(n, slip(two, j, rig))
                 before = rig.work.hit[j]
-                hit = wp.max(before + (rig.work.goal[j] - u) / wp.dot(n, rig.work.K[j] * n), real(0.0))
+                hit = wp.max(before + (rig.work.goal[j] - u) / A[i, i], real(0.0))
                 rig.work.hit[j] = hit
-                two = pushed(two, m, j, (hit - before) * n, rig)
+                two = pushed(two, j, (hit - before) * n, rig)
                 miss = wp.max(miss, wp.abs(hit - before) / wp.max(hit, real(1.0e-30)))
                 was = rig.work.scrape[j]
                 rub = rubbed(was, slip(two, j, rig), n, rig.work.K[j], hit, mu)
                 rig.work.scrape[j] = rub
-                two = pushed(two, m, j, rub - was, rig)
-        ended(two, m, rig)
+                two = pushed(two, j, rub - was, rig)
+        ended(two, rig)
         return miss
 
     @wp.func
-    def impacts(k: int, h: real, count: int, rig: Rig):
-        for _round in range(int(ROUNDS)):
-            some = bool(False)
-            for m in range(count):
-                if marked(m, k, h, rig):
-                    some = True
-            if not some:
-                break
-            for _sweep in range(int(SWEEPS)):
-                miss = real(0.0)
-                for m in range(count):
-                    miss = wp.max(miss, struck(m, k, rig))
-                if miss < real(MET):
-                    break
+    def mark(m: int, k: int, h: real, biased: int, rig: Rig):
+        if marked(m, k, h, rig):
+            rig.work.flags[0] = 1
 
-    return impacts
+    @wp.func
+    def strike(m: int, k: int, h: real, biased: int, rig: Rig):
+        if struck(m, k, rig) >= real(MET):
+            rig.work.flags[1] = 1
+
+    return mark, strike

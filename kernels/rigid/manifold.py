@@ -78,10 +78,11 @@ def making(real):
 
 
 @cache
-def reduction(real):
+def reduction(real, outer: bool = False):
     """Function (n, x, gap, key, count, size) -> Manifold: at most four of `count` points.
 
-    x, gap, key: arrays of the thread; size [m]: of the smaller body, by which ties are told."""
+    x, gap, key: arrays of the thread; size [m]: of the smaller body, by which ties are told. outer: of equally deep points the
+    one farthest from the axis along n through the origin is the first, a corner of their outline whatever the order."""
     t, Manifold = types(real), manifold(real)
 
     @wp.func
@@ -90,9 +91,20 @@ def reduction(real):
         return wp.dot(n, wp.cross(a - o, p - o))
 
     @wp.func
-    def deepest(gap: wp.array(dtype=real), count: int, tie: real):
+    def outermost(n: t.vec3, x: wp.array(dtype=t.vec3), count: int):
         best = int(0)
-        for i in range(1, count):
+        most = real(0.0)
+        for i in range(count):
+            far = wp.length(x[i] - wp.dot(n, x[i]) * n)
+            if far > most * (real(1.0) + real(TIE)):
+                most = far
+                best = i
+        return best
+
+    @wp.func
+    def deepest(gap: wp.array(dtype=real), count: int, o: int, tie: real):
+        best = int(o)
+        for i in range(count):
             if gap[i] < gap[best] - tie:
                 best = i
         return best
@@ -146,7 +158,10 @@ def reduction(real):
         m.n = n
         m.count = wp.min(count, 4)
         if count > 4:
-            chosen[0] = deepest(gap, count, real(TIE) * size)
+            first = int(0)
+            if outer:
+                first = outermost(n, x, count)
+            chosen[0] = deepest(gap, count, first, real(TIE) * size)
             chosen[1] = farthest(n, x, count, chosen[0])
             left, more = widest(n, x, count, chosen[0], chosen[1], real(1.0))
             right, less = widest(n, x, count, chosen[0], chosen[1], real(-1.0))

@@ -164,11 +164,14 @@ def structs(real):
 
 
 def free(real, module):
-    """Kernel of `substeps` steps of h [s] of bodies that touch nothing."""
+    """Kernel of `substeps` steps of h [s] of bodies that touch nothing; asleep: 1 for those that stay, or None."""
     Bodies, Moving = structs(real)
 
-    def rigid_free(b: Bodies, now: Moving, substeps: int, h: real, out: Moving):
+    def rigid_free(b: Bodies, now: Moving, asleep: wp.array(dtype=int), substeps: int, h: real, out: Moving):
         i = wp.tid()
+        if asleep:
+            if asleep[i] == 1:
+                return
         x = now.x[i]
         e = now.e[i]
         q = double(now.q[i], now.o[i])

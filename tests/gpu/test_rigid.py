@@ -4,9 +4,18 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.physics.rigid.solver.test_colours import check_colours, heap
 from tests.physics.rigid.test_contact import Seen, ball, box, world
+from wsim.physics.rigid import forms
 
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a GPU")
+
+
+@pytest.fixture(autouse=True)
+def coloured(monkeypatch):
+    """A CPU takes colours here too."""
+    chosen = forms.chosen
+    monkeypatch.setattr(forms, "chosen", lambda device, n: chosen(device, n) if device.is_cuda else forms.Form("coloured"))
 
 
 def ends(device: str, frames: int, precision: str = "float64") -> tuple[np.ndarray, bytes]:
@@ -30,3 +39,29 @@ def test_a_column_stands():
     sim = world(*[box(f"/box{k}", (0.0, 0.5 + k, 0.0)) for k in range(10)], device="cuda:0", precision="float32")
     sim.run(600)
     assert 9.5 - Seen(sim).at("/box9")[1] < 3e-3 and np.abs(Seen(sim).v).max() < 1e-3
+
+
+FORMS = ("block", "cluster", "launches")
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_a_heap_falls_by_every_form_as_by_one_thread(name, monkeypatch):
+    """Same colours, so the same sums in the same order; a blow amplifies what rounding left."""
+    def run(name: str, device: str) -> np.ndarray:
+        monkeypatch.setattr(forms, "chosen", lambda device, _: forms.named(name, device))
+        sim = world(*heap(), device=device, precision="float64")
+        sim.run(30)
+        assert check_colours(sim) > 3
+        return Seen(sim).poses
+    assert np.abs(run(name, "cuda:0") - run("coloured", "cpu")).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_a_heap_falls_the_same_to_the_bit_from_run_to_run(name, monkeypatch):
+    monkeypatch.setattr(forms, "chosen", lambda device, _: forms.named(name, device))
+
+    def run() -> bytes:
+        sim = world(*heap(), device="cuda:0", precision="float32")
+        sim.run(90)
+        return b"".join(sim.plan.method("rigid").part.arrays[name].numpy().tobytes() for name in ("x", "q", "p", "L"))
+    assert run() == run()

@@ -173,6 +173,10 @@ class Method:
         """What the frame that has just ended lacked, by this method's own words of the status; none: it holds."""
         return []
 
+    def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
+        """Warnings of a frame that holds: (what they are of, a number, words in which {worst} stands for the greatest)."""
+        return []
+
     def kept(self) -> list[dict]:
         """Distances [m] that colliders keep from bodies where the scene leaves them open: collider, body, thickness."""
         return []

@@ -53,6 +53,8 @@ METHODS: list[Row] = [
         pushes=True),
     Row("rigid", "wsim.physics.rigid", owns=("Body",), claims=("PhysicsRigidBodyAPI", "PhysicsJoint", *JOINTS),
         without="there is no rigid body", gradients=True),
+    Row("fluid", "wsim.physics.fluid", owns=("Fluid", "Source"), claims=("WsimFluidDomainAPI", "WsimFluidSourceAPI"),
+        without="there is no fluid"),
     Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),
     Row("watch", "wsim.physics.motion.overstretch", gradients=True),
     Row("muscles", "wsim.physics.cloth.muscles", without="no spring has an actuation", gradients=True),
@@ -78,6 +80,16 @@ def named(scene, path: str | None) -> Any:
 def things(scene) -> list:
     """All objects of a scene that may have values."""
     return [*scene.bodies(), *scene.pins, *scene.colliders, *scene.loads, *(thing for _, thing in every(scene))]
+
+
+def carried(scene) -> list:
+    """Colliders that move with things of methods, and are met."""
+    return [c for _, thing in every(scene) for c in getattr(thing, "colliders", ()) if c.meets] if scene.others else []
+
+
+def collides(scene) -> bool:
+    """Whether points may meet something."""
+    return bool(scene.colliders or carried(scene))
 
 
 def every(scene) -> Iterator[tuple[Row, Any]]:

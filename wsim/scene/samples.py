@@ -3,11 +3,12 @@
 A prim that is not in the scene's stage is made in the result. How each kind is written: `wsim.usd.result.kinds.rows`.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import BinaryIO
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
+
+VOLUME = "_volume"
 
 
 @dataclass(frozen=True)
@@ -50,12 +51,20 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Volume:
-    """A file a frame, beside the layer, that a field prim names. data: its bytes, or what writes them into an open file;
-    suffix: of its name (".vdb", ".nvdb", ...)."""
+    """Fields on a box of cubes along the world's axes, in an OpenVDB file a frame beside the layer.
+
+    path      of the prim of the box: a UsdVol.Volume, else the volume is made beside it, with `VOLUME` behind its name
+    low       corner of the box, world (3,) [m]              cell     edge of a cube [m]
+    fields    by name, float32 or float16, at the centres of the cubes: (nx, ny, nz), or (nx, ny, nz, 3) of vectors, world [SI].
+              A number that is 0 is not stored.
+    units     of fields that have other ones on a stage, such as "m/s"
+    """
 
     path: str
-    suffix: str
-    data: bytes | Callable[[BinaryIO], object]
+    low: np.ndarray
+    cell: float
+    fields: Mapping[str, np.ndarray]
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -147,6 +147,7 @@ class Scene(Compared):
     solver          of the elastic forces: "auto" (weighs cost against error), "explicit", "xpbd" or "implicit"
     integrator      of time: "auto" (what suits the solver), or a name of `wsim.scene.integrator.TABLE`
     contact_width   distance over which contacts are soft [m]; 0: hard contacts
+    sleep_speed     speed below which rigid bodies sleep after half a second, by islands [m/s]; 0: they never fall asleep
     error           wanted RMS error of positions over the scene's size [1], for "auto"
     cloths          list of `Cloth`; `scene.cloth(...)` adds one
     springs         list of `Springs`; `scene.net(...)`
@@ -175,6 +176,7 @@ class Scene(Compared):
     solver: str = "auto"
     integrator: str = "auto"
     contact_width: float = 0.0
+    sleep_speed: float = 0.0
     error: float = 0.01
     cloths: list[Cloth] = field(default_factory=list)
     springs: list[Springs] = field(default_factory=list)

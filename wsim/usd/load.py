@@ -75,11 +75,13 @@ def _read(reading: Reading) -> Scene:
     _usable_units(reading)
     reading.frames = frames_of(reading)
     found = _walk(reading)
+    if found.skel_roots:
+        from wsim.usd.prims.skeletons import bindings
+        reading.skinned = bindings(found.skel_roots)
     scene = load_settings(reading, found.scenes)
     pairs = _pairs(reading, found)
     for prim, body in pairs:
         _load_body(reading, scene, prim, body)
-    reading.points = bool(pairs)
     taken = {prim.GetPath() for prim, _ in pairs}
     taken.update(path for row, prim in found.others for path in getattr(row.role("usd"), "within", _nothing)(reading, prim))
     for prim in found.colliders:
@@ -265,7 +267,7 @@ def _finished(reading: Reading, scene: Scene, found: Prims) -> Scene:
     if found.skel_roots:
         from wsim.usd.prims.skeletons import skinned
         solid = [*scene.bodies(), *(skin for soft in scene.softs for skin in soft.skins), *scene.colliders]
-        skinned(reading, found.skel_roots, [reading.stage.GetPrimAtPath(thing.path) for thing in solid])
+        skinned(reading, [reading.stage.GetPrimAtPath(thing.path) for thing in solid])
     fatal = [problem for problem in reading.problems if problem.fatal]
     if scene.bodies() or scene.others:
         note_range(reading)

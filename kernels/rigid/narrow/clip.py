@@ -123,8 +123,9 @@ def cutting(real):
                 if da / (da - db) < high:
                     high = wp.max(da / (da - db), real(0.0))
                     key[1] = 64 + s
-        P[1] = P[0] + high * e
-        P[0] += low * e
+        start = P[0]
+        P[1] = start + high * e
+        P[0] = start + low * e                     # += of an array is an atomic addition, which a GPU has not on local memory
         return wp.where(low <= high, 2, 0)
 
     return side, polygon, segment
@@ -163,14 +164,15 @@ def measuring(real):
 
 
 @cache
-def contact(real, corners: int):
-    """Function (PA, a, PB, b, near, margin, size) -> Manifold; faces of at most `corners` corners, which are overwritten."""
+def contact(real, corners: int, outer: bool = False):
+    """Function (PA, a, PB, b, near, margin, size) -> Manifold; faces of at most `corners` corners, which are overwritten.
+    outer: see `reduction`."""
     t, Manifold, of = types(real), manifold(real), structs(real)
     Side, Nearest, vec3s = of.Side, of.Nearest, wp.array(dtype=t.vec3)
     _side, polygon, segment = cutting(real)
     apart, heights = measuring(real)
     single, _flipped, _turned = making(real)
-    reduce, most = reduction(real), 2 * corners
+    reduce, most = reduction(real, outer), 2 * corners
 
     @wp.func
     def clipped(Q: vec3s, ref: Side, P: vec3s, other: Side, flip: int, margin: real, size: real):

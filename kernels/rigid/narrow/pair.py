@@ -95,12 +95,12 @@ def nearest(pairs: frozenset[tuple[str, str]], real):
 
 
 @cache
-def completion(kinds: frozenset[str], real):
-    """Function (a, b, hulls, R, p, near, margin) -> Manifold of two shapes whose nearest places are known."""
+def completion(kinds: frozenset[str], real, outer: bool = False):
+    """Function (a, b, hulls, R, p, near, margin) -> Manifold of two shapes whose nearest places are known; see `reduction`."""
     t, Shape, Hulls, Manifold, of = types(real), shape(real), hulls(real), manifold(real), structs(real)
     corners = capacity(kinds)
     radius, size = extent(real)
-    place, touch, room = face(kinds, real), contact(real, corners), 4 * corners
+    place, touch, room = face(kinds, real), contact(real, corners, outer), 4 * corners
     vec3, Nearest = t.vec3, of.Nearest
 
     @wp.func

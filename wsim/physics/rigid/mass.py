@@ -127,6 +127,8 @@ def principal(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def ascending(moments: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same inertia with its moments in order, as kernels/rigid/motion.py has them."""
+    if moments[0] <= moments[1] <= moments[2]:
+        return moments, axes
     order = np.argsort(moments, kind="stable")
     R = np.eye(3)[:, order]
     return moments[order], multiply(axes, quaternion(R * np.sign(np.linalg.det(R))))

@@ -10,7 +10,7 @@ import numpy as np
 
 from wsim.geometry import rotation
 from wsim.kernels.rigid import motion
-from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
@@ -47,25 +47,41 @@ class Rigid(Method):
         self.origin = np.array([M[:3, :3] @ m.center + M[:3, 3] for M, m in zip(frames, self.masses, strict=True)])
         self.gravity = np.tile(np.asarray(scene.gravity, np.float64), (b.model.worlds, 1))
         self.force, self.twist = (np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("force", "torque"))
-        self.part = Part.allocate("bodies", FIELDS, len(self.bodies), b.model.real, b.model.device)
+        fields = FIELDS
+        if touches(scene) and b.choice.solver == "implicit":
+            from wsim.physics.rigid.touch.newton import KEPT
+            fields += KEPT
+        self.part = Part.allocate("bodies", fields, len(self.bodies), b.model.real, b.model.device)
         self.part.rows = {(body.path, world): np.array([k]) for k, (body, world) in enumerate(self.bodies)}
         b.state.add(self.part)
         self._begin(frames)
+        self.sleep: Any = None
+        if sleeps(scene):
+            from wsim.physics.rigid.sleep import Sleep
+            self.sleep = Sleep(b, self)
         self.Bodies, self.Moving = motion.structs(b.model.real)
         self.table, self.pushed = self._tables(), True
         self.offers = {"bodies": self}
         self.contacts: Any = None
+        self.touch: Any = None                           # `wsim.physics.rigid.touch.points.Touch`, where there are points
         self.recorded: Any = None
         what, launches = f"{len(self.bodies)} bodies, all substeps", 1
-        if meet(scene):
+        points = touches(scene)
+        if points or meet(scene):
             from wsim.physics.rigid.contacts import Contacts
             self.contacts = Contacts(b, self)
-            what += f", {self.contacts.shapes} shapes that can meet"
+            what += f", {self.contacts.shapes} shapes that can meet, {self.contacts.form.what}"
             launches = self.contacts.launches(b.clock)
         elif b.model.gradients:
             self._record()
         else:
             self.kernel = motion.free(b.model.real, b.model.module)
+        if points:
+            from wsim.physics.rigid.touch.points import Touch
+            self.touch = Touch(b, self)
+            self.stages = self.touch.stages
+            self.offers["movers"] = self.touch
+            return
         rate = "substep" if self.recorded else "frame"
         self.stages.append(Stage("rigid bodies", "predict", self.advance, launches, self.part.bytes, rate, what))
 
@@ -124,6 +140,12 @@ class Rigid(Method):
     def before_frame(self, time: float, clock: Clock) -> None:
         if self.contacts:
             self.contacts.before_frame(time, clock)
+        if self.touch:
+            self.touch.before_frame()
+
+    def meet(self, others: Methods) -> None:
+        if self.touch:
+            self.touch.meet(others)
 
     def retry(self, status: Status) -> list[Remedy]:
         return self.contacts.retry(status) if self.contacts else []
@@ -138,7 +160,8 @@ class Rigid(Method):
             (self.contacts.advance if self.contacts else self.recorded.step)(clock)
             return
         now = self.moving()
-        self.model.launch(self.kernel, self.part.count, [self.table, now, clock.substeps, clock.h], [now])
+        asleep = self.part.arrays["asleep"] if self.sleep else None
+        self.model.launch(self.kernel, self.part.count, [self.table, now, asleep, clock.substeps, clock.h], [now])
 
     def poses(self) -> np.ndarray:
         """Frames of the bodies to the world now, (n, 4, 4) float64 [m]."""
@@ -188,16 +211,25 @@ class Rigid(Method):
         return [Transform(body.path, poses[k]) for k, (body, of) in enumerate(self.bodies) if of == world]
 
     def indicators(self, x, v) -> dict[str, float]:
-        """Kinetic energy and that in gravity [J] of all bodies of the first world; how deep shapes overlap [m]."""
+        """Kinetic energy and that in gravity [J] of all bodies of the first world; how deep shapes overlap [m];
+        bodies asleep and manifolds that found no colour, if any."""
         first = np.array([world == 0 for _, world in self.bodies])
         places = self.origin + self.get("x")
         mass = np.array([m.mass for m in self.masses])
         energy = 0.5 * (self.get("p") * self.velocities()).sum(1) + 0.5 * (self.get("L") * self.spins()).sum(1)
         found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
-        return found | ({"rigid_overlap": self.contacts.overlap()} if self.contacts else {})
+        if self.contacts:
+            found["rigid_overlap"] = self.contacts.overlap()
+            if self.sleep:
+                found["rigid_asleep"] = float(self.part.arrays["asleep"].numpy().sum())
+            if self.contacts.in_turn:
+                found["rigid_in_turn"] = float(self.contacts.in_turn)
+        return found
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = np.array([k for k, (body, of) in enumerate(self.bodies) if path in ("/", body.path) and world in (None, of)], int)
+        if self.sleep and name in (*LIVE, "gravity"):
+            self.sleep.wake(None if path == "/" else hit)
         if path == "/" and name == "gravity":
             self.gravity[slice(None) if world is None else world] = value
             self.table.push.assign(self._push().astype(self.model.dtype))
@@ -244,8 +276,24 @@ def meet(scene) -> bool:
     return bool(bodies) and len(bodies) + len(standing(scene.colliders)) > 1
 
 
+def sleeps(scene) -> bool:
+    """Whether something may sleep: not what joints hold, nor beside points, where others may wake it."""
+    some = scene.sleep_speed > 0.0 or any(body.asleep for body in scene.things("Body"))
+    return some and not scene.things("Joint") and not scene.bodies()
+
+
+def touches(scene) -> bool:
+    """Whether bodies may touch points."""
+    return bool(scene.bodies()) and any(meeting(body) for body in scene.things("Body"))
+
+
 def signature(b) -> list:
-    if not meet(b.scene):
+    points = touches(b.scene)
+    if not (points or meet(b.scene)):
         return []
-    from wsim.physics.rigid.contacts import bounces, kinds
-    return [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), bounces(b.scene)]
+    from wsim.physics.rigid.contacts import bounces, kinds, standing
+    from wsim.physics.rigid.forms import chosen
+    own = [c for body in b.scene.things("Body") for c in meeting(body)]
+    form = chosen(b.model.device, b.model.worlds * len(own) + len(standing(b.scene.colliders)))
+    said = [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), bounces(b.scene), form.name, form.blocks, sleeps(b.scene)]
+    return said + [sorted({type(c.shape).__name__ for c in own}), any(c.restitution > 0.0 for c in own)] * points

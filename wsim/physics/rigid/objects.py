@@ -38,6 +38,7 @@ class Body(Compared):
     torque      world (3,) [N m]
     drag        decay rate of the velocity [1/s]
     spin_drag   decay rate of the angular momentum [1/s]
+    asleep      at the start, where it hangs or rests until something wakes it
     stretch     of its prim's transform, before `motion`, (3, 3) [1]: it has gone into the colliders, and results keep it
     """
 
@@ -55,6 +56,7 @@ class Body(Compared):
     torque: np.ndarray = field(default_factory=lambda: np.zeros(3))
     drag: float = 0.0
     spin_drag: float = 0.0
+    asleep: bool = False
     stretch: np.ndarray | None = field(default=None, compare=False)
 
     def __post_init__(self):

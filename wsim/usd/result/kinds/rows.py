@@ -5,7 +5,7 @@
     Particles   points, widths, ids, velocities, extent           of a UsdGeom.Points
     Quantity    an attribute double or double[]                   of any prim
     Colour      primvars:displayColor of each point               of a UsdGeom.PointBased
-    Volume      asset filePath, a file a frame beside the layer   of any prim; a UsdVol.OpenVDBAsset where none is there
+    Volume      assets filePath, a file a frame beside the layer  of a UsdVol.Volume, see `wsim.usd.result.kinds.volumes`
 """
 
 from collections.abc import Callable
@@ -109,9 +109,8 @@ def _value(prim: Usd.Prim, sample: Quantity, code: float, beside: Beside) -> Wri
 
 
 def _volume(prim: Usd.Prim, sample: Volume, code: float, beside: Beside) -> Written:
-    name = beside.write(prim.GetName(), sample.suffix, sample.data)
-    attribute = prim.GetAttribute("filePath") or prim.CreateAttribute("filePath", Sdf.ValueTypeNames.Asset, False)
-    return [(attribute, Sdf.AssetPath(name))]
+    from wsim.usd.result.kinds.volumes import volume
+    return volume(prim, sample, code, beside)
 
 
 def _colour(prim: Usd.Prim, sample: Colour, code: float, beside: Beside) -> Written:
@@ -128,6 +127,6 @@ KINDS: dict[type, Row] = {
     Transform: Row("Xform", _transform),
     Particles: Row("Points", _particles),
     Quantity: Row("", _value),
-    Volume: Row("OpenVDBAsset", _volume),
+    Volume: Row("Volume", _volume),
     Colour: Row("Points", _colour),
 }

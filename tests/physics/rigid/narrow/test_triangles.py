@@ -1,4 +1,4 @@
-"""Shapes against triangle meshes: flat floors without bumps, edges and corners, the list of candidates."""
+"""Shapes against triangles of meshes: flat floors without bumps, edges and corners."""
 
 from functools import cache
 
@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.rigid.pairs import PRECISIONS, matrix, poses, shapes, turns
+from tests.physics.rigid.pairs import PRECISIONS, WHERE, matrix, poses, shapes
 from tests.physics.rigid.reference import SIGNS, polyhedra
 from wsim.geometry.convex_hull import convex_hull
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.manifold import manifold
 from wsim.kernels.rigid.narrow import mesh
-from wsim.kernels.rigid.narrow.shape import hulls
+from wsim.kernels.rigid.narrow.shape import hulls, shape
 from wsim.kernels.rigid.narrow.triangle import against
 from wsim.physics.rigid import hulls as hull_tables
 from wsim.physics.rigid.surfaces import beside, tables
@@ -23,47 +23,33 @@ both = pytest.mark.parametrize("real", PRECISIONS, ids=("f32", "f64"))
 
 
 @cache
-def kernels(real):
-    t, Manifold = types(real), manifold(real)
+def kernel(real):
+    t, Shape, Hulls, Manifold, Surfaces = types(real), shape(real), hulls(real), manifold(real), mesh.surfaces(real)
     made, seen = against(KINDS, real), mesh.relative(real)
-    name = f"test_triangles_{t.name}"
-    Near, found = mesh.candidates(KINDS, real, name)
 
-    @wp.kernel(module=name, enable_backward=False)
-    def touch(near: Near, found: wp.array(dtype=wp.vec2i), out: wp.array(dtype=Manifold)):
+    @wp.kernel(module="unique", enable_backward=False)
+    def touch(a: wp.array(dtype=Shape), H: Hulls, S: Surfaces, pose: wp.array(dtype=t.transform), still: t.transform,
+              where: wp.array(dtype=wp.vec2i), margin: real, out: wp.array(dtype=Manifold)):
         i = wp.tid()
-        of = found[i]
-        pair = near.pairs[of[0]]
-        R, c = seen(near.pose[pair[0]], near.mesh_pose[pair[1]])
-        out[i] = made(near.shape[pair[0]], near.hulls, near.surfaces, wp.vec2i(pair[1], of[1]), R, c, near.margin[pair[0]])
+        of = where[i]
+        R, c = seen(pose[of[0]], still)
+        out[i] = made(a[of[0]], H, S, wp.vec2i(0, of[1]), R, c, margin)
 
-    return Near, found, touch
+    return touch
 
 
-def meet(rows, pose, meshes, margin, real, of=(), capacity=4096, every=False):
-    """(manifolds in the shapes' frames, (shape, face) of each, how many were wanted) of all shapes with all meshes at rest."""
-    Near, find, touch = kernels(real)
-    t, near = types(real), Near()
-    n, keep = len(rows), tables(meshes, real, "cpu")
-    near.shape, near.surfaces = shapes(rows, real), keep[0]
-    near.hulls = hull_tables.tables(of, real, "cpu") if of else hulls(real)()
-    near.pose = wp.array(np.ascontiguousarray(np.broadcast_to(pose, (n, 7))), dtype=t.transform, device="cpu")
-    near.mesh_pose = wp.array([STILL] * len(meshes), dtype=t.transform, device="cpu")
-    pairs = np.array([(i, j) for i in range(n) for j in range(len(meshes))])
-    near.pairs = wp.array(pairs, dtype=wp.vec2i, device="cpu")
-    near.margin = wp.full(n, margin, dtype=real, device="cpu")
-    counts, found = wp.array([len(pairs), 0], dtype=int, device="cpu"), wp.zeros(capacity, dtype=wp.vec2i, device="cpu")
-    wp.launch(find, 3, [near, 3], [counts, found], device="cpu")
-    wanted = int(counts.numpy()[1])
-    listed = min(wanted, capacity)
-    out = wp.zeros(max(listed, 1), dtype=manifold(real), device="cpu")
-    wp.launch(touch, listed, [near, found], [out], device="cpu")
-    where = found.numpy()[:listed]
-    where[:, 0] = pairs[where[:, 0], 0]
-    order = np.lexsort((where[:, 1], where[:, 0]))
-    m, where = out.numpy()[:listed][order], where[order]
-    hit = np.ones(listed, bool) if every else m["count"] > 0
-    return m[hit], where[hit], wanted
+def meet(rows, pose, surface, margin, real, of=()):
+    """(manifolds in the shapes' frames, (shape, face) of each) of all shapes with all faces of a mesh at rest."""
+    t, n, keep = types(real), len(rows), tables([surface], real, WHERE["device"])
+    H = hull_tables.tables(of, real, WHERE["device"]) if of else hulls(real)()
+    where = np.array([(i, f) for i in range(n) for f in range(len(surface[1]))], np.int32)
+    poses_of = wp.array(np.ascontiguousarray(np.broadcast_to(pose, (n, 7))), dtype=t.transform, **WHERE)
+    out = wp.zeros(len(where), dtype=manifold(real), **WHERE)
+    wp.launch(kernel(real), len(where), [shapes(rows, real), H, keep[0], poses_of, t.transform(*STILL),
+                                         wp.array(where, dtype=wp.vec2i, **WHERE), margin], [out], **WHERE)
+    m = out.numpy()
+    hit = m["count"] > 0
+    return m[hit], where[hit]
 
 
 def floor(n=6, seed=0):
@@ -106,7 +92,7 @@ def test_a_box_anywhere_on_a_flat_floor_of_triangles_is_held_up_and_by_nothing_e
     a = rng.uniform(0, np.pi, n)
     turn = [0 * a, 0 * a, np.sin(a / 2), np.cos(a / 2)]
     pose = np.column_stack([rng.uniform(-0.5, 0.5, (n, 2)), np.full(n, half[2] + gap), *turn])
-    m, where, _ = meet([("box", half)] * n, pose, [floor()], 5e-3, real)
+    m, where = meet([("box", half)] * n, pose, floor(), 5e-3, real)
     for k in range(len(m)):
         R = matrix(pose[where[k, 0], 3:])
         np.testing.assert_allclose(R @ m[k]["n"], (0, 0, 1), atol=1e-5)
@@ -121,7 +107,7 @@ def test_a_box_anywhere_on_a_flat_floor_of_triangles_is_held_up_and_by_nothing_e
 def test_a_ball_on_a_flat_floor_touches_at_its_lowest_place(real):
     rng, n = np.random.default_rng(2), 100
     pose = np.column_stack([rng.uniform(-0.8, 0.8, (n, 2)), np.full(n, 0.0995), np.tile((0, 0, 0, 1.0), (n, 1))])
-    m, where, _ = meet([("sphere", 0.1)] * n, pose, [floor(12)], 5e-3, real)
+    m, where = meet([("sphere", 0.1)] * n, pose, floor(12), 5e-3, real)
     assert set(where[:, 0]) == set(range(n)) and len(m) < 1.1 * n
     np.testing.assert_allclose(m["n"], np.tile((0, 0, 1.0), (len(m), 1)), atol=1e-6)
     np.testing.assert_allclose(m["gap"][:, 0], -5e-4, atol=2e-6)
@@ -130,18 +116,18 @@ def test_a_ball_on_a_flat_floor_touches_at_its_lowest_place(real):
 @both
 def test_a_sheet_holds_from_both_sides_and_a_closed_mesh_from_outside(real):
     below = np.array([0.1, 0.2, -0.0995, 0, 0, 0, 1])
-    m, *_ = meet([("sphere", 0.1)], below, [floor()], 5e-3, real)
+    m, _where = meet([("sphere", 0.1)], below, floor(), 5e-3, real)
     assert len(m) >= 1
     np.testing.assert_allclose(m["n"][0], (0, 0, -1), atol=1e-5)
     inside = np.array([0.1, 0.2, 0.95, 0, 0, 0, 1])
-    assert len(meet([("sphere", 0.1)], inside, [cube()], 5e-3, real)[0]) == 0
+    assert len(meet([("sphere", 0.1)], inside, cube(), 5e-3, real)[0]) == 0
 
 
 @both
 def test_edges_and_corners_of_a_cube_push_the_way_that_is_theirs(real):
     s = (1 + 0.0995 / np.sqrt(2)), (1 + 0.0995 / np.sqrt(3))
     pose = np.array([[s[0], 0.3, s[0], 0, 0, 0, 1], [s[1], s[1], s[1], 0, 0, 0, 1]])
-    m, where, _ = meet([("sphere", 0.1)] * 2, pose, [cube()], 5e-3, real)
+    m, where = meet([("sphere", 0.1)] * 2, pose, cube(), 5e-3, real)
     for i, want in enumerate([(1, 0, 1) / np.sqrt(2), np.ones(3) / np.sqrt(3)]):
         of = m[where[:, 0] == i]
         assert len(of) >= 1
@@ -154,7 +140,7 @@ def test_edges_and_corners_of_a_cube_push_the_way_that_is_theirs(real):
 def test_a_box_that_stands_half_over_an_edge_is_not_pushed_aside(real, tilt):
     """Its bottom lies 1 mm in the top of a cube, half a metre of it beyond the wall."""
     pose = np.array([1.0, 0.2, 1.499, 0, np.sin(tilt / 2), 0, np.cos(tilt / 2)])
-    m, _where, _ = meet([("box", (0.5, 0.5, 0.5))], pose, [cube()], 1e-2, real)
+    m, _where = meet([("box", (0.5, 0.5, 0.5))], pose, cube(), 1e-2, real)
     assert len(m) >= 1
     up = m["n"] @ matrix(pose[3:]).T
     assert (up[:, 2] > 0.999).all() and m["gap"][:, 0].min() > -2e-2
@@ -170,28 +156,13 @@ def test_hulls_boxes_and_capsules_have_the_gap_of_a_lone_triangle(real):
     rows = [kinds[k] for k in rng.integers(0, len(kinds), n)]
     pose = poses(rng, n)
     pose[:, :3] = rng.uniform(-1.5, 1.5, (n, 3)) * (1, 1, 0.6)
-    m, where, _ = meet(rows, pose, [(X, np.array([(0, 1, 2)]))], 10.0, real, of, every=True)
-    assert len(m) == n
+    m, where = meet(rows, pose, (X, np.array([(0, 1, 2)])), 10.0, real, of)
+    least = {int(i): row["gap"][:row["count"]].min() for row, (i, _face) in zip(m, where, strict=True)}
     error = []
     for k, row in enumerate(rows):
         shape_of = ("hull", of[row[2]].vertices) if row[0] == "hull" else row
         want = polyhedra(shape_of, pose[k], ("triangle", X), STILL)
         if want > 1e-3:
-            error.append(abs(m[k]["gap"][:m[k]["count"]].min() - want))
+            error.append(abs(least[k] - want))
     assert len(error) > 100
     assert np.median(error) < 1e-6 and max(error) < 2e-3        # where faces are preferred, 1e-3 of the size
-
-
-def test_candidates_are_the_triangles_whose_bounds_meet_and_too_many_are_told():
-    rng, n, (points, faces) = np.random.default_rng(6), 30, floor(8)
-    pose = np.hstack([rng.uniform(-1, 1, (n, 3)) * (1, 1, 0.1), turns(rng, n)])
-    rows = [("box", (0.3, 0.2, 0.1))] * n
-    _m, where, wanted = meet(rows, pose, [floor(8)], 1e-2, wp.float64, every=True)
-    X = points[faces]
-    want = set()
-    for i in range(n):
-        reach = np.abs(matrix(pose[i, 3:])) @ (0.3, 0.2, 0.1) + 1e-2
-        near = (X.min(1) <= pose[i, :3] + reach).all(1) & (X.max(1) >= pose[i, :3] - reach).all(1)
-        want |= {(i, int(f)) for f in np.flatnonzero(near)}
-    assert {tuple(map(int, row)) for row in where} == want and wanted == len(want)
-    assert meet(rows, pose, [floor(8)], 1e-2, wp.float64, capacity=50)[2] == wanted

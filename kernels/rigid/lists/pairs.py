@@ -18,7 +18,9 @@ from wsim.kernels.contact.shape import BOX
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import matrix
 from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.narrow.shape import MESH
 
+ROWS = wp.constant(8)              # of a pair with a mesh: manifolds, as many normals
 ROUNDED = wp.constant(wp.float32(1.0e-6))        # of a coordinate: some roundings of float32
 SLACK = wp.constant(0.02)          # part of a ball's radius within which shapes count as near, however slow
 
@@ -63,10 +65,13 @@ def reach(real, module):
         rig.work.from_x[f] = x
         p = x + wp.quat_rotate(q, wp.transform_get_translation(rig.s.place[i]))
         rig.work.center[i] = rig.s.origin[f] + wp.vec3d(wp.float64(p[0]), wp.float64(p[1]), wp.float64(p[2]))
-        rig.work.span[i] = t.vec2(rig.s.ball[i], way + real(SLACK) * wp.max(rig.s.ball[i], real(0.0)))
+        slack = real(SLACK) * wp.max(rig.s.ball[i], real(0.0))
+        if rig.s.kind[i] == MESH:                  # it may be a landscape
+            slack = real(0.0)
+        rig.work.span[i] = t.vec2(rig.s.ball[i], way + slack)
         ball = rig.s.ball[i]
         half = t.vec3(ball, ball, ball)
-        if rig.s.kind[i] == BOX:
+        if rig.s.kind[i] == BOX or rig.s.kind[i] == MESH:
             R = matrix(q * wp.transform_get_rotation(rig.s.place[i]))
             half = t.vec3(wp.dot(wp.abs(R[0]), rig.s.size[i]), wp.dot(wp.abs(R[1]), rig.s.size[i]),
                           wp.dot(wp.abs(R[2]), rig.s.size[i]))
@@ -103,14 +108,17 @@ def listed(real, module):
 
     @wp.func
     def take(i: int, j: int, at: int, write: int, rig: Rig):
-        """1 if j > i may meet i; it is written at its place then, where there is room."""
+        """How many rows j > i takes if it may meet i; they are written at their place then, where there is room."""
         taken = int(0)
         if j > i:
             if near(i, j, rig):
                 taken = 1
-                if write == 1 and at < rig.c.a.shape[0]:
-                    rig.c.a[at] = i
-                    rig.c.b[at] = j
+                if rig.s.kind[j] == MESH:
+                    taken = ROWS
+                if write == 1:
+                    for row in range(at, wp.min(at + taken, rig.c.a.shape[0])):
+                        rig.c.a[row] = i
+                        rig.c.b[row] = j
         return taken
 
     @wp.func

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.rigid.pairs import PRECISIONS, matrix, poses, shapes, touch, turns
+from tests.physics.rigid.pairs import PRECISIONS, WHERE, matrix, poses, shapes, touch, turns
 from tests.physics.rigid.reference import SIGNS, polyhedra, round_shapes
 from wsim.geometry.convex_hull import convex_hull
 from wsim.kernels.math.real import types
@@ -40,10 +40,10 @@ def apart_by(a, pose_a, b, pose_b, real, H=None):
     t, n = types(real), len(a)
     A, B = (matrix(np.broadcast_to(pose, (n, 7))[:, 3:]) for pose in (pose_a, pose_b))
     d = np.broadcast_to(pose_b, (n, 7))[:, :3] - np.broadcast_to(pose_a, (n, 7))[:, :3]
-    R = wp.array(np.ascontiguousarray(np.swapaxes(A, 1, 2) @ B), dtype=t.mat33, device="cpu")
-    p = wp.array(np.ascontiguousarray(np.einsum("nji,nj->ni", A, d)), dtype=t.vec3, device="cpu")
-    out = wp.zeros(n, dtype=structs(real).Nearest, device="cpu")
-    wp.launch(kernel(real), n, [shapes(a, real), shapes(b, real), H or hulls(real)(), R, p, 1e30], [out], device="cpu")
+    R = wp.array(np.ascontiguousarray(np.swapaxes(A, 1, 2) @ B), dtype=t.mat33, **WHERE)
+    p = wp.array(np.ascontiguousarray(np.einsum("nji,nj->ni", A, d)), dtype=t.vec3, **WHERE)
+    out = wp.zeros(n, dtype=structs(real).Nearest, **WHERE)
+    wp.launch(kernel(real), n, [shapes(a, real), shapes(b, real), H or hulls(real)(), R, p, 1e30], [out], **WHERE)
     return out.numpy()
 
 
@@ -83,7 +83,7 @@ def test_hulls_anywhere_have_the_gap_of_their_differences(real, scale):
     want = np.array([polyhedra(("hull", of[i].vertices), pose_a[k], ("hull", of[j].vertices), pose_b[k])
                      for k, (i, j) in enumerate(rows.T)])
     assert 0.25 < (want < 0).mean() < 0.75
-    judged(apart_by(a, pose_a, b, pose_b, real, tables(of, real, "cpu"))["gap"], want, 2 * scale, real)
+    judged(apart_by(a, pose_a, b, pose_b, real, tables(of, real, WHERE["device"]))["gap"], want, 2 * scale, real)
 
 
 @both
@@ -96,14 +96,14 @@ def test_hulls_that_nearly_touch_are_told_apart_from_those_that_do(real):
     a, b = ([("hull", 0.0, int(k)) for k in row] for row in rows)
     pose_a, pose_b = poses(rng, n), poses(rng, n)
     pose_b[:, :3] = pose_a[:, :3] + rng.uniform(0.3, 1.6, (n, 1)) * (matrix(turns(rng, n)) @ (0, 0, 1.0))
-    before = apart_by(a, pose_a, b, pose_b, wp.float64, tables(of, wp.float64, "cpu"))
+    before = apart_by(a, pose_a, b, pose_b, wp.float64, tables(of, wp.float64, WHERE["device"]))
     left = rng.choice([-1, 1], n) * 10.0 ** rng.uniform(-8, -2, n)
     normal = np.einsum("nij,nj->ni", matrix(pose_a[:, 3:]), before["n"])
     pose_b[:, :3] -= normal * (left - before["gap"])[:, None]
     want = np.array([polyhedra(("hull", of[i].vertices), pose_a[k], ("hull", of[j].vertices), pose_b[k])
                      for k, (i, j) in enumerate(rows.T)])
     assert (np.abs(want) < 1e-2 + 1e-9).all() and 0.4 < (want < 0).mean() < 0.6
-    judged(apart_by(a, pose_a, b, pose_b, real, tables(of, real, "cpu"))["gap"], want, 2.0, real)
+    judged(apart_by(a, pose_a, b, pose_b, real, tables(of, real, WHERE["device"]))["gap"], want, 2.0, real)
 
 
 @both
@@ -139,7 +139,7 @@ def test_shapes_in_one_place_are_pushed_out_the_least_way(real):
     b = [("box", (0.5, 0.4, 0.3)), ("sphere", (0.1,)), ("cylinder", (0.5, 0.2)), ("hull", 0.0, 2), ("sphere", (0.1,))]
     same = ("hull", of[2].vertices)
     want = np.array([-0.6, -0.4, -0.4, polyhedra(same, STILL, same, STILL), -0.1 - 0.5 / np.sqrt(5)])
-    got = apart_by(a, STILL, b, STILL, real, tables(of, real, "cpu"))["gap"]
+    got = apart_by(a, STILL, b, STILL, real, tables(of, real, WHERE["device"]))["gap"]
     np.testing.assert_allclose(got, want, atol=2e-6)
 
 
@@ -165,7 +165,7 @@ def test_the_other_way_round_is_the_same_gap(real):
     n, of = 200, clouds(rng, 20)
     a, b = ([("hull", 0.0, int(k)) for k in rng.integers(0, 20, n)] for _ in range(2))
     pose_a, pose_b = poses(rng, n, 0.5), poses(rng, n, 0.5)
-    H = tables(of, real, "cpu")
+    H = tables(of, real, WHERE["device"])
     one, other = apart_by(a, pose_a, b, pose_b, real, H), apart_by(b, pose_b, a, pose_a, real, H)
     np.testing.assert_allclose(one["gap"], other["gap"], atol=4e-6 if real is wp.float32 else 1e-12)
 
@@ -188,7 +188,7 @@ def test_hulls_face_to_face_touch_at_four_points_with_equal_gaps(real):
     of = [convex_hull(0.5 * SIGNS), convex_hull(np.concatenate([ring, ring + (0, 0, 0.5)]))]
     q = turns(rng, 1)[0]
     pose_a, pose_b = np.array([1.0, 2, 3, *q]), np.array([*(matrix(q) @ (0.02, 0.03, 0.505) + (1, 2, 3)), *q])
-    m = touch([("hull", 0.0, 0)], pose_a, [("hull", 0.0, 1)], pose_b, 0.02, real, tables(of, real, "cpu"),
+    m = touch([("hull", 0.0, 0)], pose_a, [("hull", 0.0, 1)], pose_b, 0.02, real, tables(of, real, WHERE["device"]),
               every(("hull",)))[0]
     assert m["count"] == 4 and len(set(m["key"])) == 4
     np.testing.assert_allclose(m["gap"], 0.005, atol=2e-6 if real is wp.float32 else 1e-12)
@@ -203,7 +203,7 @@ def test_keys_of_hulls_last_under_small_motions(real):
     pose[:, :3] += rng.uniform(-2e-5, 2e-5, (n, 3))
     of = [convex_hull(0.5 * SIGNS)]
     a = [("hull", 0.0, 0)] * n
-    m = touch(a, STILL, a, pose, 0.02, real, tables(of, real, "cpu"), every(("hull",)))
+    m = touch(a, STILL, a, pose, 0.02, real, tables(of, real, WHERE["device"]), every(("hull",)))
     assert (m["count"] == 4).all() and (m["key"] == m["key"][0]).all() and len(set(m["key"][0])) == 4
 
 
@@ -237,3 +237,37 @@ def test_coal_finds_the_same_gaps(real):
     assert 0.2 < apart_ones.mean() < 0.8 and np.median(np.abs(got - want)) < (MEDIAN if real is wp.float32 else 1e-10)
     assert np.abs(got - want)[apart_ones].max() < MOST
     assert (got < 0)[want < -MOST].all() and (got > want - MOST).all()
+
+
+@both
+def test_coal_finds_the_same_gaps_of_hulls(real):
+    """Where coal is installed: flat, long and other hulls, anywhere and nearly touching; of hulls its depths are exact too."""
+    coal = pytest.importorskip("coal")
+    rng, n = np.random.default_rng(22), 400
+    of = clouds(rng, 40)
+    rows = rng.integers(0, 40, (2, n))
+    a, b = ([("hull", 0.0, int(k)) for k in row] for row in rows)
+    pose_a, pose_b = poses(rng, n), poses(rng, n)
+    pose_b[:, :3] = pose_a[:, :3] + rng.uniform(0.2, 1.5, (n, 1)) * (matrix(turns(rng, n)) @ (0, 0, 1.0))
+    H = tables(of, real, WHERE["device"])
+    near = apart_by(a, pose_a, b, pose_b, wp.float64, tables(of, wp.float64, WHERE["device"]))
+    left = rng.choice([-1, 1], n // 2) * 10.0 ** rng.uniform(-6, -2, n // 2)
+    normal = np.einsum("nij,nj->ni", matrix(pose_a[:, 3:]), near["n"])[:n // 2]
+    pose_b[:n // 2, :3] -= normal * (left - near["gap"][:n // 2])[:, None]
+    solid = []
+    for hull in of:
+        points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+        points.extend(list(hull.vertices))
+        faces.extend([coal.Triangle(*map(int, face)) for face in hull.triangles])
+        solid.append(coal.Convex(points, faces))
+    asked = coal.DistanceRequest()
+    asked.gjk_tolerance = asked.epa_tolerance = 1e-10
+    asked.gjk_max_iterations = asked.epa_max_iterations = 1000
+    want = np.array([coal.distance(solid[i], coal.Transform3s(matrix(p[3:]), p[:3]), solid[j],
+                                   coal.Transform3s(matrix(q[3:]), q[:3]), asked, coal.DistanceResult())
+                     for i, j, p, q in zip(*rows, pose_a, pose_b, strict=True)])
+    got = apart_by(a, pose_a, b, pose_b, real, H)["gap"]
+    error = np.abs(got - want) / 2.0
+    assert 0.2 < (want > 0).mean() < 0.8 and np.median(error) < (MEDIAN if real is wp.float32 else 1e-9)
+    assert error[want > 0].max() < MOST
+    assert not ((got * want < 0) & (np.abs(want) > MOST)).any() and (got > want - MOST).all()

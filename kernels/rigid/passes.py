@@ -1,0 +1,84 @@
+"""The passes of a substep: over bodies, and over the constraints between them, kind by kind and colour by colour.
+
+    impacts, forces, warm start, sweeps, places, sweeps without bias          see kernels/rigid/soft_step.py
+
+All passes of many substeps are one launch of threads that meet after each: one thread on a CPU, a block, or a cluster of
+blocks. Kinds (kernels/rigid/kinds.py) follow one another in a sweep in the order of their list.
+"""
+
+from collections.abc import Callable, Sequence
+
+import warp as wp
+
+from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.impact import impacts
+from wsim.kernels.rigid.kinds import Kind, acts, at_once, by_colour, in_turn
+from wsim.kernels.rigid.soft_step import body_steps
+
+
+def over_bodies(real):
+    """(begun, ended): functions of the bodies, what precedes the constraints' sweeps and what follows them."""
+    Rig, (oriented, turned, forces, place) = whole(real), body_steps(real)
+
+    @wp.func
+    def begun(i: int, threads: int, h: real, rig: Rig):
+        for b in range(i, rig.b.w.shape[0], threads):
+            forces(b, h, rig)
+
+    @wp.func
+    def placed(i: int, threads: int, k: int, rig: Rig):
+        """Where substep k begins."""
+        n = rig.b.w.shape[0]
+        for f in range(i, rig.work.turn.shape[0], threads):
+            if f < n:
+                oriented(f, rig)
+            else:
+                turned(f, k, rig)
+
+    @wp.func
+    def ended(i: int, threads: int, k: int, h: real, rig: Rig):
+        for b in range(i, rig.b.w.shape[0], threads):
+            place(b, h, rig)
+        placed(i, threads, k + 1, rig)
+
+    return begun, placed, ended
+
+
+def substeps(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0, bouncing: bool = False):
+    """Kernel of substeps steps[0] .. steps[1] of a frame, of h [s], with steps[2] sweeps each, by so many threads that `meet`.
+
+    threads, cluster: of a block, and blocks of a cluster, on CUDA. bouncing: the last kind has impacts."""
+    Rig, act = whole(real), [acts(kind, real) for kind in kinds]
+    begun, placed, ended = over_bodies(real)
+    prepare = in_turn([at_once(kind, a.prepare, real) for kind, a in zip(kinds, act, strict=True)], real)
+    warm = in_turn([by_colour(kind, a.warm, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
+    solve = in_turn([by_colour(kind, a.solve, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
+    if bouncing:
+        thrown = impacts(kinds[-1], meet, real)
+    else:
+        @wp.func
+        def thrown(i: int, threads: int, k: int, h: real, rig: Rig):
+            return
+
+    def rigid_substeps(steps: wp.vec3i, h: real, threads: int, rig: Rig):
+        i = wp.tid()
+        placed(i, threads, steps[0], rig)
+        meet()
+        prepare(i, threads, steps[0], h, 1, rig)
+        meet()
+        for k in range(steps[0], steps[1]):
+            thrown(i, threads, k, h, rig)
+            begun(i, threads, h, rig)
+            meet()
+            warm(i, threads, k, h, 1, rig)
+            for _sweep in range(steps[2]):
+                solve(i, threads, k, h, 1, rig)
+            ended(i, threads, k, h, rig)
+            meet()
+            prepare(i, threads, k + 1, h, 0, rig)
+            meet()
+            solve(i, threads, k, h, 0, rig)
+
+    more = {"launch_bounds": threads} if threads else {}
+    return wp.kernel(rigid_substeps, name="rigid_substeps", module=module, enable_backward=False, grid_stride=False,
+                     **more, **({"cluster_dim": cluster} if cluster else {}))

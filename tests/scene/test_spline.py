@@ -1,0 +1,177 @@
+"""Splines and easing against closed forms, USD's own splines and SciPy."""
+
+import numpy as np
+import pytest
+from pxr import Gf, Ts
+
+from wsim.scene.curve.easing import CSS, FAMILIES, NAMES, eased
+from wsim.scene.curve.spline import Spline
+
+RULES = (lambda t, v: Spline.catmull_rom(t, v), lambda t, v: Spline.catmull_rom(t, v, 0.5),
+         lambda t, v: Spline.kochanek_bartels(t, v, 0.3, -0.4, 0.2), Spline.monotone,
+         lambda t, v: Spline.hermite(t, v, np.cos(v), np.sin(v)))
+
+
+def keys(seed=0, n=7, shape=()):
+    rng = np.random.default_rng(seed)
+    return np.cumsum(rng.uniform(0.2, 1.5, n)), rng.normal(size=(n, *shape))
+
+
+def usd(times, values, arrive, leave) -> Ts.Spline:
+    """The same Hermite curve as USD has it."""
+    spline = Ts.Spline()
+    spline.SetCurveType(Ts.CurveTypeHermite)
+    for k, (t, v) in enumerate(zip(times, values, strict=True)):
+        knot = Ts.Knot(typeName="double", time=float(t), value=float(v), curveType=Ts.CurveTypeHermite,
+                       nextInterp=Ts.InterpCurve, preTanSlope=float(arrive[k]), postTanSlope=float(leave[k]))
+        spline.SetKnot(knot)
+    return spline
+
+
+@pytest.mark.parametrize("rule", RULES, ids=("by times", "centripetal", "kochanek", "monotone", "hermite"))
+def test_a_spline_is_that_of_usd_with_its_slopes(rule):
+    times, values = keys()
+    ours = rule(times, values)
+    theirs = usd(times, values, ours.arrive, ours.leave)
+    at = np.linspace(times[0], times[-1], 301)
+    np.testing.assert_allclose(ours.sampled(at), [theirs.Eval(t) for t in at], atol=1e-12)
+    inner = at[~np.isclose(at[:, None], times).any(1)]
+    np.testing.assert_allclose(ours.rate(inner), [theirs.EvalDerivative(t) for t in inner], atol=1e-10)
+
+
+def test_catmull_rom_undershoots_a_unit_step_by_two_twenty_sevenths():
+    step = Spline.catmull_rom(np.arange(4.0), [0.0, 0.0, 1.0, 1.0])
+    assert step.at(2 / 3) == pytest.approx(-2 / 27, abs=1e-15)
+    assert step.sampled(np.linspace(0, 3, 30001)).min() == pytest.approx(-2 / 27, abs=1e-9)
+
+
+@pytest.mark.parametrize("rule", RULES, ids=("by times", "centripetal", "kochanek", "monotone", "hermite"))
+def test_rates_are_the_derivative_and_keys_are_met(rule):
+    times, values = keys(1, 6, (3,))
+    curve = rule(times, values)
+    np.testing.assert_allclose(curve.sampled(times), values, atol=1e-15)
+    at, h = np.linspace(times[0], times[-1], 200)[1:-1], 1e-6
+    at = at[(np.abs(at[:, None] - times) > 2 * h).all(1)]
+    np.testing.assert_allclose(curve.rate(at), (curve.sampled(at + h) - curve.sampled(at - h)) / (2 * h), atol=1e-7)
+    assert np.array_equal(curve.at(times[0] - 1), values[0]) and np.array_equal(curve.at(times[-1] + 1), values[-1])
+    assert not curve.rate([times[0] - 1, times[-1] + 1]).any()
+
+
+def test_a_monotone_spline_never_leaves_the_range_of_its_keys():
+    for seed in range(300):
+        times, values = keys(seed, np.random.default_rng(seed).integers(2, 8))
+        curve = Spline.monotone(times, values)
+        for k in range(len(times) - 1):
+            found = curve.sampled(np.linspace(times[k], times[k + 1], 50))
+            low, high = sorted(values[k:k + 2])
+            assert found.min() >= low - 1e-12 and found.max() <= high + 1e-12
+
+
+def test_a_monotone_spline_is_scipys():
+    interpolate = pytest.importorskip("scipy.interpolate")
+    for seed in range(20):
+        times, values = keys(seed)
+        at = np.linspace(times[0], times[-1], 400)
+        np.testing.assert_allclose(Spline.monotone(times, values).sampled(at),
+                                   interpolate.PchipInterpolator(times, values)(at), atol=1e-12)
+
+
+def test_without_tension_bias_and_continuity_it_is_catmull_rom_and_tension_one_is_still_at_the_keys():
+    times, values = keys(3)
+    assert Spline.kochanek_bartels(times, values) == Spline.catmull_rom(times, values)
+    stiff = Spline.kochanek_bartels(times, values, 1.0)
+    assert not stiff.arrive.any() and not stiff.leave.any()
+    square = values[0] + (times - times[0]) ** 2               # by the times of the keys a parabola's slopes are right
+    inner = Spline.catmull_rom(np.arange(7.0), np.arange(7.0) ** 2)
+    np.testing.assert_allclose(inner.arrive[1:-1], 2 * np.arange(7.0)[1:-1])
+    assert np.isfinite(square).all()
+
+
+def test_a_centripetal_path_has_one_tangent_at_a_key_and_no_cusp_where_the_uniform_one_loops():
+    times = np.arange(4.0)
+    path = np.array([(0.0, 0), (1, 1), (1.02, 1), (2, 0)])     # two keys close together
+    curve = Spline.catmull_rom(times, path, 0.5)
+    for k in (1, 2):
+        a, b = curve.arrive[k], curve.leave[k]
+        assert a @ b / np.linalg.norm(a) / np.linalg.norm(b) == pytest.approx(1.0, abs=1e-12)
+    at = np.linspace(1, 2, 500)[1:-1]
+    assert (curve.rate(at)[:, 0] > 0).all()                    # goes on
+    assert (Spline.catmull_rom(times, path, 0.0).rate(at)[:, 0] < 0).any()     # turns back: a loop
+
+
+def test_weights_of_keys_are_the_derivative_with_respect_to_their_values():
+    times, values = keys(4, 6, (2,))
+    at = np.linspace(times[0] - 0.5, times[-1] + 0.5, 40)
+    for curve in (Spline.catmull_rom(times, values), Spline.kochanek_bartels(times, values, 0.3, 0.2, -0.1)):
+        np.testing.assert_allclose(np.tensordot(curve.weights(at), values, 1), curve.sampled(at), atol=1e-12)
+    with pytest.raises(ValueError, match="monotone"):
+        Spline.monotone(times, values).weights(at)
+
+
+@pytest.mark.parametrize("wrong", [
+    lambda: Spline.catmull_rom([0, 1, 1], [0, 1, 2]), lambda: Spline.catmull_rom([0, 1], [0.0, np.nan]),
+    lambda: Spline.hermite([0, 1], [0.0, 1.0], [1.0]), lambda: Spline.catmull_rom([0, 1], [0.0, 1.0], 2.0)],
+    ids=("times", "not finite", "slopes", "alpha"))
+def test_what_is_no_spline_is_refused(wrong):
+    with pytest.raises(ValueError):
+        wrong()
+
+
+def test_one_key_is_a_constant():
+    curve = Spline.catmull_rom([2.0], [[1.0, 2.0]])
+    assert curve.at(-1.0).tolist() == [1.0, 2.0] == curve.at(5.0).tolist() and not curve.rate([2.0]).any()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_easing_begins_at_0_ends_at_1_and_its_rate_is_the_derivative(name):
+    assert eased(name, [0.0, 1.0])[0] == pytest.approx([0.0, 1.0], abs=1e-15)
+    s, h = np.linspace(0.0, 1.0, 1999)[100:-100], 1e-6
+    slope = (eased(name, s + h)[0] - eased(name, s - h)[0]) / (2 * h)
+    wrong = np.abs(slope - eased(name, s)[1]) > 1e-7 * np.maximum(1.0, np.abs(slope)) ** 3      # steep: differences err
+    assert wrong.sum() <= 3                                    # corners of bounce and of halves
+
+
+def test_css_eases_are_their_beziers():
+    """De Casteljau at the parameter where x is s, by bisection."""
+    for name, (x1, y1, x2, y2) in CSS.items():
+        for s in np.linspace(0, 1, 21):
+            low, high = 0.0, 1.0
+            for _ in range(60):
+                u = 0.5 * (low + high)
+                x = 3 * u * (1 - u) ** 2 * x1 + 3 * u * u * (1 - u) * x2 + u ** 3
+                low, high = (u, high) if x < s else (low, u)
+            assert eased(name, s)[0] == pytest.approx(3 * u * (1 - u) ** 2 * y1 + 3 * u * u * (1 - u) * y2 + u ** 3, abs=1e-12)
+    assert eased("ease", [0.25, 0.5, 0.75])[0] == pytest.approx([0.408511, 0.802403, 0.960459], abs=5e-7)
+    steep, near = eased((0.0, 0.3, 0.0, 1.0), [1e-9, 0.5])[0], eased((1e-13, 0.3, 1e-13, 1.0), [1e-9, 0.5])[0]
+    assert steep == pytest.approx(near, abs=1e-6)
+
+
+def test_forms_of_a_family_mirror_each_other():
+    s = np.linspace(0, 1, 101)
+    for family in FAMILIES:
+        np.testing.assert_allclose(eased(f"{family}-out", s)[0], 1 - eased(f"{family}-in", 1 - s)[0], atol=1e-15)
+        half = eased(f"{family}-in-out", s)[0]
+        np.testing.assert_allclose(half, 1 - half[::-1], atol=1e-12)
+    assert eased("back-in", s)[0].min() == pytest.approx(-0.1, abs=1e-4)
+    bounces = eased("bounce-out", np.linspace(0, 1, 100001))[0]
+    assert bounces[36363] == pytest.approx(1.0, abs=1e-4)      # first touch at 1 / 2.75
+
+
+def test_unknown_easings_and_handles_that_go_back_in_time_are_refused():
+    with pytest.raises(ValueError, match="no easing is called 'fast'"):
+        eased("fast", 0.5)
+    with pytest.raises(ValueError, match="x in 0"):
+        eased((1.2, 0.0, 0.5, 1.0), 0.5)
+
+
+def test_a_bezier_of_usd_is_hermite_with_handles_of_a_third():
+    """Handles at a third of the time make x(u) = u."""
+    values, (m, n) = (1.0, 3.0), (2.0, -1.0)
+    spline = Ts.Spline()
+    for k, t in enumerate((0.0, 2.0)):
+        spline.SetKnot(Ts.Knot(typeName="double", time=t, value=values[k], nextInterp=Ts.InterpCurve, preTanSlope=n,
+                               preTanWidth=2 / 3, postTanSlope=m, postTanWidth=2 / 3))
+    ours = Spline.hermite([0.0, 2.0], values, [m, n])
+    at = np.linspace(0, 2, 50)
+    np.testing.assert_allclose(ours.sampled(at), [spline.Eval(t) for t in at], atol=1e-12)
+    assert Gf.IsClose(ours.at(1.0).item(), spline.Eval(1.0), 1e-12)

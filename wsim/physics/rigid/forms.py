@@ -1,0 +1,152 @@
+"""How the passes of rigid contact are launched, by a rule of sizes and devices (RULE), never by timing.
+
+    listed      one thread, manifold by manifold, all substeps in a launch (CPU)
+    coloured    one thread, colour by colour: the bits of the forms below (CPU, asked for by name)
+    block       a block, colour by colour, whose threads meet after each; all substeps in a launch
+    cluster     a cluster of blocks, as a block
+    launches    a launch for each pass and colour
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels.math import block
+from wsim.kernels.rigid import launches, passes, soft_step
+from wsim.kernels.rigid.graph import colours
+from wsim.physics.motion.cluster import LARGE, MANY
+
+RULE = 1                  # of `chosen`; a change of it changes which form a scene takes
+CLUSTERS = 90             # compute capability that has clusters
+THREADS = 256             # of a block, for which there are 255 registers each
+SMALL, HUGE = 256, 32768  # shapes up to which a block has a thread for each manifold of a colour; from which one cluster is few
+WALKERS = {True: 65536, False: 48}               # threads of a launch that walks up to a count: CUDA, CPU
+TITLES = {"listed": "one thread, manifold by manifold", "coloured": "one thread, colour by colour",
+          "block": f"a block of {THREADS} threads, colour by colour", "cluster": "", "launches": "a launch for each colour"}
+
+
+@dataclass
+class Form:
+    """name: of the table above; blocks: of a cluster, else 1. Raises ValueError for another name."""
+
+    name: str
+    blocks: int = 1
+    kernels: dict[str, Any] = field(default_factory=dict)
+    kinds: list = field(default_factory=list)         # `wsim.kernels.rigid.kinds.Kind`, joints before contacts
+    of: list = field(default_factory=list)            # kernels of each, of launches
+    model: Any = None
+    wide: bool = False                                # blocks of THREADS
+    threads: int = 1                                  # that meet
+    meet: Any = None                                  # function that they call
+    module: str = ""                                  # of their kernels
+    sizes: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self):
+        if self.name not in TITLES:
+            raise ValueError(f"form is {self.name!r}; there are {', '.join(TITLES)}")
+
+    @property
+    def coloured(self) -> bool:
+        return self.name != "listed"
+
+    @property
+    def what(self) -> str:
+        return TITLES[self.name] or f"a cluster of {self.blocks} blocks of {THREADS} threads, colour by colour"
+
+    def make(self, model, bouncing: bool) -> None:
+        """Its kernels, in the model's modules."""
+        real, self.model = model.real, model
+        self.wide = self.name in ("block", "cluster") or (self.name == "launches" and model.device.is_cuda)
+        self.threads = THREADS * self.blocks if self.wide else 1
+        self.meet = meet = block.meet_cluster if self.blocks > 1 else block.meet if self.wide else block.alone
+        self.sizes = sizes = {"threads": THREADS * self.wide, "cluster": self.blocks if self.blocks > 1 else 0}
+        self.module = module = model.module_of(THREADS) if self.wide else model.module
+        self.kinds = [soft_step.contact_kind(real, self.coloured)]
+        if self.coloured:
+            self.kernels["colours"] = colours.colours(real, module, meet, **sizes)
+        if self.name != "launches":
+            self.kernels["substeps"] = passes.substeps(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
+            return
+        if bouncing:
+            self.kernels["thrown"] = launches.thrown(self.kinds, real, module, meet, **sizes)
+        self.kernels |= dict(zip(("begun", "placed", "ended"), launches.of_bodies(real, model.module), strict=True))
+        rest = block.meet if self.wide else block.alone
+        self.of = [launches.of_kind(kind, real, model.module, module, rest, sizes["threads"]) for kind in self.kinds]
+
+    def parts(self, make, bouncing: bool) -> Any:
+        """Kernels of threads that meet of another cut of a substep (`wsim.kernels.rigid.touch.step`)."""
+        meet = block.meet_cluster if self.blocks > 1 else block.meet if self.wide else block.alone
+        module = self.model.module_of(THREADS) if self.wide else self.model.module
+        return make(self.kinds, self.model.real, module, meet, threads=THREADS * self.wide,
+                    cluster=self.blocks if self.blocks > 1 else 0, bouncing=bouncing)
+
+    def launch(self, kernel, inputs: list, outputs: list, blocks: int = 0) -> None:
+        """Of all threads that meet, or so many blocks of them."""
+        if self.wide:
+            self.model.launch_blocks(kernel, blocks or self.blocks, THREADS, inputs, outputs)
+        else:
+            self.model.launch(kernel, 1, inputs, outputs)
+
+    def colour(self, rig, serial: wp.array) -> None:
+        """Colours of the manifolds that there are; serial: a word, how many found none."""
+        if self.coloured:
+            self.launch(self.kernels["colours"], [self.threads, rig], [serial])
+
+    def advance(self, steps: tuple[int, int, int], h: float, rig) -> None:
+        """Substeps steps[0] .. steps[1] of h [s], of steps[2] sweeps."""
+        if self.name != "launches":
+            self.launch(self.kernels["substeps"], [wp.vec3i(*steps), h, self.threads, rig], [])
+            return
+        self.walk("placed", steps[0], rig)
+        self.prepare(steps[0], rig)
+        for k in range(steps[0], steps[1]):
+            if "thrown" in self.kernels:
+                self.launch(self.kernels["thrown"], [self.threads, k, h, rig], [])
+            self.walk("begun", h, rig)
+            self.sweep("warm", k, h, 1, rig)
+            for _ in range(steps[2]):
+                self.sweep("solve", k, h, 1, rig)
+            self.walk("ended", k, h, rig)
+            self.prepare(k + 1, rig)
+            self.sweep("solve", k, h, 0, rig)
+
+    @property
+    def walkers(self) -> int:
+        return WALKERS[self.model.device.is_cuda]
+
+    def walk(self, name: str, *given) -> None:
+        self.model.launch(self.kernels[name], self.walkers, [self.walkers, *given], [])
+
+    def prepare(self, k: int, rig) -> None:
+        for kernels in self.of:
+            self.model.launch(kernels.prepare, self.walkers, [self.walkers, k, rig], [])
+
+    def sweep(self, name: str, k: int, h: float, biased: int, rig) -> None:
+        for kernels in self.of:
+            for colour in range(launches.LAUNCHED):
+                self.model.launch(getattr(kernels, name), self.walkers, [colour, self.walkers, k, h, biased, rig], [])
+            self.launch(getattr(kernels, f"rest_{name}"), [self.threads // self.blocks, k, h, biased, rig], [], 1)
+
+    def launches(self, steps: int, sweeps: int, times: int) -> int:
+        """Of a frame of so many substeps, in which manifolds are made so many times."""
+        if self.name != "launches":
+            return (1 + self.coloured) * times
+        kinds = len(self.of)
+        return times * (2 + kinds) + steps * (2 + kinds + ("thrown" in self.kernels)
+                                              + kinds * (sweeps + 2) * (launches.LAUNCHED + 1))
+
+
+def chosen(device, shapes: int) -> Form:
+    """By the rule."""
+    if not device.is_cuda:
+        return Form("listed")
+    if shapes > HUGE:
+        return named("launches", device)
+    return named("block" if shapes <= SMALL or device.arch < CLUSTERS else "cluster", device)
+
+
+def named(name: str, device) -> Form:
+    """The form of a name with the blocks that a device has for it."""
+    clusters = device.is_cuda and device.arch >= CLUSTERS and name in ("cluster", "launches")
+    return Form(name, (16 if device.arch == LARGE and device.sm_count >= MANY else 8) if clusters else 1)
