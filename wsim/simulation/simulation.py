@@ -222,10 +222,9 @@ class Simulation:
         springs that have muscles (a Curve, or values of its present keys); force or traction of a load (as actuation, or one
         (3,) for all times); static_friction, dynamic_friction of a body or a collider; thickness and restitution of a collider
         (the latter where one throws back from the start); motion (rigid) of a pin, or of a collider (which all worlds share);
-        positions and velocities (world, author's order) of a body; velocity, spin, force, torque, drag, spin_drag, mass, inertia
-        of a rigid one, which goes on as fast; lift, weight, vorticity, smoke_decay, cooling, viscosity (if there is some from
-        the start) of a fluid; smoke, temperature, expansion of a source. Values are copied. Raises SceneError, with nothing
-        changed, if nothing of that path has it, for what a scene would not take, and for more than `counts.MOST` substeps.
+        positions and velocities (world, author's order) of a body; velocity, spin, force, torque, drag, spin_drag, mass,
+        inertia of a rigid one; lift, weight, vorticity, smoke_decay, cooling, viscosity (if there is some from the start) of a
+        fluid; smoke, temperature, expansion of a source. Raises SceneError, with nothing changed, for what is not there.
         """
         from wsim.simulation import live
         with GATE.alone():

@@ -38,7 +38,8 @@ class Rigid(Method):
         super().__init__("rigid")
         self.model, scene = b.model, b.scene
         if b.model.gradients:
-            refuse_contacts(scene)
+            from wsim.physics.rigid.recorded import refuse_contacts
+            refuse_contacts(scene, meet(scene) or touches(scene))
         worlds = range(b.model.worlds)
         self.bodies: list[tuple[Body, int]] = [(body, world) for world in worlds for body in scene.things("Body")]
         of = {id(body): inertia(body) for body in scene.things("Body")}
@@ -65,9 +66,12 @@ class Rigid(Method):
         self.contacts: Any = None
         self.touch: Any = None                           # `wsim.physics.rigid.touch.points.Touch`, where there are points
         self.recorded: Any = None
+        self._act(b, touches(scene))
+
+    def _act(self, b, points: bool) -> None:
+        """Stages, and what they need; points: bodies may touch some."""
         what, launches = f"{len(self.bodies)} bodies, all substeps", 1
-        points = touches(scene)
-        if points or meet(scene):
+        if points or meet(b.scene):
             from wsim.physics.rigid.contacts import Contacts
             self.contacts = Contacts(b, self)
             what += f", {self.contacts.shapes} shapes that can meet, {self.contacts.form.what}"
@@ -257,17 +261,6 @@ class Rigid(Method):
             values[hit] = value
         array.assign(values.astype(self.model.dtype))
         return True
-
-
-def refuse_contacts(scene) -> None:
-    """Raises SceneError where bodies that are to be recorded can touch something, or are joined."""
-    from wsim.scene.values.coverage import refuse
-    for joint in scene.things("Joint"):
-        raise refuse("joints", joint.path)
-    if meet(scene):
-        bodies = [body for body in scene.things("Body") if meeting(body)]
-        other = next((c.path for c in standing(scene.colliders)), bodies[-1].path)
-        raise refuse("impulses", bodies[0].path, other=other)
 
 
 def meet(scene) -> bool:
