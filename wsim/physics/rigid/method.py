@@ -39,7 +39,7 @@ class Rigid(Method):
         self.model, scene = b.model, b.scene
         if b.model.gradients:
             from wsim.physics.rigid.recorded import refuse_contacts
-            refuse_contacts(scene)
+            refuse_contacts(scene, meet(scene) or touches(scene))
         worlds = range(b.model.worlds)
         self.bodies: list[tuple[Body, int]] = [(body, world) for world in worlds for body in scene.things("Body")]
         of = {id(body): inertia(body) for body in scene.things("Body")}
