@@ -130,7 +130,8 @@ class Rigid(Method):
             self.touch.meet(others)
 
     def retry(self, status: Status) -> list[Remedy]:
-        return self.contacts.retry(status) if self.contacts else []
+        found = self.contacts.retry(status) if self.contacts else []
+        return found + (self.touch.foreseen.retry(self.touch.clock) if self.touch and self.touch.foreseen else [])
 
     def restored(self, fields) -> None:
         pairs = fields.get(self.bodies[0][0].path, {}).get("a")

@@ -36,6 +36,10 @@ class Touch:
     def __init__(self, b, rigid):
         """rigid: the method, whose `contacts` are made."""
         self.model, self.state, self.rigid, self.real = b.model, b.state, rigid, b.model.real
+        self.status, self.clock = b.status, b.clock
+        if b.choice.solver == "implicit":
+            from wsim.physics.rigid.touch.newton import UNFORESEEN
+            b.status.reserve(UNFORESEEN)
         self.owners = [(k, world, c) for k, (body, world) in enumerate(rigid.bodies) for c in meeting(body)]
         self.copies = {world: [replace(c, motion=Motion.still(rigid.bodies[k][0].motion.at(0.0) @ c.motion.at(0.0)),
                                        restitution=0.0) for k, of, c in self.owners if of == world]
@@ -217,6 +221,8 @@ class Touch:
 
         if self.foreseen and clock.i == clock.iterations - 1:
             self.foreseen.balance(clock)
+            if not self.contact.press:
+                self.foreseen.miss()
 
     def others(self) -> wp.array:
         """Pushes of the colliders that are no bodies: what velocities of points follow from without them."""
