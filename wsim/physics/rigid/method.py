@@ -183,7 +183,7 @@ class Rigid(Method):
             found["rigid_overlap"] = self.contacts.overlap()
             if self.contacts.in_turn:
                 found["rigid_in_turn"] = float(self.contacts.in_turn)
-        return found
+        return found | (self.touch.indicators() if self.touch else {})
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = np.array([k for k, (body, of) in enumerate(self.bodies) if path in ("/", body.path) and world in (None, of)], int)

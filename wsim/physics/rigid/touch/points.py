@@ -224,6 +224,12 @@ class Touch:
             if not self.contact.press:
                 self.foreseen.miss()
 
+    def indicators(self) -> dict[str, float]:
+        """touches: contacts of points with bodies, open ones too, in the last substep; touch_residual: what was left there of how
+        points change a body's motion, the largest of all bodies (kernels/rigid/touch/star.py; of Newton's method lean.py)."""
+        left = self.foreseen.missed if self.foreseen else self.left
+        return {"touches": int(self.rows.first.numpy()[-1]), "touch_residual": float(left.numpy().max())}
+
     def others(self) -> wp.array:
         """Pushes of the colliders that are no bodies: what velocities of points follow from without them."""
         self.run("others", self.room_for, [self.shapes.of, self.contacts.slots, self.contacts.push], [self.aside])
