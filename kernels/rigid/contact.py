@@ -87,6 +87,11 @@ def structs(real):
         taken: wp.array(dtype=wp.int64)        # of bodies: colours of their manifolds, a bit each
         place: wp.array(dtype=int)             # of colours: where the next manifold goes
         first: wp.array(dtype=int)             # of bodies: rank of the manifold that may take a colour
+        calm: wp.array(dtype=real)             # of bodies [s], see kernels/rigid/graph/sleep.py
+        asleep: wp.array(dtype=int)            # 1: passes leave the body as it is
+        label: wp.array(dtype=int)             # first body of its island
+        roused: wp.array(dtype=int)            # 1: the island is awake that has this body first
+        awake: wp.array(dtype=int)             # (1,): whether some body is
         r_a: wp.array(dtype=t.vec3)
         r_b: wp.array(dtype=t.vec3)
         now: wp.array(dtype=real)              # gap
@@ -95,6 +100,7 @@ def structs(real):
         goal: wp.array(dtype=real)             # velocity along n behind an impact; < 0: none
         hit: wp.array(dtype=real)              # impulses of it
         scrape: wp.array(dtype=t.vec3)
+        residual: wp.array(dtype=real)         # (2,): now, and what was left [m/s], see kernels/rigid/complementarity
 
     return Shapes, Still, Contacts, Work
 

@@ -27,6 +27,7 @@ from wsim.physics.cloth.constraints import of_body
 from wsim.physics.motion.stability import needed
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.integrator import TABLE, Integrator
+from wsim.scene.methods import collides
 from wsim.simulation import cost, sweep_strain
 
 DRIFT = 2.0            # RMS error of converged backward Euler over h sqrt(g L). 1 m cloth at 0.5 s, h of 1/240 to 1/960 s: 1.5
@@ -98,13 +99,13 @@ def _soft(model: Model, method: Integrator | None) -> Choice:
     scene, leapfrog = model.scene, TABLE["leapfrog"]
     iterations = scene.iterations if scene.solver == "implicit" else min(scene.iterations, SOLVED)
     solved = iterations >= SOLVED and not (_hard(model) or scene.air_drag)      # drag leaves order 1, and sdirk3 fewer steps
-    chosen = method or TABLE["backward_euler" if scene.colliders else "sdirk3" if solved else "bdf2"]
+    chosen = method or TABLE["backward_euler" if collides(scene) else "sdirk3" if solved else "bdf2"]
     steps = scene.substeps if method else ceil(scene.substeps / chosen.solves)       # as many systems are solved
     newton = Choice("implicit", chosen, steps * chosen.solves, iterations, "the scene names it")
     if scene.solver == "implicit" or method:
         return newton
     euler = _euler(model, "implicit", iterations)
-    newton = euler if scene.colliders else newton
+    newton = euler if collides(scene) else newton
     reason = _unfit(model, "Newton's method")
     if reason:
         return replace(newton, why=reason)
@@ -180,7 +181,7 @@ def _euler(model: Model, solver: str, iterations: int, lag: float = 0.0) -> Choi
     """Backward Euler by that solver, of as many substeps as the wanted error takes, and no fewer than the scene names. lag: of
     sweeps, see `wsim.simulation.sweep_strain`."""
     sweeps, bodies = iterations if solver == "xpbd" and not _hard(model) else 0, falls(model)
-    factor = EULER if model.scene.colliders else DRIFT
+    factor = EULER if collides(model.scene) else DRIFT
 
     def error(h: float) -> float:
         return drift(bodies, h, factor) + (swept(bodies, h, sweeps) if sweeps else 0.0)
@@ -195,12 +196,12 @@ def _euler(model: Model, solver: str, iterations: int, lag: float = 0.0) -> Choi
 
 def _worth(scene: Scene) -> float:
     """Times the time of another solver that leapfrog is worth."""
-    return STRUCK if scene.colliders else SURE
+    return STRUCK if collides(scene) else SURE
 
 
 def _struck(model: Model, n: int) -> int:
     """Substeps of leapfrog, n or more where colliders are."""
-    bodies = falls(model) if model.scene.colliders else []
+    bodies = falls(model) if collides(model.scene) else []
     return _within(model, n, lambda h: drift(bodies, h, HIT))
 
 

@@ -16,7 +16,7 @@ from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import Constraints
 from wsim.scene import Scene
-from wsim.scene.methods import METHODS, Row
+from wsim.scene.methods import METHODS, Row, carried
 from wsim.simulation.choice import Choice
 
 
@@ -75,7 +75,7 @@ def _xpbd(b: Build) -> str:
 
 
 def _contact(b: Build) -> str:
-    kinds = sorted({type(c.shape).__name__.lower() for c in b.scene.colliders})
+    kinds = sorted({type(c.shape).__name__.lower() for c in (*b.scene.colliders, *carried(b.scene))})
     return f"colliders: {', '.join(kinds)}" if kinds and b.model.bodies else ""
 
 
@@ -98,6 +98,8 @@ def needed(row: Row, b: Build) -> str:
     if row.name in NEEDED:
         return NEEDED[row.name](b)
     counts = {name: len(b.scene.things(name)) for name in row.owns}
+    if row.owns and not counts[row.owns[0]]:                    # what the others are about
+        return ""
     return ", ".join(f"{n} {name}" for name, n in counts.items() if n)
 
 
@@ -114,7 +116,6 @@ def built(row: Row, b: Build) -> Method | None:
 PARTS: list[tuple[str, str, Callable[[Build], bool]]] = [
     ("history", "backward Euler needs no earlier step", lambda b: b.clock.integrator.memory > 0.0),
     ("fem", "there is no soft body", lambda b: bool(b.scene.softs)),
-    ("fluid", "there is no fluid", lambda b: False),
     ("gradients", "not asked for", lambda b: b.model.gradients),
     ("membrane", "no cloth has triangle strain", lambda b: any(c.model == "membrane" for c in b.scene.cloths)),
 ]

@@ -27,8 +27,8 @@ SLACK = wp.constant(0.02)          # part of a ball's radius within which shapes
 
 
 @cache
-def trees():
-    """Struct of the trees of boxes [m] and of the shapes that have no end."""
+def trees(filtered: bool = False):
+    """Struct of the trees of boxes [m] and of the shapes that have no end; filtered: and of what does not touch."""
     @wp.struct
     class Tree:
         id: wp.uint64                          # of shapes of bodies
@@ -38,13 +38,44 @@ def trees():
         up: wp.array(dtype=wp.vec3f)           # normals of planes
         endless: wp.array(dtype=int)
 
-    return Tree
+    @wp.struct
+    class FilteredTree:
+        id: wp.uint64
+        still: wp.uint64
+        low: wp.array(dtype=wp.vec3f)
+        high: wp.array(dtype=wp.vec3f)
+        up: wp.array(dtype=wp.vec3f)
+        endless: wp.array(dtype=int)
+        group: wp.array(dtype=int)             # of a shape
+        apart: wp.array2d(dtype=int)           # 1: groups that do not touch
+        first: wp.array(dtype=int)             # shapes that a shape does not touch besides, and the end
+        parted: wp.array(dtype=int)
+
+    return FilteredTree if filtered else Tree
 
 
-def reach(real, module):
+def parting(filtered: bool):
+    """Function: whether shapes i and j are kept from touching."""
+    Tree = trees(filtered)
+    if not filtered:
+        @wp.func
+        def parted(i: int, j: int, tree: Tree):
+            return False
+    else:
+        @wp.func
+        def parted(i: int, j: int, tree: Tree):
+            found = bool(tree.apart[tree.group[i], tree.group[j]] == 1)
+            for e in range(tree.first[i], tree.first[i + 1]):
+                if tree.parted[e] == j:
+                    found = True
+            return found
+    return parted
+
+
+def reach(real, module, filtered: bool = False):
     """Kernel of the centre, (ball, way) of every shape from `first` on: where it has no end, its ball is < 0. Also notes where
     bodies are. Colliders go as they are animated: they need no slack, and one may be a landscape."""
-    t, Tree = types(real), trees()
+    t, Tree = types(real), trees(filtered)
     Rig = whole(real)
 
     def rigid_reach(rig: Rig, first: int, k: int, time: real, tree: Tree):
@@ -93,9 +124,10 @@ def reach(real, module):
     return wp.kernel(rigid_reach, name="rigid_reach", module=module, enable_backward=False)
 
 
-def listed(real, module):
-    """Kernel that counts the partners of a body's shape (write = 0), or writes them behind `first`, where there is room."""
-    Rig, Tree = whole(real), trees()
+def listed(real, module, filtered: bool = False):
+    """Kernel that counts the partners of a body's shape (write = 0), or writes them behind `first`, where there is room.
+    filtered: less those that do not touch."""
+    Rig, Tree, parted = whole(real), trees(filtered), parting(filtered)
 
     @wp.func
     def above(i: int, j: int, tree: Tree, rig: Rig):
@@ -126,7 +158,7 @@ def listed(real, module):
         """How many rows j > i takes if it may meet i; they are written at their place then, where there is room."""
         taken = int(0)
         if j > i:
-            if near(i, j, tree, rig):
+            if near(i, j, tree, rig) and not parted(i, j, tree):
                 taken = 1
                 if rig.s.kind[j] == MESH:
                     taken = ROWS

@@ -21,6 +21,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion import clearance as kernels
 from wsim.model.stage import FREE, MET, Clock, Stage
 from wsim.scene import Plane, Scene, Surface
+from wsim.scene.methods import carried
 
 REACHED = "a collider may be met"         # status word: in this frame without contacts; after one with contacts: in the next
 AHEAD = 2.0            # frames at the speed of a point that it must be away from contacts. A frame that is repeated has cost
@@ -32,7 +33,7 @@ def possible(scene: Scene, gradients: bool) -> bool:
     from wsim.physics.contact.contacts import MANY
     balls = sum(not isinstance(c.shape, Plane) for c in scene.colliders)
     forming = any(isinstance(c.shape, Surface) and c.shape.poses is not None and c.shape.poses.moves for c in scene.colliders)
-    return not (gradients or forming or balls >= MANY or any(c.restitution > 0.0 for c in scene.colliders))
+    return not (gradients or carried(scene) or forming or balls >= MANY or any(c.restitution > 0.0 for c in scene.colliders))
 
 
 class Clearance:

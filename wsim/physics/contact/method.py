@@ -33,7 +33,7 @@ def build(b: Build) -> Contact:
     if b.scene.contact_width > 0.0 and b.choice.solver == "implicit":
         raise SceneError(Problem("/", f"contact_width is {b.scene.contact_width:g} m, and Newton's method has hard contacts; "
                                  "set it to 0, or wsim:solver = explicit or xpbd"))
-    contact = Contact(b.model, b.state, b.methods.find("points"), b.status, b.clock)
+    contact = Contact(b.model, b.state, b.methods.find("points"), b.status, b.clock, b.methods.find("movers"))
     if b.free:
         from wsim.physics.contact.clearance import Clearance
         contact.part(Clearance(contact, b.clock, bool(b.methods.find("whole frames"))))
@@ -43,19 +43,21 @@ def build(b: Build) -> Contact:
 class Contact(Method):
     """Points of every body against every collider. Raises SceneError for a collider that makes no sense."""
 
-    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock):
-        """points: the method that owns inverse masses and objects (`constants`) and the anchor."""
+    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, movers=None):
+        """points: the method that owns inverse masses and objects (`constants`) and the anchor; movers: what places colliders
+        of its own and takes what they are pushed by (`wsim.physics.rigid.touch.points.Touch`), or None."""
         super().__init__("contact")
         self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
         self.within = False                              # of a Newton step
         self.press: Callable[[Clock], None] | None = None        # behind what moves points after Newton steps
-        self.model, self.state, self.anchor, self.points = model, state, points.anchor, points
+        self.model, self.state, self.anchor, self.points, self.movers = model, state, points.anchor, points, movers
         colliders = model.scene.colliders
         own = points.constants.object
         if model.gradients:                              # there each point has a row of its own
             own = np.repeat(np.arange(len(model.bodies)), [b.count for b in model.bodies]).astype(np.int32)
         each = [faces(b) for b in model.bodies]
-        bodies = Bodies([colliders] * len(model.bodies), np.stack([b.origin for b in model.bodies]), own,
+        of = [[*colliders, *movers.colliders(b.world)] for b in model.bodies] if movers else [colliders] * len(model.bodies)
+        bodies = Bodies(of, np.stack([b.origin for b in model.bodies]), own,
                         points.constants.w, model.stack("reach"),
                         np.repeat([b.friction for b in model.bodies], [b.count for b in model.bodies], axis=0),
                         model.shared(np.concatenate(each)),
@@ -83,6 +85,8 @@ class Contact(Method):
             from wsim.physics.contact.restitution import Bounce
             self.bounce = Bounce(model, state, points, self.contacts)
             self.stages += self.bounce.stages
+        if movers:
+            movers.join(self)
         self.offers = {"contact": self, "contacts": self.contacts} | ({"bounce": self.bounce} if self.bounce else {})
 
     def part(self, clearance) -> None:
@@ -104,10 +108,16 @@ class Contact(Method):
         return found
 
     def search(self, clock: Clock) -> None:
+        if self.movers:
+            self.movers.place(clock)
         self.contacts.search(clock.k, self.state.x, self.state.d, self.anchor)
+        if self.movers:
+            self.movers.listed(clock)
 
     def project(self, clock: Clock) -> None:
-        if self.within and not self.contacts.recorded:
+        if self.movers:
+            self.movers.project(clock)
+        elif self.within and not self.contacts.recorded:
             if self.press:
                 self.press(clock)
         elif self.after or not (self.solved and self.contacts.recorded):
@@ -116,7 +126,7 @@ class Contact(Method):
     def settle(self, clock: Clock) -> None:
         s = self.state
         if clock.integrator.memory:
-            self.contacts.settle(clock.g, s.e, s.d, self.anchor, s.v)
+            self.contacts.settle(clock.g, s.e, s.d, self.anchor, s.v, self.movers.others() if self.movers else None)
 
     def enter(self, clock: Clock) -> None:
         if self.clearance:

@@ -1,4 +1,4 @@
-"""What can be wrong with a rigid body. NumPy only."""
+"""What can be wrong with a rigid body; of joints see wsim/physics/rigid/joints/check.py. NumPy only."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -20,7 +20,19 @@ LEAST = 1e-30                # [kg], [kg m^2]; and the inverse of the greatest
 TRIANGLE = 1e-4              # of a moment over the sum of the other two
 
 
-def check(body: Body, scene: Scene) -> Iterator[Problem]:
+def check(thing, scene: Scene) -> Iterator[Problem]:
+    if isinstance(thing, Body):
+        yield from _body(thing, scene)
+        return
+    if type(thing).__name__ == "Joint":
+        from wsim.physics.rigid.joints.check import check as joint
+        yield from joint(thing, scene)
+    else:
+        from wsim.physics.rigid.joints.filters.groups import check as filters
+        yield from filters(thing, scene)
+
+
+def _body(body: Body, scene: Scene) -> Iterator[Problem]:
     """Velocities, forces, drags, mass and density are values, and checked as such."""
     path = body.path
     for name in ("center", "inertia", "axes"):
@@ -56,9 +68,10 @@ def _nested(paths: list[str]) -> Iterator[Problem]:
 
 
 def _beside(body: Body, scene: Scene) -> Iterator[Problem]:
-    if scene.bodies() and body is scene.things("Body")[0]:
-        yield warning(body.path, "rigid bodies and cloth, springs or soft bodies pass through each other",
-                      "one kind in a scene", "make the bodies kinematic (colliders of the scene), or take one kind out")
+    if scene.bodies() and scene.contact_width > 0.0 and any(c.meets for c in body.colliders):
+        yield error(body.path, f"is a rigid body that cloth, springs or soft bodies touch, and contact_width is "
+                    f"{scene.contact_width:g} m: a potential before a contact knows no body that gives way", "0",
+                    "leave out wsim:contactWidth, or make the body kinematic")
 
 
 def _meshes(body: Body, scene: Scene) -> Iterator[Problem]:
@@ -109,9 +122,10 @@ def _size(body: Body) -> Iterator[Problem]:
         yield warning(body.path, f"it is {extent:.3g} m {'large' if extent > LARGE else 'small'}",
                       f"{SMALL:g} m to {LARGE:g} m", "author metersPerUnit on the stage: "
                       "1 if its numbers are metres, 0.01 if they are centimetres")
-    away = 0.0 if body.center is None else float(np.linalg.norm(body.center - np.clip(body.center, low, high)))
-    if away > extent:
-        yield warning(body.path, f"its centre of mass {_words(body.center)} is {away:.3g} m from its colliders, which are "
+    center = body.center
+    away = 0.0 if center is None else float(np.linalg.norm(center - np.clip(center, low, high)))
+    if center is not None and away > extent:
+        yield warning(body.path, f"its centre of mass {_words(center)} is {away:.3g} m from its colliders, which are "
                       f"{extent:.3g} m large", "a place within or near them", "author physics:centerOfMass again")
 
 

@@ -12,19 +12,18 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.geometry.rotation import angular_velocity, conjugate, multiply, quaternion, rotate
+from wsim.geometry.rotation import angular_velocity, quaternion
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid import contact
 from wsim.kernels.rigid.kinds import SERIAL
 from wsim.kernels.rigid.lists import collide, collide_mesh, pairs, rows
-from wsim.kernels.rigid.narrow.pair import every
 from wsim.kernels.rigid.narrow.shape import KINDS
 from wsim.model.stage import Clock, Remedy
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.rigid import forms, surfaces
-from wsim.physics.rigid.hulls import tables
+from wsim.physics.rigid.meetings import bounces, kinds, places_of
 from wsim.physics.rigid.solids import as_met, meeting, standing
 from wsim.scene import Collider
 
@@ -34,14 +33,6 @@ PAIRS = (Field("a", "", True, "shape of a manifold, -1 for none", "int"), Field(
          Field("count", "", True, "its points", "int"), Field("colour", "", True, "its colour, -1 for none", "int"))
 POINTS = (Field("push", "N s", True, "impulse of a point in the last substep", "scalar"),
           Field("rub", "N s", True, "that of friction"), Field("key", "", True, "features that touch", "int"))
-
-
-def kinds(bodies: list, colliders: list[Collider]) -> frozenset[tuple[str, str]]:
-    """Kinds of shapes that can meet, pairs with a mesh among them."""
-    mine = {met.kind for body in bodies for c in body.colliders if (met := as_met(c, True)) is not None}
-    still = {met.kind for c in colliders if (met := as_met(c, False)) is not None}
-    return frozenset(p for p in every(mine | still) if mine & set(p) and p[1] != "mesh") | frozenset(
-        (one, "mesh") for one in mine if "mesh" in still)
 
 
 class Contacts:
@@ -56,14 +47,24 @@ class Contacts:
         self.bouncing, self.sweeps = bounces(b.scene), b.scene.iterations
         self.moves = any(c.motion.moves for c in self.colliders)
         self._shapes()
+        self.filters = None
+        if any(b.scene.things(name) for name in ("Joint", "Group", "Parted")):
+            from wsim.physics.rigid.joints.filters.groups import filters
+            paths = [(c.path, world) for _, world, c in self.owners] + [(c.path, -1) for c in self.colliders]
+            frames = [method.bodies[k][0].path for k, _, _ in self.owners] + [""] * len(self.colliders)
+            self.filters = filters(b.scene, paths, frames)
         real, module = self.real, b.model.module
-        self.reach, self.listed, self.keep = pairs.reach(real, module), pairs.listed(real, module), rows.keeping(real, module)
+        filtered = self.filters is not None
+        self.reach, self.listed = pairs.reach(real, module, filtered), pairs.listed(real, module, filtered)
+        self.keeping = rows.keeping(real, module)
         met = kinds(b.scene.things("Body"), self.colliders)
         on_meshes = frozenset(one for one, other in met if other == "mesh")
         self.collide = collide.collide(frozenset(p for p in met if p[1] != "mesh"), real, module)
         self.on_meshes = collide_mesh.collide_mesh(on_meshes, real, module) if on_meshes else None
         self.form = forms.chosen(b.model.device, self.shapes)
-        self.form.make(b.model, self.bouncing)
+        self.form.make(b.model, self.bouncing, method.joints.islands if method.joints else 0)
+        if method.sleep:
+            method.sleep.make(self.form)
         b.status.reserve(WORD)
         b.status.reserve(IN_TURN)
         self.parts = (Part.allocate("rigid pairs", PAIRS, 0, real, self.device, self._room()),
@@ -92,7 +93,7 @@ class Contacts:
         solid = {k: met.hull for k, met in enumerate(forms_of) if met.hull is not None}
         meshes = {k: met.mesh for k, met in enumerate(forms_of) if met.mesh is not None}
         number = {k: place for of in (solid, meshes) for place, k in enumerate(of)}
-        self.hulls = tables(list(solid.values()), real, self.device)
+        self.hulls = surfaces.hull_tables(list(solid.values()), real, self.device)
         if meshes:
             self.surfaces, self.trees = surfaces.tables(list(meshes.values()), real, self.device)
         t = types(real)
@@ -129,6 +130,9 @@ class Contacts:
                            order=zeros(room, int), starts=zeros(SERIAL + 2, int), place=zeros(SERIAL + 2, int),
                            colours=zeros(1, int), flags=zeros(2, int), taken=zeros(n, wp.int64), first=zeros(n, int))
         self.work.listed = self.first[len(self.owners) - 1:]
+        self.work.residual = zeros(2, real)
+        for name, array in (self.method.sleep.arrays(n) if self.method.sleep else {"asleep": zeros(n, int)}).items():
+            setattr(self.work, name, array)
 
     def _boxes(self) -> None:
         """Trees of the broad phase, and where shapes are: built anew whenever manifolds are made, of colliders if they move."""
@@ -140,8 +144,13 @@ class Contacts:
         self.bvh = wp.Bvh(low[:mine], high[:mine])
         endless = np.flatnonzero(self.table.ball.numpy() < 0.0).astype(np.int32)
         self.bvh_still = wp.Bvh(low[mine:], high[mine:]) if self.shapes - mine > len(endless) else None
-        self.tree = filled(pairs.trees(), id=self.bvh.id, still=self.bvh_still.id if self.bvh_still else 0, low=low, high=high,
-                           up=up, endless=wp.array(endless, dtype=int, device=self.device))
+        more = {}
+        if self.filters:
+            names = {"group": self.filters.kind, "apart": self.filters.table, "first": self.filters.first,
+                     "parted": self.filters.parted}
+            more = {name: wp.array(v.astype(np.int32), dtype=int, device=self.device) for name, v in names.items()}
+        self.tree = filled(pairs.trees(bool(more)), **more, id=self.bvh.id, still=self.bvh_still.id if self.bvh_still else 0,
+                           low=low, high=high, up=up, endless=wp.array(endless, dtype=int, device=self.device))
         self.seen = {"center": zeros(self.shapes, wp.vec3d), "span": zeros(self.shapes, t.vec2), "from_x": zeros(n, t.vec3)}
         self.number, self.first = zeros(mine, int), zeros(mine, int)
 
@@ -151,7 +160,7 @@ class Contacts:
             array[first:self.parts[0].capacity].fill_(-1)
         body, world = self.method.bodies[0]
         for part in self.parts:
-            part.rows = {(body.path, world): np.arange(part.capacity)}
+            part.rows = {(body.written, world): np.arange(part.capacity)}
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Uploads the poses of colliders at the substeps of a frame; still ones once."""
@@ -159,8 +168,11 @@ class Contacts:
         if self.poses_of == known and not self.moves:
             return
         self.moves = moves = any(c.motion.moves for c in self.colliders)
+        if self.method.sleep and self.poses_of and self.poses_of != known:
+            self.method.sleep.wake()
         rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.colliders)
-        M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)]).reshape(-1, n, 4, 4)
+        M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)])
+        M = M.reshape(rows + moves, n, 4, 4)
         x, q = M[:, :, :3, 3] - self.still_origin, quaternion(M[:, :, :3, :3])
         v, omega = np.zeros_like(x), np.zeros_like(x)
         if moves:
@@ -185,13 +197,34 @@ class Contacts:
 
     def advance(self, clock: Clock) -> None:
         """All substeps of a frame."""
-        times = self.times(clock)
-        ends = [round(i * clock.substeps / times) for i in range(times + 1)]
+        sleep = self.method.sleep
+        if sleep and self.device.is_cpu and not self.still.moving:
+            wp.capture_if(sleep.awake, self.awake, clock=clock)
+        else:
+            self.awake(clock)
+
+    def awake(self, clock: Clock) -> None:
+        """A frame in which something may move."""
+        if self.form.tolerance > 0.0:
+            self.work.residual.zero_()
+        ends = self.ends(clock)
         for first, last in zip(ends[:-1], ends[1:], strict=True):
-            self._manifolds(clock, first, last)
-            self.form.colour(self.rig(), self.status.word(IN_TURN))
-            self.form.advance((first, last, self.sweeps), clock.h, self.rig())
-            self.model.launch(self.keep, self.room, [self.list], [filled(rows.lasts(self.real), **self.arrays())])
+            self.manifolds(clock, first, last)
+            joints = self.method.joints
+            sweeps, more = (joints.sweeps, [joints.with_contacts(self.work)]) if joints else (self.sweeps, [])
+            self.form.advance((first, last, sweeps), clock.h, self.rig(), *more)
+            if self.method.sleep:
+                self.method.sleep.end(self.room, self.rig())
+            self.keep()
+
+    def ends(self, clock: Clock) -> list[int]:
+        """Substeps before which manifolds are made, and the number of substeps."""
+        times = self.times(clock)
+        return [round(i * clock.substeps / times) for i in range(times + 1)]
+
+    def keep(self) -> None:
+        """Puts the list into the state."""
+        self.model.launch(self.keeping, self.room, [self.list], [filled(rows.lasts(self.real), **self.arrays())])
 
     def times(self, clock: Clock) -> int:
         """How often manifolds are made in a frame."""
@@ -199,13 +232,15 @@ class Contacts:
 
     def launches(self, clock: Clock) -> int:
         times = self.times(clock)
-        return (7 + bool(self.on_meshes) + 2 * self.moves) * times + self.form.launches(clock.substeps, self.sweeps, times)
+        made = 7 + bool(self.on_meshes) + 2 * self.moves + 2 * bool(self.method.sleep)
+        return made * times + self.form.launches(clock.substeps, self.sweeps, times)
 
     def arrays(self) -> dict[str, wp.array]:
         """Of the state: the last list."""
         return {name: array for part in self.parts for name, array in part.arrays.items()}
 
-    def _manifolds(self, clock: Clock, first: int, last: int) -> None:
+    def manifolds(self, clock: Clock, first: int, last: int) -> None:
+        """Of substeps first .. last, with their colours."""
         launch, rig, n = self.model.launch, self.rig(), len(self.owners)
         if self.moves:
             self._stand(first, clock.h * (last - first))
@@ -219,6 +254,9 @@ class Contacts:
         launch(self.collide, self.room, [rig, self.hulls, first, before], [])
         if self.on_meshes:
             launch(self.on_meshes, self.room, [rig, self.hulls, self.surfaces, first, before], [])
+        if self.method.sleep:
+            self.method.sleep.settle(first, clock.h * (last - first), rig)
+        self.form.colour(rig, self.status.word(IN_TURN))
 
     def rig(self) -> Any:
         return filled(contact.whole(self.real), s=self.table, b=self.method.table, now=self.method.moving(), still=self.still,
@@ -229,6 +267,16 @@ class Contacts:
         count = self.list.count.numpy()
         used = np.arange(4) < count[:, None]
         return max(0.0, -float(self.work.now.numpy().reshape(-1, 4)[used].min(initial=0.0)))
+
+    def indicators(self) -> dict[str, float]:
+        """How deep shapes overlap [m]; in the converged mode the residual that the last frame left, at most [m/s]; bodies
+        asleep, and manifolds that found no colour, if any."""
+        found = {"rigid_overlap": self.overlap()}
+        if self.form.tolerance > 0.0 and self.method.touch is None:
+            found["rigid_residual"] = float(self.work.residual.numpy()[1])
+        if self.method.sleep:
+            found["rigid_asleep"] = float(self.method.part.arrays["asleep"].numpy().sum())
+        return found | ({"rigid_in_turn": float(self.in_turn)} if self.in_turn else {})
 
     def grow(self, room: int) -> None:
         """Room for so many pairs; what the state has of them stays."""
@@ -250,18 +298,3 @@ class Contacts:
             self.grow(wanted + wanted // 4)
             return f"{wanted} pairs of rigid shapes were near each other, more than there was room for"
         return [Remedy("grow", more)] if wanted > self.room else []
-
-
-def bounces(scene) -> bool:
-    """Whether something has a restitution."""
-    own = [c for body in scene.things("Body") for c in meeting(body)]
-    return any(c.restitution > 0.0 for c in (*own, *standing(scene.colliders)))
-
-
-def places_of(masses: list, colliders: list[Collider], centers: np.ndarray) -> np.ndarray:
-    """(x, y, z, quaternion), (n, 7), of colliders, about `centers` (n, 3) in their frames, in those of the centres of mass and
-    principal axes of their bodies."""
-    M = np.array([c.motion.at(0.0) for c in colliders])
-    back, center = conjugate(np.array([m.axes for m in masses])), np.array([m.center for m in masses])
-    x = np.einsum("nij,nj->ni", M[:, :3, :3], centers) + M[:, :3, 3]
-    return np.concatenate([rotate(back, x - center), multiply(back, quaternion(M[:, :3, :3]))], axis=1)

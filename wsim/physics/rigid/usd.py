@@ -5,9 +5,13 @@ of bodies, colliders and materials), from the volumes of wsim/physics/rigid/mass
 its colliders move as animated and push.
 """
 
+from typing import Any
+
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
+from wsim.physics.rigid.joints.joint import Joint
+from wsim.physics.rigid.joints.moving import simulated
 from wsim.physics.rigid.mass import Volume, volume
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Collider
@@ -24,16 +28,6 @@ LEAF = "collider"
 UNIT = 1e-2                                              # departure of |q| from 1 that quath keeps, tenfold
 
 
-def simulated(reading: Reading, prim: Usd.Prim) -> bool:
-    """Whether a body moves by forces: it is enabled, not kinematic, and there are no points that it would have to meet."""
-    return dynamic(reading, prim) and not reading.points
-
-
-def dynamic(reading: Reading, prim: Usd.Prim) -> bool:
-    api, start = UsdPhysics.RigidBodyAPI(prim), reading.start
-    return api.GetRigidBodyEnabledAttr().Get(start) is not False and not api.GetKinematicEnabledAttr().Get(start)
-
-
 def within(reading: Reading, prim: Usd.Prim) -> list[Sdf.Path]:
     """Prims that are colliders of the body, and no colliders of the scene."""
     if names.RIGID_BODY not in applied(prim) or not simulated(reading, prim):
@@ -47,16 +41,28 @@ def within(reading: Reading, prim: Usd.Prim) -> list[Sdf.Path]:
     return found
 
 
-def load(reading: Reading, prim: Usd.Prim) -> Body | None:
+def load(reading: Reading, prim: Usd.Prim) -> list:
+    apis, found = applied(prim), list[Any]()
+    if names.RIGID_BODY in apis:
+        found.append(_body(reading, prim))
+    elif prim.GetTypeName() == names.COLLISION_GROUP:
+        from wsim.physics.rigid.joints.filters.usd import load_group
+        found.append(load_group(reading, prim))
+    elif prim.IsA(UsdGeom.PointInstancer):
+        from wsim.physics.rigid.joints.instances.usd import load as instances
+        return instances(reading, prim, _body)
+    elif prim.IsA(UsdPhysics.Joint):
+        from wsim.physics.rigid.joints.usd import load as joint
+        found.append(joint(reading, prim))
+    if names.FILTERED_PAIRS in apis:
+        from wsim.physics.rigid.joints.filters.usd import load_pairs
+        found.append(load_pairs(reading, prim))
+    return [thing for thing in found if thing is not None]
+
+
+def _body(reading: Reading, prim: Usd.Prim) -> Body | None:
     path = str(prim.GetPath())
-    if names.RIGID_BODY not in applied(prim):
-        if not reading.points:
-            reading.warn(path, f"is a {prim.GetTypeName()}: joints are not simulated yet, and its bodies come apart")
-        return None
     if not simulated(reading, prim):
-        if dynamic(reading, prim):
-            reading.warn(path, "is a dynamic rigid body beside cloth, springs or soft bodies, which rigid bodies do not meet "
-                         "yet: its colliders move only as animated")
         return None
     if prim.IsInstanceProxy():
         reading.fail(path, "is a rigid body in an instance, whose contents cannot be written over; author instanceable = false "
@@ -76,7 +82,9 @@ def load(reading: Reading, prim: Usd.Prim) -> Body | None:
     colliders = [c for each in within(reading, prim) if (c := _own(reading, reading.stage.GetPrimAtPath(each), M)) is not None]
     velocity, spin = _rates(reading, prim)
     own = {name: value for name in OWN if (value := read(prim, "RigidBody", name, reading.units)) is not None}
-    return Body(path, colliders, Motion.still(M), velocity, spin, stretch=None if np.array_equal(S, np.eye(3)) else S,
+    asleep = bool(UsdPhysics.RigidBodyAPI(prim).GetStartsAsleepAttr().Get(reading.start))
+    stretch = None if np.array_equal(S, np.eye(3)) else S
+    return Body(path, colliders, Motion.still(M), velocity, spin, asleep=asleep, stretch=stretch,
                 **_mass(reading, prim, colliders), **own)
 
 
@@ -167,7 +175,19 @@ def _sound(reading: Reading, prims: list[Usd.Prim]) -> bool:
     return found
 
 
-def author(stage: Usd.Stage, body: Body, units: Units) -> None:
+def author(stage: Usd.Stage, thing: Any, units: Units) -> None:
+    if isinstance(thing, Body):
+        _author_body(stage, thing, units)
+        return
+    if isinstance(thing, Joint):
+        from wsim.physics.rigid.joints.usd import author as joint
+        joint(stage, thing, units)
+        return
+    from wsim.physics.rigid.joints.filters.usd import author as filters
+    filters(stage, thing, units)
+
+
+def _author_body(stage: Usd.Stage, body: Body, units: Units) -> None:
     prim = UsdGeom.Xform.Define(stage, body.path).GetPrim()
     surfaces: dict[tuple, str] = {}
     for collider in body.colliders:                     # before the body has a transform: theirs is within it
@@ -180,6 +200,8 @@ def author(stage: Usd.Stage, body: Body, units: Units) -> None:
     api, mass, R = UsdPhysics.RigidBodyAPI.Apply(prim), UsdPhysics.MassAPI.Apply(prim), _above(prim, Usd.TimeCode.Default()).T
     api.CreateVelocityAttr(Gf.Vec3f(*(R @ body.velocity / units.metres).tolist()))
     api.CreateAngularVelocityAttr(Gf.Vec3f(*np.degrees(R @ body.spin).tolist()))
+    if body.asleep:
+        api.CreateStartsAsleepAttr(True)
     mass.CreateDensityAttr(body.density / units.factor("kg/m^3"))
     if body.mass is not None:
         mass.CreateMassAttr(body.mass / units.kilograms)

@@ -69,7 +69,7 @@ class Implicit(Method):
     def offer(self) -> None:
         own = self.assembly
         self.offers = {"rows": self.every, "solids": own.solids, "tables": own.tables.values(), "assembly": own,
-                       "terms": self.terms}
+                       "terms": self.terms, "lanes": self.line.lanes}
         if self.adjoint:
             self.offers |= {"gather": self.adjoint.pull, "adjoint": self.adjoint}
         if own.springs:

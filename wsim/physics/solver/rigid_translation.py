@@ -21,8 +21,12 @@ class Momentum(Term):
 
     def carry(self) -> None:
         """Adds it to y."""
+        m, y = self.assembly, self.assembly.v.y
+        self.shift_by(y)
+        m.model.launch(self.translate, m.model.points, [m.system.of, self.shift, y], [y])
+
+    def shift_by(self, y: wp.array) -> None:
+        """The translations that a step y lacks."""
         m = self.assembly
-        y, launch = m.v.y, m.model.launch
-        launch(self.amount, self.part.size, [m.system.first, self.lanes, m.A, m.state.d, m.b, y], [self.part])
+        m.model.launch(self.amount, self.part.size, [m.system.first, self.lanes, m.A, m.state.d, m.b, y], [self.part])
         m.system.launch(self.mean, [self.lanes, self.free, self.part], [self.shift])
-        launch(self.translate, m.model.points, [m.system.of, self.shift, y], [y])

@@ -19,7 +19,7 @@ from wsim.scene.check import objects
 from wsim.scene.check.counts import MOST
 from wsim.scene.check.objects import array, error, number, rigid, values, warning
 from wsim.scene.integrator import SOLVERS, TABLE
-from wsim.scene.methods import every
+from wsim.scene.methods import collides, every
 
 SOFT_SOLVERS = tuple(name for name in ("auto", "implicit", "explicit") if name in SOLVERS)
 WEAK = 0.2         # [m/s^2] an eighth of the Moon's; 9.81 in a file of centimetres is 0.0981
@@ -101,7 +101,7 @@ def _method(scene: Scene) -> Iterator[Problem]:
     if scene.softs and scene.solver == "xpbd":
         yield error("/", f"solver xpbd has no tetrahedra, of which {scene.softs[0].path} is made", ", ".join(SOFT_SOLVERS),
                     "choose one of them")
-    if scene.colliders and scene.integrator in TABLE and TABLE[scene.integrator].rebounds:
+    if collides(scene) and scene.integrator in TABLE and TABLE[scene.integrator].rebounds:
         yield error("/", f"integrator {scene.integrator} rebounds from colliders", "backward_euler, bdf2 or an explicit one",
                     "choose one of them")
     if "auto" in (scene.solver, scene.integrator):
@@ -203,7 +203,7 @@ def _support(scene: Scene) -> Iterator[Problem]:
         for tie in scene.ties:                    # what hangs on another is held as well as that is
             if path in (tie.body, tie.other):
                 held[tie.points if tie.body == path else tie.others] = True
-        if falls and not held.any() and not scene.colliders:
+        if falls and not held.any() and not collides(scene):
             yield warning(path, "no pin holds it and nothing lies below: it falls for ever", "a pin or a collider",
                           "add a PhysicsAttachment, or apply PhysicsCollisionAPI to what it should land on")
         pieces = np.unique(label[label >= 0])

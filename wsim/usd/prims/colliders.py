@@ -40,11 +40,25 @@ class Authored:
 def load_collider(reading: Reading, prim: Usd.Prim) -> Collider | None:
     """The collider of a prim; None if its kind cannot collide yet or it is broken (both are reported)."""
     path, kind = str(prim.GetPath()), prim.GetTypeName()
-    sizes = _sizes(reading, prim)
-    if sizes is None and kind not in ("Mesh", "TetMesh"):
+    if not has_shape(prim):
         reading.warn(path, f"is a {kind or 'prim without a type'} with {names.COLLISION}; such a collider is left out "
                      "(read are Plane, Sphere, Cube, Capsule, Cylinder, Cone, Mesh and TetMesh)")
         return None
+    found = load_shape(reading, prim)
+    if found is None:
+        return None
+    vary(reading, path, Collider, [prim.GetAttribute(names.row("Collider", "thickness").attribute),
+                                   *attributes_of(bound(reading, prim))], lambda at: load_contact(at, prim))
+    return Collider(path, *found, approximation=_approximation(reading, prim, found[0]), **load_contact(reading, prim))
+
+
+def has_shape(prim: Usd.Prim) -> bool:
+    return prim.GetTypeName() in ("Mesh", "TetMesh") or claimed((*applied(prim), str(prim.GetTypeName()))) is not None
+
+
+def load_shape(reading: Reading, prim: Usd.Prim) -> tuple[Shape, Motion] | None:
+    """Shape and motion of a prim that has one; None if it is broken (reported)."""
+    path, sizes = str(prim.GetPath()), _sizes(reading, prim)
     if _axis(prim) not in TURN:
         reading.fail(path, f"axis is {_axis(prim)!r}; allowed is X, Y or Z")
         return None
@@ -55,12 +69,7 @@ def load_collider(reading: Reading, prim: Usd.Prim) -> Collider | None:
         reading.fail(path, f"{error}; give it scales other than zero")
         return None
     shape = _mesh(reading, prim, place, S) if sizes is None else _shape(reading, path, sizes, place, S)
-    if shape is None:
-        return None
-    vary(reading, path, Collider, [prim.GetAttribute(names.row("Collider", "thickness").attribute),
-                                   *attributes_of(bound(reading, prim))], lambda at: load_contact(at, prim))
-    return Collider(path, shape, Motion(place.times, place.frame), approximation=_approximation(reading, prim, shape),
-                    **load_contact(reading, prim))
+    return None if shape is None else (shape, Motion(place.times, place.frame))
 
 
 def _approximation(reading: Reading, prim: Usd.Prim, shape: Shape) -> str:
@@ -216,13 +225,7 @@ def _follows(reading: Reading, prim: Usd.Prim) -> Curve | None:
 
 def author_collider(stage: Usd.Stage, collider: Collider, material: str, units: Units, frames: int) -> None:
     """Defines the prim of a collider, its motion, friction and restitution."""
-    geometry = _author_shape(stage, collider, units)
-    prim = geometry.GetPrim()
-    author_motion(prim, collider.motion, units, frames)
-    solid = None if isinstance(collider.shape, Surface) else row(collider.shape)
-    if solid and solid.stretch:
-        UsdGeom.Xformable(prim).AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(
-            tuple(v / units.metres for v in solid.stretch(collider.shape)))
+    prim = author_shape(stage, collider, units, frames)
     prim.AddAppliedSchema(names.COLLISION)
     if isinstance(collider.shape, Surface):
         prim.AddAppliedSchema(names.MESH_COLLISION)
@@ -241,8 +244,18 @@ def surface(collider: Collider) -> tuple[float, ...]:
     return collider.static_friction, collider.dynamic_friction, *[collider.restitution] * bool(collider.restitution)
 
 
-def _author_shape(stage: Usd.Stage, collider: Collider, units: Units) -> UsdGeom.Gprim:
-    shape, path = collider.shape, collider.path
+def author_shape(stage: Usd.Stage, thing, units: Units, frames: int) -> Usd.Prim:
+    """Defines the prim of something with a path, a shape and a motion, as `load_shape` reads them."""
+    prim = _author_shape(stage, thing.path, thing.shape, units).GetPrim()
+    author_motion(prim, thing.motion, units, frames)
+    solid = None if isinstance(thing.shape, Surface) else row(thing.shape)
+    if solid and solid.stretch:
+        UsdGeom.Xformable(prim).AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(
+            tuple(v / units.metres for v in solid.stretch(thing.shape)))
+    return prim
+
+
+def _author_shape(stage: Usd.Stage, path: str, shape: Shape, units: Units) -> UsdGeom.Gprim:
     if isinstance(shape, Surface):
         return _author_surface(stage, path, shape, units)
     solid = row(shape)

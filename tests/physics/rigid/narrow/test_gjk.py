@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.physics.rigid.narrow.reference import SIGNS, polyhedra, round_shapes
 from tests.physics.rigid.pairs import PRECISIONS, WHERE, matrix, poses, shapes, touch, turns
-from tests.physics.rigid.reference import SIGNS, polyhedra, round_shapes
 from wsim.geometry.convex_hull import convex_hull
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.narrow.clip import structs
 from wsim.kernels.rigid.narrow.gjk import apart
 from wsim.kernels.rigid.narrow.pair import every, searched
 from wsim.kernels.rigid.narrow.shape import hulls, shape
-from wsim.physics.rigid.hulls import tables
+from wsim.physics.rigid.surfaces import hull_tables as tables
 
 KINDS = frozenset(("sphere", "box", "capsule", "cylinder", "cone", "hull"))
 STILL = np.array([0.0, 0, 0, 0, 0, 0, 1])

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from tests.physics.rigid.narrow.reference import SIGNS
 from tests.physics.rigid.pairs import matrix, turns
-from tests.physics.rigid.reference import SIGNS
 from wsim.geometry.convex_hull import NEAR, DegenerateHull, convex_hull
 from wsim.kernels.rigid.narrow.shape import CORNERS
-from wsim.physics.rigid.hulls import thinned
+from wsim.physics.rigid.surfaces import thinned
 
 
 def closed(hull):

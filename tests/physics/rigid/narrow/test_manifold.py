@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.physics.rigid.narrow.reference import polyhedra
 from tests.physics.rigid.pairs import PRECISIONS, matrix, poses, touch, turns
-from tests.physics.rigid.reference import polyhedra
 from wsim.kernels.rigid.narrow.pair import every
 
 STILL = np.array([0.0, 0, 0, 0, 0, 0, 1])

@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.physics.rigid.narrow.reference import SIGNS, polyhedra
 from tests.physics.rigid.pairs import PRECISIONS, WHERE, matrix, poses, shapes
-from tests.physics.rigid.reference import SIGNS, polyhedra
 from wsim.geometry.convex_hull import convex_hull
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.manifold import manifold
+from wsim.kernels.rigid.lists.manifold import manifold
 from wsim.kernels.rigid.narrow import mesh
 from wsim.kernels.rigid.narrow.shape import hulls, shape
 from wsim.kernels.rigid.narrow.triangle import against
-from wsim.physics.rigid import hulls as hull_tables
-from wsim.physics.rigid.surfaces import beside, tables
+from wsim.physics.rigid.surfaces import beside, hull_tables, tables
 
 KINDS = frozenset(("sphere", "capsule", "box", "hull"))
 STILL = np.array([0.0, 0, 0, 0, 0, 0, 1])
@@ -41,7 +40,7 @@ def kernel(real):
 def meet(rows, pose, surface, margin, real, of=()):
     """(manifolds in the shapes' frames, (shape, face) of each) of all shapes with all faces of a mesh at rest."""
     t, n, keep = types(real), len(rows), tables([surface], real, WHERE["device"])
-    H = hull_tables.tables(of, real, WHERE["device"]) if of else hulls(real)()
+    H = hull_tables(of, real, WHERE["device"]) if of else hulls(real)()
     where = np.array([(i, f) for i in range(n) for f in range(len(surface[1]))], np.int32)
     poses_of = wp.array(np.ascontiguousarray(np.broadcast_to(pose, (n, 7))), dtype=t.transform, **WHERE)
     out = wp.zeros(len(where), dtype=manifold(real), **WHERE)

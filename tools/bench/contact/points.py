@@ -1,6 +1,6 @@
 """Points against each kind of collider: time of search and projection, and the motion against the CPU's; many moving spheres.
 
-    python tools/bench/contact.py [--device cuda:0] [--points 1000000] [--rows shapes moving] [--json FILE]
+    python tools/bench/contact/points.py [--device cuda:0] [--points 1000000] [--rows shapes moving] [--json FILE]
 
 Near: every point within a millimetre of the distance that it keeps; far: none within a metre. Times are a substep's,
 replayed from a graph, after the first frame, which alone asks whether points start deep inside a mesh. The agreement is
@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 from tools.bench.speed import hardware, show, timed  # noqa: E402
 from wsim.geometry.rotation import about_axis  # noqa: E402
 from wsim.scene import (  # noqa: E402

@@ -1,7 +1,7 @@
 """Nets beside a collider that they never meet: milliseconds a frame and error, without it, with it, and with contacts in every
 frame, as a frame was before it could do without.
 
-    python tools/bench/free_frames.py [--device cuda:0] [--sides 32,100] [--rounds 20] [--json FILE]
+    python tools/bench/contact/free_frames.py [--device cuda:0] [--sides 32,100] [--rounds 20] [--json FILE]
 
 A net of n x n points, 1 m wide, hangs by one edge and falls (`wsim.shapes.spring_sheet`, 60 frames a second, leapfrog); a ball
 of 0.5 m stands 10 m below. Frames of the runs take turns, so that they share whatever else the machine does: the least time of
@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 from tools.bench.speed import hardware, show  # noqa: E402
 from wsim.physics.contact import clearance  # noqa: E402
 from wsim.scene import Scene, Sphere, shapes  # noqa: E402

@@ -62,7 +62,7 @@ def granting(real):
     @wp.func
     def keep(m: int, rig: Rig):
         colour = rig.c.colour[m]
-        if rig.c.count[m] == 0 or colour >= SERIAL:
+        if rig.c.count[m] <= 0 or colour >= SERIAL:
             rig.c.colour[m] = -1
         elif colour >= 0:
             mark(m, colour, rig)

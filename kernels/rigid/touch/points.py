@@ -1,0 +1,296 @@
+"""Bodies as colliders of points, and what both give each other in a substep. The solve: kernels/rigid/touch/star.py.
+
+    place     rows of the table of colliders (kernels/contact/project.py) go where the bodies are, and would go by momenta alone
+    sort      slots of contacts (kernels/contact/search.py) in the order of bodies; within a body in that of slots
+    found     once a search has ended: arms, and the planes as they were found
+    gather    what a star reads of points, before each of its solves; `rise`, of velocities
+    tell      the planes go with the body; kernels/contact/project.py then pushes the points as the star has foreseen
+    take      the body gets the opposite of what its points have got, summed in a fixed order: momentum is kept to rounding
+
+An impulse is J = P / (w c), with c of the integrator (kernels/carrier/response.py), which moves a point's velocity by w J
+whatever integrates it. What a contact leaves is not always the velocity that the step has made of it: restitution, and BDF2,
+which throws back half of the speed it meets a wall with. So velocities behind a substep are solved for once more (`rise`): along
+the normals of contacts that push, that of the way over h, or of a rebound,
+
+    n.v' = max(min(n.V / h, 0), -restitution n.v_before)          V: relative way; the latter where n.v_before < -slow
+
+by impulses that change no place, and a memory is told of both (`remember`).
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.contact import project
+from wsim.kernels.math.real import types
+from wsim.kernels.math.rotation import conjugate, multiply, normalized, rotate
+from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.motion import double, double3, free_rotation
+from wsim.kernels.rigid.touch.star import structs as stars
+from wsim.kernels.rigid.touch.star import total_vector
+
+SLID = 0.999           # of the bound of friction at which a contact counts as one that slides: it then has the dynamic bound
+
+
+@cache
+def structs(real):
+    """(Shapes, Found, Points)."""
+    t = types(real)
+
+    @wp.struct
+    class Shapes:
+        """Rows of the table that bodies have, (rows,)."""
+        row: wp.array(dtype=int)
+        body: wp.array(dtype=int)
+        place: wp.array(dtype=wp.transformd)      # in the frame of the centre of mass and the principal axes
+        ball: wp.array(dtype=wp.vec4d)            # centre in the shape's own frame, radius with the gap [m]
+        origin: wp.array(dtype=wp.vec3d)          # of the row's object [m]
+        begin: wp.array(dtype=wp.vec3d)           # of bodies: where x is counted from [m], (bodies,)
+        of: wp.array(dtype=int)                   # body of each row of the whole table, -1: a collider
+        restitution: wp.array(dtype=real)         # of each row of the whole table
+        object: wp.array(dtype=wp.vec3d)          # origin of each object [m]
+
+    @wp.struct
+    class Found:
+        """Of contacts, sorted as the rows of a star are, where nothing else is said."""
+        b: wp.array(dtype=real)
+        u: wp.array(dtype=t.vec3)
+        before: wp.array(dtype=real)              # velocity along n when the contact was found [m/s]
+        q: wp.array(dtype=real)                   # of slots: impulse along n that changes no place [N s]
+        ahead: wp.array(dtype=wp.vec3d)           # of bodies: velocity and spin that contacts were found with, (2 bodies,)
+        total: wp.array(dtype=wp.vec3d)           # impulse that points have got of a body, and its moment, (2 bodies,)
+
+    @wp.struct
+    class Points:
+        w: wp.array(dtype=real)
+        object: wp.array(dtype=int)
+        friction: wp.array(dtype=t.vec2)
+        x: wp.array(dtype=t.vec3)
+        v: wp.array(dtype=t.vec3)
+        e: wp.array(dtype=t.vec3)
+        d: wp.array(dtype=t.vec3)
+        a: wp.array(dtype=t.vec3)
+        push: wp.array(dtype=t.vec3)              # of slots
+        h: real
+        g: real
+        c: real                                   # [s]
+        slow: real                                # [m/s]
+
+    return Shapes, Found, Points
+
+
+@cache
+def place(real, module):
+    """Kernel over rows of bodies: pose at substep k, what it will be by momenta, the way there, and the ball about it.
+    arrived: 1 where bodies stand at the end of substep k: pose[k + 1] alone."""
+    t, Shapes, Rig = types(real), structs(real)[0], whole(real)
+    vec3d = wp.vec3d
+
+    @wp.func
+    def rounded(p: vec3d, q: wp.quatd):
+        return t.transform(t.vec3(real(p[0]), real(p[1]), real(p[2])), t.quat(real(q[0]), real(q[1]), real(q[2]), real(q[3])))
+
+    def place_bodies(shapes: Shapes, rig: Rig, k: int, arrived: int, h: wp.float64, pose_out: wp.array2d(dtype=t.transform),
+                     step_out: wp.array2d(dtype=t.transform), ball_out: wp.array2d(dtype=t.vec4)):
+        j = wp.tid()
+        i = shapes.body[j]
+        row = shapes.row[j]
+        q0 = normalized(double(rig.now.q[i], rig.now.o[i]))
+        at = shapes.place[j]
+        own = wp.transform_get_translation(at)
+        turn = wp.transform_get_rotation(at)
+        begin = shapes.begin[i] - shapes.origin[j]
+        e = double3(rig.now.e[i])
+        x0 = begin + double3(rig.now.x[i]) + e
+        p0 = x0 + rotate(q0, own)
+        if arrived != 0:
+            pose_out[k + 1, row] = rounded(p0, multiply(q0, turn))
+            return
+        q1 = free_rotation(q0, double3(rig.now.L[i]), double3(rig.b.inverse[i]), h)
+        p1 = x0 + (h * wp.float64(rig.b.w[i])) * double3(rig.now.p[i]) + rotate(q1, own)
+        a0 = multiply(q0, turn)
+        a1 = multiply(q1, turn)
+        pose_out[k, row] = rounded(p0, a0)
+        pose_out[k + 1, row] = rounded(p1, a1)
+        step_out[k, row] = rounded(p1 - p0, multiply(a1, conjugate(a0)))
+        ball = shapes.ball[j]
+        center = vec3d(ball[0], ball[1], ball[2])
+        c0 = p0 + rotate(a0, center)
+        c1 = p1 + rotate(a1, center)
+        c = wp.float64(0.5) * (c0 + c1)
+        radius = ball[3] + wp.float64(1.5) * wp.length(c1 - c0)
+        ball_out[k, row] = t.vec4(real(c[0]), real(c[1]), real(c[2]), real(radius))
+
+    return wp.kernel(place_bodies, name=f"place_bodies_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def keys(real, module):
+    """Kernel over slots: the body of each, or the number of bodies."""
+    Slots = project.slots(real)
+
+    def touch_keys(s: Slots, of: wp.array(dtype=int), bodies: int, key_out: wp.array(dtype=int), slot_out: wp.array(dtype=int)):
+        j = wp.tid()
+        body = bodies
+        if j // s.points < s.count[j % s.points]:
+            found = of[s.row[j]]
+            if found >= 0:
+                body = found
+        key_out[j] = body
+        slot_out[j] = j
+
+    return wp.kernel(touch_keys, name=f"touch_keys_{types(real).name}", module=module, enable_backward=False)
+
+
+@cache
+def begin(real, module):
+    """Kernel over bodies: velocities and spins that contacts are found with; nothing is given yet."""
+    Found, Rig = structs(real)[1], whole(real)
+
+    def touch_begin(rig: Rig, out: Found):
+        i = wp.tid()
+        n = rig.b.w.shape[0]
+        out.ahead[i] = wp.float64(rig.b.w[i]) * double3(rig.now.p[i])
+        out.ahead[n + i] = wp.mat33d(rig.work.spread[i]) * double3(rig.now.L[i])
+        out.total[i] = wp.vec3d()
+        out.total[n + i] = wp.vec3d()
+
+    return wp.kernel(touch_begin, name=f"touch_begin_{types(real).name}", module=module, enable_backward=False)
+
+
+@cache
+def found(real, module):
+    """Kernel over the room for contacts: arms, and the planes as they were found."""
+    t, (Shapes, Found, Points), Rows, Slots, Rig = (types(real), structs(real), stars(real)[0], project.slots(real), whole(real))
+
+    def touch_found(shapes: Shapes, rig: Rig, s: Slots, p: Points, rows_out: Rows, out: Found):
+        m = wp.tid()
+        bodies = rig.b.w.shape[0]
+        if m >= rows_out.first[bodies]:
+            return
+        j = rows_out.slot[m]
+        i = j % s.points
+        body = shapes.of[s.row[j]]
+        n = s.n[j]
+        gap = s.b[j] + wp.dot(n, p.d[i])
+        center = shapes.begin[body] - shapes.object[p.object[i]] + double3(rig.now.x[body])
+        ends = double3(rig.now.e[body]) + wp.float64(p.h) * out.ahead[body]
+        r = (double3(p.x[i]) - center) + (double3(p.d[i] - gap * n) - ends)
+        rows_out.n[m] = n
+        rows_out.r[m] = t.vec3(real(r[0]), real(r[1]), real(r[2]))
+        out.b[m] = s.b[j]
+        out.u[m] = s.u[j]
+        out.before[m] = wp.dot(n, p.v[i] - s.u[j])
+
+    return wp.kernel(touch_found, name=f"touch_found_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def gather(real, module):
+    """Kernel over the room for contacts: their rows of a star."""
+    t, (Shapes, Found, Points), (Rows, Hubs), Slots = types(real), structs(real), stars(real), project.slots(real)
+    Rows2 = project.tables(real)[0]
+
+    def touch_gather(c: Rows2, s: Slots, p: Points, found: Found, bodies: int, rows_out: Rows):
+        m = wp.tid()
+        if m >= rows_out.first[bodies]:
+            return
+        j = rows_out.slot[m]
+        i = j % s.points
+        n = rows_out.n[m]
+        P = p.push[j]
+        d0 = p.d[i] - P
+        lam = wp.dot(P, n)
+        mu = real(0.5) * (p.friction[i] + c.friction[s.row[j]])
+        bound = mu[0]
+        if lam > real(0.0) and wp.length(P - lam * n) >= real(SLID) * mu[1] * lam:
+            bound = mu[1]
+        rows_out.base[m] = -(found.b[m] + wp.dot(n, d0))
+        rows_out.least[m] = real(0.0)
+        rows_out.slip[m] = (d0 - p.a[i]) - p.g * found.u[m]
+        rows_out.mu[m] = bound
+        rows_out.f[m] = real(1.0) / (p.w[i] * p.c)
+
+    return wp.kernel(touch_gather, name=f"touch_gather_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def hubs(real, module):
+    """Kernel over bodies: momentum without what points have given, less that which V = 0 is counted from. given: 1, or 0 for
+    impulses that come on top."""
+    Found, Rig, Hubs = structs(real)[1], whole(real), stars(real)[1]
+
+    def touch_hubs(rig: Rig, found: Found, given: wp.float64, out: Hubs):
+        i = wp.tid()
+        n = rig.b.w.shape[0]
+        R = wp.mat33d(rig.work.turn[i])
+        at = rotate_moments(R, double3(rig.b.inverse[i]), found.ahead[n + i])
+        out.q[i] = double3(rig.now.p[i]) + given * found.total[i] - found.ahead[i] / wp.float64(rig.b.w[i])
+        out.q[n + i] = double3(rig.now.L[i]) + given * found.total[n + i] - at
+
+    return wp.kernel(touch_hubs, name=f"touch_hubs_{types(real).name}", module=module, enable_backward=False)
+
+
+@wp.func
+def rotate_moments(R: wp.mat33d, inverse: wp.vec3d, omega: wp.vec3d):
+    """I omega of the principal axes R."""
+    return R * wp.cw_div(wp.transpose(R) * omega, inverse)
+
+
+@cache
+def tell(real, module):
+    """Kernel over the room for contacts: planes and speeds of surfaces, as bodies go by V."""
+    t, (Shapes, Found, Points), Rows, Slots = types(real), structs(real), stars(real)[0], project.slots(real)
+
+    def touch_tell(rows: Rows, found: Found, V: wp.array(dtype=wp.vec3d), of: wp.array(dtype=int), h: real, s_out: Slots):
+        m = wp.tid()
+        bodies = V.shape[0] // 2
+        if m >= rows.first[bodies]:
+            return
+        j = rows.slot[m]
+        body = of[s_out.row[j]]
+        U = V[body] + wp.cross(V[bodies + body], double3(rows.r[m]))
+        n = rows.n[m]
+        s_out.u[j] = t.vec3(real(wp.float64(found.u[m][0]) + U[0]), real(wp.float64(found.u[m][1]) + U[1]),
+                            real(wp.float64(found.u[m][2]) + U[2]))
+        s_out.b[j] = real(wp.float64(found.b[m]) - wp.float64(h) * wp.dot(double3(n), U))
+
+    return wp.kernel(touch_tell, name=f"touch_tell_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def take(real, module):
+    """Kernel over bodies times lanes: momenta, less what their points have got beyond `total`. still: 1 for impulses that change
+    no place."""
+    t, (Shapes, Found, Points), Rows, Rig = types(real), structs(real), stars(real)[0], whole(real)
+
+    def touch_take(rows: Rows, push: wp.array(dtype=t.vec3), found: Found, still: int, lanes: int, rig: Rig):
+        tid = wp.tid()
+        i = tid // lanes
+        bodies = rig.b.w.shape[0]
+        J = wp.vec3d()
+        T = wp.vec3d()
+        m = rows.first[i] + tid % lanes
+        while m < rows.first[i + 1]:
+            P = wp.float64(rows.f[m]) * double3(push[rows.slot[m]])
+            if still != 0:
+                P = wp.float64(found.q[rows.slot[m]]) * double3(rows.n[m])
+            J += P
+            T += wp.cross(double3(rows.r[m]), P)
+            m += lanes
+        J = total_vector(J)
+        T = total_vector(T)
+        if tid % lanes == 0 and rows.first[i + 1] > rows.first[i]:
+            p = double3(rig.now.p[i]) - J
+            L = double3(rig.now.L[i]) - T
+            if still == 0:
+                p += found.total[i]
+                L += found.total[bodies + i]
+                found.total[i] = J
+                found.total[bodies + i] = T
+                if wp.dot(J, J) > wp.float64(0.0):
+                    rig.work.touched[i] = 1
+            rig.now.p[i] = t.vec3(real(p[0]), real(p[1]), real(p[2]))
+            rig.now.L[i] = t.vec3(real(L[0]), real(L[1]), real(L[2]))
+
+    return wp.kernel(touch_take, name=f"touch_take_{t.name}", module=module, enable_backward=False)

@@ -1,0 +1,61 @@
+"""The substep of kernels/rigid/passes.py in three launches, between which points push the bodies (kernels/rigid/touch/points.py).
+
+    begin     impacts, forces, and the impulses that the substep before has left
+    sweep     bodies against each other and against colliders, in turn with the points
+    end       places, and sweeps without bias
+"""
+
+from collections.abc import Callable, Sequence
+
+import warp as wp
+
+from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.impact import impacts
+from wsim.kernels.rigid.kinds import Kind, acts, at_once, by_colour, in_turn
+from wsim.kernels.rigid.passes import over_bodies
+
+
+def touch_step(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0,
+               bouncing: bool = False) -> list:
+    """Kernels begin, sweep, end: substep steps[0] of a frame, of h [s], with steps[2] sweeps; the others as `passes.substeps`."""
+    Rig, act = whole(real), [acts(kind, real) for kind in kinds]
+    begun, placed, ended = over_bodies(real)
+    prepare = in_turn([at_once(kind, a.prepare, real) for kind, a in zip(kinds, act, strict=True)], real)
+    warm = in_turn([by_colour(kind, a.warm, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
+    solve = in_turn([by_colour(kind, a.solve, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
+    if bouncing:
+        thrown = impacts(kinds[-1], meet, real)
+    else:
+        @wp.func
+        def thrown(i: int, threads: int, k: int, h: real, rig: Rig):
+            return
+
+    def rigid_touch_begin(steps: wp.vec3i, h: real, threads: int, rig: Rig):
+        i = wp.tid()
+        k = steps[0]
+        placed(i, threads, k, rig)
+        meet()
+        prepare(i, threads, k, h, 1, rig)
+        meet()
+        thrown(i, threads, k, h, rig)
+        begun(i, threads, h, rig)
+        meet()
+        warm(i, threads, k, h, 1, rig)
+
+    def rigid_touch_sweep(steps: wp.vec3i, h: real, threads: int, rig: Rig):
+        for _sweep in range(steps[2]):
+            solve(wp.tid(), threads, steps[0], h, 1, rig)
+
+    def rigid_touch_end(steps: wp.vec3i, h: real, threads: int, rig: Rig):
+        i = wp.tid()
+        k = steps[0]
+        ended(i, threads, k, h, rig)
+        meet()
+        prepare(i, threads, k + 1, h, 0, rig)
+        meet()
+        solve(i, threads, k, h, 0, rig)
+
+    more = {"launch_bounds": threads} if threads else {}
+    more |= {"cluster_dim": cluster} if cluster else {}
+    return [wp.kernel(each, name=each.__name__, module=module, enable_backward=False, grid_stride=False, **more)
+            for each in (rigid_touch_begin, rigid_touch_sweep, rigid_touch_end)]

@@ -1,0 +1,32 @@
+"""Colliders as contacts of rigid bodies ask for them: kinds of shapes that can meet, whether something bounces, where shapes
+are in the frames of their bodies."""
+
+import numpy as np
+
+from wsim.geometry.rotation import conjugate, multiply, quaternion, rotate
+from wsim.kernels.rigid.narrow.pair import every
+from wsim.physics.rigid.solids import as_met, meeting, standing
+from wsim.scene import Collider
+
+
+def kinds(bodies: list, colliders: list[Collider]) -> frozenset[tuple[str, str]]:
+    """Kinds of shapes that can meet, pairs with a mesh among them."""
+    mine = {met.kind for body in bodies for c in body.colliders if (met := as_met(c, True)) is not None}
+    still = {met.kind for c in colliders if (met := as_met(c, False)) is not None}
+    return frozenset(p for p in every(mine | still) if mine & set(p) and p[1] != "mesh") | frozenset(
+        (one, "mesh") for one in mine if "mesh" in still)
+
+
+def bounces(scene) -> bool:
+    """Whether something has a restitution."""
+    own = [c for body in scene.things("Body") for c in meeting(body)]
+    return any(c.restitution > 0.0 for c in (*own, *standing(scene.colliders)))
+
+
+def places_of(masses: list, colliders: list[Collider], centers: np.ndarray) -> np.ndarray:
+    """(x, y, z, quaternion), (n, 7), of colliders, about `centers` (n, 3) in their frames, in those of the centres of mass and
+    principal axes of their bodies."""
+    M = np.array([c.motion.at(0.0) for c in colliders])
+    back, center = conjugate(np.array([m.axes for m in masses])), np.array([m.center for m in masses])
+    x = np.einsum("nij,nj->ni", M[:, :3, :3], centers) + M[:, :3, 3]
+    return np.concatenate([rotate(back, x - center), multiply(back, quaternion(M[:, :3, :3]))], axis=1)

@@ -1,0 +1,89 @@
+"""Rigid bodies in Newton steps of points. Equations: kernels/rigid/touch/lean.py."""
+
+import warp as wp
+
+from wsim.kernels.rigid.touch import lean
+from wsim.model.stage import Clock, Remedy
+from wsim.model.state import Field
+from wsim.physics.solver.assembly import Term
+from wsim.physics.solver.rigid_translation import Momentum
+
+KEPT = (Field("J", "N s", True, "impulse that points had of a body in the last substep (Newton's method)"),
+        Field("T", "N m s", True, "its moment"))
+
+UNFORESEEN = "bodies under points went otherwise"        # status word
+MOST = 0.25              # part of what points change of a body's velocity that may not have been foreseen
+SLOW = 0.5               # [m/s] that is added to that: what is slower comes right in the substeps that follow
+STEPS = 32               # Newton steps in a substep, at most
+
+
+
+class Foreseen(Term):
+    """Where bodies will be when a Newton step is done."""
+
+    def __init__(self, touch, assembly, lanes: int):
+        """touch: `wsim.physics.rigid.touch.points.Touch`; lanes: threads that sum over a system."""
+        self.touch, self.assembly, model = touch, assembly, touch.model
+        self.kernels = {f.__name__: f(model.real, model.module) for f in (lean.lean, lean.recall, lean.owe, lean.given, lean.keep, lean.miss)}
+        self.V, self.missed = wp.zeros_like(touch.V), wp.zeros_like(touch.left)
+        self.P, self.y = wp.zeros_like(assembly.A.P), wp.zeros_like(assembly.f)
+        w, starts = assembly.rows.w.numpy(), assembly.system.starts
+        free = [int(w[i:j].all()) for i, j in zip(starts[:-1], starts[1:], strict=True)]
+        self.momentum = Momentum(assembly, lanes, free) if any(free) else None
+
+    def run(self, name: str, dim: int, inputs: list, outputs: list) -> None:
+        self.touch.model.launch(self.kernels[name], dim, inputs, outputs)
+
+    def hold(self, g: float, fresh: bool) -> None:
+        """Before contacts filter the blocks."""
+        self.touch.model.copy(self.P, self.assembly.A.P)
+
+    def recall(self, clock: Clock) -> None:
+        """Behind a search: planes go as the impulses of the substep before say."""
+        touch, kept = self.touch, self.touch.rigid.part.arrays
+        self.run("recall", len(touch.rigid.bodies), [touch.rows, touch.hubs, kept["J"], kept["T"]], [touch.V])
+        touch.tell(clock)
+
+    def lean(self, clock: Clock) -> None:
+        """Behind a Newton step that is not the last."""
+        touch = self.touch
+        self.run("lean", touch.room_for, [touch.contacts.table, touch.shapes.of, touch.contacts.slots, touch.points(clock), self.P,
+                                          touch.V], [touch.rows])
+        touch.solve(clock, 1.0, clock.h, clock.g)
+        touch.tell(clock)
+
+    def owe(self, clock: Clock) -> None:
+        """Behind the last Newton step: what bodies owe points."""
+        touch, own = self.touch, self.assembly
+        wp.copy(self.V, touch.V)
+        own.linearise(1.0 / clock.g)
+        self.run("owe", touch.model.points, [touch.shapes.of, touch.contacts.slots, touch.points(clock), own.f],
+                 [touch.contacts.push])
+
+    def miss(self) -> None:
+        """Behind the last contacts: whether bodies went as foreseen."""
+        touch = self.touch
+        self.run("miss", len(touch.rigid.bodies), [touch.hubs, touch.found, touch.V, self.V, SLOW, MOST],
+                 [self.missed, touch.status.word(UNFORESEEN)])
+
+    def retry(self, clock: Clock) -> list[Remedy]:
+        """Twice the Newton steps, up to STEPS."""
+        def more() -> str:
+            clock.iterations *= 2
+            return (f"bodies under points went otherwise than Newton steps had foreseen, and there are {clock.iterations} of them "
+                    "in a substep from here on")
+        missed = self.touch.status.said(UNFORESEEN)[0] and clock.iterations <= STEPS // 2
+        return [Remedy("grow", more)] if missed else []
+
+    def balance(self, clock: Clock) -> None:
+        """Behind the last contacts: what nothing outside holds has the momentum that its pushes say, whatever is not solved."""
+        if self.momentum:
+            touch, d = self.touch, self.assembly.state.d
+            self.run("given", touch.model.points, [touch.contacts.slots, touch.points(clock), self.assembly.A.own], [self.y])
+            self.momentum.shift_by(self.y)
+            touch.model.launch(self.momentum.translate, touch.model.points,
+                               [self.assembly.system.of, self.momentum.shift, d], [d])
+
+    def keep(self) -> None:
+        kept = self.touch.rigid.part.arrays
+        self.run("keep", len(self.touch.rigid.bodies), [self.touch.found], [kept["J"], kept["T"]])

@@ -1,0 +1,261 @@
+"""Contact of rigid bodies with points of cloth, nets and soft bodies, both ways.
+
+Their shapes are rows of the table of colliders that points have (`wsim.physics.contact.contacts`), placed on the device from the
+state of the bodies. In a substep bodies first take their forces, then points are predicted and meet them; at the end of every
+iteration of points a star is solved around each body (kernels/rigid/touch/star.py) in turn with the contacts that bodies have among
+themselves; then both go where they go. Equations: kernels/rigid/touch/points.py.
+"""
+
+from dataclasses import replace
+from math import ceil
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.carrier import colour
+from wsim.kernels.math.real import types
+from wsim.kernels.rigid.touch import points as touch
+from wsim.kernels.rigid.touch import rebound
+from wsim.kernels.rigid.touch import star as stars
+from wsim.kernels.rigid.touch.step import touch_step
+from wsim.model.stage import Clock, Methods, Stage
+from wsim.model.structs import filled
+from wsim.physics.rigid.meetings import places_of
+from wsim.physics.rigid.solids import meeting
+from wsim.scene import Collider, Motion
+
+LANES = 64                   # threads of a block that sum over the contacts of a body
+ROUNDS = 8                   # of stars and sweeps in a substep, at least, where bodies touch more than points
+SLOW = 0.05                  # [m/s] of approach below which nothing is thrown back, as wsim.physics.carrier.pairs.SLOW
+
+
+class Touch:
+    """What bodies offer to those who make contacts of points, as "movers"."""
+
+    def __init__(self, b, rigid):
+        """rigid: the method, whose `contacts` are made."""
+        self.model, self.state, self.rigid, self.real = b.model, b.state, rigid, b.model.real
+        self.status, self.clock = b.status, b.clock
+        if b.choice.solver == "implicit":
+            from wsim.physics.rigid.touch.newton import UNFORESEEN
+            b.status.reserve(UNFORESEEN)
+        self.owners = [(k, world, c) for k, (body, world) in enumerate(rigid.bodies) for c in meeting(body)]
+        self.copies = {world: [replace(c, motion=Motion.still(rigid.bodies[k][0].motion.at(0.0) @ c.motion.at(0.0)),
+                                       restitution=0.0) for k, of, c in self.owners if of == world]
+                       for world in range(b.model.worlds)}
+        bouncing = any(c.restitution > 0.0 for *_, c in self.owners)
+        self.memory = b.clock.integrator.memory > 0.0
+        self.rises, self.alone = bouncing or self.memory, len(self.owners) == 1 and not b.scene.colliders
+        self.rounds = 1 if self.alone else max(1, ceil(ROUNDS / b.clock.iterations))
+        self.form = rigid.contacts.form
+        self.step = self.form.parts(touch_step, rigid.contacts.bouncing)
+        self.lanes, module = 1, b.model.module
+        if b.model.device.is_cuda:                       # blocks of another size stand in a module of their own
+            self.lanes, module = LANES, b.model.module_of(LANES)
+        self.star, self.take = stars.star(self.real, module), touch.take(self.real, module)
+        own = (touch.place, touch.keys, touch.begin, touch.found, touch.gather, touch.hubs, touch.tell)
+        more = (rebound.rise, rebound.thrown, rebound.remember) if self.rises else ()
+        of_memory = (rebound.carry, rebound.others) if self.memory else ()
+        self.kernels = {f.__name__: f(self.real, b.model.module) for f in (*own, *more, *of_memory)}
+        self.before = wp.zeros_like(b.state.x) if self.memory else None          # anchors before a search
+        self.bounds = colour.bounds(b.model.module)
+        self.joints = rigid.joints.passes() if rigid.joints else None
+        self.foreseen: Any = None                        # `wsim.physics.rigid.touch.newton.Foreseen`
+        self.stages = [Stage("rigid bodies", "predict", self.begin, 1, rigid.part.bytes, what=f"{len(rigid.bodies)} bodies: forces"),
+                       Stage("rigid bodies: places", "finish", self.end, 2, rigid.part.bytes, what="and what pushed them apart")]
+
+    def colliders(self, world: int) -> list[Collider]:
+        """Shapes of the bodies of a world, where they start."""
+        return self.copies[world]
+
+    def meet(self, others: Methods) -> None:
+        """Enters Newton steps, before the contacts of points do."""
+        terms = others.find("terms")
+        if terms is not None:
+            from wsim.physics.rigid.touch.newton import Foreseen
+            self.foreseen = Foreseen(self, others.find("assembly"), others.find("lanes"))
+            terms.append(self.foreseen)
+
+    def join(self, contact) -> None:
+        """Takes the table of contacts that have the rows of bodies in them (`wsim.physics.contact.method.Contact`)."""
+        self.contact, self.contacts, model, device = contact, contact.contacts, self.model, self.model.device
+        rows, several = self.contacts.rows, len(model.scene.colliders)
+        numbers = {world: [n for n, (_, of, _) in enumerate(self.owners) if of == world] for world in self.copies}
+        found = [(rows.first[o] + several + place, n, o) for o, body in enumerate(model.bodies)
+                 for place, n in enumerate(numbers[body.world])]
+        bodies = np.array([self.owners[n][0] for _, n, _ in found], np.int32)
+        own = [self.owners[n][2] for _, n, _ in found]
+        places = places_of([self.rigid.masses[k] for k in bodies], own, np.zeros((len(own), 3)))
+        row = np.array([r for r, *_ in found], np.int32)
+        of, thrown = np.full(len(rows.collider), -1, np.int32), np.zeros(len(rows.collider))
+        of[row], thrown[row] = bodies, [c.restitution for c in own]
+        radius = rows.radius[rows.collider[row]] + self.contacts.gap[row]
+        origins = np.stack([body.origin for body in model.bodies])
+
+        def array(values, dtype):
+            return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
+        Shapes, self.Found, self.Points = touch.structs(self.real)
+        self.shapes = filled(
+            Shapes, row=array(row, int), body=array(bodies, int), place=array(places, wp.transformd),
+            ball=array(np.concatenate([rows.centers()[rows.collider[row]], radius[:, None]], 1), wp.vec4d),
+            origin=array(rows.origin[row], wp.vec3d), begin=array(self.rigid.origin, wp.vec3d), of=array(of, int),
+            restitution=wp.array(thrown, dtype=self.real, device=device), object=array(origins, wp.vec3d))
+        self.room()
+        size, launches = self.room_for * 100, 6 + (not self.alone)
+        contact.stages[1].launches += (launches - 1) * self.rounds
+        contact.stages[0].launches += 5
+        if self.rises:
+            contact.stages.append(Stage("touch: velocities", "solve", self.rise, 6, size, what="of points that push bodies"))
+
+    def room(self) -> None:
+        """Arrays for as many contacts as there are slots."""
+        t, n, device = types(self.real), len(self.rigid.bodies), self.model.device
+        room = self.room_for = self.contacts.slots.points * self.contacts.slots.capacity
+
+        def zeros(length, dtype):
+            return wp.zeros(length, dtype=dtype, device=device)
+        Rows, Hubs = stars.structs(self.real)
+        self.numbers, slot = zeros(2 * room, int), zeros(2 * room, int)
+        self.rows = filled(Rows, first=zeros(n + 1, int), slot=slot, n=zeros(room, t.vec3), r=zeros(room, t.vec3),
+                           slip=zeros(room, t.vec3), **{name: zeros(room, self.real) for name in ("base", "least", "mu", "f")})
+        self.found = filled(self.Found, b=zeros(room, self.real), u=zeros(room, t.vec3), before=zeros(room, self.real),
+                            q=zeros(room, self.real), ahead=zeros(2 * n, wp.vec3d), total=zeros(2 * n, wp.vec3d))
+        table, work = self.rigid.table, self.rigid.contacts.work
+        self.hubs = filled(Hubs, w=table.w, inverse=table.inverse, turn=work.turn, q=zeros(2 * n, wp.vec3d))
+        self.V, self.left = zeros(2 * n, wp.vec3d), zeros(n, self.real)
+        self.aside = zeros(room, t.vec3)                 # pushes of colliders that are no bodies
+        wp.utils.radix_sort_pairs(self.numbers, slot, room)              # takes its memory, which a capture cannot
+
+    def before_frame(self) -> None:
+        if self.room_for != self.contacts.slots.points * self.contacts.slots.capacity:
+            self.room()
+        self.hubs.turn = self.rigid.contacts.work.turn   # another array where lists have grown
+
+    def run(self, name: str, dim: int, inputs: list, outputs: list) -> None:
+        self.model.launch(self.kernels[name], dim, inputs, outputs)
+
+    def blocks(self, kernel, inputs: list, outputs: list) -> None:
+        """A block for each body."""
+        if self.lanes > 1:
+            self.model.launch_blocks(kernel, len(self.rigid.bodies), self.lanes, inputs, outputs)
+        else:
+            wp.launch(kernel, len(self.rigid.bodies), inputs, outputs, device=self.model.device, block_dim=1)
+
+    def points(self, clock: Clock) -> Any:
+        s, of, memory = self.state, self.contact.points, clock.integrator.memory > 0.0
+        c = clock.g if memory else clock.g * clock.g / clock.h
+        return filled(self.Points, w=of.constants.w, object=self.contacts.points.object, friction=self.contacts.points.friction,
+                      x=s.x, v=s.v, e=s.e, d=s.d, a=of.anchor, push=self.contacts.push, h=clock.h, g=clock.g, c=c, slow=SLOW)
+
+    # a substep
+
+    def steps(self, clock: Clock) -> list:
+        own = self.rigid.contacts
+        return [wp.vec3i(clock.k, clock.k + 1, own.sweeps), clock.h, self.form.threads, own.rig()]
+
+    def begin(self, clock: Clock) -> None:
+        """Forces on bodies; manifolds where it is time for them."""
+        own, k = self.rigid.contacts, clock.k
+        ends = own.ends(clock)
+        if k in ends[:-1]:
+            own.manifolds(clock, k, ends[ends.index(k) + 1])
+        self.form.launch(self.step[0], self.steps(clock), [])
+        self.joined(clock, lined=k, reset=clock.h)
+        self.joined(clock)
+
+    def joined(self, clock: Clock, **passes) -> None:
+        """Passes of joints, a sweep where none is named; bodies are placed by all of their momentum, as points foresee."""
+        if self.joints:
+            for name, given in (passes or {"joined": (clock.k, clock.i, clock.h)}).items():
+                self.joints(name, given, self.rigid.contacts)
+
+    def end(self, clock: Clock) -> None:
+        """Bodies go where they go."""
+        own = self.rigid.contacts
+        self.joined(clock)
+        self.form.launch(self.step[2], self.steps(clock), [])
+        self.joined(clock, lined=clock.k + 1, loosed=(clock.k, clock.h))
+        if clock.k + 1 in own.ends(clock):
+            own.keep()
+        if self.foreseen:
+            self.foreseen.keep()
+        if clock.k + 1 == clock.substeps:                # where measures look
+            self.place(clock, 1)
+
+    def place(self, clock: Clock, arrived: int = 0) -> None:
+        """Rows of the table as bodies are, and where momenta lead them."""
+        c = self.contacts.table
+        if self.memory and not arrived:
+            self.model.copy(self.before, self.contact.anchor)
+        self.run("place", len(self.shapes.row), [self.shapes, self.rigid.contacts.rig(), clock.k, arrived, clock.h],
+                 [c.pose, c.step, c.ball])
+
+    def listed(self, clock: Clock) -> None:
+        """Behind a search: contacts in the order of bodies."""
+        own, n, rig, slots = self.rows, len(self.rigid.bodies), self.rigid.contacts.rig(), self.contacts.slots
+        if self.memory:
+            self.run("carry", self.model.points, [self.shapes.of, slots, self.contact.anchor, self.before, self.state.e],
+                     [self.state.e, self.contacts.struck])
+        self.run("begin", n, [rig], [self.found])
+        self.run("keys", self.room_for, [slots, self.shapes.of, n], [self.numbers, own.slot])
+        wp.utils.radix_sort_pairs(self.numbers, own.slot, self.room_for)
+        self.model.launch(self.bounds, n + 1, [self.numbers, self.room_for], [own.first])
+        self.run("found", self.room_for, [self.shapes, rig, slots, self.points(clock)], [own, self.found])
+        if self.foreseen:
+            self.foreseen.recall(clock)
+
+    def solve(self, clock: Clock, given: float, k: float, g: float) -> None:
+        """The stars of `rows`. given: 1 where they are of all impulses of the substep, 0 of such as come on top."""
+        self.run("hubs", len(self.rigid.bodies), [self.rigid.contacts.rig(), self.found, given], [self.hubs])
+        self.blocks(self.star, [self.rows, self.hubs, k, g, self.lanes], [self.V, self.left])
+
+    def tell(self, clock: Clock) -> None:
+        """Planes go with the bodies."""
+        self.run("tell", self.room_for, [self.rows, self.found, self.V, self.shapes.of, clock.h], [self.contacts.slots])
+
+    def project(self, clock: Clock) -> None:
+        """Contacts at the end of an iteration."""
+        if self.foreseen and not self.contact.press:     # else all Newton steps are done in the first iteration
+            if clock.i < clock.iterations - 1:
+                self.foreseen.lean(clock)
+                return
+            self.foreseen.owe(clock)
+        n, rig, slots = len(self.rigid.bodies), self.rigid.contacts.rig(), self.contacts.slots
+        for _ in range(self.rounds):
+            self.run("gather", self.room_for, [self.contacts.table, slots, self.points(clock), self.found, n], [self.rows])
+            self.solve(clock, 1.0, clock.h, clock.g)
+            self.tell(clock)
+            self.contacts.project(clock.g, self.state.d, self.contact.anchor)
+            self.blocks(self.take, [self.rows, self.contacts.push, self.found, 0, self.lanes], [rig])
+            if not self.alone:
+                self.form.launch(self.step[1], self.steps(clock), [])
+            self.joined(clock)
+
+        if self.foreseen and clock.i == clock.iterations - 1:
+            self.foreseen.balance(clock)
+            if not self.contact.press:
+                self.foreseen.miss()
+
+    def indicators(self) -> dict[str, float]:
+        """touches: contacts of points with bodies, open ones too, in the last substep; touch_residual: what was left there of how
+        points change a body's motion, the largest of all bodies (kernels/rigid/touch/star.py; of Newton's method lean.py)."""
+        left = self.foreseen.missed if self.foreseen else self.left
+        return {"touches": int(self.rows.first.numpy()[-1]), "touch_residual": float(left.numpy().max())}
+
+    def others(self) -> wp.array:
+        """Pushes of the colliders that are no bodies: what velocities of points follow from without them."""
+        self.run("others", self.room_for, [self.shapes.of, self.contacts.slots, self.contacts.push], [self.aside])
+        return self.aside
+
+    def rise(self, clock: Clock) -> None:
+        """Velocities behind the last iteration."""
+        n, rig, slots, s = len(self.rigid.bodies), self.rigid.contacts.rig(), self.contacts.slots, self.state
+        at, memory = self.points(clock), int(clock.integrator.memory > 0.0)
+        self.run("rise", self.room_for, [self.shapes, slots, at, self.found, memory, n], [self.rows])
+        self.solve(clock, 0.0, 1.0, 0.0)
+        self.run("thrown", self.room_for, [self.rows, self.V, self.shapes.of, slots], [self.found])
+        self.blocks(self.take, [self.rows, self.contacts.push, self.found, 1, self.lanes], [rig])
+        self.run("remember", self.model.points, [self.shapes.of, slots, at, self.found, memory],
+                 [self.contact.anchor, s.v, s.e])
+
