@@ -17,8 +17,8 @@ from wsim import Bulk, Fabric, Plane, Simulation, Sphere
 from wsim.gradient.inputs.by_name import inputs
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
-from wsim.physics.rigid.recorded import refuse_contacts
 from wsim.physics.rigid.objects import Body
+from wsim.physics.rigid.recorded import refuse_contacts
 from wsim.scene import Collider, Pin, Scene, SceneError, Varying, methods, shapes
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.nodal.loads import between
