@@ -232,7 +232,7 @@ CASES = {
     "restitution": ("/dull", lambda: run("explicit")[0].recording.backward({2: {"/net": np.ones((5, 3))}})
                     .restitution("/dull")),
     "impulses": ("/ball", lambda: Simulation(resting(), device="cpu", gradients=True)),
-    "joints": ("/hinge", lambda: refuse_contacts(Scene(others={"Joint": [SimpleNamespace(path="/hinge")]}))),
+    "joints": ("/hinge", lambda: refuse_contacts(Scene(others={"Joint": [SimpleNamespace(path="/hinge")]}), False)),
     "idle": ("air_drag", lambda: inputs(recorded(alone()), ["air_drag"])),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),

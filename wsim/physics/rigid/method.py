@@ -39,7 +39,7 @@ class Rigid(Method):
         self.model, scene = b.model, b.scene
         if b.model.gradients:
             from wsim.physics.rigid.recorded import refuse_contacts
-            refuse_contacts(scene)
+            refuse_contacts(scene, meet(scene) or touches(scene))
         worlds = range(b.model.worlds)
         self.bodies: list[tuple[Body, int]] = [(body, world) for world in worlds for body in scene.things("Body")]
         of = {id(body): inertia(body) for body in scene.things("Body")}
@@ -50,10 +50,7 @@ class Rigid(Method):
         self.force, self.twist = (np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("force", "torque"))
         self._allocate(b)
         self._begin(frames)
-        self.sleep: Any = None
-        if sleeps(scene):
-            from wsim.physics.rigid.sleep import Sleep
-            self.sleep = Sleep(b, self)
+        self.sleep = self._sleep(b) if sleeps(scene) else None
         self.Bodies, self.Moving = motion.structs(b.model.real)
         self.table, self.pushed = self._tables(), True
         self.offers = {"bodies": self}
@@ -100,6 +97,10 @@ class Rigid(Method):
             return
         rate = "substep" if self.recorded else "frame"
         self.stages.append(Stage("rigid bodies", "predict", self.advance, launches, self.part.bytes, rate, what))
+
+    def _sleep(self, b) -> Any:
+        from wsim.physics.rigid.sleep import Sleep
+        return Sleep(b, self)
 
     def _record(self) -> None:
         """A launch for each step, which has an adjoint."""
@@ -166,7 +167,8 @@ class Rigid(Method):
             self.touch.meet(others)
 
     def retry(self, status: Status) -> list[Remedy]:
-        return self.contacts.retry(status) if self.contacts else []
+        found = self.contacts.retry(status) if self.contacts else []
+        return found + (self.touch.foreseen.retry(self.touch.clock) if self.touch and self.touch.foreseen else [])
 
     def restored(self, fields) -> None:
         pairs = fields.get(self.bodies[0][0].written, {}).get("a")
@@ -236,22 +238,17 @@ class Rigid(Method):
         return found
 
     def indicators(self, x, v) -> dict[str, float]:
-        """Kinetic energy and that in gravity [J] of all bodies of the first world; how deep shapes overlap [m];
-        bodies asleep and manifolds that found no colour, if any."""
+        """Kinetic energy and that in gravity [J] of all bodies of the first world, and what contacts say."""
         first = np.array([world == 0 for _, world in self.bodies])
         places = self.origin + self.get("x")
         mass = np.array([m.mass for m in self.masses])
         energy = 0.5 * (self.get("p") * self.velocities()).sum(1) + 0.5 * (self.get("L") * self.spins()).sum(1)
         found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
         if self.contacts:
-            found["rigid_overlap"] = self.contacts.overlap()
-            if self.sleep:
-                found["rigid_asleep"] = float(self.part.arrays["asleep"].numpy().sum())
-            if self.contacts.in_turn:
-                found["rigid_in_turn"] = float(self.contacts.in_turn)
-        if self.joints:
-            found |= self.joints.indicators()
-        return found
+            found |= self.contacts.indicators()
+        if self.touch:
+            found |= self.touch.indicators()
+        return found | (self.joints.indicators() if self.joints else {})
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = np.array([k for k, (body, of) in enumerate(self.bodies) if path in ("/", body.path) and world in (None, of)], int)
@@ -296,5 +293,5 @@ def signature(b) -> list:
     form = chosen(b.model.device, b.model.worlds * len(own) + len(standing(b.scene.colliders)))
     filtered = any(b.scene.things(name) for name in ("Group", "Parted"))
     said = [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), bounces(b.scene), form.name, form.blocks, sleeps(b.scene),
-            filtered, bool(acting(b.scene))]
+            filtered, bool(acting(b.scene)), b.scene.contact_tolerance > 0.0]
     return said + [sorted({type(c.shape).__name__ for c in own}), any(c.restitution > 0.0 for c in own)] * points

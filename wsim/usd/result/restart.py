@@ -26,6 +26,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, Vt
 
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
 from wsim.scene.methods import every
+from wsim.scene.samples import VOLUME
 from wsim.usd.clips import joined
 from wsim.usd.prims.reactions import REACTION
 from wsim.usd.result import crate, provenance
@@ -131,11 +132,12 @@ class Result:
         return UsdGeom.PointBased(self._prim(path)).GetPointsAttr().GetTimeSamples()
 
     def codes(self, path: str) -> list[float]:
-        """Time codes of what is sampled on a prim: of points, else of whatever there is on it and below."""
+        """Time codes of what is sampled on a prim: of points, else of whatever there is on it, below, and on its volume."""
         prim = self.stage.GetPrimAtPath(path)
         if prim.IsA(UsdGeom.PointBased):
             return self.time_codes(path)
-        return sorted({c for each in Usd.PrimRange(prim) for attribute in each.GetAuthoredAttributes()
+        found = [p for p in (prim, self.stage.GetPrimAtPath(path + VOLUME)) if p]
+        return sorted({c for p in found for each in Usd.PrimRange(p) for attribute in each.GetAuthoredAttributes()
                        for c in attribute.GetTimeSamples()})
 
     def positions(self, path: str, code: float) -> np.ndarray:
