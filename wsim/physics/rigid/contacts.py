@@ -55,12 +55,10 @@ class Contacts:
         self.still_first = len(method.bodies)
         self.bouncing, self.sweeps = bounces(b.scene), b.scene.iterations
         self._shapes()
-        self.filters = None
+        self.filters: Any = None
         if any(b.scene.things(name) for name in ("Joint", "Group", "Parted")):
-            from wsim.physics.rigid.joints.filters.groups import filters
-            paths = [(c.path, world) for _, world, c in self.owners] + [(c.path, -1) for c in self.colliders]
-            frames = [method.bodies[k][0].path for k, _, _ in self.owners] + [""] * len(self.colliders)
-            self.filters = filters(b.scene, paths, frames)
+            from wsim.physics.rigid.joints.filters.groups import of_contacts
+            self.filters = of_contacts(b.scene, [(method.bodies[k][0].path, of, c.path) for k, of, c in self.owners])
         real, module = self.real, b.model.module
         self.reach, self.listed = pairs.reach(real, module), pairs.listed(real, module, self.filters is not None)
         met = kinds(b.scene.things("Body"), self.colliders)
@@ -147,11 +145,7 @@ class Contacts:
         low, high = (wp.zeros(self.shapes, dtype=wp.vec3f, device=self.device) for _ in range(2))
         self.bvh = wp.Bvh(low, high)
         endless = np.flatnonzero(self.table.ball.numpy() < 0.0).astype(np.int32)
-        more = {}
-        if self.filters:
-            names = {"group": self.filters.kind, "apart": self.filters.table, "first": self.filters.first,
-                     "parted": self.filters.parted}
-            more = {name: wp.array(v.astype(np.int32), dtype=int, device=self.device) for name, v in names.items()}
+        more = {n: wp.array(v, dtype=int, device=self.device) for n, v in (self.filters.tables if self.filters else {}).items()}
         self.tree = filled(pairs.trees(bool(more)), **more, id=self.bvh.id, low=low, high=high,
                            endless=wp.array(endless, dtype=int, device=self.device))
 
