@@ -22,8 +22,8 @@ def scene(*things, gravity=(0.0, -G, 0.0), fps: float = 60.0, substeps: int = 8,
     return found
 
 
-def start(*things, precision: str = "float64", worlds: int = 1, **more) -> Simulation:
-    return Simulation(scene(*things, **more), device="cpu", precision=precision, worlds=worlds)
+def start(*things, precision: str = "float64", worlds: int = 1, device: str = "cpu", **more) -> Simulation:
+    return Simulation(scene(*things, **more), device=device, precision=precision, worlds=worlds)
 
 
 def places(sim: Simulation) -> np.ndarray:

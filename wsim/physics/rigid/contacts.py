@@ -47,12 +47,10 @@ class Contacts:
         self.bouncing, self.sweeps = bounces(b.scene), b.scene.iterations
         self.moves = any(c.motion.moves for c in self.colliders)
         self._shapes()
-        self.filters = None
+        self.filters: Any = None
         if any(b.scene.things(name) for name in ("Joint", "Group", "Parted")):
-            from wsim.physics.rigid.joints.filters.groups import filters
-            paths = [(c.path, world) for _, world, c in self.owners] + [(c.path, -1) for c in self.colliders]
-            frames = [method.bodies[k][0].path for k, _, _ in self.owners] + [""] * len(self.colliders)
-            self.filters = filters(b.scene, paths, frames)
+            from wsim.physics.rigid.joints.filters.groups import of_contacts
+            self.filters = of_contacts(b.scene, [(method.bodies[k][0].path, of, c.path) for k, of, c in self.owners])
         real, module = self.real, b.model.module
         filtered = self.filters is not None
         self.reach, self.listed = pairs.reach(real, module, filtered), pairs.listed(real, module, filtered)
@@ -144,11 +142,7 @@ class Contacts:
         self.bvh = wp.Bvh(low[:mine], high[:mine])
         endless = np.flatnonzero(self.table.ball.numpy() < 0.0).astype(np.int32)
         self.bvh_still = wp.Bvh(low[mine:], high[mine:]) if self.shapes - mine > len(endless) else None
-        more = {}
-        if self.filters:
-            names = {"group": self.filters.kind, "apart": self.filters.table, "first": self.filters.first,
-                     "parted": self.filters.parted}
-            more = {name: wp.array(v.astype(np.int32), dtype=int, device=self.device) for name, v in names.items()}
+        more = {n: wp.array(v, dtype=int, device=self.device) for n, v in (self.filters.tables if self.filters else {}).items()}
         self.tree = filled(pairs.trees(bool(more)), **more, id=self.bvh.id, still=self.bvh_still.id if self.bvh_still else 0,
                            low=low, high=high, up=up, endless=wp.array(endless, dtype=int, device=self.device))
         self.seen = {"center": zeros(self.shapes, wp.vec3d), "span": zeros(self.shapes, t.vec2), "from_x": zeros(n, t.vec3)}
