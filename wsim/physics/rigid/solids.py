@@ -14,6 +14,7 @@ import numpy as np
 
 from wsim.geometry.convex_hull import ConvexHull, DegenerateHull, convex_hull
 from wsim.geometry.memo import latest
+from wsim.geometry.rotation import conjugate, multiply, quaternion, rotate
 from wsim.geometry.triangulate import triangulate
 from wsim.physics.rigid.mass import volume
 from wsim.scene import Collider, Surface
@@ -133,3 +134,34 @@ def meeting(body) -> list[Collider]:
 def standing(colliders: list[Collider]) -> list[Collider]:
     """Colliders of a scene that bodies meet."""
     return [c for c in colliders if as_met(c, False) is not None]
+
+
+def meet(scene) -> bool:
+    """Whether there are two things that can touch."""
+    bodies = [body for body in scene.things("Body") if meeting(body)]
+    return bool(bodies) and len(bodies) + len(standing(scene.colliders)) > 1
+
+
+def acting(scene) -> list:
+    """Joints of a scene that act."""
+    return [joint for joint in scene.things("Joint") if joint.enabled]
+
+
+def sleeps(scene) -> bool:
+    """Whether something may sleep: not what joints hold, nor beside points, where others may wake it."""
+    some = scene.sleep_speed > 0.0 or any(body.asleep for body in scene.things("Body"))
+    return some and not scene.things("Joint") and not scene.bodies()
+
+
+def touches(scene) -> bool:
+    """Whether bodies may touch points."""
+    return bool(scene.bodies()) and any(meeting(body) for body in scene.things("Body"))
+
+
+def places_of(masses: list, colliders: list[Collider], centers: np.ndarray) -> np.ndarray:
+    """(x, y, z, quaternion), (n, 7), of colliders, about `centers` (n, 3) in their frames, in those of the centres of mass and
+    principal axes of their bodies."""
+    M = np.array([c.motion.at(0.0) for c in colliders])
+    back, center = conjugate(np.array([m.axes for m in masses])), np.array([m.center for m in masses])
+    x = np.einsum("nij,nj->ni", M[:, :3, :3], centers) + M[:, :3, 3]
+    return np.concatenate([rotate(back, x - center), multiply(back, quaternion(M[:, :3, :3]))], axis=1)
