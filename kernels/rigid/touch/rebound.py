@@ -6,8 +6,8 @@ import warp as wp
 
 from wsim.kernels.contact import project
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.touch.star import structs as stars
 from wsim.kernels.rigid.touch.points import structs
+from wsim.kernels.rigid.touch.star import structs as stars
 
 
 @cache
