@@ -95,7 +95,8 @@ def test_two_columns_sleep_and_a_ball_wakes_one(name, monkeypatch):
 def test_the_converged_mode_reaches_its_residual(name, monkeypatch):
     monkeypatch.setattr(forms, "chosen", lambda device, _: forms.named(name, device))
     boxes = [box(f"/box{k}", (0.0, 0.5 + k, 0.0), velocity=(2.0 * (k == 1), 0.0, 0.0)) for k in range(4)]
-    sim = Simulation(replace(world(*boxes, device="cuda:0").given, contact_tolerance=1e-8), device="cuda:0", precision="float64")
+    scene = replace(world(*boxes, device="cuda:0").given, contact_tolerance=1e-8)
+    sim = Simulation(scene, device="cuda:0", precision="float64")
     sim.run(5)
     assert 0.0 < sim.indicators()["rigid_residual"] <= 1e-8
 
