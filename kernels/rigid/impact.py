@@ -36,6 +36,7 @@ def impacts(kind: Kind, meet, real):
         meet()
         if i == 0:
             rig.work.flags[flag] = 0
+        meet()                                       # before anyone may say it again
         return said
 
     @wp.func

@@ -186,24 +186,32 @@ def formulas(real):
     @wp.func
     def rubbed(before: t.vec3, u: t.vec3, n: t.vec3, K: t.vec3, push: real, mu: t.vec2):
         """Impulse across n that stops the slip, or all that friction has; before: what there is of it. K: 11, 12, 22 of the
-        response along the tangents of n."""
+        response along the tangents of n. Where it slips, the step is that of the larger principal response: a longer one may
+        turn about the direction of the slip for ever."""
         t1 = first(n)
         t2 = wp.cross(n, t1)
         u1 = wp.dot(t1, u)
         u2 = wp.dot(t2, u)
-        p1 = wp.dot(t1, before)
-        p2 = wp.dot(t2, before)
+        q1 = wp.dot(t1, before)
+        q2 = wp.dot(t2, before)
+        p1 = q1
+        p2 = q2
         square = u1 * u1 + u2 * u2
         if square > real(1.0e-30):
             part = square / (K[0] * u1 * u1 + real(2.0) * K[1] * u1 * u2 + K[2] * u2 * u2)
             p1 -= part * u1
             p2 -= part * u2
-        size = p1 * p1 + p2 * p2
-        most = mu[0] * push
-        if size > most * most:
-            part = mu[1] * push / wp.sqrt(size)
-            p1 *= part
-            p2 *= part
+        if p1 * p1 + p2 * p2 > mu[0] * mu[0] * push * push:
+            half = real(0.5) * (K[0] - K[2])
+            part = real(1.0) / (real(0.5) * (K[0] + K[2]) + wp.sqrt(half * half + K[1] * K[1]))
+            p1 = q1 - part * u1
+            p2 = q2 - part * u2
+            most = mu[1] * push
+            size = p1 * p1 + p2 * p2
+            if size > most * most:
+                part = most / wp.sqrt(size)
+                p1 *= part
+                p2 *= part
         return p1 * t1 + p2 * t2
 
     return Two, prepare, begun, shoved, pushed, ended, slip, rubbed

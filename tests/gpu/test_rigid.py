@@ -1,5 +1,7 @@
 """Rigid bodies on a GPU: they stand, bounce and throw as on a CPU, and the same to the bit from run to run."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import warp as wp
@@ -7,6 +9,7 @@ import warp as wp
 from tests.physics.rigid.solver.test_colours import check_colours, heap
 from tests.physics.rigid.test_contact import Seen, ball, box, world
 from wsim.physics.rigid import forms
+from wsim.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a GPU")
 
@@ -65,6 +68,37 @@ def test_a_heap_falls_the_same_to_the_bit_from_run_to_run(name, monkeypatch):
         sim.run(90)
         return b"".join(sim.plan.method("rigid").part.arrays[name].numpy().tobytes() for name in ("x", "q", "p", "L"))
     assert run() == run()
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_two_columns_sleep_and_a_ball_wakes_one(name, monkeypatch):
+    monkeypatch.setattr(forms, "chosen", lambda device, _: forms.named(name, device))
+    columns = [box(f"/box{x}_{k}", (20.0 * x, 0.5 + k, 0.0)) for x in range(2) for k in range(3)]
+    scene = replace(world(*columns, ball("/ball", (0.0, 8.0, 0.0), rest=0.0), device="cuda:0").given, sleep_speed=0.05)
+    sim = Simulation(scene, device="cuda:0")
+    method = sim.plan.method("rigid")
+
+    def asleep() -> np.ndarray:
+        return method.part.arrays["asleep"].numpy()[:6] == 1
+    sim.run(45)
+    assert asleep().all()
+    woken = False
+    for _ in range(40):
+        sim.step()
+        woken |= not asleep()[:3].any()
+        assert asleep()[3:].all()
+    sim.run(90)
+    assert woken and asleep().all()
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_the_converged_mode_reaches_its_residual(name, monkeypatch):
+    monkeypatch.setattr(forms, "chosen", lambda device, _: forms.named(name, device))
+    boxes = [box(f"/box{k}", (0.0, 0.5 + k, 0.0), velocity=(2.0 * (k == 1), 0.0, 0.0)) for k in range(4)]
+    scene = replace(world(*boxes, device="cuda:0").given, contact_tolerance=1e-8)
+    sim = Simulation(scene, device="cuda:0", precision="float64")
+    sim.run(5)
+    assert 0.0 < sim.indicators()["rigid_residual"] <= 1e-8
 
 
 def test_gradients_of_a_free_body_are_those_of_a_cpu():

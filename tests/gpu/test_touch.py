@@ -5,8 +5,8 @@ import pytest
 import warp as wp
 
 from tests.physics.rigid.test_contact import ball, box
-from tests.physics.rigid.test_touch import FREE, by
-from tests.physics.rigid.touching import Mixed, run, scene
+from tests.physics.rigid.touch.test_touch import FREE, by
+from tests.physics.rigid.touch.touching import Mixed, run, scene
 
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a GPU")
 

@@ -19,7 +19,7 @@ from wsim.kernels.rigid.kinds import Kind, at_once
 from wsim.kernels.rigid.passes import over_bodies, walks
 from wsim.kernels.rigid.soft_step import goals
 
-EACH, MOST = wp.constant(4), wp.constant(20000)
+EACH, MOST = wp.constant(4), wp.constant(4000)
 
 
 def missed(real):

@@ -287,8 +287,8 @@ def signature(b) -> list:
     points = touches(b.scene)
     if not (points or meet(b.scene)):
         return ["joints"] if acting(b.scene) else []
-    from wsim.physics.rigid.meetings import bounces, kinds
     from wsim.physics.rigid.forms import chosen
+    from wsim.physics.rigid.meetings import bounces, kinds
     own = [c for body in b.scene.things("Body") for c in meeting(body)]
     form = chosen(b.model.device, b.model.worlds * len(own) + len(standing(b.scene.colliders)))
     filtered = any(b.scene.things(name) for name in ("Group", "Parted"))

@@ -8,7 +8,7 @@ import pytest
 from pxr import Usd, UsdGeom
 
 from tests.physics.rigid.test_contact import UP, ball, box
-from tests.physics.rigid.touching import Mixed, rim, run, scene
+from tests.physics.rigid.touch.touching import Mixed, rim, run, scene
 from wsim.cli.run import prepare
 from wsim.geometry.tetra.lattice import box as block
 from wsim.scene import Plane, Scene, SceneError
@@ -18,7 +18,7 @@ from wsim.scene.solid import Bulk
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load, save
 
-SCENES = Path(__file__).parents[3] / "scenes"
+SCENES = Path(__file__).parents[4] / "scenes"
 CPU = {"device": "cpu"}
 
 
