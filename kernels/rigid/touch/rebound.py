@@ -1,4 +1,4 @@
-"""Velocities behind a substep of points that push bodies, by impulses that change no place. Equations: kernels/rigid/touch/points.py."""
+"""Velocities behind a substep of points that push bodies, by impulses that change no place: kernels/rigid/touch/points.py."""
 
 from functools import cache
 
@@ -6,8 +6,8 @@ import warp as wp
 
 from wsim.kernels.contact import project
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.touch.star import structs as stars
 from wsim.kernels.rigid.touch.points import structs
+from wsim.kernels.rigid.touch.star import structs as stars
 
 
 @cache
@@ -62,7 +62,7 @@ def thrown(real, module):
 @cache
 def remember(real, module):
     """Kernel over points: anchors by what changes no place; a memory is told of that and of what does."""
-    t, (Shapes, Found, Points), Slots = types(real), structs(real), project.slots(real)
+    t, (_, Found, Points), Slots = types(real), structs(real), project.slots(real)
     vectors = wp.array(dtype=t.vec3)
 
     def touch_remember(of: wp.array(dtype=int), s: Slots, p: Points, found: Found, memory: int, a_out: vectors, v_out: vectors,

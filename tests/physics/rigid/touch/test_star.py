@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.rigid.star import problem
+from tests.physics.rigid.touch.star import problem
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.touch import star as stars
 from wsim.model.structs import filled

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.physics.rigid.test_contact import ball, box
-from tests.physics.rigid.touching import Mixed, run, scene
+from tests.physics.rigid.touch.touching import Mixed, run, scene
 
 FREE = (0.0, 0.0, 0.0)
 WAYS = {"xpbd": ("xpbd", "backward_euler", 10, 8), "xpbd bdf2": ("xpbd", "bdf2", 10, 8),
