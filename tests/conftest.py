@@ -45,8 +45,8 @@ def compiling():
 
     header    Warp's precompiled header: each module after the first is 1.5 s cheaper. A simulation does without: for the one
               or two modules of a user's process it costs more than it saves.
-    strides   Warp compiles most kernels for a CPU twice, the second time for arrays without gaps, which is a third of the
-              time and 0 to 5 % faster to run. Not here; `wsim`, run as a process of its own, still has both.
+    strides   Warp compiles most kernels for a CPU twice, the second time for arrays without gaps. `wsim.model.variants` leaves
+              that out of the modules of a simulation, and this of those that tests make.
     """
     load = Model.load
 

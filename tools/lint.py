@@ -29,12 +29,14 @@ LAYERS = ("kernels", "geometry", "scene", "usd", "model", "physics", "simulation
           "cli", "__init__", "__main__")
 METHODS = {"physics.motion.points", "physics.motion.explicit", "physics.motion.loads", "physics.solver.newton",
            "physics.solver.xpbd", "physics.cloth.air", "physics.cloth.muscles"}                  # never each other
-WITHOUT_WARP = ("geometry", "scene", "usd", "physics.rigid.usd", "simulation.duration", "simulation.interrupt",
-                "simulation.report", "show.camera", "show.png", "show.prim", "show.shading", "show.visible", "cli.arguments",
-                "cli.inventory", "cli.progress")
-ONLY = {"rerun": ("show.viewer", "show.rerun_log"), "pxr": ("usd", "show", "physics.rigid.usd"), "matplotlib": ("bench",),
+USD = ("physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.moving", "physics.rigid.joints.filters.usd",
+       "physics.rigid.joints.instances.usd", "physics.fluid.usd")                              # of methods
+WITHOUT_WARP = ("geometry", "scene", "usd", *USD, "simulation.duration", "simulation.interrupt",
+                "simulation.report", "show.camera", "show.image.png", "show.smoke.read", "show.prim", "show.shading",
+                "show.visible", "cli.arguments", "cli.inventory", "cli.progress")
+ONLY = {"rerun": ("show.viewer", "show.rerun_log"), "pxr": ("usd", "show", *USD), "matplotlib": ("bench",),
         "torch": ("gradient.rollout.torch",), "jax": ("gradient.rollout.jax",),
-        "PIL": ("show.animation",), "imageio": ("show.animation",)}     # who may import these packages
+        "PIL": ("show.image.animation",), "imageio": ("show.image.animation",)}     # who may import these packages
 
 ENTRIES = 15                     # files and folders in a folder
 MARKERS = ("py.typed",)          # not counted: nobody reads them

@@ -60,6 +60,25 @@ def pyramid() -> str:
         settings(substeps=20, iterations=4, comment=STEPS), ground(), *parts, ball], frames=144)
 
 
+def humanoid() -> str:
+    """Of the assets, over two steps; it is Z up there."""
+    place = ("double3 xformOp:translate = (0, 2.1, 0)\n"
+             "double xformOp:rotateZ = 20\n"
+             "double xformOp:rotateX = -90\n"
+             'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateZ", "xformOp:rotateX"]\n')
+    man = block("Xform", "Humanoid", place, comment="16 bodies, 38 shapes, and joints with limits and drives, which act as "
+                "springs; its collision groups say which parts touch. Turned from Z up.")
+    man = man.replace('def Xform "Humanoid"', 'def Xform "Humanoid" (\n    prepend references = @assets/humanoid.usda@\n)', 1)
+    steps = [block("Cube", f"Step{k}", "double size = 1\n"
+                   f"double3 xformOp:translate = ({number(0.3 - 0.5 * k)}, {number(0.2 - 0.1 * k)}, 0)\n"
+                   f"double3 xformOp:scale = (0.5, {number(0.4 - 0.2 * k)}, 1.6)\n"
+                   'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]\n'
+                   "color3f[] primvars:displayColor = [(0.62, 0.64, 0.68)]", '["PhysicsCollisionAPI"]')
+             for k in (0, 1)]
+    return scene("A humanoid of sixteen bodies falls on two steps.", [
+        settings(substeps=20, iterations=4, comment=f"{STEPS} Joints are solved at once."), ground(), *steps, man], frames=96)
+
+
 def ball_into_cloth() -> str:
     n, height = 32, 1.0
     surface = shapes.sheet(1.6, 1.6, n, n, horizontal=True, at=(0.0, height, 0.0))
@@ -79,4 +98,4 @@ def ball_into_cloth() -> str:
     ], frames=96)
 
 
-RIGID_SCENES = {"dominoes": dominoes, "pyramid": pyramid, "ball_into_cloth": ball_into_cloth}
+RIGID_SCENES = {"dominoes": dominoes, "pyramid": pyramid, "humanoid": humanoid, "ball_into_cloth": ball_into_cloth}

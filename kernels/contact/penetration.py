@@ -22,7 +22,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.contact.collide import split, touch
-from wsim.kernels.contact.mesh import SHEET, SOLID, touch_mesh
+from wsim.kernels.contact.mesh import SHEET, SOLID
 from wsim.kernels.contact.project import TOUCHED, slots, tables
 from wsim.kernels.contact.shape import distance
 from wsim.kernels.math.real import types
@@ -45,7 +45,7 @@ def convex_least(kinds: tuple[str, ...], real):
         phi, n = formula(kind, size, q)
         return phi + wp.min(wp.dot(n, X[0] - q), wp.min(wp.dot(n, X[1] - q), wp.dot(n, X[2] - q)))
 
-    @wp.func
+    @wp.func(inline=False)
     def along(kind: int, size: vec3, a: vec3, e: vec3):
         """Least phi of a + t e."""
         phi, n = formula(kind, size, a)
@@ -102,15 +102,28 @@ def convex_least(kinds: tuple[str, ...], real):
 
 
 @cache
-def mesh_least(real):
+def gap(kinds: tuple[str, ...], real):
+    """Function (kind, size, mesh, q, r) -> signed distance of a point at rest less r [m]; of a mesh nothing is found farther
+    than size[0]. Called and not inlined: queries of meshes take a second each to compile."""
+    t, meet = types(real), touch(kinds, real)
+
+    @wp.func(inline=False)
+    def gap(kind: int, size: t.vec3, mesh: wp.uint64, q: t.vec3, r: real):
+        C, n, p, s0, slip = meet(kind, size, mesh, 0, q, q, r, t.vec2(size[0], real(0.0)))
+        return C
+
+    return gap
+
+
+@cache
+def mesh_least(kinds: tuple[str, ...], real):
     """Function (mesh, depth, X, most) -> least phi found on a triangle, inside of a closed mesh; 1e30 where it is far."""
-    t, of_mesh = types(real), touch_mesh(("solid",), real)
+    t, of_mesh = types(real), gap(kinds, real)
     vec3 = t.vec3
 
     @wp.func
     def phi(mesh: wp.uint64, q: vec3, far: real):
-        C, n, p, s0, slip = of_mesh(SOLID, mesh, 0, far, q, q, real(0.0), far)
-        return C
+        return of_mesh(SOLID, vec3(far, real(0.0), real(0.0)), mesh, q, real(0.0))
 
     @wp.func
     def mesh_least(mesh: wp.uint64, depth: real, X: t.mat33, most: real):
@@ -163,7 +176,7 @@ def gauge(kinds: tuple[str, ...], real, module):
     kept and of the solid itself [m], and how many are in contact. The host takes the greatest, so no atomics."""
     t, name = types(real), f"gauge_{'_'.join(kinds)}_{types(real).name}"
     Rows, Points = tables(real)
-    Slots, meet = slots(real), touch(kinds, real)
+    Slots, away = slots(real), gap(kinds, real)
 
     def gauge(c: Rows, points: Points, s: Slots, x: wp.array(dtype=t.vec3), k: int, lanes: int,
               inside_out: wp.array(dtype=t.vec2), count_out: wp.array(dtype=int)):
@@ -182,7 +195,7 @@ def gauge(kinds: tuple[str, ...], real, module):
                     r = points.reach[i] + c.gap[row]
                     kind = c.kind[row]
                     size = c.size[row]
-                    C, n, p, s0, slip = meet(kind, size, c.mesh[row], 0, q, q, r, t.vec2(size[0], real(0.0)))
+                    C = away(kind, size, c.mesh[row], q, r)
                     kept = wp.max(kept, -C)
                     if kind != SHEET:
                         solid = wp.max(solid, -C - r)
@@ -200,7 +213,7 @@ def sink(kinds: tuple[str, ...], real, module):
     Rows, Points = tables(real)
     shapes = split(kinds)[0]
     convex, meshes = bool(shapes), "solid" in kinds
-    of_convex, of_mesh, meet = convex_least(shapes, real), mesh_least(real), touch(kinds, real)
+    of_convex, of_mesh, away = convex_least(shapes, real), mesh_least(kinds, real), gap(kinds, real)
 
     @wp.func
     def near(ball: t.vec4, X: t.mat33):
@@ -227,8 +240,7 @@ def sink(kinds: tuple[str, ...], real, module):
                     q = wp.quat_rotate_inv(wp.transform_get_rotation(T), X[corner] - wp.transform_get_translation(T))
                     Y[corner] = q
                     if points.w[corners[j, corner]] == real(0.0):
-                        C, n, p, s0, slip = meet(kind, size, c.mesh[row], 0, q, q, real(0.0), t.vec2(size[0], real(0.0)))
-                        put |= int(C < real(0.0))
+                        put |= int(away(kind, size, c.mesh[row], q, real(0.0)) < real(0.0))
                 if put != 0:
                     continue
                 if convex:

@@ -208,7 +208,7 @@ def encode(c: float):
 
 @wp.func
 def radiance(samples: Samples, view: View, light: wp.array2d(dtype=wp.vec4), y: int, x: int):
-    """Colour of one traced pixel."""
+    """Linear colour of one traced pixel."""
     d = pixel_ray(view, y, x, light.shape[0], light.shape[1])
     rise = 1.0 - (float(y) + 0.5) / float(light.shape[0])
     c = wp.lerp(view.backdrop_low, view.backdrop_high, rise * rise * (3.0 - 2.0 * rise))
@@ -223,6 +223,11 @@ def radiance(samples: Samples, view: View, light: wp.array2d(dtype=wp.vec4), y: 
         c = wp.cw_mul(samples.albedo[y, x], shade(view, n, light[y, x]))
         rim = 1.0 - wp.max(-wp.dot(n, d), 0.0)      # a little sheen at grazing angles
         c += (0.06 * rim * rim * rim) * wp.vec3(light[y, x][1], light[y, x][2], light[y, x][3])
+    return c
+
+
+@wp.func
+def toned(c: wp.vec3):
     return wp.vec3(tone(c[0]), tone(c[1]), tone(c[2]))
 
 
@@ -232,6 +237,6 @@ def develop(samples: Samples, view: View, light: wp.array2d(dtype=wp.vec4), imag
     y, x = wp.tid()
     c = wp.vec3(0.0)
     for k in range(4):
-        c += 0.25 * radiance(samples, view, light, 2 * y + k // 2, 2 * x + k % 2)
+        c += 0.25 * toned(radiance(samples, view, light, 2 * y + k // 2, 2 * x + k % 2))
     for k in range(3):
         image[y, x, k] = encode(c[k])

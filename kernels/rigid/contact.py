@@ -7,13 +7,11 @@ contact.
     r_a = R_a c_a - n s_a,   r_b = R_b c_b + n s_b                             places from the centres of mass
     gap = gap_0 + n . (d_a - d_b + (R_a c_a - R_a0 c_a) - (R_b c_b - R_b0 c_b))   d: displacement since the manifold was made
     u   = v_a + omega_a x r_a - (v_b + omega_b x r_b)                          velocity of A against B
-    K   = w_a + w_b - [r_a] I_a^-1 [r_a] - [r_b] I_b^-1 [r_b]                  u changes by K P for an impulse P on A
 
 Frames: dynamic bodies come first, then colliders, which have no inverse mass and whose poses and velocities are tables.
 """
 
 from functools import cache
-from typing import Any
 
 import warp as wp
 
@@ -89,13 +87,20 @@ def structs(real):
         taken: wp.array(dtype=wp.int64)        # of bodies: colours of their manifolds, a bit each
         place: wp.array(dtype=int)             # of colours: where the next manifold goes
         first: wp.array(dtype=int)             # of bodies: rank of the manifold that may take a colour
+        calm: wp.array(dtype=real)             # of bodies [s], see kernels/rigid/graph/sleep.py
+        asleep: wp.array(dtype=int)            # 1: passes leave the body as it is
+        label: wp.array(dtype=int)             # first body of its island
+        roused: wp.array(dtype=int)            # 1: the island is awake that has this body first
+        awake: wp.array(dtype=int)             # (1,): whether some body is
         r_a: wp.array(dtype=t.vec3)
         r_b: wp.array(dtype=t.vec3)
         now: wp.array(dtype=real)              # gap
-        K: wp.array(dtype=t.mat33)
+        K: wp.array(dtype=t.vec3)              # across n, see kernels/rigid/impulse.py
+        A: wp.array(dtype=t.mat44)             # along n, of manifolds
         goal: wp.array(dtype=real)             # velocity along n behind an impact; < 0: none
         hit: wp.array(dtype=real)              # impulses of it
         scrape: wp.array(dtype=t.vec3)
+        residual: wp.array(dtype=real)         # (2,): now, and what was left [m/s], see kernels/rigid/complementarity
 
     return Shapes, Still, Contacts, Work
 
@@ -128,10 +133,3 @@ def manifolds(real):
         return wp.min(rig.work.listed[0], rig.c.a.shape[0])
 
     return manifolds
-
-
-@wp.func
-def against(r: Any, S: Any):
-    """-[r] S [r], what an impulse at r turns."""
-    X = wp.skew(r)
-    return -X * S * X

@@ -56,7 +56,7 @@ def impacts(kind: Kind, meet, real):
 def marks(real):
     """(mark, strike): functions of a contact m, a look and a sweep; they tell by a flag what is left to do."""
     t, Rig = types(real), whole(real)
-    _, _, begun, pushed, ended, slip, rubbed = formulas(real)
+    _, _, begun, _, pushed, ended, slip, rubbed = formulas(real)
 
     @wp.func
     def pull(f: int, rig: Rig):
@@ -94,20 +94,21 @@ def marks(real):
         n = rig.c.n[m]
         mu = real(0.5) * (rig.s.friction[rig.c.a[m]] + rig.s.friction[rig.c.b[m]])
         miss = real(0.0)
+        A = rig.work.A[m]
         for i in range(rig.c.count[m]):
             j = 4 * m + i
             if rig.work.goal[j] >= real(0.0):
                 u = wp.dot(n, slip(two, j, rig))
                 before = rig.work.hit[j]
-                hit = wp.max(before + (rig.work.goal[j] - u) / wp.dot(n, rig.work.K[j] * n), real(0.0))
+                hit = wp.max(before + (rig.work.goal[j] - u) / A[i, i], real(0.0))
                 rig.work.hit[j] = hit
-                two = pushed(two, m, j, (hit - before) * n, rig)
+                two = pushed(two, j, (hit - before) * n, rig)
                 miss = wp.max(miss, wp.abs(hit - before) / wp.max(hit, real(1.0e-30)))
                 was = rig.work.scrape[j]
                 rub = rubbed(was, slip(two, j, rig), n, rig.work.K[j], hit, mu)
                 rig.work.scrape[j] = rub
-                two = pushed(two, m, j, rub - was, rig)
-        ended(two, m, rig)
+                two = pushed(two, j, rub - was, rig)
+        ended(two, rig)
         return miss
 
     @wp.func

@@ -1,7 +1,12 @@
 """Impulses at the points of one manifold, on both bodies alike: momentum is conserved to rounding.
 
-Velocities follow from momenta, v = w p and omega = I^-1 L, which alone are kept. Friction stops the slip along its direction,
-or gives all that it has: static mu times the push until it slips, then dynamic mu (Coulomb).
+Velocities follow from momenta, v = w p and omega = I^-1 L, which alone are kept. Impulses along the normal n of all points of
+a manifold are found together,
+
+    A_ij = w_a + w_b + (r_ai x n) . I_a^-1 (r_aj x n) + (r_bi x n) . I_b^-1 (r_bj x n)        u_n changes by A P, (4, 4)
+
+so that what is symmetric stays so; friction, point by point, stops the slip along its direction, or gives all that it has:
+static mu times the push until it slips, then dynamic mu (Coulomb). It is told in tangents t_1, t_2 that n alone decides.
 """
 
 from functools import cache
@@ -9,17 +14,39 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import against, whole
+from wsim.kernels.rigid.contact import whole
+
+
+@cache
+def tangent(real):
+    """Function: a unit vector across the unit vector n; the other tangent is n x t."""
+    t = types(real)
+
+    @wp.func
+    def tangent(n: t.vec3):
+        x = t.vec3(real(0.0), -n[2], n[1])
+        if wp.abs(n[0]) > wp.abs(n[1]) and wp.abs(n[0]) > wp.abs(n[2]):
+            x = t.vec3(-n[2], real(0.0), n[0])
+        return wp.normalize(x)
+
+    return tangent
 
 
 @cache
 def formulas(real):
-    """(Two, prepare, begun, pushed, ended, slip, rubbed): functions of a manifold m."""
-    t, Rig = types(real), whole(real)
+    """(Two, prepare, begun, shoved, pushed, ended, slip, rubbed): functions of a manifold m."""
+    t, Rig, first = types(real), whole(real), tangent(real)
+    rows = wp.types.matrix((4, 3), real)
 
     @wp.struct
     class Two:
-        """Velocities of both bodies of a manifold, and the impulses that they have taken."""
+        """Both bodies of a manifold (w = 0, S = 0 of a collider), their velocities, and the impulses that they have taken."""
+        f: int
+        g: int
+        w_a: real
+        w_b: real
+        S_a: t.mat33
+        S_b: t.mat33
         v_a: t.vec3
         v_b: t.vec3
         o_a: t.vec3
@@ -29,85 +56,118 @@ def formulas(real):
         T_b: t.vec3
 
     @wp.func
-    def prepare(m: int, k: int, rig: Rig):
-        """Arms, gaps and K of the points of a manifold, as bodies are."""
+    def bodies(m: int, rig: Rig):
         n = rig.b.w.shape[0]
-        f = rig.s.frame[rig.c.a[m]]
-        g = rig.s.frame[rig.c.b[m]]
-        away = t.vec3()
-        w = real(0.0)
-        S_a = t.mat33()
-        S_b = t.mat33()
+        two = Two()
+        two.f = rig.s.frame[rig.c.a[m]]
+        two.g = rig.s.frame[rig.c.b[m]]
+        if two.f < n:
+            two.w_a = rig.b.w[two.f]
+            two.S_a = rig.work.spread[two.f]
+        if two.g < n:
+            two.w_b = rig.b.w[two.g]
+            two.S_b = rig.work.spread[two.g]
+        return two
+
+    @wp.func
+    def moved(f: int, k: int, rig: Rig):
+        """Way of a frame since manifolds were made."""
+        n = rig.b.w.shape[0]
+        x = -rig.work.from_x[f]
         if f < n:
-            away += rig.now.x[f] - rig.work.from_x[f]
-            w += rig.b.w[f]
-            S_a = rig.work.spread[f]
+            x += rig.now.x[f]
         else:
-            away += rig.still.x[k * rig.still.moving, f - n] - rig.work.from_x[f]
-        if g < n:
-            away -= rig.now.x[g] - rig.work.from_x[g]
-            w += rig.b.w[g]
-            S_b = rig.work.spread[g]
-        else:
-            away -= rig.still.x[k * rig.still.moving, g - n] - rig.work.from_x[g]
-        normal = rig.c.n[m]
-        for i in range(rig.c.count[m]):
-            j = 4 * m + i
-            arm_a = rig.work.turn[f] * rig.c.core_a[j]
-            arm_b = rig.work.turn[g] * rig.c.core_b[j]
-            rig.work.now[j] = rig.c.gap[j] + wp.dot(normal, away + (arm_a - rig.c.first_a[j]) - (arm_b - rig.c.first_b[j]))
-            arm_a = arm_a - rig.c.skin[m][0] * normal
-            arm_b = arm_b + rig.c.skin[m][1] * normal
-            rig.work.r_a[j] = arm_a
-            rig.work.r_b[j] = arm_b
-            rig.work.K[j] = wp.diag(t.vec3(w, w, w)) + against(arm_a, S_a) + against(arm_b, S_b)
+            x += rig.still.x[k * rig.still.moving, f - n]
+        return x
+
+    @wp.func
+    def prepare(m: int, k: int, rig: Rig):
+        """Arms, gaps and responses of the points of a manifold, as bodies are."""
+        count = rig.c.count[m]
+        if count > 0:
+            two = bodies(m, rig)
+            away = moved(two.f, k, rig) - moved(two.g, k, rig)
+            R_a = rig.work.turn[two.f]
+            R_b = rig.work.turn[two.g]
+            n = rig.c.n[m]
+            t1 = first(n)
+            t2 = wp.cross(n, t1)
+            w = two.w_a + two.w_b
+            turn_a = rows()
+            turn_b = rows()
+            for i in range(4):
+                if i < count:
+                    j = 4 * m + i
+                    arm_a = R_a * rig.c.core_a[j]
+                    arm_b = R_b * rig.c.core_b[j]
+                    rig.work.now[j] = rig.c.gap[j] + wp.dot(n, away + (arm_a - rig.c.first_a[j]) - (arm_b - rig.c.first_b[j]))
+                    arm_a = arm_a - rig.c.skin[m][0] * n
+                    arm_b = arm_b + rig.c.skin[m][1] * n
+                    rig.work.r_a[j] = arm_a
+                    rig.work.r_b[j] = arm_b
+                    turn_a[i] = wp.cross(arm_a, n)
+                    turn_b[i] = wp.cross(arm_b, n)
+                    a1 = wp.cross(arm_a, t1)
+                    a2 = wp.cross(arm_a, t2)
+                    b1 = wp.cross(arm_b, t1)
+                    b2 = wp.cross(arm_b, t2)
+                    S1 = two.S_a * a1
+                    Z1 = two.S_b * b1
+                    rig.work.K[j] = t.vec3(w + wp.dot(a1, S1) + wp.dot(b1, Z1), wp.dot(a2, S1) + wp.dot(b2, Z1),
+                                           w + wp.dot(a2, two.S_a * a2) + wp.dot(b2, two.S_b * b2))
+            A = t.mat44()
+            for i in range(4):
+                A[i, i] = real(1.0)
+                if i < count:
+                    S = two.S_a * turn_a[i]
+                    Z = two.S_b * turn_b[i]
+                    for e in range(4):
+                        if e < count:
+                            A[i, e] = w + wp.dot(turn_a[e], S) + wp.dot(turn_b[e], Z)
+            rig.work.A[m] = A
 
     @wp.func
     def begun(m: int, k: int, rig: Rig):
         """Velocities of the bodies of a manifold."""
         n = rig.b.w.shape[0]
-        f = rig.s.frame[rig.c.a[m]]
-        g = rig.s.frame[rig.c.b[m]]
-        two = Two()
-        if f < n:
-            two.v_a = rig.b.w[f] * rig.now.p[f]
-            two.o_a = rig.work.spread[f] * rig.now.L[f]
+        two = bodies(m, rig)
+        if two.f < n:
+            two.v_a = two.w_a * rig.now.p[two.f]
+            two.o_a = two.S_a * rig.now.L[two.f]
         else:
-            two.v_a = rig.still.v[k * rig.still.moving, f - n]
-            two.o_a = rig.still.omega[k * rig.still.moving, f - n]
-        if g < n:
-            two.v_b = rig.b.w[g] * rig.now.p[g]
-            two.o_b = rig.work.spread[g] * rig.now.L[g]
+            two.v_a = rig.still.v[k * rig.still.moving, two.f - n]
+            two.o_a = rig.still.omega[k * rig.still.moving, two.f - n]
+        if two.g < n:
+            two.v_b = two.w_b * rig.now.p[two.g]
+            two.o_b = two.S_b * rig.now.L[two.g]
         else:
-            two.v_b = rig.still.v[k * rig.still.moving, g - n]
-            two.o_b = rig.still.omega[k * rig.still.moving, g - n]
+            two.v_b = rig.still.v[k * rig.still.moving, two.g - n]
+            two.o_b = rig.still.omega[k * rig.still.moving, two.g - n]
         return two
 
     @wp.func
-    def pushed(two: Two, m: int, j: int, P: t.vec3, rig: Rig):
-        """After an impulse P on A at point j, and -P on B."""
-        n = rig.b.w.shape[0]
-        f = rig.s.frame[rig.c.a[m]]
-        g = rig.s.frame[rig.c.b[m]]
+    def shoved(two: Two, P: t.vec3, T_a: t.vec3, T_b: t.vec3):
+        """After an impulse P and its moment T_a on A, -P and -T_b on B."""
         out = two
         out.P = two.P + P
-        if f < n:
-            T = wp.cross(rig.work.r_a[j], P)
-            out.T_a = two.T_a + T
-            out.v_a = two.v_a + rig.b.w[f] * P
-            out.o_a = two.o_a + rig.work.spread[f] * T
-        if g < n:
-            T = wp.cross(rig.work.r_b[j], P)
-            out.T_b = two.T_b - T
-            out.v_b = two.v_b - rig.b.w[g] * P
-            out.o_b = two.o_b - rig.work.spread[g] * T
+        out.T_a = two.T_a + T_a
+        out.T_b = two.T_b - T_b
+        out.v_a = two.v_a + two.w_a * P
+        out.o_a = two.o_a + two.S_a * T_a
+        out.v_b = two.v_b - two.w_b * P
+        out.o_b = two.o_b - two.S_b * T_b
         return out
 
     @wp.func
-    def ended(two: Two, m: int, rig: Rig):
+    def pushed(two: Two, j: int, P: t.vec3, rig: Rig):
+        """After an impulse P on A at point j, and -P on B."""
+        return shoved(two, P, wp.cross(rig.work.r_a[j], P), wp.cross(rig.work.r_b[j], P))
+
+    @wp.func
+    def ended(two: Two, rig: Rig):
         n = rig.b.w.shape[0]
-        f = rig.s.frame[rig.c.a[m]]
-        g = rig.s.frame[rig.c.b[m]]
+        f = two.f
+        g = two.g
         if wp.max(wp.max(wp.abs(two.P)), wp.max(wp.max(wp.abs(two.T_a)), wp.max(wp.abs(two.T_b)))) > real(0.0):
             if f < n:
                 rig.now.p[f] = rig.now.p[f] + two.P
@@ -124,17 +184,26 @@ def formulas(real):
         return two.v_a + wp.cross(two.o_a, rig.work.r_a[j]) - two.v_b - wp.cross(two.o_b, rig.work.r_b[j])
 
     @wp.func
-    def rubbed(before: t.vec3, u: t.vec3, n: t.vec3, K: t.mat33, push: real, mu: t.vec2):
-        """Impulse across n that stops the slip, or all that friction has; before: what there is of it."""
-        across = u - wp.dot(n, u) * n
-        speed = wp.length(across)
-        P = before - wp.dot(n, before) * n
-        if speed > real(0.0):
-            way = across / speed
-            P = P - (speed / wp.dot(way, K * way)) * way
-        size = wp.length(P)
-        if size > mu[0] * push:
-            P = (mu[1] * push / wp.max(size, real(1.0e-30))) * P
-        return P
+    def rubbed(before: t.vec3, u: t.vec3, n: t.vec3, K: t.vec3, push: real, mu: t.vec2):
+        """Impulse across n that stops the slip, or all that friction has; before: what there is of it. K: 11, 12, 22 of the
+        response along the tangents of n."""
+        t1 = first(n)
+        t2 = wp.cross(n, t1)
+        u1 = wp.dot(t1, u)
+        u2 = wp.dot(t2, u)
+        p1 = wp.dot(t1, before)
+        p2 = wp.dot(t2, before)
+        square = u1 * u1 + u2 * u2
+        if square > real(1.0e-30):
+            part = square / (K[0] * u1 * u1 + real(2.0) * K[1] * u1 * u2 + K[2] * u2 * u2)
+            p1 -= part * u1
+            p2 -= part * u2
+        size = p1 * p1 + p2 * p2
+        most = mu[0] * push
+        if size > most * most:
+            part = mu[1] * push / wp.sqrt(size)
+            p1 *= part
+            p2 *= part
+        return p1 * t1 + p2 * t2
 
-    return Two, prepare, begun, pushed, ended, slip, rubbed
+    return Two, prepare, begun, shoved, pushed, ended, slip, rubbed

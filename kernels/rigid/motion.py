@@ -66,25 +66,38 @@ def turned_third(q: wp.quatd, L: wp.vec3d, rate: wp.float64):
 
 
 @wp.func
-def free_rotation(q: wp.quatd, L: wp.vec3d, inverse: wp.vec3d, h: wp.float64):
-    """q after h [s] without a torque; inverse: 1 / I [1/(kg m^2)], descending. Order 2."""
+def turned_within(q: wp.quatd, L: wp.vec3d, a: wp.float64, b: wp.float64):
+    """q after the five turns about its first and third axis; a, b: h [s] times what their 1 / I are above the second's."""
     one = wp.float64(1.0)
     half = wp.float64(0.5)
+    r = turned_first(q, L, C * a)
+    r = turned_third(r, L, half * b)
+    r = turned_first(r, L, (one - C - C) * a)
+    r = turned_third(r, L, half * b)
+    return turned_first(r, L, C * a)
+
+
+@wp.func
+def turned_about(q: wp.quatd, L: wp.vec3d, middle: wp.float64, h: wp.float64):
+    """q after a turn about L by h [s] times |L| times middle, the second 1 / I."""
+    half = wp.float64(0.5)
+    rate = h * middle * wp.length(L)
+    s, c = half_turn(half * rate)
+    k = half * h * middle
+    if rate > wp.float64(1.0e-9):
+        k = s / wp.length(L)
+    return normalized(multiply(wp.quatd(k * L[0], k * L[1], k * L[2], c), q))
+
+
+@wp.func
+def free_rotation(q: wp.quatd, L: wp.vec3d, inverse: wp.vec3d, h: wp.float64):
+    """q after h [s] without a torque; inverse: 1 / I [1/(kg m^2)], descending. Order 2."""
     a = h * (inverse[0] - inverse[1])
     b = h * (inverse[2] - inverse[1])
     r = q
     if a != b:
-        r = turned_first(r, L, C * a)
-        r = turned_third(r, L, half * b)
-        r = turned_first(r, L, (one - C - C) * a)
-        r = turned_third(r, L, half * b)
-        r = turned_first(r, L, C * a)
-    rate = h * inverse[1] * wp.length(L)
-    s, c = half_turn(half * rate)
-    k = half * h * inverse[1]
-    if rate > wp.float64(1.0e-9):
-        k = s / wp.length(L)
-    return normalized(multiply(wp.quatd(k * L[0], k * L[1], k * L[2], c), r))
+        r = turned_within(q, L, a, b)
+    return turned_about(r, L, inverse[1], h)
 
 
 @wp.func
@@ -151,11 +164,14 @@ def structs(real):
 
 
 def free(real, module):
-    """Kernel of `substeps` steps of h [s] of bodies that touch nothing."""
+    """Kernel of `substeps` steps of h [s] of bodies that touch nothing; asleep: 1 for those that stay, or None."""
     Bodies, Moving = structs(real)
 
-    def rigid_free(b: Bodies, now: Moving, substeps: int, h: real, out: Moving):
+    def rigid_free(b: Bodies, now: Moving, asleep: wp.array(dtype=int), substeps: int, h: real, out: Moving):
         i = wp.tid()
+        if asleep:
+            if asleep[i] == 1:
+                return
         x = now.x[i]
         e = now.e[i]
         q = double(now.q[i], now.o[i])
@@ -180,3 +196,36 @@ def free(real, module):
         out.L[i] = L
 
     return wp.kernel(rigid_free, name="rigid_free", module=module, enable_backward=False)
+
+
+def free_step(real, module):
+    """Kernel of one step of h [s] of bodies that touch nothing, with its adjoint: all is written anew. every: x, e, p and L
+    behind each other, (4 bodies,); q, o: (bodies,), quaternions as vectors. Equal moments take the same turns, by angles of
+    0, whose derivatives are not."""
+    Bodies, _ = structs(real)
+    t = types(real)
+
+    def predict_bodies(b: Bodies, every: wp.array(dtype=t.vec3), q: wp.array(dtype=t.vec4), o: wp.array(dtype=t.vec4), h: real,
+                       every_out: wp.array(dtype=t.vec3), q_out: wp.array(dtype=t.vec4), o_out: wp.array(dtype=t.vec4)):
+        i = wp.tid()
+        n = b.w.shape[0]
+        half = real(0.5) * h
+        inverse = double3(b.inverse[i])
+        x = every[i]
+        p = kicked(every[2 * n + i], b.push[i], b.drag[i], half)
+        L = kicked(every[3 * n + i], b.torque[i], b.spin_drag[i], half)
+        step = every[n + i] + h * b.w[i] * p
+        place = x + step
+        every_out[i] = place
+        every_out[n + i] = step - (place - x)
+        d = wp.float64(h)
+        M = double3(L)
+        r = turned_within(double(q[i], o[i]), M, d * (inverse[0] - inverse[1]), d * (inverse[2] - inverse[1]))
+        r = turned_about(r, M, inverse[1], d)
+        rounded = near(r, q[i])
+        q_out[i] = rounded
+        o_out[i] = near(r - double(rounded, t.vec4()), q[i])
+        every_out[2 * n + i] = kicked(p, b.push[i], b.drag[i], half)
+        every_out[3 * n + i] = kicked(L, b.torque[i], b.spin_drag[i], half)
+
+    return wp.kernel(predict_bodies, name="predict_bodies", module=module, enable_backward=True)

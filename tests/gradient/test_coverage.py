@@ -5,6 +5,7 @@ import ast
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,14 +17,17 @@ from wsim import Bulk, Fabric, Plane, Simulation, Sphere
 from wsim.gradient.inputs.by_name import inputs
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
-from wsim.scene import Pin, Scene, SceneError, Varying, methods, shapes
+from wsim.physics.rigid.objects import Body
+from wsim.physics.rigid.recorded import refuse_contacts
+from wsim.scene import Collider, Pin, Scene, SceneError, Varying, methods, shapes
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.nodal.loads import between
 from wsim.scene.values import table
 from wsim.scene.values.coverage import BY, COVERED, REFUSED, row_of, summary, text
 
 TESTS = Path(__file__).resolve().parent.parent
-PATHS = {"Cloth": "/cloth", "Springs": "/net", "Soft": "/bar", "Collider": "/floor", "Pin": "/pin", "Scene": ""}
+PATHS = {"Cloth": "/cloth", "Springs": "/net", "Soft": "/bar", "Collider": "/floor", "Pin": "/pin", "Scene": "",
+         "Body": "/thrown"}
 ONLY = {"Springs.rest_shape"}                 # lengths say the same
 IDLE = ("static_friction",)                  # what slides does not know it
 
@@ -72,6 +76,7 @@ def everything() -> Scene:
                    dynamic_friction=0.3)
     scene.collider("/dull", Sphere(0.1), at=(3.0, 0.2, 0.0))
     scene.pin("/pin", "/net", [0])
+    scene.add(Body("/thrown", mass=1.0, center=np.zeros(3), inertia=np.ones(3)))
     scene.force("/push", "/net", [3, 4], (0.02, -0.1, 0.03))
     scene.traction("/drag", cloth, between(cloth, range(8)), (1.0, -2.0, 0.5))
     return scene
@@ -186,6 +191,19 @@ def tethered() -> Scene:
     return scene
 
 
+def alone() -> Scene:
+    scene = Scene()
+    scene.add(Body("/thrown", mass=1.0, center=np.zeros(3), inertia=np.ones(3)))
+    return scene
+
+
+def resting() -> Scene:
+    scene = Scene()
+    scene.collider("/floor", Plane(), motion=flat())
+    scene.add(Body("/ball", [Collider("/ball/shape", Sphere(0.1))], Motion.at_place((0.0, 0.1, 0.0))))
+    return scene
+
+
 def turned() -> Scene:
     scene = Scene(solver="xpbd")
     scene.add(Wheel("/wheel"))
@@ -213,6 +231,9 @@ CASES = {
     "wind": ("wind", lambda: inputs(recorded(net()), ["wind"])),
     "restitution": ("/dull", lambda: run("explicit")[0].recording.backward({2: {"/net": np.ones((5, 3))}})
                     .restitution("/dull")),
+    "impulses": ("/ball", lambda: Simulation(resting(), device="cpu", gradients=True)),
+    "joints": ("/hinge", lambda: refuse_contacts(Scene(others={"Joint": [SimpleNamespace(path="/hinge")]}), False)),
+    "idle": ("air_drag", lambda: inputs(recorded(alone()), ["air_drag"])),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),
     "load": ("loads", lambda: gradient(net()).load()),

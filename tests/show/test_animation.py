@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wsim.scene import SceneError
-from wsim.show import animation
+from wsim.show.image import animation
 from wsim.show.picture import picture
 from wsim.usd import save
 

@@ -6,7 +6,7 @@ import zlib
 import numpy as np
 import pytest
 
-from wsim.show import png
+from wsim.show.image import png
 
 
 def chunks(data: bytes):

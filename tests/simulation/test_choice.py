@@ -95,3 +95,21 @@ def test_measured_frames_give_back_their_constants():
     assert found.keys() == true.keys()
     assert all(found[name] == pytest.approx(true[name], rel=0.1) for name in ("spring", "projection", "tet"))
     assert np.abs(ratios(rows, found) - 1.0).max() < 0.1
+
+
+def test_what_a_frame_is_said_to_take_counts_contacts_damping_and_bodies_and_no_choice_does():
+    bare = Case("on a ball", 12, 50.0).scene
+    model = Simulation(bare, device="cpu").model
+    chosen = choice.choose(model)
+    said = cost.frame(model, chosen)
+    assert said["met"] == chosen.substeps * 144 and said["body"] == said["damped"] == 0
+    without = {name: value for name, value in said.items() if name not in ("met", "body", "damped")}
+    assert without == (cost.explicit(model, chosen.substeps) if chosen.solver == "explicit" else
+                       cost.sweeps(model, chosen.substeps, chosen.iterations))
+    assert cost.seconds(model, said) > cost.seconds(model, without)
+
+
+@pytest.mark.parametrize("name, least, most", [("pyramid", 2e-3, 5e-2), ("dominoes", 5e-4, 1e-2)])
+def test_rigid_bodies_are_said_to_take_time(name, least, most):
+    """Measured: 7.4 and 1.6 ms a frame on one core."""
+    assert least < Simulation(f"scenes/{name}.usda", device="cpu").plan.seconds < most

@@ -26,6 +26,7 @@ from wsim.scene import (
 from wsim.scene.bodies import same
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.fabric import Fabric
+from wsim.scene.integrator import INTEGRATORS, SOLVERS
 from wsim.usd import load, names, save
 from wsim.usd.stage import Units
 
@@ -225,6 +226,13 @@ def test_fallbacks_of_the_schema_are_the_defaults_of_the_scene():
                 value = definition.GetAttributeDefinition(row.attribute).GetFallbackValue()
                 value = tuple(value) if row.type == "vector3d" else value
                 assert value == getattr(default, row.field), row.attribute
+
+
+def test_allowed_tokens_of_the_schema_are_the_tables_of_solvers_and_integrators():
+    definition = Usd.SchemaRegistry().FindAppliedAPIPrimDefinition(names.WSIM_SCENE)
+    for field, allowed in (("solver", SOLVERS), ("integrator", INTEGRATORS)):
+        attribute = definition.GetAttributeDefinition(names.row("Scene", field).attribute)
+        assert tuple(attribute.GetMetadata("allowedTokens")) == allowed
 
 
 def test_units_turn_stage_values_into_si():

@@ -1,10 +1,12 @@
-"""Fitting to observations: `fit` in fit.py, of few parameters or of fields. What was seen: Track, Scan, Functional, Pull."""
+"""Fitting to observations: `fit` in fit.py, of few parameters or of fields. What was seen: Track, Scan, Functional, Pull,
+Markers."""
 
 from wsim.fitting.fields.result import FieldFit
 from wsim.fitting.fit import Fit, Settings, fit
 from wsim.fitting.observations.functional import Functional
+from wsim.fitting.observations.markers import Markers
 from wsim.fitting.observations.observe import Scan, Track
 from wsim.fitting.observations.observed_usd import read
 from wsim.fitting.observations.reactions import Pull
 
-__all__ = ["FieldFit", "Fit", "Functional", "Pull", "Scan", "Settings", "Track", "fit", "read"]
+__all__ = ["FieldFit", "Fit", "Functional", "Markers", "Pull", "Scan", "Settings", "Track", "fit", "read"]

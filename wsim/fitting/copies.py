@@ -35,6 +35,8 @@ def settled(scene: Scene, device) -> Scene:
 def chosen(scene: Scene, sim: Simulation) -> Scene:
     """The scene with the choices that a simulation of it has made."""
     choice = sim.plan.choice
+    if not sim.model.bodies:                             # no points, and no solver
+        return scene
     return replace(scene, solver=choice.solver, integrator=choice.integrator.name, substeps=choice.steps,
                    iterations=choice.iterations)
 
@@ -119,6 +121,8 @@ class Copies:
 
     def look(self, seen) -> np.ndarray:
         """What an observation is about, in every copy, (worlds, n, 3): positions [m], or forces of a pin [N]."""
+        if hasattr(seen, "local"):
+            return seen.seen(self.sim.plan.find("bodies").placed(seen.path))
         return self.positions(seen.path) if seen.unit == "m" else every(self.sim, seen.path)
 
     def positions(self, path: str) -> np.ndarray:

@@ -98,6 +98,8 @@ class Parameter:
                 found.append((thing.path, self.what, np.asarray(thing.stiffness, np.float64)))
             elif isinstance(thing, Load):
                 found.append((thing.path, self.what, thing.curve.values[0]))
+            elif row.form == "vector":
+                found.append((thing.path, self.what, getattr(thing, self.what)))
             else:
                 found.append((thing.path, self.what, _get(row, thing, None)))
         return found
@@ -124,6 +126,9 @@ def _get(row: Value, thing, axis: int | None) -> float:
     if isinstance(thing, Springs) and row.name == "mass":
         return float(np.broadcast_to(thing.masses, len(thing.points)).astype(np.float64).sum())
     value = getattr(holder(thing, row.name), row.name)
+    if row.owner == "Body" and row.name == "mass":
+        from wsim.physics.rigid.mass import inertia
+        return inertia(thing).mass
     return float(value[axis]) if axis is not None else float(np.mean(np.asarray(value, np.float64)))
 
 
@@ -140,7 +145,7 @@ def _put(row: Value, thing, value: float, axis: int | None = None):
     if holder(thing, row.name) is not thing and not isinstance(thing, Springs):
         return replace(thing, material=replace(thing.material, **{row.name: value}))
     if not isinstance(thing, Springs):
-        return replace(thing, **{row.name: value})
+        return replace(thing, **{row.name: value if axis is None else np.array(_with(getattr(thing, row.name), axis, value))})
     own: Any = {} if row.name in ("stiffness", "mass") else {row.name: value}
     copy = replace(thing, **own)
     now, masses = np.asarray(thing.stiffness, np.float64), np.asarray(thing.masses, np.float64)      # stay in float64
@@ -232,9 +237,8 @@ def _unfitted(what: str, scenes: list[Scene]) -> str:
 
 def _ranged(p: Parameter, scenes: list[Scene]) -> Parameter:
     """Poisson's ratio from (-1, 0.5) where it does not start above 0; of loads a unit of theta is their size."""
-    if any(row.owner == "Load" for row in rows() if row.name == p.what):
-        size = max(float(np.abs(load.curve.values).max()) for s in scenes for _, load in p.rows(s))
-        return replace(p, map=Map("plain", high=size or LARGE))
+    if loads := [thing for s in scenes for _, thing in p.rows(s) if isinstance(thing, Load)]:
+        return replace(p, map=Map("plain", high=max(float(np.abs(load.curve.values).max()) for load in loads) or LARGE))
     if p.what == "poisson" and any((p.value(s) or 0.0) <= 0.0 for s in scenes if p.rows(s)):
         return replace(p, map=WIDE)
     return p

@@ -6,12 +6,13 @@ of the air stand once a point for the same reason.
 """
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from wsim.gradient.element_gradient import ElementGradient
-from wsim.gradient.reactions.adjoint import Inertia
+from wsim.gradient.loss import Seeds
 from wsim.gradient.tables import Parameters
 from wsim.physics.contact.gradient import ContactGradient
 from wsim.scene import Problem, SceneError, Springs
@@ -40,15 +41,16 @@ class Gradient(ElementGradient):
     no derivative.
     """
 
-    def __init__(self, parameters: Parameters, states: dict[int, np.ndarray], targets: list, motions: list,
-                 inertia: Inertia | None = None):
-        """inertia: of what pins bear, where a loss asks for that."""
+    def __init__(self, parameters: Parameters, states: dict[int, np.ndarray], targets: list, motions: list, seeds: Seeds):
+        """seeds: the loss, after its first frame was reached."""
         self.parameters, self.model, self.plan = parameters, parameters.model, parameters.plan
-        self.states, self._targets, self.inertia, self.loads = states, targets, inertia, parameters.loads
+        self.inertia = inertia = seeds.end()              # of what pins bear, where a loss asks for that
+        self.states, self._targets, self.loads = states, targets, parameters.loads
         self.grads = Fetched({array.ptr: wp.clone(array.grad) for array in parameters.arrays()})
         for key, by in inertia.tables.items() if inertia else ():
             self.grads[key] = self.grads[key] + by
         self.contacts = ContactGradient(self.plan, motions) if parameters.contact else None
+        self.bodies: Any = seeds.bodies.gradient(states, self.grads) if seeds.bodies else None
 
     @cached_property
     def entries(self) -> dict[str, np.ndarray]:                       # type: ignore[override]
@@ -60,6 +62,8 @@ class Gradient(ElementGradient):
         row = row_of(self.model.scene, path, name)
         if row.owner == "Scene":
             return getattr(self, name)(world)
+        if row.gradient == "body":
+            return self.bodies.value(path, name, world)
         if row.gradient == "material":
             return self.material(name, path, world, elements)
         if name in FRICTION:
@@ -109,10 +113,13 @@ class Gradient(ElementGradient):
 
     def gravity(self, world: int = 0) -> np.ndarray:
         """[s^2/m], (3,)."""
+        more = self.bodies.gravity(world) if self.bodies else np.zeros(3)
+        if not self.model.bodies:
+            return more
         found, loads = self.of(self.parameters.points.gravity) + (self.inertia.gravity if self.inertia else 0.0), self.loads
         if loads:
             found[loads.point] += self.of(loads.own)
-        return found[self.places(world)].sum(axis=0)
+        return found[self.places(world)].sum(axis=0) + more
 
     def air_drag(self, world: int = 0) -> float:
         """[s]."""

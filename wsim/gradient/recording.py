@@ -9,10 +9,10 @@ frame's substeps, or several frames.
 from dataclasses import dataclass
 from math import ceil
 
-import numpy as np
 import warp as wp
 
 from wsim.gradient.amplification import Growth
+from wsim.gradient.apart import apart
 from wsim.gradient.checkpoints import Segments, in_words, measured
 from wsim.gradient.gradient import Fetched, Gradient
 from wsim.gradient.loss import Seeds
@@ -28,7 +28,6 @@ from wsim.simulation.measure.exceeded import EXPLICIT
 from wsim.simulation.simulation import Simulation
 
 POOR = 1e-4            # residual of an implicit solve from which a warning is due
-APART = 1e-3           # of how far points move: what a simulation of the same frames may end from here without a warning
 
 
 @dataclass
@@ -64,10 +63,11 @@ class Recording(Frames):
         self.start, self.begins, self.jumps = sim.frame, self.plan.clock.starting, self.plan.starts
         self.roots: list[Root] = []
         self.slots, self.parameters = Slots(sim.device, sim.model.real), Parameters(self.plan)
-        self.every = self.state.points.every
+        self.moved, self.bodies = self.state.parts.get("points"), self.plan.find("recorded bodies")
+        self.every = self.moved.every if self.moved else wp.zeros(0, dtype=sim.model.real, device=sim.device)
         self.initial = wp.clone(self.every)
-        self.marks = [(array, wp.clone(array)) for array, _ in self.state.points.saved.values()]
-        self.flowed = [(array, wp.clone(array)) for part in self.state.parts.values() if part is not self.state.points
+        self.marks = [(array, wp.clone(array)) for array, _ in (self.moved.saved.values() if self.moved else ())]
+        self.flowed = [(array, wp.clone(array)) for part in self.state.parts.values() if part is not self.moved
                        for array, _ in part.copies()]
         self.stretches: dict[tuple, Stretch] = {}
         self.cost: Segments | None = None
@@ -76,7 +76,7 @@ class Recording(Frames):
             self.prepare()
             self.allot()
         self.recorded, self.growth = self.shape, Growth(frames, sim.device, sim.model.real)
-        self.apart: float | None = None               # [m] from what a simulation does, after the first run; see `compare`
+        self.apart: float | None = None               # [m] from what a simulation does, after the first run
         self.residuals: dict[str, float] = {}         # of implicit solves, after `backward`
         self.rewind()
 
@@ -181,29 +181,7 @@ class Recording(Frames):
         self.sim.frame, self.plan.clock.starting, self.ran = self.start + self.frames, False, True
         judge(self, f"an edge is more than twice its rest length: {EXPLICIT}")
         if self.apart is None and self.plan.find("adjoint"):
-            self.apart = self.compare()
-
-    def compare(self) -> float:
-        """How far a simulation of the same frames ends from here [m]: implicit solves of recordings go on to their residual,
-        its own take so many Newton steps. Warns where that is much; costs such a run, once."""
-        kept = [self.plan.status.array, *(array for array, _ in self.state.copies())]
-        ends = [wp.clone(array) for array in kept]
-        here = self.state.x.numpy() + self.state.e.numpy()
-        self.rewind()
-        begun = self.state.x.numpy() + self.state.e.numpy()
-        for frame in range(self.frames):
-            self.pose(frame)
-            self.plan.frame()
-            self.plan.clock.starting = False
-        plain = self.state.x.numpy() + self.state.e.numpy()
-        for array, end in zip(kept, ends, strict=True):
-            wp.copy(array, end)
-        away, way = (float(np.linalg.norm(x - here, axis=1).max()) for x in (plain, begun))
-        if not away <= APART * way:
-            self.warn(f"/: gradients: a simulation of these frames ends up to {away:.2g} m from where the recording does, "
-                      f"which solves each step to its residual ({100.0 * away / max(way, 1e-300):.2g} % of how far points "
-                      "move); take more iterations or substeps")
-        return away
+            self.apart = apart(self)
 
     def misses(self) -> list[wp.array]:
         """What the worst forward and the worst adjoint solve of implicit steps have left."""
@@ -231,16 +209,16 @@ class Recording(Frames):
     # backward
 
     @GATE.shared()
-    def backward(self, positions: dict | None = None, velocities: dict | None = None,
-                 reactions: dict | None = None) -> Gradient:
+    def backward(self, positions: dict | None = None, velocities: dict | None = None, reactions: dict | None = None,
+                 poses: dict | None = None, twists: dict | None = None) -> Gradient:
         """Gradient of a loss whose derivatives by positions [1/m] and velocities [s/m] after some frames are given:
         {frame: (n, 3) in the author's order, or {path: (n, 3)}, or {(path, world): (n, 3)}, or an array of the device over all
-        points in the solver's order, which must be finite}; so by reactions of pins [1/N], by path. Raises SceneError for
-        frames and shapes that are none.
+        points in the solver's order, which must be finite}; so by reactions of pins [1/N], by path; so of rigid bodies by
+        `poses`, (4, 4), and `twists`, (2, 3), see `Recording.poses`. Raises SceneError for frames and shapes that are none.
         """
         if not self.ran:
             self.run()
-        seeds = Seeds(self, positions, velocities, reactions)
+        seeds = Seeds(self, positions, velocities, reactions, poses, twists)
         for root in self.roots:
             root.carried.zero_()
         self.parameters.zero()
@@ -264,7 +242,7 @@ class Recording(Frames):
         seeds.add(0)
         self.look()
         states = Fetched({r.base.ptr: wp.clone(r.carried) for r in self.roots})
-        return Gradient(self.parameters, states, targets[::-1], motions[::-1], seeds.end())
+        return Gradient(self.parameters, states, targets[::-1], motions[::-1], seeds)
 
     def look(self) -> None:
         """What implicit solves have left, in `residuals`: gradients are as right as those are small."""
@@ -278,8 +256,9 @@ class Recording(Frames):
 
     def note(self, frame: int, after: bool) -> None:
         """The norm of the gradient by the positions at the end of a frame, or (after its adjoint) at its begin."""
-        root = next(r for r in self.roots if r.base.ptr == self.state.x.ptr)
-        self.growth.note(root.carried, frame, after)
+        if self.moved:
+            root = next(r for r in self.roots if r.base.ptr == self.state.x.ptr)
+            self.growth.note(root.carried, frame, after)
 
     def again(self, last: int) -> None:
         """The segment that ends with frame `last`, from its checkpoint."""

@@ -22,11 +22,14 @@ class Parameters:
         self.muscles, self.loads, self.pins = map(plan.find, ("muscles", "loads", "pins"))
         self.air, self.bounce = plan.find("air"), plan.find("bounce")
         self.contact = contacts.adjoint if contacts else None
+        self.bodies = plan.find("recorded bodies")
 
     def arrays(self) -> list[wp.array]:
         """Everything that is differentiated by, of one kind each."""
         c = self.points
-        found = [c.w, c.gravity, c.decay, *self.net().values(), *(b.lengths for b in self.batches if b.lengths)]
+        found = [c.w, c.gravity, c.decay] if c else []
+        found += [*self.net().values(), *(b.lengths for b in self.batches if b.lengths)]
+        found += self.bodies.tables() if self.bodies else []
         found += [e.curvature.data.value for e in (*self.flat, *self.batches) if e.curvature]
         for data in (source.data for source in (*self.flat, *self.tables, *self.batches)):
             found += [getattr(data, name) for name in NAMES if getattr(data, name, None)]

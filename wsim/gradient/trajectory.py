@@ -2,12 +2,14 @@
 
 from abc import ABC, abstractmethod
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from wsim.gradient.reactions.adjoint import ReactionAdjoint
-from wsim.model.state import State
+from wsim.kernels.math.real import types
+from wsim.model.state import Part, State
 from wsim.scene import Problem, SceneError
 from wsim.simulation.simulation import Simulation
 
@@ -23,6 +25,8 @@ class Frames(ABC):
     state: State
     frames: int
     flowed: list[tuple[wp.array, wp.array]]       # arrays over elements that outlive a frame, and how they began
+    moved: Part | None                            # the points
+    bodies: Any                                   # `wsim.physics.rigid.recorded.Recorded`, or None
     ran = False
 
     @abstractmethod
@@ -30,14 +34,18 @@ class Frames(ABC):
         """All frames, each of which `keep` is told of."""
 
     def allot(self) -> None:
-        shape, dtype = (self.frames + 1, self.sim.model.points), self.state.x.dtype
+        shape, dtype = (self.frames + 1, self.sim.model.points), types(self.sim.model.real).vec3
         self.states, self.rests, self.speeds = (wp.zeros(shape, dtype=dtype, device=self.sim.device) for _ in range(3))
         self.shapes: list[wp.array] = []
+        if self.bodies:
+            self.bodies.allot(self.frames)
 
     def keep(self, frame: int) -> None:
         s = self.state
-        for kept, array in ((self.states, s.x), (self.rests, s.e), (self.speeds, s.v)):
+        for kept, array in ((self.states, s.x), (self.rests, s.e), (self.speeds, s.v)) if self.moved else ():
             wp.copy(kept[frame], array)
+        if self.bodies:
+            self.bodies.keep(frame)
         for kept, (array, _) in zip(self.shapes, self.flowed, strict=False):
             wp.copy(kept[frame], array)
 
@@ -52,16 +60,35 @@ class Frames(ABC):
         """Velocities [m/s], as `positions`."""
         return self.state_of(self.speeds, frame)[self.sim.model.body(path, world).index]
 
-    def state_of(self, array: wp.array, frame: int) -> np.ndarray:
+    def reach(self, frame: int) -> None:
+        """Runs, if that has not been done. Raises SceneError for frames that there are not."""
         if not 0 <= frame <= self.frames:
             raise SceneError(Problem("frame", f"found {frame}; allowed are 0 to {self.frames}"))
         if not self.ran:
             self.run()
+
+    def state_of(self, array: wp.array, frame: int) -> np.ndarray:
+        self.reach(frame)
         return array[frame].numpy().astype(np.float64)
+
+    def poses(self, frame: int, path: str, world: int = 0) -> np.ndarray:
+        """Frame of a rigid body to the world after so many frames, (4, 4) float64 [m]."""
+        return self.rigid(frame).poses(frame)[self.rigid(frame).row(path, world)]
+
+    def twists(self, frame: int, path: str, world: int = 0) -> np.ndarray:
+        """Velocity of a rigid body's centre of mass [m/s] and its angular velocity [rad/s] in the world, (2, 3)."""
+        return self.rigid(frame).twists(frame)[self.rigid(frame).row(path, world)]
+
+    def rigid(self, frame: int):
+        """What is kept of rigid bodies. Raises SceneError where there are none, or no such frame."""
+        if self.bodies is None:
+            raise SceneError(Problem("poses", "the scene has no rigid bodies"))
+        self.reach(frame)
+        return self.bodies
 
     def reactions(self, frame: int, path: str | None = None, world: int = 0) -> np.ndarray:
         """Forces of a pin [N] after so many frames, (n, 3): `wsim.simulation.measure.reaction`."""
-        self.state_of(self.states, frame)
+        self.reach(frame)
         self.pulls.at(frame)
         return self.pulls.of(path, world)
 

@@ -25,6 +25,7 @@ from typing import Any
 
 import warp as wp
 
+from wsim.model import variants
 from wsim.scene import Problem, SceneError
 
 RECORD = "wsim.json"     # {file: digest} of a module's folder
@@ -147,7 +148,8 @@ def load(module, device, block_dim: int | None = None) -> None:
                 SEEN.add(place)
             if not Path(str(place[0]), module.get_module_identifier(1 if device.is_cpu else block_dim)).exists():
                 _probe()
-            wp.load_module(module, device=device, block_dim=block_dim)
+            with variants.single():
+                wp.load_module(module, device=device, block_dim=block_dim)
         except SceneError:
             raise
         except Exception:
@@ -191,7 +193,8 @@ def _again(module, device, block_dim: int | None) -> None:
     try:
         _remove(_folders(module.name))
         module.mark_modified()
-        wp.load_module(module, device=device, block_dim=block_dim)
+        with variants.single():
+            wp.load_module(module, device=device, block_dim=block_dim)
     except Exception as error:
         fault = _fault(error)
         if fault is None:

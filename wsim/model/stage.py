@@ -173,6 +173,10 @@ class Method:
         """What the frame that has just ended lacked, by this method's own words of the status; none: it holds."""
         return []
 
+    def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
+        """Warnings of a frame that holds: (what they are of, a number, words in which {worst} stands for the greatest)."""
+        return []
+
     def kept(self) -> list[dict]:
         """Distances [m] that colliders keep from bodies where the scene leaves them open: collider, body, thickness."""
         return []
@@ -206,6 +210,7 @@ class Methods(list[Method]):
     pins, hard pins, soft pins, contact, contacts, bounce, muscles, loads, air, wind, watch
     least, send, stride              of explicit steps: how many are stable; uploads constraints; rows of targets a substep
     copies, forces, impacts          of explicit steps: what they predict; ports before forces and the last half kick
+    bodies, recorded bodies          the rigid ones; what recordings know of them
     terms                            port of a Newton step: what acts there beside the forces of bodies
     """
 

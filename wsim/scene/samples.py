@@ -3,11 +3,12 @@
 A prim that is not in the scene's stage is made in the result. How each kind is written: `wsim.usd.result.kinds.rows`.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import BinaryIO
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
+
+VOLUME = "_volume"
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,26 @@ class Particles:
 
 
 @dataclass(frozen=True)
+class Instances:
+    """Instances of a PointInstancer that move rigidly.
+
+    path         prim path of the instancer
+    numbers      which instances, (n,), in the order of its arrays
+    matrices     what has moved each since the first frame, world, (n, 4, 4) [m], rigid
+    centers      places about which they turn now, world (n, 3) [m]
+    velocities   of those places, (n, 3) [m/s]
+    spins        angular velocities, world (n, 3) [rad/s]
+    """
+
+    path: str
+    numbers: np.ndarray
+    matrices: np.ndarray
+    centers: np.ndarray
+    velocities: np.ndarray
+    spins: np.ndarray
+
+
+@dataclass(frozen=True)
 class Quantity:
     """A number, or numbers (n,) such as joint values, as a sampled attribute of type double or double[]."""
 
@@ -50,12 +71,20 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Volume:
-    """A file a frame, beside the layer, that a field prim names. data: its bytes, or what writes them into an open file;
-    suffix: of its name (".vdb", ".nvdb", ...)."""
+    """Fields on a box of cubes along the world's axes, in an OpenVDB file a frame beside the layer.
+
+    path      of the prim of the box: a UsdVol.Volume, else the volume is made beside it, with `VOLUME` behind its name
+    low       corner of the box, world (3,) [m]              cell     edge of a cube [m]
+    fields    by name, float32 or float16, at the centres of the cubes: (nx, ny, nz), or (nx, ny, nz, 3) of vectors, world [SI].
+              A number that is 0 is not stored.
+    units     of fields that have other ones on a stage, such as "m/s"
+    """
 
     path: str
-    suffix: str
-    data: bytes | Callable[[BinaryIO], object]
+    low: np.ndarray
+    cell: float
+    fields: Mapping[str, np.ndarray]
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -66,4 +95,4 @@ class Colour:
     values: np.ndarray
 
 
-Sample = Points | Transform | Particles | Quantity | Volume | Colour
+Sample = Points | Transform | Instances | Particles | Quantity | Volume | Colour

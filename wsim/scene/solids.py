@@ -17,6 +17,7 @@ from wsim.geometry import primitives
 from wsim.scene.bodies import Compared, array
 from wsim.scene.curve import Curve, Motion
 
+APPROXIMATIONS = ("none", "meshSimplification", "convexHull", "convexDecomposition", "boundingCube", "boundingSphere")
 SAME = 1e-6                # relative difference of scales that counts as none
 FLOOR = 10.0               # [m] edge of a plane as it is written, half of it as the viewer draws it
 Numbers = tuple[float, ...]
@@ -130,10 +131,10 @@ class Collider(Compared):
     motion              own frame to world over time, rigid, lengths [m]; a scale belongs into the shape's sizes
     static_friction     coefficient of friction [1] up to which a contact sticks
     dynamic_friction    coefficient of friction of a contact that slides [1]
-    thickness           kept free around it [m], besides half of the cloth's own; None: what hides the chords of the cloth's
-                        mesh (`wsim.scene.check.chord`)
+    thickness           kept free around it [m], besides half of the cloth's own; None: what hides chords, see wsim/scene/check/
     restitution         share of the speed along its normal with which a point rebounds [1], 0 to 1
     meets               False, of a rigid body's: it has mass and touches nothing
+    approximation       of a Surface: one of APPROXIMATIONS, as which rigid bodies meet it (points meet the mesh itself)
     """
 
     path: str
@@ -144,6 +145,7 @@ class Collider(Compared):
     thickness: float | None = None
     restitution: float = 0.0
     meets: bool = True
+    approximation: str = "none"
 
     def __post_init__(self):
         if isinstance(self.shape, Plane) and self.shape.axis is not None:
@@ -236,9 +238,8 @@ def _straight(lengths: Numbers) -> Numbers:
 
 def _of_round(make: type, axes: tuple[int, ...]) -> Callable[[Numbers, np.ndarray], Any]:
     def scaled(p: Numbers, scale: np.ndarray):
-        if p[0] != p[1] or not even(scale, axes):
-            return None
-        return make(float(p[0] * abs(scale[0])), float(p[2] * abs(scale[2])))
+        made = make(float(p[0] * abs(scale[0])), float(p[2] * abs(scale[2])))
+        return made if p[0] == p[1] and even(scale, axes) else None
     return scaled
 
 
@@ -261,8 +262,7 @@ def _cylinder_distance(c: Cylinder, q: np.ndarray) -> np.ndarray:
     return np.maximum(rho - c.radius, np.abs(z) - c.half_height)
 
 
-ROUND = ("radius", "height")
-ENDS = ("radiusBottom", "radiusTop", "height")
+ROUND, ENDS = ("radius", "height"), ("radiusBottom", "radiusTop", "height")
 
 SOLIDS: list[Solid] = [
     Solid("plane", Plane, ball=lambda p: inf, curvature=lambda p: inf, distance=lambda p, q: q[:, 2],

@@ -14,8 +14,8 @@ from time import perf_counter
 import numpy as np
 
 from wsim.scene import Problem, SceneError
-from wsim.show import animation, png
 from wsim.show.camera import Camera, fitted, subjects
+from wsim.show.image import animation, png
 from wsim.show.raycast import Caster, checked_size, render
 from wsim.show.visible import Visible, visible
 from wsim.usd.result.atomic import replace_bytes
@@ -56,7 +56,8 @@ def picture(stage_path, out, *, frames=None, size: tuple[int, int] = (960, 540),
     cameras, floors = _cameras(seen, times, camera, cell[0] / cell[1])
     caster = Caster([d.look for d in seen.drawn], cell, device)
     images = [caster.image([d.points(t) for d in seen.drawn], c, seen.up, floor,
-                           [d.colors(t) if d.colors else d.look.colors for d in seen.drawn])
+                           [d.colors(t) if d.colors else d.look.colors for d in seen.drawn],
+                           [(smoke, smoke.at(t)) for smoke in seen.smoke])
               for t, c, floor in zip(times, cameras, floors, strict=True)]
     drawn = perf_counter()
     if sheet:
@@ -110,7 +111,7 @@ def _cameras(seen: Visible, times: list[float], camera, aspect: float) -> tuple[
         for k, d in enumerate(seen.drawn):
             points = d.points(t)
             sets[k].append(points[:: 1 + len(points) // 20000])
-    groups = [np.concatenate(s) for s in sets]
+    groups = [np.concatenate(s) for s in sets] + [smoke.corners(times[0]) for smoke in seen.smoke]
     chosen = np.concatenate([groups[k] for k in subjects(groups)] or [np.array([[-1.0, 0, -1.0], [1.0, 0, 1.0]])])
     axis = "XYZ".index(seen.up)
     base = min((float(g[:, axis].min()) for g in groups), default=0.0)

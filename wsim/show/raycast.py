@@ -1,6 +1,7 @@
 """The ray caster from the host: meshes that move, a camera and lights in, an image out. See `kernels.ray`."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -10,6 +11,10 @@ from wsim.model import kernel_cache
 from wsim.scene import Problem, SceneError
 from wsim.show.camera import Camera, fitted, subjects, up_vector
 from wsim.show.shading import Look
+
+if TYPE_CHECKING:
+    from wsim.show.smoke.read import Density, Smoke
+    Cloud = tuple[Smoke, Density | None]
 
 # Radiances, linear; a white surface in the open sends out about key * cos + sky = 1.
 KEY = (0.86, 0.80, 0.71)
@@ -35,12 +40,13 @@ class Caster:
             self.out = wp.zeros((self.size[1], self.size[0], 3), dtype=wp.uint8)
 
     def image(self, points: Sequence[np.ndarray], camera: Camera, up: str = "Y", floor: float | None = None,
-              colors: Sequence[np.ndarray] | None = None) -> np.ndarray:
+              colors: Sequence[np.ndarray] | None = None, clouds: "Sequence[Cloud]" = ()) -> np.ndarray:
         """uint8 (h, w, 3), sRGB. points: world positions [m] of each mesh; floor: height of the ground [m], or none; colors:
-        linear, of each mesh as many as its look has; None: those."""
+        linear, of each mesh as many as its look has; None: those; clouds: smoke, and its density now (None: there is none)."""
         sets = [np.asarray(p, np.float64) for p in points]
         if self.mesh is None:              # unit of length, kept: what stands still is then drawn the same to the bit
-            seen = [sets[k] for k in subjects(sets)] or [np.zeros((1, 3))]
+            boxes = [smoke.corners(smoke.times[0] if smoke.times else 0.0) for smoke, _ in clouds]
+            seen = [sets[k] for k in subjects(sets)] + boxes or [np.zeros((1, 3))]
             low, high = np.min([p.min(axis=0) for p in seen], axis=0), np.max([p.max(axis=0) for p in seen], axis=0)
             self.center, self.scale = 0.5 * (low + high), max(0.5 * float(np.linalg.norm(high - low)), 1e-9)
         center, scale = self.center, self.scale
@@ -51,10 +57,16 @@ class Caster:
             view = _view(camera.filled(self.size[0] / self.size[1]), up, floor, center, scale)
             shape = self.light.shape
             wp.launch(ray.trace, dim=shape, inputs=[surfaces, view, self.samples], outputs=[self.light])
+            media = _media(clouds, camera.eye, center, scale)
+            if media:
+                self.light, self.other = media.light(surfaces, view, self.samples, self.light, self.other)
             for step in (1, 2, 4):
                 wp.launch(ray.smooth, dim=shape, inputs=[self.samples, view, step, self.light], outputs=[self.other])
                 self.light, self.other = self.other, self.light
-            wp.launch(ray.develop, dim=self.out.shape[:2], inputs=[self.samples, view, self.light], outputs=[self.out])
+            if media:
+                media.develop(self.samples, view, self.light, self.out)
+            else:
+                wp.launch(ray.develop, dim=self.out.shape[:2], inputs=[self.samples, view, self.light], outputs=[self.out])
             return self.out.numpy().copy()
 
     def _surfaces(self, sets: list[np.ndarray]) -> ray.Surfaces:
@@ -93,6 +105,15 @@ class Caster:
         self.surfaces.normal_of = wp.array(np.concatenate(normal_of).astype(np.int32), dtype=wp.vec3i)
         self.surfaces.color_of = wp.array(np.concatenate(color_of).astype(np.int32), dtype=wp.vec3i)
         self.surfaces.colors = wp.array(np.concatenate(colors).astype(np.float32), dtype=wp.vec3)
+
+
+def _media(clouds: "Sequence[Cloud]", eye: np.ndarray, center: np.ndarray, scale: float) -> Any:
+    """Smoke on the device; None where there is none: its kernels are not even imported."""
+    there = [(smoke, density) for smoke, density in clouds if density is not None]
+    if not there:
+        return None
+    from wsim.show.smoke.media import Media
+    return Media(there, eye, center, scale)
 
 
 def _compile(device) -> None:

@@ -69,6 +69,11 @@ class Log:
             plot = next((p for p in PLOTS if p in name), "other")
             self.stream.log(f"plots/{plot}/{name}", self.rr.Scalars(float(value)))
 
+    def beads(self, path: str, places: np.ndarray, radii: np.ndarray, color: np.ndarray) -> None:
+        """Spheres (n, 3), (n,) [m] of one linear colour at the log's time."""
+        self.stream.log("world" + path, self.rr.Points3D(places.astype(np.float32), radii=radii.astype(np.float32),
+                                                         colors=srgb(color[None])))
+
     def close(self) -> None:
         """All that was logged has left; a file is complete."""
         try:

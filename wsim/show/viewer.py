@@ -118,9 +118,17 @@ def _show(seen: Visible, result_path, save: Path | None, web: int | None = None)
         for shown, d in meshes:
             if not shown.started or d.moves or d.colors:
                 shown.send(d.points(t), d.colors(t) if d.colors else None)
+        for smoke in seen.smoke:
+            log.beads(smoke.path, *_beads(smoke, t), smoke.albedo)
         if measures:
             log.plot(measures.at(t))
     return log
+
+
+def _beads(smoke, t: float) -> tuple[np.ndarray, np.ndarray]:
+    from wsim.show.smoke.read import beads
+    density = smoke.at(t)
+    return (np.zeros((0, 3)), np.zeros(0)) if density is None else beads(density, smoke.extinction)
 
 
 def _cloth_look(cloth: Cloth, number: int) -> Look:

@@ -2,13 +2,16 @@
 
 Drawn are Mesh, TetMesh (its surface, unless meshes of its soft body are seen instead), the analytic shapes, BasisCurves
 (control polygons, as tubes) and Points (as beads), with their display colours, else the diffuse colour of a bound preview
-material, else a palette by what they are. Skinned meshes move with their skeleton. Guides and proxies are drawn only where
-a stage shows nothing else. Point instancers are not drawn, and `Visible.notes` says so.
+material, else a palette by what they are; volumes with an OpenVDB density are smoke. Skinned meshes move with their skeleton.
+Guides and proxies are drawn only where a stage shows nothing else, domains of fluids never. Point instancers are not drawn, and
+`Visible.notes` says so.
 """
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pxr import Gf, Tf, Usd, UsdGeom, UsdSkel
@@ -19,6 +22,9 @@ from wsim.show.shading import PALETTE
 from wsim.usd import names
 from wsim.usd.prims.surface import OF
 from wsim.usd.stage import applied, reason, unfinished
+
+if TYPE_CHECKING:
+    from wsim.show.smoke.read import Smoke
 
 
 @dataclass
@@ -34,6 +40,7 @@ class Visible:
     cameras: dict[str, Callable[[float], Gf.Camera]] = field(default_factory=dict)   # in stage units
     meters: float = 1.0                                   # [m] of a stage unit
     notes: list[str] = field(default_factory=list)
+    smoke: list["Smoke"] = field(default_factory=list)
 
 
 def open_stage(path) -> Usd.Stage:
@@ -55,14 +62,15 @@ def visible(path) -> Visible:
     meters = UsdGeom.GetStageMetersPerUnit(stage)
     _skin(stage)
     prims, notes = _prims(stage)
+    prims, smoke = _smoke(prims, os.path.dirname(os.path.abspath(path)), meters, notes)
     solid = [p for p in prims if p.IsA(UsdGeom.Gprim) or drawn_by(p)]
     shown = [p for p in solid if _purpose(p) in ("default", "render")]
     planes = [p for p in prims if p.IsA(UsdGeom.Plane)]
     shown = shown or solid
-    times = _times(stage, shown)
+    times = _times(stage, shown, sorted({t for each in smoke for t in each.times}))
     level = [p for p in planes if _is_level(p, up, times[0])]
     drawn = _all_drawn(_without_cages([p for p in shown if p not in level]), times[0], meters)
-    if not drawn and not level:
+    if not drawn and not level and not smoke:
         raise SceneError(Problem(str(path), "nothing visible to draw; it needs a mesh, curves, points or a shape"))
     floor = None
     if level:
@@ -70,7 +78,7 @@ def visible(path) -> Visible:
         def floor(t: float) -> float:
             return meters * max(matrix(p, t)[index, 3] for p in level)
     cameras = {str(p.GetPath()): UsdGeom.Camera(p).GetCamera for p in prims if p.IsA(UsdGeom.Camera)}
-    return Visible(stage, up, stage.GetTimeCodesPerSecond(), times, drawn, floor, cameras, meters, notes)
+    return Visible(stage, up, stage.GetTimeCodesPerSecond(), times, drawn, floor, cameras, meters, notes, smoke)
 
 
 def _prims(stage: Usd.Stage) -> tuple[list[Usd.Prim], list[str]]:
@@ -102,14 +110,24 @@ def _skin(stage: Usd.Stage) -> None:
                 UsdSkel.BakeSkinning(UsdSkel.Root(root), Gf.Interval(stage.GetStartTimeCode(), stage.GetEndTimeCode()))
 
 
-def _times(stage: Usd.Stage, prims: list[Usd.Prim]) -> list[float]:
-    """Whole time codes of the authored range, else of the samples of points; one if nothing moves."""
-    if not any(moves(p) for p in prims):
+def _smoke(prims: list[Usd.Prim], folder: str, meters: float, notes: list[str]) -> tuple[list[Usd.Prim], list["Smoke"]]:
+    """The prims without volumes and domains of fluids; the volumes that are smoke."""
+    volumes = [p for p in prims if p.GetTypeName() == "Volume"]
+    others = [p for p in prims if p.GetTypeName() != "Volume" and names.WSIM_DOMAIN not in applied(p)]
+    if not volumes:
+        return others, []
+    from wsim.show.smoke.read import smoke
+    return others, [found for p in volumes if (found := smoke(p, folder, meters, notes))]
+
+
+def _times(stage: Usd.Stage, prims: list[Usd.Prim], volumes: list[float]) -> list[float]:
+    """Whole time codes of the authored range, else of the samples of points and volumes; one if nothing moves."""
+    if not any(moves(p) for p in prims) and len(volumes) < 2:
         return [stage.GetStartTimeCode()]
     start, end = stage.GetStartTimeCode(), stage.GetEndTimeCode()
     if not stage.HasAuthoredTimeCodeRange():
         samples = [t for p in prims if p.IsA(UsdGeom.PointBased)
-                   for t in UsdGeom.PointBased(p).GetPointsAttr().GetTimeSamples()]
+                   for t in UsdGeom.PointBased(p).GetPointsAttr().GetTimeSamples()] + volumes
         start, end = (min(samples), max(samples)) if samples else (0.0, 0.0)
     return [float(t) for t in np.arange(start, max(end, start) + 0.5)]
 

@@ -85,7 +85,7 @@ def _remembered(sim: Simulation) -> Callable[[], None]:
         return lambda: None
     rows = [r for r in sim.plan.methods.every("rows") if not r.hard]
     kept = [(thing, {name: getattr(thing, name) for name in names}) for owners, names in (
-        (sim.model.bodies, ("masses", "rest", "source")), (rows, ("stiffness", "tau", "rest", "shape")))
+        (sim.model.bodies, ("masses", "rest", "source")), (rows, ("stiffness", "tau", "rest", "shape", "coupling")))
         for thing in owners]
     parts = [(p, dict(p.values)) for solid in sim.plan.solids for p in solid.parts if hasattr(p, "values")]
     densities = dict(points.densities)
@@ -123,6 +123,8 @@ def _judged(sim: Simulation, row: Value, thing, path: str, value, world: int | N
     if row.form == "vector":
         if values.shape != (3,) or not np.isfinite(values).all():
             raise SceneError(Problem(path, f"{name} is {value}; allowed are three finite numbers"))
+        if not np.asarray(row.range.holds(values)).all():
+            raise SceneError(Problem(path, row.range.wrong(name, float(values.min()))))
         return values
     good = np.asarray(row.range.holds(values))
     if not good.all():

@@ -98,6 +98,8 @@ def needed(row: Row, b: Build) -> str:
     if row.name in NEEDED:
         return NEEDED[row.name](b)
     counts = {name: len(b.scene.things(name)) for name in row.owns}
+    if row.owns and not counts[row.owns[0]]:                    # what the others are about
+        return ""
     return ", ".join(f"{n} {name}" for name, n in counts.items() if n)
 
 
@@ -114,7 +116,6 @@ def built(row: Row, b: Build) -> Method | None:
 PARTS: list[tuple[str, str, Callable[[Build], bool]]] = [
     ("history", "backward Euler needs no earlier step", lambda b: b.clock.integrator.memory > 0.0),
     ("fem", "there is no soft body", lambda b: bool(b.scene.softs)),
-    ("fluid", "there is no fluid", lambda b: False),
     ("gradients", "not asked for", lambda b: b.model.gradients),
     ("membrane", "no cloth has triangle strain", lambda b: any(c.model == "membrane" for c in b.scene.cloths)),
 ]

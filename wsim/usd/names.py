@@ -37,6 +37,7 @@ BINDING = "MaterialBindingAPI"
 WSIM_SCENE, WSIM_CLOTH, WSIM_MATERIAL = table.AIR, table.FLAT, table.OWN
 WSIM_SPRINGS, WSIM_COLLIDER, WSIM_SOFT = "WsimSpringsAPI", "WsimColliderAPI", "WsimSoftAPI"
 WSIM_ATTACHMENT, WSIM_LOAD, WSIM_RIGID = "WsimAttachmentAPI", "WsimLoadAPI", "WsimRigidBodyAPI"
+WSIM_DOMAIN, WSIM_SOURCE = table.DOMAIN, table.SOURCE
 
 # Fallbacks of the proposal, in SI units; the schemas are not registered, so USD cannot supply them.
 YOUNGS_MODULUS = 1.0e6      # [Pa]
@@ -49,6 +50,7 @@ GRAVITY = 9.81              # [m/s^2]
 UNITS = {
     "1": (0, 0), "s": (0, 0), "1/s": (0, 0), "rad/s": (0, 0), "m": (1, 0), "m/s": (1, 0), "m/s^2": (1, 0), "kg": (0, 1),
     "kg/m^3": (-3, 1), "N": (1, 1), "N/m": (0, 1), "N m": (2, 1), "N m^2": (3, 1), "N s/m": (0, 1), "Pa": (-1, 1),
+    "K": (0, 0), "K/s": (0, 0), "1/K": (0, 0), "m^2/s": (2, 0), "kg m^2": (2, 1),
 }
 
 
@@ -130,6 +132,20 @@ OTHERS = (
     Entry("RigidBody", "drag", WSIM_RIGID, "wsim:linearDamping", "double", "1/s"),
     Entry("RigidBody", "spin_drag", WSIM_RIGID, "wsim:angularDamping", "double", "1/s"),
 
+    Entry("Fluid", "sides", WSIM_DOMAIN, "wsim:fluid:sides", "token[]", uniform=True),
+    Entry("Fluid", "side_velocities", WSIM_DOMAIN, "wsim:fluid:sideVelocities", "vector3d[]", "m/s", uniform=True),
+    Entry("Fluid", "slip", WSIM_DOMAIN, "wsim:fluid:slip", "bool", uniform=True),
+    Entry("Fluid", "advection", WSIM_DOMAIN, "wsim:fluid:advection", "token", uniform=True),
+    Entry("Fluid", "scalar_advection", WSIM_DOMAIN, "wsim:fluid:scalarAdvection", "token", uniform=True),
+    Entry("Fluid", "steps", WSIM_DOMAIN, "wsim:fluid:steps", "int", uniform=True),
+    Entry("Fluid", "most_steps", WSIM_DOMAIN, "wsim:fluid:mostSteps", "int", uniform=True),
+    Entry("Fluid", "velocity", WSIM_DOMAIN, "wsim:fluid:startVelocity", "vector3f[]", "m/s"),
+    Entry("Fluid", "smoke", WSIM_DOMAIN, "wsim:fluid:startSmoke", "float[]"),
+    Entry("Fluid", "temperature", WSIM_DOMAIN, "wsim:fluid:startTemperature", "float[]"),
+    Entry("Source", "hold", WSIM_SOURCE, "wsim:fluid:hold", "bool", uniform=True),
+    Entry("Source", "velocity", WSIM_SOURCE, "wsim:fluid:velocity", "vector3d", "m/s"),
+    Entry("Source", "strength", WSIM_SOURCE, "wsim:fluid:strength", "double"),
+
     Entry("Pin", "enabled", ATTACHMENT, "physics:attachmentEnabled", "bool"),
     Entry("Pin", "type0", ATTACHMENT, "physics:type0", "token", uniform=True),
     Entry("Pin", "type1", ATTACHMENT, "physics:type1", "token", uniform=True),
@@ -164,6 +180,7 @@ PER_TET = {v.name: v.unit for v in table.of("Soft").values() if v.each and v.for
 PER_ELEMENT = {v.name: v.unit for v in table.of("Cloth").values() if v.each and v.form == "number"}
 SRC0, SRC1 = "physics:src0", "physics:src1"                     # relationships of an attachment
 STEPS_HINT = "newton:timeStepsPerSecond"                        # read where wsim:substeps is not authored
+INTO = "wsim:fluid:domain"                                       # relationship of WsimFluidSourceAPI: one domain; none: all
 LOADED = "wsim:load:body"                                        # relationship of WsimLoadAPI: the body
 ORDER = "wsim:order"                                             # relationship of WsimSceneAPI: objects in their order
 

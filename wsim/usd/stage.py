@@ -61,11 +61,13 @@ class Reading:
     stage: Usd.Stage
     units: Units
     frames: int = 0
+    points: bool = False                                 # cloth, springs or soft bodies are there
     problems: list[Problem] = field(default_factory=list)
     xforms: dict = field(default_factory=dict)
     materials: dict = field(default_factory=dict)
     sampled: list = field(default_factory=list)          # paths of attributes that may differ from time to time
     followed: set = field(default_factory=set)           # those of them that became curves
+    skinned: dict = field(default_factory=dict)          # what a skeleton moves: {path: wsim.usd.prims.skeletons.Bound}
     varying: list = field(default_factory=list)          # (where it was found, `wsim.scene.Varying`)
 
     @property

@@ -19,7 +19,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.manifold import making, manifold, reduction
+from wsim.kernels.rigid.lists.manifold import making, manifold, reduction
 
 BIAS = wp.constant(1.0e-3)              # of the size: nearer, a face touches rather than an edge
 SLACK = wp.constant(1.0e-4)             # of the size: so far beyond a side a corner still is inside
@@ -164,14 +164,15 @@ def measuring(real):
 
 
 @cache
-def contact(real, corners: int):
-    """Function (PA, a, PB, b, near, margin, size) -> Manifold; faces of at most `corners` corners, which are overwritten."""
+def contact(real, corners: int, outer: bool = False):
+    """Function (PA, a, PB, b, near, margin, size) -> Manifold; faces of at most `corners` corners, which are overwritten.
+    outer: see `reduction`."""
     t, Manifold, of = types(real), manifold(real), structs(real)
     Side, Nearest, vec3s = of.Side, of.Nearest, wp.array(dtype=t.vec3)
     _side, polygon, segment = cutting(real)
     apart, heights = measuring(real)
     single, _flipped, _turned = making(real)
-    reduce, most = reduction(real), 2 * corners
+    reduce, most = reduction(real, outer), 2 * corners
 
     @wp.func
     def clipped(Q: vec3s, ref: Side, P: vec3s, other: Side, flip: int, margin: real, size: real):

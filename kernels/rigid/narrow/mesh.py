@@ -1,10 +1,7 @@
-"""Triangle meshes that bodies touch: their tables, and the list of triangles that come near to a shape.
+"""Triangle meshes that bodies touch: their tables, and the bounds by which a shape looks for triangles.
 
-Warp's tree over a mesh is walked on the device for the bounds of each shape; a triangle whose bounds meet them is a candidate
-(row, face). The list is appended to in any order, up to the room there is, and says how many it wanted; whoever uses it sorts
-it, or reads what it finds by the key of row and face. The tree is float32: bounds are widened by what that rounds.
-
-No scene uses this yet.
+Warp's tree over a mesh is walked on the device (kernels/rigid/lists/collide_mesh.py); a triangle whose bounds meet those of a
+shape is met. The tree is float32: bounds are widened by what that rounds.
 """
 
 from functools import cache
@@ -89,42 +86,3 @@ def relative(real):
         return wp.transpose(R) * matrix(wp.transform_get_rotation(pose)), c
 
     return relative
-
-
-@cache
-def candidates(kinds: frozenset[str], real, module):
-    """Kernel of `threads` threads that walk the pairs up to counts[0], (shape, mesh) each. found: (pair, face among those of
-    all meshes); counts[1], 0 before, is how many there are: more than `found` has room for where it overflows."""
-    t, Shape, Hulls, Surfaces = types(real), shape(real), hulls(real), surfaces(real)
-    bound, seen = bounds(kinds, real), relative(real)
-
-    @wp.struct
-    class Near:
-        shape: wp.array(dtype=Shape)
-        hulls: Hulls
-        surfaces: Surfaces
-        pose: wp.array(dtype=t.transform)
-        mesh_pose: wp.array(dtype=t.transform)
-        pairs: wp.array(dtype=wp.vec2i)
-        margin: wp.array(dtype=real)         # of each shape [m]
-
-    def candidates(near: Near, threads: int, counts: wp.array(dtype=int), found: wp.array(dtype=wp.vec2i)):
-        i = wp.tid()
-        while i < counts[0]:
-            pair = near.pairs[i]
-            a = near.shape[pair[0]]
-            R, c = seen(near.pose[pair[0]], near.mesh_pose[pair[1]])
-            low, high = bound(a, near.hulls, R)
-            more = near.margin[pair[0]] + real(WIDER) * (wp.length(c) + wp.length(high - low))
-            low += c - t.vec3(more, more, more)
-            high += c + t.vec3(more, more, more)
-            query = wp.mesh_query_aabb(near.surfaces.id[pair[1]], wp.vec3f(float(low[0]), float(low[1]), float(low[2])),
-                                       wp.vec3f(float(high[0]), float(high[1]), float(high[2])))
-            face = int(0)
-            while wp.mesh_query_aabb_next(query, face):
-                row = wp.atomic_add(counts, 1, 1)
-                if row < found.shape[0]:
-                    found[row] = wp.vec2i(i, near.surfaces.first[pair[1]] + face)
-            i += threads
-
-    return Near, wp.kernel(candidates, name="mesh_candidates", module=module, enable_backward=False)

@@ -15,7 +15,7 @@ import warp as wp
 from wsim.kernels.contact.shape import BOX, CAPSULE, PLANE, SPHERE, distance
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import matrix
-from wsim.kernels.rigid.manifold import making, manifold
+from wsim.kernels.rigid.lists.manifold import making, manifold
 from wsim.kernels.rigid.narrow.box import box
 from wsim.kernels.rigid.narrow.capsule import box_capsule, capsules
 from wsim.kernels.rigid.narrow.clip import contact, structs
@@ -95,12 +95,12 @@ def nearest(pairs: frozenset[tuple[str, str]], real):
 
 
 @cache
-def completion(kinds: frozenset[str], real):
-    """Function (a, b, hulls, R, p, near, margin) -> Manifold of two shapes whose nearest places are known."""
+def completion(kinds: frozenset[str], real, outer: bool = False):
+    """Function (a, b, hulls, R, p, near, margin) -> Manifold of two shapes whose nearest places are known; see `reduction`."""
     t, Shape, Hulls, Manifold, of = types(real), shape(real), hulls(real), manifold(real), structs(real)
     corners = capacity(kinds)
     radius, size = extent(real)
-    place, touch, room = face(kinds, real), contact(real, corners), 4 * corners
+    place, touch, room = face(kinds, real), contact(real, corners, outer), 4 * corners
     vec3, Nearest = t.vec3, of.Nearest
 
     @wp.func

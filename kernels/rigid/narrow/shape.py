@@ -18,9 +18,9 @@ import warp as wp
 from wsim.kernels.contact.shape import BOX, CAPSULE, CONE, CYLINDER, PLANE, SPHERE
 from wsim.kernels.math.real import types
 
-HULL, TRIANGLE = 8, 9                    # further kinds; 6 and 7 are meshes (kernels/contact/mesh.py)
+HULL, TRIANGLE, MESH = 8, 9, 10          # further kinds; 6 and 7 are meshes of points (kernels/contact/mesh.py)
 KINDS = {"plane": PLANE, "sphere": SPHERE, "box": BOX, "capsule": CAPSULE, "cylinder": CYLINDER, "cone": CONE, "hull": HULL,
-         "triangle": TRIANGLE}
+         "triangle": TRIANGLE, "mesh": MESH}
 CORNERS = 32                             # of a face, at most: hulls thin theirs
 FLAT = wp.constant(1.0e-2)               # sine of a tilt below which a round face lies flat
 

@@ -20,7 +20,7 @@ import warp as wp
 
 from wsim.kernels.math.eigen import identity
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.manifold import manifold
+from wsim.kernels.rigid.lists.manifold import manifold
 from wsim.kernels.rigid.narrow.clip import BIAS, structs
 from wsim.kernels.rigid.narrow.gjk import apart
 from wsim.kernels.rigid.narrow.mesh import reading, surfaces
@@ -118,7 +118,7 @@ def against(kinds: frozenset[str], real):
     where: (number of the mesh, of the face among those of all); (R, c): pose of A in the mesh's frame."""
     t, Shape, Hulls, Manifold, Surfaces = types(real), shape(real), hulls(real), manifold(real), surfaces(real)
     every = kinds | {"triangle"}
-    near_of, completed = facing(every, real), completion(every, real)
+    near_of, completed = facing(every, real), completion(every, real, True)
     corners, _normal = reading(real)
 
     @wp.func

@@ -43,11 +43,13 @@ class Flying(Method):
                 lit = rows[:sparks.lit * int(frames[rows[0]])]
                 M = np.eye(4)
                 M[:3, 3] = x[rows].mean(axis=0)
-                density = np.histogram(x[rows, 2], bins=8)[0]
+                density = np.histogram(x[rows, 2], bins=8)[0].astype(np.float32).reshape(1, 1, 8)
+                field = np.concatenate([density[..., None], 0.0 * density[..., None], 2.0 * density[..., None]], 3)
                 found += [Particles(f"{sparks.path}/Lit", x[lit], np.full(len(lit), WIDTH), lit - rows[0], v[lit]),
                           Points(f"{sparks.path}/Trace", x[rows], v[rows]), Transform(f"{sparks.path}/Middle", M),
                           Quantity(sparks.path, "toy:speeds", np.linalg.norm(v[rows[:5]], axis=1)),
-                          Volume(f"{sparks.path}/Smoke", ".npy", lambda file, density=density: np.save(file, density))]
+                          Volume(f"{sparks.path}/Smoke", np.full(3, 0.5), 0.25, {"density": density, "speed": field},
+                                 {"speed": "m/s"})]
         return found
 
 

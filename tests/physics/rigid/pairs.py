@@ -1,4 +1,4 @@
-"""Pairs of shapes put through the narrow phase on a CPU, all of them in one launch; float64 references by NumPy."""
+"""Pairs of shapes put through the narrow phase, all of them in one launch; float64 references by NumPy."""
 
 from functools import cache
 
@@ -6,11 +6,12 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.manifold import manifold
+from wsim.kernels.rigid.lists.manifold import manifold
 from wsim.kernels.rigid.narrow.pair import every, narrow
 from wsim.kernels.rigid.narrow.shape import KINDS, hulls, shape
 
 PRECISIONS = [wp.float32, wp.float64]
+WHERE = {"device": "cpu"}               # tests/gpu/test_rigid_narrow.py has the same tests on a GPU
 
 
 @cache
@@ -38,19 +39,19 @@ def shapes(rows, real):
         else:
             found[k]["size"][:len(np.atleast_1d(size))] = size
         found[k]["row"] = row[0] if row else 0
-    return wp.array(found, dtype=Shape, device="cpu")
+    return wp.array(found, dtype=Shape, **WHERE)
 
 
 def touch(a, pose_a, b, pose_b, margin=1e30, real=wp.float64, H=None, pairs=None):
     """Manifolds as a structured array: fields n, count, x, gap, key. Poses: (..., 7), translation and (x, y, z, w)."""
     t = types(real)
     pairs = pairs or every({row[0] for row in (*a, *b)})
-    out = wp.zeros(len(a), dtype=manifold(real), device="cpu")
+    out = wp.zeros(len(a), dtype=manifold(real), **WHERE)
     margin = np.broadcast_to(np.asarray(margin, float), len(a))
-    poses = [wp.array(np.ascontiguousarray(np.broadcast_to(p, (len(a), 7))), dtype=t.transform, device="cpu")
+    poses = [wp.array(np.ascontiguousarray(np.broadcast_to(p, (len(a), 7))), dtype=t.transform, **WHERE)
              for p in (pose_a, pose_b)]
     wp.launch(kernel(pairs, real), len(a), [shapes(a, real), shapes(b, real), H or hulls(real)(), *poses,
-                                            wp.array(margin, dtype=real, device="cpu")], [out], device="cpu")
+                                            wp.array(margin, dtype=real, **WHERE)], [out], **WHERE)
     return out.numpy()
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.physics.rigid.pairs import WHERE
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Collider, Plane, Scene, Sphere, Surface, shapes
 from wsim.scene.curve import Motion
@@ -33,7 +34,7 @@ def world(*bodies: Body, gravity=(0.0, -G, 0.0), rub: float = 0.5, fps: float = 
     scene.collider("/post", Sphere(0.5), at=(1.0, 0.0, 200.0), static_friction=0.0, dynamic_friction=0.0)
     for body in (*bodies, ball("/far/ball", (90.0, 0.5, 0.0), rest=0.5), box("/far/box", (90.0, 0.5, 5.0))):
         scene.add(body)
-    return Simulation(scene, **{"device": "cpu", "precision": "float64"} | more)
+    return Simulation(scene, **WHERE | {"precision": "float64"} | more)
 
 
 class Seen:
@@ -171,13 +172,16 @@ def test_a_hundred_kilogrammes_stand_on_nine_boxes_of_one():
     """They sink 32 mm in soft contact."""
     sim = world(*[box(f"/box{k}", (0.0, 0.5 + k, 0.0), mass=1.0 if k < 9 else 100.0) for k in range(10)], precision="float32")
     sim.run(600)
-    assert 9.5 - Seen(sim).at("/box9")[1] < 50e-3 and abs(Seen(sim).at("/box9")[0]) < 0.05
+    seen = Seen(sim)
+    assert 9.5 - seen.at("/box9")[1] < 50e-3 and abs(seen.at("/box9")[0]) < 1e-3 and np.abs(seen.v).max() < 1e-3
 
 
-def test_twenty_boxes_sink_less_than_eight_millimetres():
+def test_twenty_boxes_sink_less_than_eight_millimetres_and_come_to_rest():
+    """A column of twenty sways slowly once it is pushed: what pushes its corners one after the other never lets it rest."""
     sim = world(*[box(f"/box{k}", (0.0, 0.5 + k, 0.0)) for k in range(20)], precision="float32")
     sim.run(600)
-    assert 19.5 - Seen(sim).at("/box19")[1] < 8e-3 and abs(Seen(sim).at("/box19")[0]) < 1e-2
+    seen = Seen(sim)
+    assert 19.5 - seen.at("/box19")[1] < 8e-3 and np.abs(seen.v).max() < 1e-3 and abs(seen.at("/box19")[0]) < 1e-3
 
 
 def test_a_pyramid_of_ten_rows_stands():
@@ -200,7 +204,7 @@ def test_a_collider_that_moves_carries_a_box_along_and_throws_a_ball():
     scene = sim.given
     scene.collider("/table", Box((5.0, 1.0, 5.0)), motion=going(1.0, (0.0, 1.0, 0.0)))
     scene.collider("/wall", Box((0.5, 1.0, 1.0)), motion=going(2.0, (0.0, 8.0, 0.0)), static_friction=0.0, dynamic_friction=0.0)
-    sim = Simulation(scene, device="cpu", precision="float64")
+    sim = Simulation(scene, **WHERE, precision="float64")
     sim.run(120)
     assert np.abs(Seen(sim).speed("/box") - (1.0, 0.0, 0.0)).max() < 1e-4
     assert np.abs(Seen(sim).speed("/ball") - (4.0, 0.0, 0.0)).max() < 1e-3
@@ -208,7 +212,7 @@ def test_a_collider_that_moves_carries_a_box_along_and_throws_a_ball():
 
 def test_worlds_do_not_touch_each_other_and_are_alike():
     scene = world(box("/box", (0.0, 1.5, 0.0)), ball("/ball", (0.2, 3.0, 0.1))).given
-    one, three = (Simulation(scene, device="cpu", worlds=worlds) for worlds in (1, 3))
+    one, three = (Simulation(scene, **WHERE, worlds=worlds) for worlds in (1, 3))
     for sim in (one, three):
         sim.run(60)
     alone, all_ = one.plan.method("rigid").get("x"), three.plan.method("rigid").get("x").reshape(3, -1, 3)
@@ -220,7 +224,7 @@ def test_a_mesh_lies_as_its_hull_does():
     scene = world(box("/box", (0.0, 0.7, 0.0))).given
     points, counts, indices = shapes.box((0.5, 0.5, 0.5))
     scene.add(Body("/mesh", [Collider("/mesh/shape", Surface(points, counts, indices))], Motion.at_place((5.0, 0.7, 0.0))))
-    sim = Simulation(scene, device="cpu")
+    sim = Simulation(scene, **WHERE)
     sim.run(120)
     assert abs(Seen(sim).at("/mesh")[1] - Seen(sim).at("/box")[1]) < 1e-5 and np.abs(Seen(sim).v).max() < 1e-4
 

@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from tests.physics.rigid.pairs import WHERE
 from wsim.geometry import rotation
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Scene
@@ -22,7 +23,7 @@ def body(**more) -> Body:
 def simulation(thing: Body, frames_a_second: float, substeps: int, precision: str = "float64", gravity=(0.0, 0.0, 0.0)):
     scene = Scene(gravity=gravity, fps=frames_a_second, substeps=substeps)
     scene.add(thing)
-    return Simulation(scene, device="cpu", precision=precision)
+    return Simulation(scene, **WHERE, precision=precision)
 
 
 @cache

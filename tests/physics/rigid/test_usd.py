@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
+from tests.physics.rigid.pairs import WHERE
 from tests.physics.rigid.test_contact import ball, box, world
 from wsim.cli.run import prepare
 from wsim.geometry import rotation
@@ -19,7 +20,6 @@ from wsim.usd import load, save
 from wsim.usd.result.restart import Result
 
 ASSETS = Path(__file__).parents[3] / "scenes" / "assets"
-CPU = {"device": "cpu"}
 
 
 def alike(some: list[Collider], others: list[Collider]) -> bool:
@@ -96,15 +96,15 @@ def test_scenes_of_others_run_and_come_to_rest(name, bodies, mass):
     """4.5 of the 5.5 kg are dynamic."""
     scene = load(ASSETS / f"{name}.usda")
     assert len(scene.things("Body")) == bodies and abs(sum(b.mass for b in scene.things("Body")) - mass) < 1e-6
-    sim = Simulation(replace(scene, substeps=8 if scene.fps > 100.0 else 20), **CPU)
+    sim = Simulation(replace(scene, substeps=8 if scene.fps > 100.0 else 20), **WHERE)
     sim.run(int(4.0 * scene.fps) if scene.fps < 100.0 else 200)
     assert np.abs(sim.plan.method("rigid").velocities()).max() < 5e-2
 
 
-def test_the_humanoid_has_the_masses_of_its_table_and_says_that_joints_are_left_out():
+def test_the_humanoid_has_the_masses_of_its_table_and_all_of_its_joints():
     scene = load(ASSETS / "humanoid.usda")
     assert len(scene.things("Body")) == 16 and abs(sum(b.mass for b in scene.things("Body")) - 40.844) < 1e-3
-    assert any("joints are not simulated yet" in p.text for p in scene.notes)
+    assert len(scene.things("Joint")) == 15 and len(scene.things("Group")) == 20
 
 
 def test_results_are_transforms_that_keep_the_authored_scale(tmp_path):
@@ -118,7 +118,7 @@ def test_results_are_transforms_that_keep_the_authored_scale(tmp_path):
     UsdPhysics.RigidBodyAPI.Apply(cube.GetPrim()).CreateVelocityAttr(Gf.Vec3f(1.0, 0.0, 0.0))
     stage.Save()
     scene = replace(load(tmp_path / "a.usda"), frames=2, gravity=(0.0, 0.0, 0.0))
-    prepare(scene, str(tmp_path / "o.usdc"), lambda s: Simulation(s, **CPU)).frames()
+    prepare(scene, str(tmp_path / "o.usdc"), lambda s: Simulation(s, **WHERE)).frames()
     result = Result(str(tmp_path / "o.usdc"))
     prim = result.stage.GetPrimAtPath("/World/box")
     assert prim.GetAttribute("xformOp:transform").GetNumTimeSamples() == 3
@@ -133,7 +133,7 @@ def test_a_run_goes_on_to_the_bit(tmp_path):
 
     def run(output: str, frames: int, restart: str | None = None):
         scene = replace(load(tmp_path / "s.usda"), frames=frames)
-        job = prepare(scene, output, lambda s: Simulation(s, **CPU), restart=restart)
+        job = prepare(scene, output, lambda s: Simulation(s, **WHERE), restart=restart)
         job.frames()
         return job.simulation
     one = run(whole, 40)
@@ -157,7 +157,7 @@ def test_what_is_wrong_is_said_in_a_line_with_its_path_and_a_mend(change, said):
     problems = [p for p in check(scene) if p.fatal]
     assert any(said in p.text and "mend: " in p.text and p.path in ("/b", "/b/c", "/else") for p in problems), problems
     with pytest.raises(SceneError, match="/b|/else"):
-        Simulation(scene, **CPU)
+        Simulation(scene, **WHERE)
 
 
 def test_moments_that_no_solid_has_are_a_warning():
@@ -177,5 +177,26 @@ def test_a_body_within_a_body_is_refused():
 def test_gradients_are_refused_by_path():
     scene = Scene()
     scene.add(ball("/b", (0.0, 0.0, 0.0)))
-    with pytest.raises(SceneError, match="/b: gradients do not go through rigid"):
-        Simulation(scene, gradients=True, **CPU)
+    scene.add(ball("/c", (5.0, 0.0, 0.0)))
+    with pytest.raises(SceneError, match="/b: can meet /c"):
+        Simulation(scene, gradients=True, **WHERE)
+
+
+def test_an_approximation_is_read_and_saved_and_an_unknown_one_is_told(tmp_path):
+    stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
+    for name, said in (("hull", "convexHull"), ("plain", None), ("odd", "sdf")):
+        mesh = UsdGeom.Mesh.Define(stage, f"/{name}")
+        mesh.CreatePointsAttr([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
+        mesh.CreateFaceVertexCountsAttr([3, 3, 3, 3])
+        mesh.CreateFaceVertexIndicesAttr([0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3])
+        UsdPhysics.CollisionAPI.Apply(mesh.GetPrim())
+        if said:
+            UsdPhysics.MeshCollisionAPI.Apply(mesh.GetPrim()).CreateApproximationAttr(said)
+    UsdPhysics.CollisionAPI.Apply(UsdGeom.Sphere.Define(stage, "/ball").GetPrim())
+    UsdPhysics.RigidBodyAPI.Apply(stage.GetPrimAtPath("/ball"))
+    stage.Save()
+    scene = load(tmp_path / "a.usda")
+    assert {c.path: c.approximation for c in scene.colliders} == {"/hull": "convexHull", "/plain": "none", "/odd": "none"}
+    assert any("is sdf" in p.text and p.path.startswith("/odd") for p in scene.notes)
+    save(scene, tmp_path / "b.usda")
+    assert {c.path: c.approximation for c in load(tmp_path / "b.usda").colliders}["/hull"] == "convexHull"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom, UsdVol
 
 from tests.make.sparks import ROW
 from tests.make.sparks.objects import GRAVITY, WIDTH, Sparks
@@ -17,7 +17,7 @@ from wsim.cli.run import prepare
 from wsim.scene import Scene, SceneError, methods
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load, save
-from wsim.usd.result.kinds import sidecar
+from wsim.usd.result.kinds import sidecar, vdb_read
 
 PATH, FPS, FRAMES = "/World/sparks", 24.0, 6
 
@@ -75,8 +75,13 @@ def check(result, count: int = 100, frames: int = FRAMES) -> None:
         speeds = stage.GetPrimAtPath(PATH).GetAttribute("toy:speeds").Get(k)
         assert np.abs(np.array(speeds) - np.hypot(1.0, 3.0 - GRAVITY * k / FPS)).max() < 1e-5 and len(speeds) == 5
         smoke = stage.GetPrimAtPath(f"{PATH}/Smoke")
-        assert smoke.GetTypeName() == "OpenVDBAsset"
-        assert np.load(smoke.GetAttribute("filePath").Get(k).resolvedPath).sum() == count
+        fields = UsdVol.Volume(smoke).GetFieldPaths()
+        assert {name: str(path) for name, path in fields.items()} == {n: f"{PATH}/Smoke/{n}" for n in ("density", "speed")}
+        assets = [UsdVol.OpenVDBAsset(stage.GetPrimAtPath(path)) for path in fields.values()]
+        names = {asset.GetFilePathAttr().Get(k).resolvedPath for asset in assets}
+        grids = vdb_read.read(names.pop())
+        assert not names and [grids[asset.GetFieldNameAttr().Get()].values.sum() for asset in assets] == [count, 3 * count]
+        assert np.allclose(grids["density"].place, 0.625) and np.allclose(grids["speed"].voxel, 0.25)
 
 
 def test_every_kind_is_recorded_and_goes_on_to_the_bit(tmp_path):
@@ -88,7 +93,7 @@ def test_every_kind_is_recorded_and_goes_on_to_the_bit(tmp_path):
     assert all(np.array_equal(a[name].numpy(), b[name].numpy()) for name in a)
     for result in ("whole.usdc", "rest.usdc"):
         check(tmp_path / result)
-    for path in (tmp_path / "half.usdc", *(tmp_path / "half.files").rglob("*.npy")):
+    for path in (tmp_path / "half.usdc", *(tmp_path / "half.files").rglob("*.vdb")):
         path.unlink()
     check(tmp_path / "rest.usdc")                              # its files are its own
 
@@ -198,7 +203,8 @@ def test_an_unknown_kind_and_a_prim_of_another_type_are_named(tmp_path):
     for sample, said in (("smoke", "a method hands a str to the result; there are Points, Transform"),
                          (Particles(PATH, np.zeros((1, 3)), np.ones(1), np.zeros(1)), f"{PATH}: is a Xform")):
         with pytest.raises(SceneError, match=said):
-            job.recorder.append(0.0, {}, others=[Volume(f"{PATH}/Smoke", ".bin", b"1"), sample])
+            smoke = Volume(f"{PATH}/Smoke", np.zeros(3), 1.0, {"density": np.ones((1, 1, 1), np.float32)})
+            job.recorder.append(0.0, {}, others=[smoke, sample])
     assert not files(tmp_path / "o.files") and job.recorder.close() is None and not (tmp_path / "o.files").exists()
 
 

@@ -1,7 +1,7 @@
 """Rigid bodies in contact: milliseconds a frame beside the error, of columns, piles and pyramids.
 
     python tools/bench/rigid/speed.py [--device cuda:0] [--scenes column,pile] [--boxes 1000] [--rows 100] [--frames 60]
-                                      [--settle 120] [--substeps 8] [--sweeps 4] [--form coloured] [--json FILE]
+                                      [--settle 120] [--substeps 8] [--sweeps 4] [--form coloured] [--sleep] [--json FILE]
 
 column    ten boxes of 1 m: sag [mm]
 heavy     100 kg on nine boxes of 1 kg: sag
@@ -18,6 +18,7 @@ import argparse
 import json
 import sys
 import time
+from dataclasses import replace
 from math import ceil
 from pathlib import Path
 
@@ -77,7 +78,7 @@ SCENES = {"column": column, "heavy": heavy, "pile": pile, "settled": settled, "p
 
 
 def measure(name: str, args, device) -> dict:
-    scene = SCENES[name](args)
+    scene = replace(SCENES[name](args), sleep_speed=0.05 * args.sleep)
     began = time.perf_counter()
     sim = Simulation(scene, device=device)
     sim.load()
@@ -118,6 +119,7 @@ def main() -> None:
     parser.add_argument("--boxes", type=int, default=1000)
     for name, value in (("rows", 10), ("frames", 60), ("settle", 120), ("substeps", 8), ("sweeps", 4)):
         parser.add_argument(f"--{name}", type=int, default=value)
+    parser.add_argument("--sleep", action="store_true", help="bodies slower than 0.05 m/s fall asleep")
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     if args.form:

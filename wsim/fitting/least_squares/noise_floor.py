@@ -32,6 +32,8 @@ def _values(o) -> np.ndarray:
 def _size(o, values: np.ndarray, scene: Scene) -> float:
     if o.unit == "N":
         return float(np.abs(values).max(initial=0.0))
+    if hasattr(o, "local"):
+        return float(np.ptp(o.local, axis=0).max(initial=0.0))
     points = next(np.asarray(b.points, np.float64) for b in scene.bodies() if b.path == o.path)
     return float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0
 

@@ -22,7 +22,8 @@ from wsim.fitting.observations.observed_usd import read
 from wsim.fitting.parameter import Parameter
 from wsim.scene import Scene, SceneError
 
-EPS = {"explicit": 1e-5, "xpbd": 1e-5, "implicit": 1e-3}     # of theta, by solver. A sheet after 1 s has rounding of 1e-14 m
+EPS = {"none": 1e-5, "explicit": 1e-5, "xpbd": 1e-5, "implicit": 1e-3}
+                       # of theta, by solver. A sheet after 1 s has rounding of 1e-14 m
                        # in float64; Newton steps, which stop at a residual, leave 3e-8 m
 
 

@@ -9,7 +9,7 @@
     /World/Load:force, :traction             of a load [N], [Pa]: (3,), or (keys, 3) of its curve
     gravity, wind                            (3,) [m/s^2], [m/s] of the whole scene
     air_drag                                 () [1/s]
-    friction, restitution, colliders' shifts: `wsim.gradient.inputs.contact`
+    friction, restitution, colliders' shifts: `wsim.gradient.inputs.contact`; of rigid bodies: `wsim.gradient.inputs.bodies`
 
 Elements are springs and tets in the author's order, hinges in the solver's. With several worlds a value may have one axis more,
 the worlds, in front; without it all worlds share the value. Points that are one particle (a weld, a tie) have one place: that
@@ -19,6 +19,7 @@ of the last of them.
 import numpy as np
 
 from wsim.gradient.inputs.base import PART, Input, Start
+from wsim.gradient.inputs.bodies import BodyValue
 from wsim.gradient.inputs.contact import Shift, Touch
 from wsim.gradient.inputs.controls import Actuation, Loaded, Targets
 from wsim.gradient.inputs.rest import Rest
@@ -37,6 +38,10 @@ class Whole(Input):
         if self.what == "wind" and not p.air:
             raise refuse("wind", self.name)
         points = p.plan.find("points")
+        if points is None and p.bodies and self.what == "gravity":
+            return p.bodies.method.gravity[world].copy()
+        if points is None:
+            raise refuse("idle", self.name, name=self.what)
         array = points.gravity() if self.what == "gravity" else (p.air.wind if self.what == "wind" else p.points.decay).numpy()
         rows = array.astype(np.float64)[self.model.rows("/", world)]
         if (rows != rows[0]).any():
@@ -152,7 +157,7 @@ def inputs(recording, names) -> dict[str, Input]:
 
 KINDS: dict[str, type[Input]] = {"start": Start, "whole": Whole, "density": Density, "mass": Mass, "material": MaterialInput,
                                  "rest": Rest, "actuation": Actuation, "load": Loaded, "targets": Targets, "contact": Touch,
-                                 "shift": Shift}               # by `Value.gradient`
+                                 "shift": Shift, "body": BodyValue}               # by `Value.gradient`
 
 
 def _input(recording, name: str) -> Input:

@@ -110,9 +110,12 @@ class Table:
 
     def energy(self, state: State, module: str, rest: wp.array | None = None) -> float:
         """Elastic energy [J] at x + e, summed in float64: 1/2 C alpha^-1 C; of hinges that of the curvatures of triangles.
-        rest: values in place of those of the table. Kernels of that module, compiled when first asked for."""
+        rest: values in place of those of the table. Few are summed on the host; kernels of that module are compiled when first
+        asked for."""
         self.comply().bend()
         model, data = self.model, self.data
+        if self.few:
+            return self.stored(state, rest)
         if self.curvature:
             return self.curvature.energy(data, rest or self.lengths or data.rest, state.x, state.e, module)
         if rest:
@@ -123,6 +126,22 @@ class Table:
         kernel_cache.ready(kernel, model)
         model.launch(kernel, out.size, [data, state.x, self.size, state.e], [out])
         return float(out.numpy()[:, 2].sum())
+
+    @property
+    def few(self) -> bool:
+        """Whether the host sums their energy."""
+        from wsim.physics.cloth.kinds import stored
+        return self.size <= stored.FEW and (self.row.gather == SHEET or self.kind in stored.KINDS)
+
+    def stored(self, state: State, rest: wp.array | None) -> float:
+        """`energy` in NumPy."""
+        from wsim.physics.cloth.kinds import stored
+        x = state.x.numpy().astype(np.float64) + state.e.numpy()
+        corners, data = x[self.data.point.numpy()], self.data
+        rests, alpha = (a.numpy().astype(np.float64) for a in (rest or self.lengths or data.rest, data.alpha))
+        if self.curvature:
+            return stored.of_sheets(corners, rests, alpha, self.curvature.data)
+        return stored.KINDS[self.kind](corners, rests, alpha)
 
     # in a step of Newton's method
 

@@ -171,7 +171,7 @@ class Contacts:
         again, before = time == self.time, self.time
         if deep is None:
             deep = self.deep if again else not (before is not None and before < time < before + 1.5 * self.dt)
-        if deep != self.deep:
+        if deep or self.deep:                            # `search` may have put it back
             self.table.deep.fill_(int(deep))
         self.deep = deep
         self.time = time
@@ -220,11 +220,12 @@ class Contacts:
     def search(self, k: int, x: wp.array, d: wp.array, a: wp.array) -> None:
         """Launches the search of substep k; writes d and a where points leave an overlap."""
         self.adjoint.shaped(k) if self.recorded else self.shape(k)
-        at = self.read(x=x, d=d, a=a, k=k)
-        self.launch(self.search_kernel, self.count, [self.table, self.points, at], [self.slots, d, a, self.push, self.struck])
+        if k == 1 and self.adjoint is None and "solid" in self.kinds:
+            self.table.deep.zero_()                      # what started inside is marked, and looked for as deep as before
+        self.launch(self.search_kernel, self.count, [self.table, self.points, self.read(x=x, d=d, a=a, k=k)],
+                    [self.slots, d, a, self.push, self.struck])
 
     def read(self, **arrays):
-        """What a launch reads."""
         return filled(kernels.read(self.real), **arrays)
 
     def project(self, g: float, d: wp.array, a: wp.array) -> None:
@@ -258,6 +259,9 @@ class Contacts:
         """penetration: greatest depth of a point, a triangle or a spring inside a solid [m], see
         kernels/contact/penetration.py; too_near: of a point inside the distance kept [m]; contacts: points in contact. At the
         end of the frame prepared last."""
+        from wsim.physics.contact import depth
+        if depth.suits(self):
+            return depth.indicators(self, x.numpy().astype(np.float64))
         from wsim.kernels.contact import penetration
         module = f"wsim_inside_{'_'.join(self.kinds)}_{types(self.real).name}"            # compiled when first asked for
         gauge, sink = (make(self.kinds, self.real, module) for make in (penetration.gauge, penetration.sink))

@@ -1,4 +1,4 @@
-"""What can be wrong with a rigid body. NumPy only."""
+"""What can be wrong with a rigid body; of joints see wsim/physics/rigid/joints/check.py. NumPy only."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -8,25 +8,38 @@ import numpy as np
 
 from wsim.physics.rigid.mass import inertia
 from wsim.physics.rigid.objects import Body
-from wsim.physics.rigid.solids import CONVEX, filled, met
+from wsim.physics.rigid.solids import CONVEX, as_met, filled
 from wsim.scene import Plane, Problem, Scene, Surface
 from wsim.scene.check import objects
-from wsim.scene.check.objects import error, number, rigid, warning
+from wsim.scene.check.objects import error, rigid, warning
 
 UNIT = 1e-4                  # departure of |q| from 1 that float32 quaternions keep
+SAID = ("convexHull", "boundingCube", "boundingSphere")          # approximations that are what they say, of a body too
+SMALL, LARGE = 1e-3, 1e3     # [m] a body beyond these is in the wrong unit more often than not
+LEAST = 1e-30                # [kg], [kg m^2]; and the inverse of the greatest
 TRIANGLE = 1e-4              # of a moment over the sum of the other two
 
 
-def check(body: Body, scene: Scene) -> Iterator[Problem]:
+def check(thing, scene: Scene) -> Iterator[Problem]:
+    if isinstance(thing, Body):
+        yield from _body(thing, scene)
+        return
+    if type(thing).__name__ == "Joint":
+        from wsim.physics.rigid.joints.check import check as joint
+        yield from joint(thing, scene)
+    else:
+        from wsim.physics.rigid.joints.filters.groups import check as filters
+        yield from filters(thing, scene)
+
+
+def _body(body: Body, scene: Scene) -> Iterator[Problem]:
+    """Velocities, forces, drags, mass and density are values, and checked as such."""
     path = body.path
-    for name in ("velocity", "spin", "center", "inertia", "force", "torque", "axes"):
+    for name in ("center", "inertia", "axes"):
         value = getattr(body, name)
         if value is not None and not np.isfinite(value).all():
             yield error(path, f"{name} is {_words(value)}", "finite numbers", f"author another {name}")
             return
-    for name in ("drag", "spin_drag"):
-        yield from number(path, name, getattr(body, name), 0.0)
-    yield from number(path, "density", body.density, 0.0, True)
     yield from rigid(path, body.motion, "a rigid body has no scale: put it into the sizes of its colliders")
     if body.motion.moves:
         yield error(path, "its motion has several keys", "one, where it starts",
@@ -38,6 +51,8 @@ def check(body: Body, scene: Scene) -> Iterator[Problem]:
     yield from wrong
     if not any(p.fatal for p in wrong):
         yield from _meshes(body, scene)
+    if not any(p.fatal for p in wrong) and all(v is None or 0.0 < v < inf for v in (body.mass, body.density)):
+        yield from _size(body)
         yield from _mass(body)
 
 
@@ -62,16 +77,21 @@ def _beside(body: Body, scene: Scene) -> Iterator[Problem]:
 def _meshes(body: Body, scene: Scene) -> Iterator[Problem]:
     """Meshes that are met as something else, or not at all."""
     for c in body.colliders:
-        if c.meets and isinstance(c.shape, Surface) and not met(c, True):
+        if c.meets and isinstance(c.shape, Surface) and as_met(c, True) is None:
             yield warning(c.path, "is a mesh without a volume, which rigid bodies pass through", "a solid",
                           "give it a thickness")
-        elif c.meets and isinstance(c.shape, Surface) and filled(c.shape) < 1.0 - CONVEX:
+        elif c.meets and isinstance(c.shape, Surface) and c.approximation not in SAID and filled(c.shape) < 1.0 - CONVEX:
             yield warning(c.path, "is a mesh with hollows, or an open one, and meets others as its convex hull",
                           "a convex mesh", "put several convex colliders in its place")
     for c in scene.colliders if body is scene.things("Body")[0] else ():
-        if isinstance(c.shape, Surface) and not any(p.fatal for p in objects.collider(c)) and not met(c, False):
-            yield warning(c.path, "is a mesh that is hollow, open or moves its points, which rigid bodies pass through",
-                          "a closed convex mesh, or a simple shape", "put simple shapes in its place")
+        if not isinstance(c.shape, Surface) or any(p.fatal for p in objects.collider(c)):
+            continue
+        if as_met(c, False) is None:
+            yield warning(c.path, "is a mesh that moves its points, or has no surface, and rigid bodies pass through it",
+                          "a mesh that keeps its shape", "put simple shapes in its place")
+        elif c.approximation == "convexDecomposition" and filled(c.shape) < 1.0 - CONVEX:
+            yield warning(c.path, "is met as one hull, which fills what is hollow: convexDecomposition makes no parts here",
+                          "none: its triangles", "author physics:approximation = none, or several convex colliders")
 
 
 def _words(value: np.ndarray) -> str:
@@ -91,12 +111,25 @@ def _collider(path: str, collider) -> Iterator[Problem]:
                     "take a box, or move the plane out of the body")
 
 
+def _size(body: Body) -> Iterator[Problem]:
+    """Bounds of the colliders, and how far from them the centre of mass is."""
+    balls = [(c.motion.at(0.0)[:3, 3], met.ball) for c in body.colliders if (met := as_met(c, True)) is not None]
+    if not balls:
+        return
+    low, high = np.min([x - r for x, r in balls], axis=0), np.max([x + r for x, r in balls], axis=0)
+    extent = float((high - low).max())
+    if not SMALL <= extent <= LARGE:
+        yield warning(body.path, f"it is {extent:.3g} m {'large' if extent > LARGE else 'small'}",
+                      f"{SMALL:g} m to {LARGE:g} m", "author metersPerUnit on the stage: "
+                      "1 if its numbers are metres, 0.01 if they are centimetres")
+    away = 0.0 if body.center is None else float(np.linalg.norm(body.center - np.clip(body.center, low, high)))
+    if away > extent:
+        yield warning(body.path, f"its centre of mass {_words(body.center)} is {away:.3g} m from its colliders, which are "
+                      f"{extent:.3g} m large", "a place within or near them", "author physics:centerOfMass again")
+
+
 def _mass(body: Body) -> Iterator[Problem]:
     path = body.path
-    if body.mass is not None and not 0.0 < body.mass < inf:
-        yield error(path, f"mass is {body.mass:g}", "finite and > 0", "author physics:mass, or leave it out for the density; "
-                    "to hold a body still, make it kinematic")
-        return
     if abs(np.linalg.norm(body.axes) - 1.0) > UNIT:
         yield error(path, f"axes {_words(body.axes)} is a quaternion of length {np.linalg.norm(body.axes):g}",
                     "a unit quaternion (x, y, z, w)", "divide it by its length")
@@ -109,6 +142,9 @@ def _mass(body: Body) -> Iterator[Problem]:
     said = f"moments of inertia are {_words(moments)} kg m^2"
     if not (np.isfinite(moments).all() and moments.min() > 0.0):
         yield error(path, said, "three numbers > 0", "author physics:diagonalInertia, or give it a collider with a volume")
+    elif not (min(moments.min(), found.mass) > LEAST and max(moments.max(), found.mass) < 1.0 / LEAST):
+        yield error(path, f"{said}, of {found.mass:g} kg", f"{LEAST:g} to {1.0 / LEAST:g}, of which float32 holds the inverse",
+                    "author metersPerUnit and kilogramsPerUnit on the stage, or another mass")
     elif 2.0 * moments.max() > moments.sum() * (1.0 + TRIANGLE):
         yield warning(path, f"{said}, which no solid has", "none larger than the other two together",
                       "author physics:diagonalInertia again; the motion is that of these numbers")

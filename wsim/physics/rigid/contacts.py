@@ -1,10 +1,9 @@
 """Contacts of rigid bodies with each other and with colliders: tables of shapes, lists that grow, and the launches of a frame.
 
-Manifolds are made at least COLLIDE times a second, by balls that may meet, then pair by pair (kernels/rigid/pairs.py,
-kernels/rigid/collide.py); the substeps until the next time are passes over bodies and manifolds (kernels/rigid/passes.py), in
-the form that device and size ask for (wsim/physics/rigid/forms.py). Impulses that substeps
-begin with are a part of the state, so that a repeated frame and a restart have them. Friction is the mean of both colliders,
-restitution the larger.
+Manifolds are made at least COLLIDE times a second, by balls that may meet, then pair by pair (kernels/rigid/lists), and
+the substeps until the next time are passes over bodies and manifolds (kernels/rigid/passes.py), in the form that device and
+size ask for (wsim/physics/rigid/forms.py). Impulses that substeps begin with are a part of the state, so that a repeated frame
+and a restart have them. Friction is the mean of both colliders, restitution the larger.
 """
 
 from math import ceil
@@ -15,19 +14,19 @@ import warp as wp
 
 from wsim.geometry.rotation import angular_velocity, conjugate, multiply, quaternion, rotate
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid import collide, contact, pairs
+from wsim.kernels.rigid import contact
 from wsim.kernels.rigid.kinds import SERIAL
+from wsim.kernels.rigid.lists import collide, collide_mesh, pairs, rows
 from wsim.kernels.rigid.narrow.pair import every
 from wsim.kernels.rigid.narrow.shape import KINDS
 from wsim.model.stage import Clock, Remedy
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
-from wsim.physics.rigid import forms
+from wsim.physics.rigid import forms, surfaces
 from wsim.physics.rigid.hulls import tables
-from wsim.physics.rigid.solids import hull, kind, meeting, standing
-from wsim.scene import Collider, Surface
-from wsim.scene.solids import Capsule, Plane, Sphere, row
+from wsim.physics.rigid.solids import as_met, meeting, standing
+from wsim.scene import Collider
 
 COLLIDE = 60.0               # [1/s]: a ball at 5 m/s goes 8 cm meanwhile
 WORD, IN_TURN = "rigid pairs", "rigid manifolds without a colour"
@@ -38,10 +37,11 @@ POINTS = (Field("push", "N s", True, "impulse of a point in the last substep", "
 
 
 def kinds(bodies: list, colliders: list[Collider]) -> frozenset[tuple[str, str]]:
-    """Kinds of shapes that can meet."""
-    mine = {kind(c) for body in bodies for c in meeting(body)}
-    still = {kind(c) for c in standing(colliders)}
-    return frozenset(p for p in every(mine | still) if mine & set(p))
+    """Kinds of shapes that can meet, pairs with a mesh among them."""
+    mine = {met.kind for body in bodies for c in body.colliders if (met := as_met(c, True)) is not None}
+    still = {met.kind for c in colliders if (met := as_met(c, False)) is not None}
+    return frozenset(p for p in every(mine | still) if mine & set(p) and p[1] != "mesh") | frozenset(
+        (one, "mesh") for one in mine if "mesh" in still)
 
 
 class Contacts:
@@ -55,11 +55,22 @@ class Contacts:
         self.still_first = len(method.bodies)
         self.bouncing, self.sweeps = bounces(b.scene), b.scene.iterations
         self._shapes()
+        self.filters = None
+        if any(b.scene.things(name) for name in ("Joint", "Group", "Parted")):
+            from wsim.physics.rigid.joints.filters.groups import filters
+            paths = [(c.path, world) for _, world, c in self.owners] + [(c.path, -1) for c in self.colliders]
+            frames = [method.bodies[k][0].path for k, _, _ in self.owners] + [""] * len(self.colliders)
+            self.filters = filters(b.scene, paths, frames)
         real, module = self.real, b.model.module
-        self.reach, self.listed = pairs.reach(real, module), pairs.listed(real, module)
-        self.collide = collide.collide(kinds(b.scene.things("Body"), self.colliders), real, module)
+        self.reach, self.listed = pairs.reach(real, module), pairs.listed(real, module, self.filters is not None)
+        met = kinds(b.scene.things("Body"), self.colliders)
+        on_meshes = frozenset(one for one, other in met if other == "mesh")
+        self.collide = collide.collide(frozenset(p for p in met if p[1] != "mesh"), real, module)
+        self.on_meshes = collide_mesh.collide_mesh(on_meshes, real, module) if on_meshes else None
         self.form = forms.chosen(b.model.device, self.shapes)
-        self.form.make(b.model, self.bouncing)
+        self.form.make(b.model, self.bouncing, method.joints.islands if method.joints else 0)
+        if method.sleep:
+            method.sleep.make(self.form)
         b.status.reserve(WORD)
         b.status.reserve(IN_TURN)
         self.parts = (Part.allocate("rigid pairs", PAIRS, 0, real, self.device, self._room()),
@@ -76,30 +87,34 @@ class Contacts:
     def _shapes(self) -> None:
         method, real = self.method, self.real
         self.still_origin = np.array([c.motion.at(0.0)[:3, 3] for c in self.colliders]).reshape(-1, 3)
-        rows = self.owners + [(self.still_first + s, -1, c) for s, c in enumerate(self.colliders)]
-        places = np.concatenate([places_of([method.masses[k] for k, _, _ in self.owners], [c for _, _, c in self.owners]),
-                                 np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(self.colliders), 1))])
-        self.shapes = len(rows)
-        shape = [c.shape for _, _, c in rows]
-        solid = {k: made for k, s in enumerate(shape) if isinstance(s, Surface) and (made := hull(s)) is not None}
-        number = {k: place for place, k in enumerate(solid)}
+        owned = [(k, world, c, as_met(c, True)) for k, world, c in self.owners]
+        owned += [(self.still_first + s, -1, c, as_met(c, False)) for s, c in enumerate(self.colliders)]
+        rows_of = [(k, world, c, met) for k, world, c, met in owned if met is not None]
+        mine, forms_of = len(self.owners), [met for *_, met in rows_of]
+        centers = np.array([met.center for met in forms_of]).reshape(-1, 3)
+        places = np.concatenate([places_of([method.masses[k] for k, _, _ in self.owners], [c for _, _, c in self.owners],
+                                           centers[:mine]),
+                                 np.hstack([centers[mine:], np.tile([0.0, 0, 0, 1], (len(forms_of) - mine, 1))])])
+        self.shapes = len(rows_of)
+        solid = {k: met.hull for k, met in enumerate(forms_of) if met.hull is not None}
+        meshes = {k: met.mesh for k, met in enumerate(forms_of) if met.mesh is not None}
+        number = {k: place for of in (solid, meshes) for place, k in enumerate(of)}
         self.hulls = tables(list(solid.values()), real, self.device)
-        ball = [-1.0 if isinstance(s, Plane) else float(np.linalg.norm(solid[k].vertices, axis=1).max()) if k in solid
-                else row(s).ball(s) for k, s in enumerate(shape)]
-        size = [(0.0, 0.0, 0.0) if k in solid else row(s).size(s) for k, s in enumerate(shape)]
+        if meshes:
+            self.surfaces, self.trees = surfaces.tables(list(meshes.values()), real, self.device)
         t = types(real)
         Shapes, self.Still, self.Contacts, self.Work = contact.structs(real)
 
         def array(values, dtype):
             return self.model.upload(np.array(values, np.int32 if dtype is int else self.model.dtype), dtype)
         self.table = filled(
-            Shapes, frame=array([k for k, _, _ in rows], int), world=array([w for _, w, _ in rows], int),
-            kind=array([KINDS[kind(c)] for _, _, c in rows], int),
-            row=array([number.get(k, 0) for k in range(len(rows))], int),
-            size=array(size, t.vec3), place=array(places, t.transform),
-            ball=array(ball, real), skin=array([s.radius if isinstance(s, (Sphere, Capsule)) else 0.0 for s in shape], real),
-            friction=array([(c.static_friction, c.dynamic_friction) for _, _, c in rows], t.vec2),
-            restitution=array([c.restitution for _, _, c in rows], real),
+            Shapes, frame=array([k for k, *_ in rows_of], int), world=array([w for _, w, *_ in rows_of], int),
+            kind=array([KINDS[met.kind] for met in forms_of], int),
+            row=array([number.get(k, 0) for k in range(len(rows_of))], int),
+            size=array([met.size for met in forms_of], t.vec3), place=array(places, t.transform),
+            ball=array([met.ball for met in forms_of], real), skin=array([met.skin for met in forms_of], real),
+            friction=array([(c.static_friction, c.dynamic_friction) for _, _, c, _ in rows_of], t.vec2),
+            restitution=array([c.restitution for _, _, c, _ in rows_of], real),
             origin=wp.array(np.concatenate([method.origin, self.still_origin]), dtype=wp.vec3d, device=self.device))
 
     def _lists(self, room: int) -> None:
@@ -116,19 +131,28 @@ class Contacts:
         self.work = filled(self.Work, center=zeros(self.shapes, wp.vec3d), span=zeros(self.shapes, t.vec2),
                            from_x=zeros(n, t.vec3), spread=zeros(n, t.mat33), turn=zeros(n, t.mat33), p0=zeros(n, t.vec3),
                            L0=zeros(n, t.vec3), touched=zeros(n, int), r_a=zeros(4 * room, t.vec3),
-                           r_b=zeros(4 * room, t.vec3), now=zeros(4 * room, real), K=zeros(4 * room, t.mat33),
+                           r_b=zeros(4 * room, t.vec3), now=zeros(4 * room, real), K=zeros(4 * room, t.vec3),
+                           A=zeros(room, t.mat44),
                            goal=zeros(4 * room, real), hit=zeros(4 * room, real), scrape=zeros(4 * room, t.vec3),
                            order=zeros(room, int), starts=zeros(SERIAL + 2, int), place=zeros(SERIAL + 2, int),
                            colours=zeros(1, int), flags=zeros(2, int), taken=zeros(n, wp.int64), first=zeros(n, int))
+        self.work.residual = zeros(2, real)
         self.number, self.first = zeros(self.shapes, int), zeros(self.shapes, int)
         self.work.listed = self.first[self.shapes - 1:]
+        for name, array in (self.method.sleep.arrays(n) if self.method.sleep else {"asleep": zeros(n, int)}).items():
+            setattr(self.work, name, array)
 
     def _boxes(self) -> None:
         """The tree of the broad phase, built anew whenever manifolds are made."""
         low, high = (wp.zeros(self.shapes, dtype=wp.vec3f, device=self.device) for _ in range(2))
         self.bvh = wp.Bvh(low, high)
         endless = np.flatnonzero(self.table.ball.numpy() < 0.0).astype(np.int32)
-        self.tree = filled(pairs.trees(), id=self.bvh.id, low=low, high=high,
+        more = {}
+        if self.filters:
+            names = {"group": self.filters.kind, "apart": self.filters.table, "first": self.filters.first,
+                     "parted": self.filters.parted}
+            more = {name: wp.array(v.astype(np.int32), dtype=int, device=self.device) for name, v in names.items()}
+        self.tree = filled(pairs.trees(bool(more)), **more, id=self.bvh.id, low=low, high=high,
                            endless=wp.array(endless, dtype=int, device=self.device))
 
     def _empty(self, first: int) -> None:
@@ -137,7 +161,7 @@ class Contacts:
             array[first:self.parts[0].capacity].fill_(-1)
         body, world = self.method.bodies[0]
         for part in self.parts:
-            part.rows = {(body.path, world): np.arange(part.capacity)}
+            part.rows = {(body.written, world): np.arange(part.capacity)}
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Uploads the poses of colliders at the substeps of a frame; still ones once."""
@@ -145,6 +169,8 @@ class Contacts:
         known = (clock.substeps, tuple(id(c.motion) for c in self.colliders))
         if self.poses_of == known and not moves:
             return
+        if self.method.sleep and self.poses_of and self.poses_of != known:
+            self.method.sleep.wake()
         rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.colliders)
         M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)])
         M = M.reshape(rows + moves, n, 4, 4)
@@ -163,10 +189,24 @@ class Contacts:
 
     def advance(self, clock: Clock) -> None:
         """All substeps of a frame."""
+        sleep = self.method.sleep
+        if sleep and self.device.is_cpu and not self.still.moving:
+            wp.capture_if(sleep.awake, self.awake, clock=clock)
+        else:
+            self.awake(clock)
+
+    def awake(self, clock: Clock) -> None:
+        """A frame in which something may move."""
+        if self.form.tolerance > 0.0:
+            self.work.residual.zero_()
         ends = self.ends(clock)
         for first, last in zip(ends[:-1], ends[1:], strict=True):
             self.manifolds(clock, first, last)
-            self.form.advance((first, last, self.sweeps), clock.h, self.rig())
+            joints = self.method.joints
+            sweeps, more = (joints.sweeps, [joints.with_contacts(self.work)]) if joints else (self.sweeps, [])
+            self.form.advance((first, last, sweeps), clock.h, self.rig(), *more)
+            if self.method.sleep:
+                self.method.sleep.end(self.room, self.rig())
             self.keep()
 
     def ends(self, clock: Clock) -> list[int]:
@@ -185,7 +225,8 @@ class Contacts:
 
     def launches(self, clock: Clock) -> int:
         times = self.times(clock)
-        return 13 * times + self.form.launches(clock.substeps, self.sweeps, times)
+        made = 13 + bool(self.on_meshes) + 2 * bool(self.method.sleep)
+        return made * times + self.form.launches(clock.substeps, self.sweeps, times)
 
     def arrays(self) -> dict[str, wp.array]:
         """Of the state: the last list."""
@@ -200,8 +241,12 @@ class Contacts:
             launch(self.listed, n, [rig, self.tree, self.first, write], [self.number, self.status.word(WORD)])
             if not write:
                 wp.utils.array_scan(self.number, self.first, True)
-        before = filled(collide.lasts(self.real), **self.arrays())
+        before = filled(rows.lasts(self.real), **self.arrays())
         launch(self.collide, self.room, [rig, self.hulls, first, before], [])
+        if self.on_meshes:
+            launch(self.on_meshes, self.room, [rig, self.hulls, self.surfaces, first, before], [])
+        if self.method.sleep:
+            self.method.sleep.settle(first, clock.h * (last - first), rig)
         self.form.colour(rig, self.status.word(IN_TURN))
 
     def rig(self) -> Any:
@@ -213,6 +258,16 @@ class Contacts:
         count = self.list.count.numpy()
         used = np.arange(4) < count[:, None]
         return max(0.0, -float(self.work.now.numpy().reshape(-1, 4)[used].min(initial=0.0)))
+
+    def indicators(self) -> dict[str, float]:
+        """How deep shapes overlap [m]; in the converged mode the residual that the last frame left, at most [m/s]; bodies
+        asleep, and manifolds that found no colour, if any."""
+        found = {"rigid_overlap": self.overlap()}
+        if self.form.tolerance > 0.0 and self.method.touch is None:
+            found["rigid_residual"] = float(self.work.residual.numpy()[1])
+        if self.method.sleep:
+            found["rigid_asleep"] = float(self.method.part.arrays["asleep"].numpy().sum())
+        return found | ({"rigid_in_turn": float(self.in_turn)} if self.in_turn else {})
 
     def grow(self, room: int) -> None:
         """Room for so many pairs; what the state has of them stays."""
@@ -242,8 +297,10 @@ def bounces(scene) -> bool:
     return any(c.restitution > 0.0 for c in (*own, *standing(scene.colliders)))
 
 
-def places_of(masses: list, colliders: list[Collider]) -> np.ndarray:
-    """(x, y, z, quaternion), (n, 7), of colliders in the frames of their bodies' centres of mass and principal axes."""
+def places_of(masses: list, colliders: list[Collider], centers: np.ndarray) -> np.ndarray:
+    """(x, y, z, quaternion), (n, 7), of colliders, about `centers` (n, 3) in their frames, in those of the centres of mass and
+    principal axes of their bodies."""
     M = np.array([c.motion.at(0.0) for c in colliders])
     back, center = conjugate(np.array([m.axes for m in masses])), np.array([m.center for m in masses])
-    return np.concatenate([rotate(back, M[:, :3, 3] - center), multiply(back, quaternion(M[:, :3, :3]))], axis=1)
+    x = np.einsum("nij,nj->ni", M[:, :3, :3], centers) + M[:, :3, 3]
+    return np.concatenate([rotate(back, x - center), multiply(back, quaternion(M[:, :3, :3]))], axis=1)

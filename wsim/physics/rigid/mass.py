@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.geometry.rotation import multiply, normalized, quaternion
+from wsim.geometry.rotation import conjugate, matrix, multiply, normalized, quaternion
 from wsim.geometry.triangulate import triangulate
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Shape, Surface
@@ -132,6 +132,23 @@ def ascending(moments: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.nda
     order = np.argsort(moments, kind="stable")
     R = np.eye(3)[:, order]
     return moments[order], multiply(axes, quaternion(R * np.sign(np.linalg.det(R))))
+
+
+def along(body: Body, now: Inertia) -> np.ndarray:
+    """Directions of the axes of `now`, (3, 3) columns, in those that the body's inertia is given along (none is given: those
+    that `inertia` finds)."""
+    given = normalized(body.axes) if body.inertia is not None else inertia(body).axes
+    return matrix(multiply(conjugate(given), now.axes))
+
+
+def weighed(body: Body, now: Inertia, name: str, value) -> Inertia:
+    """`now` with another mass [kg], which the moments follow where the body gives none, or other moments [kg m^2], in the order
+    in which the body has them."""
+    if name == "mass":
+        part = 1.0 if body.inertia is not None else float(value) / now.mass
+        return Inertia(float(value), now.center, part * now.moments, now.axes)
+    given = normalized(body.axes) if body.inertia is not None else inertia(body).axes
+    return Inertia(now.mass, now.center, *ascending(np.asarray(value, np.float64), given))
 
 
 def inertia(body: Body) -> Inertia:

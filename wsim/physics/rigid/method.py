@@ -14,9 +14,9 @@ from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
-from wsim.physics.rigid.mass import Inertia, inertia
+from wsim.physics.rigid.mass import Inertia, inertia, weighed
 from wsim.physics.rigid.objects import Body
-from wsim.physics.rigid.solids import meeting, standing
+from wsim.physics.rigid.solids import acting, meet, meeting, sleeps, touches
 from wsim.scene.samples import Sample, Transform
 
 FIELDS = (Field("x", "m", True, "centre of mass relative to where it was at the start"),
@@ -24,7 +24,7 @@ FIELDS = (Field("x", "m", True, "centre of mass relative to where it was at the 
           Field("L", "kg m^2/s", True, "angular momentum about the centre of mass"),
           Field("q", "", True, "orientation of the principal axes, (x, y, z, w)", "quat"),
           Field("o", "", True, "rounding remainder of q", "quat"))
-LIVE = {"velocity": 3, "spin": 3, "force": 3, "torque": 3, "drag": 0, "spin_drag": 0}
+LIVE = ("velocity", "spin", "force", "torque", "drag", "spin_drag", "mass", "inertia")
 
 
 def build(b) -> Method:
@@ -37,6 +37,9 @@ class Rigid(Method):
     def __init__(self, b):
         super().__init__("rigid")
         self.model, scene = b.model, b.scene
+        if b.model.gradients:
+            from wsim.physics.rigid.recorded import refuse_contacts
+            refuse_contacts(scene, meet(scene) or touches(scene))
         worlds = range(b.model.worlds)
         self.bodies: list[tuple[Body, int]] = [(body, world) for world in worlds for body in scene.things("Body")]
         of = {id(body): inertia(body) for body in scene.things("Body")}
@@ -45,33 +48,65 @@ class Rigid(Method):
         self.origin = np.array([M[:3, :3] @ m.center + M[:3, 3] for M, m in zip(frames, self.masses, strict=True)])
         self.gravity = np.tile(np.asarray(scene.gravity, np.float64), (b.model.worlds, 1))
         self.force, self.twist = (np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("force", "torque"))
+        self._allocate(b)
+        self._begin(frames)
+        self.sleep = self._sleep(b) if sleeps(scene) else None
+        self.Bodies, self.Moving = motion.structs(b.model.real)
+        self.table, self.pushed = self._tables(), True
+        self.offers = {"bodies": self}
+        self.joints: Any = None
+        if acting(scene):
+            from wsim.physics.rigid.joints.tables import Joints
+            self.joints = Joints(b, self)
+        self._stages(b)
+
+    def _allocate(self, b) -> None:
         fields = FIELDS
-        if touches(scene) and b.choice.solver == "implicit":
+        if touches(b.scene) and b.choice.solver == "implicit":
             from wsim.physics.rigid.touch.newton import KEPT
             fields += KEPT
         self.part = Part.allocate("bodies", fields, len(self.bodies), b.model.real, b.model.device)
-        self.part.rows = {(body.path, world): np.array([k]) for k, (body, world) in enumerate(self.bodies)}
+        rows: dict[tuple[str, int], list[int]] = {}
+        for k, (body, world) in enumerate(self.bodies):
+            rows.setdefault((body.written, world), []).append(k)
+        self.part.rows = {key: np.array(own) for key, own in rows.items()}
         b.state.add(self.part)
-        self._begin(frames)
-        self.Bodies, self.Moving = motion.structs(b.model.real)
-        self.table, self.pushed = self._tables(), True
+
+    def _stages(self, b) -> None:
         self.contacts: Any = None
         self.touch: Any = None                           # `wsim.physics.rigid.touch.points.Touch`, where there are points
-        what, launches = f"{len(self.bodies)} bodies, all substeps", 1
-        points = touches(scene)
-        if points or meet(scene):
+        self.recorded: Any = None
+        what, launches = f"{len(self.bodies)} bodies, all substeps" + (f", {self.joints.what}" if self.joints else ""), 1
+        points = touches(b.scene)
+        if points or meet(b.scene):
             from wsim.physics.rigid.contacts import Contacts
             self.contacts = Contacts(b, self)
             what += f", {self.contacts.shapes} shapes that can meet, {self.contacts.form.what}"
             launches = self.contacts.launches(b.clock)
+        elif b.model.gradients:
+            self._record()
+        elif self.joints:
+            self.kernel = self.joints.alone()
         else:
             self.kernel = motion.free(b.model.real, b.model.module)
         if points:
             from wsim.physics.rigid.touch.points import Touch
             self.touch = Touch(b, self)
-            self.stages, self.offers = self.touch.stages, {"movers": self.touch}
+            self.stages = self.touch.stages
+            self.offers["movers"] = self.touch
             return
-        self.stages.append(Stage("rigid bodies", "predict", self.advance, launches, self.part.bytes, "frame", what))
+        rate = "substep" if self.recorded else "frame"
+        self.stages.append(Stage("rigid bodies", "predict", self.advance, launches, self.part.bytes, rate, what))
+
+    def _sleep(self, b) -> Any:
+        from wsim.physics.rigid.sleep import Sleep
+        return Sleep(b, self)
+
+    def _record(self) -> None:
+        """A launch for each step, which has an adjoint."""
+        from wsim.physics.rigid.recorded import Recorded
+        self.recorded = Recorded(self)
+        self.offers["recorded bodies"] = self.recorded
 
     def _begin(self, frames: np.ndarray) -> None:
         q = rotation.multiply(rotation.quaternion(frames[:, :3, :3]), np.array([m.axes for m in self.masses]))
@@ -120,6 +155,8 @@ class Rigid(Method):
         return filled(self.Moving, **{name: self.part.arrays[name] for name in ("x", "e", "q", "o", "p", "L")})
 
     def before_frame(self, time: float, clock: Clock) -> None:
+        if self.joints:
+            self.joints.before_frame(time, clock)
         if self.contacts:
             self.contacts.before_frame(time, clock)
         if self.touch:
@@ -134,16 +171,19 @@ class Rigid(Method):
         return found + (self.touch.foreseen.retry(self.touch.clock) if self.touch and self.touch.foreseen else [])
 
     def restored(self, fields) -> None:
-        pairs = fields.get(self.bodies[0][0].path, {}).get("a")
+        pairs = fields.get(self.bodies[0][0].written, {}).get("a")
         if self.contacts and pairs is not None and len(pairs) > self.contacts.room:
             self.contacts.grow(len(pairs))
 
     def advance(self, clock: Clock) -> None:
-        if self.contacts:
-            self.contacts.advance(clock)
+        if self.contacts or self.recorded:
+            (self.contacts.advance if self.contacts else self.recorded.step)(clock)
             return
         now = self.moving()
-        self.model.launch(self.kernel, self.part.count, [self.table, now, clock.substeps, clock.h], [now])
+        if self.joints:
+            return self.joints.advance(self.kernel, clock, self.table, now)
+        asleep = self.part.arrays["asleep"] if self.sleep else None
+        self.model.launch(self.kernel, self.part.count, [self.table, now, asleep, clock.substeps, clock.h], [now])
 
     def poses(self) -> np.ndarray:
         """Frames of the bodies to the world now, (n, 4, 4) float64 [m]."""
@@ -155,6 +195,10 @@ class Rigid(Method):
         found[:, :3, 3] = self.origin + self.get("x") + self.get("e") - np.einsum("nij,nj->ni", R, center)
         return found
 
+    def placed(self, path: str) -> np.ndarray:
+        """As `poses`, of one body in every world."""
+        return self.poses()[[k for k, (body, _) in enumerate(self.bodies) if body.path == path]]
+
     def spins(self) -> np.ndarray:
         """Angular velocities now, world (n, 3) [rad/s]."""
         q, moments = self.turns(), np.array([m.moments for m in self.masses])
@@ -164,29 +208,52 @@ class Rigid(Method):
         """Of the centres of mass now, (n, 3) [m/s]."""
         return self.get("p") / np.array([m.mass for m in self.masses])[:, None]
 
+    def weigh(self, rows: np.ndarray, name: str, value) -> None:
+        """Another mass or inertia of bodies, which go on as fast as they are, linear and angular."""
+        poses, v, spins = self.turns(), self.velocities(), self.spins()
+        for k in rows:
+            before, body = self.masses[k], self.bodies[k][0]
+            self.masses[k] = now = weighed(body, before, name, value)
+            poses[k] = rotation.multiply(poses[k], rotation.multiply(rotation.conjugate(before.axes), now.axes))
+        q = rotation.normalized(poses)
+        near = q.astype(self.model.dtype)
+        self.put("q", near)
+        self.put("o", q - near)
+        self.put("p", np.array([m.mass for m in self.masses])[:, None] * v)
+        self.put("L", self.momentum(q, spins))
+        self.table.w.assign(np.array([1.0 / m.mass for m in self.masses], self.model.dtype))
+        self.table.inverse.assign(np.array([1.0 / m.moments for m in self.masses], self.model.dtype))
+        self.table.push.assign(self._push().astype(self.model.dtype))
+
     def samples(self, world: int = 0) -> list[Sample]:
         poses = self.poses()
         for k, (body, _) in enumerate(self.bodies):
             if body.stretch is not None:
                 poses[k, :3, :3] = poses[k, :3, :3] @ body.stretch
-        return [Transform(body.path, poses[k]) for k, (body, of) in enumerate(self.bodies) if of == world]
+        own = [(k, body) for k, (body, of) in enumerate(self.bodies) if of == world]
+        found: list[Sample] = [Transform(body.path, poses[k]) for k, body in own if not body.instancer]
+        if len(found) < len(own):
+            from wsim.physics.rigid.joints.instances.samples import moved
+            found += moved(self, poses, [k for k, body in own if body.instancer])
+        return found
 
     def indicators(self, x, v) -> dict[str, float]:
-        """Kinetic energy and that in gravity [J] of all bodies of the first world; how deep shapes overlap [m];
-        manifolds that found no colour, if any."""
+        """Kinetic energy and that in gravity [J] of all bodies of the first world, and what contacts say."""
         first = np.array([world == 0 for _, world in self.bodies])
         places = self.origin + self.get("x")
         mass = np.array([m.mass for m in self.masses])
         energy = 0.5 * (self.get("p") * self.velocities()).sum(1) + 0.5 * (self.get("L") * self.spins()).sum(1)
         found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
         if self.contacts:
-            found["rigid_overlap"] = self.contacts.overlap()
-            if self.contacts.in_turn:
-                found["rigid_in_turn"] = float(self.contacts.in_turn)
-        return found | (self.touch.indicators() if self.touch else {})
+            found |= self.contacts.indicators()
+        if self.touch:
+            found |= self.touch.indicators()
+        return found | (self.joints.indicators() if self.joints else {})
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = np.array([k for k, (body, of) in enumerate(self.bodies) if path in ("/", body.path) and world in (None, of)], int)
+        if self.sleep and name in (*LIVE, "gravity"):
+            self.sleep.wake(None if path == "/" else hit)
         if path == "/" and name == "gravity":
             self.gravity[slice(None) if world is None else world] = value
             self.table.push.assign(self._push().astype(self.model.dtype))
@@ -201,6 +268,9 @@ class Rigid(Method):
             now[hit] = wanted[hit]
             self.put(field, now)
             return True
+        if name in ("mass", "inertia"):
+            self.weigh(hit, name, value)
+            return True
         rows = {"force": self.force, "torque": self.twist}.get(name)
         if rows is not None:
             rows[hit] = value
@@ -213,24 +283,15 @@ class Rigid(Method):
         return True
 
 
-def meet(scene) -> bool:
-    """Whether there are two things that can touch."""
-    bodies = [body for body in scene.things("Body") if meeting(body)]
-    return bool(bodies) and len(bodies) + len(standing(scene.colliders)) > 1
-
-
-def touches(scene) -> bool:
-    """Whether bodies may touch points."""
-    return bool(scene.bodies()) and any(meeting(body) for body in scene.things("Body"))
-
-
 def signature(b) -> list:
     points = touches(b.scene)
     if not (points or meet(b.scene)):
-        return []
+        return ["joints"] if acting(b.scene) else []
     from wsim.physics.rigid.contacts import bounces, kinds, standing
     from wsim.physics.rigid.forms import chosen
     own = [c for body in b.scene.things("Body") for c in meeting(body)]
     form = chosen(b.model.device, b.model.worlds * len(own) + len(standing(b.scene.colliders)))
-    said = [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), bounces(b.scene), form.name, form.blocks]
+    filtered = any(b.scene.things(name) for name in ("Group", "Parted"))
+    said = [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), bounces(b.scene), form.name, form.blocks, sleeps(b.scene),
+            filtered, bool(acting(b.scene)), b.scene.contact_tolerance > 0.0]
     return said + [sorted({type(c.shape).__name__ for c in own}), any(c.restitution > 0.0 for c in own)] * points

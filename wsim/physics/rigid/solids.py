@@ -1,57 +1,157 @@
-"""Which colliders rigid bodies meet, and as what: simple shapes as they are, meshes as convex hulls. NumPy only.
+"""Which colliders rigid bodies meet, and as what: simple shapes as they are, meshes as their `approximation` says. NumPy only.
 
-A mesh of a body is its hull. A mesh that stands is its hull where it is convex, else it is not met: a hull would fill what is
-hollow, a room or a bowl. Flat meshes have no hull.
+    none, meshSimplification           triangles where the mesh stands; its hull where it is convex, or belongs to a body
+    convexHull, convexDecomposition    one hull: parts are not made
+    boundingCube, boundingSphere       box, ball about its middle
+
+Triangles of a mesh that is not closed hold from both sides. Flat meshes have no hull: of a body they meet nothing. Meshes that
+move their points are not met.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from wsim.geometry.convex_hull import ConvexHull, DegenerateHull, convex_hull
+from wsim.geometry.memo import latest
+from wsim.geometry.triangulate import triangulate
 from wsim.physics.rigid.mass import volume
 from wsim.scene import Collider, Surface
-from wsim.scene.solids import row
+from wsim.scene.solids import Box, Capsule, Plane, Shape, Sphere, row
 
 MOST = 64                  # vertices of a hull: more are left out, those that stand out least
 CONVEX = 0.01              # part of a hull's volume that a mesh may lack and count as convex
+HULLS = ("convexHull", "convexDecomposition")
+NOWHERE = (0.0, 0.0, 0.0)
 
 
-def hull(shape: Surface) -> ConvexHull | None:
-    """None where there is no volume."""
+@dataclass(frozen=True)
+class Met:
+    """What a collider is met as.
+
+    kind      its name, as kernels/rigid/narrow/shape.py has it
+    shape     a simple shape, or None
+    hull      of a mesh, or None
+    mesh      (points (n, 3) [m], triangles (m, 3)) about the center, or None
+    center    of its frame in the collider's, (3,) [m]; axes are the same
+    """
+
+    kind: str
+    shape: Shape | None = None
+    hull: ConvexHull | None = None
+    mesh: tuple[np.ndarray, np.ndarray] | None = None
+    center: tuple[float, float, float] = NOWHERE
+
+    @property
+    def ball(self) -> float:
+        """Radius of a ball about its center that holds it [m]; -1: it has no end."""
+        if self.shape is not None:
+            return -1.0 if isinstance(self.shape, Plane) else row(self.shape).ball(self.shape)
+        points = self.hull.vertices if self.hull is not None else self.mesh[0] if self.mesh is not None else np.zeros((1, 3))
+        return float(np.linalg.norm(points, axis=1).max())
+
+    @property
+    def size(self) -> tuple:
+        """As the device has it; of a mesh half of the edges of its bounds [m]."""
+        if self.shape is not None:
+            return row(self.shape).size(self.shape)
+        return NOWHERE if self.mesh is None else tuple(np.abs(self.mesh[0]).max(axis=0))
+
+    @property
+    def skin(self) -> float:
+        """Radius of what is round [m]."""
+        return self.shape.radius if isinstance(self.shape, (Sphere, Capsule)) else 0.0
+
+
+@latest
+def _hull(points: np.ndarray) -> ConvexHull | None:
     try:
-        return convex_hull(shape.points, MOST)
+        return convex_hull(points, MOST)
     except DegenerateHull:
         return None
 
 
+def hull(shape: Surface) -> ConvexHull | None:
+    """None where there is no volume."""
+    return _hull(shape.points)
+
+
 def filled(shape: Surface) -> float:
     """Part of its hull's volume that a mesh encloses; 0 without a hull, or where the mesh is open."""
-    found = hull(shape)
+    own = volume(shape).volume
+    found = hull(shape) if own > 0.0 else None
     if found is None:
         return 0.0
     counts = np.array([len(loop) for loop in found.loops])
-    return volume(shape).volume / volume(Surface(found.vertices, counts, np.concatenate(found.loops))).volume
+    return own / volume(Surface(found.vertices, counts, np.concatenate(found.loops))).volume
 
 
-def met(collider: Collider, of_body: bool) -> bool:
-    """Whether bodies meet it."""
+def _bounding(shape: Surface, ball: bool) -> Met | None:
+    low, high = shape.points.min(axis=0).astype(np.float64), shape.points.max(axis=0).astype(np.float64)
+    middle = 0.5 * (low + high)
+    half = 0.5 * (high - low)
+    if not half.min() > 0.0 and not (ball and half.max() > 0.0):
+        return None
+    found: Shape = Box(tuple(half.tolist()))
+    if ball:
+        found = Sphere(float(np.linalg.norm(shape.points - middle, axis=1).max()))
+    return Met(row(found).kind, found, center=tuple(middle.tolist()))
+
+
+def _triangles(shape: Surface) -> Met | None:
+    triangles, _ = triangulate(shape.points, shape.counts, shape.indices)
+    if len(triangles) == 0:
+        return None
+    used = shape.points[np.unique(triangles)].astype(np.float64)
+    middle = 0.5 * (used.min(axis=0) + used.max(axis=0))
+    return Met("mesh", mesh=(shape.points - middle, triangles), center=tuple(middle.tolist()))
+
+
+def as_met(collider: Collider, of_body: bool) -> Met | None:
+    """None: bodies pass through it."""
     shape = collider.shape
+    if not collider.meets:
+        return None
     if not isinstance(shape, Surface):
-        return collider.meets
-    if shape.poses is not None:
-        return False
-    return collider.meets and (hull(shape) is not None if of_body else filled(shape) >= 1.0 - CONVEX)
-
-
-def kind(collider: Collider) -> str:
-    """Name of its shape, as kernels/rigid/narrow/shape.py has it."""
-    return "hull" if isinstance(collider.shape, Surface) else row(collider.shape).kind
+        return Met(row(shape).kind, shape)
+    if shape.poses is not None or len(shape.points) == 0:
+        return None
+    if collider.approximation in ("boundingCube", "boundingSphere"):
+        return _bounding(shape, collider.approximation == "boundingSphere")
+    if of_body or collider.approximation in HULLS or filled(shape) >= 1.0 - CONVEX:
+        found = hull(shape)
+        if found is not None or of_body:
+            return None if found is None else Met("hull", hull=found)
+    return _triangles(shape)
 
 
 def meeting(body) -> list[Collider]:
     """Colliders of a body that touch something."""
-    return [c for c in body.colliders if met(c, True)]
+    return [c for c in body.colliders if as_met(c, True) is not None]
 
 
 def standing(colliders: list[Collider]) -> list[Collider]:
     """Colliders of a scene that bodies meet."""
-    return [c for c in colliders if met(c, False)]
+    return [c for c in colliders if as_met(c, False) is not None]
+
+
+def meet(scene) -> bool:
+    """Whether there are two things that can touch."""
+    bodies = [body for body in scene.things("Body") if meeting(body)]
+    return bool(bodies) and len(bodies) + len(standing(scene.colliders)) > 1
+
+
+def acting(scene) -> list:
+    """Joints of a scene that act."""
+    return [joint for joint in scene.things("Joint") if joint.enabled]
+
+
+def sleeps(scene) -> bool:
+    """Whether something may sleep: not what joints hold, nor beside points, where others may wake it."""
+    some = scene.sleep_speed > 0.0 or any(body.asleep for body in scene.things("Body"))
+    return some and not scene.things("Joint") and not scene.bodies()
+
+
+def touches(scene) -> bool:
+    """Whether bodies may touch points."""
+    return bool(scene.bodies()) and any(meeting(body) for body in scene.things("Body"))

@@ -5,9 +5,13 @@ of bodies, colliders and materials), from the volumes of wsim/physics/rigid/mass
 its colliders move as animated and push.
 """
 
+from typing import Any
+
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
+from wsim.physics.rigid.joints.joint import Joint
+from wsim.physics.rigid.joints.moving import simulated
 from wsim.physics.rigid.mass import Volume, volume
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Collider
@@ -21,12 +25,7 @@ from wsim.usd.transforms import author_motion, placement, split
 
 OWN = ("force", "torque", "drag", "spin_drag")           # of WsimRigidBodyAPI
 LEAF = "collider"
-
-
-def simulated(reading: Reading, prim: Usd.Prim) -> bool:
-    """Whether a body moves by forces: it is enabled and not kinematic."""
-    api, start = UsdPhysics.RigidBodyAPI(prim), reading.start
-    return api.GetRigidBodyEnabledAttr().Get(start) is not False and not api.GetKinematicEnabledAttr().Get(start)
+UNIT = 1e-2                                              # departure of |q| from 1 that quath keeps, tenfold
 
 
 def within(reading: Reading, prim: Usd.Prim) -> list[Sdf.Path]:
@@ -42,17 +41,34 @@ def within(reading: Reading, prim: Usd.Prim) -> list[Sdf.Path]:
     return found
 
 
-def load(reading: Reading, prim: Usd.Prim) -> Body | None:
+def load(reading: Reading, prim: Usd.Prim) -> list:
+    apis, found = applied(prim), list[Any]()
+    if names.RIGID_BODY in apis:
+        found.append(_body(reading, prim))
+    elif prim.GetTypeName() == names.COLLISION_GROUP:
+        from wsim.physics.rigid.joints.filters.usd import load_group
+        found.append(load_group(reading, prim))
+    elif prim.IsA(UsdGeom.PointInstancer):
+        from wsim.physics.rigid.joints.instances.usd import load as instances
+        return instances(reading, prim, _body)
+    elif prim.IsA(UsdPhysics.Joint):
+        from wsim.physics.rigid.joints.usd import load as joint
+        found.append(joint(reading, prim))
+    if names.FILTERED_PAIRS in apis:
+        from wsim.physics.rigid.joints.filters.usd import load_pairs
+        found.append(load_pairs(reading, prim))
+    return [thing for thing in found if thing is not None]
+
+
+def _body(reading: Reading, prim: Usd.Prim) -> Body | None:
     path = str(prim.GetPath())
-    if names.RIGID_BODY not in applied(prim):
-        reading.warn(path, f"is a {prim.GetTypeName()}: joints are not simulated yet, and its bodies come apart")
-        return None
     if not simulated(reading, prim):
         return None
     if prim.IsInstanceProxy():
         reading.fail(path, "is a rigid body in an instance, whose contents cannot be written over; author instanceable = false "
                      "on the instance")
         return None
+    _turned(reading, prim)
     place = placement(reading, prim)
     if len(place.times) > 1:
         reading.warn(path, "is animated and a dynamic rigid body: it starts where the animation does and then moves by forces")
@@ -66,16 +82,24 @@ def load(reading: Reading, prim: Usd.Prim) -> Body | None:
     colliders = [c for each in within(reading, prim) if (c := _own(reading, reading.stage.GetPrimAtPath(each), M)) is not None]
     velocity, spin = _rates(reading, prim)
     own = {name: value for name in OWN if (value := read(prim, "RigidBody", name, reading.units)) is not None}
-    return Body(path, colliders, Motion.still(M), velocity, spin, stretch=None if np.array_equal(S, np.eye(3)) else S,
+    asleep = bool(UsdPhysics.RigidBodyAPI(prim).GetStartsAsleepAttr().Get(reading.start))
+    stretch = None if np.array_equal(S, np.eye(3)) else S
+    return Body(path, colliders, Motion.still(M), velocity, spin, asleep=asleep, stretch=stretch,
                 **_mass(reading, prim, colliders), **own)
+
+
+def _turned(reading: Reading, prim: Usd.Prim) -> None:
+    for op in UsdGeom.Xformable(prim).GetOrderedXformOps():
+        q = op.Get(reading.start) if op.GetOpType() == UsdGeom.XformOp.TypeOrient else None
+        if q is not None and not abs(q.GetLength() - 1.0) < UNIT:
+            reading.fail(prim.GetPath(), f"{op.GetName()} is a quaternion of length {q.GetLength():g}, of which USD makes a "
+                         "wrong rotation; allowed: a unit quaternion; mend: divide it by its length")
 
 
 def _own(reading: Reading, prim: Usd.Prim, M: np.ndarray) -> Collider | None:
     enabled = prim.GetAttribute("physics:collisionEnabled")
-    before = len(reading.problems)
     found = load_collider(reading, prim)
-    reading.problems[before:] = [p for p in reading.problems[before:] if "physics:approximation = convexHull" not in p.text]
-    if found is None:                                   # a mesh of a body is its convex hull
+    if found is None:
         return None
     found.motion = Motion(found.motion.times[:1], np.linalg.inv(M) @ found.motion.values[:1])
     found.meets = not enabled or enabled.Get(reading.start) is not False
@@ -111,18 +135,59 @@ def _mass(reading: Reading, prim: Usd.Prim, colliders: list[Collider]) -> dict:
         found.localPos, found.localRot = Gf.Vec3f(0.0), Gf.Quatf(1.0)
         return found
 
+    if not _sound(reading, [prim, *(reading.stage.GetPrimAtPath(c.path) for c in colliders)]):
+        return {}
     given = UsdPhysics.MassAPI(prim)
     inertia = given.GetDiagonalInertiaAttr().Get(reading.start) if given else None
     if not any(volume(c.shape).volume for c in colliders) and not (inertia and any(inertia)):
         mass = given.GetMassAttr().Get(reading.start) if given else None       # nothing that an inertia could follow from
         return {"mass": float(mass) * units.kilograms} if mass else {}
     mass, diagonal, center, axes = UsdPhysics.RigidBodyAPI(prim).ComputeMassProperties(information)
+    if not np.isfinite([mass, *diagonal]).all() and not (inertia and any(inertia)):
+        reading.fail(prim.GetPath(), f"its mass is {mass:g} and its inertia {tuple(diagonal)}, in units of the stage, which "
+                     "USD computes in float32; allowed: finite numbers; mend: author metersPerUnit and sizes that go with it")
+        return {}
     q = np.array([*axes.GetImaginary(), axes.GetReal()], np.float64)
     return {"mass": float(mass) * units.kilograms, "center": np.array(center, np.float64) * units.metres,
             "inertia": np.array(diagonal, np.float64) * units.kilograms * units.metres**2, "axes": q}
 
 
-def author(stage: Usd.Stage, body: Body, units: Units) -> None:
+def _sound(reading: Reading, prims: list[Usd.Prim]) -> bool:
+    """Whether masses, densities and centres are authored as numbers that USD takes: it passes over others without a word."""
+    found = True
+    for prim in dict.fromkeys(prims):
+        for name in ("mass", "density"):
+            attribute = prim.GetAttribute(f"physics:{name}")
+            value = attribute.Get(reading.start) if attribute and attribute.HasAuthoredValue() else None
+            if value is not None and not 0.0 <= value < np.inf:
+                reading.fail(prim.GetPath(), f"physics:{name} is {value:g}; allowed: a finite number > 0, or 0 for none; mend: "
+                             f"author another {name}" + ("; to hold a body still, make it kinematic" if name == "mass" else ""))
+                found = False
+            elif value == 0.0 and name == "mass":
+                reading.warn(prim.GetPath(), "physics:mass is 0, which USD takes as none: densities decide; mend: author a "
+                             "mass > 0, or physics:kinematicEnabled to hold a body still")
+        center = prim.GetAttribute("physics:centerOfMass")
+        place = np.array(center.Get(reading.start), np.float64) if center and center.HasAuthoredValue() else np.zeros(3)
+        if not np.isfinite(place).all() and not np.isneginf(place).all():             # -inf: none
+            reading.fail(prim.GetPath(), f"physics:centerOfMass is {tuple(place.tolist())}; allowed: finite numbers; mend: "
+                         "author another, or take it away")
+            found = False
+    return found
+
+
+def author(stage: Usd.Stage, thing: Any, units: Units) -> None:
+    if isinstance(thing, Body):
+        _author_body(stage, thing, units)
+        return
+    if isinstance(thing, Joint):
+        from wsim.physics.rigid.joints.usd import author as joint
+        joint(stage, thing, units)
+        return
+    from wsim.physics.rigid.joints.filters.usd import author as filters
+    filters(stage, thing, units)
+
+
+def _author_body(stage: Usd.Stage, body: Body, units: Units) -> None:
     prim = UsdGeom.Xform.Define(stage, body.path).GetPrim()
     surfaces: dict[tuple, str] = {}
     for collider in body.colliders:                     # before the body has a transform: theirs is within it
@@ -135,6 +200,8 @@ def author(stage: Usd.Stage, body: Body, units: Units) -> None:
     api, mass, R = UsdPhysics.RigidBodyAPI.Apply(prim), UsdPhysics.MassAPI.Apply(prim), _above(prim, Usd.TimeCode.Default()).T
     api.CreateVelocityAttr(Gf.Vec3f(*(R @ body.velocity / units.metres).tolist()))
     api.CreateAngularVelocityAttr(Gf.Vec3f(*np.degrees(R @ body.spin).tolist()))
+    if body.asleep:
+        api.CreateStartsAsleepAttr(True)
     mass.CreateDensityAttr(body.density / units.factor("kg/m^3"))
     if body.mass is not None:
         mass.CreateMassAttr(body.mass / units.kilograms)

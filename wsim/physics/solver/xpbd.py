@@ -119,13 +119,14 @@ class Xpbd(Method):
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]; residual: what the last substep's sweeps left, see kernels/solver/xpbd_residual.py (strain,
         radians). A single iteration keeps no multipliers and has no residual. Kernels of their own module, compiled when asked
-        for."""
+        for; energies of few constraints are summed on the host."""
         soft = [b for b in self.batches if not b.hard]
         looked = any(b.multipliers for b in soft) and not self.clock.integrator.beyond
         module = kernel_cache.report_module(self.model, f"xpbd {looked}", *sorted({f"{b.kind} {b.uniform}" for b in soft}))
         looks = self.residual_kernels(module) if looked else []
         for b in soft:
-            b.energy_kernels(module)
+            if not b.few:
+                b.energy_kernels(module)
         if self.muscles:
             self.muscles.finish()
         found = {"elastic_energy": sum((b.energy(self.state, module) for b in soft), 0.0)}

@@ -46,7 +46,7 @@ def values(thing) -> Iterator[Problem]:
     for name, row in table.of(type(thing).__name__).items():
         value: Any = getattr(thing, name, None)
         mend = row.mend or f"author another {row.usd.attribute if row.usd else name}"
-        if row.form == "vector" and (np.shape(value) != (3,) or not np.all(np.isfinite(value))):
+        if row.form == "vector" and value is not None and (np.shape(value) != (3,) or not np.all(np.isfinite(value))):
             yield error(path, f"{name} is {value}", "three finite numbers", mend)
         elif row.form == "number" and np.ndim(value) == 0 and value is not None and not row.range.holds(value, True):
             yield error(path, f"{name} is {value:g}", row.range.words, mend)

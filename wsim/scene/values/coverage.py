@@ -15,18 +15,20 @@ THROUGH, BY, OF = "through", "with respect to", "of"
 
 @dataclass(frozen=True)
 class Covered:
-    """what: in words; with respect to values Owner.name, one or several. explicit, xpbd, implicit: tests by that solver."""
+    """what: in words; with respect to values Owner.name, one or several. explicit, xpbd, implicit: tests by that solver;
+    rigid: of rigid bodies, whose steps are no solver's."""
 
     kind: str
     what: str
     explicit: str = ""
     xpbd: str = ""
     implicit: str = ""
+    rigid: str = ""
 
     @property
     def tests(self) -> dict[str, str]:
         """By solver."""
-        return {name: test for name in ("explicit", "xpbd", "implicit") if (test := getattr(self, name))}
+        return {name: test for name in ("explicit", "xpbd", "implicit", "rigid") if (test := getattr(self, name))}
 
     def names(self) -> list[tuple[str, str]]:
         """(owner, name) of values."""
@@ -54,6 +56,7 @@ SHEET, STEPS = "test_a_sheet_that_stretches_shears_and_bends", "test_a_sheet_by_
 SLOPES = "gradient/test_coverage.py::test_every_value_has_the_slope_of_differences"
 PUSH = "test_a_force_over_time_moves_by_its_integral_and_has_exact_derivatives"
 FALL = "test_a_sheet_that_falls_on_a_turning_collider_and_slides"
+FREELY = "gradient/test_bodies.py"
 BLOCK, SOLID = f"{BAR}::test_a_soft_bar", f"{BAR}::test_a_soft_bar_by_implicit_steps"
 
 COVERED: list[Covered] = [
@@ -82,6 +85,7 @@ COVERED: list[Covered] = [
     Covered(THROUGH, "muscles", *(f"{PULLED}::test_gradients_by_the_factors",) * 3),
     Covered(THROUGH, "loads", *(f"{LOADED}::{PUSH}",) * 3),
     Covered(THROUGH, "wind (drag and lift)", *(f"{SWEPT}::test_wind",) * 3),
+    Covered(THROUGH, "free motion of rigid bodies", rigid=f"{FREELY}::test_a_free_symmetric_top_by_its_closed_form"),
 
     Covered(BY, "Cloth.positions Cloth.velocities Cloth.stretch Cloth.bend Cloth.weft Cloth.shear Cloth.damping Cloth.density",
             f"{CHAIN}::{SHEET}", f"{SWEPT}::{SHEET}", f"{CHAIN}::{STEPS}"),
@@ -116,9 +120,14 @@ COVERED: list[Covered] = [
     Covered(BY, "Collider.shift", *(f"{MESH}::test_by_the_motion_of_a_collider",) * 2,
             f"{SOFT}::test_by_the_motion_of_a_collider"),
 
+    Covered(BY, "Body.velocity Body.spin Body.force Body.torque Body.drag Body.spin_drag Body.mass Body.inertia",
+            rigid=f"{FREELY}::test_every_value_of_a_body_has_the_slope_of_differences"),
+
     Covered(OF, "positions and velocities", f"{CHAIN}::{SHEET}", f"{SWEPT}::{SHEET}", f"{CHAIN}::{STEPS}"),
     Covered(OF, "reactions of pins", f"{BORNE}::test_a_chain_by_leapfrog", f"{BORNE}::test_a_chain_by_sweeps",
             f"{BORNE}::test_a_soft_bar"),
+    Covered(OF, "poses and twists of rigid bodies",
+            rigid=f"{FREELY}::test_what_is_seen_of_a_body_has_the_slope_of_differences"),
 ]
 
 REFUSED: dict[str, Refused] = {
@@ -145,6 +154,11 @@ REFUSED: dict[str, Refused] = {
                            "> 0"),
     "touched": Refused("contacts without a collider", "there is no collider, so that nothing touches"),
     "actuation": Refused("muscles that there are not", "no net has muscles; give one an actuation"),
+    "impulses": Refused("contacts and friction of rigid bodies", "can meet {other}, and impulses of contact have no "
+                        "derivative: a recording takes bodies that meet nothing; switch their collisions off "
+                        "(physics:collisionEnabled, Collider.meets), or take that out"),
+    "joints": Refused("joints of rigid bodies", "is a joint, whose impulses have no derivative yet; take it out"),
+    "idle": Refused("air in which no point moves", "nothing that moves here knows {name}; leave it out"),
     "load": Refused("loads that there are not", "there is no load; give the scene one"),
     "pin": Refused("anything but stiffness and damping of a soft pin", "is no soft pin with a derivative with respect to "
                    "{name!r}; soft pins have stiffness and damping"),

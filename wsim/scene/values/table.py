@@ -16,10 +16,11 @@ BODIES = ("Cloth", "Springs", "Soft")
 
 SHEET, SOLID, RUB = "PhysicsSurfaceDeformableMaterialAPI", "PhysicsVolumeDeformableMaterialAPI", "PhysicsMaterialAPI"
 OWN, AIR, FLAT = "WsimMaterialAPI", "WsimSceneAPI", "WsimClothAPI"
+DOMAIN, SOURCE = "WsimFluidDomainAPI", "WsimFluidSourceAPI"
 MATERIALS = (SHEET, SOLID, RUB, OWN)                 # schemas of materials: what they say is no attribute of the prim itself
 DAMPING = {"Cloth": OWN, "Springs": "WsimSpringsAPI", "Soft": OWN}
 FRICTION = ("static_friction", "dynamic_friction")
-FIXED, RIGID = "fixed while a scene runs", "nothing is recorded of rigid bodies"
+FIXED, AIRY = "fixed while a scene runs", "nothing is recorded of fluids"
 PARTS = {"stretch": ("stretch", "weft"), "stretch_warp": ("stretch",), "stretch_weft": ("weft",)}    # values of a parameter
 
 VALUES: list[Value] = [
@@ -85,10 +86,24 @@ VALUES: list[Value] = [
     Value("Collider", "points", "m", ANY, "array", live=False, why="the shape of a mesh that deforms has none yet"),
     Value("Collider", "shift", "m", ANY, "array", live=False, gradient="shift"),
 
-    *(Value("Body", name, unit, ANY, "vector", why=RIGID) for name, unit in (
+    *(Value("Body", name, unit, ANY, "vector", fit=PLAIN, gradient="body") for name, unit in (
         ("velocity", "m/s"), ("spin", "rad/s"), ("force", "N"), ("torque", "N m"))),
-    *(Value("Body", name, "1/s", why=RIGID) for name in ("drag", "spin_drag")),
-    *(Value("Body", name, unit, POSITIVE, live=False, why=RIGID) for name, unit in (("mass", "kg"), ("density", "kg/m^3"))),
+    *(Value("Body", name, "1/s", fit=LOG, gradient="body") for name in ("drag", "spin_drag")),
+    Value("Body", "mass", "kg", POSITIVE, fit=LOG, gradient="body"),
+    Value("Body", "inertia", "kg m^2", POSITIVE, "vector", gradient="body"),
+    Value("Body", "density", "kg/m^3", POSITIVE, live=False, why=f"{FIXED}; take mass"),
+
+    *(Value("Fluid", name, unit, ANY, why=AIRY, usd=Usd(DOMAIN, f"wsim:fluid:{name}")) for name, unit in (
+        ("lift", "1/K"), ("weight", "1"))),
+    *(Value("Fluid", name, "1/s", why=AIRY, usd=Usd(DOMAIN, f"wsim:fluid:{called}")) for name, called in (
+        ("smoke_decay", "smokeDecay"), ("cooling", "cooling"))),
+    *(Value("Fluid", name, unit, needs=("start",), why=AIRY, usd=Usd(DOMAIN, f"wsim:fluid:{name}")) for name, unit in (
+        ("vorticity", "1"), ("viscosity", "m^2/s"))),
+    *(Value("Fluid", name, unit, POSITIVE, live=False, why=AIRY, usd=Usd(DOMAIN, f"wsim:fluid:{called}"))
+      for name, called, unit in (("cell", "cellSize", "m"), ("density", "density", "kg/m^3"), ("tolerance", "tolerance", "1"),
+                                 ("cfl", "cfl", "1"))),
+    *(Value("Source", name, unit, ANY, why=AIRY, usd=Usd(SOURCE, f"wsim:fluid:{name}")) for name, unit in (
+        ("smoke", "1/s"), ("temperature", "K/s"), ("expansion", "1/s"))),
 
     Value("Cloth", "thickness", "m", POSITIVE, live=False, usd=Usd(OWN, "wsim:thickness"), why=FIXED),
     *(Value("Cloth", name, "1", live=False, usd=Usd(FLAT, f"wsim:{name}"), why=f"{FIXED}, and no input; take air_coefficient()")
@@ -102,6 +117,8 @@ VALUES: list[Value] = [
           why=f"{FIXED}, and no input; take pin()"),
     Value("Scene", "air_density", "kg/m^3", live=False, usd=Usd(AIR, "wsim:airDensity"), why=FIXED),
     Value("Scene", "contact_width", "m", live=False, usd=Usd(AIR, "wsim:contactWidth"), why=FIXED),
+    Value("Scene", "contact_tolerance", "m/s", live=False, usd=Usd(AIR, "wsim:contactTolerance"), why=FIXED),
+    Value("Scene", "sleep_speed", "m/s", live=False, usd=Usd(AIR, "wsim:sleepSpeed"), why=FIXED),
     Value("Scene", "error", "1", POSITIVE, live=False, usd=Usd(AIR, "wsim:error", uniform=True),
           why="no motion follows from it", mend="give 0.01 for 1 % of the scene's size"),
 ]

@@ -100,6 +100,8 @@ def judge(recording, long: str) -> None:
         said = first(plan, (recording.start + bad - 1) / recording.sim.scene.fps)
         raise SceneError(Problem("frame", f"a position is no number in frame {recording.start + bad}{said and f' ({said})'}; "
                                  "give it more substeps, or fewer frames"))
+    if lost := next((name for name in status.places if name.endswith(": not finite") and status.said(name)[0]), ""):
+        raise SceneError(Problem("frame", f"{lost}, in a frame of the recording; give it more substeps, or fewer frames"))
     if status.said(THROWN)[0]:
         recording.warn(long)
     if status.said(MISSED)[0]:

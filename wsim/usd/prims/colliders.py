@@ -12,7 +12,7 @@ from pxr import Sdf, Usd, UsdGeom
 
 from wsim.scene import Collider, Shape, Surface
 from wsim.scene.curve import Curve, Motion
-from wsim.scene.solids import SAME, Solid, claimed, row
+from wsim.scene.solids import APPROXIMATIONS, SAME, Solid, claimed, row
 from wsim.usd import names
 from wsim.usd.attributes import DEFAULT, array, author, author_times, read, read_times, size
 from wsim.usd.load_varying import attributes_of, steady, vary
@@ -21,6 +21,7 @@ from wsim.usd.stage import Reading, Units, applied
 from wsim.usd.transforms import Placement, author_motion, placement, split
 
 TURN = {"X": [1, 2, 0], "Y": [2, 0, 1], "Z": [0, 1, 2]}      # columns of the prim's frame as own x, y, z
+APPROXIMATION = "physics:approximation"                        # of meshes, for rigid bodies
 AROUND = 32                                                    # points on a circle of a shape that becomes a mesh
 
 
@@ -39,11 +40,25 @@ class Authored:
 def load_collider(reading: Reading, prim: Usd.Prim) -> Collider | None:
     """The collider of a prim; None if its kind cannot collide yet or it is broken (both are reported)."""
     path, kind = str(prim.GetPath()), prim.GetTypeName()
-    sizes = _sizes(reading, prim)
-    if sizes is None and kind not in ("Mesh", "TetMesh"):
+    if not has_shape(prim):
         reading.warn(path, f"is a {kind or 'prim without a type'} with {names.COLLISION}; such a collider is left out "
                      "(read are Plane, Sphere, Cube, Capsule, Cylinder, Cone, Mesh and TetMesh)")
         return None
+    found = load_shape(reading, prim)
+    if found is None:
+        return None
+    vary(reading, path, Collider, [prim.GetAttribute(names.row("Collider", "thickness").attribute),
+                                   *attributes_of(bound(reading, prim))], lambda at: load_contact(at, prim))
+    return Collider(path, *found, approximation=_approximation(reading, prim, found[0]), **load_contact(reading, prim))
+
+
+def has_shape(prim: Usd.Prim) -> bool:
+    return prim.GetTypeName() in ("Mesh", "TetMesh") or claimed((*applied(prim), str(prim.GetTypeName()))) is not None
+
+
+def load_shape(reading: Reading, prim: Usd.Prim) -> tuple[Shape, Motion] | None:
+    """Shape and motion of a prim that has one; None if it is broken (reported)."""
+    path, sizes = str(prim.GetPath()), _sizes(reading, prim)
     if _axis(prim) not in TURN:
         reading.fail(path, f"axis is {_axis(prim)!r}; allowed is X, Y or Z")
         return None
@@ -54,11 +69,18 @@ def load_collider(reading: Reading, prim: Usd.Prim) -> Collider | None:
         reading.fail(path, f"{error}; give it scales other than zero")
         return None
     shape = _mesh(reading, prim, place, S) if sizes is None else _shape(reading, path, sizes, place, S)
-    if shape is None:
-        return None
-    vary(reading, path, Collider, [prim.GetAttribute(names.row("Collider", "thickness").attribute),
-                                   *attributes_of(bound(reading, prim))], lambda at: load_contact(at, prim))
-    return Collider(path, shape, Motion(place.times, place.frame), **load_contact(reading, prim))
+    return None if shape is None else (shape, Motion(place.times, place.frame))
+
+
+def _approximation(reading: Reading, prim: Usd.Prim, shape: Shape) -> str:
+    attribute = prim.GetAttribute(APPROXIMATION)
+    said = str(attribute.Get() or "none") if attribute and isinstance(shape, Surface) else "none"
+    if said not in APPROXIMATIONS:
+        reading.warn(attribute.GetPath(), f"is {said}; read are {', '.join(APPROXIMATIONS)}, and it is taken as none")
+        return "none"
+    if said != "none" and reading.points:
+        reading.warn(prim.GetPath(), f"{APPROXIMATION} = {said} is not used: points meet the mesh itself")
+    return said
 
 
 def _axis(prim: Usd.Prim) -> str:
@@ -176,14 +198,13 @@ def _mesh(reading: Reading, prim: Usd.Prim, place: Placement, S: np.ndarray) -> 
     if points is None or counts is None or indices is None:
         reading.fail(path, "is a mesh collider without points or faces (is a payload or reference missing?)")
         return None
-    approximation = prim.GetAttribute("physics:approximation")
-    if approximation and approximation.Get() not in (None, "none"):
-        reading.warn(path, f"physics:approximation = {approximation.Get()} is not used: the mesh itself collides")
     if prim.GetAttribute("orientation").Get() == UsdGeom.Tokens.leftHanded:
         indices = turned_over(counts, indices)
     codes, noted = attribute.GetTimeSamples(), read_times(attribute, units)
-    poses = None
-    if len(codes) > 1 or (len(codes) == 1 and noted is not None):
+    poses = _follows(reading, prim)
+    if poses is not None:
+        points = poses.at(0.0)
+    elif len(codes) > 1 or (len(codes) == 1 and noted is not None):
         values = [read(prim, "Cloth", "points", units, code) for code in codes]
         if any(v is None or v.shape != points.shape for v in values):
             reading.fail(path, f"its number of points changes (from {len(points)}); a collider mesh must keep its "
@@ -194,18 +215,23 @@ def _mesh(reading: Reading, prim: Usd.Prim, place: Placement, S: np.ndarray) -> 
     return _stretched((points, counts, indices), place, S, poses)
 
 
+def _follows(reading: Reading, prim: Usd.Prim) -> Curve | None:
+    """Points of a mesh that a skeleton moves."""
+    if prim.GetPath() not in reading.skinned:
+        return None
+    from wsim.usd.prims.skeletons import poses
+    return poses(reading, prim)
+
+
 def author_collider(stage: Usd.Stage, collider: Collider, material: str, units: Units, frames: int) -> None:
     """Defines the prim of a collider, its motion, friction and restitution."""
-    geometry = _author_shape(stage, collider, units)
-    prim = geometry.GetPrim()
-    author_motion(prim, collider.motion, units, frames)
-    solid = None if isinstance(collider.shape, Surface) else row(collider.shape)
-    if solid and solid.stretch:
-        UsdGeom.Xformable(prim).AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(
-            tuple(v / units.metres for v in solid.stretch(collider.shape)))
+    prim = author_shape(stage, collider, units, frames)
     prim.AddAppliedSchema(names.COLLISION)
     if isinstance(collider.shape, Surface):
         prim.AddAppliedSchema(names.MESH_COLLISION)
+        if collider.approximation != "none":
+            attribute = prim.CreateAttribute(APPROXIMATION, Sdf.ValueTypeNames.Token, False, Sdf.VariabilityUniform)
+            attribute.Set(collider.approximation)
     if collider.thickness is not None:
         prim.AddAppliedSchema(names.WSIM_COLLIDER)
         author(prim, "Collider", "thickness", collider.thickness, units)
@@ -218,8 +244,18 @@ def surface(collider: Collider) -> tuple[float, ...]:
     return collider.static_friction, collider.dynamic_friction, *[collider.restitution] * bool(collider.restitution)
 
 
-def _author_shape(stage: Usd.Stage, collider: Collider, units: Units) -> UsdGeom.Gprim:
-    shape, path = collider.shape, collider.path
+def author_shape(stage: Usd.Stage, thing, units: Units, frames: int) -> Usd.Prim:
+    """Defines the prim of something with a path, a shape and a motion, as `load_shape` reads them."""
+    prim = _author_shape(stage, thing.path, thing.shape, units).GetPrim()
+    author_motion(prim, thing.motion, units, frames)
+    solid = None if isinstance(thing.shape, Surface) else row(thing.shape)
+    if solid and solid.stretch:
+        UsdGeom.Xformable(prim).AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(
+            tuple(v / units.metres for v in solid.stretch(thing.shape)))
+    return prim
+
+
+def _author_shape(stage: Usd.Stage, path: str, shape: Shape, units: Units) -> UsdGeom.Gprim:
     if isinstance(shape, Surface):
         return _author_surface(stage, path, shape, units)
     solid = row(shape)

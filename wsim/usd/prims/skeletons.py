@@ -1,39 +1,80 @@
-"""Meshes that a skeleton moves. Skeletons are not evaluated: what collides or is simulated stands where its points are
-authored, in the bind pose, while a viewer draws it where UsdSkel's skinning puts it. Where the two differ that is an error.
+"""Meshes that a skeleton moves. One that collides follows: its points at the frames, and at the samples between them, are those
+that UsdSkel's skinning gives (linear blend or dual quaternions, blend shapes first), linear in between. What is simulated
+stands where its points are authored, in the bind pose, while a viewer draws it where skinning puts it: where the two differ
+that is an error, and so it is of a shape that is no mesh.
 
 A binding holds below a SkelRoot, on a prim or above it; an empty skel:skeleton ends it (tried with UsdSkel.Cache; blocked joint
 indices do not). Results unbind what they write points of, else a viewer would skin those once more.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
-from pxr import Usd, UsdGeom, UsdSkel, Vt
+from pxr import Sdf, Usd, UsdGeom, UsdSkel, Vt
 
+from wsim.scene.curve import Curve
 from wsim.usd.stage import Reading
 
 APART = 1e-4       # of the size of a mesh, by which skinning may move it
 MOMENTS = 16       # at which it is looked at, at most
 
 
-def skinned(reading: Reading, roots: list[Usd.Prim], prims: list[Usd.Prim]) -> None:
-    """Reports those of the prims that a skeleton below one of the SkelRoots moves."""
-    wanted = {prim.GetPath() for prim in prims}
+@dataclass
+class Bound:
+    """A mesh and the skeleton that moves it; followed: its skinned points were read."""
+
+    skeleton: UsdSkel.SkeletonQuery
+    query: UsdSkel.SkinningQuery
+    cache: UsdSkel.Cache                     # of which the queries are
+    followed: bool = False
+
+
+def bindings(roots: list[Usd.Prim]) -> dict[Sdf.Path, Bound]:
+    """What skeletons below the SkelRoots move, by path."""
+    found = {}
     for root in map(UsdSkel.Root, roots):
         cache = UsdSkel.Cache()
         cache.Populate(root, Usd.TraverseInstanceProxies())
         for binding in cache.ComputeSkelBindings(root, Usd.TraverseInstanceProxies()):
             skeleton = cache.GetSkelQuery(binding.GetSkeleton())
             for query in binding.GetSkinningTargets():
-                path = query.GetPrim().GetPath()
-                if path in wanted and (found := _moved(reading, skeleton, query)):
-                    reading.fail(path, f"is bound to the skeleton {skeleton.GetPrim().GetPath()}, which {found}; skeletons are "
-                                 "not evaluated, and it would stand in its bind pose. Write its skinned points into points "
-                                 "(UsdSkel.BakeSkinning does), or author an empty skel:skeleton on it to mean the bind pose")
+                found[query.GetPrim().GetPath()] = Bound(skeleton, query, cache)
+    return found
 
 
-def _moved(reading: Reading, skeleton: UsdSkel.SkeletonQuery, query: UsdSkel.SkinningQuery) -> str:
+def poses(reading: Reading, prim: Usd.Prim) -> Curve | None:
+    """Skinned points of a mesh [m], in its own space, (keys, n, 3); None where no skeleton moves it; errors are reported."""
+    bound = reading.skinned.get(prim.GetPath())
+    if bound is None or not prim.IsA(UsdGeom.PointBased):
+        return None
+    if _skinned(bound, reading.units.start) is not None and not _moved(reading, bound):
+        return None
+    bound.followed = True
+    samples = {*_samples(bound.skeleton), *UsdGeom.PointBased(prim).GetPointsAttr().GetTimeSamples()}
+    start, end = reading.units.start, reading.units.start + reading.frames
+    codes = sorted({*(start + np.arange(reading.frames + 1)).tolist(), *(c for c in samples if start < c < end)})
+    values = [_skinned(bound, code) for code in codes]
+    if any(v is None or not np.all(np.isfinite(v)) for v in values):
+        reading.fail(prim.GetPath(), f"cannot be skinned by {bound.skeleton.GetPrim().GetPath()} at all of its frames; author "
+                     "joints, indices and weights that belong together, and finite transforms")
+        return None
+    return Curve(reading.units.time(np.array(codes)), np.array(values) * reading.units.metres)
+
+
+def skinned(reading: Reading, prims: list[Usd.Prim]) -> None:
+    """Reports those of the prims that a skeleton moves and that do not follow it."""
+    for prim in prims:
+        bound = reading.skinned.get(prim.GetPath())
+        if bound and not bound.followed and (found := _moved(reading, bound)):
+            reading.fail(prim.GetPath(), f"is bound to the skeleton {bound.skeleton.GetPrim().GetPath()}, which {found}; mesh "
+                         "colliders alone follow a skeleton: it would stand in its bind pose. Write its skinned points into "
+                         "points (UsdSkel.BakeSkinning does), or author an empty skel:skeleton on it to mean the bind pose")
+
+
+def _moved(reading: Reading, bound: Bound) -> str:
     """How a skeleton moves a mesh at the start or later, in words; "" if it does not."""
+    skeleton, query = bound.skeleton, bound.query
     codes = list(_moments(reading, skeleton))
     animation = skeleton.GetAnimQuery()
     if query.HasBlendShapes() and animation and any(np.any(animation.ComputeBlendShapeWeights(code)) for code in codes):
@@ -52,11 +93,45 @@ def _moved(reading: Reading, skeleton: UsdSkel.SkeletonQuery, query: UsdSkel.Ski
 
 def _moments(reading: Reading, skeleton: UsdSkel.SkeletonQuery) -> Iterator[float]:
     """Time codes of the start and of some samples of the animation in the frames to simulate."""
-    start, animation = reading.units.start, skeleton.GetAnimQuery()
+    start = reading.units.start
     yield start
-    samples = {*animation.GetJointTransformTimeSamples(), *animation.GetBlendShapeWeightTimeSamples()} if animation else set()
-    inside = sorted(c for c in samples if start < c <= start + reading.frames)
+    inside = sorted(c for c in _samples(skeleton) if start < c <= start + reading.frames)
     yield from inside[:: -(-len(inside) // MOMENTS) or 1]
+
+
+def _samples(skeleton: UsdSkel.SkeletonQuery) -> set[float]:
+    animation = skeleton.GetAnimQuery()
+    return {*animation.GetJointTransformTimeSamples(), *animation.GetBlendShapeWeightTimeSamples()} if animation else set()
+
+
+def _skinned(bound: Bound, code: float) -> np.ndarray | None:
+    """Points of a mesh as it is skinned, in its own space [units], (n, 3)."""
+    query, skeleton, prim = bound.query, bound.skeleton, bound.query.GetPrim()
+    points = UsdGeom.PointBased(prim).GetPointsAttr().Get(code)
+    if not points or not _shaped(bound, points, code):
+        return None
+    if not query.HasJointInfluences():
+        return np.array(points, np.float64)
+    if not query.ComputeSkinnedPoints(skeleton.ComputeSkinningTransforms(code), points, code):
+        return None
+    cache = UsdGeom.XformCache(Usd.TimeCode(code))
+    back = np.array(cache.GetLocalToWorldTransform(skeleton.GetPrim()) * cache.GetLocalToWorldTransform(prim).GetInverse())
+    return np.array(points, np.float64) @ back[:3, :3] + back[3, :3]
+
+
+def _shaped(bound: Bound, points: Vt.Vec3fArray, code: float) -> bool:
+    """Adds the blend shapes at their weights to points; whether that could be done."""
+    query, animation = bound.query, bound.skeleton.GetAnimQuery()
+    if not query.HasBlendShapes() or not animation:
+        return True
+    weights = animation.ComputeBlendShapeWeights(code)
+    mapper = query.GetBlendShapeMapper()
+    if mapper:
+        weights = mapper.Remap(weights)
+    shapes = UsdSkel.BlendShapeQuery(UsdSkel.BindingAPI(query.GetPrim()))
+    parts = shapes.ComputeSubShapeWeights(weights)
+    return bool(parts) and shapes.ComputeDeformedPoints(*parts, shapes.ComputeBlendShapePointIndices(),
+                                                        shapes.ComputeSubShapePointOffsets(), points)
 
 
 def _places(skeleton: UsdSkel.SkeletonQuery, query: UsdSkel.SkinningQuery, code: float) -> tuple[np.ndarray, np.ndarray] | None:

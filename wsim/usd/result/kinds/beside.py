@@ -27,14 +27,15 @@ class Beside:
     def __init__(self, final: str):
         self.place = os.path.dirname(os.path.abspath(final))
         self.folder = f"{os.path.splitext(os.path.basename(final))[0]}.files/{secrets.token_hex(4)}"
-        self.count = 0                            # files written: part of their names, so that none is written twice
+        self.counts: dict[str, int] = {}          # files of each name and ending: part of their names, so that none is twice
+        self.taken: dict[str, str] = {}           # {file of an earlier run: what it is here}
         self.written: list[str] = []              # and not yet sure to stay, see `undo`
         self.old: list[str] = []                  # that the layer, once saved, does not name any more
         self.restart: dict[str, str] = {}         # {prim path: file of its restart fields}
 
     def write(self, name: str, suffix: str, write: bytes | Callable[[BinaryIO], object]) -> str:
-        """A new file NAME.K.SUFFIX; returns its path relative to the layer. write: its bytes, or what writes them into an open
-        file. Raises OSError where it cannot be."""
+        """A new file NAME.0001.SUFFIX, and so on, as sequences are numbered; returns its path relative to the layer. write: its
+        bytes, or what writes them into an open file. Raises OSError where it cannot be."""
         target = os.path.join(self.place, self.folder, name)
         try:
             target = self._new(name, suffix)
@@ -49,19 +50,22 @@ class Beside:
         return self._named(target)
 
     def take(self, source: str, name: str) -> str:
-        """A file of an earlier run as one of this run, linked where the file system can, else copied."""
+        """A file of an earlier run as one of this run, linked where the file system can, else copied; the same each time."""
+        if source in self.taken:
+            return self.taken[source]
         target = self._new(name, os.path.splitext(source)[1])
         try:
             os.link(source, target)
         except OSError:
             with atomic.replacing(target) as temporary:
                 shutil.copyfile(source, temporary)
-        return self._named(target)
+        self.taken[source] = self._named(target)
+        return self.taken[source]
 
     def _new(self, name: str, suffix: str) -> str:
         os.makedirs(os.path.join(self.place, self.folder), exist_ok=True)
-        self.count += 1
-        return os.path.join(self.place, self.folder, f"{name}.{self.count}{suffix}")
+        self.counts[name + suffix] = self.counts.get(name + suffix, 0) + 1
+        return os.path.join(self.place, self.folder, f"{name}.{self.counts[name + suffix]:04d}{suffix}")
 
     def _named(self, target: str) -> str:
         name = f"./{self.folder}/{os.path.basename(target)}"

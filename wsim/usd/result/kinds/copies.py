@@ -8,21 +8,23 @@ from typing import Any
 from pxr import Sdf, Usd
 
 from wsim.scene import Problem, SceneError
+from wsim.scene.samples import VOLUME
 from wsim.usd.result.kinds.beside import Beside
 
 
 def copied(layer: Sdf.Layer, stage: Usd.Stage, restart: Any, things: Sequence[str], beside: Beside) -> set[float]:
-    """Copies all samples up to the restart at and below the prims `things` into the stage's edit target; returns their codes.
+    """Copies all samples up to the restart at and below the prims `things`, and of their volumes, into the stage's edit target;
+    returns their codes.
 
     layer       that of the result `restart` (`wsim.usd.result.restart.Restart`)
     Prims that the earlier result made are made again. Raises SceneError where a file that a sample names is missing.
     """
     codes: set[float] = set()
-    for path in things:
+    for path in (place for thing in things for place in (thing, thing + VOLUME)):
         for spec in _sampled(layer, Sdf.Path(path)):
             prim = stage.GetPrimAtPath(spec.path.GetPrimPath())
-            if not prim:
-                prim = stage.DefinePrim(spec.path.GetPrimPath(), layer.GetPrimAtPath(spec.path.GetPrimPath()).typeName)
+            for above in spec.path.GetPrimPath().GetPrefixes() if not prim else ():
+                prim = stage.GetPrimAtPath(above) or stage.DefinePrim(above, layer.GetPrimAtPath(above).typeName)
             attribute = prim.GetAttribute(spec.name) or prim.CreateAttribute(spec.name, spec.typeName, spec.custom)
             times = [c for c in layer.ListTimeSamplesForPath(spec.path) if c <= restart.frame_time_code]
             for code in times:
@@ -49,4 +51,4 @@ def _file(result: str, path: Sdf.Path, value: Sdf.AssetPath, beside: Beside) -> 
     if not os.path.isfile(source):
         raise SceneError(Problem(str(path.GetPrimPath()), f"{source}, which {result} names, is missing; put it back, or "
                                  "restart from another result"))
-    return Sdf.AssetPath(beside.take(source, path.GetPrimPath().name))
+    return Sdf.AssetPath(beside.take(source, os.path.basename(source).split(".")[0]))

@@ -2,10 +2,11 @@
 
     Points      points, velocities, extent                        of a UsdGeom.PointBased
     Transform   xformOp:transform                                 of a UsdGeom.Xformable
+    Instances   positions, orientationsf, velocities, angularVelocities, extent   of a UsdGeom.PointInstancer
     Particles   points, widths, ids, velocities, extent           of a UsdGeom.Points
     Quantity    an attribute double or double[]                   of any prim
     Colour      primvars:displayColor of each point               of a UsdGeom.PointBased
-    Volume      asset filePath, a file a frame beside the layer   of any prim; a UsdVol.OpenVDBAsset where none is there
+    Volume      assets filePath, a file a frame beside the layer  of a UsdVol.Volume, see `wsim.usd.result.kinds.volumes`
 """
 
 from collections.abc import Callable
@@ -16,8 +17,9 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from wsim.scene import Problem, SceneError
-from wsim.scene.samples import Colour, Particles, Points, Quantity, Sample, Transform, Volume
+from wsim.scene.samples import Colour, Instances, Particles, Points, Quantity, Sample, Transform, Volume
 from wsim.usd.result.kinds.beside import Beside
+from wsim.usd.result.kinds.instances import placed
 from wsim.usd.result.samples import Frame, particles_of
 
 OP = "xformOp:transform"
@@ -109,9 +111,8 @@ def _value(prim: Usd.Prim, sample: Quantity, code: float, beside: Beside) -> Wri
 
 
 def _volume(prim: Usd.Prim, sample: Volume, code: float, beside: Beside) -> Written:
-    name = beside.write(prim.GetName(), sample.suffix, sample.data)
-    attribute = prim.GetAttribute("filePath") or prim.CreateAttribute("filePath", Sdf.ValueTypeNames.Asset, False)
-    return [(attribute, Sdf.AssetPath(name))]
+    from wsim.usd.result.kinds.volumes import volume
+    return volume(prim, sample, code, beside)
 
 
 def _colour(prim: Usd.Prim, sample: Colour, code: float, beside: Beside) -> Written:
@@ -126,8 +127,9 @@ def _colour(prim: Usd.Prim, sample: Colour, code: float, beside: Beside) -> Writ
 KINDS: dict[type, Row] = {
     Points: Row("Points", _points),
     Transform: Row("Xform", _transform),
+    Instances: Row("PointInstancer", placed),
     Particles: Row("Points", _particles),
     Quantity: Row("", _value),
-    Volume: Row("OpenVDBAsset", _volume),
+    Volume: Row("Volume", _volume),
     Colour: Row("Points", _colour),
 }

@@ -1,0 +1,1 @@
+"""Fluids on a staggered grid: advection, pressure, viscosity, forces, sources, obstacles."""

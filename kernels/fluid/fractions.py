@@ -1,0 +1,120 @@
+"""Openings of faces: which part of each is outside of all obstacles (Batty, Bertails, Bridson 2007; Ng, Min, Gibou 2009).
+
+    node      least signed distance phi of all obstacles [m]
+    face      of an edge between two nodes a / (a - b); of a square the mean of four triangles about its middle, phi linear in
+              each: the part below 0 of a triangle with one corner below is a^2 / ((a - b) (a - c))
+
+An opening below LEAST is closed: it would bind its cell to nothing.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.fluid import shapes as moved
+from wsim.kernels.fluid.grid import flat, functions, structs
+from wsim.kernels.math.real import types
+
+LEAST = 1e-3
+
+
+@cache
+def nodes(dim: int, kinds: tuple[str, ...], real, module):
+    """Kernel over nodes: phi_out [m], at the end of the step: clock[1] is where it begins, clock[0] its length [s]."""
+    t, S, f, s = types(real), moved.structs(real), functions(dim, real), moved.functions(dim, kinds, real)
+
+    def nodes(shape: wp.vec3i, shapes: S.Shapes, clock: wp.array(dtype=real), phi_out: wp.array(dtype=real)):
+        c = wp.tid()
+        i = f.place(c, shape)
+        y = s.spot(shapes, t.vec3(real(i[0]), real(i[1]), real(i[2])))
+        time = clock[0] + clock[1]
+        phi = real(1.0e9)
+        for k in range(shapes.kind.shape[0]):
+            phi = wp.min(phi, s.signed(shapes, k, y, time))
+        phi_out[c] = phi
+
+    return wp.kernel(nodes, name=f"nodes_{s.name}", module=module, enable_backward=False)
+
+
+@cache
+def outside(real):
+    """(edge, triangle): functions of phi at corners -> part of it above 0."""
+
+    @wp.func
+    def edge(a: real, b: real):
+        part = real(1.0)
+        if a < real(0.0) and b < real(0.0):
+            part = real(0.0)
+        elif a < real(0.0) or b < real(0.0):
+            part = wp.max(a, b) / (wp.max(a, b) - wp.min(a, b))
+        return part
+
+    @wp.func
+    def triangle(a: real, b: real, c: real):
+        least = wp.min(a, wp.min(b, c))
+        most = wp.max(a, wp.max(b, c))
+        middle = wp.max(wp.min(a, b), wp.min(wp.max(a, b), c))
+        part = real(1.0)
+        if most <= real(0.0):
+            part = real(0.0)
+        elif least < real(0.0):
+            if middle > real(0.0):
+                part = real(1.0) - least * least / ((middle - least) * (most - least))
+            else:
+                part = most * most / ((most - least) * (most - middle))
+        return part
+
+    return edge, triangle
+
+
+@cache
+def faces(dim: int, axis: int, real, module):
+    """Kernel over the faces of an axis: open_out of phi at the nodes."""
+    S, f = structs(real), functions(dim, real)
+    edge, triangle = outside(real)
+    one, two = ((1, 2), (0, 2), (0, 1))[axis]
+    other = 1 - axis
+
+    def faces(g: S.Grid, shape: wp.vec3i, phi: wp.array(dtype=real), open_out: wp.array(dtype=real)):
+        c = wp.tid()
+        i = f.place(c, f.faces(g, wp.static(axis)))
+        part = real(0.0)
+        a = phi[flat(i, shape)]
+        if wp.static(dim == 2):
+            i[wp.static(other)] = i[wp.static(other)] + 1
+            part = edge(a, phi[flat(i, shape)])
+        else:
+            i[wp.static(one)] = i[wp.static(one)] + 1
+            b = phi[flat(i, shape)]
+            i[wp.static(two)] = i[wp.static(two)] + 1
+            d = phi[flat(i, shape)]
+            i[wp.static(one)] = i[wp.static(one)] - 1
+            e = phi[flat(i, shape)]
+            m = real(0.25) * (a + b + d + e)
+            part = real(0.25) * (triangle(a, b, m) + triangle(b, d, m) + triangle(d, e, m) + triangle(e, a, m))
+        open_out[c] = wp.where(part < real(LEAST), real(0.0), part)
+
+    return wp.kernel(faces, name=f"openings_{'xyz'[axis]}_{f.name}", module=module, enable_backward=False)
+
+
+@cache
+def covers(dim: int, axis: int, kinds: tuple[str, ...], real, module):
+    """Kernel over the faces of an axis: velocity across it of the obstacle that is nearest to its middle, at the step's end."""
+    t, G, S, f = types(real), structs(real), moved.structs(real), functions(dim, real)
+    s = moved.functions(dim, kinds, real)
+
+    def covers(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), rate_out: wp.array(dtype=real)):
+        c = wp.tid()
+        i = f.place(c, f.faces(g, wp.static(axis)))
+        y = s.spot(shapes, t.vec3(real(i[0]), real(i[1]), real(i[2])) + f.offset(wp.static(axis)))
+        time = clock[0] + clock[1]
+        nearest = real(1.0e9)
+        v = t.vec3()
+        for k in range(shapes.kind.shape[0]):
+            phi = s.signed(shapes, k, y, time)
+            if phi < nearest:
+                nearest = phi
+                v = s.rate(shapes, k, y, time)
+        rate_out[c] = v[wp.static(axis)]
+
+    return wp.kernel(covers, name=f"covers_{'xyz'[axis]}_{s.name}", module=module, enable_backward=False)

@@ -1,0 +1,241 @@
+"""The equation of the pressure on a staggered grid, and its projection (Chorin 1968; openings of faces: Batty, Bertails,
+Bridson 2007; Ng, Min, Gibou 2009).
+
+    (A p)_c = sum over faces  k (p_c - p_n) = - sum over faces of (o u + (1 - o) u_solid) out of c  + e dx
+    u -= (p_n - p_c) / d
+
+    p   pressure times h / (density dx) [m/s]
+    e   expansion [1/s]
+    o   opening of a face, 0 solid to 1
+    d   distance to the other centre over dx: 1; 1/2 to an open side, where p_n = 0
+    k   o / d; 0 at a closed side
+
+A is symmetric and, but for a constant in each sealed region, positive. A level of the multigrid solver is such an equation too:
+there k comes of the faces of the level below, see kernels/fluid/multigrid.py.
+"""
+
+# ruff: noqa: UP018
+# int(0) makes a variable of what would be a constant.
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from wsim.kernels.fluid.grid import flat, functions, structs
+from wsim.kernels.math.real import types
+
+
+@cache
+def levels(real):
+    """Struct of an equation: cells, which axes are periodic, k of inner faces, factors on it at low and high sides; with
+    obstacles k of every face of an axis instead, before those factors."""
+    t = types(real)
+
+    @wp.struct
+    class Level:
+        n: wp.vec3i
+        periodic: wp.vec3i
+        k: t.vec3
+        low: t.vec3                        # 0 closed, 2 open, 1 periodic
+        high: t.vec3
+        x: wp.array(dtype=real)
+        y: wp.array(dtype=real)
+        z: wp.array(dtype=real)
+
+    return Level
+
+
+@cache
+def stencil(dim: int, fractions: bool, real) -> SimpleNamespace:
+    """Functions of a cell i: couplings(level, i, axis) -> (k low, k high), 0 where there is no neighbour beyond but one of
+    pressure 0 too; beside(level, x, i) -> (sum of k, sum of k x of the neighbours); product(level, x, i) -> (A x)_i."""
+    t, Level = types(real), levels(real)
+
+    @wp.func
+    def couplings(level: Level, i: wp.vec3i, axis: int):
+        low = level.k[axis]
+        high = level.k[axis]
+        if wp.static(fractions):
+            shape = wp.vec3i(level.n[0], level.n[1], level.n[2])
+            shape[axis] = level.n[axis] + 1 - level.periodic[axis]
+            c = flat(i, shape)
+            step = int(1)
+            if axis == 0:
+                step = shape[1] * shape[2]
+            if axis == 1:
+                step = shape[2]
+            if level.periodic[axis] != 0 and i[axis] + 1 == level.n[axis]:
+                step = -i[axis] * step
+            if axis == 0:
+                low = level.x[c]
+                high = level.x[c + step]
+            elif axis == 1:
+                low = level.y[c]
+                high = level.y[c + step]
+            else:
+                low = level.z[c]
+                high = level.z[c + step]
+        if i[axis] == 0:
+            low = low * level.low[axis]
+        if i[axis] + 1 == level.n[axis]:
+            high = high * level.high[axis]
+        if level.n[axis] == 1 and level.periodic[axis] != 0:
+            low = real(0.0)
+            high = real(0.0)
+        return low, high
+
+    @wp.func
+    def beside(level: Level, x: wp.array(dtype=real), i: wp.vec3i):
+        own = real(0.0)
+        sum = real(0.0)
+        c = flat(i, level.n)
+        for a in range(wp.static(dim)):
+            low, high = couplings(level, i, a)
+            own += low + high
+            step = int(1)
+            if a == 0:
+                step = level.n[1] * level.n[2]
+            if a == 1:
+                step = level.n[2]
+            if i[a] > 0:
+                sum += low * x[c - step]
+            elif level.periodic[a] != 0:
+                sum += low * x[c + (level.n[a] - 1) * step]
+            if i[a] + 1 < level.n[a]:
+                sum += high * x[c + step]
+            elif level.periodic[a] != 0:
+                sum += high * x[c - (level.n[a] - 1) * step]
+        return own, sum
+
+    @wp.func
+    def product(level: Level, x: wp.array(dtype=real), i: wp.vec3i):
+        own, sum = beside(level, x, i)
+        return own * x[flat(i, level.n)] - sum
+
+    return SimpleNamespace(couplings=couplings, beside=beside, product=product,
+                           name=f"{dim}d{'_fractions' * fractions}_{t.name}")
+
+
+@cache
+def divergence(dim: int, fractions: bool, moving: bool, expanding: bool, real, module):
+    """Kernel over cells: the right-hand side [m/s]. open: of the faces, solid: velocities of what covers them (moving),
+    expansion [1/s] of the cells; 0 in cells without an open face."""
+    S, f, Level = structs(real), functions(dim, real), levels(real)
+
+    @wp.func
+    def through(u: wp.array(dtype=real), o: wp.array(dtype=real), s: wp.array(dtype=real), c: int):
+        flux = u[c]
+        if wp.static(fractions):
+            flux = o[c] * u[c]
+            if wp.static(moving):
+                flux += (real(1.0) - o[c]) * s[c]
+        return flux
+
+    @wp.func
+    def out(g: S.Grid, axis: int, i: wp.vec3i, u: wp.array(dtype=real), o: wp.array(dtype=real), s: wp.array(dtype=real)):
+        shape = f.faces(g, axis)
+        far = wp.vec3i(i[0], i[1], i[2])
+        far[axis] = i[axis] + 1
+        if far[axis] == shape[axis]:
+            far[axis] = 0
+        return through(u, o, s, flat(far, shape)) - through(u, o, s, flat(i, shape))
+
+    s = stencil(dim, fractions, real)
+
+    def divergence(g: S.Grid, u: S.Faces, open: S.Faces, solid: S.Faces, expansion: wp.array(dtype=real), level: Level,
+                   b_out: wp.array(dtype=real)):
+        c = wp.tid()
+        i = f.place(c, g.n)
+        sum = out(g, 0, i, u.x, open.x, solid.x) + out(g, 1, i, u.y, open.y, solid.y)
+        if wp.static(dim == 3):
+            sum += out(g, 2, i, u.z, open.z, solid.z)
+        if wp.static(expanding):
+            sum -= expansion[c] * g.dx
+        if wp.static(fractions):
+            own = real(0.0)
+            for a in range(wp.static(dim)):
+                low, high = s.couplings(level, i, a)
+                own += low + high
+            if own == real(0.0):
+                sum = own
+        b_out[c] = -sum
+
+    name = f"divergence{'_fractions' * fractions}{'_moving' * moving}{'_expanding' * expanding}_{f.name}"
+    return wp.kernel(divergence, name=name, module=module, enable_backward=False)
+
+
+@cache
+def gradient(dim: int, axis: int, fractions: bool, moving: bool, real):
+    """Function (g, sides, p, o, s, c, u) -> the component u of face c with the gradient of p taken off; of a face that is
+    closed the velocity of what closes it. sides: as low and high of `levels`."""
+    t, S, f = types(real), structs(real), functions(dim, real)
+
+    @wp.func
+    def gradient(g: S.Grid, low: t.vec3, high: t.vec3, p: wp.array(dtype=real), o: wp.array(dtype=real),
+                 s: wp.array(dtype=real), c: int, u: real):
+        i = f.place(c, f.faces(g, wp.static(axis)))
+        before = wp.vec3i(i[0], i[1], i[2])
+        before[wp.static(axis)] = i[wp.static(axis)] - 1
+        drop = real(0.0)
+        value = u
+        first = i[wp.static(axis)] == 0
+        last = i[wp.static(axis)] == g.n[wp.static(axis)]
+        if first and g.periodic[wp.static(axis)] != 0:
+            before[wp.static(axis)] = g.n[wp.static(axis)] - 1
+            first = False
+        if first:
+            drop = low[wp.static(axis)] * p[flat(i, g.n)]
+        elif last:
+            drop = -high[wp.static(axis)] * p[flat(before, g.n)]
+        else:
+            drop = p[flat(i, g.n)] - p[flat(before, g.n)]
+        value -= drop
+        if wp.static(fractions):
+            if o[c] == real(0.0) and not ((first and low[wp.static(axis)] == real(0.0))
+                                          or (last and high[wp.static(axis)] == real(0.0))):
+                value = real(0.0)
+                if wp.static(moving):
+                    value = s[c]
+        return value
+
+    return gradient
+
+
+@cache
+def project(dim: int, axis: int, fractions: bool, moving: bool, real, module):
+    """Kernel over the faces of an axis: u_out = u - grad p."""
+    t, S = types(real), structs(real)
+    take = gradient(dim, axis, fractions, moving, real)
+
+    def project(g: S.Grid, low: t.vec3, high: t.vec3, p: wp.array(dtype=real), o: wp.array(dtype=real),
+                s: wp.array(dtype=real), u: wp.array(dtype=real), u_out: wp.array(dtype=real)):
+        c = wp.tid()
+        u_out[c] = take(g, low, high, p, o, s, c, u[c])
+
+    name = f"project_{'xyz'[axis]}{'_fractions' * fractions}{'_moving' * moving}_{dim}d_{t.name}"
+    return wp.kernel(project, name=name, module=module, enable_backward=False)
+
+
+@cache
+def sides(dim: int, axis: int, real, module):
+    """Kernel over a side's faces times two: what is across a closed side (low or high 0) has the velocity of that side, of
+    g.air rows 1 + 2 axis and 2 + 2 axis."""
+    t, S, f = types(real), structs(real), functions(dim, real)
+
+    def sides(g: S.Grid, low: t.vec3, high: t.vec3, u_out: wp.array(dtype=real)):
+        c = wp.tid()
+        n = g.n[wp.static(axis)]
+        shape = wp.vec3i(g.n[0], g.n[1], g.n[2])
+        shape[wp.static(axis)] = 2
+        i = f.place(c, shape)
+        side = i[wp.static(axis)]
+        i[wp.static(axis)] = side * n
+        kind = low[wp.static(axis)]
+        if side == 1:
+            kind = high[wp.static(axis)]
+        if kind == real(0.0):
+            v = g.air[wp.static(1 + 2 * axis) + side]
+            u_out[flat(i, f.faces(g, wp.static(axis)))] = v[wp.static(axis)]
+
+    return wp.kernel(sides, name=f"sides_{'xyz'[axis]}_{f.name}", module=module, enable_backward=False)

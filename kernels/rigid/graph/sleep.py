@@ -1,0 +1,164 @@
+"""Sleep of bodies at rest, by islands: a body that has been slow for CALM seconds sleeps when all that it touches has.
+
+    speed^2 = |v|^2 + omega . L / m            twice the kinetic energy over the mass
+
+An island is a set of bodies that manifolds with points join, colliders aside. It wakes as one: by a body that is not calm (it
+comes near, or was set, or pushed by another force), and by a collider that moves. Islands are labelled by their first body:
+labels of a manifold's bodies are joined by the lesser, and paths shortened, until nothing changes (Shiloach and Vishkin 1982),
+so that they depend on the list alone. Bodies that sleep have no momentum; their manifolds have their number of points negative
+meanwhile, which no pass takes up, and keep their impulses for when they wake.
+"""
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.rigid.contact import manifolds, whole
+
+CALM = wp.constant(0.5)                # [s]
+ROUNDS = wp.constant(64)               # of joining labels: the number of bodies in a row doubles in each
+
+
+def islands(real, meet):
+    """Function: `label` of every body, the first of its island."""
+    Rig, manifolds_of = whole(real), manifolds(real)
+
+    @wp.func
+    def joined(m: int, rig: Rig):
+        """Whether manifold m joins two labels."""
+        n = rig.b.w.shape[0]
+        joins = bool(False)
+        if rig.c.count[m] > 0:
+            f = rig.s.frame[rig.c.a[m]]
+            g = rig.s.frame[rig.c.b[m]]
+            if f < n and g < n:
+                a = rig.work.label[f]
+                b = rig.work.label[g]
+                if a != b:
+                    wp.atomic_min(rig.work.label, wp.max(a, b), wp.min(a, b))
+                    joins = True
+        return joins
+
+    @wp.func
+    def islands(i: int, threads: int, rig: Rig):
+        for f in range(i, rig.b.w.shape[0], threads):
+            rig.work.label[f] = f
+        if i == 0:
+            rig.work.flags[0] = 0
+        meet()
+        for r in range(int(ROUNDS)):
+            for m in range(i, manifolds_of(rig), threads):
+                if joined(m, rig):
+                    rig.work.flags[r & 1] = 1
+            meet()
+            if rig.work.flags[r & 1] == 0:
+                break
+            for f in range(i, rig.b.w.shape[0], threads):
+                label = int(rig.work.label[f])
+                while rig.work.label[label] != label:
+                    label = rig.work.label[label]
+                rig.work.label[f] = label
+            if i == 0:
+                rig.work.flags[(r + 1) & 1] = 0
+            meet()
+        meet()
+        if i == 0:
+            rig.work.flags[0] = 0
+            rig.work.flags[1] = 0
+
+    return islands
+
+
+def functions(real):
+    """(calmed, roused, settled, idle): functions of a body f, a manifold m, a body f, a manifold m."""
+    t, Rig = types(real), whole(real)
+
+    @wp.func
+    def calmed(f: int, time: real, speed: real, rig: Rig):
+        """Counts the seconds for which a body has been slow."""
+        v = rig.b.w[f] * rig.now.p[f]
+        L = wp.quat_rotate_inv(rig.now.q[f], rig.now.L[f])
+        square = wp.dot(v, v) + rig.b.w[f] * wp.dot(L, wp.cw_mul(rig.b.inverse[f], L))
+        calm = real(0.0)
+        if square <= speed * speed:
+            calm = wp.min(rig.work.calm[f] + time, real(CALM))
+        rig.work.calm[f] = calm
+        rig.work.roused[f] = 0
+
+    @wp.func
+    def roused(m: int, k: int, rig: Rig):
+        """Whether a collider that moves touches a body, whose island wakes."""
+        n = rig.b.w.shape[0]
+        f = rig.s.frame[rig.c.a[m]]
+        g = rig.s.frame[rig.c.b[m]]
+        body = wp.min(f, g)
+        still = wp.max(f, g)
+        if rig.c.count[m] > 0 and still >= n and rig.still.moving == 1:
+            if wp.length(rig.still.v[k, still - n]) + wp.length(rig.still.omega[k, still - n]) > real(0.0):
+                rig.work.roused[rig.work.label[body]] = 1
+
+    @wp.func
+    def settled(f: int, rig: Rig):
+        asleep = int(0)
+        if rig.work.roused[rig.work.label[f]] == 0:
+            asleep = 1
+            rig.now.p[f] = t.vec3()
+            rig.now.L[f] = t.vec3()
+        else:
+            rig.work.awake[0] = 1
+        rig.work.asleep[f] = asleep
+
+    @wp.func
+    def idle(m: int, rig: Rig):
+        n = rig.b.w.shape[0]
+        f = rig.s.frame[rig.c.a[m]]
+        g = rig.s.frame[rig.c.b[m]]
+        if rig.c.count[m] > 0 and rig.work.asleep[wp.min(f, g)] == 1:
+            if f >= n or g >= n or rig.work.asleep[wp.max(f, g)] == 1:
+                for i in range(rig.c.count[m]):
+                    rig.work.now[4 * m + i] = rig.c.gap[4 * m + i]
+                rig.c.count[m] = -rig.c.count[m]
+
+    return calmed, roused, settled, idle
+
+
+def sleep(real, module, meet, threads: int = 0, cluster: int = 0):
+    """Kernel, behind the making of manifolds for `time` [s] from substep k on: who sleeps until the next. Slow is what is no
+    faster than `speed` [m/s]. threads, cluster: as `wsim.kernels.rigid.passes.substeps`."""
+    Rig, manifolds_of, label = whole(real), manifolds(real), islands(real, meet)
+    calmed, roused, settled, idle = functions(real)
+
+    def rigid_sleep(threads: int, k: int, time: real, speed: real, rig: Rig):
+        i = wp.tid()
+        n = rig.b.w.shape[0]
+        count = manifolds_of(rig)
+        for f in range(i, n, threads):
+            calmed(f, time, speed, rig)
+        if i == 0:
+            rig.work.awake[0] = 0
+        label(i, threads, rig)
+        meet()
+        for f in range(i, n, threads):
+            if rig.work.calm[f] < real(CALM):
+                rig.work.roused[rig.work.label[f]] = 1
+        for m in range(i, count, threads):
+            roused(m, k, rig)
+        meet()
+        for f in range(i, n, threads):
+            settled(f, rig)
+        meet()
+        for m in range(i, count, threads):
+            idle(m, rig)
+
+    return wp.kernel(rigid_sleep, name="rigid_sleep", module=module, enable_backward=False, grid_stride=False,
+                     **({"launch_bounds": threads} if threads else {}), **({"cluster_dim": cluster} if cluster else {}))
+
+
+def counted(real, module):
+    """Kernel over manifolds, behind the substeps: all have their number of points again."""
+    Rig = whole(real)
+
+    def rigid_counted(rig: Rig):
+        m = wp.tid()
+        rig.c.count[m] = wp.abs(rig.c.count[m])
+
+    return wp.kernel(rigid_counted, name="rigid_counted", module=module, enable_backward=False)

@@ -1,0 +1,196 @@
+"""Manifolds of bodies with triangle meshes that stand: of a pair as many as there are normals, ROWS at most.
+
+The first row of a pair has the thread. It walks the mesh's tree for the bounds of the shape, meets each triangle
+(kernels/rigid/narrow/triangle.py), and puts its points into the row whose normal is theirs to ALIKE, else into a new one. Once
+all rows are taken, the row that is least deep makes room for what is deeper. A row keeps four of its points, those of one place
+once: the corners of what the shape stands on, however many triangles it is cut into.
+
+    key   a corner of A's face: its own number, so that it lasts from triangle to triangle; else that of the face with it
+
+Triangles whose plane the shape is farther above than the margin are passed over.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.eigen import identity
+from wsim.kernels.math.real import types
+from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.lists.manifold import manifold, reduction
+from wsim.kernels.rigid.lists.pairs import ROWS
+from wsim.kernels.rigid.lists.rows import lasts, posing, writing
+from wsim.kernels.rigid.narrow.clip import SIDES, WHOLE
+from wsim.kernels.rigid.narrow.mesh import WIDER, bounds, reading, relative, surfaces
+from wsim.kernels.rigid.narrow.shape import MESH, extent, hulls
+from wsim.kernels.rigid.narrow.triangle import against
+
+ALIKE = wp.constant(0.9995)            # cosine, 1.8 degrees: triangles of one plane, and of what is nearly one
+SAME = wp.constant(1.0e-3)             # of the shape's size: points nearer than that are one
+
+
+@cache
+def gathering(real):
+    """(gathered, key_of). gathered(m, mm, face, size, rig): the points of a triangle's manifold, in A's frame, into the rows
+    from m on, whose normals are in A's frame and whose places are in `first_a` meanwhile."""
+    vec3, Rig, Manifold = types(real).vec3, whole(real), manifold(real)
+    reduce = reduction(real, True)
+
+    @wp.func
+    def key_of(key: int, face: int):
+        """A number for a point; see the head of the file."""
+        edge = (key // 64) % 64
+        other = key % 64
+        found = key
+        if key == 0 or (key < 1073741824 and edge < SIDES) or (key >= 1073741824 and other != WHOLE):
+            found = (key * 31 + face * 7919) % 1073741824 - 1073741824             # below 0
+        return found
+
+    @wp.func
+    def least(row: int, rig: Rig):
+        gap = rig.c.gap[4 * row]
+        for i in range(1, rig.c.count[row]):
+            gap = wp.min(gap, rig.c.gap[4 * row + i])
+        return gap
+
+    @wp.func
+    def place(m: int, n: vec3, gap: real, rig: Rig):
+        """The row for a normal: emptied, if it was another's; -1: none."""
+        row = int(-1)
+        best = real(ALIKE)
+        free = int(-1)
+        shallow = int(-1)
+        most = gap
+        rows = int(ROWS)
+        for r in range(rows):
+            if rig.c.count[m + r] > 0:
+                alike = wp.dot(rig.c.n[m + r], n)
+                if alike > best:
+                    best = alike
+                    row = m + r
+                if least(m + r, rig) > most:
+                    most = least(m + r, rig)
+                    shallow = m + r
+            elif free < 0:
+                free = m + r
+        if row < 0:
+            row = free
+            if row < 0:
+                row = shallow
+            if row >= 0:
+                rig.c.count[row] = 0
+                rig.c.n[row] = n
+        return row
+
+    @wp.func
+    def gathered(m: int, mm: Manifold, face: int, size: real, rig: Rig):
+        gap_m = mm.gap[0]
+        for i in range(1, mm.count):
+            gap_m = wp.min(gap_m, mm.gap[i])
+        row = place(m, mm.n, gap_m, rig)
+        if row >= 0:
+            P = wp.zeros(shape=(8,), dtype=vec3)
+            gap = wp.zeros(shape=(8,), dtype=real)
+            key = wp.zeros(shape=(8,), dtype=int)
+            count = int(rig.c.count[row])
+            for i in range(count):
+                P[i] = rig.c.first_a[4 * row + i]
+                gap[i] = rig.c.gap[4 * row + i]
+                key[i] = rig.c.key[4 * row + i]
+            for i in range(mm.count):
+                twin = int(-1)
+                for e in range(count):
+                    if wp.length_sq(P[e] - mm.x[i]) < real(SAME) * real(SAME) * size * size:
+                        twin = e
+                number = key_of(mm.key[i], face)
+                if twin < 0:
+                    P[count] = mm.x[i]
+                    gap[count] = mm.gap[i]
+                    key[count] = number
+                    count += 1
+                else:
+                    gap[twin] = wp.min(gap[twin], mm.gap[i])
+                    key[twin] = wp.max(key[twin], number)
+            kept = reduce(rig.c.n[row], P, gap, key, count, size)
+            rig.c.count[row] = kept.count
+            for i in range(kept.count):
+                rig.c.first_a[4 * row + i] = kept.x[i]
+                rig.c.gap[4 * row + i] = kept.gap[i]
+                rig.c.key[4 * row + i] = kept.key[i]
+
+    return gathered
+
+
+@cache
+def walking(kinds: frozenset[str], real):
+    """Function (m, posed, hulls, surfaces, rig): rows of a pair from m on, in A's frame."""
+    t, Rig, Hulls, Surfaces, Posed = types(real), whole(real), hulls(real), surfaces(real), posing(real)[0]
+    bound, seen, met, gathered = bounds(kinds, real), relative(real), against(kinds, real), gathering(real)
+    corners, _normal = reading(real)
+    _radius, size_of = extent(real)
+
+    @wp.func
+    def near(low: t.vec3, high: t.vec3, X: t.mat33, margin: real):
+        """Whether bounds in A's frame come within the margin of the plane of a triangle there, from either side."""
+        n = wp.normalize(wp.cross(X[1] - X[0], X[2] - X[0]))
+        middle = real(0.5) * (low + high)
+        half = real(0.5) * (high - low)
+        return wp.abs(wp.dot(n, middle - X[0])) <= wp.dot(wp.abs(n), half) + margin
+
+    @wp.func
+    def walk(m: int, p: Posed, H: Hulls, S: Surfaces, rig: Rig):
+        R, c = seen(p.pose_a, p.pose_b)
+        low, high = bound(p.a, H, R)
+        own_low, own_high = bound(p.a, H, identity(R))
+        size = size_of(p.a, H)
+        more = p.margin + real(WIDER) * (wp.length(c) + wp.length(high - low))
+        low += c - t.vec3(more, more, more)
+        high += c + t.vec3(more, more, more)
+        query = wp.mesh_query_aabb(S.id[p.b.row], wp.vec3f(float(low[0]), float(low[1]), float(low[2])),
+                                   wp.vec3f(float(high[0]), float(high[1]), float(high[2])))
+        face = int(0)
+        while wp.mesh_query_aabb_next(query, face):
+            f = S.first[p.b.row] + face
+            if near(own_low, own_high, corners(S, f, R, c), p.margin):
+                mm = met(p.a, H, S, wp.vec2i(p.b.row, f), R, c, p.margin)
+                if mm.count > 0:
+                    gathered(m, mm, face, size, rig)
+
+    return walk
+
+
+def collide_mesh(kinds: frozenset[str], real, module):
+    """Kernel over the rows of a list, behind `rigid_collide`; kinds: of the shapes that meet meshes."""
+    t, Rig, Last, Hulls, Surfaces = types(real), whole(real), lasts(real), hulls(real), surfaces(real)
+    write, posed, walk = writing(real), posing(real)[1], walking(kinds, real)
+    known, point = write.known, write.point
+
+    @wp.func
+    def first_of_its_pair(m: int, rig: Rig):
+        first = rig.s.kind[rig.c.b[m]] == MESH
+        if first and m > 0:
+            first = rig.c.a[m - 1] != rig.c.a[m] or rig.c.b[m - 1] != rig.c.b[m]
+        return first
+
+    def rigid_collide_mesh(rig: Rig, H: Hulls, S: Surfaces, k: int, last: Last):
+        m = wp.tid()
+        a = rig.c.a[m]
+        if a >= 0 and m + ROWS <= rig.c.a.shape[0]:
+            if first_of_its_pair(m, rig):
+                p = posed(m, k, rig)
+                row = known(m, last, rig)
+                walk(m, p, H, S, rig)
+                q = wp.transform_get_rotation(p.pose_a)
+                o = wp.transform_get_translation(p.pose_a)
+                rows = int(ROWS)
+                for r in range(rows):
+                    rig.c.colour[m + r] = -1
+                    if row >= 0:
+                        rig.c.colour[m + r] = last.colour[row + r]
+                    rig.c.n[m + r] = wp.quat_rotate(q, rig.c.n[m + r])
+                    rig.c.skin[m + r] = t.vec2(rig.s.skin[a], real(0.0))
+                    for i in range(rig.c.count[m + r]):
+                        j = 4 * (m + r) + i
+                        point(m + r, i, wp.quat_rotate(q, rig.c.first_a[j]) + o, rig.c.gap[j], row, p, last, rig)
+
+    return wp.kernel(rigid_collide_mesh, name="rigid_collide_mesh", module=module, enable_backward=False)

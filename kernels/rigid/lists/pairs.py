@@ -1,0 +1,193 @@
+"""Which shapes may meet until manifolds are made anew: balls about them, grown by how far their bodies can go.
+
+Of shapes i < j: not both of colliders, not of one body, of one world (or all), and
+
+    |c_i - c_j| < ball_i + ball_j + way_i + way_j,    way = time (|v| + |a| time) + a part of the size,
+
+and boxes about them that overlap, which Warp's tree finds. A thread takes shape i and counts, then, behind a scan, writes its
+partners and sorts them: the list is sorted, and the same from run to run. What has no end (planes) is no leaf and tried by all.
+Places are float64 sums of the bodies' origins and displacements; boxes are float32, from the first origin, and widened by what
+that rounds.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.contact.shape import BOX
+from wsim.kernels.math.real import types
+from wsim.kernels.math.rotation import matrix
+from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.narrow.shape import MESH
+
+ROWS = wp.constant(8)              # of a pair with a mesh: manifolds, as many normals
+ROUNDED = wp.constant(wp.float32(1.0e-6))        # of a coordinate: some roundings of float32
+SLACK = wp.constant(0.02)          # part of a ball's radius within which shapes count as near, however slow
+
+
+@cache
+def trees(filtered: bool = False):
+    """Struct of a tree of boxes [m] and of the shapes that have no end; filtered: and of what does not touch."""
+    @wp.struct
+    class Tree:
+        id: wp.uint64
+        low: wp.array(dtype=wp.vec3f)
+        high: wp.array(dtype=wp.vec3f)
+        endless: wp.array(dtype=int)
+
+    @wp.struct
+    class FilteredTree:
+        id: wp.uint64
+        low: wp.array(dtype=wp.vec3f)
+        high: wp.array(dtype=wp.vec3f)
+        endless: wp.array(dtype=int)
+        group: wp.array(dtype=int)             # of a shape
+        apart: wp.array2d(dtype=int)           # 1: groups that do not touch
+        first: wp.array(dtype=int)             # shapes that a shape does not touch besides, and the end
+        parted: wp.array(dtype=int)
+
+    return FilteredTree if filtered else Tree
+
+
+def parting(filtered: bool):
+    """Function: whether shapes i and j are kept from touching."""
+    Tree = trees(filtered)
+    if not filtered:
+        @wp.func
+        def parted(i: int, j: int, tree: Tree):
+            return False
+    else:
+        @wp.func
+        def parted(i: int, j: int, tree: Tree):
+            found = bool(tree.apart[tree.group[i], tree.group[j]] == 1)
+            for e in range(tree.first[i], tree.first[i + 1]):
+                if tree.parted[e] == j:
+                    found = True
+            return found
+    return parted
+
+
+def reach(real, module):
+    """Kernel of the centre, (ball, way) of every shape: where it has no end, its ball is < 0. Also notes where bodies are."""
+    t = types(real)
+    Rig = whole(real)
+
+    def rigid_reach(rig: Rig, k: int, time: real, low: wp.array(dtype=wp.vec3f), high: wp.array(dtype=wp.vec3f)):
+        i = wp.tid()
+        f = rig.s.frame[i]
+        n = rig.b.w.shape[0]
+        x = t.vec3()
+        q = t.quat()
+        way = real(0.0)
+        if f < n:
+            x = rig.now.x[f]
+            q = rig.now.q[f]
+            way = time * rig.b.w[f] * (wp.length(rig.now.p[f]) + time * wp.length(rig.b.push[f]))
+            spin = wp.length(wp.cw_mul(rig.b.inverse[f], wp.quat_rotate_inv(q, rig.now.L[f])))
+            way += time * spin * wp.length(wp.transform_get_translation(rig.s.place[i]))
+        else:
+            row = k * rig.still.moving
+            x = rig.still.x[row, f - n]
+            q = rig.still.q[row, f - n]
+            turning = wp.length(rig.still.omega[row, f - n]) * wp.max(rig.s.ball[i], real(0.0))
+            way = time * (wp.length(rig.still.v[row, f - n]) + turning)
+        rig.work.from_x[f] = x
+        p = x + wp.quat_rotate(q, wp.transform_get_translation(rig.s.place[i]))
+        rig.work.center[i] = rig.s.origin[f] + wp.vec3d(wp.float64(p[0]), wp.float64(p[1]), wp.float64(p[2]))
+        slack = real(SLACK) * wp.max(rig.s.ball[i], real(0.0))
+        if rig.s.kind[i] == MESH:                  # it may be a landscape
+            slack = real(0.0)
+        rig.work.span[i] = t.vec2(rig.s.ball[i], way + slack)
+        ball = rig.s.ball[i]
+        half = t.vec3(ball, ball, ball)
+        if rig.s.kind[i] == BOX or rig.s.kind[i] == MESH:
+            R = matrix(q * wp.transform_get_rotation(rig.s.place[i]))
+            half = t.vec3(wp.dot(wp.abs(R[0]), rig.s.size[i]), wp.dot(wp.abs(R[1]), rig.s.size[i]),
+                          wp.dot(wp.abs(R[2]), rig.s.size[i]))
+        if ball < real(0.0):
+            half = t.vec3()
+        from_first = rig.work.center[i] - rig.s.origin[0]
+        at = wp.vec3f(wp.float32(from_first[0]), wp.float32(from_first[1]), wp.float32(from_first[2]))
+        more = wp.float32(rig.work.span[i][1]) + ROUNDED * wp.max(wp.abs(at))
+        wide = wp.vec3f(wp.float32(half[0]) + more, wp.float32(half[1]) + more, wp.float32(half[2]) + more)
+        low[i] = at - wide
+        high[i] = at + wide
+
+    return wp.kernel(rigid_reach, name="rigid_reach", module=module, enable_backward=False)
+
+
+def listed(real, module, filtered: bool = False):
+    """Kernel that counts the partners of each shape (write = 0), or writes them behind `first`, where there is room. filtered:
+    less those that do not touch."""
+    Rig, Tree, parted = whole(real), trees(filtered), parting(filtered)
+
+    @wp.func
+    def near(i: int, j: int, rig: Rig):
+        bodies = rig.b.w.shape[0]
+        fi = rig.s.frame[i]
+        fj = rig.s.frame[j]
+        if fi == fj or (fi >= bodies and fj >= bodies):
+            return False
+        if rig.s.world[i] != rig.s.world[j] and rig.s.world[i] >= 0 and rig.s.world[j] >= 0:
+            return False
+        one = rig.work.span[i]
+        other = rig.work.span[j]
+        if one[0] < real(0.0) or other[0] < real(0.0):
+            return True
+        return real(wp.length(rig.work.center[i] - rig.work.center[j])) < one[0] + one[1] + other[0] + other[1]
+
+    @wp.func
+    def take(i: int, j: int, at: int, write: int, rig: Rig, tree: Tree):
+        """How many rows j > i takes if it may meet i; they are written at their place then, where there is room."""
+        taken = int(0)
+        if j > i:
+            if near(i, j, rig) and not parted(i, j, tree):
+                taken = 1
+                if rig.s.kind[j] == MESH:
+                    taken = ROWS
+                if write == 1:
+                    for row in range(at, wp.min(at + taken, rig.c.a.shape[0])):
+                        rig.c.a[row] = i
+                        rig.c.b[row] = j
+        return taken
+
+    @wp.func
+    def sort(first: int, last: int, b: wp.array(dtype=int)):
+        """By insertion: partners of one shape are few."""
+        for m in range(first + 1, last):
+            j = int(b[m])
+            e = int(m)
+            while e > first and b[e - 1] > j:
+                b[e] = b[e - 1]
+                e -= 1
+            b[e] = j
+
+    def rigid_pairs(rig: Rig, tree: Tree, first: wp.array(dtype=int), write: int, count: wp.array(dtype=int),
+                    wanted: wp.array(dtype=int)):
+        i = wp.tid()
+        found = int(0)
+        at = int(0)
+        if write == 1 and i > 0:
+            at = first[i - 1]
+        if rig.work.span[i][0] < real(0.0):
+            for j in range(i + 1, rig.s.kind.shape[0]):
+                found += take(i, j, at + found, write, rig, tree)
+        else:
+            for e in range(tree.endless.shape[0]):
+                found += take(i, tree.endless[e], at + found, write, rig, tree)
+            query = wp.bvh_query_aabb(tree.id, tree.low[i], tree.high[i])
+            j = int(0)
+            while wp.bvh_query_next(query, j):
+                if rig.work.span[j][0] >= real(0.0):
+                    found += take(i, j, at + found, write, rig, tree)
+        room = rig.c.a.shape[0]
+        if write == 0:
+            count[i] = found
+        else:
+            sort(at, wp.min(at + found, room), rig.c.b)
+            if i == rig.s.kind.shape[0] - 1:
+                wanted[0] = wp.max(wanted[0], at + found)
+                for m in range(at + found, room):
+                    rig.c.a[m] = -1
+
+    return wp.kernel(rigid_pairs, name="rigid_pairs", module=module, enable_backward=False)

@@ -1,0 +1,141 @@
+"""Rigid contact colour by colour, as a GPU does it, by one thread of a CPU."""
+
+import numpy as np
+import pytest
+
+from tests.physics.rigid.test_contact import Seen, ball, box, free, world
+from wsim.kernels.rigid import launches
+from wsim.physics.rigid import forms
+
+
+@pytest.fixture(autouse=True)
+def coloured(monkeypatch):
+    monkeypatch.setattr(forms, "chosen", lambda device, shapes: forms.Form("coloured"))
+
+
+def heap(n: int = 40) -> list:
+    rng = np.random.default_rng(3)
+    return [box(f"/box{k}", (*rng.uniform(-1.2, 1.2, 1), 0.6 + 0.35 * k, *rng.uniform(-1.2, 1.2, 1))) for k in range(n)]
+
+
+def check_colours(sim) -> int:
+    """The number of colours of a list in which no two manifolds of one colour share a body."""
+    contacts = sim.plan.method("rigid").contacts
+    c, work, n = contacts.list, contacts.work, len(sim.plan.method("rigid").bodies)
+    count, colour = c.count.numpy(), c.colour.numpy()
+    used = np.flatnonzero((count > 0) & (c.a.numpy() >= 0))
+    assert len(used) and (colour[used] >= 0).all()
+    frame = contacts.table.frame.numpy()
+    pairs = frame[np.stack([c.a.numpy()[used], c.b.numpy()[used]], 1)]
+    seen = [(k, body) for k, pair in zip(colour[used], pairs, strict=True) for body in pair if body < n]
+    assert len(seen) == len(set(seen))
+    starts, order, colours = work.starts.numpy(), work.order.numpy(), int(work.colours.numpy()[0])
+    assert starts[colours] == len(used) and sorted(order[:len(used)]) == used.tolist()
+    for k in range(colours):
+        assert (colour[order[starts[k]:starts[k + 1]]] == k).all()
+    return colours
+
+
+def test_no_two_manifolds_of_a_colour_have_a_body_in_common():
+    sim = world(*heap(), precision="float32")
+    most = 0
+    for _ in range(12):
+        sim.run(10)
+        most = max(most, check_colours(sim))
+    assert 3 < most < 16
+
+
+def test_pairs_that_stay_keep_their_colours():
+    """A column at rest: each pair has its colour of the frame before, and no round is run for them."""
+    sim = world(*[box(f"/box{k}", (0.0, 0.5 + k, 0.0)) for k in range(6)], precision="float32")
+    sim.run(30)
+    contacts = sim.plan.method("rigid").contacts
+    used, colour = contacts.list.count.numpy() > 0, contacts.list.colour.numpy().copy()
+    contacts.parts[0].arrays["colour"].assign(np.where(used, 7 + 2 * colour, -1).astype(np.int32))
+    sim.step()
+    assert np.array_equal(contacts.list.colour.numpy()[used], 7 + 2 * colour[used]) and used.sum() > 5
+
+
+def test_the_order_within_a_colour_changes_no_bit():
+    """What a GPU's threads do in any order: the list of each colour turned round gives the same run."""
+    def turned(work) -> None:
+        order, starts = work.order.numpy(), work.starts.numpy()
+        for k in range(int(work.colours.numpy()[0])):
+            order[starts[k]:starts[k + 1]] = order[starts[k]:starts[k + 1]][::-1].copy()
+        work.order.assign(order)
+
+    def ends(act) -> bytes:
+        sim = world(*heap(20), precision="float32")
+        sim.load()
+        contacts, clock = sim.plan.method("rigid").contacts, sim.plan.clock
+        contacts.before_frame(0.0, clock)
+        advance = contacts.form.advance
+        contacts.form.advance = lambda *given: (act(contacts.work), advance(*given))
+        for _ in range(60):
+            contacts.advance(clock)
+        return b"".join(contacts.method.part.arrays[name].numpy().tobytes() for name in ("x", "q", "p", "L"))
+
+    assert ends(turned) == ends(lambda work: None)
+
+
+def test_launches_of_passes_and_colours_give_the_bits_of_one_launch(monkeypatch):
+    """With more colours than have a launch of their own."""
+    def ends(name: str) -> bytes:
+        monkeypatch.setattr(forms, "chosen", lambda device, shapes: forms.Form(name))
+        spots = [(0.6 * (k % 5) - 1.2, 1.4, 0.6 * (k // 5) - 1.2) for k in range(25)]
+        sim = world(box("/plate", (0.0, 0.6, 0.0), (2.0, 0.5, 2.0)), *heap(10)[5:],
+                    *[box(f"/top{k}", at, (0.25, 0.25, 0.25), rest=0.3) for k, at in enumerate(spots)], precision="float32")
+        sim.run(40)
+        assert check_colours(sim) > launches.LAUNCHED
+        return b"".join(sim.plan.method("rigid").part.arrays[name].numpy().tobytes() for name in ("x", "q", "p", "L"))
+    assert ends("launches") == ends("coloured")
+
+
+def test_a_plate_under_many_boxes_has_more_manifolds_than_colours():
+    """What finds no colour is solved in turn, is told, and holds."""
+    spots = [(0.6 * (k % 9) - 2.4, 1.26, 0.6 * (k // 9) - 2.4) for k in range(81)]
+    sim = world(box("/plate", (0.0, 0.5, 0.0), (3.0, 0.5, 3.0)),
+                *[box(f"/box{k}", at, (0.25, 0.25, 0.25)) for k, at in enumerate(spots)], precision="float32")
+    sim.run(120)
+    contacts = sim.plan.method("rigid").contacts
+    assert int(contacts.work.colours.numpy()[0]) == 61
+    assert contacts.in_turn == 22
+    seen = Seen(sim)
+    heights = np.array([seen.at(f"/box{k}")[1] for k in range(81)])
+    assert np.abs(heights - 1.25).max() < 2e-3 and np.abs(seen.v).max() < 1e-3
+
+
+@pytest.mark.parametrize("n, most", [(10, 3e-3), (20, 8e-3)])
+def test_a_column_stands_and_sinks_no_more_than_this(n, most):
+    sim = world(*[box(f"/box{k}", (0.0, 0.5 + k, 0.0)) for k in range(n)], precision="float32")
+    sim.run(600)
+    seen = Seen(sim)
+    assert n - 0.5 - seen.at(f"/box{n - 1}")[1] < most and np.abs(seen.v).max() < 1e-3
+
+
+def test_a_hundred_kilogrammes_stand_on_nine_boxes_of_one():
+    sim = world(*[box(f"/box{k}", (0.0, 0.5 + k, 0.0), mass=1.0 if k < 9 else 100.0) for k in range(10)], precision="float32")
+    sim.run(600)
+    seen = Seen(sim)
+    assert 9.5 - seen.at("/box9")[1] < 50e-3 and np.abs(seen.v).max() < 1e-3
+
+
+def test_a_heap_without_weight_keeps_its_momentum():
+    """Balls that fly at each other, with friction and bounces."""
+    rng = np.random.default_rng(0)
+    spots = [(1.2 * (k % 3), 8.0 + 1.2 * (k // 9), 1.2 * (k // 3 % 3)) for k in range(27)]
+    balls = [free(ball(f"/ball{k}", at, rest=0.5, velocity=rng.uniform(-1, 1, 3) - 2.0 * (np.array(at) - (1.2, 9.2, 1.2))))
+             for k, at in enumerate(spots)]
+    sim = world(*balls)
+    method = sim.plan.method("rigid")
+
+    before = method.get("p")[:27]
+    sim.run(30)
+    after = method.get("p")[:27]
+    assert np.abs((after - before).sum(axis=0)).max() < 1e-14 * np.abs(before).sum() < 1e-3 * np.abs(after - before).sum()
+    assert check_colours(sim) >= 1
+
+
+def test_a_form_has_a_name_of_the_table():
+    with pytest.raises(ValueError, match="there are listed, coloured, block, cluster, launches"):
+        forms.Form("quick")

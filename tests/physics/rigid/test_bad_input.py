@@ -1,0 +1,87 @@
+"""Stages that cannot be right: a line for each, with its path, what was found, what is allowed and a mend."""
+
+import numpy as np
+import pytest
+from pxr import Gf, Usd, UsdGeom, UsdPhysics
+
+from tests.physics.rigid.pairs import WHERE
+from wsim.scene import SceneError
+from wsim.scene.check.scene import check
+from wsim.simulation.simulation import Simulation
+from wsim.usd import load
+
+NAN = float("nan")
+TETRAHEDRON = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+
+
+def stage_with(path: str, points=None, scale: float = 1.0, metres: float = 1.0, orient=None, velocity=None, **mass) -> str:
+    """A body /b, a cube of 2 or a tetrahedron of these points, with attributes of PhysicsMassAPI."""
+    stage = Usd.Stage.CreateNew(path)
+    UsdGeom.SetStageMetersPerUnit(stage, metres)
+    stage.SetStartTimeCode(0.0)
+    stage.SetEndTimeCode(5.0)
+    if points is None:
+        prim = UsdGeom.Cube.Define(stage, "/b").GetPrim()
+    else:
+        mesh = UsdGeom.Mesh.Define(stage, "/b")
+        mesh.CreatePointsAttr([Gf.Vec3f(*map(float, p)) for p in points])
+        mesh.CreateFaceVertexCountsAttr([3, 3, 3, 3])
+        mesh.CreateFaceVertexIndicesAttr([0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3])
+        prim = mesh.GetPrim()
+    xform = UsdGeom.Xformable(prim)
+    if orient is not None:
+        xform.AddOrientOp().Set(Gf.Quatf(*orient))
+    xform.AddScaleOp().Set(Gf.Vec3f(scale))
+    UsdPhysics.CollisionAPI.Apply(prim)
+    api, given = UsdPhysics.RigidBodyAPI.Apply(prim), UsdPhysics.MassAPI.Apply(prim)
+    if velocity is not None:
+        api.CreateVelocityAttr(Gf.Vec3f(*velocity))
+    for name, value in mass.items():
+        getattr(given, f"Create{name}Attr")(value)
+    stage.Save()
+    return path
+
+
+@pytest.mark.parametrize("more, said", [
+    ({"Mass": -1.0}, "physics:mass is -1"), ({"Mass": NAN}, "physics:mass is nan"),
+    ({"Mass": float("inf")}, "physics:mass is inf"),
+    ({"Density": -5.0}, "physics:density is -5"), ({"Density": NAN}, "physics:density is nan"),
+    ({"Mass": 1.0, "DiagonalInertia": Gf.Vec3f(-1, 1, 1)}, "moments of inertia are (-1, 1, 1)"),
+    ({"Mass": 1.0, "DiagonalInertia": Gf.Vec3f(0, 1, 1)}, "moments of inertia are (0, 1, 1)"),
+    ({"Mass": 1.0, "DiagonalInertia": Gf.Vec3f(NAN, 1, 1)}, "inertia is (nan, 1, 1)"),
+    ({"Mass": 1.0, "DiagonalInertia": Gf.Vec3f(1, 1, 1), "PrincipalAxes": Gf.Quatf(2, 0, 0, 0)}, "quaternion of length 2"),
+    ({"Mass": 1.0, "CenterOfMass": Gf.Vec3f(NAN, 0, 0)}, "physics:centerOfMass is (nan"),
+    ({"orient": (1, 0, 0, 2)}, "quaternion of length 2.23"), ({"velocity": (NAN, 0, 0)}, "velocity is [nan"),
+    ({"points": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]}, "enclose no volume"),
+    ({"points": [(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0)]}, "has an area"),
+    ({"points": [(1, 1, 1)] * 4}, "has an area"), ({"points": [*TETRAHEDRON[:3], (0, 0, NAN)]}, "is not finite"),
+    ({"scale": 1e-7}, "of which float32 holds the inverse"), ({"scale": 1e7}, "USD computes in float32"),
+    ({"scale": 0.0}, "scale is zero")])
+def test_what_cannot_run_is_refused_in_a_line_with_its_path(more, said, tmp_path):
+    with pytest.raises(SceneError) as told:
+        load(stage_with(str(tmp_path / "a.usda"), **more))
+    lines = [line for line in str(told.value).splitlines() if said in line]
+    assert lines and "/b" in lines[0]
+
+
+@pytest.mark.parametrize("more, said", [
+    ({"Mass": 0.0}, "physics:mass is 0, which USD takes as none"),
+    ({"Mass": 1.0, "DiagonalInertia": Gf.Vec3f(1, 1, 5)}, "which no solid has"),
+    ({"Mass": 1.0, "CenterOfMass": Gf.Vec3f(50, 0, 0)}, "from its colliders"),
+    ({"scale": 1e-4}, "m small"), ({"scale": 1e4}, "m large"),
+    ({"points": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)], "Mass": 1.0, "DiagonalInertia": Gf.Vec3f(1, 1, 1.5)},
+     "without a volume")])
+def test_what_is_odd_is_a_warning_with_a_mend_and_runs(more, said, tmp_path):
+    scene = load(stage_with(str(tmp_path / "a.usda"), **more))
+    problems = [p for p in (*scene.notes, *check(scene)) if said in p.text]
+    assert problems and all(p.path == "/b" and not p.fatal and "mend: " in p.text for p in problems)
+    sim = Simulation(scene, **WHERE)
+    sim.run(2)
+    assert np.isfinite(sim.plan.method("rigid").poses()).all()
+
+
+def test_a_sound_body_is_told_nothing(tmp_path):
+    for k, more in enumerate([{}, {"points": TETRAHEDRON}, {"Mass": 2.0}, {"metres": 0.01, "scale": 20.0},
+                              {"orient": (0.7071, 0, 0.7071, 0)}]):
+        scene = load(stage_with(str(tmp_path / f"{k}.usda"), **more))
+        assert not [p for p in (*scene.notes, *check(scene)) if p.path.startswith("/b")], more

@@ -1,0 +1,116 @@
+"""What a report measures on the host is what its kernels find, and compiles nothing."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import warp as wp
+
+from wsim.model import variants
+from wsim.physics.cloth.kinds import stored as cloth
+from wsim.physics.contact import Bodies, Contacts, depth
+from wsim.physics.soft import stored as soft
+from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Scene, Sphere, shapes
+from wsim.scene.curve import Motion
+from wsim.scene.fabric import Fabric
+from wsim.scene.solid import Bulk
+from wsim.simulation.simulation import Simulation
+
+ROOT = Path(__file__).resolve().parents[2]
+TURNED = np.array([[0.36, 0.48, -0.8, 0.1], [-0.8, 0.6, 0.0, -0.2], [0.48, 0.64, 0.6, 0.05], [0.0, 0.0, 0.0, 1.0]])
+SHAPES = {"plane": Plane("Z"), "sphere": Sphere(0.3), "box": Box((0.3, 0.2, 0.1)), "capsule": Capsule(0.15, 0.2),
+          "cylinder": Cylinder(0.2, 0.15), "cone": Cone(0.25, 0.2)}
+LOOKS = (cloth, soft, depth)
+
+
+def both(monkeypatch, measure) -> tuple[dict, dict]:
+    """What `measure` finds on the host, and by kernels."""
+    host = measure()
+    with monkeypatch.context() as patch:
+        for place in LOOKS:
+            patch.setattr(place, "FEW", -1)
+        return host, measure()
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_depths_on_the_host_are_those_of_kernels(kind, monkeypatch):
+    """200 triangles about a turned collider, one in ten of them a spring. Kernels are right to 5e-4 of the longest edge, the
+    host to a tenth of that, and neither is too great."""
+    rng = np.random.default_rng(7)
+    x = (TURNED[:3, 3] + rng.normal(size=(200, 1, 3)) * 0.25 + rng.normal(size=(200, 3, 3)) * 0.08)
+    x[::10, 2] = x[::10, 1]
+    x, faces, w = x.reshape(-1, 3), np.arange(600, dtype=np.int32).reshape(-1, 3), (rng.random(600) > 0.1).astype(float)
+    for n in range(0, 200, 20):                          # a few at a time: each has a deepest of its own
+        some = slice(3 * n, 3 * n + 60)
+        bodies = Bodies([[Collider("/solid", SHAPES[kind], Motion.still(TURNED), thickness=0.01)]], np.zeros((1, 3)),
+                        np.zeros(60, np.int32), w[some], np.full(60, 0.02), np.zeros((60, 2)), faces[:20], np.zeros(1),
+                        np.full(1, 0.02))
+        contacts = Contacts(bodies, device="cpu", real=wp.float64, substeps=1, dt=0.1)
+        contacts.prepare(0.0)
+        X = x[some].reshape(-1, 3, 3)
+        edge = np.linalg.norm(X - np.roll(X, 1, axis=1), axis=2).max()
+        at = wp.array(x[some], dtype=wp.vec3d, device="cpu")
+        host, kernels = both(monkeypatch, lambda contacts=contacts, at=at: contacts.indicators(at))
+        assert host["too_near"] == pytest.approx(kernels["too_near"], abs=1e-12)
+        assert -6e-4 * edge < kernels["penetration"] - host["penetration"] < 5e-5 * edge
+        assert host["contacts"] == kernels["contacts"]
+
+
+def sheet(**more) -> Scene:
+    scene = Scene(frames=4, solver="implicit", substeps=4, iterations=4)
+    scene.cloth("/cloth", *shapes.sheet(1.0, 0.6, 7, 5, cut="quads"), material=more.pop("material", Fabric(bend=1e-4)), **more)
+    scene.pin("/pin", scene.cloths[0], [0])
+    return scene
+
+
+def solid(model: str) -> Scene:
+    scene = Scene(frames=4, substeps=8)
+    points, tets = shapes.block((0.3, 0.2, 0.2), 3, at=(0.0, 0.2, 0.0))
+    scene.soft("/block", points, tets, material=Bulk(young=2e3, poisson=0.4, model=model))
+    scene.pin("/pin", scene.softs[0], [0, 1, 2])
+    return scene
+
+
+SCENES = {"membrane": sheet, "springs": lambda: sheet(model="springs"), "orthotropic": lambda: sheet(
+    material=Fabric(stretch=900.0, weft=300.0, shear=40.0, poisson=0.3, bend=1e-3, density=0.1)),
+    **{name: lambda name=name: solid(name) for name in soft.ENERGY}}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_strain_and_energy_on_the_host_are_those_of_kernels(name, monkeypatch):
+    sim = Simulation(SCENES[name](), device="cpu", precision="float64")
+    rng = np.random.default_rng(1)
+    (body,) = sim.model.bodies
+    sim.set(body.path, "positions", sim.positions() + rng.normal(size=sim.positions().shape) * 0.02)
+    host, kernels = both(monkeypatch, sim.indicators)
+    assert host.keys() == kernels.keys() and host["elastic_energy"] > 1e-6
+    for key, value in kernels.items():
+        assert host[key] == pytest.approx(value, rel=1e-9, abs=1e-12), key
+
+
+STEP = """
+import sys
+from wsim.simulation.simulation import Simulation
+sim = Simulation(sys.argv[1], device="cpu")
+sim.step()
+assert sim.report()["error"]
+"""
+
+
+def test_a_first_frame_and_its_report_compile_one_module_and_each_kernel_once(tmp_path):
+    """The cape has pins, wind, contacts, strain and bending."""
+    subprocess.run([sys.executable, "-c", STEP, str(ROOT / "scenes" / "cape.usda")], cwd=ROOT, check=True, capture_output=True,
+                   env=os.environ | {"WARP_CACHE_PATH": str(tmp_path)})
+    (source,) = tmp_path.rglob("*.cpp")
+    assert "cpu_forward_tasks<false>" in source.read_text() and "cpu_forward_tasks<true>" not in source.read_text()
+
+
+def test_warp_still_asks_whether_a_kernel_may_have_two_variants():
+    """Where it does not, nothing is left out, and each scene takes a third longer to compile."""
+    from warp._src import codegen
+    assert callable(getattr(codegen, variants.QUESTION))
+    with variants.single():
+        assert getattr(codegen, variants.QUESTION)(None, 1) is False

@@ -1,0 +1,1 @@
+"""Grid fluids: smoke and air on a staggered grid, in two and three dimensions; sources, walls, obstacles."""

@@ -1,0 +1,136 @@
+"""What can be wrong with a fluid and its sources. NumPy only."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from wsim.physics.fluid.objects import ADVECTION, KINDS, PRESSURE, SCALARS, SIDES, Fluid, Source
+from wsim.scene import Plane, Problem, Scene, Surface
+from wsim.scene.check.objects import error, number, rigid, surface, warning
+from wsim.scene.solids import row
+
+LEAST = 4                  # cells along an axis that is not flat
+LONG = 1 << 30             # cells that the flat arrays of a device count
+
+
+def check(thing: Fluid | Source, scene: Scene) -> Iterator[Problem]:
+    yield from _source(thing, scene) if isinstance(thing, Source) else _fluid(thing, scene)
+
+
+def _fluid(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
+    path, wrong = fluid.path, False
+    for name in ("low", "high", "side_velocities", "velocity", "smoke", "temperature"):
+        value = getattr(fluid, name)
+        if value is not None and not np.isfinite(value).all():
+            yield error(path, f"{name} holds NaN or infinity", "finite numbers", f"author another {name}")
+            wrong = True
+    if not wrong and fluid.cell > 0.0:
+        yield from _box(fluid)
+    yield from _sides(fluid)
+    for name, found, allowed in (("advection", fluid.advection, ADVECTION),
+                                 ("scalar_advection", fluid.scalar_advection, SCALARS),
+                                 ("pressure", fluid.pressure, PRESSURE)):
+        if found not in allowed:
+            yield error(path, f"{name} is '{found}'", ", ".join(allowed), "choose one of them")
+    if fluid.pressure == "direct" and scene.colliders:
+        yield error(path, f"its pressure is solved directly, and {scene.colliders[0].path} is an obstacle in it",
+                    "multigrid or auto", "leave it on auto")
+    yield from number(path, "steps", fluid.steps, 0)
+    yield from number(path, "most_steps", fluid.most_steps, 1)
+    if 0 < fluid.tolerance < 1e-7:
+        yield warning(path, f"tolerance is {fluid.tolerance:g}, which float32 does not reach", "1e-6 or more",
+                      "give a larger one, or float64")
+    for name, shape in (("velocity", (*fluid.shape, 3)), ("smoke", fluid.shape), ("temperature", fluid.shape)):
+        value = getattr(fluid, name)
+        if value is not None and np.shape(value) != shape:
+            yield error(path, f"{name} at the start has shape {np.shape(value)}", f"{shape}, a value a cell",
+                        f"give {name} at `centers()`, or leave it out")
+    if not scene.things("Source") and fluid.velocity is None and fluid.smoke is None and fluid.temperature is None:
+        moved = np.any(np.asarray(scene.wind)) or np.any(fluid.side_velocities) or any(c.motion.moves for c in scene.colliders)
+        if not moved:
+            yield warning(path, "nothing moves its air: no source, no wind, nothing at the start", "one of them",
+                          "add a Source, or wind")
+
+
+def _box(fluid: Fluid) -> Iterator[Problem]:
+    path, size = fluid.path, fluid.high - fluid.low
+    if not (size > 0.0).all():
+        yield error(path, f"its box is empty: {' x '.join(f'{v:g}' for v in size)} m", "high above low along each axis",
+                    "author another box; a flat fluid is one cell thick")
+        return
+    shape = fluid.shape
+    few = [n for n in shape if 1 < n < LEAST]
+    if len(fluid.axes) < 2 or few:
+        yield error(path, f"it has {'x'.join(map(str, shape))} cells", f"{LEAST} or more along two or three axes, one along "
+                    "the third of a flat one", "give smaller cells, or a larger box")
+    if fluid.cells > LONG:
+        cell = fluid.cell * (fluid.cells / LONG) ** (1.0 / 3.0)
+        yield error(path, f"it has {fluid.cells:.3g} cells", f"up to {LONG}", f"give cells of {cell:.3g} m or more")
+    rest = np.abs(size / fluid.cell - np.array(shape)).max()
+    if rest > 1e-3:
+        yield warning(path, f"its box is {' x '.join(f'{v:.4g}' for v in size / fluid.cell)} cells", "whole numbers of cells",
+                      f"give high = {tuple(np.round(fluid.low + fluid.cell * np.array(shape), 6).tolist())}, which it has")
+
+
+def _sides(fluid: Fluid) -> Iterator[Problem]:
+    path = fluid.path
+    if len(fluid.sides) != 6 or any(kind not in KINDS for kind in fluid.sides):
+        yield error(path, f"sides are {fluid.sides}", f"six of {', '.join(KINDS)}", "name what is at -x, +x, -y, +y, -z, +z")
+        return
+    for a, n in enumerate(fluid.shape):
+        low, high = fluid.sides[2 * a:2 * a + 2]
+        if (low == "periodic") != (high == "periodic"):
+            yield error(path, f"side {SIDES[2 * a]} is {low} and side {SIDES[2 * a + 1]} is {high}", "both of an axis periodic",
+                        "make the other one periodic too")
+        elif low == "periodic" and n > 1 and n % 2:
+            yield error(path, f"it is periodic along {'xyz'[a]}, with {n} cells", "an even number of cells there",
+                        "give one cell more or less")
+    for k, kind in enumerate(fluid.sides):
+        if kind != "closed" and np.any(fluid.side_velocities[k]):
+            yield warning(path, f"side {SIDES[k]} is {kind} and has a velocity", "velocities of closed sides",
+                          f"close it, or take the velocity of {SIDES[k]} away")
+    inflow = sum((fluid.side_velocities[2 * a + s][a] * (1 - 2 * s)) for a in fluid.axes for s in (0, 1)
+                 if fluid.sides[2 * a + s] == "closed")
+    if abs(inflow) > 1e-6 * np.abs(fluid.side_velocities).max() and "open" not in [fluid.sides[2 * a + s] for a in fluid.axes
+                                                                                   for s in (0, 1)]:
+        yield warning(path, "air comes in through closed sides and has no way out", "as much out as in, or an open side",
+                      "open a side; else what does not fit is spread over all cells")
+
+
+def _source(source: Source, scene: Scene) -> Iterator[Problem]:
+    path, fluids = source.path, scene.things("Fluid")
+    yield from rigid(path, source.motion, "put the scale into the shape's sizes")
+    if isinstance(source.shape, Surface):
+        yield from surface(source.shape, path)
+    else:
+        named = row(source.shape).named(source.shape)
+        for name, value in named.items():
+            for v in np.atleast_1d(value):
+                yield from number(path, name, float(v), 0.0, name not in row(source.shape).vanishing)
+    if source.velocity is not None and not np.isfinite(source.velocity).all():
+        yield error(path, "velocity holds NaN or infinity", "finite numbers", "author another velocity")
+    if not np.isfinite(source.strength.values).all():
+        yield error(path, "strength holds NaN or infinity", "finite numbers", "author another strength")
+    if source.fluid and source.fluid not in [f.path for f in fluids]:
+        yield error(path, f"it is a source of '{source.fluid}', which is no fluid here",
+                    ", ".join(f.path for f in fluids) or "none, the scene has no fluid", "name one of them, or none for all")
+    elif not fluids:
+        yield error(path, "it is a source, and there is no fluid", "a fluid", "add a Fluid")
+    elif not any(_meets(source, f) for f in fluids if source.fluid in ("", f.path)):
+        yield warning(path, "it is outside of its fluids at the start, and stays there", "a place within one",
+                      "move it, or enlarge the fluid's box")
+    if source.velocity is None and source.smoke == source.temperature == source.expansion == 0.0:
+        yield warning(path, "it gives nothing: no smoke, heat, air or velocity", "one of them", "author one, or take it away")
+
+
+def _meets(source: Source, fluid: Fluid) -> bool:
+    """Whether its ball touches the box at a key of its motion."""
+    if isinstance(source.shape, Plane):
+        return True
+    if isinstance(source.shape, Surface):
+        ball = float(np.linalg.norm(source.shape.points, axis=1).max(initial=0.0))
+    else:
+        ball = row(source.shape).ball(source.shape)
+    places = source.motion.values[:, :3, 3]
+    nearest = np.clip(places, fluid.low, fluid.high)
+    return bool((np.linalg.norm(places - nearest, axis=1) <= ball).any())

@@ -1,0 +1,1 @@
+"""A fluid on its grid, on the device: fields, shapes, transport, pressure, viscosity."""

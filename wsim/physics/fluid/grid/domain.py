@@ -1,0 +1,228 @@
+"""One fluid of one world on the device: its fields, and a step of them.
+
+    sources, forces: as of the step's begin;   v = A(u) u + h/2 a,   w = P v,   scalars carried by w,
+    v' = A (2 w - v) + h/2 a,   u' = P v'                        (kernels/fluid/reflection.py)
+
+or, of the other schemes, v = A(u) u + h a,  u' = P v, scalars carried by u'. Viscosity acts before each projection.
+"""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.fluid import forces, pressure, reflection, steps
+from wsim.kernels.fluid.forces import NUMBERS
+from wsim.kernels.fluid.grid import structs
+from wsim.kernels.math.real import types
+from wsim.model.structs import filled
+from wsim.physics.fluid.grid.direct import MOST
+from wsim.physics.fluid.grid.layout import Layout
+from wsim.physics.fluid.grid.multigrid import AXES
+from wsim.physics.fluid.grid.obstacles import Obstacles
+from wsim.physics.fluid.grid.pressure import Pressure, label
+from wsim.physics.fluid.grid.shapes import Shapes
+from wsim.physics.fluid.grid.sources import Sources
+from wsim.physics.fluid.grid.threads import Threads
+from wsim.physics.fluid.grid.transport import Transport
+from wsim.physics.fluid.grid.viscosity import Viscosity
+from wsim.physics.fluid.objects import Fluid, Source
+
+LIVE = {"lift": forces.LIFT, "weight": forces.WEIGHT, "vorticity": forces.VORTICITY, "smoke_decay": forces.SMOKE_DECAY,
+        "cooling": forces.COOLING, "viscosity": forces.VISCOSITY}
+THREADS = 1 << 14        # that look for the fastest air
+
+
+class Domain:
+    """u: `Faces` of the state; scalars: smoke and heat of the state, of those that there are. words: of the frame's status,
+    once there is one: solves (iterations of the pressure, most of one solve), missed (solves), steps."""
+
+    def __init__(self, threads: Threads, fluid: Fluid, world: int, obstacles: list, sources: list[Source], u: Any,
+                 scalars: dict[str, wp.array]):
+        model = threads.model
+        self.threads, self.fluid, self.world, self.layout = threads, fluid, world, Layout.of(fluid)
+        self.scalars, self.u = scalars, u
+        self.words: dict[str, wp.array] = {}
+        layout, real, module = self.layout, model.real, threads.module
+        self.sizes = [getattr(u, AXES[a]).size for a in range(layout.dim)]
+        self.clock, self.going, self.done = threads.zeros(4), threads.zeros(1, int), threads.zeros(1, int)
+        self.speed, self.live = threads.zeros(1), threads.zeros(NUMBERS)
+        self.grid = self._grid()
+        room = max(*self.sizes, layout.cells)
+        direct = fluid.pressure == "direct" or fluid.pressure == "auto" and not obstacles and sum(layout.n) <= MOST
+        self.work = {name: threads.zeros(room) for name in ("p", "r", "z", "d", "w", *["free"] * direct)}
+        self.v, self.half = self.faces(), self.faces()
+        corner = fluid.low
+        self.obstacles = (Obstacles(threads, layout, self.grid, Shapes(model, obstacles, corner, layout.axes, fluid.cell, True),
+                                    self.clock) if obstacles else None)
+        self.sources = Sources(threads, layout, self.grid, sources, corner, fluid.cell, scalars) if sources else None
+        open_, solid = (self.obstacles.open, self.obstacles.solid) if self.obstacles else (None, None)
+        expansion = self.sources.expansion if self.sources else None
+        self.pressure = Pressure(threads, layout, self.grid, open_, solid, expansion, self.work, self.words)
+        self.pressure.tolerance = fluid.tolerance
+        self.viscosity = (Viscosity(threads, self.pressure, fluid.slip, self.work, self.sizes, self.words)
+                          if fluid.viscosity > 0.0 else None)
+        self.reflects = fluid.advection == "reflection"
+        scheme = "cubic" if self.reflects else fluid.advection
+        self.carry = [Transport(threads, layout, self.grid, a, scheme, self.work, not self.reflects) for a in range(layout.dim)]
+        self.carry_scalar = Transport(threads, layout, self.grid, -1, fluid.scalar_advection, self.work)
+        self._kernels(real, module)
+
+    def _kernels(self, real: Any, module: str) -> None:
+        dim, o = self.layout.dim, self.obstacles
+        some = (o is not None, o is not None and o.moving)
+        self.swirling = self.fluid.vorticity > 0.0
+        self.pushed = bool(self.scalars) or self.swirling
+        self.reflect = [reflection.reflect(dim, a, *some, real, module) for a in range(dim if self.reflects else 0)]
+        self.sides = [pressure.sides(dim, a, real, module) for a in range(dim)]
+        self.push = [forces.push(dim, a, "smoke" in self.scalars, "heat" in self.scalars, self.swirling, real, module)
+                     for a in range(dim if self.pushed else 0)]
+        if self.swirling:
+            vec3 = types(real).vec3
+            self.curl, self.confine = forces.curl(dim, real, module), forces.confine(dim, real, module)
+            self.swirl, self.whirl = (self.threads.zeros(self.layout.cells, vec3) for _ in range(2))
+        self.fastest, self.begin, self.next = (make(real, module) for make in (steps.fastest, steps.begin, steps.next))
+        from wsim.kernels.fluid import sources
+        self.decay = {name: sources.decay(LIVE["smoke_decay" if name == "smoke" else "cooling"], real, module)
+                      for name in (self.scalars if self.sources is None else ())}
+
+    def _grid(self) -> Any:
+        layout, model = self.layout, self.threads.model
+        outside = [0, 0, 0]
+        for a, axis in enumerate(layout.axes):
+            kinds = self.fluid.sides[2 * axis:2 * axis + 2]
+            outside[a] = sum(bit for bit, kind in zip((1, 2), kinds, strict=True) if kind in ("open", "wind"))
+        return filled(structs(model.real).Grid, n=wp.vec3i(*layout.n), periodic=wp.vec3i(*layout.periodic),
+                      outside=wp.vec3i(*outside), air=self.threads.zeros(7, types(model.real).vec3),
+                      dx=model.real(self.fluid.cell))
+
+    def faces(self) -> Any:
+        """Zeros on the faces."""
+        arrays = {AXES[a]: self.threads.zeros(n) for a, n in enumerate(self.sizes)}
+        return filled(structs(self.threads.model.real).Faces, **arrays)
+
+    def along(self, vector) -> np.ndarray:
+        """A vector of the world along the grid's axes, 0 where there is none."""
+        found = np.zeros(3)
+        found[:self.layout.dim] = np.asarray(vector, np.float64)[list(self.layout.axes)]
+        return found
+
+    def blow(self, wind: np.ndarray, gravity: np.ndarray, numbers: dict[str, float]) -> None:
+        """Uploads wind [m/s], gravity [m/s^2] and the live numbers of the fluid."""
+        rows = np.zeros((7, 3))
+        rows[0] = self.along(wind)
+        for a, axis in enumerate(self.layout.axes):
+            for side in (0, 1):
+                wall = self.fluid.side_velocities[2 * axis + side]
+                rows[1 + 2 * a + side] = self.along(wind if self.fluid.sides[2 * axis + side] == "wind" else wall)
+        live = np.zeros(NUMBERS)
+        live[:3] = self.along(gravity)
+        for name, k in LIVE.items():
+            live[k] = numbers[name]
+        self.grid.air.assign(rows.astype(self.threads.model.dtype))
+        self.live.assign(live.astype(self.threads.model.dtype))
+
+    def settle(self) -> None:
+        """Before the first frame, once kernels are there: obstacles that stand, and the regions that they seal."""
+        p, o = self.pressure, self.obstacles
+        if o is None:
+            p.regions(None, int(self.layout.sealed))
+            return
+        if o.moving:
+            p.regions(self.threads.zeros(self.layout.cells, int) if self.layout.sealed else None, int(self.layout.sealed))
+            return
+        o.update()
+        p.multigrid.refresh()
+        region, count = label(self.layout, o.openings())
+        p.regions(wp.array(region, dtype=int, device=self.threads.model.device), count)
+
+    @property
+    def launches(self) -> int:
+        """Of a step whose pressure takes one iteration."""
+        dim, solve = self.layout.dim, (self.pressure.direct or self.pressure.multigrid).launches + 12
+        return (5 * dim + 2 * solve if self.reflects else 4 * dim + solve) + 2 * len(self.scalars) + 4
+
+    # a frame
+
+    def frame(self, dt: float, least: int, most: int) -> None:
+        """Launches all steps of a frame [s]: least .. most of them."""
+        threads, real = self.threads, self.threads.model.real
+        self.speed.zero_()
+        self.done.zero_()
+        for a in range(self.layout.dim):
+            u = getattr(self.u, AXES[a])
+            count = min(u.size, THREADS if threads.cuda else 1)
+            threads.over(self.fastest, count, [u, count], [self.speed])
+        threads.over(self.begin, 1, [self.speed, real(dt), real(self.fluid.cfl * self.fluid.cell), least, most],
+                     [self.clock, self.going, self.words["steps"]])
+        wp.capture_while(self.going, self._step)
+
+    def _step(self) -> None:
+        self._enter()
+        if self.reflects:
+            self._reflected()
+        else:
+            self._split()
+        self.threads.over(self.next, 1, [self.done], [self.clock, self.going])
+
+    def _enter(self) -> None:
+        """Obstacles, sources, decay."""
+        if self.obstacles and self.obstacles.moving:
+            self.obstacles.update()
+            self.pressure.multigrid.refresh()
+            self.pressure.find_region()
+        if self.sources:
+            self.sources.emit(self.live, self.clock, self.u)
+        for name, kernel in self.decay.items():
+            q = self.scalars[name]
+            self.threads.over(kernel, q.size, [self.live, self.clock], [q])
+
+    def _reflected(self) -> None:
+        self._carried(self.u, self.u, 0.5, self.v)
+        self._projected(self.v, 0.5)
+        p, Faces = self.pressure, structs(self.threads.model.real).Faces
+        for a, kernel in enumerate(self.reflect):
+            v, u, w = (getattr(f, AXES[a]) for f in (self.v, self.u, self.half))
+            both = filled(Faces, x=getattr(p.open, AXES[a]), y=getattr(p.solid, AXES[a]))
+            self.threads.over(kernel, v.size, [self.grid, p.low, p.high, p.p, both], [v, u, w])
+        self._scalars(self.half)
+        self._carried(self.u, self.v, 0.5, self.half)
+        self._projected(self.half, 0.5)
+        p.project(self.half, self.u)
+
+    def _split(self) -> None:
+        self._carried(self.u, self.u, 1.0, self.v)
+        self._projected(self.v, 1.0)
+        self.pressure.project(self.v, self.u)
+        self._scalars(self.u)
+
+    def _carried(self, u: Any, q: Any, part: float, out: Any) -> None:
+        """q carried by u, with forces, over `part` of the step."""
+        for a, transport in enumerate(self.carry):
+            transport.carry(u, getattr(q, AXES[a]), self.clock, part, getattr(out, AXES[a]))
+        if self.swirling:
+            n = self.layout.cells
+            self.threads.over(self.curl, n, [self.grid, out], [self.whirl])
+            self.threads.over(self.confine, n, [self.grid, self.live, self.whirl], [self.swirl])
+        for a, kernel in enumerate(self.push):
+            q_out = getattr(out, AXES[a])
+            self.threads.over(kernel, q_out.size, [self.grid, self.live, self.scalars.get("smoke"), self.scalars.get("heat"),
+                                                   self.swirl if self.swirling else None, self.clock,
+                                                   self.threads.model.real(part)], [q_out])
+
+    def _projected(self, v: Any, part: float) -> None:
+        """Viscosity and the pressure of v, whose closed sides are set."""
+        for a, kernel in enumerate(self.sides):
+            if not self.layout.periodic[a]:
+                out = getattr(v, AXES[a])
+                n = 2 * self.layout.cells // self.layout.n[a]
+                self.threads.over(kernel, n, [self.grid, self.pressure.low, self.pressure.high], [out])
+        if self.viscosity:
+            self.viscosity.spread(v, self.live, self.clock, part)
+        self.pressure.solve(v)
+
+    def _scalars(self, u: Any) -> None:
+        for q in self.scalars.values():
+            out = self.work["p"][:q.size] if not self.carry_scalar.pairs else self.work["d"][:q.size]
+            self.carry_scalar.carry(u, q, self.clock, 1.0, out)
+            wp.copy(q, out)

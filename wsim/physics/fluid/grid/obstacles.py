@@ -1,0 +1,47 @@
+"""Obstacles of a fluid: colliders of the scene as openings of faces (kernels/fluid/fractions.py), and their velocities where
+they move."""
+
+from math import prod
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.fluid import fractions as kernels
+from wsim.kernels.fluid.grid import structs
+from wsim.model.structs import filled
+from wsim.physics.fluid.grid.layout import Layout
+from wsim.physics.fluid.grid.multigrid import AXES
+from wsim.physics.fluid.grid.shapes import Shapes
+from wsim.physics.fluid.grid.threads import Threads
+
+
+class Obstacles:
+    """open: part of each face that is free; solid: velocity of what covers it [m/s], None where nothing moves."""
+
+    def __init__(self, threads: Threads, layout: Layout, grid: Any, shapes: Shapes, clock: wp.array):
+        real, module, dim = threads.model.real, threads.module, layout.dim
+        self.threads, self.layout, self.grid, self.shapes, self.clock = threads, layout, grid, shapes, clock
+        Faces, sizes = structs(real).Faces, [prod(layout.faces(a)) for a in range(dim)]
+        self.moving = shapes.moving
+        self.open = filled(Faces, **{AXES[a]: threads.zeros(n) for a, n in enumerate(sizes)})
+        self.solid = filled(Faces, **{AXES[a]: threads.zeros(n) for a, n in enumerate(sizes)}) if self.moving else None
+        self.phi = threads.zeros(prod(layout.nodes()))
+        self.nodes = kernels.nodes(dim, shapes.kinds, real, module)
+        self.faces = [kernels.faces(dim, a, real, module) for a in range(dim)]
+        self.covers = [kernels.covers(dim, a, shapes.kinds, real, module) for a in range(dim)] if self.moving else []
+
+    def update(self) -> None:
+        """Where they are at the end of the step."""
+        shape = wp.vec3i(*self.layout.nodes())
+        self.threads.over(self.nodes, self.phi.size, [shape, self.shapes.table, self.clock], [self.phi])
+        for a, kernel in enumerate(self.faces):
+            out = getattr(self.open, AXES[a])
+            self.threads.over(kernel, out.size, [self.grid, shape, self.phi], [out])
+        for a, kernel in enumerate(self.covers):
+            out = getattr(self.solid, AXES[a])
+            self.threads.over(kernel, out.size, [self.grid, self.shapes.table, self.clock], [out])
+
+    def openings(self) -> list[np.ndarray]:
+        """Of the faces of each axis now, on the host."""
+        return [getattr(self.open, AXES[a]).numpy() for a in range(self.layout.dim)]

@@ -1,0 +1,146 @@
+"""The projection of a velocity: its divergence, the pressure by conjugate gradients with a multigrid cycle or, in a box without
+obstacles, a direct solve; sealed regions."""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.fluid import conjugate, pressure, regions
+from wsim.kernels.fluid.conjugate import CHECK, START, STEP, TURN
+from wsim.kernels.fluid.grid import structs
+from wsim.kernels.math.real import types
+from wsim.model.structs import filled
+from wsim.physics.fluid.grid.direct import Direct
+from wsim.physics.fluid.grid.layout import Layout
+from wsim.physics.fluid.grid.multigrid import AXES, Multigrid
+from wsim.physics.fluid.grid.threads import Threads
+
+MOST = 60                # iterations: the residual falls tenfold in each
+
+
+class Conjugate:
+    """Numbers and loop of conjugate gradients on the device. words: of the status, once there are some; what: of "solves"
+    (iterations of a frame, most of one solve) or another word; "missed": solves that were left with a larger residual."""
+
+    def __init__(self, threads: Threads, size: int, words: dict[str, wp.array], what: str = "solves"):
+        real, module = threads.model.real, threads.module
+        self.threads, self.words, self.what, self.parts = threads, words, what, threads.blocks(size)
+        self.dot, self.advance = conjugate.plain(real, module), conjugate.advance(real, module)
+        self.turn = conjugate.turn(real, module)
+        self.conclude_kernel = conjugate.conclude(module)
+        self.part = threads.zeros(self.parts, wp.vec2d)
+        self.numbers = threads.zeros(conjugate.NUMBERS, wp.float64)
+        self.going = threads.zeros(1, int)
+
+    def conclude(self, what: int, tolerance: float = 0.0, cap: int = MOST) -> None:
+        self.threads.sum(self.conclude_kernel, 1, [self.part, what, wp.float64(tolerance), cap],
+                         [self.numbers, self.going, self.words[self.what], self.words["missed"]])
+
+    def sum(self, a: wp.array, b: wp.array) -> None:
+        self.threads.sum(self.dot, self.parts, [a, b], [self.part])
+
+    def step(self, x: wp.array, r: wp.array, p: wp.array, w: wp.array) -> None:
+        """x and r along p, whose product w and its sum are there."""
+        self.conclude(STEP)
+        self.threads.sum(self.advance, self.parts, [self.numbers, p, w], [x, r, self.part])
+
+
+class Pressure:
+    """open, solid: `Faces` of openings and of the velocities of obstacles, or None. work: arrays of at least as many rows as
+    there are cells, which others use in turn. With "free" among them the solve
+    is direct. region: numbers of the sealed regions, (cells,), -1: none; None: all one."""
+
+    def __init__(self, threads: Threads, layout: Layout, grid: Any, open: Any, solid: Any, expansion: wp.array | None,
+                 work: dict[str, wp.array], words: dict[str, wp.array]):
+        real, module, dim = threads.model.real, threads.module, layout.dim
+        self.threads, self.layout, self.grid, self.none = threads, layout, grid, filled(structs(real).Faces)
+        self.open, self.solid, self.expansion = open or self.none, solid or self.none, expansion
+        fractions, moving = open is not None, solid is not None
+        self.p, self.r, self.z, self.d, self.w = (work[name][:layout.cells] for name in ("p", "r", "z", "d", "w"))
+        self.low, self.high = types(real).vec3(*layout.low), types(real).vec3(*layout.high)
+        self.divergence = pressure.divergence(dim, fractions, moving, expansion is not None, real, module)
+        self.multiply = conjugate.multiply(dim, fractions, real, module)
+        self.project_kernels = [pressure.project(dim, a, fractions, moving, real, module) for a in range(dim)]
+        self.multigrid = Multigrid(threads, layout, open, self.z, self.r)
+        self.direct = Direct(threads, layout, self.z, self.r, (self.w, work["free"])) if "free" in work else None
+        self.solver = Conjugate(threads, layout.cells, words)
+        self.tolerance = 1e-4
+        self.sealed = int(layout.sealed)                       # regions
+        self.region: wp.array | None = None
+        self.gather, self.level = (make(fractions, real, module) for make in (regions.gather, regions.level))
+        self.mean_kernel = regions.mean(module)
+        self.inside = regions.inside(dim, real, module) if moving and layout.sealed else None
+        self.sums = threads.zeros(self.solver.parts, wp.vec2d)
+
+    def regions(self, region: wp.array | None, count: int) -> None:
+        """Which cells are sealed from open sides, known before the first frame."""
+        self.region, self.sealed = region, count
+        self.multigrid.sealed = count == 1
+
+    def find_region(self) -> None:
+        """Of obstacles that move in a sealed box: all cells with an open face are one."""
+        if self.inside:
+            self.threads.over(self.inside, self.layout.cells, [self.multigrid.grids[0].table], [self.region])
+
+    def _level(self) -> None:
+        """What the right-hand side sums to in sealed regions, off."""
+        for k in range(self.sealed):
+            self.threads.sum(self.gather, self.solver.parts, [self.region, k, self.r], [self.sums])
+            self.threads.sum(self.mean_kernel, 1, [self.sums, int(self.sealed == 1)], [self.solver.numbers])
+            self.threads.over(self.level, self.layout.cells, [self.region, k, self.solver.numbers], [self.r])
+
+    def solve(self, u: Any) -> None:
+        """The pressure p that takes the divergence off u."""
+        self.threads.over(self.divergence, self.layout.cells, [self.grid, u, self.open, self.solid, self.expansion,
+                                                                 self.multigrid.grids[0].table], [self.r])
+        self._level()
+        self.p.zero_()
+        self.solver.sum(self.r, self.r)
+        self.solver.conclude(START, self.tolerance)
+        wp.capture_while(self.solver.going, self._iterate)
+
+    def _iterate(self) -> None:
+        s, threads = self.solver, self.threads
+        (self.direct or self.multigrid).cycle()                # of r into z
+        s.sum(self.r, self.z)
+        s.conclude(TURN)
+        threads.over(s.turn, self.layout.cells, [s.numbers, self.z], [self.d])
+        threads.sum(self.multiply, s.parts, [self.multigrid.grids[0].table, self.d], [self.w, s.part])
+        s.step(self.p, self.r, self.d, self.w)
+        s.conclude(CHECK, self.tolerance)
+
+    def project(self, u: Any, out: Any) -> None:
+        """u without what p pushes, into `out`, which may be u."""
+        for a, kernel in enumerate(self.project_kernels):
+            o, s, now, new = (getattr(f, AXES[a]) for f in (self.open, self.solid, u, out))
+            self.threads.over(kernel, now.size, [self.grid, self.low, self.high, self.p, o, s, now], [new])
+
+
+def label(layout: Layout, openings: list[np.ndarray]) -> tuple[np.ndarray, int]:
+    """Sealed regions of openings of the faces of each axis: number of each cell, (cells,), -1 where it is none's, and how many
+    there are. NumPy; a region is sealed where no face of it is an open side's."""
+    from wsim.geometry.topology import islands
+    index = np.arange(layout.cells).reshape(layout.n)
+    edges, vented, used = [], np.zeros(layout.cells, bool), np.zeros(layout.cells, bool)
+    for a, o in enumerate(openings):
+        face = o.reshape(layout.faces(a)) > 0.0
+        if layout.periodic[a]:
+            pairs = np.stack([np.roll(index, 1, a)[face], index[face]], 1)
+        else:
+            inner = np.take(face, range(1, layout.n[a]), a)
+            pairs = np.stack([np.delete(index, -1, a)[inner], np.delete(index, 0, a)[inner]], 1)
+            for side, factor in ((0, layout.low[a]), (layout.n[a], layout.high[a])):
+                if factor > 0.0:
+                    vented[np.take(index, min(side, layout.n[a] - 1), a)[np.take(face, side, a)]] = True
+        edges.append(pairs)
+    every = np.concatenate(edges)
+    used[every.ravel()] = True
+    used |= vented
+    whole = islands(layout.cells, every)
+    open_ = np.unique(whole[vented])
+    shut = np.unique(whole[used & ~np.isin(whole, open_)])
+    found = np.full(layout.cells, -1, np.int32)
+    hit = np.isin(whole, shut) & used
+    found[hit] = np.searchsorted(shut, whole[hit])
+    return found, len(shut)

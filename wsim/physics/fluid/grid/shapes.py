@@ -1,0 +1,96 @@
+"""Shapes in a fluid on the device: obstacles and sources, and where they are in each frame."""
+
+from math import sqrt
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.geometry import rotation
+from wsim.geometry.triangulate import triangulate
+from wsim.kernels.contact import shape as convex
+from wsim.kernels.contact.mesh import SHEET, SOLID
+from wsim.kernels.fluid import shapes as kernels
+from wsim.kernels.math.real import types
+from wsim.model.model import Model
+from wsim.model.structs import filled
+from wsim.scene import Surface
+from wsim.scene.solids import row
+
+
+def kind(shape: Any) -> str:
+    """Its name: a convex one's, "solid" of a closed mesh, "sheet" of an open one."""
+    if not isinstance(shape, Surface):
+        return row(shape).kind
+    triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
+    return "solid" if closed(triangles) else "sheet"
+
+
+def closed(triangles: np.ndarray) -> bool:
+    """Whether every edge is of two triangles."""
+    edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], -1).reshape(-1, 2), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all()) and len(triangles) > 0
+
+
+def kinds(things: list) -> tuple[str, ...]:
+    return tuple(sorted({kind(thing.shape) for thing in things}))
+
+
+def half_thickness(shape: Any) -> float:
+    """Of the thinnest part [m], about: volume over area of a mesh."""
+    if not isinstance(shape, Surface):
+        found = row(shape)
+        return min(found.lengths(shape), default=np.inf) * (0.5 if found.kind == "cone" else 1.0)
+    triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
+    if not closed(triangles):
+        return 0.0
+    a, b, c = (shape.points[triangles[:, k]].astype(np.float64) for k in range(3))
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    return float(abs(np.einsum("ni,ni->n", a, np.cross(b, c)).sum()) / 6.0 / max(area, 1e-300))
+
+
+class Shapes:
+    """Shapes of things that have a `shape` and a `motion`, places relative to a corner [m]; thin ones are thickened where
+    they must keep air apart (`walls`)."""
+
+    def __init__(self, model: Model, things: list, corner: np.ndarray, axes: tuple[int, ...], cell: float, walls: bool):
+        self.things, self.corner, self.model = things, np.asarray(corner, np.float64), model
+        t, n = types(model.real), len(things)
+        self.kinds = kinds(things)
+        self.meshes = [self._mesh(thing.shape) if isinstance(thing.shape, Surface) else None for thing in things]
+        least = 0.5 * sqrt(len(axes)) * cell if walls else 0.0
+        thick = [max(0.0, least - half_thickness(thing.shape)) for thing in things]
+        size = [(0.0, 0.0, 0.0) if isinstance(thing.shape, Surface) else row(thing.shape).size(thing.shape) for thing in things]
+        dtype = model.dtype
+        self.table = filled(
+            kernels.structs(model.real).Shapes, kind=model.upload(np.array([*map(self._code, things)], np.int32), int),
+            size=model.upload(np.array(size, dtype), t.vec3), thick=model.upload(np.array(thick, dtype), model.real),
+            mesh=model.upload(np.array([m.id if m else 0 for m in self.meshes], np.uint64), wp.uint64),
+            place=wp.zeros(n, dtype=t.vec3, device=model.device), turn=wp.zeros(n, dtype=t.quat, device=model.device),
+            speed=wp.zeros(n, dtype=t.vec3, device=model.device), spin=wp.zeros(n, dtype=t.vec3, device=model.device),
+            axes=wp.vec3i(*axes, *(0,) * (3 - len(axes))), dx=model.real(cell))
+        self.pose(0.0, 1.0)
+
+    def _code(self, thing: Any) -> int:
+        name = kind(thing.shape)
+        return {"solid": SOLID, "sheet": SHEET}[name] if name in ("solid", "sheet") else convex.code(name)
+
+    def _mesh(self, shape: Surface) -> wp.Mesh:
+        triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
+        return wp.Mesh(points=wp.array(shape.points, dtype=wp.vec3f, device=self.model.device),
+                       indices=wp.array(triangles.ravel(), dtype=int, device=self.model.device))
+
+    @property
+    def moving(self) -> bool:
+        return any(thing.motion.moves for thing in self.things)
+
+    def pose(self, time: float, dt: float) -> None:
+        """Uploads where the frame from `time` [s] begins, and how fast all moves through it, dt [s] long."""
+        first, last = (np.array([thing.motion.at(t) for thing in self.things]) for t in (time, time + dt))
+        turns = [rotation.axis_angle(B[:3, :3] @ A[:3, :3].T) for A, B in zip(first, last, strict=True)]
+        turn = np.array([angle * axis for axis, angle in turns]).reshape(-1, 3)
+        values = {"place": first[:, :3, 3] - self.corner, "turn": rotation.quaternion(first[:, :3, :3]),
+                  "speed": (last[:, :3, 3] - first[:, :3, 3]) / dt, "spin": turn / dt}
+        for name, value in values.items():
+            getattr(self.table, name).assign(np.ascontiguousarray(value, self.model.dtype))
+

@@ -1,0 +1,48 @@
+"""Implicit viscosity of a fluid: kernels/fluid/viscosity.py for each component in turn."""
+
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels.fluid import viscosity as kernels
+from wsim.kernels.fluid.conjugate import CHECK, START, TURN
+from wsim.physics.fluid.grid.multigrid import AXES
+from wsim.physics.fluid.grid.pressure import Conjugate, Pressure
+from wsim.physics.fluid.grid.threads import Threads
+
+MOST = 500               # iterations
+TOLERANCE = 1e-4         # of the change, over what viscosity does in the step
+
+
+class Viscosity:
+    """work: arrays p, r, d, w with room for the faces of any axis, which the pressure uses in turn."""
+
+    def __init__(self, threads: Threads, pressure: Pressure, slip: bool, work: dict[str, wp.array], sizes: list[int],
+                 words: dict[str, wp.array]):
+        real, module, layout = threads.model.real, threads.module, pressure.layout
+        self.threads, self.pressure, self.work = threads, pressure, work
+        has = bool(pressure.multigrid.fractions)
+        self.begin, self.multiply = ([make(layout.dim, a, has, slip, real, module) for a in range(layout.dim)]
+                                     for make in (kernels.begin, kernels.multiply))
+        self.scaled, self.scale = kernels.scaled(real, module), threads.zeros(1)
+        words["spreads"] = threads.zeros(2, int)
+        self.solvers = [Conjugate(threads, n, words, "spreads") for n in sizes]
+
+    def spread(self, u: Any, live: wp.array, clock: wp.array, part: float) -> None:
+        """u after `part` of the step of viscosity."""
+        g, real = self.pressure.grid, self.threads.model.real
+        self.threads.over(self.scaled, 1, [live, clock, real(part), g.dx], [self.scale])
+        for a, solver in enumerate(self.solvers):
+            now = getattr(u, AXES[a])
+            p, r, d, w = (self.work[name][:now.size] for name in ("p", "r", "d", "w"))
+            rows = [g, self.pressure.low, self.pressure.high, getattr(self.pressure.open, AXES[a])]
+            self.threads.sum(self.begin[a], solver.parts, [*rows, now, self.scale], [r, solver.part])
+            solver.conclude(START, TOLERANCE)
+
+            def iterate(a=a, solver=solver, now=now, rows=rows, r=r, d=d, w=w) -> None:
+                solver.conclude(TURN)
+                self.threads.over(solver.turn, now.size, [solver.numbers, r], [d])
+                self.threads.sum(self.multiply[a], solver.parts, [*rows, d, self.scale], [w, solver.part])
+                solver.step(now, r, d, w)
+                solver.conclude(CHECK, TOLERANCE, MOST)
+            wp.capture_while(solver.going, iterate)

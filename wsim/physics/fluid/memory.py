@@ -1,0 +1,45 @@
+"""How much memory a fluid takes, known before any is taken; and the cells that fit where it is too much."""
+
+import os
+from math import ceil
+
+from wsim.physics.fluid.objects import Fluid
+from wsim.scene import Problem, SceneError
+
+SPARE = 0.9              # of what is free that fluids may take
+
+
+def numbers(fluid: Fluid, obstacles: bool) -> float:
+    """Of the run's precision for each cell: fields and their snapshot, what a step works with, levels of the pressure."""
+    dim = len(fluid.axes)
+    levels = 2.0 / (2 ** dim - 1)
+    found = dim * (2 + 2) + 2 * 2 + 6 + levels + (6 if fluid.vorticity > 0.0 else 0)
+    return found + (1 + dim * (2 + levels) if obstacles else 0)
+
+
+def wanted(fluid: Fluid, obstacles: bool, width: int) -> int:
+    """Bytes. width: of a number."""
+    return ceil(numbers(fluid, obstacles) * width * fluid.cells)
+
+
+def free(device) -> int:
+    """Bytes that are free on a device."""
+    if device.is_cuda:
+        return int(device.free_memory)
+    try:
+        return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (ValueError, OSError):
+        return 1 << 62
+
+
+def refuse(fluids: list[Fluid], b) -> None:
+    """Raises SceneError, by the path of the greatest, where they do not fit."""
+    width = b.model.dtype().nbytes
+    need = {id(f): wanted(f, bool(b.scene.colliders), width) for f in fluids}
+    total, there = sum(need[id(f)] for f in fluids), free(b.model.device)
+    if total > SPARE * there:
+        most = max(fluids, key=lambda f: need[id(f)])
+        cell = most.cell * (total / (SPARE * there)) ** (1.0 / max(len(most.axes), 1))
+        raise SceneError(Problem(most.path, f"{'x'.join(map(str, most.shape))} cells take {need[id(most)] / 1e9:.3g} GB"
+                                 f"{f', all fluids {total / 1e9:.3g} GB' * (len(fluids) > 1)}; free on {b.model.device} are "
+                                 f"{there / 1e9:.3g} GB; give cells of {cell:.3g} m or more, or a smaller box"))

@@ -1,0 +1,220 @@
+"""Fluids on the device: the parts "grid" (rows are cells), "grid x", "grid y" and "grid z" (rows are faces), of the fluids of
+every world one behind the other, and the steps of a frame (`wsim.physics.fluid.grid.domain`)."""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.fluid.grid import structs
+from wsim.model.stage import Clock, Method, Stage
+from wsim.model.state import Field, Part
+from wsim.model.status import Status
+from wsim.model.structs import filled
+from wsim.physics.fluid import memory, volumes
+from wsim.physics.fluid.grid.direct import MOST
+from wsim.physics.fluid.grid.domain import LIVE, Domain
+from wsim.physics.fluid.grid.layout import Layout
+from wsim.physics.fluid.grid.multigrid import AXES
+from wsim.physics.fluid.grid.shapes import kinds
+from wsim.physics.fluid.grid.threads import Threads
+from wsim.physics.fluid.measure import centered, measures
+from wsim.physics.fluid.objects import Fluid, Source
+from wsim.scene.samples import Sample
+
+NAMES = ("u", "v", "w")
+SCALARS = {"smoke": Field("smoke", "1", True, "of the air in a cell", "scalar"),
+           "heat": Field("temperature", "K", True, "above the air around", "scalar")}
+WORDS = {"solves": 2, "missed": 1, "steps": 1}
+SOURCE = ("smoke", "temperature", "expansion", "velocity")
+
+
+def build(b) -> Method:
+    return Fluids(b)
+
+
+def carried(fluid: Fluid, sources: list[Source]) -> tuple[str, ...]:
+    """Scalars that there is ever something of."""
+    smoke = fluid.smoke is not None or any(s.smoke != 0.0 for s in sources)
+    heat = fluid.temperature is not None or any(s.temperature != 0.0 for s in sources)
+    return (*["smoke"] * smoke, *["heat"] * heat)
+
+
+def reaching(fluid: Fluid, scene) -> list[Source]:
+    return [s for s in scene.things("Source") if s.fluid in ("", fluid.path)]
+
+
+class Fluids(Method):
+    """`domains`: one for each fluid of each world."""
+
+    def __init__(self, b):
+        super().__init__("fluid")
+        self.model, self.scene, self.status, self.base = b.model, b.scene, b.status, b.clock.substeps
+        self.pairs = [(fluid, world) for world in range(b.model.worlds) for fluid in b.scene.things("Fluid")]
+        memory.refuse([fluid for fluid, _ in self.pairs], b)
+        self.layouts = [Layout.of(fluid) for fluid, _ in self.pairs]
+        self.threads = Threads(b.model)
+        self.wind = np.tile(np.asarray(b.scene.wind, np.float64), (b.model.worlds, 1))
+        self.gravity = np.tile(np.asarray(b.scene.gravity, np.float64), (b.model.worlds, 1))
+        self.numbers = [{name: float(getattr(fluid, name)) for name in LIVE} for fluid, _ in self.pairs]
+        self.changed: list[list[dict]] = []
+        self.carried = [carried(fluid, reaching(fluid, b.scene)) for fluid, _ in self.pairs]
+        self.rows: dict[tuple[int, str], slice] = {}
+        self.parts = self._parts(b)
+        for name, count in WORDS.items():
+            b.status.reserve(f"fluid: {name}", count * len(self.pairs))
+        self.domains = [self._domain(k) for k in range(len(self.pairs))]
+        self.settled = False
+        cells = sum(layout.cells for layout in self.layouts)
+        how = sorted({"direct" if d.pressure.direct else "by multigrid" for d in self.domains})
+        self.stages.append(Stage("fluids", "predict", self.advance, sum(d.launches for d in self.domains),
+                                 sum(p.bytes for p in self.parts.values()), "frame",
+                                 f"{cells} cells, {', '.join(sorted({f.advection for f, _ in self.pairs}))}, pressure "
+                                 f"{' and '.join(how)}"))
+
+    # what there is
+
+    def _parts(self, b) -> dict[str, Part]:
+        """Part by name, with the rows of each fluid."""
+        fields: dict[str, tuple[Field, ...]] = {}
+        counts: dict[str, int] = {}
+        rows: dict[str, dict] = {}
+        used = [name for name in SCALARS if any(name in names for names in self.carried)]
+        for k, (pair, layout) in enumerate(zip(self.pairs, self.layouts, strict=True)):
+            size = {f"grid {AXES[a]}": int(np.prod(layout.faces(a))) for a in range(layout.dim)}
+            for a in range(layout.dim):
+                fields[f"grid {AXES[a]}"] = (Field(NAMES[a], "m/s", True, f"velocity across faces of axis {a}", "scalar"),)
+            if self.carried[k]:
+                fields["grid"], size["grid"] = tuple(SCALARS[name] for name in used), layout.cells
+            for of, n in size.items():
+                first = counts.get(of, 0)
+                self.rows[k, of] = slice(first, first + n)
+                rows.setdefault(of, {})[pair[0].path, pair[1]] = np.arange(first, first + n)
+                counts[of] = first + n
+        found = {name: Part.allocate(name, fields[name], counts[name], b.model.real, b.model.device) for name in sorted(fields)}
+        for name, part in found.items():
+            part.rows = rows[name]
+            b.state.add(part)
+        return found
+
+    def field(self, k: int, name: str) -> wp.array:
+        """Array of a component ("u", "v", "w") or scalar ("smoke", "heat") of fluid k."""
+        part, name = (f"grid {AXES[NAMES.index(name)]}", name) if name in NAMES else ("grid", SCALARS[name].name)
+        return self.parts[part].arrays[name][self.rows[k, part]]
+
+    def _domain(self, k: int) -> Domain:
+        (fluid, world), layout = self.pairs[k], self.layouts[k]
+        u = filled(structs(self.model.real).Faces, **{AXES[a]: self.field(k, NAMES[a]) for a in range(layout.dim)})
+        scalars = {name: self.field(k, name) for name in self.carried[k]}
+        sources = reaching(fluid, self.scene)
+        self.changed.append([{} for _ in sources])
+        domain = Domain(self.threads, fluid, world, self.scene.colliders, sources, u, scalars)
+        self._start(domain)
+        return domain
+
+    def _start(self, domain: Domain) -> None:
+        fluid, layout, dtype = domain.fluid, domain.layout, self.model.dtype
+        let_in = any(fluid.sides[2 * a + side] in ("open", "wind") for a in layout.axes for side in (0, 1))
+        air = self.wind[domain.world] if let_in else np.zeros(3)
+        for a, axis in enumerate(layout.axes):
+            centers = (np.full(layout.n, air[axis]) if fluid.velocity is None
+                       else np.asarray(fluid.velocity, np.float64).reshape(*fluid.shape, 3)[..., axis])
+            getattr(domain.u, AXES[a]).assign(layout.faced(centers, a).ravel().astype(dtype))
+        for name, given in (("smoke", fluid.smoke), ("heat", fluid.temperature)):
+            if given is not None:
+                domain.scalars[name].assign(np.asarray(given, np.float64).ravel().astype(dtype))
+
+    # frames
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        if not self.settled:
+            for k, name in enumerate(WORDS):
+                for j, domain in enumerate(self.domains):
+                    count = list(WORDS.values())[k]
+                    domain.words[name] = self.status.word(f"fluid: {name}")[count * j:count * (j + 1)]
+            for domain, numbers in zip(self.domains, self.numbers, strict=True):
+                domain.blow(self.wind[domain.world], self.gravity[domain.world], numbers)
+                domain.settle()
+            self.settled = True
+        for domain in self.domains:
+            if domain.obstacles and domain.obstacles.moving:
+                domain.obstacles.shapes.pose(time, clock.dt)
+            if domain.sources:
+                domain.sources.pose(time, clock.dt)
+
+    def advance(self, clock: Clock) -> None:
+        more = max(1, clock.substeps // self.base)               # of a frame that is repeated with smaller steps
+        for domain in self.domains:
+            steps = domain.fluid.steps
+            domain.frame(clock.dt, more * max(1, steps), more * (steps or domain.fluid.most_steps))
+
+    def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
+        missed = status.said("fluid: missed")
+        return [(("fluid", domain.fluid.path, domain.world), float(n),
+                 f"{domain.fluid.path}: {{worst}} solves of a frame missed the tolerance of the pressure; give a larger one, "
+                 "or float64") for domain, n in zip(self.domains, missed, strict=True) if n]
+
+    # what is told and set
+
+    def arrays(self, k: int) -> dict[str, np.ndarray]:
+        """u, v, w on faces along the grid's axes and smoke, heat of fluid k now, float64, in the shapes of its layout."""
+        layout = self.layouts[k]
+        shapes = {NAMES[a]: layout.faces(a) for a in range(layout.dim)} | {name: layout.n for name in self.carried[k]}
+        return {name: self.field(k, name).numpy().astype(np.float64).reshape(shape) for name, shape in shapes.items()}
+
+    def samples(self, world: int = 0) -> list[Sample]:
+        found: list[Sample] = []
+        for k, (fluid, of) in enumerate(self.pairs):
+            if of == world:
+                found += volumes.samples(fluid, centered(fluid, self.layouts[k], self.arrays(k)))
+        return found
+
+    def indicators(self, x, v) -> dict[str, float]:
+        """Of the first world: kinetic energy [J], smoke [m^3], greatest speed [m/s], greatest divergence [1/s]; of the last
+        frame: most iterations of one solve of the pressure, steps."""
+        found: dict[str, float] = {}
+        for k, domain in enumerate(self.domains):
+            if domain.world == 0:
+                openings = domain.obstacles.openings() if domain.obstacles and self.settled else None
+                for name, value in measures(domain.fluid, self.layouts[k], self.arrays(k), openings).items():
+                    both = max if name in ("fluid_speed", "fluid_divergence") else sum
+                    found[name] = both([found.get(name, 0.0), value])
+        said = {name: self.status.said(f"fluid: {name}") for name in WORDS}
+        return found | {"fluid_iterations": float(said["solves"][1::2].max()), "fluid_steps": float(said["steps"].max())}
+
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+        rows = slice(None) if world is None else world
+        if path == "/" and name in ("wind", "gravity"):
+            getattr(self, name)[rows] = value
+        hit = [k for k, (fluid, of) in enumerate(self.pairs) if world in (None, of)]
+        mine = False
+        for k in hit:
+            domain = self.domains[k]
+            if path == "/" and name in ("wind", "gravity") or path == domain.fluid.path and name in LIVE:
+                if path != "/":
+                    self.numbers[k][name] = float(value)
+                domain.blow(self.wind[domain.world], self.gravity[domain.world], self.numbers[k])
+                mine = True
+            mine |= self._source(domain, k, path, name, value)
+        return mine
+
+    def _source(self, domain: Domain, k: int, path: str, name: str, value) -> bool:
+        """Whether a value of a source of fluid k was set."""
+        if domain.sources is None or name not in SOURCE:
+            return False
+        hit = [new for s, new in zip(domain.sources.sources, self.changed[k], strict=True) if s.path == path]
+        for new in hit:
+            new[name] = value
+        domain.sources.upload(self.changed[k])
+        return bool(hit)
+
+
+def signature(b) -> list:
+    """What of the fluids decides their kernels."""
+    fluids: list[Any] = [(len(f.axes), f.advection, f.scalar_advection, f.pressure, sum(f.shape) <= MOST, f.slip,
+                          f.viscosity > 0.0, f.vorticity > 0.0,
+                          carried(f, reaching(f, b.scene)), [s.expansion != 0.0 for s in reaching(f, b.scene)],
+                          [s.velocity is not None for s in reaching(f, b.scene)], kinds(reaching(f, b.scene)))
+                         for f in b.scene.things("Fluid")]
+    moved = any(c.motion.moves for c in b.scene.colliders)
+    return [sorted({str(f) for f in fluids}), kinds(b.scene.colliders), moved]

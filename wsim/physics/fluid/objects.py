@@ -1,0 +1,142 @@
+"""Fluids of a scene: plain data in SI units, NumPy only.
+
+A domain is a box along the world's axes, of cubes; colliders of the scene are obstacles in it. It holds air with smoke, a
+number without unit that 1 makes dense, and a temperature above that of the air around [K].
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wsim.physics.rigid.objects import vector
+from wsim.scene.bodies import Compared
+from wsim.scene.curve import Curve, Motion
+from wsim.scene.solids import Shape
+
+SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")               # in the order of `Fluid.sides` and `Fluid.side_velocities`
+KINDS = ("open", "closed", "periodic", "wind")
+ADVECTION = ("reflection", "cubic", "maccormack", "bfecc", "linear")     # of velocity; reflection: cubic, twice a step
+PRESSURE = ("auto", "direct", "multigrid")
+SCALARS = ("cubic", "maccormack", "bfecc", "linear")                     # of smoke and temperature
+
+
+@dataclass(eq=False)
+class Fluid(Compared):
+    """A box of air on a grid of cubes. Where an axis has one cell the fluid is flat, and costs no third axis.
+
+    path             prim path
+    low              corner of the box, world (3,) [m]
+    high             corner across from it (3,) [m], rounded to whole cells
+    cell             edge of a cell [m]
+    sides            what is at -x, +x, -y, +y, -z, +z: "open" (pressure 0: air comes and goes), "closed" (a wall), "periodic"
+                     (both sides of an axis), "wind" (air passes with the scene's wind)
+    side_velocities  of what is at a closed side, (6, 3) [m/s]: along it that of a wall that is not slippery, across it that of
+                     air which is let through
+    slip             walls and obstacles let viscous air slide along them; False: it sticks to them
+    density          of the air [kg/m^3]; only pressures [Pa] depend on it
+    viscosity        kinematic [m^2/s]; 0: none
+    lift             buoyancy of heat, acceleration against gravity by K over the air around, in units of g [1/K]
+    weight           acceleration of smoke of 1 along gravity, in units of g [1]
+    vorticity        confinement [1]: acceleration by this times cell size times curl
+    smoke_decay      decay rate of the smoke [1/s]
+    cooling          decay rate of the temperature [1/s]
+    advection        of the velocity: "reflection", "cubic", "maccormack", "bfecc" or "linear"
+    scalar_advection  of smoke and temperature: "cubic", "maccormack", "bfecc" or "linear"
+    pressure         how it is solved: "direct" (boxes without obstacles, best up to 160 cells along an axis), "multigrid", or
+                     "auto"
+    tolerance        of the pressure solve, residual over right-hand side [1]
+    cfl              cells that air may cross in a step [1]: as many steps a frame as that takes, up to `most_steps`
+    steps            steps a frame; 0: by `cfl`
+    most_steps       steps a frame at most, by `cfl`
+    velocity         at the start, at the cells' centres (nx, ny, nz, 3) [m/s]; None: the wind, where a side lets it in, else 0
+    smoke            at the start, (nx, ny, nz) [1]; None: 0
+    temperature      at the start, (nx, ny, nz) [K above the air around]; None: 0
+    """
+
+    path: str
+    low: np.ndarray
+    high: np.ndarray
+    cell: float
+    sides: tuple[str, ...] = ("open",) * 6
+    side_velocities: np.ndarray = field(default_factory=lambda: np.zeros((6, 3)))
+    slip: bool = True
+    density: float = 1.2
+    viscosity: float = 0.0
+    lift: float = 1.0 / 293.0
+    weight: float = 0.0
+    vorticity: float = 0.0
+    smoke_decay: float = 0.0
+    cooling: float = 0.0
+    advection: str = "reflection"
+    scalar_advection: str = "cubic"
+    pressure: str = "auto"
+    tolerance: float = 1e-4
+    cfl: float = 2.0
+    steps: int = 0
+    most_steps: int = 32
+    velocity: np.ndarray | None = None
+    smoke: np.ndarray | None = None
+    temperature: np.ndarray | None = None
+
+    def __post_init__(self):
+        self.low, self.high = (np.array(v, np.float64).reshape(3) for v in (self.low, self.high))
+        self.sides = tuple(self.sides)
+        self.side_velocities = np.array(self.side_velocities, np.float64).reshape(6, 3)
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Cells along x, y, z, at least one; (0, 0, 0) where the box or the cell is none."""
+        size = (self.high - self.low) / self.cell if self.cell > 0.0 else np.zeros(3)
+        if not (np.isfinite(size).all() and (size > 0.0).all()):
+            return 0, 0, 0
+        x, y, z = (max(1, round(float(v))) for v in size)
+        return x, y, z
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """Those with more than one cell: two of a flat fluid."""
+        return tuple(a for a, n in enumerate(self.shape) if n > 1)
+
+    @property
+    def cells(self) -> int:
+        x, y, z = self.shape
+        return x * y * z
+
+    def centers(self) -> np.ndarray:
+        """Of the cells, world (nx, ny, nz, 3) [m]."""
+        index = np.stack(np.meshgrid(*(np.arange(n) for n in self.shape), indexing="ij"), -1)
+        return self.low + self.cell * (index + 0.5)
+
+
+@dataclass(eq=False)
+class Source(Compared):
+    """A shape that puts smoke, heat, air or speed into the fluids that it reaches.
+
+    path          prim path
+    shape         as of a collider: Sphere, Box, Capsule, Cylinder, Cone, Plane, or a closed Surface
+    motion        own frame to world over time, rigid, lengths [m]
+    fluid         prim path of the domain; "": all
+    smoke         what is added inside [1/s]; of `hold` what is kept there [1]
+    temperature   what is added inside [K/s]; of `hold` what is kept there [K above the air around]
+    hold          smoke and temperature are raised to these values, not by these rates
+    velocity      of the air inside, world (3,) [m/s]; None: it is left alone
+    expansion     air that comes out of nothing, volume by volume and time [1/s]; below 0: a sink
+    strength      factor over time, a Curve of numbers or one number [1]: of rates, of what is held, and of the expansion;
+                  the velocity is held while it is above 0
+    """
+
+    path: str
+    shape: Shape
+    motion: Motion = field(default_factory=Motion.still)
+    fluid: str = ""
+    smoke: float = 0.0
+    temperature: float = 0.0
+    hold: bool = False
+    velocity: np.ndarray | None = None
+    expansion: float = 0.0
+    strength: Curve = 1.0  # type: ignore[assignment]  # a number becomes a curve below
+
+    def __post_init__(self):
+        self.velocity = vector(self.velocity)
+        if not isinstance(self.strength, Curve):
+            self.strength = Curve(np.zeros(1), np.array([self.strength], np.float64))
