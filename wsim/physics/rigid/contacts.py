@@ -211,7 +211,7 @@ class Contacts:
 
     def ends(self, clock: Clock) -> list[int]:
         """Substeps before which manifolds are made, and the number of substeps."""
-        times = self.times(clock)
+        times = max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
         return [round(i * clock.substeps / times) for i in range(times + 1)]
 
     def keep(self) -> None:
@@ -219,12 +219,8 @@ class Contacts:
         for name, array in self.arrays().items():
             wp.copy(array, getattr(self.list, name))
 
-    def times(self, clock: Clock) -> int:
-        """How often manifolds are made in a frame."""
-        return max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
-
     def launches(self, clock: Clock) -> int:
-        times = self.times(clock)
+        times = len(self.ends(clock)) - 1
         made = 13 + bool(self.on_meshes) + 2 * bool(self.method.sleep)
         return made * times + self.form.launches(clock.substeps, self.sweeps, times)
 
@@ -255,8 +251,7 @@ class Contacts:
 
     def overlap(self) -> float:
         """How deep the points of manifolds lie in each other now, at most [m]."""
-        count = self.list.count.numpy()
-        used = np.arange(4) < count[:, None]
+        used = np.arange(4) < self.list.count.numpy()[:, None]
         return max(0.0, -float(self.work.now.numpy().reshape(-1, 4)[used].min(initial=0.0)))
 
     def indicators(self) -> dict[str, float]:
@@ -293,8 +288,7 @@ class Contacts:
 
 def bounces(scene) -> bool:
     """Whether something has a restitution."""
-    own = [c for body in scene.things("Body") for c in meeting(body)]
-    return any(c.restitution > 0.0 for c in (*own, *standing(scene.colliders)))
+    return any(c.restitution > 0.0 for of in (*map(meeting, scene.things("Body")), standing(scene.colliders)) for c in of)
 
 
 def places_of(masses: list, colliders: list[Collider], centers: np.ndarray) -> np.ndarray:

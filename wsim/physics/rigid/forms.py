@@ -58,7 +58,7 @@ class Form:
         return found + f", until the residual is under {self.tolerance:g} m/s" * (self.tolerance > 0.0)
 
     def make(self, model, bouncing: bool, linked: int = 0) -> None:
-        """Its kernels, in the model's modules; linked: how many islands of joints there are, beside which sweeps are counted."""
+        """Its kernels, in the model's modules; linked: how many islands of joints there are, where sweeps are counted."""
         real, self.model, self.islands = model.real, model, linked
         self.tolerance = 0.0 if linked else model.scene.contact_tolerance
         if self.tolerance > 0.0 and self.name == "launches":

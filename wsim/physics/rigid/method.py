@@ -61,7 +61,7 @@ class Rigid(Method):
         self._stages(b)
 
     def _allocate(self, b) -> None:
-        fields = FIELDS
+        fields: tuple[Field, ...] = FIELDS
         if touches(b.scene) and b.choice.solver == "implicit":
             from wsim.physics.rigid.touch.newton import KEPT
             fields += KEPT

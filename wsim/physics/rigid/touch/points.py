@@ -239,8 +239,8 @@ class Touch:
                 self.foreseen.miss()
 
     def indicators(self) -> dict[str, float]:
-        """touches: contacts of points with bodies, open ones too, in the last substep; touch_residual: what was left there of
-        how points change a body's motion, the largest of all bodies (kernels/rigid/touch: star.py; of Newton's method lean.py)."""
+        """touches: contacts of points with bodies, open ones too, in the last substep; touch_residual: what was left there
+        of how points change a body's motion, the largest of all bodies (kernels/rigid/touch: star.py, of Newton lean.py)."""
         left = self.foreseen.missed if self.foreseen else self.left
         return {"touches": int(self.rows.first.numpy()[-1]), "touch_residual": float(left.numpy().max())}
 
