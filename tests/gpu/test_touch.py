@@ -1,11 +1,11 @@
-"""On a GPU: bodies under points of cloth, in a captured frame: as on a CPU, and twice the same bits. Skipped without a device."""
+"""On a GPU: bodies under points of cloth, in a captured frame: as on a CPU, twice the same bits. Skipped without a device."""
 
 import numpy as np
 import pytest
 import warp as wp
 
 from tests.physics.rigid.test_contact import ball, box
-from tests.physics.rigid.touch.test_touch import FREE, by
+from tests.physics.rigid.touch.test_blows import FREE, by
 from tests.physics.rigid.touch.touching import Mixed, run, scene
 
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a GPU")

@@ -214,9 +214,9 @@ def _chosen(model: Model) -> Build:
 
 def _fields(b: Build) -> tuple[Field, ...]:
     """Fields of the points that this scene needs."""
-    integrator = b.choice.integrator
+    integrator, met = b.choice.integrator, bool(b.scene.colliders or b.reasons["contact"])
     multistep, steps = integrator.memory > 0.0, integrator.explicit and b.within
-    return (POINTS + (ANCHOR if multistep or b.scene.colliders or b.reasons["contact"] or steps else ()) + (HISTORY if multistep else ())
+    return (POINTS + (ANCHOR if multistep or met or steps else ()) + (HISTORY if multistep else ())
             + (STAGED if integrator.solves > 1 else ()) + (CARRY if integrator.explicit else ())
             + (HALF if steps and len(integrator.steps) > 1 else ()))
 

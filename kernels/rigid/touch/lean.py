@@ -1,9 +1,9 @@
 """Bodies in a Newton step of points (kernels/contact/active_set.py): where planes will be when the step is done.
 
-A step of Newton's method holds points at planes that go with a body as it has been foreseen, and says how they push, P. A star
-(kernels/rigid/touch/star.py) then foresees it anew, of points that give way as A_ii lets them alone: the block of a point is stiffer
-than all of them together are to what moves them together, so what is foreseen goes towards the solution from one side, and does
-not swing however light the body is. Force F = own P is lam' = own P / own' in a metric own' = n.A_ii n:
+A step of Newton's method holds points at planes that go with a body as it has been foreseen, and says how they push, P. A
+star (kernels/rigid/touch/star.py) then foresees it anew, of points that give way as A_ii lets them alone: the block of a point
+is stiffer than all of them together are to what moves them together, so what is foreseen goes towards the solution from one
+side, and does not swing however light the body is. Force F = own P is lam' = own P / own' in a metric own' = n.A_ii n:
 
     base' = lam' - k n.U0  where lam > 0, else -gap - k n.U0,     slip' = g U0 - T',     f' = h own'
 
@@ -26,7 +26,7 @@ from wsim.kernels.rigid.touch.star import structs as stars
 @cache
 def lean(real, module):
     """Kernel over the room for contacts: rows of a star, behind a Newton step. P: inverse blocks A_ii before contacts."""
-    t, (Shapes, Found, Points), Rows, Slots = types(real), structs(real), stars(real)[0], project.slots(real)
+    t, Points, Rows, Slots = types(real), structs(real)[2], stars(real)[0], project.slots(real)
     vectors = wp.array(dtype=wp.vec3d)
 
     def touch_lean(c: project.tables(real)[0], of: wp.array(dtype=int), s: Slots, p: Points, P: wp.array(dtype=t.mat33),
@@ -108,8 +108,8 @@ def miss(real, module):
 
 @cache
 def owe(real, module):
-    """Kernel over points, behind the last Newton step: pushes become what points that bodies push have got: the opposite of what
-    forces f [N] leave there."""
+    """Kernel over points, behind the last Newton step: pushes become what points that bodies push have got: the opposite of
+    what forces f [N] leave there."""
     t, Slots, vectors = types(real), project.slots(real), wp.array(dtype=types(real).vec3)
 
     def touch_owe(of: wp.array(dtype=int), s: Slots, p: structs(real)[2], f: vectors, push_out: vectors):

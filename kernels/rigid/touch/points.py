@@ -9,8 +9,8 @@
 
 An impulse is J = P / (w c), with c of the integrator (kernels/carrier/response.py), which moves a point's velocity by w J
 whatever integrates it. What a contact leaves is not always the velocity that the step has made of it: restitution, and BDF2,
-which throws back half of the speed it meets a wall with. So velocities behind a substep are solved for once more (`rise`): along
-the normals of contacts that push, that of the way over h, or of a rebound,
+which throws back half of the speed it meets a wall with. So velocities behind a substep are solved for once more (`rise` in
+kernels/rigid/touch/rebound.py): along the normals of contacts that push, that of the way over h, or of a rebound,
 
     n.v' = max(min(n.V / h, 0), -restitution n.v_before)          V: relative way; the latter where n.v_before < -slow
 
@@ -161,7 +161,8 @@ def begin(real, module):
 @cache
 def found(real, module):
     """Kernel over the room for contacts: arms, and the planes as they were found."""
-    t, (Shapes, Found, Points), Rows, Slots, Rig = (types(real), structs(real), stars(real)[0], project.slots(real), whole(real))
+    t, (Shapes, Found, Points), Rows = types(real), structs(real), stars(real)[0]
+    Slots, Rig = project.slots(real), whole(real)
 
     def touch_found(shapes: Shapes, rig: Rig, s: Slots, p: Points, rows_out: Rows, out: Found):
         m = wp.tid()
@@ -188,10 +189,10 @@ def found(real, module):
 @cache
 def gather(real, module):
     """Kernel over the room for contacts: their rows of a star."""
-    t, (Shapes, Found, Points), (Rows, Hubs), Slots = types(real), structs(real), stars(real), project.slots(real)
-    Rows2 = project.tables(real)[0]
+    t, (_, Found, Points), Rows, Slots = types(real), structs(real), stars(real)[0], project.slots(real)
+    Table = project.tables(real)[0]
 
-    def touch_gather(c: Rows2, s: Slots, p: Points, found: Found, bodies: int, rows_out: Rows):
+    def touch_gather(c: Table, s: Slots, p: Points, found: Found, bodies: int, rows_out: Rows):
         m = wp.tid()
         if m >= rows_out.first[bodies]:
             return
@@ -240,7 +241,7 @@ def rotate_moments(R: wp.mat33d, inverse: wp.vec3d, omega: wp.vec3d):
 @cache
 def tell(real, module):
     """Kernel over the room for contacts: planes and speeds of surfaces, as bodies go by V."""
-    t, (Shapes, Found, Points), Rows, Slots = types(real), structs(real), stars(real)[0], project.slots(real)
+    t, Found, Rows, Slots = types(real), structs(real)[1], stars(real)[0], project.slots(real)
 
     def touch_tell(rows: Rows, found: Found, V: wp.array(dtype=wp.vec3d), of: wp.array(dtype=int), h: real, s_out: Slots):
         m = wp.tid()
@@ -260,9 +261,9 @@ def tell(real, module):
 
 @cache
 def take(real, module):
-    """Kernel over bodies times lanes: momenta, less what their points have got beyond `total`. still: 1 for impulses that change
-    no place."""
-    t, (Shapes, Found, Points), Rows, Rig = types(real), structs(real), stars(real)[0], whole(real)
+    """Kernel over bodies times lanes: momenta, less what their points have got beyond `total`. still: 1 for impulses that
+    change no place."""
+    t, Found, Rows, Rig = types(real), structs(real)[1], stars(real)[0], whole(real)
 
     def touch_take(rows: Rows, push: wp.array(dtype=t.vec3), found: Found, still: int, lanes: int, rig: Rig):
         tid = wp.tid()

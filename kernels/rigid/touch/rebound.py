@@ -1,4 +1,4 @@
-"""Velocities behind a substep of points that push bodies, by impulses that change no place. Equations: kernels/rigid/touch/points.py."""
+"""Velocities behind a substep of points that push bodies, by impulses that change no place: kernels/rigid/touch/points.py."""
 
 from functools import cache
 
@@ -62,7 +62,7 @@ def thrown(real, module):
 @cache
 def remember(real, module):
     """Kernel over points: anchors by what changes no place; a memory is told of that and of what does."""
-    t, (Shapes, Found, Points), Slots = types(real), structs(real), project.slots(real)
+    t, (_, Found, Points), Slots = types(real), structs(real), project.slots(real)
     vectors = wp.array(dtype=t.vec3)
 
     def touch_remember(of: wp.array(dtype=int), s: Slots, p: Points, found: Found, memory: int, a_out: vectors, v_out: vectors,

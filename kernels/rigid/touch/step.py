@@ -1,4 +1,4 @@
-"""The substep of kernels/rigid/passes.py in three launches, between which points push the bodies (kernels/rigid/touch/points.py).
+"""The substep of kernels/rigid/passes.py in three launches, between which points push bodies (kernels/rigid/touch/points.py).
 
     begin     impacts, forces, and the impulses that the substep before has left
     sweep     bodies against each other and against colliders, in turn with the points
@@ -17,7 +17,7 @@ from wsim.kernels.rigid.passes import over_bodies
 
 def touch_step(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0,
                bouncing: bool = False) -> list:
-    """Kernels begin, sweep, end: substep steps[0] of a frame, of h [s], with steps[2] sweeps; the others as `passes.substeps`."""
+    """Kernels begin, sweep, end: substep steps[0] of a frame, of h [s], with steps[2] sweeps; others as `passes.substeps`."""
     Rig, act = whole(real), [acts(kind, real) for kind in kinds]
     begun, placed, ended = over_bodies(real)
     prepare = in_turn([at_once(kind, a.prepare, real) for kind, a in zip(kinds, act, strict=True)], real)

@@ -239,8 +239,7 @@ class Contacts:
         return self.adjoint is not None and self.adjoint.model.tape is not None
 
     def settle(self, g: float, e: wp.array, d: wp.array, a: wp.array, v: wp.array, push: wp.array | None = None) -> None:
-        """After the last iteration of a multistep integrator: a and v of points in contact forget what was before. push: of
-        slots, where some do not count; None: as it is."""
+        """After the last iteration of a multistep integrator: a, v of points in contact forget what was. push: or of some."""
         at = self.read(v=v, e=e, d=d, a=a, push=self.push if push is None else push)
         self.launch(self.settle_kernel, self.count, [self.table, self.slots, at, g], [a, v])
 

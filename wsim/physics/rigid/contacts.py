@@ -213,19 +213,15 @@ class Contacts:
 
     def ends(self, clock: Clock) -> list[int]:
         """Substeps before which manifolds are made, and the number of substeps."""
-        times = self.times(clock)
+        times = max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
         return [round(i * clock.substeps / times) for i in range(times + 1)]
 
     def keep(self) -> None:
         """Puts the list into the state."""
         self.model.launch(self.keeping, self.room, [self.list], [filled(rows.lasts(self.real), **self.arrays())])
 
-    def times(self, clock: Clock) -> int:
-        """How often manifolds are made in a frame."""
-        return max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
-
     def launches(self, clock: Clock) -> int:
-        times = self.times(clock)
+        times = len(self.ends(clock)) - 1
         made = 7 + bool(self.on_meshes) + 2 * self.moves + 2 * bool(self.method.sleep)
         return made * times + self.form.launches(clock.substeps, self.sweeps, times)
 
@@ -258,8 +254,7 @@ class Contacts:
 
     def overlap(self) -> float:
         """How deep the points of manifolds lie in each other now, at most [m]."""
-        count = self.list.count.numpy()
-        used = np.arange(4) < count[:, None]
+        used = np.arange(4) < self.list.count.numpy()[:, None]
         return max(0.0, -float(self.work.now.numpy().reshape(-1, 4)[used].min(initial=0.0)))
 
     def indicators(self) -> dict[str, float]:

@@ -14,7 +14,7 @@ def skew(r):
 
 @dataclass
 class Problem:
-    """M (6, 6), q (6,) momentum; of each contact: n, r, base, slip, mu, m, as kernels/rigid/touch/star.py has them, with f = m / h."""
+    """M (6, 6), q (6,) momentum; of each contact n, r, base, slip, mu, m: kernels/rigid/touch/star.py, with f = m / h."""
 
     M: np.ndarray
     q: np.ndarray
@@ -59,7 +59,9 @@ class Problem:
             return F, self.M + np.einsum("nki,nkl,nlj->ij", B, f[:, None, None] * slope, B), F @ inverse @ F
         V, (F, K, size) = np.zeros(6), at(np.zeros(6))
         first, part, step = size, 1.0, -np.linalg.solve(K, F)
-        for count in range(1, most):
+        count = 1
+        while count < most:
+            count += 1
             trial = V + part * step
             F, K, found = at(trial)
             if found < size:
@@ -81,7 +83,7 @@ class Problem:
         for _ in range(sweeps):
             most = 0.0
             for i, n in enumerate(self.n):
-                W = B[i] @ inverse @ B[i].T + np.eye(3) / (f[i] * h)         # velocity of the place less that of the point, by -J
+                W = B[i] @ inverse @ B[i].T + np.eye(3) / (f[i] * h)         # velocity of the place less the point's, by -J
                 lam = n @ J[i]
                 # the gap closes by h (n.U) - n.J / f = -base
                 wants = lam + (self.base[i] / h + n @ (B[i] @ V) - lam / (f[i] * h)) / (n @ W @ n)

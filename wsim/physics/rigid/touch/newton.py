@@ -24,7 +24,8 @@ class Foreseen(Term):
     def __init__(self, touch, assembly, lanes: int):
         """touch: `wsim.physics.rigid.touch.points.Touch`; lanes: threads that sum over a system."""
         self.touch, self.assembly, model = touch, assembly, touch.model
-        self.kernels = {f.__name__: f(model.real, model.module) for f in (lean.lean, lean.recall, lean.owe, lean.given, lean.keep, lean.miss)}
+        own = (lean.lean, lean.recall, lean.owe, lean.given, lean.keep, lean.miss)
+        self.kernels = {f.__name__: f(model.real, model.module) for f in own}
         self.V, self.missed = wp.zeros_like(touch.V), wp.zeros_like(touch.left)
         self.P, self.y = wp.zeros_like(assembly.A.P), wp.zeros_like(assembly.f)
         w, starts = assembly.rows.w.numpy(), assembly.system.starts
@@ -47,8 +48,8 @@ class Foreseen(Term):
     def lean(self, clock: Clock) -> None:
         """Behind a Newton step that is not the last."""
         touch = self.touch
-        self.run("lean", touch.room_for, [touch.contacts.table, touch.shapes.of, touch.contacts.slots, touch.points(clock), self.P,
-                                          touch.V], [touch.rows])
+        contacts, at = touch.contacts, touch.points(clock)
+        self.run("lean", touch.room_for, [contacts.table, touch.shapes.of, contacts.slots, at, self.P, touch.V], [touch.rows])
         touch.solve(clock, 1.0, clock.h, clock.g)
         touch.tell(clock)
 
@@ -70,8 +71,8 @@ class Foreseen(Term):
         """Twice the Newton steps, up to STEPS."""
         def more() -> str:
             clock.iterations *= 2
-            return (f"bodies under points went otherwise than Newton steps had foreseen, and there are {clock.iterations} of them "
-                    "in a substep from here on")
+            return ("bodies under points went otherwise than Newton steps had foreseen, and there are "
+                    f"{clock.iterations} of them in a substep from here on")
         missed = self.touch.status.said(UNFORESEEN)[0] and clock.iterations <= STEPS // 2
         return [Remedy("grow", more)] if missed else []
 

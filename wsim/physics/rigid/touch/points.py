@@ -1,9 +1,9 @@
 """Contact of rigid bodies with points of cloth, nets and soft bodies, both ways.
 
-Their shapes are rows of the table of colliders that points have (`wsim.physics.contact.contacts`), placed on the device from the
-state of the bodies. In a substep bodies first take their forces, then points are predicted and meet them; at the end of every
-iteration of points a star is solved around each body (kernels/rigid/touch/star.py) in turn with the contacts that bodies have among
-themselves; then both go where they go. Equations: kernels/rigid/touch/points.py.
+Their shapes are rows of the table of colliders that points have (`wsim.physics.contact.contacts`), placed on the device from
+the state of the bodies. In a substep bodies first take their forces, then points are predicted and meet them; at the end of
+every iteration of points a star is solved around each body (kernels/rigid/touch/star.py) in turn with the contacts that bodies
+have among themselves; then both go where they go. Equations: kernels/rigid/touch/points.py.
 """
 
 from dataclasses import replace
@@ -62,8 +62,9 @@ class Touch:
         self.bounds = colour.bounds(b.model.module)
         self.joints = rigid.joints.passes() if rigid.joints else None
         self.foreseen: Any = None                        # `wsim.physics.rigid.touch.newton.Foreseen`
-        self.stages = [Stage("rigid bodies", "predict", self.begin, 1, rigid.part.bytes, what=f"{len(rigid.bodies)} bodies: forces"),
-                       Stage("rigid bodies: places", "finish", self.end, 2, rigid.part.bytes, what="and what pushed them apart")]
+        size, what = rigid.part.bytes, f"{len(rigid.bodies)} bodies: forces"
+        self.stages = [Stage("rigid bodies", "predict", self.begin, 1, size, what=what),
+                       Stage("rigid bodies: places", "finish", self.end, 2, size, what="and what pushed them apart")]
 
     def colliders(self, world: int) -> list[Collider]:
         """Shapes of the bodies of a world, where they start."""
@@ -238,8 +239,8 @@ class Touch:
                 self.foreseen.miss()
 
     def indicators(self) -> dict[str, float]:
-        """touches: contacts of points with bodies, open ones too, in the last substep; touch_residual: what was left there of how
-        points change a body's motion, the largest of all bodies (kernels/rigid/touch/star.py; of Newton's method lean.py)."""
+        """touches: contacts of points with bodies, open ones too, in the last substep; touch_residual: what was left there
+        of how points change a body's motion, the largest of all bodies (kernels/rigid/touch: star.py, of Newton lean.py)."""
         left = self.foreseen.missed if self.foreseen else self.left
         return {"touches": int(self.rows.first.numpy()[-1]), "touch_residual": float(left.numpy().max())}
 

@@ -11,6 +11,7 @@ from tests.physics.rigid.test_contact import UP, ball, box
 from tests.physics.rigid.touch.touching import Mixed, rim, run, scene
 from wsim.cli.run import prepare
 from wsim.geometry.tetra.lattice import box as block
+from wsim.physics.rigid.joints.joint import Joint
 from wsim.scene import Plane, Scene, SceneError
 from wsim.scene.check.scene import check
 from wsim.scene.curve import Motion
@@ -32,7 +33,8 @@ def test_a_run_goes_on_to_the_bit_and_holds_points_and_transforms(way, tmp_path)
     whole, half, rest = (str(tmp_path / f"{name}.usdc") for name in ("whole", "half", "rest"))
 
     def end(output: str, frames: int, restart: str | None = None) -> Simulation:
-        job = prepare(replace(load(tmp_path / "s.usda"), frames=frames), output, lambda s: Simulation(s, **CPU), restart=restart)
+        loaded = replace(load(tmp_path / "s.usda"), frames=frames)
+        job = prepare(loaded, output, lambda s: Simulation(s, **CPU), restart=restart)
         job.frames()
         return job.simulation
     one = end(whole, 8)
@@ -69,7 +71,8 @@ def test_a_soft_cube_on_a_box_on_a_plane_rests(density):
     """Of 6 and of 38 kg, on 5 kg; the plane bears both."""
     points, tets = block((0.4, 0.4, 0.4), (4, 4, 4))
     found = Scene(fps=60.0, substeps=10)
-    found.soft("/cube", points - points.mean(0) + (0.0, 0.52, 0.0), tets, material=Bulk(young=1e5, density=density, damping=5e-3))
+    gel = Bulk(young=1e5, density=density, damping=5e-3)
+    found.soft("/cube", points - points.mean(0) + (0.0, 0.52, 0.0), tets, material=gel)
     found.collider("/ground", Plane(), motion=Motion.still(UP))
     found.add(box("/box", (0.0, 0.15, 0.0), (0.3, 0.15, 0.3), mass=5.0))
     found.air_drag = 2.0
@@ -117,6 +120,13 @@ def test_newtons_method_repeats_what_it_has_not_foreseen():
 def test_what_cannot_be_is_refused(change, said):
     with pytest.raises(SceneError, match=said):
         run(replace(falls(), **change))
+
+
+def test_joints_of_bodies_that_touch_points_are_refused_by_their_path():
+    found = falls()
+    found.add(Joint("/hinge", "/ball", "/far/ball"))
+    with pytest.raises(SceneError, match="/hinge: is a joint in a scene whose bodies may touch"):
+        run(found)
 
 
 def test_gradients_are_refused_by_the_body():
