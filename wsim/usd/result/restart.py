@@ -26,6 +26,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, Vt
 
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
 from wsim.scene.methods import every
+from wsim.scene.samples import VOLUME
 from wsim.usd.clips import joined
 from wsim.usd.prims.reactions import REACTION
 from wsim.usd.result import crate, provenance
@@ -131,11 +132,12 @@ class Result:
         return UsdGeom.PointBased(self._prim(path)).GetPointsAttr().GetTimeSamples()
 
     def codes(self, path: str) -> list[float]:
-        """Time codes of what is sampled on a prim: of points, else of whatever there is on it and below."""
+        """Time codes of what is sampled on a prim: of points, else of whatever there is on it, below, and on its volume."""
         prim = self.stage.GetPrimAtPath(path)
         if prim.IsA(UsdGeom.PointBased):
             return self.time_codes(path)
-        return sorted({c for each in Usd.PrimRange(prim) for attribute in each.GetAuthoredAttributes()
+        found = [p for p in (prim, self.stage.GetPrimAtPath(path + VOLUME)) if p]
+        return sorted({c for p in found for each in Usd.PrimRange(p) for attribute in each.GetAuthoredAttributes()
                        for c in attribute.GetTimeSamples()})
 
     def positions(self, path: str, code: float) -> np.ndarray:
@@ -178,7 +180,7 @@ def load_restart(result_path, scene: Scene) -> Restart:
         raise SceneError(Problem(result.path, f"has {result.fps:g} time codes a second, the scene {scene.fps:g}; "
                                  "restart with the scene that the result was made from"))
     bodies = scene.bodies()
-    others = {thing.path: result.stage.GetPrimAtPath(thing.path) for _, thing in every(scene)}
+    others = {path: result.stage.GetPrimAtPath(path) for path in _written(scene)}
     if lost := [path for path, prim in others.items() if not prim]:
         raise SceneError(Problem(lost[0], f"is not in {result.path}; restart from a result of this scene"))
     prims = {b.path: body_prim(result.stage, b.path, len(b.points)) for b in bodies} | others
@@ -201,6 +203,12 @@ def load_restart(result_path, scene: Scene) -> Restart:
                 "the order of accuracy, not bit for bit")
         restart.notes.append(Problem(result.path, text, fatal=False))
     return restart
+
+
+def _written(scene: Scene) -> list[str]:
+    """Prims that results hold what methods have of."""
+    found = (getattr(thing, "written", thing.path) for row, thing in every(scene) if type(thing).__name__ not in row.unseen)
+    return list(dict.fromkeys(found))
 
 
 def is_frame(code: float, scene: Scene, rate: float) -> bool:
@@ -256,7 +264,7 @@ def copy_samples(restart: Restart, stage: Usd.Stage, scene: Scene, beside: Besid
     wanted += [(p.path, (REACTION,)) for p in scene.pins]
     if layer.subLayerPaths:
         wanted += [(c.path, ("xformOp:transform",)) for c in scene.colliders]
-    codes = copied(layer, stage, restart, [thing.path for _, thing in every(scene)], beside)
+    codes = copied(layer, stage, restart, _written(scene), beside)
     for path, names in wanted:
         for name in names:
             spec = layer.GetAttributeAtPath(f"{path}.{name}")
