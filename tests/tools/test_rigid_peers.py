@@ -71,7 +71,7 @@ def test_a_rod_swings_with_the_energy_that_it_falls_by():
 
 def row(engine: str, ms: float, sag: float, setting=None, **more) -> dict:
     return {"problem": "column of ten", "engine": engine, "setting": setting or {"substeps": 8, "iterations": 2}, "ms": ms,
-            "errors": {"sag": sag, "speed": 0.0, "fallen": False} | more}
+            "cpu_ms": 1.0 / ms, "errors": {"sag": sag, "speed": 0.0, "fallen": False} | more}
 
 
 def test_where_wsim_is_behind_is_said():
@@ -81,7 +81,8 @@ def test_where_wsim_is_behind_is_said():
     assert len(said) == 2                                              # what has fallen is no row to be beaten
     assert "2 times as long" in said[0] and said[0].endswith("slower")
     assert said[1].endswith("its least is 1 -- less accurate")
-    assert "| column of ten | wsim 8 x 2 | 2 | sag 1 mm, speed 0 |" in table(rows)
+    assert "| column of ten | wsim 8 x 2 | 2 | 0.5 | sag 1 mm, speed 0 |" in table(rows)
+    assert "0.5 times as long" in slower(rows, "cpu_ms")[0] and not slower(rows, "cpu_ms")[0].endswith("slower")
 
 
 def test_every_engine_has_a_setting_for_every_scene_and_words_for_it():

@@ -118,6 +118,11 @@ def problems(args: argparse.Namespace) -> list[Problem]:
     return [PROBLEMS[name] for name in names]
 
 
+def clock(device: str) -> str:
+    """Which time decides."""
+    return "cpu_ms" if device == "cpu" else "ms"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--peer-python", default=None, help="interpreter of an environment with the peers, see above")
@@ -133,8 +138,8 @@ def main() -> None:
         args.peer_python = os.path.abspath(args.peer_python)          # not resolved: a link is how a venv knows itself
     wp.config.log_level = wp.LOG_WARNING
     if args.table:
-        rows = json.loads(args.json.read_text())["rows"]
-        print(table(rows), *slower(rows), sep="\n")
+        found = json.loads(args.json.read_text())
+        print(table(found["rows"]), *slower(found["rows"], clock(found["device"])), sep="\n")
         return
     head = {"hardware": hardware(wp.get_device(args.device)), "device": args.device, "warp": wp.config.version}
     rows, have = opened(args, head), set()
@@ -152,7 +157,7 @@ def main() -> None:
             replaced = {same(row) for row in fresh}
             rows = [row for row in rows if same(row) not in replaced] + fresh
             written(args, head, rows)                                 # after every scene: a run cut short keeps its rows
-    print(*slower(rows), sep="\n")
+    print(*slower(rows, clock(args.device)), sep="\n")
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ import warp as wp
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 from tools.bench.rigid.clock import main  # noqa: E402
 from wsim.geometry.rotation import matrix, quaternion  # noqa: E402
+from wsim.physics.rigid.joints.joint import LOCKED, SHIFTS, between  # noqa: E402
 from wsim.physics.rigid.objects import Body  # noqa: E402
 from wsim.scene import Box, Collider, Plane, Scene, Sphere  # noqa: E402
 from wsim.scene.curve import Motion  # noqa: E402
@@ -42,16 +43,19 @@ def scene_of(data: dict, setting: dict) -> Scene:
         scene.collider("/ground", Plane(), motion=Motion.still(M), **rub)
     for k, b in enumerate(data["bodies"]):
         shape = {"box": lambda s: Box(tuple(s)), "sphere": lambda s: Sphere(s[0])}.get(b["shape"])
-        own_shape = [Collider(f"/body{k}/shape", shape(b["size"]), **rub)] if shape else []
+        meets = data.get("touch", True)
+        own_shape = [Collider(f"/body{k}/shape", shape(b["size"]), meets=meets, **rub)] if shape else []
         scene.add(Body(f"/body{k}", own_shape, Motion.still(frame(b["at"], b["turn"])), b["velocity"], b["spin"],
                        mass=b["mass"], center=np.zeros(3), inertia=b["moments"]))
+    bodies = scene.things("Body")
+    for k, j in enumerate(data["joints"]):
+        sides = [bodies[number] if number >= 0 else None for number in j["bodies"]]
+        scene.add(between(f"/joint{k}", *sides, at=j["point"], limits=dict.fromkeys(SHIFTS, LOCKED)))
     return scene
 
 
 class Run:
     def __init__(self, data: dict, setting: dict, device: str):
-        if data["joints"]:
-            raise ValueError("has no joints yet")
         wp.config.log_level = wp.LOG_WARNING
         self.sim = Simulation(scene_of(data, setting), device=device, precision=setting.get("precision", "float32"))
         self.method = self.sim.plan.method("rigid")

@@ -29,6 +29,7 @@ ALONE = {                                                # what only one scene w
     ("mujoco", "tennis racket"): ({"steps": 8}, {"steps": 4}, {"steps": 4, "integrator": "RK4"}),
     ("wsim", "three bounces"): ({}, {"substeps": 8, "iterations": 2}),
     ("mujoco", "three bounces"): ({"steps": 8}, {"steps": 4}, {"steps": 32}),
+    ("wsim", "chain of 5"): ({}, {"substeps": 2, "iterations": 2}, {"substeps": 8, "iterations": 2}),
     ("mujoco", "sliding box"): ({"steps": 8}, {"steps": 4}, {"steps": 4, "cone": "elliptic"}),
 }
 NEWTON = ({"solver": "xpbd", "steps": 4}, {"solver": "xpbd", "steps": 16, "iterations": 8}, {"solver": "vbd", "steps": 4},
