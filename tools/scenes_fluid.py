@@ -20,7 +20,8 @@ def domain(low, high, cell: float, lines: str, comment: str = AIR) -> str:
 def source(name: str, shape: tuple[str, str], at, lines: str, comment: str = "") -> str:
     """shape: its type and sizes."""
     kind, sizes = shape
-    return block(kind, name, f'uniform token purpose = "guide"\n{sizes}\n{lines}\n{moved(*at)}', '["WsimFluidSourceAPI"]', comment)
+    said = f'uniform token purpose = "guide"\n{sizes}\n{lines}\n{moved(*at)}'
+    return block(kind, name, said, '["WsimFluidSourceAPI"]', comment)
 
 
 def sides(*kinds: str) -> str:
@@ -29,7 +30,8 @@ def sides(*kinds: str) -> str:
 
 
 def plume() -> str:
-    ball = solid("Sphere", "Ball", "double radius = 0.15\n" + moved(0.03, 0.75, 0.0), comment="An obstacle, to a part of a cell.")
+    ball = solid("Sphere", "Ball", "double radius = 0.15\n" + moved(0.03, 0.75, 0.0),
+                 comment="An obstacle, to a part of a cell.")
     fire = source("Fire", ("Sphere", "double radius = 0.1"), (0, 0.15, 0),
                   "double wsim:fluid:smoke = 3\ndouble wsim:fluid:temperature = 200",
                   "Adds smoke of 3 and 200 K a second; heat rises.")
