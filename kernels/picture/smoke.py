@@ -9,9 +9,9 @@ Along a ray from the eye, radiance L and transmittance T (Kajiya, Von Herzen 198
     V    part of the key light that is left at a place: exp(- integral k rho) towards it, 0 behind a surface
     S    the sky's mean        P  part of the key light that is scattered to the eye, of all directions and orders
 
-A ray is cut into equal pieces of a voxel at most; a piece has the density at one place of it, and the exact integral of that.
-V is worked out once an image, at each voxel near smoke. Surfaces and ground have the shadow of smoke. Grids are trilinear
-between the centres of voxels, 0 outside. Lengths as in ray.py, float32 only.
+A ray is cut into equal pieces, of a voxel at most towards the light, of half of one from the eye; a piece has the density at
+its middle, and the exact integral of that. V is worked out once an image, at each voxel near smoke. Surfaces and ground have
+the shadow of smoke. Grids are trilinear between the centres of voxels, 0 outside. Lengths as in ray.py, float32 only.
 """
 
 import warp as wp
@@ -142,13 +142,12 @@ def march_smoke(medium: Medium, view: ray.View, samples: ray.Samples, behind: wp
     L = wp.vec3(0.0)
     T = wp.float32(1.0)
     if reach[1] > reach[0]:
-        n = pieces(reach, dq)
+        n = 2 * pieces(reach, dq)
         step = (reach[1] - reach[0]) / float(n)
         S = 0.8 * view.zenith + 0.2 * view.horizon
-        jitter = ray.hammersley(((x & 7) + 8 * (y & 7)) * 37 & 63)[1]
         k = int(0)
         while k < n and T > OPAQUE:
-            at = q + (reach[0] + (float(k) + jitter) * step) * dq
+            at = q + (reach[0] + (float(k) + 0.5) * step) * dq
             rho = value(medium.density, at)
             if rho > 0.0:
                 V = value(medium.lit, at)

@@ -10,7 +10,7 @@ def make(args) -> list:
     """Writes the scene; returns its notes. Raises SceneError where a file stands in the way, or the mesh does not serve."""
     if os.path.lexists(args.output) and not args.force:
         raise SceneError(Problem(args.output, "is there already; give --force to replace it, or choose another name"))
-    return (_cloth if args.kind == "cloth" else _softbody)(args, {
+    return {"cloth": _cloth, "softbody": _softbody, "fluid": _fluid}[args.kind](args, {
         "ground": args.ground, "meters_per_unit": args.meters_per_unit, "frames": args.frames, "pins": tuple(args.pin),
         "colliders": tuple(args.collider), "bound": args.material})
 
@@ -33,3 +33,10 @@ def _softbody(args, more: dict) -> list:
         raise SceneError(Problem("material", str(error))) from None
     interrupt.begin("wait")
     return author_softbody(args.mesh, args.output, material, args.prim, cells=args.cells, **more)
+
+
+def _fluid(args, more: dict) -> list:
+    from wsim.usd.new.fluid import author_fluid
+
+    interrupt.begin("wait")
+    return author_fluid(args.mesh, args.output, args.prim, cells=args.cells, **more)

@@ -55,14 +55,20 @@ class Contacts:
         self.still_first = len(method.bodies)
         self.bouncing, self.sweeps = bounces(b.scene), b.scene.iterations
         self._shapes()
+        self.filters = None
+        if any(b.scene.things(name) for name in ("Joint", "Group", "Parted")):
+            from wsim.physics.rigid.joints.filters.groups import filters
+            paths = [(c.path, world) for _, world, c in self.owners] + [(c.path, -1) for c in self.colliders]
+            frames = [method.bodies[k][0].path for k, _, _ in self.owners] + [""] * len(self.colliders)
+            self.filters = filters(b.scene, paths, frames)
         real, module = self.real, b.model.module
-        self.reach, self.listed = pairs.reach(real, module), pairs.listed(real, module)
+        self.reach, self.listed = pairs.reach(real, module), pairs.listed(real, module, self.filters is not None)
         met = kinds(b.scene.things("Body"), self.colliders)
         on_meshes = frozenset(one for one, other in met if other == "mesh")
         self.collide = collide.collide(frozenset(p for p in met if p[1] != "mesh"), real, module)
         self.on_meshes = collide_mesh.collide_mesh(on_meshes, real, module) if on_meshes else None
         self.form = forms.chosen(b.model.device, self.shapes)
-        self.form.make(b.model, self.bouncing)
+        self.form.make(b.model, self.bouncing, method.joints.islands if method.joints else 0)
         if method.sleep:
             method.sleep.make(self.form)
         b.status.reserve(WORD)
@@ -130,6 +136,7 @@ class Contacts:
                            goal=zeros(4 * room, real), hit=zeros(4 * room, real), scrape=zeros(4 * room, t.vec3),
                            order=zeros(room, int), starts=zeros(SERIAL + 2, int), place=zeros(SERIAL + 2, int),
                            colours=zeros(1, int), flags=zeros(2, int), taken=zeros(n, wp.int64), first=zeros(n, int))
+        self.work.residual = zeros(2, real)
         self.number, self.first = zeros(self.shapes, int), zeros(self.shapes, int)
         self.work.listed = self.first[self.shapes - 1:]
         for name, array in (self.method.sleep.arrays(n) if self.method.sleep else {"asleep": zeros(n, int)}).items():
@@ -140,7 +147,12 @@ class Contacts:
         low, high = (wp.zeros(self.shapes, dtype=wp.vec3f, device=self.device) for _ in range(2))
         self.bvh = wp.Bvh(low, high)
         endless = np.flatnonzero(self.table.ball.numpy() < 0.0).astype(np.int32)
-        self.tree = filled(pairs.trees(), id=self.bvh.id, low=low, high=high,
+        more = {}
+        if self.filters:
+            names = {"group": self.filters.kind, "apart": self.filters.table, "first": self.filters.first,
+                     "parted": self.filters.parted}
+            more = {name: wp.array(v.astype(np.int32), dtype=int, device=self.device) for name, v in names.items()}
+        self.tree = filled(pairs.trees(bool(more)), **more, id=self.bvh.id, low=low, high=high,
                            endless=wp.array(endless, dtype=int, device=self.device))
 
     def _empty(self, first: int) -> None:
@@ -149,7 +161,7 @@ class Contacts:
             array[first:self.parts[0].capacity].fill_(-1)
         body, world = self.method.bodies[0]
         for part in self.parts:
-            part.rows = {(body.path, world): np.arange(part.capacity)}
+            part.rows = {(body.written, world): np.arange(part.capacity)}
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Uploads the poses of colliders at the substeps of a frame; still ones once."""
@@ -185,10 +197,14 @@ class Contacts:
 
     def awake(self, clock: Clock) -> None:
         """A frame in which something may move."""
+        if self.form.tolerance > 0.0:
+            self.work.residual.zero_()
         ends = self.ends(clock)
         for first, last in zip(ends[:-1], ends[1:], strict=True):
             self.manifolds(clock, first, last)
-            self.form.advance((first, last, self.sweeps), clock.h, self.rig())
+            joints = self.method.joints
+            sweeps, more = (joints.sweeps, [joints.with_contacts(self.work)]) if joints else (self.sweeps, [])
+            self.form.advance((first, last, sweeps), clock.h, self.rig(), *more)
             if self.method.sleep:
                 self.method.sleep.end(self.room, self.rig())
             self.keep()
@@ -242,6 +258,16 @@ class Contacts:
         count = self.list.count.numpy()
         used = np.arange(4) < count[:, None]
         return max(0.0, -float(self.work.now.numpy().reshape(-1, 4)[used].min(initial=0.0)))
+
+    def indicators(self) -> dict[str, float]:
+        """How deep shapes overlap [m]; in the converged mode the residual that the last frame left, at most [m/s]; bodies
+        asleep, and manifolds that found no colour, if any."""
+        found = {"rigid_overlap": self.overlap()}
+        if self.form.tolerance > 0.0 and self.method.touch is None:
+            found["rigid_residual"] = float(self.work.residual.numpy()[1])
+        if self.method.sleep:
+            found["rigid_asleep"] = float(self.method.part.arrays["asleep"].numpy().sum())
+        return found | ({"rigid_in_turn": float(self.in_turn)} if self.in_turn else {})
 
     def grow(self, room: int) -> None:
         """Room for so many pairs; what the state has of them stays."""
