@@ -13,6 +13,7 @@ import numpy as np
 
 from tools.scenes_bodies import BODY_SCENES
 from tools.scenes_cloth import SOFT, cloth, looks, material, thickness
+from tools.scenes_fluid import FLUID_SCENES
 from tools.scenes_rigid import RIGID_SCENES
 from tools.scenes_soft import SOFT_SCENES
 from tools.usda import block, ground, listed, moved, number, pin, scene, settings, solid
@@ -135,7 +136,7 @@ def shirt() -> str:
 
 
 SCENES = {"hanging_cloth": hanging_cloth, "flag": flag, "cape": cape, "tablecloth": tablecloth, "shirt": shirt,
-          **SOFT_SCENES, **RIGID_SCENES, **BODY_SCENES}
+          **SOFT_SCENES, **RIGID_SCENES, **BODY_SCENES, **FLUID_SCENES}
 
 
 def main(folder: str = "") -> None:

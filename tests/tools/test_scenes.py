@@ -36,9 +36,10 @@ SOFT = {
     "trampoline": (125, 5 * 4 ** 3, 0.064, "corotational", 64, ()),
 }
 RIGID = {"dominoes": 31, "pyramid": 56, "humanoid": 16, "arch": 18, "racket": 1, "balls": 6, "card_house": 16}     # bodies
+FLUID = {"plume": ((20, 35, 20), 1), "smoke_rings": ((35, 20, 20), 2)}         # cells, sources
 scenes = pytest.mark.parametrize("name", CONTENT)
 soft_scenes = pytest.mark.parametrize("name", SOFT)
-every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT, *RIGID])
+every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT, *RIGID, *FLUID])
 
 
 def area(cloth) -> float:
@@ -67,7 +68,7 @@ def test_files_are_what_the_generator_writes(name):
 
 
 def test_every_scene_file_is_generated():
-    assert {path.stem for path in FOLDER.glob("*.usda")} == set(SCENES) == {*CONTENT, *SOFT, *RIGID}
+    assert {path.stem for path in FOLDER.glob("*.usda")} == set(SCENES) == {*CONTENT, *SOFT, *RIGID, *FLUID}
 
 
 @scenes
@@ -254,6 +255,19 @@ def test_a_tablecloth_shows_its_folds():
 def test_the_generator_writes_into_the_folder_it_is_given(tmp_path):
     done = subprocess.run([sys.executable, "-m", "tools.scenes", str(tmp_path)], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0 and len(list(tmp_path.glob("*.usda"))) == len(SCENES), done.stderr
+
+
+@pytest.mark.parametrize("name", FLUID)
+def test_scenes_of_fluids_blow_smoke(name):
+    """Cells and sources as they say; smoke that moves faster than 0.2 m/s after half a second."""
+    scene = load(FOLDER / f"{name}.usda")
+    assert not scene.notes and not check(scene)
+    (fluid,) = scene.things("Fluid")
+    assert (fluid.shape, len(scene.things("Source"))) == FLUID[name]
+    sim = Simulation(scene, device="cpu")
+    sim.run(12)
+    said = sim.indicators()
+    assert said["fluid_speed"] > 0.2 and said["fluid_smoke"] > 1e-3 and not sim.warnings
 
 
 @pytest.mark.parametrize("name, seconds, moved", [("dominoes", 0.0, 30), ("pyramid", 3.5, 10), ("arch", 2.9, 12),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.physics.fluid.flows import abc, box, error, method, put, run, taylor_green
+from tests.physics.fluid.flows import TURN, abc, box, error, method, put, run, taylor_green
 from wsim.simulation.simulation import Simulation
 
 
@@ -51,3 +51,25 @@ def test_a_pair_of_vortices_keeps_its_energy_in_long_steps(scheme, least, most):
     before = sim.indicators()["fluid_energy"]
     sim.step()
     assert least <= sim.indicators()["fluid_energy"] / before <= most
+
+
+@pytest.mark.parametrize("nu", [0.05, 0.01])
+def test_viscosity_slows_vortices_at_the_rate_of_theory(nu):
+    """Energy of Taylor and Green's vortices falls as exp(-4 nu t)."""
+    sim = run((64, 64), taylor_green(), viscosity=nu)
+    before = 0.5 * 1.2 * (TURN / 64) ** 3 * 64 * 64 * 0.5
+    assert -np.log(sim.indicators()["fluid_energy"] / before) / 2.0 == pytest.approx(4.0 * nu, rel=0.005)
+
+
+@pytest.mark.slow
+def test_a_lid_drives_air_round_a_cavity():
+    """Botella and Peyret (1998), table 9 and 10: extrema on the centre lines at Re 100, when nothing changes any more."""
+    lid = np.zeros((6, 3))
+    lid[3, 0] = 1.0
+    n = 64
+    sim = Simulation(box((n, n), size=1.0, seconds=15.0, frames=15, sides=("closed",) * 6, side_velocities=lid, slip=False,
+                         viscosity=0.01, steps=32), device="cpu")
+    sim.run()
+    now = method(sim).arrays(0)
+    u, v = now["u"][n // 2, :, 0], now["v"][:, n // 2, 0]
+    assert (u.min(), v.max(), v.min()) == pytest.approx((-0.2140424, 0.1795728, -0.2538030), rel=0.01)

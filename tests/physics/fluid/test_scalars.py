@@ -46,7 +46,8 @@ def blob(n: int) -> np.ndarray:
     return np.exp(-((x - 0.5) ** 2 + (y - 0.7) ** 2) / (2 * 0.07 ** 2))
 
 
-@pytest.mark.parametrize(("scheme", "most"), [("cubic", 0.39), ("bfecc", 0.57), ("maccormack", 0.67)])
+@pytest.mark.parametrize(("scheme", "most"), [("cubic", 0.39), *(pytest.param(*row, marks=pytest.mark.slow) for row in (
+    ("bfecc", 0.57), ("maccormack", 0.67)))])
 def test_the_slotted_disk_after_a_turn(scheme, most):
     """Sum of what is wrong over the sum of the disk; `linear` has 1.11."""
     start = zalesak(128)
@@ -94,7 +95,7 @@ def plume(n: int, **more) -> Simulation:
     return Simulation(scene, device="cpu")
 
 
-@pytest.mark.parametrize(("n", "most"), [(64, 0.015), (128, 0.01)])
+@pytest.mark.parametrize(("n", "most"), [(64, 0.015), pytest.param(128, 0.01, marks=pytest.mark.slow)])
 def test_smoke_stays(n, most):
     """What a closed box holds of it after a ball of it has rolled up; clamped cubic conserves nothing by itself."""
     sim = plume(n)
