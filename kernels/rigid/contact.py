@@ -100,6 +100,7 @@ def structs(real):
         goal: wp.array(dtype=real)             # velocity along n behind an impact; < 0: none
         hit: wp.array(dtype=real)              # impulses of it
         scrape: wp.array(dtype=t.vec3)
+        residual: wp.array(dtype=real)         # (2,): now, and what was left [m/s], see kernels/rigid/complementarity
 
     return Shapes, Still, Contacts, Work
 

@@ -7,6 +7,7 @@ blocks. Kinds (kernels/rigid/kinds.py) follow one another in a sweep in the orde
 """
 
 from collections.abc import Callable, Sequence
+from types import SimpleNamespace
 
 import warp as wp
 
@@ -17,7 +18,7 @@ from wsim.kernels.rigid.soft_step import body_steps
 
 
 def over_bodies(real):
-    """(begun, ended): functions of the bodies, what precedes the constraints' sweeps and what follows them."""
+    """(begun, placed, ended): functions of the bodies, what precedes the constraints' sweeps and what follows them."""
     Rig, (oriented, turned, forces, place) = whole(real), body_steps(real)
 
     @wp.func
@@ -44,12 +45,9 @@ def over_bodies(real):
     return begun, placed, ended
 
 
-def substeps(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0, bouncing: bool = False):
-    """Kernel of substeps steps[0] .. steps[1] of a frame, of h [s], with steps[2] sweeps each, by so many threads that `meet`.
-
-    threads, cluster: of a block, and blocks of a cluster, on CUDA. bouncing: the last kind has impacts."""
+def walks(kinds: Sequence[Kind], real, meet: Callable, bouncing: bool) -> SimpleNamespace:
+    """prepare, warm, solve, thrown: functions of all constraints. bouncing: the last kind has impacts."""
     Rig, act = whole(real), [acts(kind, real) for kind in kinds]
-    begun, placed, ended = over_bodies(real)
     prepare = in_turn([at_once(kind, a.prepare, real) for kind, a in zip(kinds, act, strict=True)], real)
     warm = in_turn([by_colour(kind, a.warm, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
     solve = in_turn([by_colour(kind, a.solve, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
@@ -59,6 +57,16 @@ def substeps(kinds: Sequence[Kind], real, module, meet: Callable, threads: int =
         @wp.func
         def thrown(i: int, threads: int, k: int, h: real, rig: Rig):
             return
+    return SimpleNamespace(prepare=prepare, warm=warm, solve=solve, thrown=thrown)
+
+
+def substeps(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0, bouncing: bool = False):
+    """Kernel of substeps steps[0] .. steps[1] of a frame, of h [s], with steps[2] sweeps each, by so many threads that `meet`.
+
+    threads, cluster: of a block, and blocks of a cluster, on CUDA. bouncing: the last kind has impacts."""
+    Rig, w = whole(real), walks(kinds, real, meet, bouncing)
+    begun, placed, ended = over_bodies(real)
+    prepare, warm, solve, thrown = w.prepare, w.warm, w.solve, w.thrown
 
     def rigid_substeps(steps: wp.vec3i, h: real, threads: int, rig: Rig):
         i = wp.tid()

@@ -24,10 +24,10 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import matrix
+from wsim.kernels.rigid.complementarity.manifold_impulse import impulses
 from wsim.kernels.rigid.contact import manifolds, whole
 from wsim.kernels.rigid.impulse import formulas
 from wsim.kernels.rigid.kinds import Kind
-from wsim.kernels.rigid.manifold_impulse import impulses
 from wsim.kernels.rigid.motion import double, double3, free_rotation, kicked, near
 
 ZETA, TURN = 10.0, 1.5707963267948966      # damping ratio; h w
@@ -39,11 +39,31 @@ MOST = wp.constant(4.0)                    # [m/s] at which what overlaps is pus
 
 
 @cache
+def goals(real):
+    """Function of a point's gap and impulse: (1 where it acts, bias, part of A_ii that its impulse gives way by)."""
+    t = types(real)
+
+    @wp.func
+    def goal(gap: real, push: real, h: real, biased: int):
+        wants = t.vec3(real(1.0), real(0.0), real(0.0))
+        if gap > real(0.0):
+            wants[1] = gap / h
+            if biased == 0 and push <= real(0.0):
+                wants[0] = real(0.0)                  # what is not yet touched keeps its speed
+        elif biased == 1:
+            wants[1] = wp.max(real(RATE) * gap / h, -real(MOST))
+            wants[2] = real(GIVES)
+        return wants
+
+    return goal
+
+
+@cache
 def sweeps(real):
     """(warm, solve): functions of a manifold m."""
     t, Rig = types(real), whole(real)
     Two, _, begun, shoved, pushed, ended, slip, rubbed = formulas(real)
-    together = impulses(real)
+    together, goal = impulses(real), goals(real)
 
     @wp.func
     def warm(m: int, k: int, rig: Rig):
@@ -74,20 +94,14 @@ def sweeps(real):
         acts = wp.vec4i()
         for i in range(4):
             if i < count:
-                gap = rig.work.now[4 * m + i]
-                push = rig.c.push[4 * m + i]
-                before[i] = push
-                bias = real(0.0)
-                close[i] = real(NEAR)
-                if gap > real(0.0):
-                    bias = gap / h
-                elif biased == 1:
-                    bias = wp.max(real(RATE) * gap / h, -real(MOST))
-                    soft[i] = real(GIVES)
-                    close[i] = real(0.0)
-                if biased == 1 or gap <= real(0.0) or push > real(0.0):          # else what is not yet touched keeps its speed
+                before[i] = rig.c.push[4 * m + i]
+                wants = goal(rig.work.now[4 * m + i], before[i], h, biased)
+                soft[i] = wants[2]
+                if wants[2] == real(0.0):
+                    close[i] = real(NEAR)
+                if wants[0] > real(0.0):
                     acts[i] = 1
-                    wanted[i] = -(wp.dot(n, slip(two, 4 * m + i, rig)) + bias)
+                    wanted[i] = -(wp.dot(n, slip(two, 4 * m + i, rig)) + wants[1])
         more = together(rig.work.A[m], before, wanted, soft, close, acts)
         T_a = t.vec3()
         T_b = t.vec3()

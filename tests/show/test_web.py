@@ -85,3 +85,25 @@ def test_a_result_is_served_until_it_is_left(tmp_path):
         seen.append((answers(port), answers(port + 1)))
     view(tmp_path / "s.usda", web=port, served=served)
     assert seen == [(True, True)]
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_the_page_of_a_run_stays_where_a_person_watches(terminal, tmp_path, monkeypatch, capsys):
+    """A run of a few seconds would be over before its page is open; a script is not held up."""
+    from wsim import save
+    left = []
+
+    class Page:
+        def __init__(self, scene, web):
+            self.log = left.append
+
+        def close(self):
+            left.append("closed")
+    monkeypatch.setattr("wsim.show.viewer.Viewer", Page)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: terminal, raising=False)
+    monkeypatch.setattr("wsim.simulation.interrupt.wait", lambda: left.append("left"))
+    save(scene(), tmp_path / "s.usda")
+    files = [str(tmp_path / "s.usda"), "-o", str(tmp_path / "o.usdc")]
+    assert main(["run", *files, "--frames", "1", "--web", "--device", "cpu"]) == 0
+    assert left[-2:] == ["left", "closed"] if terminal else "left" not in left
+    assert ("view: Ctrl-C ends it" in capsys.readouterr().err) == terminal

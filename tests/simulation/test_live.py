@@ -124,7 +124,8 @@ def test_what_explicit_steps_cannot_follow_is_refused_and_changes_nothing(path, 
     sim = Simulation(scene, **CPU)
     sim.set("/cloth", "density", 170.0)
     sim.set("/net", "stiffness", [30.0, 40.0])
-    before = whole(sim)
+    before, couplings = whole(sim), [r.coupling for r in sim.model.constraints]
     with pytest.raises(SceneError, match="allowed is up to 1000000"):
         sim.set(path, name, value * scene.cloths[0].points if name == "rest_shape" else value)
     same(before, whole(sim))
+    assert any(couplings) and all(r.coupling is c for r, c in zip(sim.model.constraints, couplings, strict=True))

@@ -45,11 +45,11 @@ LEAPS = {"begin", "leap", "commit", "correct", "settle", "stretched", "not_finit
 PINS, AIR, APART = {"move_pins"}, {"press", "blow"}, {"sweeps"}            # APART: frames without contacts
 BEND = {"dihedral", "angle", "curvature", "target"}
 CLOTH = {"membrane"} | BEND
+DAMPED = {"membrane", "dihedral", "angle_damped", "curvature", "target"}
 KERNELS = {
-    "hanging_cloth": POINTS | PINS | CLOTH,
+    "hanging_cloth": POINTS | PINS | DAMPED,
     "flag": POINTS | PINS | AIR | CLOTH,
-    "cape": LEAPS | AIR | APART | {"corners_membrane", "corners_dihedral", "hinge", "curvature", "search_sphere", "contact",
-                                   "clearance_sphere", "near_sphere", "stray"},
+    "cape": POINTS | PINS | AIR | CLOTH | APART | {"search_sphere", "contact", "clearance_sphere", "near_sphere", "stray"},
     "tablecloth": LEAPS | APART | {"corners_membrane_damped", "corners_dihedral", "hinge_damped", "curvature", "contact",
                                    "search_plane_box", "clearance_plane_box", "near_plane_box", "leap_bounded"},
     "shirt": POINTS | CLOTH | APART | {"search_solid", "contact", "clearance_solid", "near_solid", "stray"},
@@ -85,7 +85,7 @@ WEIGHED = room("physics.motion", "frequency")                  # where leapfrog 
 MODULES = {
     "hanging_cloth": SCENE | RUN | WEIGHED | XPBD | PINNED,
     "flag": SCENE | RUN | WEIGHED | XPBD | AERO | PINNED,
-    "cape": SCENE | RUN | WEIGHED | LEAP | AERO | CONTACT | PINNED,
+    "cape": SCENE | RUN | WEIGHED | XPBD | AERO | CONTACT | PINNED,
     "tablecloth": SCENE | RUN | WEIGHED | LEAP | CONTACT | {"wsim.physics.motion.one_launch"},
     "shirt": SCENE | RUN | WEIGHED | XPBD | CONTACT | room("geometry", "tetra.lattice"),      # of what starts inside a mesh
 }
@@ -140,7 +140,7 @@ def test_no_adjoint_is_compiled(name):
 def test_methods_arrays_and_reasons_agree(name):
     found = stepped(name)
     wanted = {"points", "explicit"} if KERNELS[name] >= LEAPS else {"points", "xpbd", "watch"}
-    wanted |= {"pins"} if KERNELS[name] >= PINS or name == "cape" else set()          # of which leaps take care there
+    wanted |= {"pins"} if KERNELS[name] >= PINS else set()
     wanted |= {"aero"} if KERNELS[name] >= AIR else set()
     wanted |= {"contact"} if "contact" in KERNELS[name] else set()
     assert set(found["methods"]) == wanted

@@ -22,7 +22,7 @@ FOLDER = ROOT / "scenes"
 CONTENT = {
     "hanging_cloth": (33 * 33, 1.0, "cotton", 2, (), False),
     "flag": (37 * 25, 1.5, "silk", 25, (), False),
-    "cape": (37 * 21, None, "cotton", 37, (Sphere,), True),
+    "cape": (37 * 21, None, "leather", 37, (Sphere,), True),
     "tablecloth": (33 * 33, 0.64, "denim", 0, (Box, Plane), False),
     "shirt": (6436, 0.706, "cotton", 0, (Surface,), False),
 }

@@ -109,6 +109,8 @@ NEW = {
     "a half-open one": (["softbody"], (BALL[0], BALL[1][:-1], BALL[2][:-BALL[1][-1]]), "/thing/mesh", "is open at",
                         "close its holes to be sure"),
     "a pin that is none": (["cloth", "--pin", "collar"], RAG, "/thing/mesh", "--pin collar is no", "0.9..1@z"),
+    "a flat sheet by its top": (["cloth", "--pin", "top"], shapes.sheet(1.0, 2.0, 3, 3, horizontal=True), "/thing/mesh",
+                                "--pin top holds no point", "(the mesh is flat along y; one end of it is 0..0.01@z)"),
     "a collider that is not there": (["cloth", "--collider", "floor"], RAG, "floor", "is no file and no prim", "its shapes:"),
     "a fabric that is none": (["cloth", "--fabric", "tweed"], RAG, "fabric", "no fabric 'tweed'", "silk, cotton, denim"),
     "a garment of 170 m": (["cloth"], (RAG[0] * 170.0, *RAG[1:]), "/thing/mesh", "170 m large", "--meters-per-unit 0.01"),

@@ -2,10 +2,15 @@
 
     python tools/bench/first_frame.py [--scenes cape,bear] [--rounds 1] [--json FILE]
 
-Each row is a process of its own with a cache of its own. `import` is that of Warp, which the others are counted from; `load`, from
-USD, with the imports of wsim; `build`, the plan; `compile`; `frame`, what the first frame takes besides; `report`, with what it
-compiles; `modules`, how many were compiled; `first`, the sum without the report; `run`, a process `wsim run SCENE --frames 1`,
-less the import of Warp. CPU seconds of all threads: on a loaded machine they are more than on a quiet one, by a half here. Least of the rounds.
+Each row is a process of its own with a cache of its own, in CPU seconds of all its threads:
+
+import     of Warp, which the others are counted from            load       from USD, with the imports of wsim
+build      the plan                                              compile    the kernels of the plan
+frame      what the first frame takes besides                    first      the sum of these four
+report     with what it compiles                                 modules    how many were compiled
+run        a process `wsim run SCENE --frames 1`, less the import of Warp
+
+Least of the rounds. On a loaded machine they are more than on a quiet one, here by up to a half.
 """
 
 import argparse
@@ -89,8 +94,8 @@ def main(argv: list[str] | None = None) -> None:
     for name in args.scenes.split(",") if args.scenes else examples():
         show(rows, least([row(name) for _ in range(args.rounds)]))
     if args.json:
-        load = os.getloadavg()[0]
-        args.json.write_text(json.dumps({"hardware": hardware(wp.get_device("cpu")), "load": load, "rows": rows}, indent=1) + "\n")
+        said = {"hardware": hardware(wp.get_device("cpu")), "load": os.getloadavg()[0], "rows": rows}
+        args.json.write_text(json.dumps(said, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -90,6 +90,9 @@ def run(args) -> int:
             try:
                 job.frames()
                 code = DONE
+                if args.web and sys.stderr.isatty():       # a short run would end before its page is open
+                    from wsim.show.web import stay
+                    began += stay(_say)
             except KeyboardInterrupt:
                 code = INTERRUPTED
             except Exception as error:
@@ -274,14 +277,10 @@ def fit(args) -> int:
 def view(args) -> int:
     """`wsim view`: a result in rerun, as a file for it, or as a web page until Ctrl-C."""
     from wsim.show.viewer import view as show
-    from wsim.show.web import words
+    from wsim.show.web import stay, words
 
     interrupt.begin("throw")
-
-    def served() -> None:
-        _say(words(args.port) + "\nview: Ctrl-C ends it")
-        interrupt.wait()
-    show(args.result, save=args.save, web=args.port if args.web else None, served=served)
+    show(args.result, save=args.save, web=args.port if args.web else None, served=lambda: stay(_say, words(args.port) + "\n"))
     return DONE
 
 

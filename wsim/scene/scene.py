@@ -147,7 +147,7 @@ class Scene(Compared):
     solver          of the elastic forces: "auto" (weighs cost against error), "explicit", "xpbd" or "implicit"
     integrator      of time: "auto" (what suits the solver), or a name of `wsim.scene.integrator.TABLE`
     contact_width   distance over which contacts are soft [m]; 0: hard contacts
-    sleep_speed     speed below which rigid bodies sleep after half a second, by islands [m/s]; 0: they never fall asleep
+    contact_tolerance, sleep_speed   of rigid bodies [m/s], see `wsim.physics.rigid.objects`; 0: neither
     error           wanted RMS error of positions over the scene's size [1], for "auto"
     cloths          list of `Cloth`; `scene.cloth(...)` adds one
     springs         list of `Springs`; `scene.net(...)`
@@ -176,6 +176,7 @@ class Scene(Compared):
     solver: str = "auto"
     integrator: str = "auto"
     contact_width: float = 0.0
+    contact_tolerance: float = 0.0
     sleep_speed: float = 0.0
     error: float = 0.01
     cloths: list[Cloth] = field(default_factory=list)
@@ -200,9 +201,8 @@ class Scene(Compared):
         from wsim.scene.methods import METHODS, owner
         name = type(thing).__name__
         if owner(name) is None:
-            known = ", ".join(each for row in METHODS for each in row.owns) or "none"
-            path = getattr(thing, "path", "/")
-            raise SceneError(Problem(path, f"is a {name}, which no method simulates; there are: {known}"))
+            said = f"is a {name}, which no method simulates; there are: {', '.join(n for row in METHODS for n in row.owns)}"
+            raise SceneError(Problem(getattr(thing, "path", "/"), said))
         self.others.setdefault(name, []).append(thing)
         return thing
 

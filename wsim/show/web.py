@@ -8,9 +8,12 @@ was logged for pages that are opened later, up to MEMORY of the machine's memory
 """
 
 import socket
+from collections.abc import Callable
+from time import perf_counter
 from urllib.parse import quote
 
 from wsim.scene import Problem, SceneError
+from wsim.simulation import interrupt
 
 PORT = 9090
 MEMORY = "25%"
@@ -40,6 +43,15 @@ def words(port: int) -> str:
     """What is said of a page that is served."""
     return (f"view: open {address(port)}\n"
             f"view: from another machine first: ssh -L {port}:localhost:{port} -L {port + 1}:localhost:{port + 1} HOST")
+
+
+def stay(say: Callable[[str], None], words: str = "") -> float:
+    """Says so, and serves until Ctrl-C; seconds that that took."""
+    began = perf_counter()
+    interrupt.begin("throw")
+    say(f"{words}view: Ctrl-C ends it")
+    interrupt.wait()
+    return perf_counter() - began
 
 
 def serve(rr, stream, blueprint, port: int) -> None:

@@ -32,7 +32,8 @@ COSTS = {
              "sweep": 2.5e-5, "projection": 2.1e-11, "newton": 3.5e-4, "solved": 5e-9, "touch": 4e-6, "near": 3e-11,
              "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8},
     "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "block": 1.8e-6, "tet": 1.12e-7, "rest": 4.5e-6,
-            "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6, "touch": 1e-6, "near": 1.6e-8, "met": 1.2e-7, "damped": 8e-7, "body": 4e-6}}
+            "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6, "touch": 1e-6, "near": 1.6e-8,
+            "met": 1.2e-7, "damped": 8e-7, "body": 4e-6}}
 TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
 MESH = 20.0            # a point beside a mesh over one beside a convex shape (H200: 0.4 to 1.5 ns a point)
 CLUSTERED = 8192       # points of a net, up to which a cluster takes it

@@ -85,7 +85,7 @@ def _remembered(sim: Simulation) -> Callable[[], None]:
         return lambda: None
     rows = [r for r in sim.plan.methods.every("rows") if not r.hard]
     kept = [(thing, {name: getattr(thing, name) for name in names}) for owners, names in (
-        (sim.model.bodies, ("masses", "rest", "source")), (rows, ("stiffness", "tau", "rest", "shape")))
+        (sim.model.bodies, ("masses", "rest", "source")), (rows, ("stiffness", "tau", "rest", "shape", "coupling")))
         for thing in owners]
     parts = [(p, dict(p.values)) for solid in sim.plan.solids for p in solid.parts if hasattr(p, "values")]
     densities = dict(points.densities)

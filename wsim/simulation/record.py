@@ -35,8 +35,15 @@ def append(recorder: "Recorder", sim: "Simulation", code: float, stress: bool = 
     scene, paths = recorder.scene, [body.path for body in recorder.scene.bodies()]
     primvars = {s.path: sim.stress(s.path).at_points() for s in scene.softs if stress}
     forces = {p.path: sim.reactions(p.path) for p in scene.pins if reactions}
+    recorder.notes += [note for path in forces if not recorder.stage.GetPrimAtPath(path)
+                       for note in [_unwritten(path)] if note not in recorder.notes]
     recorder.append(code, {p: sim.positions(p) for p in paths}, {p: sim.velocities(p) for p in paths}, _poses(recorder, sim),
                     primvars, forces, [*sim.samples(), *others])
+
+
+def _unwritten(pin: str) -> Problem:
+    return Problem(pin, "its reaction forces are not written: a painted pin has no prim to take them; hold its points by a "
+                   "PhysicsAttachment, or ask Simulation.reactions for them", fatal=False)
 
 
 def _poses(recorder: "Recorder", sim: "Simulation") -> dict:

@@ -212,19 +212,18 @@ class Simulation:
         return [sample for method in self.plan.methods for sample in method.samples(world)]
 
     def set(self, path: str, name: str, value, world: int | None = None) -> None:
-        """A live value, from the next frame on, without rebuilding, of one world or of all (None). Names, units and bounds are
-        those of `wsim.scene.values.table`.
+        """A live value, from the next frame on, without rebuilding, of one world or of all (None).
 
-        "/" names the whole scene. gravity, air_drag, wind; stretch, weft, shear, bend, damping, strain_limit (a finite one),
-        poisson (of the model "membrane") of a cloth; stiffness of springs; young, poisson, damping, pressure, yield_strain of a
-        soft body (the last three where there is some from the start); density of a cloth or soft body whose masses follow it;
-        mass of springs; rest_shape [m] of a body, lengths [m] of springs (`wsim.physics.cloth.rest_shape`); actuation of
-        springs that have muscles (a Curve, or values of its present keys); force or traction of a load (as actuation, or one
-        (3,) for all times); static_friction, dynamic_friction of a body or a collider; thickness and restitution of a collider
-        (the latter where one throws back from the start); motion (rigid) of a pin, or of a collider (which all worlds share);
-        positions and velocities (world, author's order) of a body; velocity, spin, force, torque, drag, spin_drag, mass, inertia
-        of a rigid one, which goes on as fast; lift, weight, vorticity, smoke_decay, cooling, viscosity (if there is some from
-        the start) of a fluid; smoke, temperature, expansion of a source. Values are copied. Raises SceneError, with nothing
+        Names, units, bounds: `wsim.scene.values.table`. "/" names the whole scene. gravity, air_drag, wind; stretch, weft,
+        shear, bend, damping, strain_limit (a finite one), poisson (of the model "membrane") of a cloth; stiffness of springs;
+        young, poisson, damping, pressure, yield_strain of a soft body (the last three where there is some from the start);
+        density of a cloth or soft body whose masses follow it; mass of springs; rest_shape [m] of a body, lengths [m] of
+        springs (`wsim.physics.cloth.rest_shape`); actuation of springs that have muscles (a Curve, or values of its present
+        keys); force or traction of a load (as actuation, or one (3,) for all times); static_friction, dynamic_friction of a
+        body or a collider; thickness and restitution of a collider (the latter where one throws back from the start); motion
+        (rigid) of a pin or collider; positions and velocities (world, author's order) of a body; velocity, spin, force, torque,
+        drag, spin_drag, mass, inertia of a rigid one, which goes on as fast; lift, weight, vorticity, smoke_decay, cooling,
+        viscosity of a fluid; smoke, temperature, expansion of a source. Values are copied. Raises SceneError, with nothing
         changed, if nothing of that path has it, for what a scene would not take, and for more than `counts.MOST` substeps.
         """
         from wsim.simulation import live

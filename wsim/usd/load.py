@@ -82,6 +82,7 @@ def _read(reading: Reading) -> Scene:
     pairs = _pairs(reading, found)
     for prim, body in pairs:
         _load_body(reading, scene, prim, body)
+    reading.points = bool(pairs)
     taken = {prim.GetPath() for prim, _ in pairs}
     taken.update(path for row, prim in found.others for path in getattr(row.role("usd"), "within", _nothing)(reading, prim))
     for prim in found.colliders:

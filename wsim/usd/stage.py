@@ -61,6 +61,7 @@ class Reading:
     stage: Usd.Stage
     units: Units
     frames: int = 0
+    points: bool = False                                 # cloth, springs or soft bodies are there
     problems: list[Problem] = field(default_factory=list)
     xforms: dict = field(default_factory=dict)
     materials: dict = field(default_factory=dict)

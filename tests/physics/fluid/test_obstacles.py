@@ -21,7 +21,7 @@ def shift(dx: float, seconds: float) -> Motion:
 
 @pytest.mark.parametrize(("n", "least"), [(32, 2e-3), (64, 1e-3)])
 def test_air_slips_past_a_cylinder_as_a_potential_flow(n, least):
-    """u = grad (x + R^2 x / r^2) about a cylinder of radius R, given on the sides of a box; root mean square over free faces."""
+    """u = grad (x + R^2 x / r^2) about a cylinder of radius R, given on the sides of a box; over free faces."""
     R, cell = 0.2, 1.0 / n
 
     def exact(axis, x, y, z):

@@ -10,6 +10,7 @@ from tests.cli.test_cli import run, samples
 from tests.conftest import grid
 from wsim import __version__
 from wsim.scene import Scene, SceneError
+from wsim.scene.curve import Motion
 from wsim.scene.fabric import Fabric
 from wsim.usd import load, save
 from wsim.usd.result import provenance
@@ -103,3 +104,19 @@ def test_where_a_run_begins_and_what_is_only_seen_do_not_count(half):
     scene.frames, scene.error = 100, 0.5
     scene.cloths[0].velocities = np.ones((16, 3))
     assert provenance.of_scene(scene) == provenance.of_scene(load(half[0]))
+
+
+def test_a_motion_that_was_asked_where_it_is_has_the_digest_of_one_that_was_not():
+    """It keeps rotations of its keys once it was asked."""
+    motion = Motion([0.0, 1.0], np.stack([np.eye(4), np.diag([-1.0, -1.0, 1.0, 1.0])]))
+    before = provenance.digest(motion)
+    motion.at(0.5)
+    assert motion.parts and motion.turned and provenance.digest(motion) == before
+
+
+def test_a_result_from_before_a_field_was_there_fits_a_scene_that_leaves_it_alone(half):
+    made = provenance.read(Sdf.Layer.FindOrOpen(half[1]))
+    del made["scene"]["/cloth"]["bends"], made["scene"]["/"]["contact_width"]
+    assert provenance.match("old", made, sheet()) == []
+    (note,) = provenance.match("old", made, changed(sheet(), bends=np.full(9, 2e-4, np.float32)))
+    assert "/cloth: bends" in note.text

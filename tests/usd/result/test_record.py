@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from pxr import Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
 import wsim
 from wsim.usd import save
@@ -65,3 +65,19 @@ def test_a_stage_with_edits_is_read_with_them(file, tmp_path):
     assert wsim.load(Usd.Stage.Open(file)).source is None            # the layer is shared, and still edited
     stage.GetRootLayer().Reload()
     assert wsim.load(stage).source == file
+
+
+def test_forces_of_painted_pins_are_said_not_to_be_written(file, tmp_path):
+    """They have no prim that could take them; those of a PhysicsAttachment are written."""
+    stage = Usd.Stage.Open(file)
+    primvars = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath("/World/cloth"))
+    primvars.CreatePrimvar("wsim:pin", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex).Set([0.0] * 12 + [1.0] * 4)
+    stage.Save()
+    simulation = wsim.Simulation(file, device="cpu")
+    with simulation.record(str(tmp_path / "out.usdc"), reactions=True) as record:
+        simulation.run(2)
+    assert [note.path for note in record.notes] == ["/World/cloth/painted"]
+    assert "PhysicsAttachment" in record.notes[0].text
+    written = Usd.Stage.Open(str(tmp_path / "out.usdc"))
+    assert written.GetPrimAtPath("/World/pin").GetAttribute("wsim:reaction").GetTimeSamples() == [0.0, 1.0, 2.0]
+    assert len(simulation.reactions("/World/cloth/painted")) == 4

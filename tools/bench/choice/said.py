@@ -3,8 +3,8 @@
     python -m tools.bench.choice.said [--scenes cape,bear] [--frames 24] [--json FILE]
 
 said      `wsim.simulation.cost`, as `wsim run` prints it [ms]
-spent     CPU milliseconds of a frame on one core, without what compiles: median and most of the frames behind the first (the most
-          is of a frame that was repeated with contacts, or captured them)
+spent     CPU milliseconds of a frame on one core, without what compiles: median and most of the frames behind the first (the
+          most is of a frame that was repeated with contacts, or captured them)
 ratio     said over the median
 """
 

@@ -2,8 +2,8 @@
 compiling kernels/contact/penetration.py costs more, and the same numbers.
 
 phi, the signed distance of `wsim.scene.solids`, is convex: on a triangle it stays above every tangent. A triangle whose
-tangents at its corners and its centre say that it is no deeper than what was found is left out, others are cut into four, until none is deeper by
-`EXACT` of the longest edge. Never too great. Triangles with a pinned corner inside a collider were put there.
+tangents at its corners and its centre say that it is no deeper than what was found is left out, others are cut into four, until
+none is deeper by `EXACT` of the longest edge. Never too great. Triangles with a pinned corner inside a collider were put there.
 """
 
 from typing import TYPE_CHECKING, Any

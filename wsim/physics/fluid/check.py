@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from wsim.physics.fluid.objects import ADVECTION, KINDS, SCALARS, SIDES, Fluid, Source
+from wsim.physics.fluid.objects import ADVECTION, KINDS, PRESSURE, SCALARS, SIDES, Fluid, Source
 from wsim.scene import Plane, Problem, Scene, Surface
 from wsim.scene.check.objects import error, number, rigid, surface, warning
 from wsim.scene.solids import row
@@ -28,9 +28,13 @@ def _fluid(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
         yield from _box(fluid)
     yield from _sides(fluid)
     for name, found, allowed in (("advection", fluid.advection, ADVECTION),
-                                 ("scalar_advection", fluid.scalar_advection, SCALARS)):
+                                 ("scalar_advection", fluid.scalar_advection, SCALARS),
+                                 ("pressure", fluid.pressure, PRESSURE)):
         if found not in allowed:
             yield error(path, f"{name} is '{found}'", ", ".join(allowed), "choose one of them")
+    if fluid.pressure == "direct" and scene.colliders:
+        yield error(path, f"its pressure is solved directly, and {scene.colliders[0].path} is an obstacle in it",
+                    "multigrid or auto", "leave it on auto")
     yield from number(path, "steps", fluid.steps, 0)
     yield from number(path, "most_steps", fluid.most_steps, 1)
     if 0 < fluid.tolerance < 1e-7:

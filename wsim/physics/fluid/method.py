@@ -12,6 +12,7 @@ from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.fluid import memory, volumes
+from wsim.physics.fluid.grid.direct import MOST
 from wsim.physics.fluid.grid.domain import LIVE, Domain
 from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.multigrid import AXES
@@ -65,9 +66,11 @@ class Fluids(Method):
         self.domains = [self._domain(k) for k in range(len(self.pairs))]
         self.settled = False
         cells = sum(layout.cells for layout in self.layouts)
+        how = sorted({"direct" if d.pressure.direct else "by multigrid" for d in self.domains})
         self.stages.append(Stage("fluids", "predict", self.advance, sum(d.launches for d in self.domains),
                                  sum(p.bytes for p in self.parts.values()), "frame",
-                                 f"{cells} cells, each step of {', '.join(sorted({f.advection for f, _ in self.pairs}))}"))
+                                 f"{cells} cells, {', '.join(sorted({f.advection for f, _ in self.pairs}))}, pressure "
+                                 f"{' and '.join(how)}"))
 
     # what there is
 
@@ -208,7 +211,8 @@ class Fluids(Method):
 
 def signature(b) -> list:
     """What of the fluids decides their kernels."""
-    fluids: list[Any] = [(len(f.axes), f.advection, f.scalar_advection, f.slip, f.viscosity > 0.0, f.vorticity > 0.0,
+    fluids: list[Any] = [(len(f.axes), f.advection, f.scalar_advection, f.pressure, sum(f.shape) <= MOST, f.slip,
+                          f.viscosity > 0.0, f.vorticity > 0.0,
                           carried(f, reaching(f, b.scene)), [s.expansion != 0.0 for s in reaching(f, b.scene)],
                           [s.velocity is not None for s in reaching(f, b.scene)], kinds(reaching(f, b.scene)))
                          for f in b.scene.things("Fluid")]

@@ -16,6 +16,7 @@ from wsim.scene.solids import Shape
 SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")               # in the order of `Fluid.sides` and `Fluid.side_velocities`
 KINDS = ("open", "closed", "periodic", "wind")
 ADVECTION = ("reflection", "cubic", "maccormack", "bfecc", "linear")     # of velocity; reflection: cubic, twice a step
+PRESSURE = ("auto", "direct", "multigrid")
 SCALARS = ("cubic", "maccormack", "bfecc", "linear")                     # of smoke and temperature
 
 
@@ -41,6 +42,8 @@ class Fluid(Compared):
     cooling          decay rate of the temperature [1/s]
     advection        of the velocity: "reflection", "cubic", "maccormack", "bfecc" or "linear"
     scalar_advection  of smoke and temperature: "cubic", "maccormack", "bfecc" or "linear"
+    pressure         how it is solved: "direct" (boxes without obstacles, best up to 160 cells along an axis), "multigrid", or
+                     "auto"
     tolerance        of the pressure solve, residual over right-hand side [1]
     cfl              cells that air may cross in a step [1]: as many steps a frame as that takes, up to `most_steps`
     steps            steps a frame; 0: by `cfl`
@@ -66,6 +69,7 @@ class Fluid(Compared):
     cooling: float = 0.0
     advection: str = "reflection"
     scalar_advection: str = "cubic"
+    pressure: str = "auto"
     tolerance: float = 1e-4
     cfl: float = 2.0
     steps: int = 0

@@ -130,6 +130,7 @@ class Contacts:
                            goal=zeros(4 * room, real), hit=zeros(4 * room, real), scrape=zeros(4 * room, t.vec3),
                            order=zeros(room, int), starts=zeros(SERIAL + 2, int), place=zeros(SERIAL + 2, int),
                            colours=zeros(1, int), flags=zeros(2, int), taken=zeros(n, wp.int64), first=zeros(n, int))
+        self.work.residual = zeros(2, real)
         self.number, self.first = zeros(self.shapes, int), zeros(self.shapes, int)
         self.work.listed = self.first[self.shapes - 1:]
         for name, array in (self.method.sleep.arrays(n) if self.method.sleep else {"asleep": zeros(n, int)}).items():
@@ -185,6 +186,8 @@ class Contacts:
 
     def awake(self, clock: Clock) -> None:
         """A frame in which something may move."""
+        if self.form.tolerance > 0.0:
+            self.work.residual.zero_()
         ends = self.ends(clock)
         for first, last in zip(ends[:-1], ends[1:], strict=True):
             self.manifolds(clock, first, last)
@@ -242,6 +245,16 @@ class Contacts:
         count = self.list.count.numpy()
         used = np.arange(4) < count[:, None]
         return max(0.0, -float(self.work.now.numpy().reshape(-1, 4)[used].min(initial=0.0)))
+
+    def indicators(self) -> dict[str, float]:
+        """How deep shapes overlap [m]; in the converged mode the residual that the last frame left, at most [m/s]; bodies
+        asleep, and manifolds that found no colour, if any."""
+        found = {"rigid_overlap": self.overlap()}
+        if self.form.tolerance > 0.0 and self.method.touch is None:
+            found["rigid_residual"] = float(self.work.residual.numpy()[1])
+        if self.method.sleep:
+            found["rigid_asleep"] = float(self.method.part.arrays["asleep"].numpy().sum())
+        return found | ({"rigid_in_turn": float(self.in_turn)} if self.in_turn else {})
 
     def grow(self, room: int) -> None:
         """Room for so many pairs; what the state has of them stays."""

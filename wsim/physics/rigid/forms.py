@@ -39,6 +39,7 @@ class Form:
     wide: bool = False                                # blocks of THREADS
     threads: int = 1                                  # that meet
     meet: Any = None                                  # function that they call
+    tolerance: float = 0.0                            # [m/s] of the residual at which sweeps end; 0: their number is given
     module: str = ""                                  # of their kernels
     sizes: dict[str, int] = field(default_factory=dict)
 
@@ -52,11 +53,14 @@ class Form:
 
     @property
     def what(self) -> str:
-        return TITLES[self.name] or f"a cluster of {self.blocks} blocks of {THREADS} threads, colour by colour"
+        found = TITLES[self.name] or f"a cluster of {self.blocks} blocks of {THREADS} threads, colour by colour"
+        return found + f", until the residual is under {self.tolerance:g} m/s" * (self.tolerance > 0.0)
 
     def make(self, model, bouncing: bool) -> None:
         """Its kernels, in the model's modules."""
-        real, self.model = model.real, model
+        real, self.model, self.tolerance = model.real, model, model.scene.contact_tolerance
+        if self.tolerance > 0.0 and self.name == "launches":
+            self.name = "cluster"                     # a launch cannot ask whether another is needed
         self.wide = self.name in ("block", "cluster") or (self.name == "launches" and model.device.is_cuda)
         self.threads = THREADS * self.blocks if self.wide else 1
         self.meet = meet = block.meet_cluster if self.blocks > 1 else block.meet if self.wide else block.alone
@@ -65,6 +69,10 @@ class Form:
         self.kinds = [soft_step.contact_kind(real, self.coloured)]
         if self.coloured:
             self.kernels["colours"] = colours.colours(real, module, meet, **sizes)
+        if self.tolerance > 0.0:
+            from wsim.kernels.rigid.complementarity.converged import converged
+            self.kernels["converged"] = converged(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
+            return
         if self.name != "launches":
             self.kernels["substeps"] = passes.substeps(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
             return
@@ -95,6 +103,9 @@ class Form:
 
     def advance(self, steps: tuple[int, int, int], h: float, rig) -> None:
         """Substeps steps[0] .. steps[1] of h [s], of steps[2] sweeps."""
+        if self.tolerance > 0.0:
+            self.launch(self.kernels["converged"], [wp.vec3i(*steps), h, self.threads, self.tolerance, rig], [])
+            return
         if self.name != "launches":
             self.launch(self.kernels["substeps"], [wp.vec3i(*steps), h, self.threads, rig], [])
             return

@@ -47,18 +47,11 @@ class Rigid(Method):
         self.origin = np.array([M[:3, :3] @ m.center + M[:3, 3] for M, m in zip(frames, self.masses, strict=True)])
         self.gravity = np.tile(np.asarray(scene.gravity, np.float64), (b.model.worlds, 1))
         self.force, self.twist = (np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("force", "torque"))
-        fields = FIELDS
-        if touches(scene) and b.choice.solver == "implicit":
-            from wsim.physics.rigid.touch.newton import KEPT
-            fields += KEPT
-        self.part = Part.allocate("bodies", fields, len(self.bodies), b.model.real, b.model.device)
+        self.part = Part.allocate("bodies", _fields(b), len(self.bodies), b.model.real, b.model.device)
         self.part.rows = {(body.path, world): np.array([k]) for k, (body, world) in enumerate(self.bodies)}
         b.state.add(self.part)
         self._begin(frames)
-        self.sleep: Any = None
-        if sleeps(scene):
-            from wsim.physics.rigid.sleep import Sleep
-            self.sleep = Sleep(b, self)
+        self.sleep = self._sleep(b) if sleeps(scene) else None
         self.Bodies, self.Moving = motion.structs(b.model.real)
         self.table, self.pushed = self._tables(), True
         self.offers = {"bodies": self}
@@ -84,6 +77,10 @@ class Rigid(Method):
             return
         rate = "substep" if self.recorded else "frame"
         self.stages.append(Stage("rigid bodies", "predict", self.advance, launches, self.part.bytes, rate, what))
+
+    def _sleep(self, b) -> Any:
+        from wsim.physics.rigid.sleep import Sleep
+        return Sleep(b, self)
 
     def _record(self) -> None:
         """A launch for each step, which has an adjoint."""
@@ -211,20 +208,13 @@ class Rigid(Method):
         return [Transform(body.path, poses[k]) for k, (body, of) in enumerate(self.bodies) if of == world]
 
     def indicators(self, x, v) -> dict[str, float]:
-        """Kinetic energy and that in gravity [J] of all bodies of the first world; how deep shapes overlap [m];
-        bodies asleep and manifolds that found no colour, if any."""
+        """Kinetic energy and that in gravity [J] of all bodies of the first world, and what contacts say."""
         first = np.array([world == 0 for _, world in self.bodies])
         places = self.origin + self.get("x")
         mass = np.array([m.mass for m in self.masses])
         energy = 0.5 * (self.get("p") * self.velocities()).sum(1) + 0.5 * (self.get("L") * self.spins()).sum(1)
         found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
-        if self.contacts:
-            found["rigid_overlap"] = self.contacts.overlap()
-            if self.sleep:
-                found["rigid_asleep"] = float(self.part.arrays["asleep"].numpy().sum())
-            if self.contacts.in_turn:
-                found["rigid_in_turn"] = float(self.contacts.in_turn)
-        return found
+        return found | (self.contacts.indicators() if self.contacts else {})
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = np.array([k for k, (body, of) in enumerate(self.bodies) if path in ("/", body.path) and world in (None, of)], int)
@@ -270,6 +260,13 @@ def refuse_contacts(scene) -> None:
         raise refuse("impulses", bodies[0].path, other=other)
 
 
+def _fields(b) -> tuple[Field, ...]:
+    if touches(b.scene) and b.choice.solver == "implicit":
+        from wsim.physics.rigid.touch.newton import KEPT
+        return FIELDS + KEPT
+    return FIELDS
+
+
 def meet(scene) -> bool:
     """Whether there are two things that can touch."""
     bodies = [body for body in scene.things("Body") if meeting(body)]
@@ -295,5 +292,6 @@ def signature(b) -> list:
     from wsim.physics.rigid.forms import chosen
     own = [c for body in b.scene.things("Body") for c in meeting(body)]
     form = chosen(b.model.device, b.model.worlds * len(own) + len(standing(b.scene.colliders)))
-    said = [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), bounces(b.scene), form.name, form.blocks, sleeps(b.scene)]
+    said = [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), bounces(b.scene), form.name, form.blocks, sleeps(b.scene),
+            b.scene.contact_tolerance > 0.0]
     return said + [sorted({type(c.shape).__name__ for c in own}), any(c.restitution > 0.0 for c in own)] * points

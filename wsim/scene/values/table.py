@@ -117,6 +117,7 @@ VALUES: list[Value] = [
           why=f"{FIXED}, and no input; take pin()"),
     Value("Scene", "air_density", "kg/m^3", live=False, usd=Usd(AIR, "wsim:airDensity"), why=FIXED),
     Value("Scene", "contact_width", "m", live=False, usd=Usd(AIR, "wsim:contactWidth"), why=FIXED),
+    Value("Scene", "contact_tolerance", "m/s", live=False, usd=Usd(AIR, "wsim:contactTolerance"), why=FIXED),
     Value("Scene", "sleep_speed", "m/s", live=False, usd=Usd(AIR, "wsim:sleepSpeed"), why=FIXED),
     Value("Scene", "error", "1", POSITIVE, live=False, usd=Usd(AIR, "wsim:error", uniform=True),
           why="no motion follows from it", mend="give 0.01 for 1 % of the scene's size"),

@@ -44,7 +44,7 @@ def author_pins(stage: Usd.Stage, bare: Bare, body: Usd.Prim, given: tuple[str, 
             if points is not None:
                 chosen = np.unique(tets[embed(points, tets, bare.world[chosen])[0]])
         if not len(chosen):
-            raise SceneError(Problem(str(bare.path), f"--pin {spec} holds no point; give {LIKE}"))
+            raise SceneError(Problem(str(bare.path), f"--pin {spec} holds no point{_flat(simulated, band)}; give {LIKE}"))
         _author(stage, bare, body, chosen, simulated)
 
 
@@ -57,6 +57,14 @@ def _band(spec: str, bare: Bare) -> tuple[int, float, float] | None:
         return ("xyz".index(match[3].lower()), float(match[1]), float(match[2])) if match else None
     except ValueError:
         return None
+
+
+def _flat(points: np.ndarray, band: tuple[int, float, float] | None) -> str:
+    """Why a band of a mesh without extent along its axis holds nothing, and one of the longest axis; "" of others."""
+    extent = np.ptp(points, axis=0)
+    if band is None or extent[band[0]] > 1e-6 * extent.max(initial=0.0):
+        return ""
+    return f" (the mesh is flat along {'xyz'[band[0]]}; one end of it is 0..0.01@{'xyz'[int(extent.argmax())]})"
 
 
 def _between(points: np.ndarray, axis: int, low: float, high: float) -> np.ndarray:

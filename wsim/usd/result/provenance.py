@@ -15,7 +15,8 @@ import os
 import shlex
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, Field, fields, is_dataclass
+from typing import Any
 
 import numpy as np
 
@@ -46,13 +47,18 @@ def _parts(value) -> Iterator[bytes]:
         for f in fields(value):
             if f.name not in SEEN - {"path"}:
                 yield f.name.encode()
-                yield from _parts(getattr(value, f.name))
+                yield from _parts(getattr(value, f.name) if f.compare else _default(f))      # what is only kept is as if new
     elif isinstance(value, (list, tuple)):
         yield f"[{len(value)}".encode()
         for each in value:
             yield from _parts(each)
     else:
         yield repr(value.item() if hasattr(value, "item") else value).encode() + b";"
+
+
+def _default(f: Field) -> Any:
+    """Of a field that has one; MISSING of others."""
+    return f.default if f.default_factory is MISSING else f.default_factory()
 
 
 def of_scene(scene: Scene) -> dict[str, dict[str, str]]:
@@ -103,7 +109,9 @@ def match(path: str, made: Mapping, scene: Scene) -> list[Problem]:
                         "another program); whether they are those of this run can't be known", fatal=False)]
     then, now = made["scene"], of_scene(scene)
     bodies = {b.path: MESH[type(b)] for b in scene.bodies()}
-    changed = {at: [name for name in now[at] if then.get(at, {}).get(name) != now[at][name]] for at in now}
+    things = {"/": scene} | {t.path: t for name in LISTS for t in getattr(scene, name)} | {t.path: t for _, t in every(scene)}
+    before = {at: {f.name: digest(_default(f)) for f in fields(things[at])} | then.get(at, {}) for at in now}    # of new fields
+    changed = {at: [name for name in now[at] if before[at][name] != now[at][name]] for at in now}
     others = {at: [n for n in names if n in changed[at]] for at, names in bodies.items() if at in then}
     meshes = [Problem(at, f"has another mesh than in {path} ({', '.join(names)}); go on with the scene that the result was "
                       "made from, or start anew") for at, names in others.items() if names]

@@ -7,8 +7,8 @@ import pytest
 import warp as wp
 
 from wsim.kernels.math.real import types
+from wsim.kernels.rigid.complementarity.manifold_impulse import impulses
 from wsim.kernels.rigid.impulse import tangent
-from wsim.kernels.rigid.manifold_impulse import impulses
 
 BEARING = (2.0, 0.5, 0.1, 0.0)
 

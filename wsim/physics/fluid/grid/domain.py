@@ -16,6 +16,7 @@ from wsim.kernels.fluid.forces import NUMBERS
 from wsim.kernels.fluid.grid import structs
 from wsim.kernels.math.real import types
 from wsim.model.structs import filled
+from wsim.physics.fluid.grid.direct import MOST
 from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.multigrid import AXES
 from wsim.physics.fluid.grid.obstacles import Obstacles
@@ -48,7 +49,8 @@ class Domain:
         self.speed, self.live = threads.zeros(1), threads.zeros(NUMBERS)
         self.grid = self._grid()
         room = max(*self.sizes, layout.cells)
-        self.work = {name: threads.zeros(room) for name in ("p", "r", "z", "d", "w")}
+        direct = fluid.pressure == "direct" or fluid.pressure == "auto" and not obstacles and sum(layout.n) <= MOST
+        self.work = {name: threads.zeros(room) for name in ("p", "r", "z", "d", "w", *["free"] * direct)}
         self.v, self.half = self.faces(), self.faces()
         corner = fluid.low
         self.obstacles = (Obstacles(threads, layout, self.grid, Shapes(model, obstacles, corner, layout.axes, fluid.cell, True),
@@ -137,7 +139,7 @@ class Domain:
     @property
     def launches(self) -> int:
         """Of a step whose pressure takes one iteration."""
-        dim, solve = self.layout.dim, self.pressure.multigrid.launches + 12
+        dim, solve = self.layout.dim, (self.pressure.direct or self.pressure.multigrid).launches + 12
         return (5 * dim + 2 * solve if self.reflects else 4 * dim + solve) + 2 * len(self.scalars) + 4
 
     # a frame

@@ -1,4 +1,5 @@
-"""The projection of a velocity: its divergence, the pressure by conjugate gradients with a multigrid cycle, sealed regions."""
+"""The projection of a velocity: its divergence, the pressure by conjugate gradients with a multigrid cycle or, in a box without
+obstacles, a direct solve; sealed regions."""
 
 from typing import Any
 
@@ -10,6 +11,7 @@ from wsim.kernels.fluid.conjugate import CHECK, START, STEP, TURN
 from wsim.kernels.fluid.grid import structs
 from wsim.kernels.math.real import types
 from wsim.model.structs import filled
+from wsim.physics.fluid.grid.direct import Direct
 from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.multigrid import AXES, Multigrid
 from wsim.physics.fluid.grid.threads import Threads
@@ -46,7 +48,8 @@ class Conjugate:
 
 class Pressure:
     """open, solid: `Faces` of openings and of the velocities of obstacles, or None. work: arrays of at least as many rows as
-    there are cells, which others use in turn. region: numbers of the sealed regions, (cells,), -1: none; None: all one."""
+    there are cells, which others use in turn. With "free" among them the solve
+    is direct. region: numbers of the sealed regions, (cells,), -1: none; None: all one."""
 
     def __init__(self, threads: Threads, layout: Layout, grid: Any, open: Any, solid: Any, expansion: wp.array | None,
                  work: dict[str, wp.array], words: dict[str, wp.array]):
@@ -60,6 +63,7 @@ class Pressure:
         self.multiply = conjugate.multiply(dim, fractions, real, module)
         self.project_kernels = [pressure.project(dim, a, fractions, moving, real, module) for a in range(dim)]
         self.multigrid = Multigrid(threads, layout, open, self.z, self.r)
+        self.direct = Direct(threads, layout, self.z, self.r, (self.w, work["free"])) if "free" in work else None
         self.solver = Conjugate(threads, layout.cells, words)
         self.tolerance = 1e-4
         self.sealed = int(layout.sealed)                       # regions
@@ -98,7 +102,7 @@ class Pressure:
 
     def _iterate(self) -> None:
         s, threads = self.solver, self.threads
-        self.multigrid.cycle()                                 # of r into z
+        (self.direct or self.multigrid).cycle()                # of r into z
         s.sum(self.r, self.z)
         s.conclude(TURN)
         threads.over(s.turn, self.layout.cells, [s.numbers, self.z], [self.d])

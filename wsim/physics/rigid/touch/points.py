@@ -80,10 +80,11 @@ class Touch:
         found = [(rows.first[o] + several + place, n, o) for o, body in enumerate(model.bodies)
                  for place, n in enumerate(numbers[body.world])]
         bodies = np.array([self.owners[n][0] for _, n, _ in found], np.int32)
-        places = places_of([self.rigid.masses[k] for k in bodies], [self.owners[n][2] for _, n, _ in found])
+        own = [self.owners[n][2] for _, n, _ in found]
+        places = places_of([self.rigid.masses[k] for k in bodies], own, np.zeros((len(own), 3)))
         row = np.array([r for r, *_ in found], np.int32)
         of, thrown = np.full(len(rows.collider), -1, np.int32), np.zeros(len(rows.collider))
-        of[row], thrown[row] = bodies, [self.owners[n][2].restitution for _, n, _ in found]
+        of[row], thrown[row] = bodies, [c.restitution for c in own]
         radius = rows.radius[rows.collider[row]] + self.contacts.gap[row]
         origins = np.stack([body.origin for body in model.bodies])
 

@@ -1,0 +1,109 @@
+"""Substeps whose sweeps go on until contacts are solved: the converged mode, by which the others are measured.
+
+The residual is what each contact would still change if it were solved by itself, as a velocity [m/s]:
+
+    normal     |min(A_ii P_i, u_i + bias + soft A_ii P_i)|          0 where one of both is 0 and none is negative
+    friction   (K_11 + K_22) / 2 |Coulomb(rub, u) - rub|            0 where it sticks within the cone, or slips on it along u
+
+(the natural map of a complementarity problem: Cottle, Pang, Stone 1992, section 1.5). It is looked at after every EACH sweeps,
+of those with bias and of those without; they end under the tolerance, or after MOST.
+"""
+
+from collections.abc import Callable, Sequence
+
+import warp as wp
+
+from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.impulse import formulas
+from wsim.kernels.rigid.kinds import Kind, at_once
+from wsim.kernels.rigid.passes import over_bodies, walks
+from wsim.kernels.rigid.soft_step import goals
+
+EACH, MOST = wp.constant(4), wp.constant(20000)
+
+
+def missed(real):
+    """Function of a contact m: its residual goes into `residual`."""
+    Rig, goal = whole(real), goals(real)
+    _, _, begun, _, _, _, slip, rubbed = formulas(real)
+
+    @wp.func
+    def missed(m: int, k: int, h: real, biased: int, rig: Rig):
+        count = rig.c.count[m]
+        if count > 0:
+            two = begun(m, k, rig)
+            n = rig.c.n[m]
+            mu = real(0.5) * (rig.s.friction[rig.c.a[m]] + rig.s.friction[rig.c.b[m]])
+            A = rig.work.A[m]
+            most = real(0.0)
+            for i in range(4):
+                if i < count:
+                    j = 4 * m + i
+                    push = rig.c.push[j]
+                    u = slip(two, j, rig)
+                    wants = goal(rig.work.now[j], push, h, biased)
+                    if wants[0] > real(0.0):
+                        bears = A[i, i] * push
+                        most = wp.max(most, wp.abs(wp.min(bears, wp.dot(n, u) + wants[1] + wants[2] * bears)))
+                    K = rig.work.K[j]
+                    more = rubbed(rig.c.rub[j], u, n, K, push, mu) - rig.c.rub[j]
+                    most = wp.max(most, real(0.5) * (K[0] + K[2]) * wp.length(more))
+            wp.atomic_max(rig.work.residual, 0, most)
+
+    return missed
+
+
+def converged(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0, bouncing: bool = False):
+    """Kernel as `wsim.kernels.rigid.passes.substeps`, of which steps[2] is not read. tolerance [m/s]; work.residual[1] becomes
+    the largest residual that was left."""
+    Rig, w = whole(real), walks(kinds, real, meet, bouncing)
+    begun, placed, ended = over_bodies(real)
+    prepare, warm, solve, thrown = w.prepare, w.warm, w.solve, w.thrown
+    look = at_once(kinds[-1], missed(real), real)
+
+    @wp.func
+    def left(i: int, threads: int, k: int, h: real, biased: int, rig: Rig):
+        """Residual of all contacts, for all threads."""
+        meet()
+        if i == 0:
+            rig.work.residual[0] = real(0.0)
+        meet()
+        look(i, threads, k, h, biased, rig)
+        meet()
+        return rig.work.residual[0]
+
+    @wp.func
+    def solved(i: int, threads: int, k: int, h: real, biased: int, tolerance: real, rig: Rig):
+        miss = real(0.0)
+        for sweep in range(int(MOST)):
+            solve(i, threads, k, h, biased, rig)
+            if sweep % EACH == EACH - 1:
+                miss = left(i, threads, k, h, biased, rig)
+                if miss <= tolerance:
+                    break
+        meet()
+        if i == 0:
+            rig.work.residual[1] = wp.max(rig.work.residual[1], miss)
+
+    def rigid_converged(steps: wp.vec3i, h: real, threads: int, tolerance: real, rig: Rig):
+        i = wp.tid()
+        placed(i, threads, steps[0], rig)
+        meet()
+        prepare(i, threads, steps[0], h, 1, rig)
+        meet()
+        for k in range(steps[0], steps[1]):
+            thrown(i, threads, k, h, rig)
+            begun(i, threads, h, rig)
+            meet()
+            warm(i, threads, k, h, 1, rig)
+            solved(i, threads, k, h, 1, tolerance, rig)
+            ended(i, threads, k, h, rig)
+            meet()
+            prepare(i, threads, k + 1, h, 0, rig)
+            meet()
+            solved(i, threads, k, h, 0, tolerance, rig)
+            meet()
+
+    more = {"launch_bounds": threads} if threads else {}
+    return wp.kernel(rigid_converged, name="rigid_converged", module=module, enable_backward=False, grid_stride=False,
+                     **more, **({"cluster_dim": cluster} if cluster else {}))
