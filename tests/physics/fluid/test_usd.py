@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom
 
-from wsim.physics.fluid.objects import ADVECTION, KINDS, SCALARS, Fluid, Source
+from wsim.physics.fluid.objects import ADVECTION, KINDS, PRESSURE, SCALARS, Fluid, Source
 from wsim.scene import Box, Cone, Plane, Scene, SceneError, Sphere, Surface
 from wsim.scene.curve import Curve, Motion
 from wsim.usd import load, names, save
@@ -34,7 +34,8 @@ def everything() -> tuple[Fluid, list[Source]]:
     still = Motion.still(moving.values[0])
     fluid = Fluid("/World/air", LOW, HIGH, 0.1, ("periodic", "periodic", "closed", "open", "wind", "wind"),
                   rng.normal(size=(6, 3)) * (np.arange(6) == 2)[:, None], False, 1.1, 0.01, 0.004, 0.3, 0.5, 0.1, 0.2, "cubic",
-                  "bfecc", 1e-5, 3.0, 7, 9, *(rng.random(n).astype(np.float32) for n in ((8, 8, 8, 3), (8, 8, 8), (8, 8, 8))))
+                  "bfecc", "multigrid", 1e-5, 3.0, 7, 9,
+                  *(rng.random(n).astype(np.float32) for n in ((8, 8, 8, 3), (8, 8, 8), (8, 8, 8))))
     return fluid, [
         Source("/World/ball", Sphere(0.1), moving, "/World/air", 2.0, 30.0, True, (0.1, 0.0, -0.3), -0.5,
                Curve(np.array([0.0, 0.1, 0.25]), np.array([0.0, 1.0, 0.3]))),
@@ -189,12 +190,12 @@ def test_fallbacks_and_tokens_of_the_schemas_are_those_of_the_objects():
     registry = Usd.SchemaRegistry()
     plain = {"Fluid": Fluid("/a", LOW, HIGH, 0.0, density=0.0), "Source": Source("/a", Sphere(1.0))}
     rows = [row for row in names.TABLE if row.owner in plain]
-    assert len(rows) == 20 + 6
+    assert len(rows) == 21 + 6
     for row in rows:
         attribute = registry.FindAppliedAPIPrimDefinition(row.schema).GetAttributeDefinition(row.attribute)
         value, wanted = attribute.GetFallbackValue(), getattr(plain[row.owner], row.field)
         if isinstance(wanted, Curve):
             wanted = wanted.values[0]
         assert value is None and not np.any(wanted) or np.array_equal(value, wanted), row.attribute
-        tokens = {"sides": KINDS, "advection": ADVECTION, "scalar_advection": SCALARS}.get(row.field)
+        tokens = {"sides": KINDS, "advection": ADVECTION, "scalar_advection": SCALARS, "pressure": PRESSURE}.get(row.field)
         assert tokens is None or tuple(attribute.GetMetadata("allowedTokens")) == tokens
