@@ -83,7 +83,7 @@ def test_a_scene_is_saved_and_loaded_and_what_is_wrong_is_said_by_its_path(tmp_p
     scene.things("Wheel")[0].drag = -1.0
     (problem,) = [p for p in check(scene) if p.fatal]
     assert problem.path == FAST.path and "drag is -1" in problem.text
-    with pytest.raises(SceneError, match="is a str, which no method simulates; there are: Body, Wheel"):
+    with pytest.raises(SceneError, match="is a str, which no method simulates; there are: Body, Joint, Group, Parted, Wheel"):
         scene.add("wheel")
 
 

@@ -35,7 +35,7 @@ SOFT = {
     "squeezed_cube": (343, 5 * 6 ** 3, 0.125, "corotational", 0, (Box, Box, Plane)),
     "trampoline": (125, 5 * 4 ** 3, 0.064, "corotational", 64, ()),
 }
-RIGID = {"dominoes": 31, "pyramid": 56}            # bodies
+RIGID = {"dominoes": 31, "pyramid": 56, "humanoid": 16}            # bodies
 scenes = pytest.mark.parametrize("name", CONTENT)
 soft_scenes = pytest.mark.parametrize("name", SOFT)
 every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT, *RIGID])
@@ -258,7 +258,8 @@ def test_the_generator_writes_into_the_folder_it_is_given(tmp_path):
 
 @pytest.mark.parametrize("name", RIGID)
 def test_rigid_scenes_fall_as_they_say(name):
-    """All dominoes lie after 6 s; the pyramid stands until the ball comes, which moves more than ten boxes by their size."""
+    """All dominoes lie after 6 s; the pyramid stands until the ball comes, which moves more than ten boxes by their size; the
+    humanoid comes to rest."""
     scene = load(FOLDER / f"{name}.usda")
     assert len(scene.things("Body")) == RIGID[name] and not scene.notes
     sim = Simulation(scene, device="cpu")
@@ -268,5 +269,7 @@ def test_rigid_scenes_fall_as_they_say(name):
     if name == "pyramid":
         assert np.abs(sim.plan.method("rigid").poses()[rows] - start).max() < 1e-3
     sim.run(60)
+    if name == "humanoid":
+        assert np.abs(sim.plan.method("rigid").velocities()).max() < 0.05 and sim.report()["error"]["joint_error"] < 1e-4
     way = sim.plan.method("rigid").poses()[rows][:, :3, 3] - start[:, :3, 3]
     assert (way[:, 1] < -0.1).all() if name == "dominoes" else (np.linalg.norm(way, axis=1) > 0.2).sum() > 10, way

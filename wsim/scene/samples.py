@@ -41,6 +41,26 @@ class Particles:
 
 
 @dataclass(frozen=True)
+class Instances:
+    """Instances of a PointInstancer that move rigidly.
+
+    path         prim path of the instancer
+    numbers      which instances, (n,), in the order of its arrays
+    matrices     what has moved each since the first frame, world, (n, 4, 4) [m], rigid
+    centers      places about which they turn now, world (n, 3) [m]
+    velocities   of those places, (n, 3) [m/s]
+    spins        angular velocities, world (n, 3) [rad/s]
+    """
+
+    path: str
+    numbers: np.ndarray
+    matrices: np.ndarray
+    centers: np.ndarray
+    velocities: np.ndarray
+    spins: np.ndarray
+
+
+@dataclass(frozen=True)
 class Quantity:
     """A number, or numbers (n,) such as joint values, as a sampled attribute of type double or double[]."""
 
@@ -75,4 +95,4 @@ class Colour:
     values: np.ndarray
 
 
-Sample = Points | Transform | Particles | Quantity | Volume | Colour
+Sample = Points | Transform | Instances | Particles | Quantity | Volume | Colour

@@ -98,6 +98,8 @@ def needed(row: Row, b: Build) -> str:
     if row.name in NEEDED:
         return NEEDED[row.name](b)
     counts = {name: len(b.scene.things(name)) for name in row.owns}
+    if row.owns and not counts[row.owns[0]]:                    # what the others are about
+        return ""
     return ", ".join(f"{n} {name}" for name, n in counts.items() if n)
 
 

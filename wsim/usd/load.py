@@ -106,8 +106,8 @@ def _read(reading: Reading) -> Scene:
         from wsim.usd.prims.loads import load_load
         scene.loads += [load for prim in found.loads if (load := load_load(reading, prim, by_path)) is not None]
     for row, prim in found.others:
-        thing = row.role("usd").load(reading, prim)
-        if thing is not None:
+        given = row.role("usd").load(reading, prim)
+        for thing in given if isinstance(given, list) else [given] if given is not None else []:
             scene.add(thing)
     _order(scene, found.scenes)
     return _finished(reading, scene, found)
@@ -166,12 +166,11 @@ def _walk(reading: Reading) -> Prims:
         spelling(reading, prim)
         if kind == "PointInstancer":
             prims.PruneChildren()
-            reading.warn(prim.GetPath(), "is a PointInstancer: its prototypes take no part")
         elif kind == names.PHYSICS_SCENE:
             found.scenes.append(prim)
         elif kind == names.ATTACHMENT:
             found.attachments.append(prim)
-        elif kind in (names.ELEMENT_FILTER, names.COLLISION_GROUP):
+        elif kind == names.ELEMENT_FILTER:
             reading.warn(prim.GetPath(), f"{kind} is not used yet: every collider acts on every body")
         elif kind == "SkelRoot":
             found.skel_roots.append(prim)
@@ -185,8 +184,6 @@ def _walk(reading: Reading) -> Prims:
             found.simulated.append(prim)
         if names.COLLISION in apis and _collides(prim):
             found.colliders.append(prim)
-        if names.FILTERED_PAIRS in apis and prim.GetRelationship(names.FILTERED).HasAuthoredTargets():
-            reading.warn(prim.GetPath(), f"{names.FILTERED} is not used yet: every collider acts on every body")
     return found
 
 

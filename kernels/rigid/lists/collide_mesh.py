@@ -17,9 +17,9 @@ import warp as wp
 from wsim.kernels.math.eigen import identity
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.lists.manifold import manifold, reduction
 from wsim.kernels.rigid.lists.pairs import ROWS
 from wsim.kernels.rigid.lists.rows import lasts, posing, writing
-from wsim.kernels.rigid.manifold import manifold, reduction
 from wsim.kernels.rigid.narrow.clip import SIDES, WHOLE
 from wsim.kernels.rigid.narrow.mesh import WIDER, bounds, reading, relative, surfaces
 from wsim.kernels.rigid.narrow.shape import MESH, extent, hulls

@@ -26,8 +26,8 @@ SLACK = wp.constant(0.02)          # part of a ball's radius within which shapes
 
 
 @cache
-def trees():
-    """Struct of a tree of boxes [m] and of the shapes that have no end."""
+def trees(filtered: bool = False):
+    """Struct of a tree of boxes [m] and of the shapes that have no end; filtered: and of what does not touch."""
     @wp.struct
     class Tree:
         id: wp.uint64
@@ -35,7 +35,36 @@ def trees():
         high: wp.array(dtype=wp.vec3f)
         endless: wp.array(dtype=int)
 
-    return Tree
+    @wp.struct
+    class FilteredTree:
+        id: wp.uint64
+        low: wp.array(dtype=wp.vec3f)
+        high: wp.array(dtype=wp.vec3f)
+        endless: wp.array(dtype=int)
+        group: wp.array(dtype=int)             # of a shape
+        apart: wp.array2d(dtype=int)           # 1: groups that do not touch
+        first: wp.array(dtype=int)             # shapes that a shape does not touch besides, and the end
+        parted: wp.array(dtype=int)
+
+    return FilteredTree if filtered else Tree
+
+
+def parting(filtered: bool):
+    """Function: whether shapes i and j are kept from touching."""
+    Tree = trees(filtered)
+    if not filtered:
+        @wp.func
+        def parted(i: int, j: int, tree: Tree):
+            return False
+    else:
+        @wp.func
+        def parted(i: int, j: int, tree: Tree):
+            found = bool(tree.apart[tree.group[i], tree.group[j]] == 1)
+            for e in range(tree.first[i], tree.first[i + 1]):
+                if tree.parted[e] == j:
+                    found = True
+            return found
+    return parted
 
 
 def reach(real, module):
@@ -87,9 +116,10 @@ def reach(real, module):
     return wp.kernel(rigid_reach, name="rigid_reach", module=module, enable_backward=False)
 
 
-def listed(real, module):
-    """Kernel that counts the partners of each shape (write = 0), or writes them behind `first`, where there is room."""
-    Rig, Tree = whole(real), trees()
+def listed(real, module, filtered: bool = False):
+    """Kernel that counts the partners of each shape (write = 0), or writes them behind `first`, where there is room. filtered:
+    less those that do not touch."""
+    Rig, Tree, parted = whole(real), trees(filtered), parting(filtered)
 
     @wp.func
     def near(i: int, j: int, rig: Rig):
@@ -107,11 +137,11 @@ def listed(real, module):
         return real(wp.length(rig.work.center[i] - rig.work.center[j])) < one[0] + one[1] + other[0] + other[1]
 
     @wp.func
-    def take(i: int, j: int, at: int, write: int, rig: Rig):
+    def take(i: int, j: int, at: int, write: int, rig: Rig, tree: Tree):
         """How many rows j > i takes if it may meet i; they are written at their place then, where there is room."""
         taken = int(0)
         if j > i:
-            if near(i, j, rig):
+            if near(i, j, rig) and not parted(i, j, tree):
                 taken = 1
                 if rig.s.kind[j] == MESH:
                     taken = ROWS
@@ -141,15 +171,15 @@ def listed(real, module):
             at = first[i - 1]
         if rig.work.span[i][0] < real(0.0):
             for j in range(i + 1, rig.s.kind.shape[0]):
-                found += take(i, j, at + found, write, rig)
+                found += take(i, j, at + found, write, rig, tree)
         else:
             for e in range(tree.endless.shape[0]):
-                found += take(i, tree.endless[e], at + found, write, rig)
+                found += take(i, tree.endless[e], at + found, write, rig, tree)
             query = wp.bvh_query_aabb(tree.id, tree.low[i], tree.high[i])
             j = int(0)
             while wp.bvh_query_next(query, j):
                 if rig.work.span[j][0] >= real(0.0):
-                    found += take(i, j, at + found, write, rig)
+                    found += take(i, j, at + found, write, rig, tree)
         room = rig.c.a.shape[0]
         if write == 0:
             count[i] = found

@@ -19,7 +19,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.manifold import making, manifold, reduction
+from wsim.kernels.rigid.lists.manifold import making, manifold, reduction
 
 BIAS = wp.constant(1.0e-3)              # of the size: nearer, a face touches rather than an edge
 SLACK = wp.constant(1.0e-4)             # of the size: so far beyond a side a corner still is inside

@@ -15,7 +15,7 @@ import warp as wp
 from wsim.kernels.contact.shape import BOX, CAPSULE, PLANE, SPHERE, distance
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import matrix
-from wsim.kernels.rigid.manifold import making, manifold
+from wsim.kernels.rigid.lists.manifold import making, manifold
 from wsim.kernels.rigid.narrow.box import box
 from wsim.kernels.rigid.narrow.capsule import box_capsule, capsules
 from wsim.kernels.rigid.narrow.clip import contact, structs

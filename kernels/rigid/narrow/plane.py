@@ -8,7 +8,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.manifold import making, manifold, reduction
+from wsim.kernels.rigid.lists.manifold import making, manifold, reduction
 from wsim.kernels.rigid.narrow.face import face
 from wsim.kernels.rigid.narrow.shape import extent, hulls, shape, support
 

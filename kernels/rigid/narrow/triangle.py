@@ -20,7 +20,7 @@ import warp as wp
 
 from wsim.kernels.math.eigen import identity
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.manifold import manifold
+from wsim.kernels.rigid.lists.manifold import manifold
 from wsim.kernels.rigid.narrow.clip import BIAS, structs
 from wsim.kernels.rigid.narrow.gjk import apart
 from wsim.kernels.rigid.narrow.mesh import reading, surfaces

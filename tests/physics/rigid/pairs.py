@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.manifold import manifold
+from wsim.kernels.rigid.lists.manifold import manifold
 from wsim.kernels.rigid.narrow.pair import every, narrow
 from wsim.kernels.rigid.narrow.shape import KINDS, hulls, shape
 

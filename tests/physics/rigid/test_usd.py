@@ -101,10 +101,10 @@ def test_scenes_of_others_run_and_come_to_rest(name, bodies, mass):
     assert np.abs(sim.plan.method("rigid").velocities()).max() < 5e-2
 
 
-def test_the_humanoid_has_the_masses_of_its_table_and_says_that_joints_are_left_out():
+def test_the_humanoid_has_the_masses_of_its_table_and_all_of_its_joints():
     scene = load(ASSETS / "humanoid.usda")
     assert len(scene.things("Body")) == 16 and abs(sum(b.mass for b in scene.things("Body")) - 40.844) < 1e-3
-    assert any("joints are not simulated yet" in p.text for p in scene.notes)
+    assert len(scene.things("Joint")) == 15 and len(scene.things("Group")) == 20
 
 
 def test_results_are_transforms_that_keep_the_authored_scale(tmp_path):

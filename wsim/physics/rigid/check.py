@@ -1,4 +1,4 @@
-"""What can be wrong with a rigid body. NumPy only."""
+"""What can be wrong with a rigid body; of joints see wsim/physics/rigid/joints/check.py. NumPy only."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -20,7 +20,19 @@ LEAST = 1e-30                # [kg], [kg m^2]; and the inverse of the greatest
 TRIANGLE = 1e-4              # of a moment over the sum of the other two
 
 
-def check(body: Body, scene: Scene) -> Iterator[Problem]:
+def check(thing, scene: Scene) -> Iterator[Problem]:
+    if isinstance(thing, Body):
+        yield from _body(thing, scene)
+        return
+    if type(thing).__name__ == "Joint":
+        from wsim.physics.rigid.joints.check import check as joint
+        yield from joint(thing, scene)
+    else:
+        from wsim.physics.rigid.joints.filters.groups import check as filters
+        yield from filters(thing, scene)
+
+
+def _body(body: Body, scene: Scene) -> Iterator[Problem]:
     """Velocities, forces, drags, mass and density are values, and checked as such."""
     path = body.path
     for name in ("center", "inertia", "axes"):

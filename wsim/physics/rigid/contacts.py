@@ -55,14 +55,20 @@ class Contacts:
         self.still_first = len(method.bodies)
         self.bouncing, self.sweeps = bounces(b.scene), b.scene.iterations
         self._shapes()
+        self.filters = None
+        if any(b.scene.things(name) for name in ("Joint", "Group", "Parted")):
+            from wsim.physics.rigid.joints.filters.groups import filters
+            paths = [(c.path, world) for _, world, c in self.owners] + [(c.path, -1) for c in self.colliders]
+            frames = [method.bodies[k][0].path for k, _, _ in self.owners] + [""] * len(self.colliders)
+            self.filters = filters(b.scene, paths, frames)
         real, module = self.real, b.model.module
-        self.reach, self.listed = pairs.reach(real, module), pairs.listed(real, module)
+        self.reach, self.listed = pairs.reach(real, module), pairs.listed(real, module, self.filters is not None)
         met = kinds(b.scene.things("Body"), self.colliders)
         on_meshes = frozenset(one for one, other in met if other == "mesh")
         self.collide = collide.collide(frozenset(p for p in met if p[1] != "mesh"), real, module)
         self.on_meshes = collide_mesh.collide_mesh(on_meshes, real, module) if on_meshes else None
         self.form = forms.chosen(b.model.device, self.shapes)
-        self.form.make(b.model, self.bouncing)
+        self.form.make(b.model, self.bouncing, method.joints.islands if method.joints else 0)
         if method.sleep:
             method.sleep.make(self.form)
         b.status.reserve(WORD)
@@ -141,7 +147,12 @@ class Contacts:
         low, high = (wp.zeros(self.shapes, dtype=wp.vec3f, device=self.device) for _ in range(2))
         self.bvh = wp.Bvh(low, high)
         endless = np.flatnonzero(self.table.ball.numpy() < 0.0).astype(np.int32)
-        self.tree = filled(pairs.trees(), id=self.bvh.id, low=low, high=high,
+        more = {}
+        if self.filters:
+            names = {"group": self.filters.kind, "apart": self.filters.table, "first": self.filters.first,
+                     "parted": self.filters.parted}
+            more = {name: wp.array(v.astype(np.int32), dtype=int, device=self.device) for name, v in names.items()}
+        self.tree = filled(pairs.trees(bool(more)), **more, id=self.bvh.id, low=low, high=high,
                            endless=wp.array(endless, dtype=int, device=self.device))
 
     def _empty(self, first: int) -> None:
@@ -150,7 +161,7 @@ class Contacts:
             array[first:self.parts[0].capacity].fill_(-1)
         body, world = self.method.bodies[0]
         for part in self.parts:
-            part.rows = {(body.path, world): np.arange(part.capacity)}
+            part.rows = {(body.written, world): np.arange(part.capacity)}
 
     def before_frame(self, time: float, clock: Clock) -> None:
         """Uploads the poses of colliders at the substeps of a frame; still ones once."""
@@ -191,7 +202,9 @@ class Contacts:
         ends = self.ends(clock)
         for first, last in zip(ends[:-1], ends[1:], strict=True):
             self.manifolds(clock, first, last)
-            self.form.advance((first, last, self.sweeps), clock.h, self.rig())
+            joints = self.method.joints
+            sweeps, more = (joints.sweeps, [joints.with_contacts(self.work)]) if joints else (self.sweeps, [])
+            self.form.advance((first, last, sweeps), clock.h, self.rig(), *more)
             if self.method.sleep:
                 self.method.sleep.end(self.room, self.rig())
             self.keep()

@@ -38,6 +38,7 @@ class Form:
     model: Any = None
     wide: bool = False                                # blocks of THREADS
     threads: int = 1                                  # that meet
+    islands: int = 0                                  # of joints
     meet: Any = None                                  # function that they call
     tolerance: float = 0.0                            # [m/s] of the residual at which sweeps end; 0: their number is given
     module: str = ""                                  # of their kernels
@@ -56,9 +57,10 @@ class Form:
         found = TITLES[self.name] or f"a cluster of {self.blocks} blocks of {THREADS} threads, colour by colour"
         return found + f", until the residual is under {self.tolerance:g} m/s" * (self.tolerance > 0.0)
 
-    def make(self, model, bouncing: bool) -> None:
-        """Its kernels, in the model's modules."""
-        real, self.model, self.tolerance = model.real, model, model.scene.contact_tolerance
+    def make(self, model, bouncing: bool, linked: int = 0) -> None:
+        """Its kernels, in the model's modules; linked: how many islands of joints there are, beside which sweeps are counted."""
+        real, self.model, self.islands = model.real, model, linked
+        self.tolerance = 0.0 if linked else model.scene.contact_tolerance
         if self.tolerance > 0.0 and self.name == "launches":
             self.name = "cluster"                     # a launch cannot ask whether another is needed
         self.wide = self.name in ("block", "cluster") or (self.name == "launches" and model.device.is_cuda)
@@ -74,11 +76,17 @@ class Form:
             self.kernels["converged"] = converged(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
             return
         if self.name != "launches":
-            self.kernels["substeps"] = passes.substeps(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
+            steps = passes.substeps
+            if linked:
+                from wsim.kernels.rigid.joint.passes import linked as steps
+            self.kernels["substeps"] = steps(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
             return
         if bouncing:
             self.kernels["thrown"] = launches.thrown(self.kinds, real, module, meet, **sizes)
         self.kernels |= dict(zip(("begun", "placed", "ended"), launches.of_bodies(real, model.module), strict=True))
+        if linked:
+            from wsim.kernels.rigid.joint.passes import launched
+            self.kernels |= launched(real, model.module)
         rest = block.meet if self.wide else block.alone
         self.of = [launches.of_kind(kind, real, model.module, module, rest, sizes["threads"]) for kind in self.kinds]
 
@@ -101,26 +109,38 @@ class Form:
         if self.coloured:
             self.launch(self.kernels["colours"], [self.threads, rig], [serial])
 
-    def advance(self, steps: tuple[int, int, int], h: float, rig) -> None:
-        """Substeps steps[0] .. steps[1] of h [s], of steps[2] sweeps."""
+    def advance(self, steps: tuple[int, int, int], h: float, rig, *joints) -> None:
+        """Substeps steps[0] .. steps[1] of h [s], of steps[2] sweeps; joints: their struct, where there are some."""
         if self.tolerance > 0.0:
             self.launch(self.kernels["converged"], [wp.vec3i(*steps), h, self.threads, self.tolerance, rig], [])
             return
         if self.name != "launches":
-            self.launch(self.kernels["substeps"], [wp.vec3i(*steps), h, self.threads, rig], [])
+            self.launch(self.kernels["substeps"], [wp.vec3i(*steps), h, self.threads, rig, *joints], [])
             return
         self.walk("placed", steps[0], rig)
+        self.link("lined", steps[0], rig, *joints)
         self.prepare(steps[0], rig)
         for k in range(steps[0], steps[1]):
             if "thrown" in self.kernels:
                 self.launch(self.kernels["thrown"], [self.threads, k, h, rig], [])
-            self.walk("begun", h, rig)
+            self.walk("begun", h, rig, *joints)
+            self.link("reset", h, rig, *joints)
             self.sweep("warm", k, h, 1, rig)
-            for _ in range(steps[2]):
+            self.link("joined", k, 0, h, rig, *joints)
+            for sweep in range(steps[2]):
                 self.sweep("solve", k, h, 1, rig)
-            self.walk("ended", k, h, rig)
+                self.link("joined", k, sweep, h, rig, *joints)
+            self.walk("ended", k, h, rig, *joints)
+            self.link("lined", k + 1, rig, *joints)
             self.prepare(k + 1, rig)
+            self.link("loosed", k, h, rig, *joints)
             self.sweep("solve", k, h, 0, rig)
+            self.link("loosed", k, h, rig, *joints)
+
+    def link(self, name: str, *given) -> None:
+        """A pass of the islands of joints, a thread each."""
+        if self.islands:
+            self.model.launch(self.kernels[name], self.islands, [*given], [])
 
     @property
     def walkers(self) -> int:
@@ -144,7 +164,8 @@ class Form:
         if self.name != "launches":
             return (1 + self.coloured) * times
         kinds = len(self.of)
-        return times * (2 + kinds) + steps * (2 + kinds + ("thrown" in self.kernels)
+        more = bool(self.islands) * (times + steps * (5 + sweeps))
+        return more + times * (2 + kinds) + steps * (2 + kinds + ("thrown" in self.kernels)
                                               + kinds * (sweeps + 2) * (launches.LAUNCHED + 1))
 
 

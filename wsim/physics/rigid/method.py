@@ -16,7 +16,7 @@ from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.rigid.mass import Inertia, inertia, weighed
 from wsim.physics.rigid.objects import Body
-from wsim.physics.rigid.solids import meeting, standing
+from wsim.physics.rigid.solids import acting, meet, meeting, sleeps, touches
 from wsim.scene.samples import Sample, Transform
 
 FIELDS = (Field("x", "m", True, "centre of mass relative to where it was at the start"),
@@ -38,7 +38,8 @@ class Rigid(Method):
         super().__init__("rigid")
         self.model, scene = b.model, b.scene
         if b.model.gradients:
-            refuse_contacts(scene)
+            from wsim.physics.rigid.recorded import refuse_contacts
+            refuse_contacts(scene, meet(scene) or touches(scene))
         worlds = range(b.model.worlds)
         self.bodies: list[tuple[Body, int]] = [(body, world) for world in worlds for body in scene.things("Body")]
         of = {id(body): inertia(body) for body in scene.things("Body")}
@@ -47,26 +48,45 @@ class Rigid(Method):
         self.origin = np.array([M[:3, :3] @ m.center + M[:3, 3] for M, m in zip(frames, self.masses, strict=True)])
         self.gravity = np.tile(np.asarray(scene.gravity, np.float64), (b.model.worlds, 1))
         self.force, self.twist = (np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("force", "torque"))
-        self.part = Part.allocate("bodies", _fields(b), len(self.bodies), b.model.real, b.model.device)
-        self.part.rows = {(body.path, world): np.array([k]) for k, (body, world) in enumerate(self.bodies)}
-        b.state.add(self.part)
+        self._allocate(b)
         self._begin(frames)
         self.sleep = self._sleep(b) if sleeps(scene) else None
         self.Bodies, self.Moving = motion.structs(b.model.real)
         self.table, self.pushed = self._tables(), True
         self.offers = {"bodies": self}
+        self.joints: Any = None
+        if acting(scene):
+            from wsim.physics.rigid.joints.tables import Joints
+            self.joints = Joints(b, self)
+        self._stages(b)
+
+    def _allocate(self, b) -> None:
+        fields = FIELDS
+        if touches(b.scene) and b.choice.solver == "implicit":
+            from wsim.physics.rigid.touch.newton import KEPT
+            fields += KEPT
+        self.part = Part.allocate("bodies", fields, len(self.bodies), b.model.real, b.model.device)
+        rows: dict[tuple[str, int], list[int]] = {}
+        for k, (body, world) in enumerate(self.bodies):
+            rows.setdefault((body.written, world), []).append(k)
+        self.part.rows = {key: np.array(own) for key, own in rows.items()}
+        b.state.add(self.part)
+
+    def _stages(self, b) -> None:
         self.contacts: Any = None
         self.touch: Any = None                           # `wsim.physics.rigid.touch.points.Touch`, where there are points
         self.recorded: Any = None
-        what, launches = f"{len(self.bodies)} bodies, all substeps", 1
-        points = touches(scene)
-        if points or meet(scene):
+        what, launches = f"{len(self.bodies)} bodies, all substeps" + (f", {self.joints.what}" if self.joints else ""), 1
+        points = touches(b.scene)
+        if points or meet(b.scene):
             from wsim.physics.rigid.contacts import Contacts
             self.contacts = Contacts(b, self)
             what += f", {self.contacts.shapes} shapes that can meet, {self.contacts.form.what}"
             launches = self.contacts.launches(b.clock)
         elif b.model.gradients:
             self._record()
+        elif self.joints:
+            self.kernel = self.joints.alone()
         else:
             self.kernel = motion.free(b.model.real, b.model.module)
         if points:
@@ -135,6 +155,8 @@ class Rigid(Method):
         return filled(self.Moving, **{name: self.part.arrays[name] for name in ("x", "e", "q", "o", "p", "L")})
 
     def before_frame(self, time: float, clock: Clock) -> None:
+        if self.joints:
+            self.joints.before_frame(time, clock)
         if self.contacts:
             self.contacts.before_frame(time, clock)
         if self.touch:
@@ -145,10 +167,11 @@ class Rigid(Method):
             self.touch.meet(others)
 
     def retry(self, status: Status) -> list[Remedy]:
-        return self.contacts.retry(status) if self.contacts else []
+        found = self.contacts.retry(status) if self.contacts else []
+        return found + (self.touch.foreseen.retry(self.touch.clock) if self.touch and self.touch.foreseen else [])
 
     def restored(self, fields) -> None:
-        pairs = fields.get(self.bodies[0][0].path, {}).get("a")
+        pairs = fields.get(self.bodies[0][0].written, {}).get("a")
         if self.contacts and pairs is not None and len(pairs) > self.contacts.room:
             self.contacts.grow(len(pairs))
 
@@ -157,6 +180,8 @@ class Rigid(Method):
             (self.contacts.advance if self.contacts else self.recorded.step)(clock)
             return
         now = self.moving()
+        if self.joints:
+            return self.joints.advance(self.kernel, clock, self.table, now)
         asleep = self.part.arrays["asleep"] if self.sleep else None
         self.model.launch(self.kernel, self.part.count, [self.table, now, asleep, clock.substeps, clock.h], [now])
 
@@ -205,7 +230,12 @@ class Rigid(Method):
         for k, (body, _) in enumerate(self.bodies):
             if body.stretch is not None:
                 poses[k, :3, :3] = poses[k, :3, :3] @ body.stretch
-        return [Transform(body.path, poses[k]) for k, (body, of) in enumerate(self.bodies) if of == world]
+        own = [(k, body) for k, (body, of) in enumerate(self.bodies) if of == world]
+        found: list[Sample] = [Transform(body.path, poses[k]) for k, body in own if not body.instancer]
+        if len(found) < len(own):
+            from wsim.physics.rigid.joints.instances.samples import moved
+            found += moved(self, poses, [k for k, body in own if body.instancer])
+        return found
 
     def indicators(self, x, v) -> dict[str, float]:
         """Kinetic energy and that in gravity [J] of all bodies of the first world, and what contacts say."""
@@ -214,7 +244,11 @@ class Rigid(Method):
         mass = np.array([m.mass for m in self.masses])
         energy = 0.5 * (self.get("p") * self.velocities()).sum(1) + 0.5 * (self.get("L") * self.spins()).sum(1)
         found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
-        return found | (self.contacts.indicators() if self.contacts else {})
+        if self.contacts:
+            found |= self.contacts.indicators()
+        if self.touch:
+            found |= self.touch.indicators()
+        return found | (self.joints.indicators() if self.joints else {})
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         hit = np.array([k for k, (body, of) in enumerate(self.bodies) if path in ("/", body.path) and world in (None, of)], int)
@@ -249,49 +283,15 @@ class Rigid(Method):
         return True
 
 
-def refuse_contacts(scene) -> None:
-    """Raises SceneError where bodies that are to be recorded can touch something, or are joined."""
-    from wsim.scene.values.coverage import refuse
-    for joint in scene.things("Joint"):
-        raise refuse("joints", joint.path)
-    if meet(scene):
-        bodies = [body for body in scene.things("Body") if meeting(body)]
-        other = next((c.path for c in standing(scene.colliders)), bodies[-1].path)
-        raise refuse("impulses", bodies[0].path, other=other)
-
-
-def _fields(b) -> tuple[Field, ...]:
-    if touches(b.scene) and b.choice.solver == "implicit":
-        from wsim.physics.rigid.touch.newton import KEPT
-        return FIELDS + KEPT
-    return FIELDS
-
-
-def meet(scene) -> bool:
-    """Whether there are two things that can touch."""
-    bodies = [body for body in scene.things("Body") if meeting(body)]
-    return bool(bodies) and len(bodies) + len(standing(scene.colliders)) > 1
-
-
-def sleeps(scene) -> bool:
-    """Whether something may sleep: not what joints hold, nor beside points, where others may wake it."""
-    some = scene.sleep_speed > 0.0 or any(body.asleep for body in scene.things("Body"))
-    return some and not scene.things("Joint") and not scene.bodies()
-
-
-def touches(scene) -> bool:
-    """Whether bodies may touch points."""
-    return bool(scene.bodies()) and any(meeting(body) for body in scene.things("Body"))
-
-
 def signature(b) -> list:
     points = touches(b.scene)
     if not (points or meet(b.scene)):
-        return []
+        return ["joints"] if acting(b.scene) else []
     from wsim.physics.rigid.contacts import bounces, kinds, standing
     from wsim.physics.rigid.forms import chosen
     own = [c for body in b.scene.things("Body") for c in meeting(body)]
     form = chosen(b.model.device, b.model.worlds * len(own) + len(standing(b.scene.colliders)))
+    filtered = any(b.scene.things(name) for name in ("Group", "Parted"))
     said = [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), bounces(b.scene), form.name, form.blocks, sleeps(b.scene),
-            b.scene.contact_tolerance > 0.0]
+            filtered, bool(acting(b.scene)), b.scene.contact_tolerance > 0.0]
     return said + [sorted({type(c.shape).__name__ for c in own}), any(c.restitution > 0.0 for c in own)] * points

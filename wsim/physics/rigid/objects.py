@@ -42,6 +42,8 @@ class Body(Compared):
     spin_drag   decay rate of the angular momentum [1/s]
     asleep      at the start, where it hangs or rests until something wakes it
     stretch     of its prim's transform, before `motion`, (3, 3) [1]: it has gone into the colliders, and results keep it
+    instancer   prim path of the PointInstancer that it is an instance of, which results write; "": it is a prim
+    instance    its number there
     """
 
     path: str
@@ -60,6 +62,13 @@ class Body(Compared):
     spin_drag: float = 0.0
     asleep: bool = False
     stretch: np.ndarray | None = field(default=None, compare=False)
+    instancer: str = field(default="", compare=False)
+    instance: int = field(default=0, compare=False)
+
+    @property
+    def written(self) -> str:
+        """Path of the prim that results write."""
+        return self.instancer or self.path
 
     def __post_init__(self):
         for name in ("velocity", "spin", "center", "inertia", "force", "torque"):

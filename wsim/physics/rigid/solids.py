@@ -133,3 +133,25 @@ def meeting(body) -> list[Collider]:
 def standing(colliders: list[Collider]) -> list[Collider]:
     """Colliders of a scene that bodies meet."""
     return [c for c in colliders if as_met(c, False) is not None]
+
+
+def meet(scene) -> bool:
+    """Whether there are two things that can touch."""
+    bodies = [body for body in scene.things("Body") if meeting(body)]
+    return bool(bodies) and len(bodies) + len(standing(scene.colliders)) > 1
+
+
+def acting(scene) -> list:
+    """Joints of a scene that act."""
+    return [joint for joint in scene.things("Joint") if joint.enabled]
+
+
+def sleeps(scene) -> bool:
+    """Whether something may sleep: not what joints hold, nor beside points, where others may wake it."""
+    some = scene.sleep_speed > 0.0 or any(body.asleep for body in scene.things("Body"))
+    return some and not scene.things("Joint") and not scene.bodies()
+
+
+def touches(scene) -> bool:
+    """Whether bodies may touch points."""
+    return bool(scene.bodies()) and any(meeting(body) for body in scene.things("Body"))

@@ -5,9 +5,13 @@ of bodies, colliders and materials), from the volumes of wsim/physics/rigid/mass
 its colliders move as animated and push.
 """
 
+from typing import Any
+
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
+from wsim.physics.rigid.joints.joint import Joint
+from wsim.physics.rigid.joints.moving import simulated
 from wsim.physics.rigid.mass import Volume, volume
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Collider
@@ -24,12 +28,6 @@ LEAF = "collider"
 UNIT = 1e-2                                              # departure of |q| from 1 that quath keeps, tenfold
 
 
-def simulated(reading: Reading, prim: Usd.Prim) -> bool:
-    """Whether a body moves by forces: it is enabled and not kinematic."""
-    api, start = UsdPhysics.RigidBodyAPI(prim), reading.start
-    return api.GetRigidBodyEnabledAttr().Get(start) is not False and not api.GetKinematicEnabledAttr().Get(start)
-
-
 def within(reading: Reading, prim: Usd.Prim) -> list[Sdf.Path]:
     """Prims that are colliders of the body, and no colliders of the scene."""
     if names.RIGID_BODY not in applied(prim) or not simulated(reading, prim):
@@ -43,11 +41,27 @@ def within(reading: Reading, prim: Usd.Prim) -> list[Sdf.Path]:
     return found
 
 
-def load(reading: Reading, prim: Usd.Prim) -> Body | None:
+def load(reading: Reading, prim: Usd.Prim) -> list:
+    apis, found = applied(prim), list[Any]()
+    if names.RIGID_BODY in apis:
+        found.append(_body(reading, prim))
+    elif prim.GetTypeName() == names.COLLISION_GROUP:
+        from wsim.physics.rigid.joints.filters.usd import load_group
+        found.append(load_group(reading, prim))
+    elif prim.IsA(UsdGeom.PointInstancer):
+        from wsim.physics.rigid.joints.instances.usd import load as instances
+        return instances(reading, prim, _body)
+    elif prim.IsA(UsdPhysics.Joint):
+        from wsim.physics.rigid.joints.usd import load as joint
+        found.append(joint(reading, prim))
+    if names.FILTERED_PAIRS in apis:
+        from wsim.physics.rigid.joints.filters.usd import load_pairs
+        found.append(load_pairs(reading, prim))
+    return [thing for thing in found if thing is not None]
+
+
+def _body(reading: Reading, prim: Usd.Prim) -> Body | None:
     path = str(prim.GetPath())
-    if names.RIGID_BODY not in applied(prim):
-        reading.warn(path, f"is a {prim.GetTypeName()}: joints are not simulated yet, and its bodies come apart")
-        return None
     if not simulated(reading, prim):
         return None
     if prim.IsInstanceProxy():
@@ -161,7 +175,19 @@ def _sound(reading: Reading, prims: list[Usd.Prim]) -> bool:
     return found
 
 
-def author(stage: Usd.Stage, body: Body, units: Units) -> None:
+def author(stage: Usd.Stage, thing: Any, units: Units) -> None:
+    if isinstance(thing, Body):
+        _author_body(stage, thing, units)
+        return
+    if isinstance(thing, Joint):
+        from wsim.physics.rigid.joints.usd import author as joint
+        joint(stage, thing, units)
+        return
+    from wsim.physics.rigid.joints.filters.usd import author as filters
+    filters(stage, thing, units)
+
+
+def _author_body(stage: Usd.Stage, body: Body, units: Units) -> None:
     prim = UsdGeom.Xform.Define(stage, body.path).GetPrim()
     surfaces: dict[tuple, str] = {}
     for collider in body.colliders:                     # before the body has a transform: theirs is within it

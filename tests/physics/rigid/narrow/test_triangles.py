@@ -10,7 +10,7 @@ from tests.physics.rigid.pairs import PRECISIONS, WHERE, matrix, poses, shapes
 from tests.physics.rigid.reference import SIGNS, polyhedra
 from wsim.geometry.convex_hull import convex_hull
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.manifold import manifold
+from wsim.kernels.rigid.lists.manifold import manifold
 from wsim.kernels.rigid.narrow import mesh
 from wsim.kernels.rigid.narrow.shape import hulls, shape
 from wsim.kernels.rigid.narrow.triangle import against

@@ -36,6 +36,10 @@ class Touch:
     def __init__(self, b, rigid):
         """rigid: the method, whose `contacts` are made."""
         self.model, self.state, self.rigid, self.real = b.model, b.state, rigid, b.model.real
+        self.status, self.clock = b.status, b.clock
+        if b.choice.solver == "implicit":
+            from wsim.physics.rigid.touch.newton import UNFORESEEN
+            b.status.reserve(UNFORESEEN)
         self.owners = [(k, world, c) for k, (body, world) in enumerate(rigid.bodies) for c in meeting(body)]
         self.copies = {world: [replace(c, motion=Motion.still(rigid.bodies[k][0].motion.at(0.0) @ c.motion.at(0.0)),
                                        restitution=0.0) for k, of, c in self.owners if of == world]
@@ -56,6 +60,7 @@ class Touch:
         self.kernels = {f.__name__: f(self.real, b.model.module) for f in (*own, *more, *of_memory)}
         self.before = wp.zeros_like(b.state.x) if self.memory else None          # anchors before a search
         self.bounds = colour.bounds(b.model.module)
+        self.joints = rigid.joints.passes() if rigid.joints else None
         self.foreseen: Any = None                        # `wsim.physics.rigid.touch.newton.Foreseen`
         self.stages = [Stage("rigid bodies", "predict", self.begin, 1, rigid.part.bytes, what=f"{len(rigid.bodies)} bodies: forces"),
                        Stage("rigid bodies: places", "finish", self.end, 2, rigid.part.bytes, what="and what pushed them apart")]
@@ -156,11 +161,21 @@ class Touch:
         if k in ends[:-1]:
             own.manifolds(clock, k, ends[ends.index(k) + 1])
         self.form.launch(self.step[0], self.steps(clock), [])
+        self.joined(clock, lined=k, reset=clock.h)
+        self.joined(clock)
+
+    def joined(self, clock: Clock, **passes) -> None:
+        """Passes of joints, a sweep where none is named; bodies are placed by all of their momentum, as points foresee."""
+        if self.joints:
+            for name, given in (passes or {"joined": (clock.k, clock.i, clock.h)}).items():
+                self.joints(name, given, self.rigid.contacts)
 
     def end(self, clock: Clock) -> None:
         """Bodies go where they go."""
         own = self.rigid.contacts
+        self.joined(clock)
         self.form.launch(self.step[2], self.steps(clock), [])
+        self.joined(clock, lined=clock.k + 1, loosed=(clock.k, clock.h))
         if clock.k + 1 in own.ends(clock):
             own.keep()
         if self.foreseen:
@@ -215,9 +230,18 @@ class Touch:
             self.blocks(self.take, [self.rows, self.contacts.push, self.found, 0, self.lanes], [rig])
             if not self.alone:
                 self.form.launch(self.step[1], self.steps(clock), [])
+            self.joined(clock)
 
         if self.foreseen and clock.i == clock.iterations - 1:
             self.foreseen.balance(clock)
+            if not self.contact.press:
+                self.foreseen.miss()
+
+    def indicators(self) -> dict[str, float]:
+        """touches: contacts of points with bodies, open ones too, in the last substep; touch_residual: what was left there of how
+        points change a body's motion, the largest of all bodies (kernels/rigid/touch/star.py; of Newton's method lean.py)."""
+        left = self.foreseen.missed if self.foreseen else self.left
+        return {"touches": int(self.rows.first.numpy()[-1]), "touch_residual": float(left.numpy().max())}
 
     def others(self) -> wp.array:
         """Pushes of the colliders that are no bodies: what velocities of points follow from without them."""

@@ -2,6 +2,7 @@
 
     Points      points, velocities, extent                        of a UsdGeom.PointBased
     Transform   xformOp:transform                                 of a UsdGeom.Xformable
+    Instances   positions, orientationsf, velocities, angularVelocities, extent   of a UsdGeom.PointInstancer
     Particles   points, widths, ids, velocities, extent           of a UsdGeom.Points
     Quantity    an attribute double or double[]                   of any prim
     Colour      primvars:displayColor of each point               of a UsdGeom.PointBased
@@ -16,8 +17,9 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from wsim.scene import Problem, SceneError
-from wsim.scene.samples import Colour, Particles, Points, Quantity, Sample, Transform, Volume
+from wsim.scene.samples import Colour, Instances, Particles, Points, Quantity, Sample, Transform, Volume
 from wsim.usd.result.kinds.beside import Beside
+from wsim.usd.result.kinds.instances import placed
 from wsim.usd.result.samples import Frame, particles_of
 
 OP = "xformOp:transform"
@@ -125,6 +127,7 @@ def _colour(prim: Usd.Prim, sample: Colour, code: float, beside: Beside) -> Writ
 KINDS: dict[type, Row] = {
     Points: Row("Points", _points),
     Transform: Row("Xform", _transform),
+    Instances: Row("PointInstancer", placed),
     Particles: Row("Points", _particles),
     Quantity: Row("", _value),
     Volume: Row("Volume", _volume),

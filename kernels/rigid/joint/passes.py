@@ -1,0 +1,141 @@
+"""Passes of bodies that joints and contacts move: in each sweep the islands of joints, a thread each, then the contacts."""
+
+import warp as wp
+
+from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.joint.elimination import Linked
+from wsim.kernels.rigid.joint.steps import functions
+from wsim.kernels.rigid.motion import double3, kicked
+from wsim.kernels.rigid.passes import over_bodies, walks
+from wsim.kernels.rigid.soft_step import body_steps
+
+
+def bodies(real):
+    """(begun, placed, ended) as `over_bodies`; bodies of joints are placed by what joints expect."""
+    Rig, (_, _, forces, place), (_, placed, _) = whole(real), body_steps(real), over_bodies(real)
+    linked = functions(real).place
+
+    @wp.func
+    def begun(i: int, threads: int, h: real, rig: Rig, J: Linked):
+        half = real(0.5) * h
+        for b in range(i, rig.b.w.shape[0], threads):
+            p = rig.now.p[b]
+            L = rig.now.L[b]
+            forces(b, h, rig)
+            J.dp[b] = double3(kicked(p, rig.b.push[b], rig.b.drag[b], half)) - double3(rig.now.p[b])
+            J.dL[b] = double3(kicked(L, rig.b.torque[b], rig.b.spin_drag[b], half)) - double3(rig.now.L[b])
+
+    @wp.func
+    def ended(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
+        for b in range(i, rig.b.w.shape[0], threads):
+            if J.t.linked[b] == 1:
+                linked(b, h, rig.b, rig.now, J)
+            else:
+                place(b, h, rig)
+        placed(i, threads, k + 1, rig)
+
+    return begun, placed, ended
+
+
+def islands(real):
+    """(placed, begun, solve, relax): functions of all islands, by thread i of so many."""
+    Rig, f = whole(real), functions(real)
+    placed_one, begun_one, solve_one, relax_one = f.placed, f.begun, f.solve, f.relax
+
+    @wp.func
+    def placed(i: int, threads: int, k: int, rig: Rig, J: Linked):
+        for g in range(i, J.t.first_joint.shape[0] - 1, threads):
+            placed_one(g, k, rig.b, rig.now, J)
+
+    @wp.func
+    def begun(i: int, threads: int, h: real, J: Linked):
+        for g in range(i, J.t.first_joint.shape[0] - 1, threads):
+            begun_one(g, wp.float64(h), J)
+
+    @wp.func
+    def solve(i: int, threads: int, k: int, sweep: int, h: real, rig: Rig, J: Linked):
+        for g in range(i, J.t.first_joint.shape[0] - 1, threads):
+            if J.t.first_joint[g + 1] > J.t.first_joint[g]:
+                solve_one(g, k, sweep, wp.float64(h), rig.b, rig.now, J)
+
+    @wp.func
+    def relax(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
+        for g in range(i, J.t.first_joint.shape[0] - 1, threads):
+            if J.t.first_joint[g + 1] > J.t.first_joint[g]:
+                relax_one(g, k, wp.float64(h), rig.now, J)
+
+    return placed, begun, solve, relax
+
+
+def launched(real, module) -> dict:
+    """Kernels of the same passes, each a launch: begun and ended of bodies, and those of islands, a thread each."""
+    Rig = whole(real)
+    begin, _, end = bodies(real)
+    line, clear, join, loose = islands(real)
+
+    def linked_begun(threads: int, h: real, rig: Rig, J: Linked):
+        begin(wp.tid(), threads, h, rig, J)
+
+    def linked_ended(threads: int, k: int, h: real, rig: Rig, J: Linked):
+        end(wp.tid(), threads, k, h, rig, J)
+
+    def linked_lined(k: int, rig: Rig, J: Linked):
+        line(wp.tid(), J.t.first_joint.shape[0], k, rig, J)
+
+    def linked_reset(h: real, rig: Rig, J: Linked):
+        clear(wp.tid(), J.t.first_joint.shape[0], h, J)
+
+    def linked_joined(k: int, sweep: int, h: real, rig: Rig, J: Linked):
+        join(wp.tid(), J.t.first_joint.shape[0], k, sweep, h, rig, J)
+
+    def linked_loosed(k: int, h: real, rig: Rig, J: Linked):
+        loose(wp.tid(), J.t.first_joint.shape[0], k, h, rig, J)
+
+    every = (linked_begun, linked_ended, linked_lined, linked_reset, linked_joined, linked_loosed)
+    return {f.__name__.removeprefix("linked_"): wp.kernel(f, name=f.__name__, module=module, enable_backward=False)
+            for f in every}
+
+
+def linked(kinds, real, module, meet, threads: int = 0, cluster: int = 0, bouncing: bool = False):
+    """Kernel as `wsim.kernels.rigid.passes.substeps`, with islands of joints in front of the kinds."""
+    Rig, w = whole(real), walks(kinds, real, meet, bouncing)
+    begun, placed, ended = bodies(real)
+    lined, reset, joined, loosed = islands(real)
+    prepare, warm, solve, thrown = w.prepare, w.warm, w.solve, w.thrown
+
+    def rigid_linked(steps: wp.vec3i, h: real, threads: int, rig: Rig, J: Linked):
+        i = wp.tid()
+        placed(i, threads, steps[0], rig)
+        lined(i, threads, steps[0], rig, J)
+        meet()
+        prepare(i, threads, steps[0], h, 1, rig)
+        meet()
+        for k in range(steps[0], steps[1]):
+            thrown(i, threads, k, h, rig)
+            begun(i, threads, h, rig, J)
+            reset(i, threads, h, J)
+            meet()
+            warm(i, threads, k, h, 1, rig)
+            for sweep in range(steps[2]):
+                if sweep == 0:
+                    joined(i, threads, k, sweep, h, rig, J)
+                    meet()
+                solve(i, threads, k, h, 1, rig)
+                meet()
+                joined(i, threads, k, sweep, h, rig, J)
+                meet()
+            ended(i, threads, k, h, rig, J)
+            meet()
+            lined(i, threads, k + 1, rig, J)
+            prepare(i, threads, k + 1, h, 0, rig)
+            meet()
+            loosed(i, threads, k, h, rig, J)
+            meet()
+            solve(i, threads, k, h, 0, rig)
+            meet()
+            loosed(i, threads, k, h, rig, J)
+            meet()
+
+    more = {"launch_bounds": threads} if threads else {}
+    return wp.kernel(rigid_linked, name="rigid_linked", module=module, enable_backward=False, grid_stride=False,
+                     **more, **({"cluster_dim": cluster} if cluster else {}))

@@ -1,0 +1,147 @@
+"""Which rows of a joint act in a sweep, and what each must change: locks, limits and drives.
+
+    held      g(x + h v) = goal                      coordinates of the places that the velocities v lead to, not linearised
+    limited   the same at low or high, where v leads beyond it or the row pushes already; its impulse keeps one sign
+    driven    F = k (target - g - h g') + c (speed - g'), h F = P:   Gamma = 1 / (h (h k + c)),
+              g' + bias + Gamma P = 0,  bias = (k (g - target) - c speed) / (h k + c);   |P| <= h most
+    relaxed   g' = 0 of what is held, at the new places
+
+A step whose held rows have g(x + h v) = goal, and which then takes the speed along them away, is SHAKE and RATTLE (Ryckaert,
+Ciccotti, Berendsen 1977; Andersen 1983): of order 2, and no energy is lost. goal is 0, or what is left of an error that is
+taken back at PULL or SPIN. A drive is backward Euler: stable for all k and c. That of an acceleration has k and c per effective
+mass, which is what the row moves while the locked rows of its joint stay (Schur complement of A_jj).
+
+An active set by signs: a row at the end of its range that is driven beyond it is left out, and so is one at 0 without cause
+(Hintermueller, Ito, Kunisch 2003). A row that is driven meets its limit from the second sweep on; its drive then stays as it
+is.
+"""
+
+import warp as wp
+
+from wsim.kernels.rigid.joint.elimination import Linked, mat66d, product
+from wsim.kernels.rigid.joint.tables import ACCELERATION, DRIVEN, HELD, HIGHEST, LIMITED, LOCKED, LOWEST, NONE
+
+PULL, SPIN = wp.constant(wp.float64(4.0)), wp.constant(wp.float64(10.0))     # [m/s], [rad/s] at which a joint closes, at most
+
+
+@wp.func
+def both(j: int, J: Linked):
+    """A_jj: what a joint moves by itself."""
+    A = mat66d()
+    a = J.t.a[j]
+    b = J.t.b[j]
+    if a >= 0:
+        A = A + product(j, j, J.r_a[j], J.r_a[j], J.t.w[a], J.S[a], J)
+    if b >= 0:
+        A = A + product(j, j, J.r_b[j], J.r_b[j], J.t.w[b], J.S[b], J)
+    return A
+
+
+@wp.func
+def effective(j: int, given: mat66d, J: Linked):
+    """Schur complement of the locked rows: its diagonal is what each other row moves with them."""
+    six = int(6)
+    A = given
+    for m in range(six):
+        if J.t.kind[j, m] == LOCKED and A[m, m] > wp.float64(1.0e-12) * given[m, m]:
+            for r in range(six):
+                if r != m:
+                    part = A[r, m] / A[m, m]
+                    for c in range(six):
+                        A[r, c] = A[r, c] - part * A[m, c]
+    return A
+
+
+@wp.func
+def drive(j: int, h: wp.float64, J: Linked):
+    """Gamma and bias of the driven rows of a joint, as it is."""
+    six = int(6)
+    asked = int(0)
+    for r in range(six):
+        asked = wp.max(asked, J.t.drive[j, r])
+    if asked > NONE:
+        A = mat66d()
+        if asked == ACCELERATION:
+            A = effective(j, both(j, J), J)
+        for r in range(six):
+            if J.t.drive[j, r] > NONE:
+                mass = wp.float64(1.0)
+                if J.t.drive[j, r] == ACCELERATION:
+                    mass = wp.float64(1.0) / wp.max(A[r, r], wp.float64(1.0e-300))
+                k = mass * J.t.stiffness[j, r]
+                c = mass * J.t.damping[j, r]
+                stiff = h * k + c
+                J.soft[j, r] = wp.float64(1.0) / (h * stiff)
+                J.bias[j, r] = (k * (J.now[j, r] - J.t.target[j, r]) - c * J.t.speed[j, r]) / stiff
+
+
+@wp.func
+def left(error: wp.float64, r: int, h: wp.float64):
+    """What of an error stays behind a substep."""
+    most = h * PULL
+    if r > 2:
+        most = h * SPIN
+    return error - wp.clamp(error, -most, most)
+
+
+@wp.func
+def wanted(j: int, r: int, sweep: int, h: wp.float64, then: wp.float64, rate: wp.float64, J: Linked):
+    """(what acts, by how much its rate must change) of row r in a sweep; then: its coordinate at the end of the substep."""
+    low = J.t.low[j, r]
+    high = J.t.high[j, r]
+    now = J.now[j, r]
+    hold = J.hold[j, r]
+    kind = J.t.kind[j, r]
+    if kind == LOCKED:
+        return HELD, -(then - low - left(now - low, r, h)) / h
+    if kind == LIMITED and (sweep > 0 or J.t.drive[j, r] == NONE):
+        under = (then - low - wp.min(left(now - low, r, h), wp.float64(0.0))) / h
+        over = (then - high - wp.max(left(now - high, r, h), wp.float64(0.0))) / h
+        if hold > wp.float64(0.0) or (hold == wp.float64(0.0) and under < wp.float64(0.0)):
+            return LOWEST, -under
+        if hold < wp.float64(0.0) or over > wp.float64(0.0):
+            return HIGHEST, -over
+    if J.t.drive[j, r] > NONE:
+        push = J.push[j, r]
+        much = -(rate + J.bias[j, r] + J.soft[j, r] * push)
+        if wp.abs(push) < h * J.t.most[j, r] or much * push < wp.float64(0.0):
+            return DRIVEN, much
+    return NONE, wp.float64(0.0)
+
+
+@wp.func
+def relaxed(j: int, r: int, rate: wp.float64, J: Linked):
+    """As `wanted`, behind the places."""
+    kind = J.t.kind[j, r]
+    hold = J.hold[j, r]
+    if kind == LOCKED:
+        return HELD, -rate
+    if kind == LIMITED:
+        zero = wp.float64(0.0)
+        if hold > zero or (hold == zero and J.now[j, r] <= J.t.low[j, r] and rate < zero):
+            return LOWEST, -rate
+        if hold < zero or (J.now[j, r] >= J.t.high[j, r] and rate > zero):
+            return HIGHEST, -rate
+    return NONE, wp.float64(0.0)
+
+
+@wp.func
+def taken(j: int, r: int, h: wp.float64, J: Linked):
+    """Impulse of row r that a solution adds, within what it may give; the sum is noted."""
+    more = J.rhs[j, r]
+    acts = J.active[j, r]
+    if acts == NONE:
+        return wp.float64(0.0)
+    if acts == DRIVEN:
+        before = J.push[j, r]
+        most = h * J.t.most[j, r]
+        J.push[j, r] = wp.clamp(before + more, -most, most)
+        return J.push[j, r] - before
+    before = J.hold[j, r]
+    after = before + more
+    if acts == LOWEST:
+        after = wp.max(after, wp.float64(0.0))
+    elif acts == HIGHEST:
+        after = wp.min(after, wp.float64(0.0))
+    J.hold[j, r] = after
+    return after - before

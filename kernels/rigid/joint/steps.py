@@ -1,0 +1,296 @@
+"""Substeps of an island of joints: functions for one thread, and the kernel of islands that meet nothing.
+
+    placed   bodies' places and inertia, rows of joints, where a substep begins
+    begun    impulses to 0, drives
+    solve    a sweep: where velocities lead to, rows that act, A (again where other rows act), impulses
+    relax    velocities along what is held, at the new places; joints that broke
+
+Bodies that joints alone move are placed by their momentum less half of the kick of the forces, as free ones are; the rest of it
+comes behind: leapfrog. Islands of which a body is in contact are placed by all of it, as contacts expect.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels.math.rotation import matrix
+from wsim.kernels.rigid.joint.coordinates import place_of, unwound
+from wsim.kernels.rigid.joint.elimination import Linked, solved
+from wsim.kernels.rigid.joint.frames import ends_of, factored, lined
+from wsim.kernels.rigid.joint.rows import drive, relaxed, taken, wanted
+from wsim.kernels.rigid.motion import double, double3, free_rotation, kicked, near, structs
+
+FAST = wp.constant(wp.float64(0.25))     # [rad] of a turn in a substep: RATTLE has no solution for a joint that turns much more
+CONTACT, JOINT = wp.constant(1), wp.constant(2)       # what touched a body in a substep
+
+
+@wp.func
+def rounded(v: wp.vec3d, like: Any):
+    """v in the type of `like`."""
+    return type(like)(type(like[0])(v[0]), type(like[0])(v[1]), type(like[0])(v[2]))
+
+
+@wp.func
+def broke(j: int, h: wp.float64, J: Linked):
+    """Notes a joint whose reaction was over what it bears."""
+    f = wp.vec3d()
+    t = wp.vec3d()
+    three = int(3)
+    for r in range(three):
+        f[r] = J.hold[j, r] + J.push[j, r]
+        t[r] = J.hold[j, 3 + r] + J.push[j, 3 + r]
+    f = wp.transpose(J.axis[j]) * f
+    t = wp.transpose(J.turn[j]) * t
+    if wp.length(f) > h * J.t.breaking[j][0] or wp.length(t) > h * J.t.breaking[j][1]:
+        J.broken[j] = 1
+
+
+@wp.func
+def noted(j: int, r: int, acts: int, much: wp.float64, J: Linked):
+    """Sets what a row asks for, nothing where the joint is broken; 1 where it was another one."""
+    act = acts
+    ask = much
+    if J.broken[j] != 0:
+        act = 0
+        ask = wp.float64(0.0)
+    before = J.active[j, r]
+    J.active[j, r] = act
+    J.rhs[j, r] = ask
+    changed = int(0)
+    if act != before:
+        changed = 1
+    return changed
+
+
+@cache
+def functions(real):
+    """Functions of an island g: placed, begun, solve, relax; of a body i: kicks, place."""
+    Bodies, Moving = structs(real)
+
+    @wp.func
+    def places(g: int, b: Bodies, now: Moving, J: Linked):
+        for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
+            i = J.t.body[m]
+            q = double(now.q[i], now.o[i])
+            R = matrix(q)
+            J.X[i] = double3(now.x[i]) + double3(now.e[i])
+            J.Q[i] = q
+            J.S[i] = R * wp.diag(double3(b.inverse[i])) * wp.transpose(R)
+
+    @wp.func
+    def placed(g: int, k: int, b: Bodies, now: Moving, J: Linked):
+        places(g, b, now, J)
+        for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
+            lined(j, k, J)
+
+    @wp.func
+    def then(g: int, h: wp.float64, b: Bodies, now: Moving, J: Linked):
+        """X and Q where the velocities lead to, as `place` will have it. Where one body rests in contact, all of them do."""
+        rests = int(0)
+        for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
+            if J.touched[J.t.body[m]] == CONTACT:
+                rests = 1
+        for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
+            i = J.t.body[m]
+            p = double3(now.p[i])
+            L = double3(now.L[i])
+            if rests == 1:
+                J.touched[i] = CONTACT
+            else:
+                p = p + J.dp[i]
+                L = L + J.dL[i]
+            J.X[i] = double3(now.x[i]) + double3(now.e[i]) + h * J.t.w[i] * p
+            J.Q[i] = free_rotation(double(now.q[i], now.o[i]), L, double3(b.inverse[i]), h)
+
+    @wp.func
+    def rate_of(j: int, k: int, placing: wp.float64, now: Moving, J: Linked):
+        """Velocity at the joint and angular velocity, of b against a; placing 1: of the momenta that bodies are placed by."""
+        row = k * J.t.moving
+        a = J.t.a[j]
+        b = J.t.b[j]
+        u = wp.vec3d()
+        omega = wp.vec3d()
+        if b >= 0:
+            more = placing
+            if J.touched[b] == CONTACT:
+                more = wp.float64(0.0)
+            o = J.S[b] * (double3(now.L[b]) + more * J.dL[b])
+            u = J.t.w[b] * (double3(now.p[b]) + more * J.dp[b]) + wp.cross(o, J.r_b[j])
+            omega = o
+        else:
+            omega = J.t.anchor_o[row, j]
+            u = J.t.anchor_v[row, j] + wp.cross(omega, J.r_b[j])
+        if a >= 0:
+            more = placing
+            if J.touched[a] == CONTACT:
+                more = wp.float64(0.0)
+            o = J.S[a] * (double3(now.L[a]) + more * J.dL[a])
+            u = u - J.t.w[a] * (double3(now.p[a]) + more * J.dp[a]) - wp.cross(o, J.r_a[j])
+            omega = omega - o
+        else:
+            u = u - J.t.anchor_v[row, j] - wp.cross(J.t.anchor_o[row, j], J.r_a[j])
+            omega = omega - J.t.anchor_o[row, j]
+        return u, omega
+
+    @wp.func
+    def given(g: int, h: wp.float64, now: Moving, J: Linked):
+        """The solution as impulses on the bodies of an island."""
+        for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
+            J.P[J.t.body[m]] = wp.vec3d()
+            J.T[J.t.body[m]] = wp.vec3d()
+        three = int(3)
+        for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
+            f = wp.vec3d()
+            t = wp.vec3d()
+            for r in range(three):
+                f[r] = taken(j, r, h, J)
+                t[r] = taken(j, 3 + r, h, J)
+            P = wp.transpose(J.axis[j]) * f
+            T = wp.transpose(J.turn[j]) * t
+            a = J.t.a[j]
+            b = J.t.b[j]
+            if a >= 0:
+                J.P[a] = J.P[a] - P
+                J.T[a] = J.T[a] - wp.cross(J.r_a[j], P) - T
+            if b >= 0:
+                J.P[b] = J.P[b] + P
+                J.T[b] = J.T[b] + wp.cross(J.r_b[j], P) + T
+        for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
+            i = J.t.body[m]
+            now.p[i] = rounded(double3(now.p[i]) + J.P[i], now.p[i])
+            now.L[i] = rounded(double3(now.L[i]) + J.T[i], now.L[i])
+            if J.touched[i] == 0:
+                J.touched[i] = JOINT
+
+    @wp.func
+    def begun(g: int, h: wp.float64, J: Linked):
+        six = int(6)
+        for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
+            for r in range(six):
+                J.hold[j, r] = wp.float64(0.0)
+                J.push[j, r] = wp.float64(0.0)
+                J.active[j, r] = -1
+            drive(j, h, J)
+
+    @wp.func
+    def fast(j: int, h: wp.float64, now: Moving, J: Linked):
+        """Part of what is not linear in a step that is believed: 1 below FAST, 0 above twice that."""
+        spin = wp.float64(0.0)
+        if J.t.a[j] >= 0:
+            spin = wp.length(J.S[J.t.a[j]] * double3(now.L[J.t.a[j]]))
+        if J.t.b[j] >= 0:
+            spin = wp.max(spin, wp.length(J.S[J.t.b[j]] * double3(now.L[J.t.b[j]])))
+        return wp.clamp(wp.float64(2.0) - h * spin / FAST, wp.float64(0.0), wp.float64(1.0))
+
+    @wp.func
+    def acts_of(j: int, k: int, sweep: int, h: wp.float64, now: Moving, J: Linked):
+        """Which rows of a joint act, and what each asks for; 1 where other ones do."""
+        at = place_of(ends_of(j, k + 1, J), J.t.form[j], J.t.cone[j])
+        u, omega = rate_of(j, k, wp.float64(0.0), now, J)
+        lead, whirl = rate_of(j, k, wp.float64(1.0), now, J)
+        part = fast(j, h, now, J)
+        u = J.axis[j] * u
+        omega = J.turn[j] * omega
+        lead = J.axis[j] * lead
+        whirl = J.turn[j] * whirl
+        other = int(0)
+        three = int(3)
+        for r in range(three):
+            line = J.now[j, r] + h * lead[r]
+            acts, much = wanted(j, r, sweep, h, line + part * (at.shift[r] - line), u[r], J)
+            other += noted(j, r, acts, much, J)
+            line = J.now[j, 3 + r] + h * whirl[r]
+            then_at = at.turned[r]
+            if r == 0:
+                then_at = unwound(then_at, J.quarters[j])
+            acts, much = wanted(j, 3 + r, sweep, h, line + part * (then_at - line), omega[r], J)
+            other += noted(j, 3 + r, acts, much, J)
+        return other
+
+    @wp.func
+    def solve(g: int, k: int, sweep: int, h: wp.float64, b: Bodies, now: Moving, J: Linked):
+        then(g, h, b, now, J)
+        other = int(0)
+        for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
+            other += acts_of(j, k, sweep, h, now, J)
+        if other > 0:
+            factored(J.t.first_joint[g], J.t.first_joint[g + 1], J)
+        solved(J.t.first_joint[g], J.t.first_joint[g + 1], J)
+        given(g, h, now, J)
+
+    @wp.func
+    def relax(g: int, k: int, h: wp.float64, now: Moving, J: Linked):
+        three = int(3)
+        for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
+            u, omega = rate_of(j, k, wp.float64(0.0), now, J)
+            u = J.axis[j] * u
+            omega = J.turn[j] * omega
+            for r in range(three):
+                acts, much = relaxed(j, r, u[r], J)
+                noted(j, r, acts, much, J)
+                acts, much = relaxed(j, 3 + r, omega[r], J)
+                noted(j, 3 + r, acts, much, J)
+        factored(J.t.first_joint[g], J.t.first_joint[g + 1], J)
+        solved(J.t.first_joint[g], J.t.first_joint[g + 1], J)
+        given(g, h, now, J)
+        for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
+            broke(j, h, J)
+
+    @wp.func
+    def kicks(i: int, h: real, b: Bodies, now: Moving, J: Linked):
+        """Forces of a substep."""
+        half = real(0.5) * h
+        p = kicked(now.p[i], b.push[i], b.drag[i], h)
+        L = kicked(now.L[i], b.torque[i], b.spin_drag[i], h)
+        J.dp[i] = double3(kicked(now.p[i], b.push[i], b.drag[i], half)) - double3(p)
+        J.dL[i] = double3(kicked(now.L[i], b.torque[i], b.spin_drag[i], half)) - double3(L)
+        now.p[i] = p
+        now.L[i] = L
+        J.touched[i] = 0
+
+    @wp.func
+    def place(i: int, h: real, b: Bodies, now: Moving, J: Linked):
+        """Where a body is behind the substep."""
+        p = double3(now.p[i])
+        L = double3(now.L[i])
+        if J.touched[i] != CONTACT:
+            p = p + J.dp[i]
+            L = L + J.dL[i]
+        d = wp.float64(h)
+        X = double3(now.x[i]) + double3(now.e[i]) + d * wp.float64(b.w[i]) * p
+        q = free_rotation(double(now.q[i], now.o[i]), L, double3(b.inverse[i]), d)
+        now.x[i] = rounded(X, now.x[i])
+        now.e[i] = rounded(X - double3(now.x[i]), now.x[i])
+        now.q[i] = near(q, now.q[i])
+        now.o[i] = near(q - double(now.q[i], wp.quatd()), now.q[i])
+
+    return SimpleNamespace(placed=placed, begun=begun, solve=solve, relax=relax, kicks=kicks, place=place)
+
+
+def jointed(real, module):
+    """Kernel of substeps steps[0] .. steps[1] of h [s], of steps[2] sweeps each, of islands of joints alone: a thread each."""
+    Bodies, Moving = structs(real)
+    f = functions(real)
+    placed, begun, solve, relax, kicks, place = f.placed, f.begun, f.solve, f.relax, f.kicks, f.place
+
+    def rigid_joints(steps: wp.vec3i, h: real, b: Bodies, J: Linked, now: Moving):
+        g = wp.tid()
+        d = wp.float64(h)
+        placed(g, steps[0], b, now, J)
+        linked = J.t.first_joint[g + 1] > J.t.first_joint[g]
+        for k in range(steps[0], steps[1]):
+            for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
+                kicks(J.t.body[m], h, b, now, J)
+            if linked:
+                begun(g, d, J)
+                for sweep in range(steps[2]):
+                    solve(g, k, sweep, d, b, now, J)
+            for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
+                place(J.t.body[m], h, b, now, J)
+            if linked:
+                placed(g, k + 1, b, now, J)
+                relax(g, k, d, now, J)
+
+    return wp.kernel(rigid_joints, name="rigid_joints", module=module, enable_backward=False)

@@ -1,0 +1,106 @@
+"""What can be wrong with a joint. NumPy only."""
+
+from collections.abc import Iterator
+from math import inf, isfinite, isnan
+
+import numpy as np
+
+from wsim.geometry import rotation
+from wsim.physics.rigid.joints.joint import AXES, DISTANCE, SHIFTS, Joint
+from wsim.scene import Problem, Scene
+from wsim.scene.check.objects import error, rigid, warning
+
+UNIT = 1e-4                  # departure of |q| from 1 that float32 quaternions keep
+CLOSED = 1e-3                # [m], [rad] by which a joint may start apart without a word
+NAMES = (*AXES, DISTANCE)
+
+
+def check(joint: Joint, scene: Scene) -> Iterator[Problem]:
+    wrong = [*_sides(joint, scene), *_numbers(joint)]
+    yield from wrong
+    if not any(p.fatal for p in wrong):
+        yield from _apart(joint, scene)
+
+
+def _sides(joint: Joint, scene: Scene) -> Iterator[Problem]:
+    path, bodies = joint.path, {body.path for body in scene.things("Body")}
+    if joint.body0 == joint.body1:
+        found = f"joins {joint.body0} to itself" if joint.body0 else "joins no body"
+        yield error(path, found, "two bodies, or one and the world", "author physics:body0 or physics:body1")
+        return
+    for body in (joint.body0, joint.body1):
+        if body and body not in bodies:
+            yield error(path, f"joins {body}, which is no rigid body that moves", "a body of the scene, or \"\"",
+                        "name a prim with PhysicsRigidBodyAPI, or add the body")
+    if joint.body0 and joint.body1 and joint.still:
+        yield error(path, f"joins two bodies and hangs on {joint.still}", "two sides", "take one of them out")
+    yield from rigid(path, joint.motion, "what a joint hangs on keeps its size: take the scale out of its motion")
+
+
+def _numbers(joint: Joint) -> Iterator[Problem]:
+    path = joint.path
+    for name in ("at0", "at1", "turn0", "turn1"):
+        value = getattr(joint, name)
+        if not np.isfinite(value).all():
+            yield error(path, f"{name} is not finite", "finite numbers", f"author another {name}")
+        elif name.startswith("turn") and abs(np.linalg.norm(value) - 1.0) > UNIT:
+            yield error(path, f"{name} is a quaternion of length {np.linalg.norm(value):g}", "a unit quaternion (x, y, z, w)",
+                        f"divide physics:localRot{name[-1]} by its length")
+    for name in {*joint.limits, *joint.drives} - set(NAMES):
+        yield error(path, f"has no axis {name}", ", ".join(NAMES), "name one of these")
+    for name, (low, high) in joint.limits.items():
+        if isnan(low) or isnan(high) or low == inf or high == -inf:
+            yield error(path, f"limits of {name} are {low:g} and {high:g}", "numbers, -inf for none below, inf for none above",
+                        "author other limits")
+    for name, drive in joint.drives.items():
+        for field in ("stiffness", "damping", "most"):
+            value = getattr(drive, field)
+            if not value >= 0.0 or (value == inf and field != "most"):
+                yield error(path, f"{field} of the drive of {name} is {value:g}", "finite and >= 0",
+                            f"author another {field}: a drive that pushes the other way has another target")
+        if not (isfinite(drive.target) and isfinite(drive.speed)):
+            yield error(path, f"the drive of {name} goes to {drive.target:g} at {drive.speed:g}", "finite numbers",
+                        "author another target")
+    if joint.cone is not None and not all(c >= 0.0 for c in joint.cone):
+        yield error(path, f"its cone is {joint.cone}", "two angles >= 0, inf for free", "author other cone angles")
+    for name in ("force", "torque"):
+        if not getattr(joint, name) >= 0.0:
+            yield error(path, f"breaks at a {name} of {getattr(joint, name):g}", ">= 0, inf for never",
+                        f"author another physics:break{name.capitalize()}")
+
+
+def frames(joint: Joint, scene: Scene) -> list[np.ndarray]:
+    """Both frames of a joint at the start, to the world (4, 4) [m]."""
+    by_path, found = {body.path: body for body in scene.things("Body")}, []
+    for body, at, turn in ((joint.body0, joint.at0, joint.turn0), (joint.body1, joint.at1, joint.turn1)):
+        M = (by_path[body].motion if body else joint.motion).at(0.0)
+        F = np.eye(4)
+        F[:3, :3], F[:3, 3] = rotation.matrix(rotation.normalized(turn)), at
+        found.append(M @ F)
+    return found
+
+
+def _apart(joint: Joint, scene: Scene) -> Iterator[Problem]:
+    """A joint that does not start closed."""
+    if not joint.enabled:
+        return
+    A, B = frames(joint, scene)
+    d = A[:3, :3].T @ (B[:3, 3] - A[:3, 3])
+    low, high = zip(*(_range(joint, name) for name in SHIFTS), strict=True)
+    shift = float(np.linalg.norm(d - np.clip(d, low, high)))
+    low_far, high_far = _range(joint, DISTANCE)
+    shift = max(shift, abs(float(np.linalg.norm(d)) - min(max(float(np.linalg.norm(d)), low_far), high_far)))
+    q = rotation.quaternion(A[:3, :3].T @ B[:3, :3])
+    u = rotation.logarithm(q)
+    turn = 0.0
+    if all(joint.locked(name) for name in AXES[3:]):
+        turn = float(np.linalg.norm(u))
+    if shift > CLOSED or turn > CLOSED:
+        yield warning(joint.path, f"starts {shift:.3g} m and {turn:.3g} rad apart: its bodies are pulled together, at most "
+                      "4 m/s and 10 rad/s fast", "frames that meet",
+                      "author physics:localPos0, localRot0 or those of body 1 again")
+
+
+def _range(joint: Joint, name: str) -> tuple[float, float]:
+    low, high = joint.limits.get(name, (-inf, inf))
+    return (low, max(low, high))

@@ -1,0 +1,142 @@
+"""Which colliders do not touch each other, by groups, by pairs and by joints. NumPy only.
+
+    groups    two groups do not touch where one of them filters the other; an inverted one filters all but those it names.
+              Groups of one `merge` are one group. What is in no group touches all.
+    pairs     what a prim names, and all that is below it, does not touch what is at or below that prim; groups count as their
+              members
+    joints    the bodies of a joint do not touch each other, unless it says so (`Joint.collides`)
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wsim.scene import Problem, Scene
+from wsim.scene.bodies import Compared
+from wsim.scene.check.objects import warning
+
+
+@dataclass(eq=False)
+class Group(Compared):
+    """A collision group.
+
+    path       prim path
+    members    prim paths of colliders, or of prims above them
+    filtered   prim paths of groups that it does not touch
+    merge      name that makes several groups one; "": none
+    inverted   True: `filtered` are those that alone it does touch
+    """
+
+    path: str
+    members: list[str] = field(default_factory=list)
+    filtered: list[str] = field(default_factory=list)
+    merge: str = ""
+    inverted: bool = False
+
+
+@dataclass(eq=False)
+class Parted(Compared):
+    """A body, collider or group that does not touch others (USD: PhysicsFilteredPairsAPI).
+
+    path       its prim path
+    others     prim paths of bodies, colliders or groups
+    """
+
+    path: str
+    others: list[str] = field(default_factory=list)
+
+
+def check(thing: Group | Parted, scene: Scene) -> Iterator[Problem]:
+    known = {*_paths(scene), *(group.path for group in scene.things("Group"))}
+    if isinstance(thing, Parted):
+        lost = [p for p in thing.others if not any(k == p or k.startswith(p + "/") for k in known)]
+        if lost:
+            yield warning(thing.path, f"is filtered from {', '.join(lost)}, where nothing collides",
+                          "bodies, colliders or groups", "name others, or take it out")
+        return
+    lost = [p for p in thing.filtered if p not in {group.path for group in scene.things("Group")}]
+    if lost:
+        yield warning(thing.path, f"filters {', '.join(lost)}, which is no collision group", "groups of the scene",
+                      "name others, or take it out")
+
+
+def _paths(scene: Scene) -> list[str]:
+    return [c.path for c in scene.colliders] + [c.path for body in scene.things("Body") for c in body.colliders]
+
+
+def at_or_below(path: str, above: str) -> bool:
+    return path == above or path.startswith(above + "/")
+
+
+def apart(scene: Scene) -> np.ndarray:
+    """Symmetric table (groups, groups): those that do not touch each other; merged ones are alike."""
+    groups: list[Group] = scene.things("Group")
+    name = {g.path: g.merge or g.path for g in groups}
+    merged = sorted(set(name.values()))
+    place = {m: k for k, m in enumerate(merged)}
+    found = np.zeros((len(merged), len(merged)), bool)
+    for m, k in place.items():
+        own = [g for g in groups if name[g.path] == m]
+        named = {place[name[p]] for g in own for p in g.filtered if p in name}
+        inverted = any(g.inverted for g in own)
+        for other in range(len(merged)):
+            found[k, other] = (other in named) != inverted
+    found |= found.T
+    rows = [place[name[g.path]] for g in groups]
+    return found[np.ix_(rows, rows)]
+
+
+@dataclass
+class Filters:
+    """kind: of each shape, (shapes,); table: kinds that do not touch, (kinds, kinds); first, parted: shapes that a shape does
+    not touch besides, as lists behind each other."""
+
+    kind: np.ndarray
+    table: np.ndarray
+    first: np.ndarray
+    parted: np.ndarray
+
+
+def filters(scene: Scene, shapes: list[tuple[str, int]], frames: list[str]) -> Filters | None:
+    """Of shapes (path of the collider, world or -1) and the path of the body of each, "" for none. None where all touch."""
+    kind, table = _kinds(scene, [path for path, _ in shapes])
+    pairs = {(i, j) for i, j in _pairs(scene, shapes, frames) if i != j}
+    pairs |= {(j, i) for i, j in pairs}
+    if not table.any() and not pairs:
+        return None
+    listed = np.array(sorted(pairs), int).reshape(-1, 2)
+    first = np.searchsorted(listed[:, 0], np.arange(len(shapes) + 1))
+    return Filters(kind, table, first, listed[:, 1])
+
+
+def _kinds(scene: Scene, paths: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Shapes that are in the same groups are of a kind."""
+    groups: list[Group] = scene.things("Group")
+    between = apart(scene)
+    of = [frozenset(k for k, g in enumerate(groups) if any(at_or_below(p, m) for m in g.members)) for p in paths]
+    kinds = sorted(set(of), key=sorted)
+    table = np.array([[any(between[a, b] for a in one for b in other) for other in kinds] for one in kinds], bool)
+    return np.array([kinds.index(each) for each in of], int), table.reshape(len(kinds), len(kinds))
+
+
+def _pairs(scene: Scene, shapes: list[tuple[str, int]], frames: list[str]) -> Iterator[tuple[int, int]]:
+    members = {g.path: g.members for g in scene.things("Group")}
+    at: dict[str, list[int]] = {}
+    for k, (path, _) in enumerate(shapes):
+        steps = path.split("/")
+        for n in range(2, len(steps) + 1):
+            at.setdefault("/".join(steps[:n]), []).append(k)
+    body: dict[str, list[int]] = {}
+    for k, frame in enumerate(frames):
+        body.setdefault(frame, []).append(k)
+
+    def below(path: str) -> list[int]:
+        return [k for each in members.get(path, [path]) for k in at.get(each, [])]
+    wanted = [(below(p.path), below(other)) for p in scene.things("Parted") for other in p.others]
+    for joint in scene.things("Joint"):
+        if joint.enabled and not joint.collides:
+            sides = [body.get(b, []) if b else below(joint.still) if joint.still else [] for b in (joint.body0, joint.body1)]
+            wanted.append((sides[0], sides[1]))
+    for one, other in wanted:
+        yield from ((i, j) for i in one for j in other if shapes[i][1] == shapes[j][1] or -1 in (shapes[i][1], shapes[j][1]))

@@ -1,0 +1,54 @@
+"""Prims of type PhysicsCollisionGroup <-> `Group`, and PhysicsFilteredPairsAPI of any prim <-> `Parted`."""
+
+from pxr import Sdf, Usd, UsdPhysics
+
+from wsim.physics.rigid.joints.filters.groups import Group, Parted
+from wsim.physics.rigid.joints.moving import simulated
+from wsim.usd import names
+from wsim.usd.stage import Reading, Units, applied
+
+COLLIDERS = "colliders"
+
+
+def used(reading: Reading) -> bool:
+    """Whether there are bodies that filters are for."""
+    prims = Usd.PrimRange(reading.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
+    return any(names.RIGID_BODY in applied(p) and simulated(reading, p) for p in prims)
+
+
+def load_group(reading: Reading, prim: Usd.Prim) -> Group | None:
+    path, group = str(prim.GetPath()), UsdPhysics.CollisionGroup(prim)
+    if not used(reading):
+        reading.warn(path, f"{names.COLLISION_GROUP} is not used yet: every collider acts on every body")
+        return None
+    query = Usd.CollectionAPI(prim, COLLIDERS).ComputeMembershipQuery()
+    prims = Usd.PrimRange(reading.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
+    members = [str(p.GetPath()) for p in prims if names.COLLISION in applied(p) and query.IsPathIncluded(p.GetPath())]
+    return Group(path, members, [str(p) for p in group.GetFilteredGroupsRel().GetTargets()],
+                 str(group.GetMergeGroupNameAttr().Get(reading.start) or ""),
+                 bool(group.GetInvertFilteredGroupsAttr().Get(reading.start)))
+
+
+def load_pairs(reading: Reading, prim: Usd.Prim) -> Parted | None:
+    targets = prim.GetRelationship(names.FILTERED).GetTargets()
+    if not targets:
+        return None
+    if not used(reading):
+        reading.warn(prim.GetPath(), f"{names.FILTERED} is not used yet: every collider acts on every body")
+        return None
+    return Parted(str(prim.GetPath()), [str(p) for p in targets])
+
+
+def author(stage: Usd.Stage, thing: Group | Parted, units: Units) -> None:
+    if isinstance(thing, Parted):
+        prim = stage.GetPrimAtPath(thing.path) or stage.DefinePrim(thing.path, "Scope")
+        api = UsdPhysics.FilteredPairsAPI.Apply(prim)
+        api.CreateFilteredPairsRel().SetTargets([Sdf.Path(p) for p in thing.others])
+        return
+    group = UsdPhysics.CollisionGroup.Define(stage, thing.path)
+    Usd.CollectionAPI.Apply(group.GetPrim(), COLLIDERS).CreateIncludesRel().SetTargets([Sdf.Path(p) for p in thing.members])
+    group.CreateFilteredGroupsRel().SetTargets([Sdf.Path(p) for p in thing.filtered])
+    if thing.merge:
+        group.CreateMergeGroupNameAttr(thing.merge)
+    if thing.inverted:
+        group.CreateInvertFilteredGroupsAttr(True)

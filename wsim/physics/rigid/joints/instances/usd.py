@@ -1,0 +1,132 @@
+"""PointInstancers whose prototypes are rigid bodies: an instance is a `Body`; results write its position and orientation."""
+
+from dataclasses import replace
+
+import numpy as np
+from pxr import Usd, UsdGeom, UsdPhysics
+
+from wsim.geometry import rotation
+from wsim.physics.rigid.joints.moving import simulated
+from wsim.physics.rigid.objects import Body
+from wsim.scene import Surface
+from wsim.scene.curve import Curve, Motion
+from wsim.usd import names
+from wsim.usd.result.kinds.instances import orientations
+from wsim.usd.stage import Reading, applied
+from wsim.usd.transforms import placement, split
+
+SAME = 1e-5                  # of a scale, from axis to axis
+
+
+def load(reading: Reading, prim: Usd.Prim, body_of) -> list[Body]:
+    """body_of(reading, prim) -> Body of a prototype as it stands."""
+    instancer, path = UsdGeom.PointInstancer(prim), str(prim.GetPath())
+    prototypes = [reading.stage.GetPrimAtPath(p) for p in instancer.GetPrototypesRel().GetTargets()]
+    if not any(p and _bodies(p) for p in prototypes):
+        reading.warn(path, "is a PointInstancer: its prototypes take no part")
+        return []
+    inner = [str(b.GetPath()) for p in prototypes if p for b in _bodies(p) if b != p]
+    if inner or prim.IsInstanceProxy():
+        reading.fail(path, f"has the rigid body {inner[0]} within a prototype; author PhysicsRigidBodyAPI on the prototype"
+                     if inner else "is a PointInstancer of bodies in an instance; author instanceable = false on the instance")
+        return []
+    if len(placement(reading, prim).times) > 1 or instancer.GetPositionsAttr().ValueMightBeTimeVarying():
+        reading.warn(path, "is animated and has dynamic rigid bodies: they start where it does and then move by forces")
+    found: list[Body | None] = []
+    made: dict = {}
+    for k, (index, M) in enumerate(_placed(reading, instancer, prototypes)):
+        proto = prototypes[index] if 0 <= index < len(prototypes) else None
+        if M is None or not proto or names.RIGID_BODY not in applied(proto) or not simulated(reading, proto):
+            continue
+        if index not in made:
+            made[index] = body_of(reading, proto)
+        if made[index] is not None:
+            found.append(_instance(reading, prim, proto, made[index], k, M))
+    return [body for body in found if body is not None]
+
+
+def _bodies(prim: Usd.Prim) -> list[Usd.Prim]:
+    return [p for p in Usd.PrimRange(prim, Usd.TraverseInstanceProxies()) if names.RIGID_BODY in applied(p)]
+
+
+def _placed(reading: Reading, instancer: UsdGeom.PointInstancer, prototypes: list) -> list[tuple[int, np.ndarray | None]]:
+    """(prototype, frame of the prototype's contents to world [m], None where it is masked) of each instance. Orientations of
+    half precision are made unit ones, which USD leaves as they are."""
+    start = reading.start
+    indices, places = list(instancer.GetProtoIndicesAttr().Get(start) or []), instancer.GetPositionsAttr().Get(start) or []
+    n, scales = len(places), instancer.GetScalesAttr().Get(start)
+    turns = rotation.matrix(orientations(instancer, start, n))
+    sizes = np.array(scales, np.float64) if scales and len(scales) == n else np.ones((n, 3))
+    mask = list(instancer.ComputeMaskAtTime(start)) or [True] * n
+    W = np.array(UsdGeom.XformCache(start).GetLocalToWorldTransform(instancer.GetPrim())).T
+    own = [np.array(UsdGeom.Xformable(p).GetLocalTransformation(start)).T if p else np.eye(4) for p in prototypes]
+    found: list[tuple[int, np.ndarray | None]] = []
+    for index, x, R, s, shown in zip(indices, places, turns, sizes, mask, strict=False):
+        M = np.eye(4)
+        M[:3, :3], M[:3, 3] = R * s, x
+        M = W @ M @ (own[index] if 0 <= index < len(own) else np.eye(4))
+        M[:3, 3] *= reading.units.metres
+        found.append((index, M if shown else None))
+    return found
+
+
+def _instance(reading: Reading, prim: Usd.Prim, proto: Usd.Prim, body: Body, k: int, M: np.ndarray) -> Body | None:
+    path = str(prim.GetPath())
+    try:
+        R, S = split(M[:3, :3])
+    except ValueError as error:
+        reading.fail(path, f"instance {k}: {error}; give it scales other than zero")
+        return None
+    own = np.eye(3) if body.stretch is None else body.stretch
+    ratio = S @ np.linalg.inv(own)
+    size = float(np.trace(ratio)) / 3.0
+    if np.abs(ratio - size * np.eye(3)).max() > SAME * abs(size) or size <= 0.0:
+        reading.fail(path, f"instance {k} is scaled by {np.diag(ratio).round(6).tolist()} against its prototype "
+                     f"{proto.GetPath()}; allowed is one factor for all axes: make a prototype of that shape")
+        return None
+    size = 1.0 if abs(size - 1.0) < SAME else size
+    S, frame = size * own, M.copy()
+    frame[:3, :3] = R
+    name = f"{path}/{proto.GetName()}_{k}"
+    velocity, spin = _rates(reading, prim, k)
+    made = replace(body, path=name, motion=Motion.still(frame), instancer=path, instance=k, velocity=velocity, spin=spin,
+                   stretch=None if np.array_equal(S, np.eye(3)) else S)
+    if size != 1.0:
+        given = UsdPhysics.MassAPI(proto).GetMassAttr().Get(reading.start) if proto.HasAPI(UsdPhysics.MassAPI) else 0.0
+        made = _scaled(made, size, not given)
+    made.colliders = [replace(c, path=name + c.path[len(str(proto.GetPath())):]) for c in made.colliders]
+    return made
+
+
+def _rates(reading: Reading, prim: Usd.Prim, k: int) -> tuple[np.ndarray, np.ndarray]:
+    """World velocity [m/s] and spin [rad/s] of an instance, from the instancer's own."""
+    instancer, start = UsdGeom.PointInstancer(prim), reading.start
+    W = np.array(UsdGeom.XformCache(start).GetLocalToWorldTransform(prim)).T[:3, :3]
+    v, w = (np.array(values[k], np.float64) if (values := a.Get(start)) and len(values) > k else np.zeros(3)
+            for a in (instancer.GetVelocitiesAttr(), instancer.GetAngularVelocitiesAttr()))
+    return W @ v * reading.units.metres, split(W)[0] @ np.radians(w)
+
+
+def _scaled(body: Body, s: float, dense: bool) -> Body:
+    """A body of s times the size: dense, of the same density, else of the same mass."""
+    m = s**3 if dense else 1.0
+    shapes = [replace(c, shape=_larger(c.shape, s), motion=_apart(c.motion, s)) for c in body.colliders]
+    return replace(body, colliders=shapes, mass=None if body.mass is None else body.mass * m,
+                   center=None if body.center is None else body.center * s,
+                   inertia=None if body.inertia is None else body.inertia * m * s * s)
+
+
+def _apart(motion: Motion, s: float) -> Motion:
+    values = motion.values.copy()
+    values[:, :3, 3] *= s
+    return Motion(motion.times, values)
+
+
+def _larger(shape, s: float):
+    """A shape of s times the size."""
+    if isinstance(shape, Surface):
+        poses = None if shape.poses is None else Curve(shape.poses.times, shape.poses.values * s)
+        return replace(shape, points=shape.points * s, poses=poses)
+    sizes = {name: tuple(v * s for v in value) if isinstance(value, (tuple, list)) else value * s
+             for name, value in vars(shape).items() if isinstance(value, (float, int, tuple, list))}
+    return replace(shape, **sizes)

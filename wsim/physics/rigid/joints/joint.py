@@ -1,0 +1,145 @@
+"""Joints of a scene: plain data in SI units, NumPy only. Every kind of UsdPhysics is one table.
+
+A joint has a frame on each of two bodies. Where frame 1 stands in frame 0 is said by six coordinates, and a seventh:
+
+    transX transY transZ    shift along the axes of frame 0 [m]
+    rotX rotY rotZ          twist about x, then the swing, a rotation vector across x [rad] (kernels/rigid/joint/coordinates.py)
+    distance                between the origins of both frames [m]
+
+`limits` says between which values one stays: what is not there is free, (0, 0) is locked. So a fixed joint has all six locked,
+a revolute one all but rotX, a prismatic one all but transX, a spherical one the three shifts, and a cone.
+"""
+
+from dataclasses import dataclass, field
+from math import inf
+
+import numpy as np
+
+from wsim.geometry import rotation
+from wsim.physics.rigid.objects import Body, vector
+from wsim.scene.bodies import Compared
+from wsim.scene.curve import Motion
+
+SHIFTS, TURNS = ("transX", "transY", "transZ"), ("rotX", "rotY", "rotZ")
+AXES = (*SHIFTS, *TURNS)
+DISTANCE = "distance"
+LOCKED = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A spring and damper on one coordinate g: F = stiffness (target - g) + damping (speed - g').
+
+    stiffness      [N/m], [N m/rad]; of an acceleration [1/s^2]
+    damping        [N s/m], [N m s/rad]; of an acceleration [1/s]
+    target         [m], [rad]
+    speed          [m/s], [rad/s]
+    most           size of the force [N] or torque [N m], at most
+    acceleration   True: F is per mass, or moment of inertia, that the coordinate moves
+    """
+
+    stiffness: float = 0.0
+    damping: float = 0.0
+    target: float = 0.0
+    speed: float = 0.0
+    most: float = inf
+    acceleration: bool = False
+
+
+@dataclass(eq=False)
+class Joint(Compared):
+    """A joint between two bodies, or a body and the world.
+
+    path       prim path
+    body0      prim path of the body of frame 0; "": the world, or what `motion` says
+    body1      of frame 1
+    at0        origin of frame 0 in the frame of its body (3,) [m]
+    turn0      quaternion (x, y, z, w) [1] from frame 0 to the frame of its body
+    at1        as at0, of frame 1
+    turn1      as turn0
+    limits     {name of a coordinate: (lowest, highest)} [m], [rad]
+    drives     {name of a coordinate: `Drive`}
+    cone       half angles [rad] of the swing about y and z; inf: free; None: no cone
+    collides   whether its two bodies touch each other
+    enabled    whether it acts
+    force      [N] over which it breaks
+    torque     [N m] over which it breaks
+    motion     frame to world over time [m], rigid, of the side that is no dynamic body
+    still      prim path of that side; "": the world
+    """
+
+    path: str
+    body0: str = ""
+    body1: str = ""
+    at0: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    turn0: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
+    at1: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    turn1: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
+    limits: dict[str, tuple[float, float]] = field(default_factory=dict)
+    drives: dict[str, Drive] = field(default_factory=dict)
+    cone: tuple[float, float] | None = None
+    collides: bool = False
+    enabled: bool = True
+    force: float = inf
+    torque: float = inf
+    motion: Motion = field(default_factory=Motion.still)
+    still: str = field(default="", compare=False)
+
+    def __post_init__(self):
+        for name in ("at0", "at1"):
+            setattr(self, name, vector(getattr(self, name)))
+        for name in ("turn0", "turn1"):
+            setattr(self, name, np.array(getattr(self, name), np.float64).reshape(4))
+        self.limits = {name: (float(low), float(high)) for name, (low, high) in self.limits.items()}
+
+    def locked(self, name: str) -> bool:
+        return name in self.limits and self.limits[name][0] >= self.limits[name][1]
+
+
+def all_locked(*but: str) -> dict[str, tuple[float, float]]:
+    """Limits that lock every shift and turn but those named."""
+    return {name: LOCKED for name in AXES if name not in but}
+
+
+def between(path: str, body0: Body | None, body1: Body | None, at=(0.0, 0.0, 0.0), axis=(1.0, 0.0, 0.0), **more) -> Joint:
+    """A joint of two bodies as they stand, None for the world; its frames agree, at a place `at` (3,) [m] of the world, with x
+    along `axis`. more: fields of `Joint`."""
+    x = np.asarray(axis, np.float64) / np.linalg.norm(axis)
+    y = np.cross(np.eye(3)[np.argmin(np.abs(x))], x)
+    y /= np.linalg.norm(y)
+    q = rotation.quaternion(np.stack([x, y, np.cross(x, y)], axis=1))
+    if np.array_equal(x, (1.0, 0.0, 0.0)):
+        q = np.array([0.0, 0.0, 0.0, 1.0])
+    for k, body in enumerate((body0, body1)):
+        M = np.eye(4) if body is None else body.motion.at(0.0)
+        R = M[:3, :3]
+        more[f"body{k}"] = "" if body is None else body.path
+        more[f"at{k}"] = R.T @ (np.asarray(at, np.float64) - M[:3, 3])
+        more[f"turn{k}"] = rotation.multiply(rotation.conjugate(rotation.quaternion(R)), q)
+    return Joint(path, **more)
+
+
+def fixed(path: str, body0: Body | None, body1: Body | None, **more) -> Joint:
+    """Neither shift nor turn; see `between`."""
+    return between(path, body0, body1, limits=all_locked(), **more)
+
+
+def revolute(path: str, body0: Body | None, body1: Body | None, low: float = -inf, high: float = inf, **more) -> Joint:
+    """A turn about `axis` alone, between angles [rad]; see `between`."""
+    limits = all_locked("rotX") | _within("rotX", low, high)
+    return between(path, body0, body1, limits=limits, **more)
+
+
+def prismatic(path: str, body0: Body | None, body1: Body | None, low: float = -inf, high: float = inf, **more) -> Joint:
+    """A shift along `axis` alone, between lengths [m]; see `between`."""
+    limits = all_locked("transX") | _within("transX", low, high)
+    return between(path, body0, body1, limits=limits, **more)
+
+
+def spherical(path: str, body0: Body | None, body1: Body | None, **more) -> Joint:
+    """Turns alone, `axis` within a `cone` where that is given; see `between`."""
+    return between(path, body0, body1, limits=all_locked(*TURNS), **more)
+
+
+def _within(name: str, low: float, high: float) -> dict[str, tuple[float, float]]:
+    return {name: (low, high)} if low > -inf or high < inf else {}

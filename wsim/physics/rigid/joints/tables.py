@@ -1,0 +1,249 @@
+"""Joints on the device: their tables, the part "joints" of the state, the poses of what they are fixed to."""
+
+from math import inf
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.geometry import rotation
+from wsim.kernels.rigid.joint import tables
+from wsim.kernels.rigid.joint.coordinates import CONE, DISTANCE, GENERAL
+from wsim.model.stage import Clock
+from wsim.model.state import Field, Part
+from wsim.model.structs import filled
+from wsim.physics.rigid.joints.islands import ordered
+from wsim.physics.rigid.joints.joint import AXES, Drive, Joint
+from wsim.physics.rigid.joints.joint import DISTANCE as LENGTH
+
+FIELDS = (Field("quarters", "", True, "quarter turns of the twist, counted on", "int"),
+          Field("broken", "", True, "1: it broke", "int"))
+SWEEPS = 4                  # at least: limits that a drive pushes at are seen from the second on
+ONE = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+def rows_of(joint: Joint) -> list[Joint]:
+    """A joint as those of the device: a distance beside limits of shifts is one of its own."""
+    apart = LENGTH in joint.limits or LENGTH in joint.drives
+    others = {name for name in (*joint.limits, *joint.drives) if name != LENGTH}
+    if not apart or not others and joint.cone is None:
+        return [joint]
+
+    def part(far: bool) -> Joint:
+        def mine(table):
+            return {name: value for name, value in table.items() if (name == LENGTH) == far}
+        values = vars(joint) | {"limits": mine(joint.limits), "drives": mine(joint.drives)}
+        return Joint(**values | ({"cone": None} if far else {}))
+    return [part(False), part(True)]
+
+
+def narrowed(joint: Joint) -> Joint:
+    """The same joint without a cone that is none: one of no width is a range of the other swing."""
+    if joint.cone is None or joint.cone != (inf, inf) and min(joint.cone) > 0.0:
+        return joint
+    range_of = {name: (-c, c) for name, c in zip(AXES[4:], joint.cone, strict=True) if c < inf}
+    return Joint(**vars(joint) | {"cone": None, "limits": joint.limits | range_of})
+
+
+def turned(joint: Joint) -> Joint:
+    """The same joint with its axes named anew, so that the twist is about the one axis that turns, if no other does: a swing of
+    half a turn has no direction."""
+    free = [k for k, name in enumerate(AXES[3:]) if not joint.locked(name)]
+    if len(free) != 1 or free == [0]:
+        return joint
+    k = free[0]
+    q = rotation.quaternion(np.eye(3)[:, [k, (k + 1) % 3, (k + 2) % 3]])
+
+    def named(table: dict) -> dict:
+        def new(name: str) -> str:
+            return name if name == LENGTH else name[:-1] + "XYZ"["XYZ".index(name[-1]) - k]
+        return {new(name): value for name, value in table.items()}
+    return Joint(**vars(joint) | {"turn0": rotation.multiply(joint.turn0, q), "turn1": rotation.multiply(joint.turn1, q),
+                                  "limits": named(joint.limits), "drives": named(joint.drives)})
+
+
+class Joints:
+    """Of a method (wsim/physics/rigid/method.py): `linked` is the struct, `islands` how many there are."""
+
+    def __init__(self, b, method):
+        self.model, self.method, self.device = b.model, method, b.model.device
+        self.given = [joint for joint in b.scene.things("Joint") if joint.enabled]
+        rows = {body.path: k for k, body in enumerate(b.scene.things("Body"))}
+        every = [(k, turned(part)) for k, joint in enumerate(self.given) for part in rows_of(narrowed(joint))]
+        pairs = np.array([[rows.get(j.body0, -1), rows.get(j.body1, -1)] for _, j in every])
+        one = ordered(pairs, len(rows))
+        self.joints = [every[k][1] for k in one.joint]
+        self.pairs = pairs[one.joint]
+        worlds = b.model.worlds
+        self.order = one.repeated(worlds, len(rows))
+        self.count, self.islands = len(self.joints) * worlds, len(self.order.first_joint) - 1
+        self.part = Part.allocate("joints", FIELDS, self.count, b.model.real, self.device)
+        path, n = b.scene.things("Body")[0].written, len(self.joints)             # joints have no samples: they go with a body
+        self.part.rows = {(path, world): np.arange(n) + world * n for world in range(worlds)}
+        b.state.add(self.part)
+        self.sweeps = max(SWEEPS, b.scene.iterations)
+        self._tables(worlds)
+        self.known: tuple = ()
+
+    def _up(self, values, dtype):
+        values = np.ascontiguousarray(values, np.int32 if dtype is int else np.float64)
+        return self.model.upload(values, dtype) if values.size else wp.zeros(values.shape[:1], dtype=dtype, device=self.device)
+
+    def _tables(self, worlds: int) -> None:
+        up, order, n = self._up, self.order, len(self.joints)
+        Joints, Linked = tables.structs()
+        origin, masses, bodies = self.method.origin, self.method.masses, len(self.method.bodies)
+        per = bodies // worlds
+
+        def tiled(values, dtype):
+            return up(np.concatenate([np.asarray(values)] * worlds), dtype)
+        sides = [_frame(j, k, masses, row) for j, pair in zip(self.joints, self.pairs, strict=True)
+                 for k, row in enumerate(pair)]
+        self.anchor = np.array([_origin(j) for j in self.joints])
+        from_to = [[origin[row] if row >= 0 else self.anchor[k] for row in pair] for k, pair in enumerate(self.pairs)]
+        body = [np.where(self.pairs[:, s] < 0, -1, self.pairs[:, s] + per * w) for w in range(worlds) for s in (0, 1)]
+        shape, rows = {}, [_rows(j) for j in self.joints]
+        for name in ("kind", "drive"):
+            shape[name] = up(np.concatenate([[r[name] for r in rows]] * worlds), int)
+        for name in ("low", "high", "stiffness", "damping", "target", "speed", "most"):
+            shape[name] = up(np.concatenate([[r[name] for r in rows]] * worlds), wp.float64)
+        names = ("first_joint", "first_body", "body", "first_near", "near", "first_target")
+        lists = {name: up(getattr(order, name), int) for name in names}
+        t = filled(Joints, a=up(np.concatenate(body[0::2]), int), b=up(np.concatenate(body[1::2]), int),
+                   at_a=tiled([s[0] for s in sides[0::2]], wp.vec3d), at_b=tiled([s[0] for s in sides[1::2]], wp.vec3d),
+                   turn_a=tiled([s[1] for s in sides[0::2]], wp.quatd), turn_b=tiled([s[1] for s in sides[1::2]], wp.quatd),
+                   apart=tiled([b - a for a, b in from_to], wp.vec3d), form=tiled([_form(j) for j in self.joints], int),
+                   cone=tiled([_cone(j) for j in self.joints], wp.vec2d),
+                   breaking=tiled([(j.force, j.torque) for j in self.joints], wp.vec2d),
+                   w=up([1.0 / m.mass for m in masses], wp.float64),
+                   linked=up(np.isin(np.arange(bodies), np.concatenate(body)), int),
+                   target_block=up(order.target, int), **shape, **lists)
+        self.linked = filled(Linked, t=t, quarters=self.part.arrays["quarters"], broken=self.part.arrays["broken"],
+                             **self._work(n * worlds, bodies))
+
+    def _work(self, n: int, bodies: int) -> dict[str, Any]:
+        def zeros(shape, dtype=wp.float64):
+            return wp.zeros(shape, dtype=dtype, device=self.device)
+        found = {name: zeros((n, 6)) for name in ("now", "hold", "push", "soft", "bias", "rhs")}
+        found |= {name: zeros(bodies, wp.vec3d) for name in ("X", "dp", "dL", "P", "T")}
+        found |= {name: zeros(n, wp.mat33d) for name in ("axis", "turn")}
+        return found | {"Q": zeros(bodies, wp.quatd), "S": zeros(bodies, wp.mat33d), "touched": zeros(bodies, int),
+                        "r_a": zeros(n, wp.vec3d), "r_b": zeros(n, wp.vec3d), "active": zeros((n, 6), int),
+                        "block": zeros(36 * self.order.blocks)}
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        """Uploads the poses of anchors at the substeps of a frame; still ones once."""
+        moves = any(j.motion.moves for j in self.joints)
+        known = (clock.substeps, tuple(id(j.motion) for j in self.joints))
+        if self.known == known and not moves:
+            return
+        rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.joints)
+        M = np.array([[j.motion.at(time + h * k) for j in self.joints] for k in range(rows + moves)])
+        local = [(j.at0, j.turn0) if a < 0 else (j.at1, j.turn1) for j, (a, _) in zip(self.joints, self.pairs, strict=True)]
+        q = rotation.multiply(rotation.quaternion(M[:, :, :3, :3]), np.array([turn for _, turn in local]))
+        x = np.einsum("knij,nj->kni", M[:, :, :3, :3], np.array([at for at, _ in local])) + M[:, :, :3, 3] - self.anchor
+        v, omega = np.zeros_like(x), np.zeros_like(x)
+        if moves:
+            v, omega = (x[1:] - x[:-1]) / h, rotation.angular_velocity(q[:-1], q[1:], h)
+        worlds = self.model.worlds
+        values = [np.tile(each[:rows], (1, worlds, 1)) for each in (x, q, v, omega)]
+        t = self.linked.t
+        names = ("anchor_x", "anchor_q", "anchor_v", "anchor_o")
+        if self.known != known:
+            t.moving = int(moves)
+            for name, dtype in zip(names, (wp.vec3d, wp.quatd, wp.vec3d, wp.vec3d), strict=True):
+                setattr(t, name, wp.zeros((rows, n * worlds), dtype=dtype, device=self.device))
+            self.linked.t = t
+            self.known = known
+        for name, value in zip(names, values, strict=True):
+            getattr(t, name).assign(np.ascontiguousarray(value))
+
+    def with_contacts(self, work) -> Any:
+        """`linked`, knowing which bodies contacts have touched."""
+        self.linked.touched = work.touched
+        return self.linked
+
+    def alone(self):
+        """Kernel of islands whose bodies touch nothing."""
+        from wsim.kernels.rigid.joint.steps import jointed
+        return jointed(self.model.real, self.model.module)
+
+    def advance(self, kernel, clock: Clock, bodies, now) -> None:
+        """All substeps of a frame by that kernel."""
+        steps = wp.vec3i(0, clock.substeps, self.sweeps)
+        self.model.launch(kernel, self.islands, [steps, clock.h, bodies, self.linked], [now])
+
+    def passes(self):
+        """Function (name, what is given, contacts) that launches a pass of the islands (kernels/rigid/joint/passes.py)."""
+        from wsim.kernels.rigid.joint.passes import launched
+        kernels = launched(self.model.real, self.model.module)
+
+        def run(name: str, given, contacts) -> None:
+            first = given if isinstance(given, tuple) else (given,)
+            self.model.launch(kernels[name], self.islands, [*first, contacts.rig(), self.with_contacts(contacts.work)], [])
+        return run
+
+    @property
+    def what(self) -> str:
+        linked = int((np.diff(self.order.first_joint) > 0).sum())
+        return f"{self.count} joints in {linked} islands"
+
+    def indicators(self) -> dict[str, float]:
+        shift, turn = self.error()
+        broken = int(self.linked.broken.numpy().sum())
+        return {"joint_error": shift, "joint_angle_error": turn} | ({"joints_broken": float(broken)} if broken else {})
+
+    def error(self) -> tuple[float, float]:
+        """By how much locked coordinates are off now, at most: [m], [rad]."""
+        now, kind, low = (np.asarray(a.numpy()) for a in (self.linked.now, self.linked.t.kind, self.linked.t.low))
+        off = np.where(kind == int(tables.LOCKED), np.abs(now - low), 0.0)
+        whole = self.linked.broken.numpy() == 0
+        return float(off[whole, :3].max(initial=0.0)), float(off[whole, 3:].max(initial=0.0))
+
+
+def _origin(joint: Joint) -> np.ndarray:
+    """What places of an anchor are measured from: where its frame is at the start."""
+    M = joint.motion.at(0.0)
+    at = joint.at0 if not joint.body0 else joint.at1
+    return M[:3, :3] @ at + M[:3, 3]
+
+
+def _frame(joint: Joint, side: int, masses: list, row: int) -> tuple[np.ndarray, np.ndarray]:
+    """(place from the centre of mass, quaternion) in principal axes."""
+    at, q = (joint.at0, joint.turn0) if side == 0 else (joint.at1, joint.turn1)
+    if row < 0:
+        return np.zeros(3), ONE
+    back = rotation.conjugate(masses[row].axes)
+    return rotation.rotate(back, at - masses[row].center), rotation.normalized(rotation.multiply(back, q))
+
+
+def _form(joint: Joint) -> int:
+    if LENGTH in joint.limits or LENGTH in joint.drives:
+        return int(DISTANCE)
+    return int(CONE if joint.cone is not None else GENERAL)
+
+
+def _cone(joint: Joint) -> tuple[float, float]:
+    y, z = joint.cone or (inf, inf)
+    return 1.0 / y, 1.0 / z
+
+
+def _rows(joint: Joint) -> dict[str, list]:
+    """What the six rows of a joint are."""
+    names = ("kind", "drive", "low", "high", "stiffness", "damping", "target", "speed", "most")
+    found: dict[str, list] = {name: [] for name in names}
+    form = _form(joint)
+    for k, name in enumerate(AXES):
+        name = LENGTH if form == DISTANCE and k == 0 else name
+        low, high = joint.limits.get(name, (-inf, inf))
+        kind = tables.LOCKED if low >= high else tables.LIMITED if low > -inf or high < inf else tables.FREE
+        if form == CONE and k > 3:
+            low, high, kind = 0.0, inf, tables.LIMITED if k == 4 else tables.FREE
+        drive = joint.drives.get(name, Drive())
+        on = drive.stiffness > 0.0 or drive.damping > 0.0
+        found["kind"].append(int(kind))
+        found["drive"].append(int(on and (tables.ACCELERATION if drive.acceleration else tables.FORCE)))
+        for column, value in (("low", low), ("high", high), ("stiffness", drive.stiffness), ("damping", drive.damping),
+                              ("target", drive.target), ("speed", drive.speed), ("most", drive.most)):
+            found[column].append(value)
+    return found

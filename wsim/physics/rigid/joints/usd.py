@@ -1,0 +1,239 @@
+"""Prims of the type PhysicsJoint and those that derive from it <-> `Joint`.
+
+Angles are degrees on a stage, and stiffness and damping of angular drives per degree. A frame is placed in its prim with the
+scale of that, and turned without. What a joint names and what moves is a body, or lies in one; anything else holds the joint
+where it stands or goes.
+"""
+
+from math import inf, pi
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+
+from wsim.geometry import rotation
+from wsim.physics.rigid.joints.joint import AXES, DISTANCE, LOCKED, SHIFTS, TURNS, Drive, Joint, all_locked
+from wsim.physics.rigid.joints.moving import body_of
+from wsim.scene.curve import Motion
+from wsim.usd.stage import Reading, Units, applied
+from wsim.usd.transforms import author_motion, placement, split
+
+DEGREE = pi / 180.0
+ENDLESS = 3e38              # largest floats stand for none
+ANCHOR = "anchor"
+KINDS = {"PhysicsRevoluteJoint": ("rotX", "angular"), "PhysicsPrismaticJoint": ("transX", "linear")}
+
+
+def load(reading: Reading, prim: Usd.Prim) -> Joint | None:
+    path, api = str(prim.GetPath()), UsdPhysics.Joint(prim)
+    targets = [_target(reading, prim, rel) for rel in (api.GetBody0Rel(), api.GetBody1Rel())]
+    if "" in targets:
+        return None
+    if prim.IsInstanceProxy():
+        reading.fail(path, "is a joint in an instance, whose contents cannot be written over; author instanceable = false "
+                     "on the instance")
+        return None
+    bodies = [None if t is None else body_of(reading, t) for t in targets]
+    if bodies == [None, None]:
+        if targets == [None, None]:
+            reading.fail(path, "joins no body; author physics:body0 or physics:body1")
+        else:
+            reading.warn(path, "joins nothing that moves by forces: it is left out")
+        return None
+    given: dict = {}
+    for k, (target, body) in enumerate(zip(targets, bodies, strict=True)):
+        given |= _side(reading, api, k, target, body)
+    if any(value is None for value in given.values()):
+        return None
+    kind = str(prim.GetTypeName())
+    limits, drives, cone, turn = _table(reading, prim, kind)
+    for k in (0, 1):
+        given[f"turn{k}"] = rotation.multiply(given[f"turn{k}"], turn)
+    return Joint(path, limits=limits, drives=drives, cone=cone, **given, **_more(reading, api))
+
+
+def _more(reading: Reading, api: UsdPhysics.Joint) -> dict:
+    start, units = reading.start, reading.units
+    force, torque = (float(a.Get(start)) for a in (api.GetBreakForceAttr(), api.GetBreakTorqueAttr()))
+    return {"collides": bool(api.GetCollisionEnabledAttr().Get(start)), "enabled": bool(api.GetJointEnabledAttr().Get(start)),
+            "force": inf if force > ENDLESS else force * units.factor("N"),
+            "torque": inf if torque > ENDLESS else torque * units.factor("N m")}
+
+
+def _target(reading: Reading, prim: Usd.Prim, rel: Usd.Relationship):
+    """The prim that a side names, None for the world, "" where it is wrong."""
+    targets = rel.GetTargets()
+    if not targets:
+        return None
+    found = reading.stage.GetPrimAtPath(targets[0])
+    if len(targets) > 1 or not found:
+        what = f"{len(targets)} prims; allowed is one" if len(targets) > 1 else f"{targets[0]}, which is no prim; name a body"
+        reading.fail(prim.GetPath(), f"{rel.GetName()} names {what}")
+        return ""
+    return found
+
+
+def _side(reading: Reading, api: UsdPhysics.Joint, k: int, target, body) -> dict:
+    """Fields of one side of a `Joint`."""
+    pos, rot = ((api.GetLocalPos0Attr(), api.GetLocalRot0Attr()), (api.GetLocalPos1Attr(), api.GetLocalRot1Attr()))[k]
+    at = np.array(pos.Get(reading.start), np.float64) * reading.units.metres
+    q = rot.Get(reading.start)
+    q = np.array([*q.GetImaginary(), q.GetReal()], np.float64)
+    if not abs(np.linalg.norm(q) - 1.0) < 1e-3:
+        reading.fail(rot.GetPath(), f"is a quaternion of length {np.linalg.norm(q):g}; author one of length 1")
+        return {"at": None}
+    q = rotation.normalized(q)
+    if target is None:
+        return {f"at{k}": at, f"turn{k}": q}
+    place = placement(reading, target)
+    try:
+        parts = [split(linear) for linear in place.linear]
+    except ValueError as error:
+        reading.fail(target.GetPath(), f"{error}; give it scales other than zero")
+        return {"at": None}
+    frames = place.frame.copy()
+    frames[:, :3, :3] = [R for R, _ in parts]
+    at = parts[0][1] @ at
+    if body is None:
+        return {f"at{k}": at, f"turn{k}": q, "motion": Motion(place.times, frames), "still": str(target.GetPath())}
+    own = placement(reading, body)
+    M = own.frame[0].copy()
+    M[:3, :3] = split(own.linear[0])[0]
+    F = np.linalg.inv(M) @ frames[0]
+    q = rotation.multiply(rotation.quaternion(F[:3, :3]), q) if target != body else q
+    return {f"body{k}": str(body.GetPath()), f"at{k}": F[:3, :3] @ at + F[:3, 3] if target != body else at, f"turn{k}": q}
+
+
+def _unit(units: Units, name: str) -> float:
+    return DEGREE if name in TURNS else units.metres
+
+
+def _range(units: Units, name: str, low, high) -> tuple[float, float]:
+    low, high = (-inf if low < -ENDLESS else float(low)), (inf if high > ENDLESS else float(high))
+    return LOCKED if low > high else (low * _unit(units, name), high * _unit(units, name))
+
+
+def _table(reading: Reading, prim: Usd.Prim, kind: str):
+    """(limits, drives, cone, turn): turn is a quaternion of what the joint calls its axis to x."""
+    start, units, turn, cone = reading.start, reading.units, np.array([0.0, 0.0, 0.0, 1.0]), None
+    axis = prim.GetAttribute("physics:axis")
+    if axis and (k := "XYZ".index(axis.Get(start))):
+        turn = rotation.quaternion(np.eye(3)[:, [k, (k + 1) % 3, (k + 2) % 3]])
+    limits: dict[str, tuple[float, float]] = {}
+    if kind == "PhysicsFixedJoint":
+        limits = all_locked()
+    elif kind in KINDS:
+        name = KINDS[kind][0]
+        own = _range(units, name, *(prim.GetAttribute(f"physics:{side}Limit").Get(start) for side in ("lower", "upper")))
+        limits = all_locked(name) | ({} if own == (-inf, inf) else {name: own})
+    elif kind == "PhysicsSphericalJoint":
+        limits = all_locked(*TURNS)
+        angles = [prim.GetAttribute(f"physics:coneAngle{k}Limit").Get(start) for k in (0, 1)]
+        if any(a >= 0.0 for a in angles):
+            cone = tuple(float(a) * DEGREE if a >= 0.0 else inf for a in angles)
+    elif kind == "PhysicsDistanceJoint":
+        low, high = (prim.GetAttribute(f"physics:{side}Distance").Get(start) for side in ("min", "max"))
+        limits = {DISTANCE: (low * units.metres if low >= 0.0 else -inf, high * units.metres if high >= 0.0 else inf)}
+    else:
+        for name in (*AXES, DISTANCE):
+            if f"PhysicsLimitAPI:{name}" in applied(prim):
+                own = UsdPhysics.LimitAPI(prim, name)
+                limits[name] = _range(units, name, own.GetLowAttr().Get(start), own.GetHighAttr().Get(start))
+    drives = {name: _drive(reading, prim, given, name) for given, name in _driven(prim, kind)}
+    return limits, drives, cone, turn
+
+
+def _driven(prim: Usd.Prim, kind: str) -> list[tuple[str, str]]:
+    """(instance name of a drive, coordinate)."""
+    given = [api.partition(":")[2] for api in applied(prim) if api.startswith("PhysicsDriveAPI:")]
+    if kind in KINDS:
+        name, own = KINDS[kind]
+        return [(each, name) for each in given if each in (own, name)]
+    return [(each, each) for each in given if each in (*AXES, DISTANCE)]
+
+
+def _drive(reading: Reading, prim: Usd.Prim, given: str, name: str) -> Drive:
+    api, units, start = UsdPhysics.DriveAPI(prim, given), reading.units, reading.start
+    unit, force = _unit(units, name), units.factor("N m" if name in TURNS else "N")
+    acceleration = api.GetTypeAttr().Get(start) == "acceleration"
+    per = 1.0 / DEGREE if name in TURNS else 1.0
+    per *= 1.0 if acceleration else units.factor("N m" if name in TURNS else "N/m")
+    most = float(api.GetMaxForceAttr().Get(start))
+    return Drive(float(api.GetStiffnessAttr().Get(start)) * per, float(api.GetDampingAttr().Get(start)) * per,
+                 float(api.GetTargetPositionAttr().Get(start)) * unit, float(api.GetTargetVelocityAttr().Get(start)) * unit,
+                 inf if most > ENDLESS else most * force, acceleration)
+
+
+def author(stage: Usd.Stage, joint: Joint, units: Units) -> None:
+    prim = stage.DefinePrim(joint.path, kind_of(joint))
+    api = UsdPhysics.Joint(prim)
+    for k, (rel, pos, rot) in enumerate(((api.CreateBody0Rel, api.CreateLocalPos0Attr, api.CreateLocalRot0Attr),
+                                         (api.CreateBody1Rel, api.CreateLocalPos1Attr, api.CreateLocalRot1Attr))):
+        body, at, q = getattr(joint, f"body{k}"), getattr(joint, f"at{k}"), getattr(joint, f"turn{k}")
+        if body:
+            rel().SetTargets([Sdf.Path(body)])
+        elif joint.motion != Motion.still():
+            anchor = UsdGeom.Xform.Define(stage, f"{joint.path}/{ANCHOR}").GetPrim()
+            author_motion(anchor, joint.motion, units, 0)
+            rel().SetTargets([anchor.GetPath()])
+        pos(Gf.Vec3f(*(at / units.metres).tolist()))
+        rot(Gf.Quatf(float(q[3]), Gf.Vec3f(*q[:3].tolist())))
+    api.CreateJointEnabledAttr(joint.enabled)
+    api.CreateCollisionEnabledAttr(joint.collides)
+    api.CreateBreakForceAttr(joint.force / units.factor("N"))
+    api.CreateBreakTorqueAttr(joint.torque / units.factor("N m"))
+    _author_table(prim, joint, units)
+
+
+def kind_of(joint: Joint) -> str:
+    """Type of the prim that says a joint."""
+    locked = {name for name, range_of in joint.limits.items() if range_of == LOCKED}
+    open_ = set(joint.limits) - locked
+    driven = set(joint.drives)
+    if locked == set(AXES) and not driven:
+        return "PhysicsFixedJoint"
+    for kind, (name, _) in KINDS.items():
+        if locked == {*AXES} - {name} and open_ | driven <= {name}:
+            return kind
+    if locked == set(SHIFTS) and not open_ | driven:
+        return "PhysicsSphericalJoint"
+    return "PhysicsDistanceJoint" if set(joint.limits) == {DISTANCE} and not driven else "PhysicsJoint"
+
+
+def _author_table(prim: Usd.Prim, joint: Joint, units: Units) -> None:
+    kind = str(prim.GetTypeName())
+
+    def put(name: str, value: float) -> None:
+        prim.GetAttribute(f"physics:{name}").Set(float(value))
+    given = {name: name for name in joint.drives}
+    if kind in KINDS:
+        name, own = KINDS[kind]
+        given = {name: own}
+        for side, value in zip(("lower", "upper"), joint.limits.get(name, (-inf, inf)), strict=True):
+            put(f"{side}Limit", value / _unit(units, name))
+    elif kind == "PhysicsSphericalJoint":
+        for k, angle in enumerate(joint.cone or (inf, inf)):
+            put(f"coneAngle{k}Limit", angle / DEGREE if angle < inf else -1.0)
+    elif kind == "PhysicsDistanceJoint":
+        low, high = joint.limits[DISTANCE]
+        put("minDistance", low / units.metres if low >= 0.0 else -1.0)
+        put("maxDistance", high / units.metres if high < inf else -1.0)
+    elif kind == "PhysicsJoint":
+        for name, range_of in joint.limits.items():
+            api = UsdPhysics.LimitAPI.Apply(prim, name)
+            low, high = (1.0, -1.0) if range_of == LOCKED else (value / _unit(units, name) for value in range_of)
+            api.CreateLowAttr(low)
+            api.CreateHighAttr(high)
+    for name, drive in joint.drives.items():
+        _author_drive(UsdPhysics.DriveAPI.Apply(prim, given[name]), drive, name, units)
+
+
+def _author_drive(api: UsdPhysics.DriveAPI, drive: Drive, name: str, units: Units) -> None:
+    unit, force = _unit(units, name), units.factor("N m" if name in TURNS else "N")
+    per = 1.0 / DEGREE if name in TURNS else 1.0
+    per *= 1.0 if drive.acceleration else units.factor("N m" if name in TURNS else "N/m")
+    api.CreateTypeAttr("acceleration" if drive.acceleration else "force")
+    api.CreateStiffnessAttr(drive.stiffness / per)
+    api.CreateDampingAttr(drive.damping / per)
+    api.CreateTargetPositionAttr(drive.target / unit)
+    api.CreateTargetVelocityAttr(drive.speed / unit)
+    api.CreateMaxForceAttr(drive.most / force)
