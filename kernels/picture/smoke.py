@@ -9,9 +9,10 @@ Along a ray from the eye, radiance L and transmittance T (Kajiya, Von Herzen 198
     V    part of the key light that is left at a place: exp(- integral k rho) towards it, 0 behind a surface
     S    the sky's mean        P  part of the key light that is scattered to the eye, of all directions and orders
 
-A ray is cut into equal pieces, of a voxel at most towards the light, of half of one from the eye; a piece has the density at
-its middle, and the exact integral of that. V is worked out once an image, at each voxel near smoke. Surfaces and ground have
-the shadow of smoke. Grids are trilinear between the centres of voxels, 0 outside. Lengths as in ray.py, float32 only.
+A ray is cut into equal pieces, of a block of voxels at most towards the light, of half of one from the eye; a piece has the
+density at its middle, and the exact integral of that. Blocks are voxels, or larger in grids finer than a picture shows. V is
+worked out once an image, at each block near smoke. Surfaces and ground have the shadow of smoke. Grids are trilinear between
+the centres of voxels, 0 outside. Lengths as in ray.py, float32 only.
 """
 
 import warp as wp
@@ -27,7 +28,8 @@ OPAQUE = wp.constant(2.0e-3)      # transmittance from which on nothing behind i
 @wp.struct
 class Medium:
     density: wp.array3d(dtype=float)     # of each voxel
-    lit: wp.array3d(dtype=float)         # V at each voxel
+    lit: wp.array3d(dtype=float)         # V at each block
+    block: int                           # voxels along an edge of a block
     turn: wp.mat33                       # world to index: turn p + shift
     shift: wp.vec3
     back: wp.mat33                       # index to world: back q + corner
@@ -57,6 +59,15 @@ def value(field: wp.array3d(dtype=float), q: wp.vec3):
 
 
 @wp.func
+def lit_at(medium: Medium, q: wp.vec3):
+    """V at an index of the density, beyond the middles of the outer blocks that of those."""
+    p = (q + wp.vec3(0.5, 0.5, 0.5)) / float(medium.block) - wp.vec3(0.5, 0.5, 0.5)
+    for a in range(3):
+        p[a] = wp.clamp(p[a], 0.0, float(medium.lit.shape[a]) - 1.0)
+    return value(medium.lit, p)
+
+
+@wp.func
 def span(medium: Medium, q: wp.vec3, d: wp.vec3, end: float):
     """Where a ray q + t d, 0 < t < end, is within the box of what is not 0: (first t, last t); last < first: nowhere."""
     low = wp.float32(0.0)
@@ -75,9 +86,9 @@ def span(medium: Medium, q: wp.vec3, d: wp.vec3, end: float):
 
 
 @wp.func
-def pieces(reach: wp.vec2, d: wp.vec3):
-    """Number of equal pieces of a voxel at most."""
-    return int(wp.ceil((reach[1] - reach[0]) * wp.length(d)))
+def pieces(medium: Medium, reach: wp.vec2, d: wp.vec3):
+    """Number of equal pieces of a block at most."""
+    return int(wp.ceil((reach[1] - reach[0]) * wp.length(d) / float(medium.block)))
 
 
 @wp.func
@@ -88,7 +99,7 @@ def transmitted(medium: Medium, p: wp.vec3, toward: wp.vec3):
     reach = span(medium, q, d, ray.FAR)
     if reach[1] <= reach[0]:
         return 1.0
-    n = pieces(reach, d)
+    n = pieces(medium, reach, d)
     step = (reach[1] - reach[0]) / float(n)
     total = wp.float32(0.0)
     for k in range(n):
@@ -98,18 +109,18 @@ def transmitted(medium: Medium, p: wp.vec3, toward: wp.vec3):
 
 @wp.kernel
 def light_smoke(medium: Medium, surfaces: ray.Surfaces, view: ray.View, lit: wp.array3d(dtype=float)):
-    """V of each voxel that has smoke in it or beside it."""
+    """V of each block that has smoke in it or beside it."""
     i, j, k = wp.tid()
+    b = medium.block
     near = wp.float32(0.0)
-    for a in range(27):
-        x = i + a % 3 - 1
-        y = j + (a // 3) % 3 - 1
-        z = k + a // 9 - 1
-        if x >= 0 and y >= 0 and z >= 0 and x < lit.shape[0] and y < lit.shape[1] and z < lit.shape[2]:
-            near = wp.max(near, medium.density[x, y, z])
+    for x in range(wp.max(b * (i - 1), 0), wp.min(b * (i + 2), medium.density.shape[0])):
+        for y in range(wp.max(b * (j - 1), 0), wp.min(b * (j + 2), medium.density.shape[1])):
+            for z in range(wp.max(b * (k - 1), 0), wp.min(b * (k + 2), medium.density.shape[2])):
+                near = wp.max(near, medium.density[x, y, z])
     V = wp.float32(1.0)
     if near > 0.0:
-        p = medium.back * wp.vec3(float(i), float(j), float(k)) + medium.corner
+        middle = float(b) * wp.vec3(float(i) + 0.5, float(j) + 0.5, float(k) + 0.5) - wp.vec3(0.5, 0.5, 0.5)
+        p = medium.back * middle + medium.corner
         V = transmitted(medium, p, view.light)
         if wp.mesh_query_ray_anyhit(surfaces.mesh, p, view.light, ray.FAR):
             V = 0.0
@@ -142,7 +153,7 @@ def march_smoke(medium: Medium, view: ray.View, samples: ray.Samples, behind: wp
     L = wp.vec3(0.0)
     T = wp.float32(1.0)
     if reach[1] > reach[0]:
-        n = 2 * pieces(reach, dq)
+        n = 2 * pieces(medium, reach, dq)
         step = (reach[1] - reach[0]) / float(n)
         S = 0.8 * view.zenith + 0.2 * view.horizon
         k = int(0)
@@ -150,7 +161,7 @@ def march_smoke(medium: Medium, view: ray.View, samples: ray.Samples, behind: wp
             at = q + (reach[0] + (float(k) + 0.5) * step) * dq
             rho = value(medium.density, at)
             if rho > 0.0:
-                V = value(medium.lit, at)
+                V = lit_at(medium, at)
                 left = wp.exp(-medium.extinction * rho * step)
                 L += (T * (1.0 - left)) * wp.cw_mul(medium.albedo, (SCATTERED * V) * view.key + (0.5 + 0.5 * V) * S)
                 T = T * left

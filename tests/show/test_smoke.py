@@ -133,6 +133,18 @@ def test_light_in_a_cloud_falls_off_towards_its_far_side():
             assert V[index] == pytest.approx(np.exp(-0.5 * depth * exits), rel=float(0.5 * depth * h / np.abs(light).max()))
 
 
+def test_finer_grids_than_a_picture_shows_are_lit_in_blocks(monkeypatch):
+    """A cloud of 64 voxels an edge, in blocks of one and of two: the same to few steps of a byte."""
+    from wsim.show.smoke import media
+    images = []
+    for blocks in (64, 32):
+        monkeypatch.setattr(media, "BLOCKS", blocks)
+        x = (np.stack(np.meshgrid(*[np.arange(64) + 0.5] * 3, indexing="ij")) / 64 - 0.5) * 2.0
+        images.append(taken_from([plate(-3.0)], [cloud(np.clip(2.0 - 2.0 * np.sqrt((x**2).sum(0)), 0.0, 1.0), depth=4.0)]))
+    difference = np.abs(images[0].astype(int) - images[1])
+    assert images[0].max() > 100 and 0 < difference.max() <= 4
+
+
 def stage_with(path, values: np.ndarray, codes=(1.0, 2.0), metres: float = 0.01) -> str:
     """A volume of a fluid's domain in centimetres, in each frame as dense as its code says."""
     stage = Usd.Stage.CreateNew(str(path))

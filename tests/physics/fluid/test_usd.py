@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom
 
-from wsim.physics.fluid.objects import ADVECTION, KINDS, SCALARS, Fluid, Source
+from wsim.physics.fluid.objects import ADVECTION, KINDS, PRESSURE, SCALARS, Fluid, Source
 from wsim.scene import Box, Cone, Plane, Scene, SceneError, Sphere, Surface
 from wsim.scene.curve import Curve, Motion
 from wsim.usd import load, names, save
@@ -197,5 +197,5 @@ def test_fallbacks_and_tokens_of_the_schemas_are_those_of_the_objects():
         if isinstance(wanted, Curve):
             wanted = wanted.values[0]
         assert value is None and not np.any(wanted) or np.array_equal(value, wanted), row.attribute
-        tokens = {"sides": KINDS, "advection": ADVECTION, "scalar_advection": SCALARS}.get(row.field)
+        tokens = {"sides": KINDS, "advection": ADVECTION, "scalar_advection": SCALARS, "pressure": PRESSURE}.get(row.field)
         assert tokens is None or tuple(attribute.GetMetadata("allowedTokens")) == tokens

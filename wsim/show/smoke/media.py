@@ -10,6 +10,8 @@ from wsim.kernels.picture import smoke
 from wsim.model import kernel_cache
 from wsim.show.smoke.read import Density, Smoke
 
+BLOCKS = 96                # along the longest edge of what is drawn: of light, and of two steps of a ray
+
 
 class Media:
     """All smoke of an image. center, scale: world [m] to the lengths of the caster."""
@@ -27,7 +29,7 @@ class Media:
     def light(self, surfaces: Any, view: Any, samples: Any, light: wp.array, other: wp.array) -> tuple[wp.array, wp.array]:
         """Lights all smoke, and shades what is behind it; returns (light, other) as they are now."""
         for medium in self.media:
-            wp.launch(smoke.light_smoke, dim=medium.density.shape, inputs=[medium, surfaces, view], outputs=[medium.lit])
+            wp.launch(smoke.light_smoke, dim=medium.lit.shape, inputs=[medium, surfaces, view], outputs=[medium.lit])
             wp.launch(smoke.shade_surfaces, dim=light.shape, inputs=[medium, view, samples, light], outputs=[other])
             light, other = other, light
         return light, other
@@ -46,7 +48,8 @@ def _medium(cloud: Smoke, density: Density, center: np.ndarray, scale: float) ->
     turn = np.linalg.inv(back)
     found = smoke.Medium()
     found.density = wp.array(density.values, dtype=float)
-    found.lit = wp.zeros(density.values.shape, dtype=float)
+    found.block = -(-max(density.values.shape) // BLOCKS)
+    found.lit = wp.zeros(tuple(-(-n // found.block) for n in density.values.shape), dtype=float)
     found.turn, found.back = wp.mat33(*turn.ravel()), wp.mat33(*back.ravel())
     found.shift, found.corner = wp.vec3(*(-turn @ corner)), wp.vec3(*corner)
     found.albedo, found.extinction = wp.vec3(*cloud.albedo), cloud.extinction * scale
