@@ -2,7 +2,12 @@
 
 from math import cos, degrees, sin
 
-from tools.usda import block, ground, number, scene, settings
+import numpy as np
+
+from tools import scenes_cloth
+from tools.usda import block, ground, number, pin, scene, settings
+from wsim.scene import shapes
+from wsim.scene.fabric import fabric
 
 APIS = '["PhysicsRigidBodyAPI", "PhysicsCollisionAPI"]'
 STEPS = "Contacts are soft with a frequency of a quarter of the steps': short steps make them stiff; iterations are sweeps."
@@ -10,15 +15,19 @@ WOOD = [(0.72, 0.45, 0.25), (0.80, 0.56, 0.32), (0.60, 0.36, 0.20)]
 
 
 def body(prim: tuple[str, str, str], at, color, turn: float = 0.0, size=(1.0, 1.0, 1.0), more: str = "",
-         comment: str = "") -> str:
-    """A rigid body that is its own collider, turned about y [degrees]; prim: its type, name and sizes."""
+         comment: str = "", mass: float = 0.0) -> str:
+    """A rigid body that is its own collider, turned about y [degrees]; prim: its type, name and sizes; mass [kg]: 0 for 1000
+    kg/m^3."""
     kind, name, sizes = prim
     place = (f"double3 xformOp:translate = ({', '.join(number(v) for v in at)})\n"
              f"double xformOp:rotateY = {number(turn)}\n"
              f"double3 xformOp:scale = ({', '.join(number(v) for v in size)})\n"
              'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY", "xformOp:scale"]\n')
     colour = f"color3f[] primvars:displayColor = [({', '.join(number(c) for c in color)})]"
-    return block(kind, name, sizes + "\n" + place + more + colour, APIS, comment)
+    apis = APIS
+    if mass:
+        apis, more = APIS[:-1] + ', "PhysicsMassAPI"]', f"float physics:mass = {number(mass)}\n" + more
+    return block(kind, name, sizes + "\n" + place + more + colour, apis, comment)
 
 
 def dominoes() -> str:
@@ -70,4 +79,23 @@ def humanoid() -> str:
         settings(substeps=20, iterations=4, comment=f"{STEPS} Joints are solved at once."), ground(), *steps, man], frames=96)
 
 
-RIGID_SCENES = {"dominoes": dominoes, "pyramid": pyramid, "humanoid": humanoid}
+def ball_into_cloth() -> str:
+    n, height = 32, 1.0
+    surface = shapes.sheet(1.6, 1.6, n, n, horizontal=True, at=(0.0, height, 0.0))
+    rim = np.flatnonzero(np.abs(surface[0][:, [0, 2]]).max(axis=1) > 0.799)
+    return scene("Two balls and a box fall into a sheet that is held by its rim: each gives the other what it takes.", [
+        settings(substeps=40, iterations=2, air_drag=0.5, comment="The heavy ball weighs six times the sheet, the light one a "
+                 "tenth."),
+        scenes_cloth.material("denim", fabric("denim")),
+        scenes_cloth.cloth("Sheet", surface, "denim", (0.2, 0.32, 0.52), "1.6 m square; bodies meet its points, and it meets "
+                           "their shapes."),
+        block("Xform", "Frame", "", comment="Where the rim is held."),
+        pin("Rim", "/World/Sheet", rim, "/World/Frame", "All points of the sheet's edge."),
+        ground(),
+        body(("Sphere", "Heavy", "double radius = 0.2"), (0.0, 1.35, 0.0), (0.16, 0.30, 0.55), mass=6.0),
+        body(("Sphere", "Light", "double radius = 0.12"), (-0.45, 1.3, 0.3), (0.75, 0.3, 0.05), mass=0.1),
+        body(("Cube", "Box", "double size = 0.24"), (0.42, 1.35, -0.2), WOOD[0], 20.0, mass=2.0),
+    ], frames=96)
+
+
+RIGID_SCENES = {"dominoes": dominoes, "pyramid": pyramid, "humanoid": humanoid, "ball_into_cloth": ball_into_cloth}

@@ -65,3 +65,12 @@ def test_a_heap_falls_the_same_to_the_bit_from_run_to_run(name, monkeypatch):
         sim.run(90)
         return b"".join(sim.plan.method("rigid").part.arrays[name].numpy().tobytes() for name in ("x", "q", "p", "L"))
     assert run() == run()
+
+
+def test_gradients_of_a_free_body_are_those_of_a_cpu():
+    from tests.gradient.test_bodies import VALUES, bodies, recorded, seeds
+    poses, twists = seeds("/given")
+    there, here = (recorded(bodies(), device=device).backward(poses=poses, twists=twists) for device in ("cuda:0", "cpu"))
+    for name in VALUES:
+        exact = np.asarray(here.value("/given", name))
+        assert np.abs(np.asarray(there.value("/given", name)) - exact).max() < 1e-11 * max(1.0, np.abs(exact).max())

@@ -17,8 +17,8 @@ from wsim import Bulk, Fabric, Plane, Simulation, Sphere
 from wsim.gradient.inputs.by_name import inputs
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
-from wsim.physics.rigid.recorded import refuse_contacts
 from wsim.physics.rigid.objects import Body
+from wsim.physics.rigid.recorded import refuse_contacts
 from wsim.scene import Collider, Pin, Scene, SceneError, Varying, methods, shapes
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.nodal.loads import between
@@ -232,7 +232,7 @@ CASES = {
     "restitution": ("/dull", lambda: run("explicit")[0].recording.backward({2: {"/net": np.ones((5, 3))}})
                     .restitution("/dull")),
     "impulses": ("/ball", lambda: Simulation(resting(), device="cpu", gradients=True)),
-    "joints": ("/hinge", lambda: refuse_contacts(Scene(others={"Joint": [SimpleNamespace(path="/hinge")]}))),
+    "joints": ("/hinge", lambda: refuse_contacts(Scene(others={"Joint": [SimpleNamespace(path="/hinge")]}), False)),
     "idle": ("air_drag", lambda: inputs(recorded(alone()), ["air_drag"])),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),

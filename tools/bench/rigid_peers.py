@@ -86,7 +86,7 @@ def turns(problem: Problem, rows: list[dict], args: argparse.Namespace, folder: 
 
 def wanted(problem: Problem, args: argparse.Namespace, have: set[str]) -> list[dict]:
     return [{"problem": problem.name, "engine": name, "setting": setting} for name in ENGINES if name in have
-            for setting in settings(name, problem.name)]
+            for setting in settings(name, problem.name, args.device != "cpu")]
 
 
 def same(row: dict) -> tuple:

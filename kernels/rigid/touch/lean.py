@@ -79,6 +79,34 @@ def recall(real, module):
 
 
 @cache
+def miss(real, module):
+    """Kernel over bodies, behind a substep: how far V is from what was foreseen, a part of what points have changed of it, both
+    by the momentum and the spin's that it is; a part of `slow` [m/s] counts as none. status: becomes 1 beyond `most`."""
+    t, Found, Hubs, vectors = types(real), structs(real)[1], stars(real)[1], wp.array(dtype=wp.vec3d)
+
+    @wp.func
+    def size(w: wp.float64, R: wp.mat33d, inverse: wp.vec3d, v: wp.vec3d, o: wp.vec3d):
+        own = wp.transpose(R) * o
+        return wp.sqrt(wp.dot(v, v) + w * wp.dot(wp.cw_div(own, inverse), own))
+
+    def touch_miss(hubs: Hubs, found: Found, V: vectors, foreseen: vectors, slow: real, most: real,
+                   left_out: wp.array(dtype=real), status_out: wp.array(dtype=int)):
+        i = wp.tid()
+        bodies = hubs.w.shape[0]
+        w = wp.float64(hubs.w[i])
+        R = wp.mat33d(hubs.turn[i])
+        inverse = double3(hubs.inverse[i])
+        off = size(w, R, inverse, V[i] - foreseen[i], V[bodies + i] - foreseen[bodies + i])
+        spun = R * wp.cw_mul(inverse, wp.transpose(R) * found.total[bodies + i])
+        given = size(w, R, inverse, w * found.total[i], spun)
+        left_out[i] = real(off / (given + wp.float64(slow)))
+        if left_out[i] > most:
+            status_out[0] = 1
+
+    return wp.kernel(touch_miss, name=f"touch_miss_{t.name}", module=module, enable_backward=False)
+
+
+@cache
 def owe(real, module):
     """Kernel over points, behind the last Newton step: pushes become what points that bodies push have got: the opposite of what
     forces f [N] leave there."""

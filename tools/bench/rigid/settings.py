@@ -19,6 +19,7 @@ class Engine:
 ENGINES = {
     "wsim": Engine("run_wsim.py", own=True, gpu=True),
     "mujoco": Engine("run_mujoco.py", ("mujoco",)),
+    "newton": Engine("run_newton.py", ("newton", "warp"), gpu=True),
 }
 
 WSIM = ({}, {"substeps": 8, "iterations": 2}, {"substeps": 8, "iterations": 4})
@@ -30,11 +31,15 @@ ALONE = {                                                # what only one scene w
     ("mujoco", "three bounces"): ({"steps": 8}, {"steps": 4}, {"steps": 32}),
     ("mujoco", "sliding box"): ({"steps": 8}, {"steps": 4}, {"steps": 4, "cone": "elliptic"}),
 }
-EVERYWHERE = {"wsim": WSIM, "mujoco": MUJOCO}
+NEWTON = ({"solver": "xpbd", "steps": 4}, {"solver": "xpbd", "steps": 16, "iterations": 8}, {"solver": "vbd", "steps": 4},
+          {"solver": "vbd", "steps": 4, "iterations": 10, "stiff": True})
+NEWTON_GPU = ({"solver": "mujoco", "steps": 4}, {"solver": "steel", "steps": 4})       # minutes to compile for a CPU
+EVERYWHERE = {"wsim": WSIM, "mujoco": MUJOCO, "newton": NEWTON}
 
 
-def settings(engine: str, problem: str) -> tuple[dict, ...]:
-    return ALONE.get((engine, problem), EVERYWHERE[engine])
+def settings(engine: str, problem: str, gpu: bool = False) -> tuple[dict, ...]:
+    found = ALONE.get((engine, problem), EVERYWHERE[engine])
+    return found + NEWTON_GPU if gpu and engine == "newton" else found
 
 
 def words(engine: str, setting: dict) -> str:
@@ -42,4 +47,5 @@ def words(engine: str, setting: dict) -> str:
     steps = setting.get("substeps", setting.get("steps"))
     sweeps = setting.get("iterations")
     said = "default" if not setting else f"{steps}" + (f" x {sweeps}" if sweeps else "")
-    return ", ".join([said, *(str(v) for k, v in setting.items() if k not in ("substeps", "steps", "iterations", "solver"))])
+    more = [k if v is True else str(v) for k, v in setting.items() if k not in ("substeps", "steps", "iterations", "solver")]
+    return " ".join(filter(None, [setting.get("solver", ""), ", ".join([said, *more])]))

@@ -39,7 +39,7 @@ class Rigid(Method):
         self.model, scene = b.model, b.scene
         if b.model.gradients:
             from wsim.physics.rigid.recorded import refuse_contacts
-            refuse_contacts(scene)
+            refuse_contacts(scene, meet(scene) or touches(scene))
         worlds = range(b.model.worlds)
         self.bodies: list[tuple[Body, int]] = [(body, world) for world in worlds for body in scene.things("Body")]
         of = {id(body): inertia(body) for body in scene.things("Body")}
@@ -167,7 +167,8 @@ class Rigid(Method):
             self.touch.meet(others)
 
     def retry(self, status: Status) -> list[Remedy]:
-        return self.contacts.retry(status) if self.contacts else []
+        found = self.contacts.retry(status) if self.contacts else []
+        return found + (self.touch.foreseen.retry(self.touch.clock) if self.touch and self.touch.foreseen else [])
 
     def restored(self, fields) -> None:
         pairs = fields.get(self.bodies[0][0].written, {}).get("a")
@@ -245,6 +246,8 @@ class Rigid(Method):
         found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
         if self.contacts:
             found |= self.contacts.indicators()
+        if self.touch:
+            found |= self.touch.indicators()
         return found | (self.joints.indicators() if self.joints else {})
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:

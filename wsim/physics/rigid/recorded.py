@@ -20,10 +20,21 @@ from wsim.kernels.math.real import types
 from wsim.kernels.rigid import motion
 from wsim.model.stage import Clock
 from wsim.physics.rigid.mass import along
-from wsim.physics.rigid.solids import meet, meeting, standing
+from wsim.physics.rigid.solids import meeting, standing
 from wsim.scene import Problem, SceneError
+from wsim.scene.values.coverage import refuse
 
 TABLES = ("w", "inverse", "push", "torque", "drag", "spin_drag")
+
+
+def refuse_contacts(scene, met: bool) -> None:
+    """Raises SceneError where bodies that are to be recorded can touch something (met), or are joined."""
+    for joint in scene.things("Joint"):
+        raise refuse("joints", joint.path)
+    if met:
+        bodies = [body for body in scene.things("Body") if meeting(body)]
+        other = next((c.path for c in (*standing(scene.colliders), *scene.bodies())), bodies[-1].path)
+        raise refuse("impulses", bodies[0].path, other=other)
 
 
 @dataclass
@@ -224,14 +235,3 @@ class BodyGradient:
         mass, _ = self.recorded.masses()
         own = np.array([of == world for _, of in self.recorded.method.bodies])
         return (mass[:, None] * self.by["push"])[own].sum(axis=0)
-
-
-def refuse_contacts(scene) -> None:
-    """Raises SceneError where bodies that are to be recorded can touch something, or are joined."""
-    from wsim.scene.values.coverage import refuse
-    for joint in scene.things("Joint"):
-        raise refuse("joints", joint.path)
-    if meet(scene):
-        bodies = [body for body in scene.things("Body") if meeting(body)]
-        other = next((c.path for c in standing(scene.colliders)), bodies[-1].path)
-        raise refuse("impulses", bodies[0].path, other=other)

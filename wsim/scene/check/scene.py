@@ -203,7 +203,7 @@ def _support(scene: Scene) -> Iterator[Problem]:
         for tie in scene.ties:                    # what hangs on another is held as well as that is
             if path in (tie.body, tie.other):
                 held[tie.points if tie.body == path else tie.others] = True
-        if falls and not held.any() and not scene.colliders:
+        if falls and not held.any() and not collides(scene):
             yield warning(path, "no pin holds it and nothing lies below: it falls for ever", "a pin or a collider",
                           "add a PhysicsAttachment, or apply PhysicsCollisionAPI to what it should land on")
         pieces = np.unique(label[label >= 0])

@@ -56,7 +56,7 @@ SHEET, STEPS = "test_a_sheet_that_stretches_shears_and_bends", "test_a_sheet_by_
 SLOPES = "gradient/test_coverage.py::test_every_value_has_the_slope_of_differences"
 PUSH = "test_a_force_over_time_moves_by_its_integral_and_has_exact_derivatives"
 FALL = "test_a_sheet_that_falls_on_a_turning_collider_and_slides"
-FREELY = "physics/rigid/test_recorded.py"
+FREELY = "gradient/test_bodies.py"
 BLOCK, SOLID = f"{BAR}::test_a_soft_bar", f"{BAR}::test_a_soft_bar_by_implicit_steps"
 
 COVERED: list[Covered] = [

@@ -3,13 +3,19 @@
 import warp as wp
 
 from wsim.kernels.rigid.touch import lean
-from wsim.model.stage import Clock
+from wsim.model.stage import Clock, Remedy
 from wsim.model.state import Field
 from wsim.physics.solver.assembly import Term
 from wsim.physics.solver.rigid_translation import Momentum
 
 KEPT = (Field("J", "N s", True, "impulse that points had of a body in the last substep (Newton's method)"),
         Field("T", "N m s", True, "its moment"))
+
+UNFORESEEN = "bodies under points went otherwise"        # status word
+MOST = 0.25              # part of what points change of a body's velocity that may not have been foreseen
+SLOW = 0.5               # [m/s] that is added to that: what is slower comes right in the substeps that follow
+STEPS = 32               # Newton steps in a substep, at most
+
 
 
 class Foreseen(Term):
@@ -18,7 +24,8 @@ class Foreseen(Term):
     def __init__(self, touch, assembly, lanes: int):
         """touch: `wsim.physics.rigid.touch.points.Touch`; lanes: threads that sum over a system."""
         self.touch, self.assembly, model = touch, assembly, touch.model
-        self.kernels = {f.__name__: f(model.real, model.module) for f in (lean.lean, lean.recall, lean.owe, lean.given, lean.keep)}
+        self.kernels = {f.__name__: f(model.real, model.module) for f in (lean.lean, lean.recall, lean.owe, lean.given, lean.keep, lean.miss)}
+        self.V, self.missed = wp.zeros_like(touch.V), wp.zeros_like(touch.left)
         self.P, self.y = wp.zeros_like(assembly.A.P), wp.zeros_like(assembly.f)
         w, starts = assembly.rows.w.numpy(), assembly.system.starts
         free = [int(w[i:j].all()) for i, j in zip(starts[:-1], starts[1:], strict=True)]
@@ -48,9 +55,25 @@ class Foreseen(Term):
     def owe(self, clock: Clock) -> None:
         """Behind the last Newton step: what bodies owe points."""
         touch, own = self.touch, self.assembly
+        wp.copy(self.V, touch.V)
         own.linearise(1.0 / clock.g)
         self.run("owe", touch.model.points, [touch.shapes.of, touch.contacts.slots, touch.points(clock), own.f],
                  [touch.contacts.push])
+
+    def miss(self) -> None:
+        """Behind the last contacts: whether bodies went as foreseen."""
+        touch = self.touch
+        self.run("miss", len(touch.rigid.bodies), [touch.hubs, touch.found, touch.V, self.V, SLOW, MOST],
+                 [self.missed, touch.status.word(UNFORESEEN)])
+
+    def retry(self, clock: Clock) -> list[Remedy]:
+        """Twice the Newton steps, up to STEPS."""
+        def more() -> str:
+            clock.iterations *= 2
+            return (f"bodies under points went otherwise than Newton steps had foreseen, and there are {clock.iterations} of them "
+                    "in a substep from here on")
+        missed = self.touch.status.said(UNFORESEEN)[0] and clock.iterations <= STEPS // 2
+        return [Remedy("grow", more)] if missed else []
 
     def balance(self, clock: Clock) -> None:
         """Behind the last contacts: what nothing outside holds has the momentum that its pushes say, whatever is not solved."""

@@ -36,6 +36,10 @@ class Touch:
     def __init__(self, b, rigid):
         """rigid: the method, whose `contacts` are made."""
         self.model, self.state, self.rigid, self.real = b.model, b.state, rigid, b.model.real
+        self.status, self.clock = b.status, b.clock
+        if b.choice.solver == "implicit":
+            from wsim.physics.rigid.touch.newton import UNFORESEEN
+            b.status.reserve(UNFORESEEN)
         self.owners = [(k, world, c) for k, (body, world) in enumerate(rigid.bodies) for c in meeting(body)]
         self.copies = {world: [replace(c, motion=Motion.still(rigid.bodies[k][0].motion.at(0.0) @ c.motion.at(0.0)),
                                        restitution=0.0) for k, of, c in self.owners if of == world]
@@ -230,6 +234,14 @@ class Touch:
 
         if self.foreseen and clock.i == clock.iterations - 1:
             self.foreseen.balance(clock)
+            if not self.contact.press:
+                self.foreseen.miss()
+
+    def indicators(self) -> dict[str, float]:
+        """touches: contacts of points with bodies, open ones too, in the last substep; touch_residual: what was left there of how
+        points change a body's motion, the largest of all bodies (kernels/rigid/touch/star.py; of Newton's method lean.py)."""
+        left = self.foreseen.missed if self.foreseen else self.left
+        return {"touches": int(self.rows.first.numpy()[-1]), "touch_residual": float(left.numpy().max())}
 
     def others(self) -> wp.array:
         """Pushes of the colliders that are no bodies: what velocities of points follow from without them."""

@@ -1,6 +1,6 @@
 """Everything that wants a GPU, job after job, each with its own limit: for a machine that is lent for minutes.
 
-    python tools/bench/visit.py FOLDER [--peer-python X/bin/python] [--cache FOLDER] [--only NAME,...] [--seconds 1500]
+    python tools/visit.py FOLDER [--peer-python X/bin/python] [--cache FOLDER] [--only NAME,...] [--seconds 1500]
 
 Each job writes FOLDER/NAME.txt as it goes, and FOLDER/NAME.json where its tool has one, so that a visit cut short keeps what
 was done. A job that would begin with less than half its limit left is skipped, and said. Last come the jobs' times and exit
@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from time import perf_counter
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 PYTHON, DEVICE = sys.executable, "cuda:0"
 # name: (seconds at most, command; {json} is the job's file)
 JOBS = {

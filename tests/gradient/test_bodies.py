@@ -36,11 +36,12 @@ def bodies() -> list[Body]:
     return [given, Body("/boxed", [shape], mass=3.0, velocity=(-1.0, 0.0, 2.0), spin=(2.0, 1.0, 3.0), torque=(0.3, 0.0, 0.2))]
 
 
-def recorded(things: list[Body], frames: int = LAST, keep: str = "auto", worlds: int = 1, precision: str = "float64", **more):
+def recorded(things: list[Body], frames: int = LAST, keep: str = "auto", worlds: int = 1, precision: str = "float64",
+             device: str = "cpu", **more):
     scene = Scene(**{"gravity": tuple(G), "fps": 60.0, "substeps": 4} | more)
     for body in things:
         scene.add(body)
-    return Recording(Simulation(scene, device="cpu", precision=precision, worlds=worlds, gradients=True), frames, keep)
+    return Recording(Simulation(scene, device=device, precision=precision, worlds=worlds, gradients=True), frames, keep)
 
 
 @cache
@@ -253,3 +254,12 @@ def test_what_is_no_derivative_of_a_body_is_refused():
             both().backward(**given)
     with pytest.raises(SceneError, match="take mass"):
         inputs(both(), ["/given:density"])
+
+
+def test_a_body_beside_a_cloth_that_it_can_meet_is_refused():
+    from wsim.scene import shapes
+    scene = Scene()
+    scene.cloth("/cloth", *shapes.sheet(1.0, 1.0, 3, 3, horizontal=True))
+    scene.add(Body("/ball", [Collider("/ball/shape", Sphere(0.1))], placed(at=(0.0, 0.3, 0.0))))
+    with pytest.raises(SceneError, match="/ball: can meet /cloth"):
+        Simulation(scene, device="cpu", gradients=True)

@@ -1,0 +1,34 @@
+"""On a GPU: bodies under points of cloth, in a captured frame: as on a CPU, and twice the same bits. Skipped without a device."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+from tests.physics.rigid.test_contact import ball, box
+from tests.physics.rigid.test_touch import FREE, by
+from tests.physics.rigid.touching import Mixed, run, scene
+
+pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a GPU")
+
+
+@pytest.mark.parametrize("way", ["xpbd", "xpbd bdf2", "leapfrog", "newton"])
+def test_frames_are_those_of_a_cpu_twice_the_same_bits_and_keep_momentum(way):
+    ends = []
+    for device in ("cpu", "cuda:0", "cuda:0"):
+        one = ball("/ball", (0.03, 0.16, 0.02), 0.15, velocity=(0.0, -2.0, 0.3), mass=0.1, rest=0.3)
+        sim = run(scene(one, box("/box", (-0.3, -0.2, 0.0), (0.1, 0.1, 0.1), velocity=(0.0, 1.0, 0.0), mass=0.3), gravity=FREE,
+                        **by(way)), device=device, precision="float64")
+        before = Mixed(sim).momentum
+        sim.run(8)
+        assert np.abs(Mixed(sim).momentum - before).max() < 1e-11
+        ends.append((sim.positions("/sheet"), sim.plan.method("rigid").poses()))
+    for cpu, once, again in zip(*ends, strict=True):
+        assert np.array_equal(once, again)
+        assert np.abs(cpu - once).max() < 1e-6
+
+
+def test_a_ball_rests_in_a_sheet():
+    one = ball("/ball", (0.013, 0.2, 0.008), 0.15, mass=2.0, drag=3.0, spin_drag=3.0)
+    sim = run(scene(one, pinned=True, stretch=2e4, damping=2e-3, n=17, air_drag=2.0), device="cuda:0")
+    sim.run(380)
+    assert Mixed(sim).fastest < 1e-3
