@@ -90,7 +90,7 @@ class Viewer:
         self.stream.close()
 
 
-def view(result_path, save=None, web: int | None = None, served: Callable[[], None] = lambda: None) -> None:
+def view(result_path, save=None, web: int | None = None, served: Callable[[], object] = lambda: None) -> None:
     """Shows a stage (a result or a scene) with all its frames, or writes it to the .rrd file `save`, or serves it as a web page
     on port `web` until `served`, which is called when all is there, returns.
 

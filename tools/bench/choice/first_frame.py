@@ -1,6 +1,6 @@
 """Seconds of a CPU from an empty kernel cache to the first frame of each example scene, and to the end of a run of one frame.
 
-    python tools/bench/first_frame.py [--scenes cape,bear] [--rounds 1] [--json FILE]
+    python -m tools.bench.choice.first_frame [--scenes cape,bear] [--rounds 1] [--json FILE]
 
 Each row is a process of its own with a cache of its own, in CPU seconds of all its threads:
 
@@ -24,9 +24,9 @@ from pathlib import Path
 
 import warp as wp
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
-from tools.bench.speed import hardware, show  # noqa: E402
+from tools.bench.speed import hardware, show
+
+ROOT = Path(__file__).resolve().parents[3]
 
 STAGES = """
 import json, sys
