@@ -14,7 +14,9 @@ At the ends Catmull-Rom and Kochanek-Bartels take the one chord there is. Times 
 of the keys. Pieces: kernels/animation/cubic.py.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -79,7 +81,7 @@ def monotone(times: np.ndarray, values: np.ndarray) -> Slopes:
     return m, m
 
 
-RULES = {"catmull_rom": catmull_rom, "kochanek_bartels": kochanek_bartels, "monotone": monotone}
+RULES: dict[str, Callable[..., Slopes]] = {"catmull_rom": catmull_rom, "kochanek_bartels": kochanek_bartels, "monotone": monotone}
 
 
 @dataclass(eq=False)
@@ -97,8 +99,8 @@ class Spline(Curve):
 
     rule: str = "catmull_rom"
     how: dict = field(default_factory=dict)
-    arrive: np.ndarray | None = None
-    leave: np.ndarray | None = None
+    arrive: Any = None
+    leave: Any = None
 
     def __post_init__(self):
         super().__post_init__()
@@ -154,7 +156,8 @@ class Spline(Curve):
         if not self.moves:
             return np.repeat(self.values, len(t), 0)
         k, s, _ = self._along(t)
-        found = cubic.value(*(c[k] for c in self.pieces()), _column(s, self.values))
+        a, b, c, d = (part[k] for part in self.pieces())
+        found = cubic.value(a, b, c, d, _column(s, self.values))
         late = t >= self.times[-1]
         found[late] = self.values[-1]
         return found
@@ -168,7 +171,8 @@ class Spline(Curve):
         if not self.moves:
             return np.zeros((len(t), *self.values.shape[1:]))
         k, s, dt = self._along(t)
-        found = cubic.rate(*(c[k] for c in self.pieces()[1:]), _column(s, self.values)) / _column(dt, self.values)
+        _, b, c, d = (part[k] for part in self.pieces())
+        found = cubic.rate(b, c, d, _column(s, self.values)) / _column(dt, self.values)
         found[(t < self.times[0]) | (t >= self.times[-1])] = 0.0
         return found
 
