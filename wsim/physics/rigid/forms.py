@@ -17,10 +17,12 @@ from wsim.kernels.rigid import launches, passes, soft_step
 from wsim.kernels.rigid.graph import colours
 from wsim.physics.motion.cluster import LARGE, MANY
 
-RULE = 1                  # of `chosen`; a change of it changes which form a scene takes
+RULE = 2                  # of `chosen`; a change of it changes which form a scene takes
 CLUSTERS = 90             # compute capability that has clusters
 THREADS = 256             # of a block, for which there are 255 registers each
-SMALL, HUGE = 256, 32768  # shapes up to which a block has a thread for each manifold of a colour; from which one cluster is few
+SMALL = 256               # shapes up to which a block has a thread for each manifold of a colour
+HUGE = 768                # shapes from which one cluster is few (H200: 1000 in a pile 12.3 ms a frame against 10.9 by launches,
+#                           3000 14.3 and 11.9, 10 000 in columns 5.1 and 3.8; 55 in a pyramid 3.4 and 5.1)
 WALKERS = {True: 65536, False: 48}               # threads of a launch that walks up to a count: CUDA, CPU
 TITLES = {"listed": "one thread, manifold by manifold", "coloured": "one thread, colour by colour",
           "block": f"a block of {THREADS} threads, colour by colour", "cluster": "", "launches": "a launch for each colour"}

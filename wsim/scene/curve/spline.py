@@ -81,7 +81,8 @@ def monotone(times: np.ndarray, values: np.ndarray) -> Slopes:
     return m, m
 
 
-RULES: dict[str, Callable[..., Slopes]] = {"catmull_rom": catmull_rom, "kochanek_bartels": kochanek_bartels, "monotone": monotone}
+RULES: dict[str, Callable[..., Slopes]] = {"catmull_rom": catmull_rom, "kochanek_bartels": kochanek_bartels,
+                                           "monotone": monotone}
 
 
 @dataclass(eq=False)
