@@ -35,7 +35,8 @@ SOFT = {
     "squeezed_cube": (343, 5 * 6 ** 3, 0.125, "corotational", 0, (Box, Box, Plane)),
     "trampoline": (125, 5 * 4 ** 3, 0.064, "corotational", 64, ()),
 }
-RIGID = {"dominoes": 31, "pyramid": 56, "humanoid": 16, "arch": 18, "racket": 1, "balls": 6, "card_house": 16}     # bodies
+RIGID = {"dominoes": 31, "pyramid": 56, "humanoid": 16, "arch": 18, "racket": 1, "balls": 6, "card_house": 16,
+         "ball_into_cloth": 3}                                         # bodies
 FLUID = {"plume": ((20, 35, 20), 1), "smoke_rings": ((35, 20, 20), 2)}         # cells, sources
 scenes = pytest.mark.parametrize("name", CONTENT)
 soft_scenes = pytest.mark.parametrize("name", SOFT)

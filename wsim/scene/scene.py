@@ -147,7 +147,8 @@ class Scene(Compared):
     solver          of the elastic forces: "auto" (weighs cost against error), "explicit", "xpbd" or "implicit"
     integrator      of time: "auto" (what suits the solver), or a name of `wsim.scene.integrator.TABLE`
     contact_width   distance over which contacts are soft [m]; 0: hard contacts
-    contact_tolerance, sleep_speed   of rigid bodies [m/s], see `wsim.physics.rigid.objects`; 0: neither
+    contact_tolerance   residual of rigid contacts at which sweeps end [m/s]; 0: after `iterations`
+    sleep_speed     speed of rigid bodies under which an island goes to sleep [m/s]; 0: none does
     error           wanted RMS error of positions over the scene's size [1], for "auto"
     cloths          list of `Cloth`; `scene.cloth(...)` adds one
     springs         list of `Springs`; `scene.net(...)`
@@ -297,4 +298,3 @@ class SceneError(Exception):
     def __init__(self, problems):
         self.problems = [problems] if isinstance(problems, Problem) else list(problems)
         super().__init__("\n".join(str(p) for p in self.problems))
-

@@ -138,7 +138,8 @@ class Table:
         from wsim.physics.cloth.kinds import stored
         x = state.x.numpy().astype(np.float64) + state.e.numpy()
         corners, data = x[self.data.point.numpy()], self.data
-        rests, alpha = (a.numpy().astype(np.float64) for a in (rest or self.lengths or data.rest, data.alpha))
+        mine = rest or (self.lengths if self.curvature else None) or data.rest
+        rests, alpha = (a.numpy().astype(np.float64) for a in (mine, data.alpha))
         if self.curvature:
             return stored.of_sheets(corners, rests, alpha, self.curvature.data)
         return stored.KINDS[self.kind](corners, rests, alpha)

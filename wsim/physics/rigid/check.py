@@ -72,14 +72,9 @@ def _beside(body: Body, scene: Scene) -> Iterator[Problem]:
         yield error(body.path, f"is a rigid body that cloth, springs or soft bodies touch, and contact_width is "
                     f"{scene.contact_width:g} m: a potential before a contact knows no body that gives way", "0",
                     "leave out wsim:contactWidth, or make the body kinematic")
-    if body is scene.things("Body")[0] and touches(scene):
-        for joint in acting(scene)[:1]:
-            yield error(joint.path, "is a joint in a scene whose bodies may touch cloth, springs or soft bodies, where joints "
-                        "do not act", "one of the two", "author physics:jointEnabled = false, take its bodies' colliders out "
-                        "(physics:collisionEnabled = false), or make the bodies kinematic")
-        if scene.contact_tolerance > 0.0:
-            yield warning("/", f"contact_tolerance is {scene.contact_tolerance:g} m/s, and sweeps of bodies are counted where "
-                          "they touch cloth, springs or soft bodies", "0", "leave it out, and give iterations")
+    if body is scene.things("Body")[0] and scene.contact_tolerance > 0.0 and (touches(scene) or acting(scene)):
+        yield warning("/", f"contact_tolerance is {scene.contact_tolerance:g} m/s, and sweeps are counted where there "
+                      "are joints, or bodies touch cloth, springs or soft bodies", "0", "leave it out, and give iterations")
 
 
 def _meshes(body: Body, scene: Scene) -> Iterator[Problem]:

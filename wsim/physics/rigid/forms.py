@@ -64,7 +64,7 @@ class Form:
         real, self.model, self.islands = model.real, model, linked
         self.tolerance = 0.0 if linked else model.scene.contact_tolerance
         if self.tolerance > 0.0 and self.name == "launches":
-            self.name = "cluster"                     # a launch cannot ask whether another is needed
+            self.name = "cluster" if model.device.is_cuda else "coloured"     # a launch cannot ask whether another is needed
         self.wide = self.name in ("block", "cluster") or (self.name == "launches" and model.device.is_cuda)
         self.threads = THREADS * self.blocks if self.wide else 1
         self.meet = meet = block.meet_cluster if self.blocks > 1 else block.meet if self.wide else block.alone

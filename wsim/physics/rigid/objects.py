@@ -8,6 +8,7 @@ under its `contact_tolerance` [m/s] (0: after `iterations` of them).
 """
 
 from dataclasses import dataclass, field
+from importlib import import_module
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from wsim.scene.bodies import Compared
 from wsim.scene.curve import Motion
 
 DENSITY = 1000.0                             # [kg/m^3] where nothing is given, as USD has it
+OTHERS = {"Joint": "wsim.physics.rigid.joints.joint", "Group": "wsim.physics.rigid.joints.filters.groups",
+          "Parted": "wsim.physics.rigid.joints.filters.groups"}
 
 
 def vector(value) -> np.ndarray | None:
@@ -74,3 +77,10 @@ class Body(Compared):
         for name in ("velocity", "spin", "center", "inertia", "force", "torque"):
             setattr(self, name, vector(getattr(self, name)))
         self.axes = np.array(self.axes, np.float64).reshape(4)
+
+
+def __getattr__(name: str):
+    """The other objects of the method, which are made of bodies: reached by name, as rows reach a method."""
+    if name not in OTHERS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(OTHERS[name]), name)

@@ -11,7 +11,6 @@ from tests.physics.rigid.test_contact import UP, ball, box
 from tests.physics.rigid.touch.touching import Mixed, rim, run, scene
 from wsim.cli.run import prepare
 from wsim.geometry.tetra.lattice import box as block
-from wsim.physics.rigid.joints.joint import Joint
 from wsim.scene import Plane, Scene, SceneError
 from wsim.scene.check.scene import check
 from wsim.scene.curve import Motion
@@ -120,13 +119,6 @@ def test_newtons_method_repeats_what_it_has_not_foreseen():
 def test_what_cannot_be_is_refused(change, said):
     with pytest.raises(SceneError, match=said):
         run(replace(falls(), **change))
-
-
-def test_joints_of_bodies_that_touch_points_are_refused_by_their_path():
-    found = falls()
-    found.add(Joint("/hinge", "/ball", "/far/ball"))
-    with pytest.raises(SceneError, match="/hinge: is a joint in a scene whose bodies may touch"):
-        run(found)
 
 
 def test_gradients_are_refused_by_the_body():

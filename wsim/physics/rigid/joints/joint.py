@@ -55,8 +55,8 @@ class Joint(Compared):
     body1      of frame 1
     at0        origin of frame 0 in the frame of its body (3,) [m]
     turn0      quaternion (x, y, z, w) [1] from frame 0 to the frame of its body
-    at1        as at0, of frame 1
-    turn1      as turn0
+    at1        origin of frame 1 in the frame of its body (3,) [m]
+    turn1      quaternion (x, y, z, w) [1] from frame 1 to the frame of its body
     limits     {name of a coordinate: (lowest, highest)} [m], [rad]
     drives     {name of a coordinate: `Drive`}
     cone       half angles [rad] of the swing about y and z; inf: free; None: no cone
