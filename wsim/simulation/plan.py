@@ -162,7 +162,7 @@ class Plan:
                  f"{self.choice.why}"]
         cells = [(r["phase"], r["name"], r["rate"], str(r["launches"]), f"{r['bytes'] / 1e6:.2f}", f"  {r['what']}")
                  for r in rows]
-        lines += columns([("phase", "stage", "rate", "launches", "MB", "  on"), *cells], "<<<>><", (9, 14, 10, 9, 9, 0), gap="")
+        lines += columns([("phase", "stage", "rate", "launches", "MB", "  on"), *cells], "<<<>><", (9, 16, 10, 9, 9, 0), gap="")
         a_substep = [r for r in rows if r["rate"] != "frame"]
         lines.append(f"a substep: {sum(r['launches'] for r in a_substep)} launches, "
                      f"{sum(r['bytes'] for r in a_substep) / 1e6:.2f} MB moved; state {self.state.bytes / 1e6:.2f} MB")
@@ -227,7 +227,9 @@ def _module(b: Build) -> str:
 
 
 def _skipped(b: Build) -> list[dict]:
-    absent = [(row.name, row.without) for row in METHODS if row.without and not b.reasons[row.name]]
+    none = "" if b.model.bodies else "there are no points"
+    absent = [(row.name, row.without if row.owns else none or row.without) for row in METHODS
+              if row.without and not b.reasons[row.name]]
     absent += [(name, without) for name, without, there in PARTS if not there(b)]
     return [{"stage": name, "why": why} for name, why in absent]
 
