@@ -12,6 +12,7 @@
     met, damped, body           what a frame is said to take besides (`frame`), which no choice depends on: a point that may
                                 touch a convex shape, in a substep; a damped tet in a Newton step; a rigid body, or what else
                                 other methods move, in a substep
+    grid, cell                  an object that says of how many `elements` it is made, a frame; an element of it
     cluster, clustered          a substep of a net that a cluster of blocks takes in one launch a frame, a point in it
 """
 
@@ -25,15 +26,15 @@ from wsim.scene import Soft, Surface
 # and 7 to project a million points that touch nothing (contact_h200.json), in launches of 2 us. Choices among the runs that
 # choice_h200.json has measured: 2 of 35 take over 1.3 times the fastest that errs by less than wanted, 1.54 times at most
 # (tools/bench/choice/costs.py replays it)
-# CPU: one core of an EPYC (choice_epyc_2_cores.json); met, damped and body fitted to the examples (tools/bench/choice/said.py,
-# said_cpu.json)
+# Cells of a fluid: fluids_h200.json. CPU: one core of an EPYC (choice_epyc_2_cores.json); met, damped, body, cell fitted to
+# the examples (tools/bench/choice/said.py, said_cpu.json)
 COSTS = {
     "cuda": {"step": 3.8e-6, "spring": 1.3e-11, "element": 2.2e-11, "block": 3.2e-6, "tet": 1.05e-10, "rest": 9e-6,
              "sweep": 2.5e-5, "projection": 2.1e-11, "newton": 3.5e-4, "solved": 5e-9, "touch": 4e-6, "near": 3e-11,
-             "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8},
+             "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9},
     "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "block": 1.8e-6, "tet": 1.12e-7, "rest": 4.5e-6,
             "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6, "touch": 1e-6, "near": 1.6e-8,
-            "met": 1.2e-7, "damped": 8e-7, "body": 4e-6}}
+            "met": 1.2e-7, "damped": 8e-7, "body": 4e-6, "grid": 1e-4, "cell": 5e-6}}
 TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
 MESH = 20.0            # a point beside a mesh over one beside a convex shape (H200: 0.4 to 1.5 ns a point)
 CLUSTERED = 8192       # points of a net, up to which a cluster takes it
@@ -84,8 +85,10 @@ def _besides(model: Model, n: int, steps: int) -> dict[str, float]:
     scene = model.scene
     convex = sum(not isinstance(c.shape, Surface) for c in scene.colliders)
     damped = sum(len(b.tets) for b in model.bodies if isinstance(b.source, Soft) and any(m.damping for m in b.source.materials))
-    bodies = sum(len(found) for found in scene.others.values())
-    return {"met": n * model.points * convex, "damped": steps * damped, "body": n * bodies * model.worlds}
+    others = [thing for found in scene.others.values() for thing in found]
+    grids = [thing.elements for thing in others if hasattr(thing, "elements")]
+    return {"met": n * model.points * convex, "damped": steps * damped, "body": n * (len(others) - len(grids)) * model.worlds,
+            "grid": len(grids) * model.worlds, "cell": sum(grids) * model.worlds}
 
 
 def _constraints(model: Model) -> tuple[float, float, set[str]]:

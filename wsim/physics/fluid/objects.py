@@ -84,6 +84,12 @@ class Fluid(Compared):
         self.side_velocities = np.array(self.side_velocities, np.float64).reshape(6, 3)
 
     @property
+    def elements(self) -> int:
+        """Cells."""
+        x, y, z = self.shape
+        return x * y * z
+
+    @property
     def shape(self) -> tuple[int, int, int]:
         """Cells along x, y, z, at least one; (0, 0, 0) where the box or the cell is none."""
         size = (self.high - self.low) / self.cell if self.cell > 0.0 else np.zeros(3)
