@@ -271,10 +271,11 @@ def test_scenes_of_fluids_blow_smoke(name):
     assert said["fluid_speed"] > 0.2 and said["fluid_smoke"] > 1e-3 and not sim.warnings
 
 
-@pytest.mark.parametrize("name, seconds, moved", [("dominoes", 0.0, 30), ("pyramid", 3.5, 10), ("arch", 2.9, 12),
-                                                  ("card_house", 2.8, 8)])
-def test_rigid_scenes_stand_until_the_ball_comes_and_fall_then(name, seconds, moved):
-    """All dominoes lie after 6 s; what stands has moved by less than 5 mm before, and so many bodies by 20 cm after."""
+@pytest.mark.parametrize("name, seconds, most, moved", [("dominoes", 0.0, 1e-3, 30), ("pyramid", 3.5, 1e-3, 10),
+                                                        ("arch", 2.9, 5e-3, 12), ("card_house", 2.8, 1e-3, 8)])
+def test_rigid_scenes_stand_until_the_ball_comes_and_fall_then(name, seconds, most, moved):
+    """All dominoes lie after 6 s; what stands has moved by less than `most` [m] and turned by as little [rad] before (an arch
+    settles by 3.5 mm, since soft contacts give way along all of it), and so many bodies by 20 cm after."""
     scene = load(FOLDER / f"{name}.usda")
     assert len(scene.things("Body")) == RIGID[name] and not scene.notes
     sim = Simulation(scene, device="cpu")
@@ -282,7 +283,7 @@ def test_rigid_scenes_stand_until_the_ball_comes_and_fall_then(name, seconds, mo
     start = sim.plan.method("rigid").poses()[rows]
     before = round(seconds * 24.0)
     sim.run(before)
-    assert np.abs(sim.plan.method("rigid").poses()[rows][:, :3, 3] - start[:, :3, 3]).max() < 5e-3
+    assert np.abs(sim.plan.method("rigid").poses()[rows] - start).max() < most
     sim.run(144 - before)
     way = sim.plan.method("rigid").poses()[rows][:, :3, 3] - start[:, :3, 3]
     assert (way[:, 1] < -0.1).all() if name == "dominoes" else (np.linalg.norm(way, axis=1) > 0.2).sum() >= moved, way

@@ -267,6 +267,12 @@ class Contacts:
             found["rigid_asleep"] = float(self.method.part.arrays["asleep"].numpy().sum())
         return found | ({"rigid_in_turn": float(self.in_turn)} if self.in_turn else {})
 
+    def notes(self) -> list[tuple[tuple, float, str]]:
+        """Of the converged mode: a frame that ended over its residual."""
+        left = float(self.work.residual.numpy()[1]) if self.form.tolerance > 0.0 and self.method.touch is None else 0.0
+        said = f"contacts of bodies were left with a residual of {{worst}} m/s; contact_tolerance is {self.form.tolerance:g}"
+        return [(("rigid residual",), left, said)] if left > self.form.tolerance else []
+
     def grow(self, room: int) -> None:
         """Room for so many pairs; what the state has of them stays."""
         before = self.parts[0].capacity

@@ -170,6 +170,9 @@ class Rigid(Method):
         found = self.contacts.retry(status) if self.contacts else []
         return found + (self.touch.foreseen.retry(self.touch.clock) if self.touch and self.touch.foreseen else [])
 
+    def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
+        return self.contacts.notes() if self.contacts else []
+
     def restored(self, fields) -> None:
         pairs = fields.get(self.bodies[0][0].written, {}).get("a")
         if self.contacts and pairs is not None and len(pairs) > self.contacts.room:

@@ -100,3 +100,11 @@ def test_a_column_in_the_converged_mode_sinks_as_statics_says():
     share = 1000.0 * G * h / 4.0
     sinks = [(n - k) * share * own * (1.0 if k == 0 else 2.0) * soft_step.GIVES * h / soft_step.RATE for k in range(n)]
     assert abs((n - 0.5 - Seen(sim).at(f"/box{n - 1}")[1]) / sum(sinks) - 1.0) < 1e-3
+
+
+def test_a_residual_over_the_tolerance_is_warned_of_and_one_under_it_is_not():
+    """Of a box that slips between others 4000 sweeps leave some 1e-7 m/s."""
+    assert not any("residual" in w for w in pushed(1e-5, 2, n=4).warnings)
+    sim = pushed(1e-9, 2, n=4)
+    left = sim.indicators()["rigid_residual"]
+    assert left > 1e-9 and any("left with a residual of" in w and "contact_tolerance is 1e-09" in w for w in sim.warnings)
