@@ -61,7 +61,8 @@ class Poses:
         if changed:
             moving = np.array([c.motion.moves for c in rows.colliders])
             forming = np.array([m is not None and m.moves for m in rows.meshes])
-            self.many = np.flatnonzero(moving & ~forming)
+            keyed = np.array([type(c.motion) is Motion and c.motion.plain for c in rows.colliders])
+            self.many = np.flatnonzero(moving & ~forming & keyed)
             if len(self.many) <= HOST_MOST:
                 self.many = self.many[:0]
             few = moving | forming
