@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wsim.scene.curve import easing as easing_of
 from wsim.scene.curve import pieces, slopes
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ def completed(curve: Curve) -> dict:
         if len(each) != n - 1:
             raise ValueError(f"{len(each)} easings for {n - 1} pieces between {n} keys; give one, or one a piece")
         pieces.eased(np.arange(n, dtype=float), np.zeros(n - 1), np.zeros(n - 1), each)
-        return how | {"easing": each}
+        return how | {"easing": [e if isinstance(e, str) else easing_of.handles(e) for e in each]}
     if kind in slopes.RULES and n > 1:
         curve.slopes()
     if kind not in ("hermite", "bezier"):
