@@ -71,7 +71,7 @@ class Curve:
             if not (np.isfinite(self.times).all() and np.isfinite(self.values).all()):
                 raise ValueError("the keys of a curve must be finite numbers")
             for side in (before, after):
-                self._mode(side)
+                self.mode(side)
             self.how = given.completed(self)
         self.made: Any = None                # pieces and slopes, once asked for
 
@@ -85,7 +85,8 @@ class Curve:
         """Whether there is more than one key, or it goes on outside of the only one."""
         return len(self.times) > 1 or not (isinstance(self.before, str) and isinstance(self.after, str))
 
-    def _mode(self, side) -> int:
+    def mode(self, side) -> int:
+        """Number of a way to go on outside of the keys, which is `before` or `after`. Raises ValueError for another."""
         if isinstance(side, str):
             if side not in outside.NAMES:
                 raise ValueError(f"outside of its keys a curve is {', '.join(outside.NAMES)} or has a slope, not {side!r}")
@@ -153,7 +154,7 @@ class Curve:
     def place(self, t: np.ndarray):
         """(piece, fraction [1], periods to add, direction, mode, [s] beyond the end) of times (n,), of two keys or more."""
         first, last = self.times[0], self.times[-1]
-        mode = np.where(t < first, self._mode(self.before), np.where(t >= last, self._mode(self.after), outside.HELD))
+        mode = np.where(t < first, self.mode(self.before), np.where(t >= last, self.mode(self.after), outside.HELD))
         inside, n, way = INSIDE(t, first, last, mode)
         k = np.where(way < 0.0, np.searchsorted(self.times, inside, "left"), np.searchsorted(self.times, inside, "right")) - 1
         k = np.clip(k, 0, len(self.times) - 2)
@@ -165,7 +166,7 @@ class Curve:
             value, rate = np.repeat(self.values, len(t), 0), np.zeros((len(t), *self.values.shape[1:]))
             value[t < first] = until[0]
             beyond, n, way, mode = t - first, np.zeros(len(t)), np.ones(len(t)), np.where(
-                t < first, self._mode(self.before), self._mode(self.after))
+                t < first, self.mode(self.before), self.mode(self.after))
         else:
             k, s, n, way, mode, beyond = self.place(t)
             value, rate = self.pieces.at(k, s)
@@ -230,8 +231,8 @@ class Curve:
             held = pieces.hull(self.pieces)
             low, high = np.minimum(low, held.min(axis=0)), np.maximum(high, held.max(axis=0))
         for side, of in enumerate((self.before, self.after)):
-            grows = self.slope(side) if self._mode(of) == outside.LINEAR else self.values[-1] - self.values[0]
-            step = grows * (2 * side - 1) if self._mode(of) in (outside.LINEAR, outside.REPEAT) else 0.0
+            grows = self.slope(side) if self.mode(of) == outside.LINEAR else self.values[-1] - self.values[0]
+            step = grows * (2 * side - 1) if self.mode(of) in (outside.LINEAR, outside.REPEAT) else 0.0
             low, high = np.where(np.less(step, 0.0), -np.inf, low), np.where(np.greater(step, 0.0), np.inf, high)
         return low, high
 

@@ -127,13 +127,18 @@ class Motion(Curve):
         D = rate[:, :3, :3] @ np.linalg.inv(M[:, :3, :3])
         return rate[:, :3, 3], 0.5 * np.stack([D[:, 2, 1] - D[:, 1, 2], D[:, 0, 2] - D[:, 2, 0], D[:, 1, 0] - D[:, 0, 1]], 1)
 
-    def _moved(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(M, dM/dt), (n, 4, 4) each."""
+    @property
+    def turns(self) -> Turns:
+        """Rotations and stretches over time."""
         if self.made is None:
             self.made = Turns(self)
+        return self.made
+
+    def _moved(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(M, dM/dt), (n, 4, 4) each."""
         M, rate = np.tile(np.eye(4), (len(t), 1, 1)), np.zeros((len(t), 4, 4))
         M[:, :3, 3], rate[:, :3, 3] = self.path.sampled(t), self.path.rate(t)
-        M[:, :3, :3], rate[:, :3, :3] = self.made.at(t)
+        M[:, :3, :3], rate[:, :3, :3] = self.turns.at(t)
         return M, rate
 
     def points(self, local: np.ndarray, t: float = 0.0) -> np.ndarray:
