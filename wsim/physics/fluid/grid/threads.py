@@ -31,5 +31,16 @@ class Threads:
         else:
             wp.launch(kernel, blocks, inputs, outputs, device=self.model.device)
 
+    def module_of(self, threads: int) -> str:
+        """Module of kernels with so many threads a block on CUDA."""
+        return self.model.module_of(threads) if self.cuda else self.module
+
+    def one(self, kernel, threads: int, inputs: list) -> None:
+        """One block of so many threads; on the CPU one thread."""
+        if self.cuda:
+            wp.launch(kernel, threads, inputs, device=self.model.device, block_dim=threads)
+        else:
+            wp.launch(kernel, 1, inputs, device=self.model.device)
+
     def zeros(self, count: int, dtype=None) -> wp.array:
         return wp.zeros(max(count, 1), dtype=self.model.real if dtype is None else dtype, device=self.model.device)
