@@ -30,7 +30,7 @@ from wsim.physics.fluid.objects import Fluid, Source
 
 LIVE = {"lift": forces.LIFT, "weight": forces.WEIGHT, "vorticity": forces.VORTICITY, "smoke_decay": forces.SMOKE_DECAY,
         "cooling": forces.COOLING, "viscosity": forces.VISCOSITY}
-THREADS = 1 << 14        # that look for the fastest air
+THREADS = 1 << 18        # that look for the fastest air
 
 
 class Domain:

@@ -5,7 +5,7 @@ import warp as wp
 from wsim.model.model import Model
 
 BLOCK = 128              # threads of a block on CUDA
-BLOCKS = 512             # of a sum at most: their parts are summed by one block
+BLOCKS = 2048            # of a sum at most, 16 for each processor of an H200: their parts are summed by one block
 
 
 class Threads:
