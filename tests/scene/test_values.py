@@ -133,6 +133,7 @@ def test_a_toy_value_is_refused_for_gradients_by_its_row(row):
 OWNERS = {"Cloth": (Cloth, Fabric), "Springs": (Springs,), "Soft": (Soft, Bulk), "Collider": (Collider,), "Pin": (Pin,),
           "Load": (Load,), "Scene": (Scene,), "Body": (Body,), "Fluid": (Fluid,), "Source": (Source,)}
 HELD = {"mass": "masses", "force": "curve", "traction": "curve", "shift": "motion", "targets": "motion", "points": "shape",
+        **dict.fromkeys(("keys", "tangents", "handles"), "motion"),
         "positions": "points", "rest_shape": "points"}
 
 
