@@ -43,9 +43,9 @@ def flag() -> str:
     return scene("A flag of sailcloth on a pole, in a wind of 6 m/s that comes a little from the side.", [
         settings(comment="The wind is the velocity of the air; what is at rest in it feels it all.",
                  substeps=40, iterations=2, wind=(6.0, 0.0, 0.5), air_density=1.2),
-        material("sailcloth", comment="Polyester of 170 g/m^2, stiff with resin: the wind bends it over (bend / pressure)^(1/3) "
-                 "= 5 cm, and a mesh of 4 cm shows its folds; those of a silk, of 8 mm, it could not, and would crumple. The "
-                 "stretch is a fortieth of such a cloth's: what it gives is not seen, and smaller steps are saved."),
+        material("sailcloth", comment="Polyester of 170 g/m^2, stiff with resin: the wind bends it over (bend / pressure)^"
+                 "(1/3) = 5 cm, and a mesh of 4 cm shows its folds; those of a silk, of 8 mm, it could not, and would crumple. "
+                 "The stretch is a fortieth of such a cloth's: what it gives is not seen, and smaller steps are saved."),
         cloth("Flag", surface, "sailcloth", (0.1, 0.3, 0.65), "drag acts along the relative wind, lift across it; without "
               "them wind does nothing. Lift makes it flutter: of a thin plate it is 2 pi times the sine of the angle, "
               "less where the plate is short.", drag=0.3, lift=0.7),
@@ -65,7 +65,7 @@ def cape_surface(columns: int, rows: int, radius: float, center: np.ndarray, len
 
 
 def cape() -> str:
-    columns, rows, radius, center = 36, 20, 0.25, np.array([0.0, 1.3, 0.0])
+    columns, rows, radius, center = 54, 30, 0.25, np.array([0.0, 1.3, 0.0])
     surface = cape_surface(columns, rows, radius + 0.006, center, 0.85)
     keys = []
     for frame in range(0, 121, 3):                                   # rest, walk 1.2 m and back, turning half round

@@ -9,8 +9,8 @@ SOFT = '["PhysicsDeformableBodyAPI", "PhysicsSurfaceDeformableSimAPI", "PhysicsC
        '"MaterialBindingAPI"]'
 
 
-# A polyester sailcloth of 170 g/m^2 and 0.25 mm, finished with resin: bend = E t t^2 / 12 of E t = 200 kN/m. Its threads are held
-# by the resin, so that it bends like a plate; woven without it, fibres slide on each other, and it bends a hundred times as easily.
+# A polyester sailcloth of 170 g/m^2 and 0.25 mm, finished with resin: bend = E t t^2 / 12 of E t = 200 kN/m (assumed). Resin
+# holds its threads, so that it bends like a plate; without it fibres slide on each other, and it bends a hundred times as much.
 SAILCLOTH = Fabric(stretch=5.0e3, shear=1.0e3, bend=1.0e-3, thickness=2.5e-4, density=170.0e-3 / 2.5e-4)
 USED = {**FABRICS, "sailcloth": SAILCLOTH}
 

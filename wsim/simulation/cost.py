@@ -41,7 +41,7 @@ CLUSTERED = 8192       # points of a net, up to which a cluster takes it
 
 
 def seconds(model: Model, counted: dict[str, float]) -> float:
-    """What so much takes on the model's device [s]."""
+    """Time that so much takes on the model's device [s]."""
     costs = COSTS["cuda" if model.device.is_cuda else "cpu"]
     return sum(times * costs[name] for name, times in counted.items())
 

@@ -48,7 +48,7 @@ class Batch(Table):
         self.adjoint = beside(model, "wsim.physics.solver.xpbd", "SweepAdjoint", self, model)
 
     def one(self) -> bool:
-        """Whether all have the same compliance and relaxation time."""
+        """True if all have the same compliance and relaxation time."""
         alpha, tau = self.values()
         return bool(np.all(alpha == alpha[0]) and np.all(tau == tau[0]))
 
@@ -87,7 +87,7 @@ class Batch(Table):
             self.adjoint.refresh()
 
     def refresh(self) -> None:
-        """Where all compliances were one and are no more, arrays and kernel are others."""
+        """Makes other arrays and kernel where all compliances were one and are no more."""
         self.remade = False
         super().refresh()
 
@@ -103,7 +103,7 @@ class Batch(Table):
 
     @property
     def bytes(self) -> int:
-        """Moved by one iteration, when every gather hits the cache once: tables, multipliers, x, d, w, d out."""
+        """Bytes moved by one iteration, when every gather hits the cache once: tables, multipliers, x, d, w, d out."""
         real = np.dtype(self.model.dtype).itemsize
         k = self.rows[0].ids.shape[1]
         return self.size * (4 * k + real * (1 + (not self.uniform) + 2 * self.multipliers)
