@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tools.scenes import SCENES
-from tools.scenes_cloth import USED
+from tools.scenes.cloth import USED
 from wsim.geometry.tetra.tets import volumes
 from wsim.scene import Box, Plane, Sphere, Surface, shapes
 from wsim.scene.check.scene import check
