@@ -62,6 +62,15 @@ class Batch(Table):
         self.angles = curvature.angles(model.real, model.module, self.damped)
         self.targets = curvature.targets(model.real, model.module)
 
+    def left(self, x: wp.array, e: wp.array, rate: float) -> float:
+        """Largest residual that sweeps have left at x + e, by the host in float64; rate: 1 / h [1/s]. `aim` has said before
+        what hinges want."""
+        from wsim.physics.cloth.kinds import swept
+        ids, data = self.data.point.numpy(), self.data
+        places = x.numpy().astype(np.float64) + e.numpy()
+        rest, alpha, lam, w = (a.numpy().astype(np.float64) for a in (data.rest, data.alpha, self.lam, data.w))
+        return swept.KINDS[self.kind](places[ids], rest, rate * rate * alpha, lam, w[ids])
+
     def aim(self, x: wp.array, d: wp.array, a: wp.array | None, rate: float) -> None:
         """Angles at rest for what stands at x + d now: see kernels/cloth/curvature.py."""
         launch, cur = self.model.launch, self.curvature
