@@ -29,7 +29,7 @@ CONTENT = {
 # points, tets, volume [m^3], model, pinned points, colliders
 SOFT = {
     "cantilever": (17 * 5 * 5, 5 * 16 * 4 * 4, 4.0, "corotational", 25, ()),
-    "twist": (17 * 5 * 5, 5 * 16 * 4 * 4, 0.032, "neo_hookean", 50, ()),
+    "twist": (33 * 5 * 5, 5 * 32 * 4 * 4, 0.032, "neo_hookean", 50, ()),
     "bear": (961, 3008, 0.0984285, "corotational", 0, (Plane,)),
     "bunny": (312, 943, 0.1978667, "corotational", 0, (Box, Plane)),
     "squeezed_cube": (343, 5 * 6 ** 3, 0.125, "corotational", 0, (Box, Box, Plane)),
