@@ -59,7 +59,7 @@ class Parameter:
     axis: int | None = None      # of a vector
 
     def rows(self, scene: Scene) -> list[tuple[Value, Any]]:
-        """What has it in a scene, each with its row of the table."""
+        """Objects of a scene that have the parameter, each with its row of the table."""
         found: list[tuple[Value, Any]] = []
         for row in (r for r in rows() if r.name == self.what):
             if row.owner == "Scene":
@@ -69,7 +69,7 @@ class Parameter:
         return found
 
     def value(self, scene: Scene) -> float | None:
-        """Its present value, of several bodies the mean; None where nothing has it."""
+        """Present value of the parameter, of several bodies the mean; None where nothing has it."""
         found = [_get(row, thing, self.axis) for row, thing in self.rows(scene)]
         if not found:
             return None
