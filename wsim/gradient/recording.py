@@ -197,6 +197,8 @@ class Recording(Frames):
 
     def forward(self, frame: int, part: int) -> None:
         stretch = self.stretches[self.key(frame, part)]
+        if stretch.tape.eager:
+            return stretch.tape.forward()
         if stretch.forward is None:
             stretch.forward = self.graph(stretch.tape.forward)
         wp.capture_launch(stretch.forward)
@@ -274,6 +276,8 @@ class Recording(Frames):
 
     def reverse(self, frame: int, part: int) -> None:
         stretch = self.stretches[self.key(frame, part)]
+        if stretch.tape.eager:
+            return stretch.tape.backward()
         if stretch.backward is None:
             stretch.backward = self.graph(stretch.tape.backward)
         wp.capture_launch(stretch.backward)

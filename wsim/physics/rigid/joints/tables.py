@@ -97,8 +97,7 @@ class Joints:
 
         def tiled(values, dtype):
             return up(np.concatenate([np.asarray(values)] * worlds), dtype)
-        sides = [_frame(j, k, masses, row) for j, pair in zip(self.joints, self.pairs, strict=True)
-                 for k, row in enumerate(pair)]
+        sides = self._sides(masses)
         self.anchor = np.array([_origin(j) for j in self.joints])
         from_to = [[origin[row] if row >= 0 else self.anchor[k] for row in pair] for k, pair in enumerate(self.pairs)]
         body = [np.where(self.pairs[:, s] < 0, -1, self.pairs[:, s] + per * w) for w in range(worlds) for s in (0, 1)]
@@ -120,6 +119,19 @@ class Joints:
                    target_block=up(order.target, int), **shape, **lists)
         self.linked = filled(Linked, t=t, quarters=self.part.arrays["quarters"], broken=self.part.arrays["broken"],
                              **self._work(n * worlds, bodies))
+
+    def _sides(self, masses: list) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Frames of all joints of the first world on a, then b, one joint after the other."""
+        return [_frame(j, k, masses, row) for j, pair in zip(self.joints, self.pairs, strict=True) for k, row in enumerate(pair)]
+
+    def weigh(self, masses: list) -> None:
+        """Other masses, moments and principal axes of the bodies."""
+        t, worlds = self.linked.t, self.model.worlds
+        t.w.assign(np.array([1.0 / m.mass for m in masses]))
+        every = [self._sides(masses[w * len(masses) // worlds:]) for w in range(worlds)]
+        for k, name in enumerate(("a", "b")):
+            getattr(t, f"at_{name}").assign(np.array([s[0] for sides in every for s in sides[k::2]]))
+            getattr(t, f"turn_{name}").assign(np.array([s[1] for sides in every for s in sides[k::2]]))
 
     def _work(self, n: int, bodies: int) -> dict[str, Any]:
         def zeros(shape, dtype=wp.float64):

@@ -20,21 +20,28 @@ from wsim.kernels.math.real import types
 from wsim.kernels.rigid import motion
 from wsim.model.stage import Clock
 from wsim.physics.rigid.mass import along
-from wsim.physics.rigid.solids import meeting, standing
+from wsim.physics.rigid.solids import acting, meet, meeting, standing, touches
 from wsim.scene import Problem, SceneError
 from wsim.scene.values.coverage import refuse
 
 TABLES = ("w", "inverse", "push", "torque", "drag", "spin_drag")
 
 
-def refuse_contacts(scene, met: bool) -> None:
-    """Raises SceneError where bodies that are to be recorded can touch something (met), or are joined."""
-    for joint in scene.things("Joint"):
-        raise refuse("joints", joint.path)
-    if met:
-        bodies = [body for body in scene.things("Body") if meeting(body)]
-        other = next((c.path for c in (*standing(scene.colliders), *scene.bodies())), bodies[-1].path)
-        raise refuse("impulses", bodies[0].path, other=other)
+def refuse_contacts(scene) -> None:
+    """Raises SceneError where bodies that are to be recorded can touch what has no derivative."""
+    if not (touches(scene) or meet(scene) and not (scene.contact_tolerance > 0.0 or acting(scene))):
+        return
+    bodies = [body for body in scene.things("Body") if meeting(body)]
+    other = next((c.path for c in (*standing(scene.colliders), *scene.bodies())), bodies[-1].path)
+    raise refuse("points" if touches(scene) else "impulses", bodies[0].path, other=other)
+
+
+def recorded(method) -> "Recorded":
+    """What records a method's bodies (`wsim.physics.rigid.method.Rigid`)."""
+    if not (method.joints or method.contacts):
+        return Recorded(method)
+    from wsim.physics.rigid.recorded.islands import RecordedIslands
+    return RecordedIslands(method)
 
 
 @dataclass
@@ -63,7 +70,9 @@ class Recorded:
         self.every = part.every
         self.q, self.o = (wp.array(ptr=a.ptr, dtype=t.vec4, shape=a.shape, device=a.device)
                           for a in (part.arrays["q"], part.arrays["o"]))
-        self.kernel = motion.free_step(real, self.model.module)
+        self.kernel: Any = None
+        if not (method.joints or method.contacts):
+            self.kernel = motion.free_step(real, self.model.module)
         self.kept: list[wp.array] = []
 
     @property
