@@ -17,14 +17,15 @@ from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.impulse import formulas
 from wsim.kernels.rigid.kinds import Kind, at_once, by_colour
 
-ROUNDS, SWEEPS = wp.constant(64), wp.constant(64)
-REST, MET = wp.constant(4.0), wp.constant(1.0e-4)        # MET: part of the speed to which the sweeps go
+ROUNDS, MET = 64, 1.0e-4           # MET: part of the speed to which the sweeps go
+SWEEPS, REST = wp.constant(64), wp.constant(4.0)
 SOONER = wp.constant(1.01)         # what the soft steps would catch in this substep is an impact, whatever the rounding
 
 
-def impacts(kind: Kind, meet, real):
-    """Function of a substep k of h [s], before its forces, of all contacts, which `kind` knows by their colours."""
-    mark, strike = marks(real)
+def impacts(kind: Kind, meet, real, met: float = MET, rounds: int = ROUNDS):
+    """Function of a substep k of h [s], before its forces, of all contacts, which `kind` knows by their colours. met: part of the
+    speed to which the sweeps of a round go."""
+    mark, strike = marks(real, met)
     look, sweep = at_once(kind, mark, real), by_colour(kind, strike, meet, real)
     Rig = whole(real)
 
@@ -41,7 +42,7 @@ def impacts(kind: Kind, meet, real):
 
     @wp.func
     def impacts(i: int, threads: int, k: int, h: real, rig: Rig):
-        for _round in range(int(ROUNDS)):
+        for _round in range(int(rounds)):
             look(i, threads, k, h, 0, rig)
             if told(0, i, rig) == 0:
                 break
@@ -54,7 +55,7 @@ def impacts(kind: Kind, meet, real):
 
 
 @cache
-def marks(real):
+def marks(real, met: float = MET):
     """(mark, strike): functions of a contact m, a look and a sweep; they tell by a flag what is left to do."""
     t, Rig = types(real), whole(real)
     _, _, begun, _, pushed, ended, slip, rubbed = formulas(real)
@@ -119,7 +120,7 @@ def marks(real):
 
     @wp.func
     def strike(m: int, k: int, h: real, biased: int, rig: Rig):
-        if struck(m, k, rig) >= real(MET):
+        if struck(m, k, rig) >= real(met):
             rig.work.flags[1] = 1
 
     return mark, strike

@@ -57,7 +57,8 @@ class Contacts:
         self.keeping = rows.keeping(real, module)
         met = kinds(b.scene.things("Body"), self.colliders)
         on_meshes = frozenset(one for one, other in met if other == "mesh")
-        self.collide = collide.collide(frozenset(p for p in met if p[1] != "mesh"), real, module)
+        self.pairs = frozenset(p for p in met if p[1] != "mesh")
+        self.collide = collide.collide(self.pairs, real, module)
         self.on_meshes = collide_mesh.collide_mesh(on_meshes, real, module) if on_meshes else None
         self.form = forms.chosen(b.model.device, self.shapes)
         self.form.make(b.model, self.bouncing, method.joints.islands if method.joints else 0)
