@@ -256,7 +256,7 @@ class Rigid(Method):
             self.table.push.assign(self._push().astype(self.model.dtype))
             return True
         if path == "/" or len(hit) == 0 or name not in LIVE:
-            return False
+            return any([other.set(path, name, value, world) for other in (self.joints, self.contacts) if other])
         if name in ("velocity", "spin"):
             field = "p" if name == "velocity" else "L"
             now = self.get(field)

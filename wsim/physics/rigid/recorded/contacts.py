@@ -17,7 +17,7 @@ from wsim.physics.rigid.recorded.contact_formulas import NONE, SLIPS, STICKS, Po
 from wsim.physics.rigid.recorded.local import Values, derivatives, residual
 from wsim.physics.rigid.recorded.joints import taken_back
 from wsim.physics.rigid.recorded.substep import Bodies, Cotangents, Elements, behind, within
-from wsim.scene import Problem, SceneError
+from wsim.scene.values.coverage import refuse
 
 STEP = 1.0e-4              # of sizes, and [rad], of differences
 MOST = 64                  # rounds of impacts
@@ -273,17 +273,11 @@ class ContactParts:
         for name, values in before.items():
             getattr(c.list, name).assign(values)
         if (lost := there.numpy()[m.at] == 0).any():
-            at = int(np.argwhere(lost)[0, 0])
-            self.lost(m, at)
+            k = m.frames[np.argwhere(lost)[0, 0]].min()
+            raise refuse("features", method.bodies[k][0].path)
         steps = STEP * np.where(np.arange(12) % 6 < 3, size[m.at // 4][:, None], 1.0)
         every = np.concatenate([n.numpy()[m.at], x.numpy()[m.at], gap.numpy()[m.at][..., None]], axis=2)
         return np.einsum("pdso,s->pod", every.reshape(len(m.at), 12, 4, 7), FOUR) / steps[:, None, :]
-
-    def lost(self, m: Manifolds, at: int) -> None:
-        k = m.frames[at].min()
-        path = self.recorded.method.bodies[k][0].path
-        raise SceneError(Problem(path, "touches by other features when it is moved by a ten thousandth of its size: gradients are "
-                                 "not those of one side; move it, or another shape, a little"))
 
     def collected(self, total: Cotangents) -> dict[str, np.ndarray]:
         return dict(total.bodies)

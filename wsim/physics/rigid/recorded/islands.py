@@ -12,10 +12,11 @@ import numpy as np
 
 from wsim.geometry.rotation import conjugate, multiply, normalized
 from wsim.model.stage import Clock
+from wsim.physics.rigid.joints.joint import LIVE
+from wsim.physics.rigid.meetings import read, rows_of
+from wsim.physics.rigid.objects import SURFACE
 from wsim.physics.rigid.recorded.bodies import TABLES, BodyGradient, Losses, Recorded
 from wsim.physics.rigid.recorded.substep import Bodies, Cotangents
-
-POOR = 1.0e-6             # [m/s] of a residual from which a warning is due
 
 
 def by_turn(q: np.ndarray, by_q: np.ndarray) -> np.ndarray:
@@ -93,6 +94,24 @@ class RecordedIslands(Recorded):
         by = np.concatenate([x, x, cot.momentum[:, :3], cot.momentum[:, 3:]])
         return [by, by_quaternion(normalized(begin.q), tau), np.zeros((n, 4))]
 
+    def places(self, path: str, name: str, world: int) -> tuple[str, Any] | None:
+        """(table, rows) of a value of a joint's drives, or of the surfaces of a body or a collider; None: it is none."""
+        joints, contacts = self.method.joints, self.method.contacts
+        drives = joints.drives(path, world) if joints and name in LIVE else []
+        if drives:
+            return f"joint {name}", tuple(np.array(drives[0]).T)
+        rows = rows_of(contacts, path, name, world) if contacts else []
+        return (name, np.array(rows)) if rows else None
+
+    def now(self, path: str, name: str, world: int, begun: list) -> np.ndarray | float:
+        if (at := self.places(path, name, world)) is None:
+            return super().now(path, name, world, begun)
+        table, rows = at
+        if table in SURFACE:
+            return float(read(self.method.contacts, name)[rows[0]])
+        found = getattr(self.method.joints.linked.t, name).numpy()[rows]
+        return float(found[0]) if len(found) == 1 else found
+
     def losses(self, frames: int, poses: dict | None, twists: dict | None) -> Losses:
         self.begin()
         return IslandLosses(self, frames, poses, twists)
@@ -105,12 +124,24 @@ def _column(values: np.ndarray, n: int) -> np.ndarray:
 
 class IslandLosses(Losses):
     def gradient(self, carried: dict[int, np.ndarray], grads: dict[int, np.ndarray]) -> BodyGradient:
-        r = self.recorded
-        total = r.parts.collected(r.total)                     # type: ignore[attr-defined]
+        r: Any = self.recorded
+        total = r.parts.collected(r.total)
         n = len(self.direct["w"])
         self.direct = {name: self.direct.get(name, 0.0) + _column(total[name], n) for name in TABLES}
-        if r.left > POOR:                                      # type: ignore[attr-defined]
-            r.model.warn_gradients = r.left                    # type: ignore[attr-defined]
-        found = BodyGradient(self, carried, grads)
-        found.more = total
-        return found
+        return IslandGradient(self, carried, grads, total)
+
+
+class IslandGradient(BodyGradient):
+    """With those by drives of joints, friction and restitution. more: by tables of joints (joints, 6) and of shapes."""
+
+    def __init__(self, losses: Losses, carried: dict[int, np.ndarray], grads: dict[int, np.ndarray], more: dict):
+        super().__init__(losses, carried, grads)
+        self.more = more
+
+    def value(self, path: str, name: str, world: int = 0) -> np.ndarray | float:
+        r: Any = self.recorded
+        if (at := r.places(path, name, world)) is None:
+            return super().value(path, name, world)
+        table, rows = at
+        found = self.more[table][rows] if table in self.more else np.zeros(len(rows))
+        return float(found.sum()) if table in SURFACE else float(found[0]) if len(found) == 1 else found

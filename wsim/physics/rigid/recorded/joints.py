@@ -8,13 +8,12 @@ import warp as wp
 from wsim.kernels.rigid.joint.parts import jointed_parts
 from wsim.kernels.rigid.joint.tables import DRIVEN, FORCE, HELD, HIGHEST, LIMITED, LOCKED, LOWEST
 from wsim.model.stage import Clock
+from wsim.physics.rigid.joints.joint import LIVE
 from wsim.physics.rigid.recorded.joint_formulas import Substep, Tables
 from wsim.physics.rigid.recorded.local import derivatives, residual
 from wsim.physics.rigid.recorded.rotation import kicked
 from wsim.physics.rigid.recorded.substep import Bodies, Cotangents, Elements, behind, within
-from wsim.scene import Problem, SceneError
-
-LIVE = ("stiffness", "damping", "target")
+from wsim.scene.values.coverage import refuse
 
 
 class JointSide:
@@ -69,8 +68,7 @@ class JointSide:
         full = drives & (np.abs(mid["push"]) >= (1.0 - 1.0e-12) * h * t.most)
         if (both := drives & (acts > 0)).any():
             j = self.joints.joints[int(np.argwhere(both)[0, 0]) % len(self.joints.joints)]
-            raise SceneError(Problem(j.path, "its drive pushes it against a limit, which has no derivative; widen the limit, or "
-                                     "take the drive out"))
+            raise refuse("driven", j.path)
         return np.where(drives & ~full, int(DRIVEN), acts), full
 
     def constants(self, h: float, kept: dict, acts: np.ndarray, full: np.ndarray) -> Substep:
