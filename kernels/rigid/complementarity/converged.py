@@ -88,7 +88,7 @@ def until(kinds: Sequence[Kind], real, meet: Callable, solve):
 def converged(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0, bouncing: bool = False):
     """Kernel as `wsim.kernels.rigid.passes.substeps`, of which steps[2] is not read. tolerance [m/s]; work.residual[1] becomes
     the largest residual that was left."""
-    Rig, w = whole(real), walks(kinds, real, meet, bouncing, met=FINE)
+    Rig, w = whole(real), walks(kinds, real, meet, bouncing, met=FINE, timed=True)
     begun, placed, ended = over_bodies(real)
     prepare, warm, thrown = w.prepare, w.warm, w.thrown
     solved = until(kinds, real, meet, w.solve)

@@ -1,6 +1,7 @@
-"""The substep of kernels/rigid/complementarity/converged.py in three launches, between which a recording looks.
+"""The substep of kernels/rigid/complementarity/converged.py in four launches, between which a recording looks.
 
-    thrown    impacts, so many rounds        held    forces, sweeps with bias        loosed    places, sweeps without
+    placed    arms, gaps      thrown    a round of impacts
+    held    forces, sweeps with bias        loosed    places, sweeps without
 """
 
 from collections.abc import Callable, Sequence
@@ -15,19 +16,20 @@ from wsim.kernels.rigid.passes import over_bodies, walks
 
 def converged_parts(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0,
                     bouncing: bool = False) -> list:
-    """Kernels thrown, held, loosed of substep steps[0], of h [s]; others as `converged`. thrown: one round of impacts."""
-    Rig, w = whole(real), walks(kinds, real, meet, bouncing, met=FINE, rounds=1)
+    """Kernels placed, thrown, held, loosed of substep steps[0], of h [s]; others as `converged`. thrown: one round of impacts."""
+    Rig, w = whole(real), walks(kinds, real, meet, bouncing, met=FINE, timed=True, rounds=1)
     begun, placed, ended = over_bodies(real)
     prepare, warm, thrown = w.prepare, w.warm, w.thrown
     solved = until(kinds, real, meet, w.solve)
 
-    def rigid_met_thrown(steps: wp.vec3i, h: real, threads: int, tolerance: real, rig: Rig):
+    def rigid_met_placed(steps: wp.vec3i, h: real, threads: int, tolerance: real, rig: Rig):
         i = wp.tid()
         placed(i, threads, steps[0], rig)
         meet()
         prepare(i, threads, steps[0], h, 1, rig)
-        meet()
-        thrown(i, threads, steps[0], h, rig)
+
+    def rigid_met_thrown(steps: wp.vec3i, h: real, threads: int, tolerance: real, rig: Rig):
+        thrown(wp.tid(), threads, steps[0], h, rig)
 
     def rigid_met_held(steps: wp.vec3i, h: real, threads: int, tolerance: real, rig: Rig):
         i = wp.tid()
@@ -49,4 +51,4 @@ def converged_parts(kinds: Sequence[Kind], real, module, meet: Callable, threads
     more = {"launch_bounds": threads} if threads else {}
     more |= {"cluster_dim": cluster} if cluster else {}
     return [wp.kernel(each, name=each.__name__, module=module, enable_backward=False, grid_stride=False, **more)
-            for each in (rigid_met_thrown, rigid_met_held, rigid_met_loosed)]
+            for each in (rigid_met_placed, rigid_met_thrown, rigid_met_held, rigid_met_loosed)]

@@ -2,7 +2,7 @@
 
     rest along n     u_n + bias + soft A_ii P = 0 of what pushes, else P
     rest across n    u_t = 0 of what sticks; rub + mu P u_t / |u_t| = 0 of what slips
-    impact           u_n' - goal(u_n) = 0
+    impact           u_n' - u_n - (1 + e) U = 0; bodies go back by the time until then
 
 f of a point: its impulse along n, and along two tangents of n. pose, then: x, theta of a, and of b, as in
 wsim/physics/rigid/recorded/joint_formulas.py. geo (22) of a point: n, core_a, core_b, first_a, first_b, gap, from_a, from_b.
@@ -129,10 +129,15 @@ class Points:
         before = slip(t, v["entering"], v["mass"], self.given)[..., 0]
         pull = v["mass"][..., :1] * v["force"][..., :3] - v["mass"][..., 4:5] * v["force"][..., 3:]
         drop = -2.0 * (t.axes[0] * pull).sum(-1) * np.where(t.gap.real > 0.0, t.gap, 0.0)
-        square = v["e"][..., 0]**2 * (before * before + drop) - drop
-        goal = np.where(square.real > 0.0, np.sqrt(np.where(square.real > 0.0, square, 1.0)), 0.0)
-        along = np.where(self.pushes, u[..., 0] - goal, f[..., 0])
-        return {"impulse": impulse(t, f), "rest": np.concatenate([along[..., None], self.rubbed(f, u, v["mu"])], axis=-1)}
+        square = before * before + drop
+        speed = np.sqrt(np.where(square.real > 0.0, square, 1.0e-300))
+        along = np.where(self.pushes, u[..., 0] - before - (1.0 + v["e"][..., 0]) * speed, f[..., 0])
+        given = impulse(t, f)
+        when = np.where(self.pushes & (t.gap.real > 0.0), 2.0 * t.gap / np.where(self.pushes, speed - before, 1.0), 0.0)[..., None]
+        way = [-when * v["mass"][..., 4 * s:4 * s + 1] * given[..., 6 * s:6 * s + 3] for s in (0, 1)]
+        turn = [-when * acted(t.S[s], given[..., 6 * s + 3:6 * s + 6]) for s in (0, 1)]
+        return {"impulse": given, "rest": np.concatenate([along[..., None], self.rubbed(f, u, v["mu"])], axis=-1),
+                "shift": np.concatenate([way[0], turn[0], way[1], turn[1]], axis=-1)}
 
 
 def made(v: Values, q: tuple[np.ndarray, np.ndarray], skin: np.ndarray, apart: np.ndarray) -> Values:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from wsim.geometry.rotation import conjugate, multiply, normalized
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.lists.slopes import SAMPLES, slopes
 from wsim.model.stage import Clock
@@ -23,6 +24,14 @@ STEP = 1.0e-4              # of sizes, and [rad], of differences
 MOST = 64                  # rounds of impacts
 LIST = ("n", "skin", "core_a", "core_b", "first_a", "first_b", "gap")
 FOUR = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0              # weights of -2, -1, 1, 2 steps
+
+
+def turn(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Rotation vectors (n, 3) from one orientation to another."""
+    q = multiply(normalized(after), conjugate(normalized(before)))
+    q = q * np.where(q[:, 3:] < 0.0, -1.0, 1.0)
+    sine = np.linalg.norm(q[:, :3], axis=1, keepdims=True)
+    return 2.0 * q[:, :3] * np.where(sine > 0.0, np.arctan2(sine, q[:, 3:]) / np.where(sine > 0.0, sine, 1.0), 1.0)
 
 
 @dataclass
@@ -66,10 +75,8 @@ class ContactParts:
                 c.work.residual.zero_()
             c.manifolds(clock, clock.k, ends[ends.index(clock.k) + 1])
         if kept is None:
-            for _round in range(MOST if c.bouncing else 1):
-                self.launch(0, clock)
-            self.launch(1, clock)
-            self.launch(2, clock)
+            for part in (0, *[1] * (MOST * c.bouncing), 2, 3):
+                self.launch(part, clock)
         else:
             if first or self.made is None:
                 self.made = self.listed(clock.k)
@@ -81,19 +88,20 @@ class ContactParts:
     def looked(self, clock: Clock, kept: dict) -> None:
         """The parts of a substep, and what stands between them."""
         c, state, made_ = self.contacts, self.recorded.state, kept["made"]
-        kept["rounds"] = []
-        for _round in range(MOST):
-            before = state().momentum
-            self.launch(0, clock)
-            if not c.bouncing or not (c.work.goal.numpy()[made_.at] >= 0.0).any():
+        kept["rounds"], after = [], state()
+        self.launch(0, clock)
+        for _round in range(MOST * c.bouncing):
+            before = after
+            self.launch(1, clock)
+            if not (hit := c.work.goal.numpy()[made_.at] >= 0.0).any():
                 break
-            f = self.impulses(c.work.hit, c.work.scrape, made_)
-            kept["rounds"].append((before, state().momentum, f, c.work.goal.numpy()[made_.at] >= 0.0))
-        kept["start"] = state().momentum
-        self.launch(1, clock)
+            after = state()
+            kept["rounds"].append((before, after, self.impulses(c.work.hit, c.work.scrape, made_), hit))
+        kept["start"] = after
+        self.launch(2, clock)
         kept["momentum"], kept["touched"] = state().momentum, c.work.touched.numpy()[:self.n].copy()
         kept["held"] = self.impulses(c.list.push, c.list.rub, made_)
-        self.launch(2, clock)
+        self.launch(3, clock)
         kept["loosed"] = self.impulses(c.list.push, c.list.rub, made_)
 
     def impulses(self, push: wp.array, rub: wp.array, m: Manifolds) -> np.ndarray:
@@ -174,22 +182,21 @@ class ContactParts:
 
     def back(self, h: float, kept: dict, cot: Cotangents) -> None:
         r, m = self.recorded, kept["made"]
-        start = kept["begin"]
-        start.momentum, entered = kept["start"], start.momentum
-        b = r.bodies(start, kept["end"], kept["momentum"], (kept["touched"] == 0).astype(float))
+        b = r.bodies(kept["start"], kept["end"], kept["momentum"], (kept["touched"] == 0).astype(float))
         b.placing = kept["momentum"] + taken_back(b, h)
         some, shared = np.ones(len(m.at), bool), self.shared(m, b)
-        poses = [self.pose(s.x, still, m) for s, still in zip((start, kept["end"]), kept["still"], strict=True)]
+        poses = [self.pose(s.x, still, m) for s, still in zip((kept["begin"], kept["end"]), kept["still"], strict=True)]
         values = {"then": poses[1], "momentum": self.both(kept["end"].momentum, m), "f": kept["loosed"],
                   "before": kept["held"], **shared}
         f = behind({"loosed": self.elements("loosed", h, kept, kept["loosed"], values, some)}, self.n, cot)["loosed"]
         values = {"pose": poses[0], "momentum": self.both(kept["momentum"], m), "f": kept["held"], **shared}
-        within({"held": self.elements("held", h, kept, kept["held"], values, some)}, b, h, cot, {"held": f})
+        first = within({"held": self.elements("held", h, kept, kept["held"], values, some)}, b, h, cot, {"held": f})
         for before, after, f, hit in reversed(kept["rounds"]):
-            values = {"pose": poses[0], "entering": self.both(before, m), "momentum": self.both(after, m), "f": f, **shared,
-                      "force": self.both(b.push, m), "e": self.restitution(m)}
-            behind({"thrown": self.elements("thrown", h, kept, f, values, hit)}, self.n, cot, "pose")
-        start.momentum = entered
+            values = {"pose": poses[0], "entering": self.both(before.momentum, m), "momentum": self.both(after.momentum, m), "f": f,
+                      **shared, "force": self.both(b.push, m), "e": self.restitution(m)}
+            thrown = {"thrown": self.elements("thrown", h, kept, f, values, hit)}
+            behind(thrown, self.n, cot, "pose", turn(before.q, after.q), first)
+        cot.pose += first
         self.take(kept, cot)
 
     def restitution(self, m: Manifolds) -> np.ndarray:

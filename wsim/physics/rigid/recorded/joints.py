@@ -143,7 +143,8 @@ class JointParts(JointSide):
         b = r.bodies(kept["begin"], kept["end"], kept["momentum"], np.ones(n))
         b.placing = kept["momentum"] + taken_back(b, h)
         f = behind({"loosed": self.loosed(h, kept, b)}, n, cot)["loosed"]
-        within({"held": self.held(h, kept, b)}, b, h, cot, {"held": f})
+        first = within({"held": self.held(h, kept, b)}, b, h, cot, {"held": f})
+        cot.pose += first
 
 
 def taken_back(b: Bodies, h: float) -> np.ndarray:

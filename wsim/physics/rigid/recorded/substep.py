@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wsim.physics.rigid.recorded.local import Values, derivatives
-from wsim.physics.rigid.recorded.rotation import conjugate, free_rotation, kicked, multiply, turned
+from wsim.physics.rigid.recorded.rotation import back, conjugate, free_rotation, kicked, multiply, skew, turned
 
 RANK = 1.0e-11            # part of the largest singular value below which rows say the same
 FORCES = ("push", "torque", "drag", "spin_drag")
@@ -137,12 +137,12 @@ class Island:
 
     def block(self, out: str, into: str) -> np.ndarray:
         """Dense, of impulses or rests by f or by something of bodies; 0 where nothing reads it."""
-        size = {"impulse": 6 * len(self.bodies)}.get(out, self.count)
+        size = self.count if out == "rest" else 6 * len(self.bodies)
         width = self.count if into in ("f", "before") else 6 * len(self.bodies)
         found = np.zeros((size + 1, width + 1))
         for name, e in self.kinds.items():
             if (out, into) in e.jac and len(self.own[name]):
-                r = self.columns(name) if out == "impulse" else self.rows(name)
+                r = self.rows(name) if out == "rest" else self.columns(name)
                 c = self.rows(name) if into in ("f", "before") else self.columns(name)
                 shape = np.broadcast_shapes(r[:, :, None].shape, c[:, None, :].shape)
                 shape = (shape[0], r.shape[1], c.shape[1])
@@ -150,18 +150,16 @@ class Island:
                           e.jac[out, into][self.own[name]])
         return found[:-1, :-1]
 
-    def others(self, impulse: np.ndarray, rest: np.ndarray, into: Cotangents, known: tuple[str, ...]) -> None:
-        """Adds what elements read besides, of the cotangents of impulses on bodies (6 n,) and of rests."""
-        far = np.append(impulse, 0.0)
+    def others(self, into: Cotangents, **by: np.ndarray) -> None:
+        """Adds what elements read besides, of the cotangents of impulses and shifts of bodies (6 n,) and of rests."""
         for name, e in self.kinds.items():
             own = self.own[name]
-            p, r = far[self.columns(name)], rest[self.rows(name)]
-            for out, given in e.jac:
-                if given not in known and out == "impulse" and len(own):
-                    more = np.zeros((len(e.bodies), e.jac[out, given].shape[2]))
-                    more[own] = np.einsum("eoi,eo->ei", e.jac["impulse", given][own], p)
-                    more[own] += np.einsum("eoi,eo->ei", e.jac["rest", given][own], r)
-                    into.add_by(name, given, more)
+            parts = {out: b[self.rows(name)] if out == "rest" else np.append(b, 0.0)[self.columns(name)] for out, b in by.items()}
+            for given in {given for _, given in e.jac if given not in KNOWN} if len(own) else ():
+                more = np.zeros((len(e.bodies), e.jac["rest", given].shape[2]))
+                more[own] = sum(np.einsum("eoi,eo->ei", e.jac[out, given][own], b) for out, b in parts.items()
+                                if (out, given) in e.jac)
+                into.add_by(name, given, more)
 
 
 KNOWN = ("pose", "then", "momentum", "placing", "entering", "f", "before")
@@ -176,31 +174,51 @@ def solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq((A / size[:, None]).T, b, rcond=RANK)[0] / size
 
 
-def behind(kinds: dict[str, Elements], n: int, cot: Cotangents, place: str = "then") -> dict[str, np.ndarray]:
-    """Adjoint of M' = M + I'(y', f'), 0 = r'(y', M', f', f): cot is that of y' and M', and becomes that of y' and M. Returns
-    what each kind's f has of it, (elements, rows)."""
+def behind(kinds: dict[str, Elements], n: int, cot: Cotangents, place: str = "then", turn: np.ndarray | None = None,
+           first: np.ndarray | None = None) -> dict[str, np.ndarray]:
+    """Adjoint of M' = M + I'(y', f'), 0 = r'(y', M', f', f): cot is that of y' and M', and becomes that of y' and M. Of impacts,
+    which shift bodies: of y and M, turned by `turn` (n, 3), where I' and r' read other poses, whose cotangents `first` takes.
+    Returns what each kind's f has of it, (elements, rows)."""
     given = {name: np.zeros((len(e.bodies), e.rows)) for name, e in kinds.items()}
+    by_shift, into = cot.pose.copy(), cot.pose if first is None else first
+    if turn is not None:
+        by_shift[:, 3:], cot.pose[:, 3:] = back(along(turn), cot.pose[:, 3:]), back(turning(turn), cot.pose[:, 3:])
     for bodies in islands(kinds, n) if kinds else ():
         one = Island(kinds, bodies, n)
         if one.count == 0:
             continue
-        M = cot.momentum[bodies].ravel()
+        M, Y = cot.momentum[bodies].ravel(), by_shift[bodies].ravel()
         C, by_M = one.block("impulse", "f"), one.block("rest", "momentum")
-        rest = solved(one.block("rest", "f") + by_M @ C, -(M @ C))
+        rest = solved(one.block("rest", "f") + by_M @ C, -(M @ C + Y @ one.block("shift", "f")))
         M = M + rest @ by_M
-        cot.pose[bodies] += (M @ one.block("impulse", place) + rest @ one.block("rest", place)).reshape(-1, 6)
-        cot.momentum[bodies] = (M + rest @ one.block("rest", "entering")).reshape(-1, 6)
-        f = M @ one.block("impulse", "before") + rest @ one.block("rest", "before")
+        parts = (("impulse", M), ("rest", rest), ("shift", Y))
+        into[bodies] += sum(b @ one.block(out, place) for out, b in parts).reshape(-1, 6)
+        cot.momentum[bodies] = (M + sum(b @ one.block(out, "entering") for out, b in parts)).reshape(-1, 6)
+        f = sum(b @ one.block(out, "before") for out, b in parts)
         for name in kinds:
             given[name][one.own[name]] = f[one.rows(name)]
-        one.others(M, rest, cot, KNOWN)
+        one.others(cot, **dict(parts))
     return given
 
 
-def within(kinds: dict[str, Elements], b: Bodies, h: float, cot: Cotangents, given: dict[str, np.ndarray]) -> None:
-    """Adjoint of the substep up to M and y', of whose cotangents cot becomes that of y and (p, L); given: that of f."""
+def turning(turn: np.ndarray) -> np.ndarray:
+    """R (..., 3, 3) of rotation vectors."""
+    X, t = skew(turn), np.linalg.norm(turn, axis=-1)[..., None, None]
+    return np.eye(3) + np.sinc(t / np.pi) * X + 0.5 * np.sinc(0.5 * t / np.pi)**2 * (X @ X)
+
+
+def along(turn: np.ndarray) -> np.ndarray:
+    """By a change of a rotation vector, the turn before the rotation: the left Jacobian."""
+    X, t = skew(turn), np.linalg.norm(turn, axis=-1)[..., None, None]
+    third = np.where(t > 1.0e-2, (1.0 - np.sinc(t / np.pi)) / np.where(t > 1.0e-2, t * t, 1.0), 1.0 / 6.0 - t * t / 120.0)
+    return np.eye(3) + 0.5 * np.sinc(0.5 * t / np.pi)**2 * X + third * (X @ X)
+
+
+def within(kinds: dict[str, Elements], b: Bodies, h: float, cot: Cotangents, given: dict[str, np.ndarray]) -> np.ndarray:
+    """Adjoint of the substep up to M and y', of whose cotangents cot becomes that of y and (p, L); given: that of f. Returns the
+    cotangents of poses that elements read, which are not in that of y."""
     n, forces, places = len(b.w), b.forces(h), b.places(h)
-    pose, momentum = np.zeros((n, 6)), np.zeros((n, 6))
+    pose, first, momentum = np.zeros((n, 6)), np.zeros((n, 6)), np.zeros((n, 6))
     placing, after = np.zeros((n, 6)), cot.pose.copy()
     by_N = places["pose", "placing"]
     for bodies in islands(kinds, n):
@@ -225,8 +243,8 @@ def within(kinds: dict[str, Elements], b: Bodies, h: float, cot: Cotangents, giv
         M = M + N
         pose[bodies] = np.einsum("noi,no->ni", places["pose", "pose"][bodies], Y)
         if one.count:
-            pose[bodies] += (M.ravel() @ one.block("impulse", "pose") + rest @ one.block("rest", "pose")).reshape(-1, 6)
-            one.others(M.ravel(), rest, cot, KNOWN)
+            first[bodies] = (M.ravel() @ one.block("impulse", "pose") + rest @ one.block("rest", "pose")).reshape(-1, 6)
+            one.others(cot, impulse=M.ravel(), rest=rest)
         momentum[bodies], placing[bodies], after[bodies] = M, N, Y
     cot.pose = pose
     cot.momentum = sum(np.einsum("noi,no->ni", forces[out, "momentum"], by) for out, by in (("kick", momentum),
@@ -235,3 +253,4 @@ def within(kinds: dict[str, Elements], b: Bodies, h: float, cot: Cotangents, giv
         cot.add(name, sum(np.einsum("noi,no->ni", forces[out, name], by) for out, by in (("kick", momentum), ("back", placing))))
     for name in ("w", "inverse"):
         cot.add(name, np.einsum("noi,no->ni", places["pose", name], after))
+    return first
