@@ -115,6 +115,8 @@ def _has(row: Value, thing, scene: Scene) -> bool:
         return False
     if isinstance(thing, Cloth) and painted(thing, row.name.partition("_")[0]):
         return False                                     # a map of faces, not one number
+    if hasattr(thing, "taken") and thing.taken(row.name) is None and row.name != "mass":
+        return False                                     # no drive, or no collider
     return not any(NEEDS[need](thing, row.name, scene) for need in ("membrane", "finite") if need in row.needs)
 
 
@@ -125,10 +127,10 @@ def _get(row: Value, thing, axis: int | None) -> float:
         return float(thing.curve.values[0, axis or 0])
     if isinstance(thing, Springs) and row.name == "mass":
         return float(np.broadcast_to(thing.masses, len(thing.points)).astype(np.float64).sum())
-    value = getattr(holder(thing, row.name), row.name)
     if row.owner == "Body" and row.name == "mass":
         from wsim.physics.rigid.mass import inertia
         return inertia(thing).mass
+    value = thing.taken(row.name) if hasattr(thing, "taken") else getattr(holder(thing, row.name), row.name)
     return float(value[axis]) if axis is not None else float(np.mean(np.asarray(value, np.float64)))
 
 
@@ -142,6 +144,8 @@ def _put(row: Value, thing, value: float, axis: int | None = None):
         new = {"stretch": {"stretch": value, "weft": m.weft * (value / m.stretch)}, "stretch_weft": {"weft": value},
                "stretch_warp": {"stretch": value, "weft": m.weft or m.stretch}}[row.name]
         return replace(thing, material=replace(m, **new))
+    if hasattr(thing, "given"):
+        return thing.given(row.name, value if axis is None else np.array(_with(thing.taken(row.name), axis, value)))
     if holder(thing, row.name) is not thing and not isinstance(thing, Springs):
         return replace(thing, material=replace(thing.material, **{row.name: value}))
     if not isinstance(thing, Springs):

@@ -73,6 +73,10 @@ class Form:
         self.kinds = [soft_step.contact_kind(real, self.coloured)]
         if self.coloured:
             self.kernels["colours"] = colours.colours(real, module, meet, **sizes)
+        if self.tolerance > 0.0 and model.gradients:
+            from wsim.kernels.rigid.complementarity.parts import converged_parts
+            self.kernels["parts"] = converged_parts(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
+            return
         if self.tolerance > 0.0:
             from wsim.kernels.rigid.complementarity.converged import converged
             self.kernels["converged"] = converged(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
