@@ -22,7 +22,6 @@ import numpy as np
 from wsim.fitting.least_squares.bounds import LARGE, WIDE, Map
 from wsim.scene import Cloth, Load, Problem, Scene, SceneError, Springs
 from wsim.scene.check.varying import NEEDS, painted, unfit
-from wsim.scene.curve import Curve
 from wsim.scene.methods import every
 from wsim.scene.nodal.masses import density_of
 from wsim.scene.values import table
@@ -138,7 +137,7 @@ def _put(row: Value, thing, value: float, axis: int | None = None):
     """A copy of a body or load with that value; different stiffness of springs, and masses of points, keep their proportions.
     """
     if isinstance(thing, Load):
-        return replace(thing, curve=Curve(thing.curve.times, np.array([_with(thing.curve.values[0], axis or 0, value)])))
+        return replace(thing, curve=thing.curve.replaced(np.array([_with(thing.curve.values[0], axis or 0, value)])))
     if row.owner == "Cloth" and row.name in table.PARTS:
         m = thing.material
         new = {"stretch": {"stretch": value, "weft": m.weft * (value / m.stretch)}, "stretch_weft": {"weft": value},
