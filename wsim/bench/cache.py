@@ -49,7 +49,9 @@ def plain(value, scene: Scene):
         whole = np.ascontiguousarray(value)
         return [str(whole.dtype), list(whole.shape), hashlib.sha256(whole.tobytes()).hexdigest()]
     if isinstance(value, Curve):
-        return [type(value).__name__, plain(value.times, scene), plain(value.values, scene)]
+        more = [] if value.plain else [[value.kind, plain(vars(value).get("inner"), scene)],
+                                       *(plain(v, scene) for v in (value.before, value.after, value.how))]
+        return [type(value).__name__, plain(value.times, scene), plain(value.values, scene), *more]
     if is_dataclass(value):
         return [type(value).__name__, *([f.name, plain(_field(value, f.name, scene), scene)] for f in fields(value)
                                         if f.name not in NAMES or isinstance(value, Varying))]

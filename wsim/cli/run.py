@@ -53,11 +53,11 @@ def later(scene: Scene, delay: float) -> Scene:
 
 
 def _motion_later(motion: Motion, delay: float) -> Motion:
-    return Motion(motion.times + delay, motion.values)
+    return motion.later(delay)
 
 
 def _curve_later(curve: Curve, delay: float) -> Curve:
-    return Curve(curve.times + delay, curve.values)
+    return curve.later(delay)
 
 
 def _pin_later(pin: Pin, delay: float) -> Pin:

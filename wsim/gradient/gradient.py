@@ -62,7 +62,7 @@ class Gradient(ElementGradient):
         row = row_of(self.model.scene, path, name)
         if row.owner == "Scene":
             return getattr(self, name)(world)
-        if row.gradient == "body":
+        if row.gradient == "body" or self.bodies and self.bodies.recorded.places(path, name, world):
             return self.bodies.value(path, name, world)
         if row.gradient == "material":
             return self.material(name, path, world, elements)

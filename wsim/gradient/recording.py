@@ -27,6 +27,7 @@ from wsim.simulation.measure.diagnose import judge
 from wsim.simulation.measure.exceeded import EXPLICIT
 from wsim.simulation.simulation import Simulation
 
+LEFT = 1e-6            # [m/s] that impulses of bodies may leave, from which a warning is due
 POOR = 1e-4            # residual of an implicit solve from which a warning is due
 
 
@@ -197,6 +198,8 @@ class Recording(Frames):
 
     def forward(self, frame: int, part: int) -> None:
         stretch = self.stretches[self.key(frame, part)]
+        if stretch.tape.eager:
+            return stretch.tape.forward()
         if stretch.forward is None:
             stretch.forward = self.graph(stretch.tape.forward)
         wp.capture_launch(stretch.forward)
@@ -251,6 +254,9 @@ class Recording(Frames):
             if not value < POOR:
                 self.warn(f"/: gradients: the worst {name} solve has left {value:.1e} of its right side; they are no better "
                           "than that. Take smaller substeps")
+        if self.bodies and self.bodies.left > LEFT:
+            self.warn(f"/: gradients: contacts and joints of bodies were solved to {self.bodies.left:.1e} m/s; they are no better "
+                      "than that. Take smaller substeps, and a smaller contact_tolerance in float64")
         if said := self.growth.check(self.start, self.sim.scene.fps, self.sim.precision):
             self.warn(said)
 
@@ -274,6 +280,8 @@ class Recording(Frames):
 
     def reverse(self, frame: int, part: int) -> None:
         stretch = self.stretches[self.key(frame, part)]
+        if stretch.tape.eager:
+            return stretch.tape.backward()
         if stretch.backward is None:
             stretch.backward = self.graph(stretch.tape.backward)
         wp.capture_launch(stretch.backward)

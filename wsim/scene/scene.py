@@ -96,7 +96,7 @@ class Load(Compared):
     def __post_init__(self):
         self.points, self.triangles = array(self.points, np.int32, -1), array(self.triangles, np.int32, -1, 3)
         self.weights = array(self.weights, np.float32, -1)
-        self.curve = Curve(self.curve.times, np.asarray(self.curve.values, np.float64))
+        self.curve = self.curve.replaced(np.asarray(self.curve.values, np.float64))
 
     @property
     def name(self) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 
 from wsim.geometry import primitives
 from wsim.scene.bodies import Compared, array
-from wsim.scene.curve import Curve, Motion
+from wsim.scene.curve import Curve, Motion, then
 
 APPROXIMATIONS = ("none", "meshSimplification", "convexHull", "convexDecomposition", "boundingCube", "boundingSphere")
 SAME = 1e-6                # relative difference of scales that counts as none
@@ -153,7 +153,7 @@ class Collider(Compared):
             turn[:3, :3] = np.eye(3)[:, TURN[self.shape.axis]]
             self.shape = Plane()
             if not np.array_equal(turn, np.eye(4)):
-                self.motion = Motion(self.motion.times, self.motion.values @ turn)
+                self.motion = then(self.motion, turn)
 
 
 @dataclass(frozen=True)

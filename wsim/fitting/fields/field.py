@@ -30,7 +30,6 @@ from wsim.model.model import edge_lengths
 from wsim.physics.cloth.constraints import AT_REST, of_body
 from wsim.physics.cloth.rest_shape import rest_shape, written
 from wsim.scene import Cloth, Collider, Load, Motion, Pin, Problem, Scene, SceneError, Soft, Springs
-from wsim.scene.curve import Curve
 from wsim.scene.values import table
 from wsim.scene.values.per_tet import parted
 from wsim.simulation.simulation import Simulation
@@ -196,7 +195,7 @@ class ParameterField:
         if isinstance(thing, (Pin, Collider)):
             new: object = replace(thing, motion=self.moved(scene, values))
         elif isinstance(thing, Load):
-            new = replace(thing, curve=Curve(thing.curve.times, values))
+            new = replace(thing, curve=thing.curve.replaced(values))
         elif self.kind.name in AT_REST:
             new = written(thing, self.kind.name, values)
         elif self.kind.name == "velocities":
@@ -204,7 +203,7 @@ class ParameterField:
         elif isinstance(thing, Soft):
             new = parted(thing, self.kind.name, values[:, 0])
         elif self.kind.name == "actuation":
-            new = replace(thing, actuation=Curve(thing.actuation.times, values))
+            new = replace(thing, actuation=thing.actuation.replaced(values))
         elif isinstance(thing, Springs):
             new = replace(thing)
             new.stiffness = values[:, 0].copy()                        # stays in float64

@@ -44,17 +44,20 @@ class _Muscle:
         """A given value as a curve: another one, values of the present keys (keys, groups), or those of all times (groups,)."""
         groups, path = self.curve.values.shape[1], self.body.path
         try:
-            times = value.times if isinstance(value, Curve) else self.curve.times
             values = np.asarray(value.values if isinstance(value, Curve) else value, np.float64)
-            if values.ndim < 2:
-                times, values = np.zeros(1), np.broadcast_to(values, (1, groups))
-            new = Curve(times, values.reshape(len(values), -1))
+            if isinstance(value, Curve):
+                new = value.flat()
+            elif values.ndim < 2:
+                new = Curve(np.zeros(1), np.broadcast_to(values, (1, groups)))
+            else:
+                new = self.curve.replaced(values.reshape(len(values), -1))
+            least, most = new.bounds()
         except ValueError as error:
             raise SceneError(Problem(path, f"actuation: {error}; allowed are a Curve, values (keys, groups) or "
                                      "(groups,)")) from None
-        if new.values.shape[1] != groups or not (np.isfinite(new.values).all() and new.values.min() > 0.0):
+        if new.values.shape[1] != groups or not (np.isfinite([least, most]).all() and np.min(least) > 0.0):
             raise SceneError(Problem(path, f"actuation has {new.values.shape[1]} groups and values from "
-                                     f"{new.values.min():g} to {new.values.max():g}; allowed are {groups} groups and finite "
+                                     f"{np.min(least):g} to {np.max(most):g}; allowed are {groups} groups and finite "
                                      "factors > 0"))
         return new
 
@@ -169,7 +172,7 @@ class Muscles(Method):
             return
         self.changed, table = False, np.ones(self.factor.shape)
         for m in self.muscles:
-            table[:, m.columns] = m.curve.weights(self.times) @ m.curve.values
+            table[:, m.columns] = m.curve.table(self.times)
         self.factor.assign(table.astype(self.model.dtype))
 
     @property
@@ -186,7 +189,7 @@ class Muscles(Method):
         """Gradient as `by_keys` has it, of a table whose rows are at these times [s]."""
         by = factor.grad.numpy().astype(np.float64)
         factor.grad.zero_()
-        return [m.curve.weights(times).T @ by[:, m.columns] for m in self.muscles]
+        return [m.curve.pulled(times, by[:, m.columns])["values"] for m in self.muscles]
 
     def find(self, path: str, world: int = 0) -> int:
         """Number of the muscles of a net. Raises SceneError."""
@@ -217,7 +220,7 @@ class Muscles(Method):
         """Largest factor, but at least 1, that each edge of a body ever has, (m,)."""
         for m in self.muscles:
             if m.body is body:
-                return np.maximum(1.0, np.append(m.curve.values.max(axis=0), 1.0)[m.edges(m.columns.stop) - m.columns.start])
+                return np.maximum(1.0, np.append(m.curve.bounds()[1], 1.0)[m.edges(m.columns.stop) - m.columns.start])
         return 1.0
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:

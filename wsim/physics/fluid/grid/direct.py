@@ -48,7 +48,7 @@ class Direct:
         last = axis == self.layout.dim - 1
         batch, M, N = (1, prod(n[:axis]), n[axis]) if last else (prod(n[:axis]), n[axis], prod(n[axis + 1:]))
         tiles = batch * -(-M // SIDE) * -(-N // SIDE)
-        self.threads.sum(self.products[last], tiles, [turned if back else Q, x, M, N, n[axis]], [y])
+        self.threads.sum(self.products[last], tiles, [turned if back else Q, x, wp.vec3i(M, N, n[axis])], [y])
 
     def cycle(self) -> None:
         """x becomes A^-1 b."""

@@ -24,7 +24,7 @@ from wsim.physics.fluid.grid.pressure import Pressure, label
 from wsim.physics.fluid.grid.shapes import Shapes
 from wsim.physics.fluid.grid.sources import Sources
 from wsim.physics.fluid.grid.threads import Threads
-from wsim.physics.fluid.grid.transport import PAIRS, Transport
+from wsim.physics.fluid.grid.transport import PAIRS, How, Transport
 from wsim.physics.fluid.grid.viscosity import Viscosity
 from wsim.physics.fluid.objects import Fluid, Source
 
@@ -67,9 +67,10 @@ class Domain:
         self.swirling, self.lifts = fluid.vorticity > 0.0, "_".join(name for name in ("smoke", "heat") if name in scalars)
         self.lifting = filled(forces.lifting(real), live=self.live, **scalars)
         self.pushed = bool(self.lifts) and not self.swirling and scheme not in PAIRS           # on the way
-        on = {"clamped": not self.reflects, "pushed": self.lifts * self.pushed, "lifting": self.lifting}
-        self.carry = [Transport(threads, layout, self.grid, a, scheme, self.work, **on) for a in range(layout.dim)]
-        self.carry_scalar = Transport(threads, layout, self.grid, -1, fluid.scalar_advection, self.work, both=len(scalars) == 2)
+        how = How(scheme, not self.reflects, pushed=self.lifts * self.pushed, lifting=self.lifting)
+        self.carry = [Transport(threads, layout, self.grid, a, how, self.work) for a in range(layout.dim)]
+        how = How(fluid.scalar_advection, both=len(scalars) == 2)
+        self.carry_scalar = Transport(threads, layout, self.grid, -1, how, self.work)
         self._kernels(real, module)
 
     def _kernels(self, real: Any, module: str) -> None:
