@@ -100,7 +100,7 @@ class Fluid(Compared):
 
     @property
     def axes(self) -> tuple[int, ...]:
-        """Those with more than one cell: two of a flat fluid."""
+        """Axes with more than one cell: two of a flat fluid."""
         return tuple(a for a, n in enumerate(self.shape) if n > 1)
 
     @property
@@ -109,7 +109,7 @@ class Fluid(Compared):
         return x * y * z
 
     def centers(self) -> np.ndarray:
-        """Of the cells, world (nx, ny, nz, 3) [m]."""
+        """Centres of the cells, world (nx, ny, nz, 3) [m]."""
         index = np.stack(np.meshgrid(*(np.arange(n) for n in self.shape), indexing="ij"), -1)
         return self.low + self.cell * (index + 0.5)
 

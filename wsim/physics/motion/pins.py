@@ -37,7 +37,7 @@ class _Pinned:
         self.locals = spread(pin.places if pin.places is not None else _local(pin.motion, start), ends)
 
     def targets(self, time: float) -> np.ndarray:
-        """Where its points belong at `time` [s], relative to the body's origin [m]."""
+        """Places of its points at `time` [s], relative to the body's origin [m]."""
         return self.motion.points(self.locals, time) - self.body.origin
 
 

@@ -67,5 +67,5 @@ class Direct:
 
     @property
     def launches(self) -> int:
-        """Of a cycle."""
+        """Number of launches of a cycle."""
         return 2 * self.layout.dim + 1

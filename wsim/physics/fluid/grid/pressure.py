@@ -75,12 +75,12 @@ class Pressure:
         self.sums = threads.zeros(self.solver.parts, wp.vec2d)
 
     def regions(self, region: wp.array | None, count: int) -> None:
-        """Which cells are sealed from open sides, known before the first frame."""
+        """Regions of cells that are sealed from open sides, known before the first frame."""
         self.region, self.sealed = region, count
         self.multigrid.sealed = count == 1
 
     def find_region(self) -> None:
-        """Of obstacles that move in a sealed box: all cells with an open face are one."""
+        """Finds the region of obstacles that move in a sealed box: all cells with an open face are one."""
         if self.inside:
             self.threads.over(self.inside, self.layout.cells, [self.multigrid.grids[0].table], [self.region])
 
