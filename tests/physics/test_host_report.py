@@ -119,8 +119,8 @@ assert sim.report()["error"]
 @pytest.mark.parametrize("scene", ["cape", "hanging_cloth"])
 def test_a_first_frame_and_its_report_compile_one_module_and_each_kernel_once(scene, tmp_path):
     """The cape has pins, wind, contacts, strain and bending; the hanging cloth sweeps that leave a residual."""
-    subprocess.run([sys.executable, "-c", STEP, str(ROOT / "scenes" / f"{scene}.usda")], cwd=ROOT, check=True, capture_output=True,
-                   env=os.environ | {"WARP_CACHE_PATH": str(tmp_path)})
+    subprocess.run([sys.executable, "-c", STEP, str(ROOT / "scenes" / f"{scene}.usda")], cwd=ROOT, check=True,
+                   capture_output=True, env=os.environ | {"WARP_CACHE_PATH": str(tmp_path)})
     (source,) = tmp_path.rglob("*.cpp")
     assert "cpu_forward_tasks<false>" in source.read_text() and "cpu_forward_tasks<true>" not in source.read_text()
 
