@@ -76,8 +76,8 @@ def vortex_pair() -> str:
             "double wsim:fluid:smoke = 40\nvector3d wsim:fluid:velocity = (1.5, 0, 0)")
     return scene("A puff in flat air rolls up into two vortices, which carry each other along.", [
         settings(comment="Nothing here is warm or heavy."), air,
-        source("Puff", ("Sphere", "double radius = 0.1"), (-0.6, 0, 0), puff, "Air of 1.5 m/s for four frames, and smoke that is "
-               "seen through one cell."),
+        source("Puff", ("Sphere", "double radius = 0.1"), (-0.6, 0, 0), puff,
+               "Air of 1.5 m/s for four frames, and smoke that is seen through one cell."),
         shown("Nozzle", (0.04, 0.24, 0.02), (-0.76, 0.0, 0.0), "Where it comes from: only to be seen."), view(0.0, 0.0, 4.2)],
         frames=72)
 
@@ -85,8 +85,8 @@ def vortex_pair() -> str:
 def cavity() -> str:
     """The flow that grids are measured by: a lid that slides over a box of air, which sticks to its walls."""
     cell = 1.0 / 64.0
-    walls = ("uniform bool wsim:fluid:slip = 0\nuniform vector3d[] wsim:fluid:sideVelocities = [(0, 0, 0), (0, 0, 0), (0, 0, 0), "
-             "(1, 0, 0), (0, 0, 0), (0, 0, 0)]\ndouble wsim:fluid:viscosity = 0.0025\ndouble wsim:fluid:cfl = 1")
+    walls = ("uniform bool wsim:fluid:slip = 0\nuniform vector3d[] wsim:fluid:sideVelocities = [(0, 0, 0), (0, 0, 0), "
+             "(0, 0, 0), (1, 0, 0), (0, 0, 0), (0, 0, 0)]\ndouble wsim:fluid:viscosity = 0.0025\ndouble wsim:fluid:cfl = 1")
     air = domain((0.0, 0.0, -0.5 * cell), (1.0, 1.0, 0.5 * cell), cell, sides(*["closed"] * 6) + "\n" + walls,
                  AIR + " Its upper side slides to +x at 1 m/s and takes the air along: Reynolds number 400.")
     puff = "uniform bool wsim:fluid:hold = true\ndouble wsim:fluid:smoke = 30"
