@@ -42,7 +42,7 @@ class Fluid(Compared):
     cooling          decay rate of the temperature [1/s]
     advection        of the velocity: "reflection", "cubic", "maccormack", "bfecc" or "linear"
     scalar_advection  of smoke and temperature: "cubic", "maccormack", "bfecc" or "linear"
-    pressure         how it is solved: "direct" (boxes without obstacles, best up to 160 cells along an axis), "multigrid", or
+    pressure         how it is solved: "direct" (boxes without obstacles, best up to 266 cells along an axis), "multigrid", or
                      "auto"
     tolerance        of the pressure solve, residual over right-hand side [1]
     cfl              cells that air may cross in a step [1]: as many steps a frame as that takes, up to `most_steps`
