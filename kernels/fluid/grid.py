@@ -210,4 +210,4 @@ def functions(dim: int, real) -> SimpleNamespace:
         return v
 
     return SimpleNamespace(place=place, faces=faces, linear=linear, cubic=cubic, around=around, offset=offset,
-                           velocity=velocity, row=row, name=f"{dim}d_{t.name}")
+                           velocity=velocity, row=row, held=held, weights=weights, rows=rows, name=f"{dim}d_{t.name}")

@@ -64,7 +64,10 @@ class Fluids(Method):
         for name, count in WORDS.items():
             b.status.reserve(f"fluid: {name}", count * len(self.pairs))
         self.domains = [self._domain(k) for k in range(len(self.pairs))]
-        self.settled = False
+        self.settled, self.recorded = False, None
+        if b.model.gradients:
+            from wsim.physics.fluid.recorded import Recorded
+            self.offers["recorded fluids"] = self.recorded = Recorded(self)
         cells = sum(layout.cells for layout in self.layouts)
         how = sorted({"direct" if d.pressure.direct else "by multigrid" for d in self.domains})
         self.stages.append(Stage("fluids", "predict", self.advance, sum(d.launches for d in self.domains),
@@ -144,9 +147,13 @@ class Fluids(Method):
 
     def advance(self, clock: Clock) -> None:
         more = max(1, clock.substeps // self.base)               # of a frame that is repeated with smaller steps
-        for domain in self.domains:
+        for k, domain in enumerate(self.domains):
             steps = domain.fluid.steps
-            domain.frame(clock.dt, more * max(1, steps), more * (steps or domain.fluid.most_steps))
+            least, most = more * max(1, steps), more * (steps or domain.fluid.most_steps)
+            if self.recorded and self.model.tape:
+                self.recorded.frame(k, clock, least, most)
+            else:
+                domain.frame(clock.dt, least, most)
 
     def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
         missed = status.said("fluid: missed")
