@@ -4,7 +4,7 @@ A domain is a box along the world's axes, of cubes; colliders of the scene are o
 number without unit that 1 makes dense, and a temperature above that of the air around [K].
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -146,3 +146,14 @@ class Source(Compared):
         self.velocity = vector(self.velocity)
         if not isinstance(self.strength, Curve):
             self.strength = Curve(np.zeros(1), np.array([self.strength], np.float64))
+
+    @property
+    def place(self) -> np.ndarray:
+        """Where its frame begins, world (3,) [m]."""
+        return self.motion.values[0, :3, 3].copy()
+
+    def placed(self, place) -> "Source":
+        """This source, all of whose motion is shifted so that it begins at a place [m]."""
+        values = self.motion.values.copy()
+        values[:, :3, 3] += np.asarray(place, np.float64) - self.place
+        return replace(self, motion=Motion(self.motion.times, values))

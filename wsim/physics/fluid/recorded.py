@@ -18,6 +18,7 @@ from wsim.physics.fluid.adjoint.trace import Trace
 from wsim.physics.fluid.grid.multigrid import AXES
 from wsim.physics.fluid.measure import NAMES, centered
 from wsim.scene import Problem, SceneError
+from wsim.scene.values.coverage import refuse
 
 FIELDS = {"smoke": "smoke", "temperature": "heat", "velocity": ""}            # of a loss, by what scalars are called
 
@@ -29,6 +30,7 @@ class Recorded:
         self.method, self.model = method, method.model
         self.adjoints = [DomainAdjoint(domain) for domain in method.domains]
         self.kept: list[dict[str, wp.array]] = []
+        self.begun: dict[tuple[int, str], np.ndarray] = {}           # fields that were put where the recording begins
         self.loaded = False
 
     # frames
@@ -98,6 +100,17 @@ class Recorded:
         raise SceneError(Problem(path, f"is no fluid of world {world}; there are "
                                  f"{', '.join(dict.fromkeys(f.path for f, _ in self.method.pairs))}"))
 
+    def runs(self, path: str, name: str) -> None:
+        """Raises SceneError where nothing of a value runs in the fluids that it is of."""
+        method, whys = self.method, []
+        for k, domain in enumerate(method.domains):
+            sources = domain.sources.sources if domain.sources else []
+            if domain.fluid.path == path:
+                whys.append(idle(domain, method.carried[k], name))
+            whys += [unheard(domain, method.carried[k], s, name) for s in sources if s.path == path]
+        if not whys or all(whys):
+            raise refuse("still", path, name=name, why=next(filter(None, whys), "no fluid is reached"))
+
     def fields(self, frame: int, path: str, world: int = 0) -> dict[str, np.ndarray]:
         """smoke, temperature (nx, ny, nz), velocity (nx, ny, nz, 3) at the cells' centres after so many frames, float64."""
         k = self.row(path, world)
@@ -109,6 +122,25 @@ class Recorded:
 
     def losses(self, frames: int, given: dict | None) -> "Losses":
         return Losses(self, frames, given or {})
+
+
+def idle(domain: Any, carried: tuple[str, ...], name: str) -> str:
+    """Why nothing of a value of a fluid runs, or ""."""
+    for called, scalar in (("smoke", "smoke"), ("weight", "smoke"), ("smoke_decay", "smoke"), ("temperature", "heat"),
+                           ("lift", "heat"), ("cooling", "heat")):
+        if name == called and scalar not in carried:
+            return f"there is no {'smoke' if scalar == 'smoke' else 'heat'} in it"
+    none = (name == "viscosity" and domain.viscosity is None) or (name == "vorticity" and not domain.swirling)
+    return "it is 0 at the start" if none else ""
+
+
+def unheard(domain: Any, carried: tuple[str, ...], source: Any, name: str) -> str:
+    """Why nothing of a value of a source runs in a fluid, or ""."""
+    if name in ("smoke", "temperature") and FIELDS[name] not in carried:
+        return f"there is no {'smoke' if name == 'smoke' else 'heat'} in {domain.fluid.path}"
+    if name == "velocity" and source.velocity is None:
+        return "it leaves the air alone; give it a velocity"
+    return "it is 0 of all sources" if name == "expansion" and domain.sources.expansion is None else ""
 
 
 class Losses:

@@ -159,6 +159,7 @@ REFUSED: dict[str, Refused] = {
                         "(physics:collisionEnabled, Collider.meets), or take that out"),
     "joints": Refused("joints of rigid bodies", "is a joint, whose impulses have no derivative yet; take it out"),
     "idle": Refused("air in which no point moves", "nothing that moves here knows {name}; leave it out"),
+    "still": Refused("values of fluids and sources of which nothing runs", "nothing of its {name} runs: {why}"),
     "load": Refused("loads that there are not", "there is no load; give the scene one"),
     "pin": Refused("anything but stiffness and damping of a soft pin", "is no soft pin with a derivative with respect to "
                    "{name!r}; soft pins have stiffness and damping"),

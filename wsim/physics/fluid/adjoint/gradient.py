@@ -8,7 +8,6 @@ from wsim.kernels.fluid.adjoint import sources as kernels
 from wsim.physics.fluid.adjoint.launches import AIR, ROWS
 from wsim.physics.fluid.grid.domain import LIVE
 from wsim.physics.fluid.measure import NAMES
-from wsim.scene import Problem, SceneError
 
 FIELDS = {"smoke": "smoke", "temperature": "heat"}
 SOURCE = {"smoke": kernels.SMOKE, "temperature": kernels.HEAT, "expansion": kernels.EXPANSION}
@@ -24,7 +23,8 @@ class FluidGradient:
         self.frames = [[tuple(array.numpy() for array in own) for own in frame] for frame in losses.frames[::-1]]
 
     def value(self, path: str, name: str, world: int = 0) -> Any:
-        """With respect to a value of a fluid or a source. Raises SceneError where there is no such one."""
+        """With respect to a value of a fluid or a source. Raises SceneError where there is no such one, or nothing of it runs."""
+        self.recorded.runs(path, name)
         if any(fluid.path == path for fluid, _ in self.method.pairs):
             return self.fluid(self.recorded.row(path, world), name)
         return self.source(path, name, world)
@@ -43,8 +43,6 @@ class FluidGradient:
                 by = self.states[arrays[NAMES[a]].ptr].reshape(layout.faces(a))
                 found[..., axis] = layout.unfaced(by, a).reshape(fluid.shape)
             return found
-        if FIELDS[name] not in arrays:
-            raise SceneError(Problem(fluid.path, f"has no {name} and no source of it; give it some at the start"))
         return np.asarray(self.states[arrays[FIELDS[name]].ptr]).reshape(fluid.shape)
 
     def air(self, k: int) -> np.ndarray:

@@ -108,13 +108,13 @@ class Domain:
         found[:self.layout.dim] = np.asarray(vector, np.float64)[list(self.layout.axes)]
         return found
 
-    def blow(self, wind: np.ndarray, gravity: np.ndarray, numbers: dict[str, float]) -> None:
-        """Uploads wind [m/s], gravity [m/s^2] and the live numbers of the fluid."""
-        rows = np.zeros((7, 3))
+    def blow(self, wind: np.ndarray, gravity: np.ndarray, numbers: dict[str, Any]) -> None:
+        """Uploads wind [m/s], gravity [m/s^2] and the live numbers of the fluid; side velocities where there are new ones."""
+        rows, walls = np.zeros((7, 3)), numbers.get("side_velocities", self.fluid.side_velocities)
         rows[0] = self.along(wind)
         for a, axis in enumerate(self.layout.axes):
             for side in (0, 1):
-                wall = self.fluid.side_velocities[2 * axis + side]
+                wall = walls[2 * axis + side]
                 rows[1 + 2 * a + side] = self.along(wind if self.fluid.sides[2 * axis + side] == "wind" else wall)
         live = np.zeros(NUMBERS)
         live[:3] = self.along(gravity)
