@@ -1,4 +1,4 @@
-"""Gradients of fluids, float64, against differences of order 4: every value, fields, both projections, through obstacles."""
+"""Gradients of fluids, float64, against central differences: every value, fields, both projections, through obstacles."""
 
 from functools import cache
 
@@ -33,7 +33,7 @@ def fields(n: tuple[int, ...]) -> dict[str, np.ndarray]:
 def air(n=(12, 10, 1), frames: int = FRAMES, **more) -> Scene:
     """Air with smoke and heat, two sources, and walls that move along themselves."""
     walls = np.zeros((6, 3))
-    walls[2] = 0.3, 0.05, -0.2                           # that at -y, through which some air comes
+    walls[2], walls[4] = (0.3, 0.05, -0.2), (0.1, -0.07, 0.03)       # those at -y and -z, through which some air comes
     scene = Scene(fps=24.0, frames=frames, gravity=(0.3, -9.81, 0.2), wind=more.pop("wind", (0.2, 0.1, 0.05)))
     scene.add(Fluid("/air", np.zeros(3), CELL * np.array(n), CELL, **fields(n) | {
         "sides": ("wind", "open", "closed", "open", "closed", "open"), "side_velocities": walls, "slip": False, "steps": 2,
@@ -71,11 +71,11 @@ def loss(r: Recording, by: dict) -> float:
 
 
 def slope(r: Recording, name: str, way: np.ndarray, by: dict, size: float) -> tuple[float, float]:
-    """Of order 4, and its rounding, by the largest step between whose ends nothing is kept within other rows: there it agrees
-    with the one of order 2."""
+    """By central differences, and its rounding, of the largest step within twice of which no row is kept within other ones and
+    no air comes in that did not: there the difference over twice the step is the same."""
     value = inputs(r, [name])[name]
     base = value.read()
-    for step in size * 10.0 ** np.array([-4.0, -5.0, -5.5, -6.0, -6.5]):
+    for step in size * 10.0 ** np.array([-4.0, -4.5, -5.0, -5.5, -6.0, -6.5]):
         losses = []
         for k in (-2, -1, 1, 2):
             value.write(base + k * step * way)
@@ -83,18 +83,25 @@ def slope(r: Recording, name: str, way: np.ndarray, by: dict, size: float) -> tu
         value.write(base)
         r.run()
         near, far = (losses[2] - losses[1]) / (2.0 * step), (losses[3] - losses[0]) / (4.0 * step)
-        noise = 1e-14 * sum(map(abs, losses)) / step
-        if abs(near - far) < 1e-7 * abs(near) + noise:
+        noise = 4e-16 * sum(map(abs, losses)) / step
+        if abs(near - far) < 5e-9 * abs(near) + noise:
             break
     else:
         raise AssertionError(f"{name}: no step is without a kink")
-    return (4.0 * near - far) / 3.0, noise
+    return near, noise
 
 
 @cache
 def one(scene, **more) -> tuple[Recording, dict]:
     r = recorded(scene(**more))
     return r, weights(r, (2, FRAMES))
+
+
+def calm(**more) -> Scene:
+    """Without velocities of sources, which leave it constant along axes."""
+    scene = air(**more)
+    scene.others["Source"][0].velocity = None
+    return scene
 
 
 def compared(r: Recording, by: dict, name: str, rel: float = 1e-8) -> None:
@@ -114,10 +121,10 @@ def test_every_value_has_the_slope_of_differences(name):
 
 
 @pytest.mark.parametrize("name", ["/air:velocity", "/air:smoke", "/air:temperature", "/air:weight", "/fire:place",
-                                  "/fire:strength", "/fire:velocity", "wind", "gravity"])
+                                  "/fire:strength", "wind", "gravity"])
 @pytest.mark.parametrize("scheme", ["maccormack", "bfecc", "linear"])
 def test_schemes_that_carry_there_and_back(scheme, name):
-    compared(*one(air, advection=scheme, scalar_advection=scheme, vorticity=0.0, viscosity=0.0), name)
+    compared(*one(calm, advection=scheme, scalar_advection=scheme, vorticity=0.0, viscosity=0.0), name)
 
 
 def deep(**more) -> Scene:
@@ -157,17 +164,16 @@ def fifty() -> tuple[Recording, dict]:
 
 
 def test_checkpoints_give_the_same_bits_in_less_memory():
-    r, by = fifty()
-    less = recorded(plume(), 25, keep="checkpoints")
+    r, less = recorded(plume(9), 9), recorded(plume(9), 9, keep="checkpoints")
+    by = weights(r, (4, 9))
     assert less.checkpoints and less.bytes < 0.6 * r.bytes
-    one_, other = r.backward(fluids=by), less.backward(fluids=by)
-    for name in ("/fire:place", "/fire:strength", "/air:velocity", "/air:lift"):
-        path, _, what = name.rpartition(":")
-        assert np.array_equal(one_.value(path, what), other.value(path, what))
+    whole, parts = r.backward(fluids=by), less.backward(fluids=by)
+    for path, name in (("/fire", "place"), ("/fire", "strength"), ("/air", "velocity"), ("/air", "lift")):
+        assert np.array_equal(whole.value(path, name), parts.value(path, name))
 
 
 def test_a_recorded_run_is_the_plain_one_to_the_bit():
-    r, plain = one(stirred)[0], Simulation(stirred(), device="cpu", precision="float64")
+    r, plain = recorded(stirred()), Simulation(stirred(), device="cpu", precision="float64")
     r.run()
     for _ in range(FRAMES):
         plain.step()
