@@ -27,6 +27,7 @@ from wsim.simulation.measure.diagnose import judge
 from wsim.simulation.measure.exceeded import EXPLICIT
 from wsim.simulation.simulation import Simulation
 
+LEFT = 1e-6            # [m/s] that impulses of bodies may leave, from which a warning is due
 POOR = 1e-4            # residual of an implicit solve from which a warning is due
 
 
@@ -40,8 +41,8 @@ class Stretch:
 
 
 class Recording(Frames):
-    """So many frames of a simulation from where it stands now, forward by `run` and backward by `backward`. Every run begins
-    there; live parameters may change in between, but for what changes the number of substeps or the start.
+    """A recording of so many frames of a simulation from where it stands now, forward by `run` and backward by `backward`.
+    Every run begins there; live parameters may change in between, but for what changes the number of substeps or the start.
 
     keep   "all": memory for every frame; "checkpoints": for a segment, which runs twice; "auto": by bytes
     Raises SceneError where the simulation has no gradients, or a method of the scene has none.
@@ -114,7 +115,7 @@ class Recording(Frames):
 
     @property
     def shape(self) -> tuple:
-        """What of a simulation may not change after it was recorded."""
+        """Part of a simulation that may not change after it was recorded."""
         clock, stride = self.plan.clock, self.plan.find("stride")
         return (clock.substeps, clock.integrator.name, stride() if stride else 0,
                 *(array.ptr for array in self.parameters.targets()))
@@ -185,7 +186,7 @@ class Recording(Frames):
             self.apart = apart(self)
 
     def misses(self) -> list[wp.array]:
-        """What the worst forward and the worst adjoint solve of implicit steps have left."""
+        """Residuals that the worst forward and the worst adjoint solve of implicit steps have left."""
         adjoint = self.plan.find("adjoint")
         return [adjoint.missed, adjoint.left] if adjoint else []
 
@@ -198,6 +199,8 @@ class Recording(Frames):
 
     def forward(self, frame: int, part: int) -> None:
         stretch = self.stretches[self.key(frame, part)]
+        if stretch.tape.eager:
+            return stretch.tape.forward()
         if stretch.forward is None:
             stretch.forward = self.graph(stretch.tape.forward)
         wp.capture_launch(stretch.forward)
@@ -248,7 +251,7 @@ class Recording(Frames):
         return Gradient(self.parameters, states, targets[::-1], motions[::-1], seeds)
 
     def look(self, seeds: Seeds) -> None:
-        """What implicit solves have left, in `residuals`: gradients are as right as those are small."""
+        """Writes what implicit solves have left into `residuals`: gradients are as right as those are small."""
         self.residuals = dict(zip(("forward", "adjoint"), [float(a.numpy()[0]) for a in self.misses()], strict=False))
         if seeds.fluids:
             self.residuals["pressure adjoint"] = seeds.fluids.worst
@@ -256,6 +259,9 @@ class Recording(Frames):
             if not value < POOR:
                 self.warn(f"/: gradients: the worst {name} solve has left {value:.1e} of its right side; they are no better "
                           "than that. Take smaller substeps")
+        if self.bodies and self.bodies.left > LEFT:
+            self.warn(f"/: gradients: contacts and joints of bodies were solved to {self.bodies.left:.1e} m/s; they are no better "
+                      "than that. Take smaller substeps, and a smaller contact_tolerance in float64")
         if said := self.growth.check(self.start, self.sim.scene.fps, self.sim.precision):
             self.warn(said)
 
@@ -279,6 +285,8 @@ class Recording(Frames):
 
     def reverse(self, frame: int, part: int) -> None:
         stretch = self.stretches[self.key(frame, part)]
+        if stretch.tape.eager:
+            return stretch.tape.backward()
         if stretch.backward is None:
             stretch.backward = self.graph(stretch.tape.backward)
         wp.capture_launch(stretch.backward)

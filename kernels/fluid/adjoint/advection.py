@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.fluid.adjoint.grid import spreads
-from wsim.kernels.fluid.advection import backtrace, left
+from wsim.kernels.fluid.advection import left
 from wsim.kernels.fluid.grid import functions, structs
 from wsim.kernels.math.real import types
 
@@ -31,7 +31,8 @@ def tables(real):
 
 @cache
 def ways(dim: int, third: bool, real) -> SimpleNamespace:
-    """rows(g, axis) -> shape; back(g, u, x, h, v, u_out): spreads the cotangent v of X [1 / cells]."""
+    """rows(g, axis) -> shape; trace(g, u, x, h) -> X, as `wsim.kernels.fluid.advection.backtrace`; back(g, u, x, h, v, u_out):
+    spreads the cotangent v of X [1 / cells]."""
     t, S, f, s = types(real), structs(real), functions(dim, real), spreads(dim, real)
 
     @wp.func
@@ -40,6 +41,16 @@ def ways(dim: int, third: bool, real) -> SimpleNamespace:
         if axis >= 0:
             shape = f.faces(g, axis)
         return shape
+
+    @wp.func
+    def trace(g: S.Grid, u: S.Faces, x: t.vec3, h: real):
+        w = h / g.dx
+        k1 = f.velocity(g, u, x)
+        k2 = f.velocity(g, u, x - (real(0.5) * w) * k1)
+        if wp.static(third):
+            k3 = f.velocity(g, u, x - (real(0.75) * w) * k2)
+            return x - w * (real(2.0 / 9.0) * k1 + real(3.0 / 9.0) * k2 + real(4.0 / 9.0) * k3)
+        return x - w * k2
 
     @wp.func
     def back(g: S.Grid, u: S.Faces, x: t.vec3, h: real, v: t.vec3, u_out: S.Faces):
@@ -58,14 +69,14 @@ def ways(dim: int, third: bool, real) -> SimpleNamespace:
             by1 = -half * s.velocity(g, u, x1, by1, u_out)
         s.velocity(g, u, x, by1, u_out)
 
-    return SimpleNamespace(rows=rows, back=back)
+    return SimpleNamespace(rows=rows, trace=trace, back=back)
 
 
 @cache
 def advect(dim: int, cubic: bool, clamped: bool, third: bool, real, module):
     """Kernel over rows: adds to the cotangents u_out and q_out; lost_out: of air from outside."""
     t, S, Carried, f = types(real), structs(real), tables(real), functions(dim, real)
-    s, way, trace, gone = spreads(dim, real), ways(dim, third, real), backtrace(dim, real, third), left(real)
+    s, way, gone = spreads(dim, real), ways(dim, third, real), left(real)
 
     @wp.func
     def handed(carried: Carried, shape: wp.vec3i, periodic: wp.vec3i, at: t.vec3, v: real, q_out: wp.array(dtype=real)):
@@ -95,7 +106,7 @@ def advect(dim: int, cubic: bool, clamped: bool, third: bool, real, module):
             o = f.offset(carried.axis)
             i = f.place(c, shape)
             x = t.vec3(real(i[0]), real(i[1]), real(i[2])) + o
-            X = trace(g, u, x, h)
+            X = way.trace(g, u, x, h)
             if gone(g, X):
                 lost = v
             else:
@@ -113,7 +124,7 @@ def correct(dim: int, bfecc: bool, real, module):
     """Kernel over rows: of a correction of p by (q - turned) / 2, kept within the rows around X: adds to p_out, q_out and
     turned_out. bfecc: p alone is kept."""
     t, S, Carried, f = types(real), structs(real), tables(real), functions(dim, real)
-    s, way, trace, gone = spreads(dim, real), ways(dim, False, real), backtrace(dim, real), left(real)
+    s, way, gone = spreads(dim, real), ways(dim, False, real), left(real)
 
     @wp.struct
     class Corrected:
@@ -127,7 +138,7 @@ def correct(dim: int, bfecc: bool, real, module):
         shape = way.rows(g, carried.axis)
         o = f.offset(carried.axis)
         i = f.place(c, shape)
-        X = trace(g, u, t.vec3(real(i[0]), real(i[1]), real(i[2])) + o, carried.part * clock[0])
+        X = way.trace(g, u, t.vec3(real(i[0]), real(i[1]), real(i[2])) + o, carried.part * clock[0])
         value = now.p[c]
         own = v
         half = real(0.0)

@@ -27,7 +27,7 @@ class Covered:
 
     @property
     def tests(self) -> dict[str, str]:
-        """By solver."""
+        """Tests by solver."""
         return {name: test for name in ("explicit", "xpbd", "implicit", "rigid") if (test := getattr(self, name))}
 
     def names(self) -> list[tuple[str, str]]:
@@ -154,10 +154,21 @@ REFUSED: dict[str, Refused] = {
                            "> 0"),
     "touched": Refused("contacts without a collider", "there is no collider, so that nothing touches"),
     "actuation": Refused("muscles that there are not", "no net has muscles; give one an actuation"),
-    "impulses": Refused("contacts and friction of rigid bodies", "can meet {other}, and impulses of contact have no "
-                        "derivative: a recording takes bodies that meet nothing; switch their collisions off "
-                        "(physics:collisionEnabled, Collider.meets), or take that out"),
-    "joints": Refused("joints of rigid bodies", "is a joint, whose impulses have no derivative yet; take it out"),
+    "impulses": Refused("contacts of rigid bodies after a number of sweeps", "can meet {other}, and impulses after a number of "
+                        "sweeps have no derivative: give the scene a contact_tolerance (wsim:contactTolerance), 1e-10 m/s in "
+                        "float64, or switch collisions off (physics:collisionEnabled, Collider.meets)"),
+    "held": Refused("contacts of rigid bodies beside joints", "can meet {other} where there are joints, and such contacts are not "
+                    "solved to a residual: no derivative; switch collisions off (physics:collisionEnabled, Collider.meets)"),
+    "meshes": Refused("contacts of rigid bodies with triangle meshes", "is a mesh of triangles that rigid bodies meet, which has "
+                      "no derivative; put convex shapes in its place (physics:approximation)"),
+    "points": Refused("contacts of rigid bodies with cloth, springs and soft bodies", "can meet {other}, and contacts of bodies "
+                      "and points have no derivative; switch its collisions off (physics:collisionEnabled, Collider.meets)"),
+    "sleep": Refused("bodies that may fall asleep", "may fall asleep in contact, which has no derivative; give the scene a "
+                     "sleep_speed (wsim:sleepSpeed) of 0"),
+    "driven": Refused("drives that push a joint against its limit", "its drive pushes it against a limit, which has no "
+                      "derivative; widen the limit, or take the drive out"),
+    "features": Refused("manifolds that change with the smallest motion", "touches by other features when it is moved by a ten "
+                        "thousandth of its size, and has no derivative of one side; move it, or another shape, a little"),
     "idle": Refused("air in which no point moves", "nothing that moves here knows {name}; leave it out"),
     "still": Refused("values of fluids and sources of which nothing runs", "nothing of its {name} runs: {why}"),
     "load": Refused("loads that there are not", "there is no load; give the scene one"),
@@ -209,7 +220,7 @@ def lines() -> list[tuple[str, str, str]]:
 
 
 def summary() -> dict[str, str]:
-    """What is covered, in a sentence a kind: of documents."""
+    """Text of what is covered, in a sentence a kind: of documents."""
     by: dict[str, list[str]] = {}
     for owner, name in (pair for row in COVERED for pair in row.names()):
         by.setdefault(owner, []).append(name)

@@ -91,6 +91,12 @@ VALUES: list[Value] = [
     *(Value("Body", name, "1/s", fit=LOG, gradient="body") for name in ("drag", "spin_drag")),
     Value("Body", "mass", "kg", POSITIVE, fit=LOG, gradient="body"),
     Value("Body", "inertia", "kg m^2", POSITIVE, "vector", gradient="body"),
+    *(Value("Body", f"{kind}_friction", "1", live=True, fit=LOG, gradient="body" if kind == "dynamic" else "",
+            why="" if kind == "dynamic" else "it decides whether a point sticks, and no more; take dynamic_friction")
+      for kind in ("static", "dynamic")),
+    Value("Body", "restitution", "1", Range(high=1.0, closed=True), fit=Theta("bounded", 0.0, 1.0), gradient="body"),
+    *(Value("Joint", name, unit, fit=LOG, gradient="body") for name, unit in (("stiffness", "N/m"), ("damping", "N s/m"))),
+    Value("Joint", "target", "m", ANY, fit=PLAIN, gradient="body"),
     Value("Body", "density", "kg/m^3", POSITIVE, live=False, why=f"{FIXED}; take mass"),
 
     *(Value("Fluid", name, unit, ANY, usd=Usd(DOMAIN, f"wsim:fluid:{name}"), fit=Theta("plain", high=high), gradient="fluid")
@@ -161,7 +167,7 @@ def varying(owner: str) -> list[str]:
 
 
 def stiffens(name: str) -> bool:
-    """Whether explicit steps are bounded by a value of that name."""
+    """True if explicit steps are bounded by a value of that name."""
     return any(row.stiffens for row in VALUES if row.name == name)
 
 

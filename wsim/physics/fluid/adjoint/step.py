@@ -142,7 +142,7 @@ class DomainAdjoint:
         if domain.swirling:
             for a, transport in enumerate(domain.carry):
                 transport.carry(u, getattr(q, AXES[a]), domain.clock, part, getattr(self.ahead, AXES[a]))
-        if domain.pushed:
+        if domain.lifts or domain.swirling:
             self.forces.back(by, part, scalars, self.by_scalars, self.ahead)
 
     def _carried(self, u: Any, q: Any, by: Any, part: float, u_out: Any, q_out: Any) -> None:

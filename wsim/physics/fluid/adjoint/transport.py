@@ -44,13 +44,16 @@ class TransportAdjoint:
         run, t, n = self.launches, self.transport, q.size
         grid, clock, real = run.domain.grid, run.domain.clock, run.real
         ahead, turned, by_ahead, by_turned = (a[:n] for a in (self.ahead, self.turned, self.by_ahead, self.by_turned))
-        run.over(t.advect, n, [grid, u, q, clock, real(part)], [ahead])
-        run.over(t.advect, n, [grid, u, ahead, clock, real(-part)], [turned])
+
+        def advect(q: wp.array, part: float, out: wp.array) -> None:
+            run.over(t.advect, n, [grid, u, q, t.lifting, clock, real(part)], [out])
+        advect(q, part, ahead)
+        advect(ahead, -part, turned)
         p, middle = ahead, t.scheme == "bfecc"
         if middle:
             run.over(t.compensate, n, [q, turned], [turned])
             p = t.work["r"][:n]
-            run.over(t.advect, n, [grid, u, turned, clock, real(part)], [p])
+            advect(turned, part, p)
         now = run.struct(self.Corrected, p=p, turned=turned)
         run.over(self.correct, n, [grid, u, self._carried(q, by, part), now, clock], [by_ahead, q_out, by_turned])
         if middle:
