@@ -152,8 +152,19 @@ class Source(Compared):
         """Where its frame begins, world (3,) [m]."""
         return self.motion.values[0, :3, 3].copy()
 
-    def placed(self, place) -> "Source":
-        """This source, all of whose motion is shifted so that it begins at a place [m]."""
-        values = self.motion.values.copy()
-        values[:, :3, 3] += np.asarray(place, np.float64) - self.place
-        return replace(self, motion=Motion(self.motion.times, values))
+    def taken(self, name: str):
+        """A value of the table (`wsim.scene.values.table`): strength is the values of its keys, (keys,); velocity may be None."""
+        return self.strength.values if name == "strength" else getattr(self, name)
+
+    def given(self, name: str, value) -> "Source":
+        """A copy with another value. place: all of its motion is shifted so that it begins there. strength: one number in the
+        place of the mean of the keys, which keep their proportions."""
+        if name == "place":
+            values = self.motion.values.copy()
+            values[:, :3, 3] += np.asarray(value, np.float64) - self.place
+            return replace(self, motion=Motion(self.motion.times, values))
+        if name == "strength":
+            now = self.strength.values
+            each = now * (float(value) / float(now.mean())) if len(now) > 1 else np.array([float(value)])
+            return replace(self, strength=Curve(self.strength.times, each))
+        return replace(self, **{name: value})
