@@ -96,6 +96,10 @@ class Pressure:
         """The pressure p that takes the divergence off u."""
         self.threads.over(self.divergence, self.layout.cells, [self.grid, u, self.open, self.solid, self.expansion,
                                                                  self.multigrid.grids[0].table], [self.r])
+        self.find()
+
+    def find(self) -> None:
+        """The pressure p of the right-hand side r, which becomes what is left of it."""
         self._level()
         self.p.zero_()
         self.solver.sum(self.r, self.r)
