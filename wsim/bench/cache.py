@@ -26,7 +26,7 @@ NAMES = {"path", "skins", "source", "notes", "variants", "target", "start", "up"
 
 
 def folder() -> Path:
-    """Where this user's reports are: the system's place for caches. Raises OSError where there is no home folder."""
+    """Folder of this user's reports: the system's place for caches. Raises OSError where there is no home folder."""
     named = os.environ.get("XDG_CACHE_HOME", "")
     try:
         home = Path.home()

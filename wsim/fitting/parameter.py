@@ -58,7 +58,7 @@ class Parameter:
     axis: int | None = None      # of a vector
 
     def rows(self, scene: Scene) -> list[tuple[Value, Any]]:
-        """What has it in a scene, each with its row of the table."""
+        """Objects of a scene that have the parameter, each with its row of the table."""
         found: list[tuple[Value, Any]] = []
         for row in (r for r in rows() if r.name == self.what):
             if row.owner == "Scene":
@@ -68,7 +68,7 @@ class Parameter:
         return found
 
     def value(self, scene: Scene) -> float | None:
-        """Its present value, of several bodies the mean; None where nothing has it."""
+        """Present value of the parameter, of several bodies the mean; None where nothing has it."""
         found = [_get(row, thing, self.axis) for row, thing in self.rows(scene)]
         if not found:
             return None
@@ -97,6 +97,8 @@ class Parameter:
                 found.append((thing.path, self.what, np.asarray(thing.stiffness, np.float64)))
             elif isinstance(thing, Load):
                 found.append((thing.path, self.what, thing.curve.values[0]))
+            elif row.form == "factor":
+                found.append((thing.path, self.what, thing.taken(self.what)))
             elif row.form == "vector":
                 found.append((thing.path, self.what, getattr(thing, self.what)))
             else:
@@ -114,6 +116,8 @@ def _has(row: Value, thing, scene: Scene) -> bool:
         return False
     if isinstance(thing, Cloth) and painted(thing, row.name.partition("_")[0]):
         return False                                     # a map of faces, not one number
+    if hasattr(thing, "taken") and thing.taken(row.name) is None and row.name != "mass":
+        return False                                     # no drive, or no collider
     return not any(NEEDS[need](thing, row.name, scene) for need in ("membrane", "finite") if need in row.needs)
 
 
@@ -124,10 +128,10 @@ def _get(row: Value, thing, axis: int | None) -> float:
         return float(thing.curve.values[0, axis or 0])
     if isinstance(thing, Springs) and row.name == "mass":
         return float(np.broadcast_to(thing.masses, len(thing.points)).astype(np.float64).sum())
-    value = getattr(holder(thing, row.name), row.name)
     if row.owner == "Body" and row.name == "mass":
         from wsim.physics.rigid.mass import inertia
         return inertia(thing).mass
+    value = thing.taken(row.name) if hasattr(thing, "taken") else getattr(holder(thing, row.name), row.name)
     return float(value[axis]) if axis is not None else float(np.mean(np.asarray(value, np.float64)))
 
 
@@ -141,6 +145,8 @@ def _put(row: Value, thing, value: float, axis: int | None = None):
         new = {"stretch": {"stretch": value, "weft": m.weft * (value / m.stretch)}, "stretch_weft": {"weft": value},
                "stretch_warp": {"stretch": value, "weft": m.weft or m.stretch}}[row.name]
         return replace(thing, material=replace(m, **new))
+    if hasattr(thing, "given"):
+        return thing.given(row.name, value if axis is None else np.array(_with(thing.taken(row.name), axis, value)))
     if holder(thing, row.name) is not thing and not isinstance(thing, Springs):
         return replace(thing, material=replace(thing.material, **{row.name: value}))
     if not isinstance(thing, Springs):
@@ -188,7 +194,7 @@ def parameters(asked: str | Iterable[str], scenes: list[Scene], start: dict[str,
 def _named(name: str, scenes: list[Scene], fail: Callable[[Problem], None]) -> list[Parameter]:
     path, _, what = name.rpartition(":")
     axes: list[int | None] = [None]
-    vectors = [row.name for row in rows() if row.form != "number"]
+    vectors = [row.name for row in rows() if row.form not in ("number", "factor")]
     stem, _, axis = what.rpartition("_")
     if stem in vectors and axis in AXES:
         what, axes = stem, [AXES.index(axis)]

@@ -30,14 +30,15 @@ from wsim.geometry.rotation import (
 
 
 def nlerp(p: np.ndarray, q: np.ndarray, s) -> np.ndarray:
-    """From p (..., 4) to q the short way, fraction s; no rotation where they are opposite (half a turn apart) and s is 1/2."""
+    """Rotations from p (..., 4) to q the short way, fraction s; no rotation where they are opposite (half a turn apart) and s
+    is 1/2."""
     p, q, s = np.asarray(p, np.float64), np.asarray(q, np.float64), np.asarray(s, np.float64)[..., None]
     near = np.where((p * q).sum(-1, keepdims=True) < 0.0, -q, q)
     return normalized(p + s * (near - p))
 
 
 def squad(q0: np.ndarray, a: np.ndarray, b: np.ndarray, q1: np.ndarray, s) -> np.ndarray:
-    """From q0 to q1 (..., 4), inner quaternions a and b, fraction s of the time."""
+    """Rotations from q0 to q1 (..., 4), inner quaternions a and b, fraction s of the time."""
     s = np.asarray(s, np.float64)
     return slerp(slerp(q0, q1, s), slerp(a, b, s), 2.0 * s * (1.0 - s))
 

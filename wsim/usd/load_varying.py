@@ -25,7 +25,7 @@ CURVES = ("wsim:reaction", "wsim:fluid:strength", *(row.usd.attribute for row in
 
 
 def steady(reading: Reading, prim: Usd.Prim, *names: str) -> bool:
-    """Whether attributes that say what is joined to what are the same at all times; one that is not is an error."""
+    """True if attributes that say what is joined to what are the same at all times; one that is not is an error."""
     for name in names:
         attribute = prim.GetAttribute(name)
         codes = attribute.GetTimeSamples() if attribute else []
@@ -38,12 +38,12 @@ def steady(reading: Reading, prim: Usd.Prim, *names: str) -> bool:
 
 
 def sampled(attribute: Usd.Attribute) -> bool:
-    """Whether a value may differ from time to time."""
+    """True if a value may differ from time to time."""
     return bool(attribute) and attribute.HasAuthoredValue() and attribute.ValueMightBeTimeVarying()
 
 
 def attributes_of(prim: Usd.Prim | None) -> list[Usd.Attribute]:
-    """What wsim reads of a prim that says nothing but values: a material, a PhysicsScene."""
+    """Attributes that wsim reads of a prim that says nothing but values: a material, a PhysicsScene."""
     return [] if prim is None else [a for a in prim.GetAuthoredAttributes() if a.GetName().startswith(OWN)]
 
 

@@ -28,7 +28,7 @@ from wsim.kernels.math.real import types
 def passes(dim: int, fractions: bool, real) -> SimpleNamespace:
     """Functions: coloured(c, color, n) -> place of cell c of half of them, whose last axis may be n: none. fresh, swept, risen
     -> x of a cell; residual(level, coarse cell, halved, b, x) -> b of a coarse cell."""
-    t, Level, s = types(real), levels(real), stencil(dim, fractions, real)
+    Level, s = levels(real), stencil(dim, fractions, real)
 
     @wp.func
     def coloured(c: int, color: int, n: wp.vec3i):
@@ -118,8 +118,8 @@ def passes(dim: int, fractions: bool, real) -> SimpleNamespace:
                         sum += b[flat(here, level.n)] - s.product(level, x, here)
         return sum
 
-    return SimpleNamespace(coloured=coloured, fresh=fresh, begun=begun, swept=swept, risen=risen, residual=residual, diagonal=s.diagonal,
-                           name=s.name)
+    return SimpleNamespace(coloured=coloured, fresh=fresh, begun=begun, swept=swept, risen=risen, residual=residual,
+                           diagonal=s.diagonal, name=s.name)
 
 
 @cache

@@ -52,7 +52,7 @@ class Kind:
 
 
 def kinds() -> list[Kind]:
-    """What the table of values says of each element, by name."""
+    """Rows of the table of values of each element, by name."""
     found: dict[str, Kind] = {}
     for row in table.VALUES:
         if row.each:
@@ -92,7 +92,7 @@ class ParameterField:
     # values
 
     def values(self, sim: Simulation, last: int) -> np.ndarray:
-        """What the scene has, (n, c); last: frame of the last observation."""
+        """Values of the scene, (n, c); last: frame of the last observation."""
         thing, what = self.thing(sim.given), self.kind.name
         if what == "motion":
             return np.zeros((last, 3))
@@ -120,7 +120,7 @@ class ParameterField:
         return found[0].ids, found[0].stiffness[self.kind.name]
 
     def belief_at(self, sim: Simulation, theta: np.ndarray) -> Belief:
-        """What is believed before anything was seen, about theta (n, c)."""
+        """Prior of theta (n, c), before anything was seen."""
         return Belief(self.pairs(sim, len(theta)), self.belief, self.near, theta.copy())
 
     def pairs(self, sim: Simulation, count: int) -> np.ndarray:

@@ -102,7 +102,7 @@ class Muscles(Method):
         return self.sites[-1].rest
 
     def site(self, rows: list[Constraints], length: wp.array, entry: np.ndarray) -> _Site:
-        """Of such a table; one that `join` has taken is found again."""
+        """Site of such a table; one that `join` has taken is found again."""
         known = next((s for s in self.sites if s.length.ptr == length.ptr), None)
         return known or _Site(self.model, length, np.where(entry < 0, self.groups, self.columns(rows)[entry]), self.groups)
 
@@ -127,7 +127,7 @@ class Muscles(Method):
                                np.full(len(r.ids), self.groups) for r in rows])
 
     def stage(self, springs: int) -> None:
-        """For solvers whose forces of a substep are at one time."""
+        """Stage for solvers whose forces of a substep are at one time."""
         size = np.dtype(self.model.dtype).itemsize
 
         def act(clock: Clock) -> None:
@@ -147,7 +147,7 @@ class Muscles(Method):
             self.shorten(s, self.factor, row)
 
     def take(self, row: int) -> None:
-        """From the derivatives by the lengths that `put` has left."""
+        """Takes the derivatives with respect to the lengths that `put` has left."""
         for s in self.sites:
             s.adjoint.hand(self.launch, self.factor, row)
 
@@ -156,7 +156,7 @@ class Muscles(Method):
         self.launch(self.contract, s.length.size, [s.column, s.rest, factor, row], [s.length])
 
     def launch(self, kernel, dim: int, inputs: list, outputs: list) -> None:
-        """Not by the model, whose tape would give lengths in structs another version."""
+        """Launches a kernel, not by the model, whose tape would give lengths in structs another version."""
         how: dict = {"block_dim": self.model.block} if self.model.device.is_cuda else {}
         wp.launch(kernel, dim, inputs, outputs, device=self.model.device, **how)
 
@@ -186,7 +186,7 @@ class Muscles(Method):
         return self.keyed(self.factor, self.times)
 
     def keyed(self, factor: wp.array, times) -> list[np.ndarray]:
-        """As `by_keys`, of a table whose rows are at these times [s]."""
+        """Gradient as `by_keys` has it, of a table whose rows are at these times [s]."""
         by = factor.grad.numpy().astype(np.float64)
         factor.grad.zero_()
         return [m.curve.pulled(times, by[:, m.columns])["values"] for m in self.muscles]
@@ -205,7 +205,7 @@ class Muscles(Method):
         return [r if r.row.gather != SPRINGS else replace(r, rest=r.rest * factor[self.columns([r])]) for r in rows]
 
     def factors(self, time: float | None = None) -> np.ndarray:
-        """Of each column, as `present`."""
+        """Factors of each column, as `present`."""
         found = np.ones(self.groups + 1)
         for m in self.muscles:
             found[m.columns] = m.curve.at(self.time + self.clock.dt if time is None else time)

@@ -97,7 +97,7 @@ class Loads(Method):
                               device=self.model.device, requires_grad=self.model.gradients)
 
     def stage(self) -> None:
-        """For solvers whose forces of a substep are at one time."""
+        """Stage for solvers whose forces of a substep are at one time."""
         def act(clock: Clock) -> None:
             self.act(clock.k)
         size = len(self.point) * 40 + self.entries.load.size * 16
@@ -114,7 +114,7 @@ class Loads(Method):
         self.launch(self.bear, len(self.point), [self.entries, self.own, self.value, row], [self.gravity])
 
     def launch(self, kernel, dim: int, inputs: list, outputs: list) -> None:
-        """Not by the model, whose tape would give gravity, which stands in structs, another version."""
+        """Launches a kernel, not by the model, whose tape would give gravity, which stands in structs, another version."""
         how: dict = {"block_dim": self.model.block} if self.model.device.is_cuda else {}
         wp.launch(kernel, dim, inputs, outputs, device=self.model.device, **how)
 

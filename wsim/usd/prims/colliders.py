@@ -240,7 +240,7 @@ def author_collider(stage: Usd.Stage, collider: Collider, material: str, units: 
 
 
 def surface(collider: Collider) -> tuple[float, ...]:
-    """What its material says: friction (static, dynamic) and, where it throws back, restitution."""
+    """Values of a collider's material: friction (static, dynamic) and, where it throws back, restitution."""
     return collider.static_friction, collider.dynamic_friction, *[collider.restitution] * bool(collider.restitution)
 
 

@@ -62,7 +62,7 @@ class Placement:
 
 
 def placement(reading: Reading, prim: Usd.Prim) -> Placement:
-    """Where a prim is, at its keys. Raises SceneError where an op of it, or of one above, is of another type than its name."""
+    """Motion of a prim, at its keys. Raises SceneError where an op of it, or of one above, is of another type than its name."""
     try:
         exact = _noted(reading, prim)
         if exact is not None:

@@ -31,7 +31,7 @@ def keys(motion: Motion) -> tuple[np.ndarray, ...]:
 
 
 class Poses:
-    """Of the rows of a table (`wsim.kernels.contact.project.tables`), whose four columns it owns."""
+    """Poses of the rows of a table (`wsim.kernels.contact.project.tables`), whose four columns it owns."""
 
     few: np.ndarray                      # distinct colliders that the host evaluates before each frame
     many: np.ndarray                     # and the device: by linear keys
@@ -55,7 +55,8 @@ class Poses:
             (substeps + 1, (7,)), (substeps, (7,)), (substeps, (4,)), (substeps, ())))
 
     def place(self, time: float, dt: float, gap: np.ndarray, changed: bool) -> None:
-        """Of the frame of dt [s] that starts at `time` [s]. gap: distance that rows keep [m]; changed: since the last frame."""
+        """Places the rows in the frame of dt [s] that starts at `time` [s]. gap: distance that rows keep [m]; changed: since
+        the last frame."""
         rows = self.rows
         if len(rows.collider) == 0:
             return
