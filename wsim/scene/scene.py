@@ -12,6 +12,7 @@ where they are given or authored so, as most of USD is, else float64. A save fol
 
 from dataclasses import dataclass, field, replace
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -28,14 +29,14 @@ __all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylin
 class Pin(Compared):
     """Points of a body held to a frame, still or animated (USD: PhysicsAttachment, point to xform).
 
-    path        prim path
-    body        prim path of the cloth, spring net or soft body
+    path, body  prim paths: its own, and that of the cloth, spring net or soft body
     points      indices of its points, (k,), in the author's order, counted from 0
     target      prim path of the Xform that holds them; "": an Xform beside the pin
     motion      the target's frame to world over time, rigid, lengths [m]
     places      where they are held, (k, 3) [m] in the target's frame; None: where the points start
     stiffness   [N/m]; inf: hard, the points follow exactly
     damping     [N s/m], of a soft pin
+    follows     a `Follow`, places on a mesh that joints move, instead of motion and places
     """
 
     path: str
@@ -46,6 +47,7 @@ class Pin(Compared):
     places: np.ndarray | None = None
     stiffness: float = inf
     damping: float = 0.0
+    follows: Any = None
 
     def __post_init__(self):
         self.points = array(list(self.points) if isinstance(self.points, range) else self.points, np.int32, -1)
@@ -56,8 +58,7 @@ class Pin(Compared):
 class Tie(Compared):
     """Points that a body shares with a soft body (USD: PhysicsAttachment, point to point): a cloth laid on it, say.
 
-    path        prim path
-    body        prim path of a cloth, spring net or soft body
+    path, body  prim paths: its own, and that of a cloth, spring net or soft body
     points      indices of its points, (k,)
     other       prim path of a soft body; its points are where the shared ones are
     others      indices of the points of `other`, (k,), in the same order
@@ -78,8 +79,7 @@ class Load(Compared):
     """A force on points of a body, or a traction on triangles of a cloth or of the surface of a soft body, over time. A dead
     load: it keeps its direction in the world, whatever the body does (`Soft.pressure` turns with the surface).
 
-    path        prim path
-    body        prim path of the cloth, spring net or soft body
+    path, body  prim paths: its own, and that of the cloth, spring net or soft body
     curve       force [N] or traction [Pa], world, values (keys, 3), linear between keys
     points      of a force: indices of the points, (k,)
     weights     of a force: share of it that each point bears, (k,) [1]; None: 1/k, so that it is their sum
@@ -267,8 +267,8 @@ class Scene(Compared):
 
     def single(self) -> "Scene":
         """Doubles rounded to float32, for a run in float32: rest lengths are then those of the points that it begins with."""
-        names = ("cloths", "springs", "softs", "pins")
-        return replace(self, **{name: [single(thing) for thing in getattr(self, name)] for name in names})  # type: ignore
+        own = {name: [single(thing) for thing in getattr(self, name)] for name in ("cloths", "springs", "softs", "pins")}
+        return replace(self, **own)  # type: ignore[arg-type]
 
     def bodies(self) -> list[Cloth | Springs | Soft]:
         """Everything that has points that move, in the order of the state's arrays."""

@@ -38,6 +38,7 @@ WSIM_SCENE, WSIM_CLOTH, WSIM_MATERIAL = table.AIR, table.FLAT, table.OWN
 WSIM_SPRINGS, WSIM_COLLIDER, WSIM_SOFT = "WsimSpringsAPI", "WsimColliderAPI", "WsimSoftAPI"
 WSIM_ATTACHMENT, WSIM_LOAD, WSIM_RIGID = "WsimAttachmentAPI", "WsimLoadAPI", "WsimRigidBodyAPI"
 WSIM_DOMAIN, WSIM_SOURCE = table.DOMAIN, table.SOURCE
+WSIM_SKELETON, WSIM_CORRECTIVE = "WsimSkeletonAPI", "WsimCorrectiveAPI"
 
 # Fallbacks of the proposal, in SI units; the schemas are not registered, so USD cannot supply them.
 YOUNGS_MODULUS = 1.0e6      # [Pa]
@@ -132,6 +133,11 @@ OTHERS = (
     Entry("RigidBody", "drag", WSIM_RIGID, "wsim:linearDamping", "double", "1/s"),
     Entry("RigidBody", "spin_drag", WSIM_RIGID, "wsim:angularDamping", "double", "1/s"),
 
+    Entry("Skeleton", "driven", WSIM_SKELETON, "wsim:skel:bodyJoints", "token[]", uniform=True),
+    Entry("Corrective", "joint", WSIM_CORRECTIVE, "wsim:corrective:joint", "token", uniform=True),
+    Entry("Corrective", "rotation", WSIM_CORRECTIVE, "wsim:corrective:rotation", "quatf", uniform=True),
+    Entry("Corrective", "width", WSIM_CORRECTIVE, "wsim:corrective:width", "float", uniform=True),
+
     Entry("Fluid", "sides", WSIM_DOMAIN, "wsim:fluid:sides", "token[]", uniform=True),
     Entry("Fluid", "side_velocities", WSIM_DOMAIN, "wsim:fluid:sideVelocities", "vector3d[]", "m/s", uniform=True),
     Entry("Fluid", "slip", WSIM_DOMAIN, "wsim:fluid:slip", "bool", uniform=True),
@@ -182,6 +188,7 @@ PER_ELEMENT = {v.name: v.unit for v in table.of("Cloth").values() if v.each and 
 SRC0, SRC1 = "physics:src0", "physics:src1"                     # relationships of an attachment
 STEPS_HINT = "newton:timeStepsPerSecond"                        # read where wsim:substeps is not authored
 INTO = "wsim:fluid:domain"                                       # relationship of WsimFluidSourceAPI: one domain; none: all
+DRIVERS = "wsim:skel:bodies"                                     # relationship of WsimSkeletonAPI: rigid bodies
 LOADED = "wsim:load:body"                                        # relationship of WsimLoadAPI: the body
 ORDER = "wsim:order"                                             # relationship of WsimSceneAPI: objects in their order
 

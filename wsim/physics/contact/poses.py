@@ -88,6 +88,10 @@ class Poses:
         for array, every, values in zip(columns, self.found, (pose, step, ball, stride), strict=True):
             every[:, own] = values
             array.assign(every.astype(self.dtype))
+        for k in number:
+            mesh = rows.meshes[k]
+            if mesh is not None and mesh.moves and "skin" in mesh.device:
+                mesh.device["skin"].widen(c, np.flatnonzero(rows.collider == k))
 
     def _evaluate(self, time: float, dt: float, gap: np.ndarray, changed: bool) -> None:
         """Of `many`, on the device."""

@@ -32,12 +32,19 @@ class _Pinned:
     def __init__(self, pin: Pin, body: Body):
         self.pin, self.body, self.motion = pin, body, pin.motion
         self.places, ends = held(body, pin.points)
+        self.follows, self.ends = pin.follows, ends
         self.part = len(pin.points) / len(self.places)       # of stiffness and damping: points between share them
         start = body.source.motion.points(body.source.points[pin.points], 0.0)
         self.locals = spread(pin.places if pin.places is not None else _local(pin.motion, start), ends)
 
+    @property
+    def moves(self) -> bool:
+        return self.motion.moves if self.follows is None else self.follows.moves
+
     def targets(self, time: float) -> np.ndarray:
         """Where its points belong at `time` [s], relative to the body's origin [m]."""
+        if self.follows is not None:
+            return spread(self.follows.over(np.array([time]))[0], self.ends) - self.body.origin
         return self.motion.points(self.locals, time) - self.body.origin
 
 
@@ -99,7 +106,7 @@ class Pins(Method):
     @property
     def moves(self) -> bool:
         """Whether any pin does."""
-        return any(p.motion.moves for g in self.groups.values() for p in g)
+        return any(p.moves for g in self.groups.values() for p in g)
 
     def meet(self, others: Methods) -> None:
         """Soft pins act within Newton steps, where there are some."""
@@ -168,6 +175,7 @@ class Pins(Method):
         if name != "motion" or not hit:
             return False
         for p in hit:
+            p.follows = None
             p.motion = value if isinstance(value, Motion) else Motion.still(value)
         self.changed = True
         return True
