@@ -7,7 +7,6 @@ where they are given or authored so, as most of USD is, else float64. A save fol
     scene = Scene(gravity=(0, -9.81, 0))
     flag = scene.cloth("/flag", *shapes.sheet(1.0, 1.0, 32, 32), material=Fabric(stretch=500.0))
     scene.pin("/pins", flag, points=range(33))
-    scene.sphere("/ball", 0.3, at=(0, -0.5, 0))
 """
 
 from dataclasses import dataclass, field, replace
@@ -29,7 +28,8 @@ __all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylin
 class Pin(Compared):
     """Points of a body held to a frame, still or animated (USD: PhysicsAttachment, point to xform).
 
-    path, body  prim paths: its own, and that of the cloth, spring net or soft body
+    path        prim path
+    body        prim path of the cloth, spring net or soft body
     points      indices of its points, (k,), in the author's order, counted from 0
     target      prim path of the Xform that holds them; "": an Xform beside the pin
     motion      the target's frame to world over time, rigid, lengths [m]
@@ -58,7 +58,8 @@ class Pin(Compared):
 class Tie(Compared):
     """Points that a body shares with a soft body (USD: PhysicsAttachment, point to point): a cloth laid on it, say.
 
-    path, body  prim paths: its own, and that of a cloth, spring net or soft body
+    path        prim path
+    body        prim path of a cloth, spring net or soft body
     points      indices of its points, (k,)
     other       prim path of a soft body; its points are where the shared ones are
     others      indices of the points of `other`, (k,), in the same order
@@ -76,10 +77,10 @@ class Tie(Compared):
 
 @dataclass(eq=False)
 class Load(Compared):
-    """A force on points of a body, or a traction on triangles of a cloth or of the surface of a soft body, over time. A dead
-    load: it keeps its direction in the world, whatever the body does (`Soft.pressure` turns with the surface).
+    """A force on points of a body, or a traction on triangles, over time; dead: its direction stays (`Soft.pressure` turns).
 
-    path, body  prim paths: its own, and that of the cloth, spring net or soft body
+    path        prim path
+    body        prim path of the cloth, spring net or soft body
     curve       force [N] or traction [Pa], world, values (keys, 3), linear between keys
     points      of a force: indices of the points, (k,)
     weights     of a force: share of it that each point bears, (k,) [1]; None: 1/k, so that it is their sum
@@ -234,8 +235,7 @@ class Scene(Compared):
         return self.softs[-1]
 
     def collider(self, path: str, shape: Shape, at=(0.0, 0.0, 0.0), **more) -> Collider:
-        """Adds a collider at a place `at` (3,) [m], or with motion=Motion(...); see `Collider` for the fields. A `Plane()` that
-        is placed by `at` is a floor: it faces the scene's `up`."""
+        """Adds a collider at a place `at` (3,) [m], or with motion=...; a `Plane()` placed `at` one is a floor facing `up`."""
         if "motion" not in more:
             shape, more["motion"] = solids.upright(shape, self.up), Motion.at_place(at)
         self.colliders.append(Collider(path, shape, **more))
