@@ -11,10 +11,11 @@ import warp as wp
 
 from wsim.kernels.animation import skeleton as kernels
 from wsim.model import kernel_cache
-from wsim.model.stage import Method, Methods
+from wsim.model.stage import Clock, Method, Methods
 from wsim.physics.animation import skinning
 from wsim.physics.animation.objects import Skeleton, Skinned
 from wsim.physics.animation.skin import Skin
+from wsim.scene.samples import Sample
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -108,15 +109,35 @@ class Bones(Method):
         self.skins: list[Skin] = []
         self.at: tuple | None = None
         self.A: Any = None
+        self.driven = [bones for bones in skeletons if bones.bodies]
+        self.now = 0.0                                   # [s] where the last frame ended
+        self.bodies: Any = None                          # the method of rigid bodies, where they drive joints
         self.offers = {"bones": self}
 
     def meet(self, others: Methods) -> None:
+        self.bodies = others.find("bodies")
         contacts = others.find("contacts")
         for mesh in contacts.meshes.values() if contacts else ():
             if isinstance(mesh.surface.poses, Skinned):
                 skin = Skin(self, mesh.surface.poses, mesh)
                 self.skins.append(skin)
                 mesh.device["skin"] = skin
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        self.now = time + clock.dt
+
+    def resumed(self, time: float) -> None:
+        self.now = time + 1.0 / self.model.scene.fps
+
+    def samples(self, world: int = 0) -> list[Sample]:
+        """Joints of skeletons that bodies drive."""
+        if not self.driven:
+            return []
+        from wsim.physics.animation.driven import sample
+        poses = self.bodies.poses()
+        moved = {body.path: poses[k] @ np.linalg.inv(body.motion.at(0.0))
+                 for k, (body, of) in enumerate(self.bodies.bodies) if of == world}
+        return [sample(bones, moved, self.now) for bones in self.driven]
 
     def transforms(self, times: np.ndarray) -> wp.array:
         """A of all joints at some times [s], (times, joints), in the precision of the run. Once a frame, for all meshes."""
