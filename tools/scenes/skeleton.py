@@ -27,10 +27,20 @@ def attached(name: str, body: str, points, target: str, places: tuple[np.ndarray
     return block("PhysicsAttachment", name, "\n".join(lines), comment=comment)
 
 
-def over(x: np.ndarray, triangles: np.ndarray, faces: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Face nearest to each place (k, 3) [m], of triangles (t, 3) that stand at the front of those faces, and (u, v, h) on it."""
-    chosen = np.array([skinning.nearest(x[triangles], place) for place in places])
+def over(x: np.ndarray, triangles: np.ndarray, faces: np.ndarray, places: np.ndarray, one=None) -> tuple[np.ndarray, np.ndarray]:
+    """Face nearest to each place (k, 3) [m], of triangles (t, 3) that stand at the front of those faces, and (u, v, h) on it.
+    one: a place (3,) to which the face of all is nearest."""
+    chosen = np.array([skinning.nearest(x[triangles], place if one is None else one) for place in places])
     return faces[chosen], skinning.coordinates(x[triangles[chosen]], places)
+
+
+def camera(at: tuple, turn: float, tilt: float, comment: str) -> str:
+    """A camera at a place [m], turned [degrees] about the vertical, then tilted."""
+    lines = ["float focalLength = 50", "float horizontalAperture = 36", "float verticalAperture = 20.25",
+             f"double3 xformOp:translate = ({', '.join(map(number, at))})", f"double xformOp:rotateY = {number(turn)}",
+             f"double xformOp:rotateX = {number(tilt)}",
+             'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY", "xformOp:rotateX"]']
+    return block("Camera", "Behind", "\n".join(lines), comment=comment)
 
 
 def man() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -50,11 +60,11 @@ def man() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def caped_man() -> str:
-    columns, rows, top, hem, middle = 14, 40, 1.05, 0.44, -0.018
+    columns, rows, top, hem, middle = 16, 40, 1.05, 0.42, -0.018
     points, counts, indices = shapes.sheet(1.0, 1.0, columns, rows)
     down = 0.5 - points[:, 1]                                          # 0 at the shoulders, 1 at the hem
     y = top - (top - hem) * down
-    place = np.stack([middle + points[:, 0] * (0.20 + 0.07 * down), y, -0.095 - 0.16 * down], axis=1)
+    place = np.stack([middle + points[:, 0] * (0.13 + 0.17 * down), y, -0.095 - 0.16 * down], axis=1)
     edge = np.arange(columns + 1)
     mesh = said("Collider", 1.0, thickness=0.005)
     for name in reversed(MAN.split("/")[:-1]):
@@ -69,10 +79,10 @@ def caped_man() -> str:
         material("leather", fabric("leather")), body,
         cloth("Cape", (place, counts, indices), "leather", (0.45, 0.08, 0.12), "It hangs behind the back where it starts; the "
               "legs reach it.", drag=1.2, lift=0.6),
-        attached("Shoulders", "/World/Cape", edge, f"/World/Man/{MAN}", over(*man(), place[edge]),
-                 "The upper edge keeps to faces of the skinned mesh: indices1 are faces, coords1 places on them (u, v, and the "
-                 "height above)."),
-        ground(),
+        attached("Shoulders", "/World/Cape", edge, f"/World/Man/{MAN}", over(*man(), place[edge], place[10]),
+                 "The upper edge keeps to a face of the skinned mesh, between the shoulders: indices1 are faces, coords1 places "
+                 "on them (u, v, and the height above)."),
+        ground(), camera((-1.9, 1.2, -3.6), 207.8, -6.3, "From behind, where the cape is."),
     ], frames=48)
 
 
@@ -150,7 +160,7 @@ def bone_cape() -> str:
               "A cone that opens in front and falls over the shoulders.", drag=1.2, lift=0.6),
         attached("Collar", "/World/Cape", edge, "/World/Dancer/Torso", held, "The upper edge keeps to the neck, which two bones "
                  "move."),
-        ground(),
+        ground(), camera((-1.3, 1.55, -2.3), 209.5, -15.0, "From behind, where the cape is."),
     ], frames=96)
 
 

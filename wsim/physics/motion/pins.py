@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -30,22 +30,33 @@ class _Pinned:
     """A pin of one world: its places in the arrays and its points in the target's frame."""
 
     def __init__(self, pin: Pin, body: Body):
-        self.pin, self.body, self.motion = pin, body, pin.motion
+        self.pin, self.body = pin, body
         self.places, ends = held(body, pin.points)
-        self.follows, self.ends = pin.follows, ends
+        self.ends = ends
         self.part = len(pin.points) / len(self.places)       # of stiffness and damping: points between share them
         start = body.source.motion.points(body.source.points[pin.points], 0.0)
+        self.motion: Any = pin.motion if pin.follows is None else Following(pin.follows, ends)
         self.locals = spread(pin.places if pin.places is not None else _local(pin.motion, start), ends)
-
-    @property
-    def moves(self) -> bool:
-        return self.motion.moves if self.follows is None else self.follows.moves
 
     def targets(self, time: float) -> np.ndarray:
         """Where its points belong at `time` [s], relative to the body's origin [m]."""
-        if self.follows is not None:
-            return spread(self.follows.over(np.array([time]))[0], self.ends) - self.body.origin
         return self.motion.points(self.locals, time) - self.body.origin
+
+
+class Following:
+    """Where a pin's points belong on a mesh that joints move, in the place of a `Motion`."""
+
+    def __init__(self, follow, ends: np.ndarray):
+        """follow: a `wsim.physics.animation.objects.Follow`; ends: points that each of those between is the middle of."""
+        self.follow, self.ends = follow, ends
+
+    @property
+    def moves(self) -> bool:
+        return self.follow.moves
+
+    def points(self, local: np.ndarray, time: float) -> np.ndarray:
+        """World places [m] at `time` [s]."""
+        return spread(self.follow.over(np.array([time]))[0], self.ends)
 
 
 def _local(motion: Motion, places: np.ndarray) -> np.ndarray:
@@ -106,7 +117,7 @@ class Pins(Method):
     @property
     def moves(self) -> bool:
         """Whether any pin does."""
-        return any(p.moves for g in self.groups.values() for p in g)
+        return any(p.motion.moves for g in self.groups.values() for p in g)
 
     def meet(self, others: Methods) -> None:
         """Soft pins act within Newton steps, where there are some."""
@@ -175,7 +186,6 @@ class Pins(Method):
         if name != "motion" or not hit:
             return False
         for p in hit:
-            p.follows = None
             p.motion = value if isinstance(value, Motion) else Motion.still(value)
         self.changed = True
         return True
