@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.gradient.test_gradients import net, sheet
+from tests.gradient.test_skeletons import UNFOLLOWED, changed
 from tests.make.wheels import ROW
 from tests.make.wheels.objects import Wheel
 from wsim import Bulk, Fabric, Plane, Simulation, Sphere
@@ -28,7 +29,8 @@ from wsim.scene.values.coverage import BY, COVERED, REFUSED, row_of, summary, te
 TESTS = Path(__file__).resolve().parent.parent
 PATHS = {"Cloth": "/cloth", "Springs": "/net", "Soft": "/bar", "Collider": "/floor", "Pin": "/pin", "Scene": "",
          "Body": "/thrown"}
-ONLY = {"Springs.rest_shape"}                 # lengths say the same
+ONLY = {"Springs.rest_shape",                 # lengths say the same
+        "Skeleton.turns", "Skeleton.weights"}    # in a scene of their own: test_skeletons.py
 IDLE = ("static_friction",)                  # what slides does not know it
 
 
@@ -239,6 +241,8 @@ CASES = {
     "load": ("loads", lambda: gradient(net()).load()),
     "pin": ("/pin", lambda: gradient(net()).pin("/pin", "stiffness")),
     "material": ("/chain", lambda: gradient(net()).material("stretch")),
+    **{key: (path, lambda change=change, name=name: inputs(recorded(changed(change)), [f"/man/bones:{name}"]))
+       for key, (path, change, name) in UNFOLLOWED.items()},
     "value": ("/pin", lambda: row_of(net(), "/pin", "stiffness")),
 }
 

@@ -27,7 +27,7 @@ def attached(name: str, body: str, points, target: str, places: tuple[np.ndarray
     return block("PhysicsAttachment", name, "\n".join(lines), comment=comment)
 
 
-def over(x: np.ndarray, triangles: np.ndarray, faces: np.ndarray, places: np.ndarray, one=None) -> tuple[np.ndarray, np.ndarray]:
+def over(x: np.ndarray, triangles: np.ndarray, faces: np.ndarray, places: np.ndarray, one=None) -> tuple:
     """Face nearest to each place (k, 3) [m], of triangles (t, 3) that stand at the front of those faces, and (u, v, h) on it.
     one: a place (3,) to which the face of all is nearest."""
     chosen = np.array([skinning.nearest(x[triangles], place if one is None else one) for place in places])
@@ -66,22 +66,23 @@ def caped_man() -> str:
     y = top - (top - hem) * down
     place = np.stack([middle + points[:, 0] * (0.13 + 0.17 * down), y, -0.095 - 0.16 * down], axis=1)
     edge = np.arange(columns + 1)
-    mesh = said("Collider", 1.0, thickness=0.005)
-    for name in reversed(MAN.split("/")[:-1]):
-        mesh = f'over "{name}"\n{{\n' + indented(mesh if mesh.startswith("over") else
-                                                f'over "{MAN.split("/")[-1]}" (\n    prepend apiSchemas = ["PhysicsCollisionAPI", '
-                                                f'"WsimColliderAPI"]\n)\n{{\n{indented(mesh)}\n}}') + "\n}"
+    *above, last = MAN.split("/")
+    mesh = (f'over "{last}" (\n    prepend apiSchemas = ["PhysicsCollisionAPI", "WsimColliderAPI"]\n)\n{{\n'
+            + indented(said("Collider", 1.0, thickness=0.005)) + "\n}")
+    for name in reversed(above):
+        mesh = f'over "{name}"\n{{\n{indented(mesh)}\n}}'
     body = block("Xform", "Man", mesh, comment="A skeleton of 19 joints moves a mesh of 3273 points, by an animation of two "
                  "seconds. Its mesh collides: PhysicsCollisionAPI is all that is authored over the reference. Points keep 5 mm "
-                 "from it.").replace('def Xform "Man"', 'def Xform "Man" (\n    prepend references = @assets/CesiumMan.usdz@\n)')
+                 "from it.")
+    body = body.replace('def Xform "Man"', 'def Xform "Man" (\n    prepend references = @assets/CesiumMan.usdz@\n)')
     return scene("A man walks in a cape of leather.", [
         settings(substeps=40, iterations=2, air_density=1.2, comment=FAST),
         material("leather", fabric("leather")), body,
         cloth("Cape", (place, counts, indices), "leather", (0.45, 0.08, 0.12), "It hangs behind the back where it starts; the "
               "legs reach it.", drag=1.2, lift=0.6),
         attached("Shoulders", "/World/Cape", edge, f"/World/Man/{MAN}", over(*man(), place[edge], place[10]),
-                 "The upper edge keeps to a face of the skinned mesh, between the shoulders: indices1 are faces, coords1 places "
-                 "on them (u, v, and the height above)."),
+                 "The upper edge keeps to a face of the skinned mesh, between the shoulders: indices1 are faces, coords1 "
+                 "places on them (u, v, and the height above)."),
         ground(), camera((-1.9, 1.2, -3.6), 207.8, -6.3, "From behind, where the cape is."),
     ], frames=48)
 
@@ -146,8 +147,8 @@ def bone_cape() -> str:
                       '    interpolation = "vertex")',
                       'uniform token primvars:skel:skinningMethod = "dualQuaternion"', said("Collider", 1.0, thickness=0.006),
                       "color3f[] primvars:displayColor = [(0.62, 0.52, 0.43)]"])
-    dancer = "\n".join([moved(0, 0.5, 0), bones(), twisting(), block("Mesh", "Torso", mesh, SKINNED, "Dual quaternions keep the "
-                        "waist from shrinking where the chest turns.")])
+    dancer = "\n".join([moved(0, 0.5, 0), bones(), twisting(), block("Mesh", "Torso", mesh, SKINNED, "Dual quaternions keep "
+                        "the waist from shrinking where the chest turns.")])
     front = counts == 4 if (counts == 4).any() else counts == 3
     first = (np.cumsum(counts) - counts)[front]
     edge = np.arange(columns + 1)
@@ -158,8 +159,8 @@ def bone_cape() -> str:
         block("SkelRoot", "Dancer", dancer, comment="What skeletons move stands below a SkelRoot."),
         cloth("Cape", (place + (0.0, 0.5, 0.0), sheet_counts, sheet_indices), "leather", (0.13, 0.22, 0.42),
               "A cone that opens in front and falls over the shoulders.", drag=1.2, lift=0.6),
-        attached("Collar", "/World/Cape", edge, "/World/Dancer/Torso", held, "The upper edge keeps to the neck, which two bones "
-                 "move."),
+        attached("Collar", "/World/Cape", edge, "/World/Dancer/Torso", held, "The upper edge keeps to the neck, which two "
+                 "bones move."),
         ground(), camera((-1.3, 1.55, -2.3), 209.5, -15.0, "From behind, where the cape is."),
     ], frames=96)
 

@@ -159,7 +159,7 @@ def inputs(recording, names) -> dict[str, Input]:
 
 KINDS: dict[str, type[Input]] = {"start": Start, "whole": Whole, "density": Density, "mass": Mass, "material": MaterialInput,
                                  "rest": Rest, "actuation": Actuation, "load": Loaded, "targets": Targets, "contact": Touch,
-                                 "shift": Shift, "body": BodyValue, "turns": Turns, "weights": Weights}               # by `Value.gradient`
+                                 "shift": Shift, "body": BodyValue, "turns": Turns, "weights": Weights}    # by `Value.gradient`
 
 
 def _input(recording, name: str) -> Input:

@@ -93,11 +93,11 @@ class Turns(Bones):
             raise refuse("still", self.path)
 
     def read(self, world: int = 0) -> np.ndarray:
-        back = rotation.conjugate(self.given.turns)
-        return rotation.logarithm(rotation.multiply(back, self.bones.turns))
+        back = rotation.conjugate(self.given.orientations)
+        return rotation.logarithm(rotation.multiply(back, self.bones.orientations))
 
     def changed(self, value: np.ndarray):
-        return replace(self.bones, rotations=rotation.multiply(self.given.turns, rotation.exponential(value)))
+        return replace(self.bones, rotations=rotation.multiply(self.given.orientations, rotation.exponential(value)))
 
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
         from wsim.physics.animation.skinning_adjoint import jacobian

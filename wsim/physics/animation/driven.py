@@ -1,6 +1,6 @@
 """Joints that rigid bodies drive, as a sample for results: transforms of all joints from their parents' spaces. NumPy only.
 
-    driven      W_j(t) = M(t)^-1 X_b(t) X_b(0)^-1 M(0) W_j(0)     X_b: the body to world, M: the skeleton to world with its stretch
+    driven      W_j(t) = M(t)^-1 X_b(t) X_b(0)^-1 M(0) W_j(0)     X_b: body to world, M: skeleton to world with its stretch
     others      W_j(t) = W_parent(t) L_j(t)                       L: as animated, else at rest
     written     L_j = W_parent^-1 W_j = T R diag(s)
 

@@ -80,7 +80,7 @@ class Tables:
             still = s.translations is None
             shape = len(s.times) * len(s.joints)
             T.append(np.zeros((shape, 3)) if still else s.translations.reshape(-1, 3))
-            Q.append(np.tile([0.0, 0.0, 0.0, 1.0], (shape, 1)) if still else s.turns.reshape(-1, 4))
+            Q.append(np.tile([0.0, 0.0, 0.0, 1.0], (shape, 1)) if still else s.orientations.reshape(-1, 4))
             S.append(np.ones((shape, 3)) if still else s.scales.reshape(-1, 3))
         j = self.joints
         j.place, j.scale = self._array(np.concatenate(T), wp.vec3d), self._array(np.concatenate(S), wp.vec3d)

@@ -97,7 +97,7 @@ class Skeleton(Compared):
         self.rest = _matrices(self.rest, n)
 
     @property
-    def turns(self) -> np.ndarray:
+    def orientations(self) -> np.ndarray:
         """Rotations of length 1, (keys, joints, 4)."""
         return rotation.normalized(self.rotations)
 

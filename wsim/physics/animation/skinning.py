@@ -57,7 +57,7 @@ def local(world: np.ndarray, parents: np.ndarray) -> np.ndarray:
 
 def sampled(skeleton: "Skeleton", times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Translations (times, joints, 3) [m], rotations (times, joints, 4) and scales (times, joints, 3) at times [s]."""
-    T, Q, S = skeleton.translations, skeleton.turns, skeleton.scales
+    T, Q, S = skeleton.translations, skeleton.orientations, skeleton.scales
     assert T is not None and S is not None
     b = np.searchsorted(skeleton.times, times, side="right")
     last = len(skeleton.times) - 1

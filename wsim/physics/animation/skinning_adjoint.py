@@ -3,7 +3,7 @@ float64: the chain of wsim/physics/animation/skinning.py backwards.
 
 A joint's angle is a rotation vector e [rad] on its right, R exp(e). What hangs on the joint moves by the generator
 
-    dA_i = G A_i,   G = K [e]x K^-1,   K = W_parent [R | T]                            for all joints i on the joint and below it
+    dA_i = G A_i,   G = K [e]x K^-1,   K = W_parent [R | T]                   for all joints i on the joint and below it
 
 so that moments N_i = dL/dG of each joint, added from the leaves to the roots, give all angles at once. Of linear blend
 N_i = sum w g (A_i p, 1)^T; of dual quaternions (rigid joints) N_i holds the gradients by a turn omega and a shift v, where
@@ -52,7 +52,7 @@ def between(bones: Skeleton, times: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     a, b = np.clip(b - 1, 0, last), np.clip(b, 0, last)
     way = bones.times[b] - bones.times[a]
     s = np.where(way > 0.0, (times - bones.times[a]) / np.where(way > 0.0, way, 1.0), 0.0)[:, None]
-    phi = rotation.logarithm(rotation.multiply(rotation.conjugate(bones.turns[a]), bones.turns[b]))
+    phi = rotation.logarithm(rotation.multiply(rotation.conjugate(bones.orientations[a]), bones.orientations[b]))
     part = s[..., None] * phi
     J, s = jacobian(part), s[..., None, None]
     by_a = rotation.matrix(rotation.exponential(-part)) - s * J @ np.linalg.inv(jacobian(-phi))

@@ -161,14 +161,14 @@ REFUSED: dict[str, Refused] = {
                         "derivative: a recording takes bodies that meet nothing; switch their collisions off "
                         "(physics:collisionEnabled, Collider.meets), or take that out"),
     "joints": Refused("joints of rigid bodies", "is a joint, whose impulses have no derivative yet; take it out"),
-    "skinned": Refused("joint angles and blend weights of a skeleton that moves a collider", "is a collider that follows {bones}: "
-                       "with respect to {name}, what touches a mesh that joints move has no derivative yet; let pins alone "
+    "skinned": Refused("joint angles and blend weights of a skeleton that moves a collider", "is a collider that follows "
+                       "{bones}: with respect to {name}, what touches a mesh that joints move has no derivative yet; let pins alone "
                        "follow that skeleton"),
     "followed": Refused("a skeleton that no pin follows", "no pin follows it, so that nothing here knows its joints"),
-    "corrective": Refused("joint angles of a mesh with corrective shapes", "follows a mesh with a corrective shape, which {bones} "
-                          "drives: with respect to its turns that has no derivative yet; leave the shape out"),
-    "scaled": Refused("joint angles of scaled joints under dual quaternions", "follows dual quaternions of {bones}, whose joints "
-                      "are scaled: with respect to turns that has no derivative yet; take classicLinear"),
+    "corrective": Refused("joint angles of a mesh with corrective shapes", "follows a mesh with a corrective shape, which "
+                          "{bones} drives: with respect to its turns that has no derivative yet; leave the shape out"),
+    "scaled": Refused("joint angles of scaled joints under dual quaternions", "follows dual quaternions of {bones}, whose "
+                      "joints are scaled: with respect to turns that has no derivative yet; take classicLinear"),
     "still": Refused("joint angles where no joint is animated", "has no joint that is animated; give it translations and "
                      "rotations at a key"),
     "shapes": Refused("weights of blend shapes that there are not", "has no blend shapes with a weight; give it some"),

@@ -16,8 +16,8 @@ def animated(prim: Usd.Prim, sample: Joints, code: float, beside: Beside) -> lis
     """(attribute, value) at a time code. Raises SceneError where the prim is no Skeleton."""
     stage, skeleton = prim.GetStage(), UsdSkel.Skeleton(prim)
     if not skeleton:
-        raise SceneError(Problem(str(prim.GetPath()), f"is a {prim.GetTypeName() or 'prim without type'}; joints are written to "
-                                 "a Skeleton"))
+        raise SceneError(Problem(str(prim.GetPath()), f"is a {prim.GetTypeName() or 'prim without type'}; joints are written "
+                                 "to a Skeleton"))
     path = prim.GetPath().AppendChild(NAME)
     animation = UsdSkel.Animation(stage.GetPrimAtPath(path))
     if not animation or not animation.GetJointsAttr().HasAuthoredValue():
