@@ -37,7 +37,8 @@ SOFT = {
 }
 RIGID = {"dominoes": 31, "pyramid": 56, "humanoid": 16, "arch": 18, "racket": 1, "balls": 6, "card_house": 16,
          "ball_into_cloth": 3}                                         # bodies
-FLUID = {"plume": ((20, 35, 20), 1), "smoke_rings": ((35, 20, 20), 2)}         # cells, sources
+FLUID = {"plume": ((20, 35, 20), 1), "smoke_rings": ((35, 20, 20), 2), "vortex_pair": ((128, 64, 1), 1),
+         "cavity": ((64, 64, 1), 1)}                                   # cells, sources
 scenes = pytest.mark.parametrize("name", CONTENT)
 soft_scenes = pytest.mark.parametrize("name", SOFT)
 every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT, *RIGID, *FLUID])

@@ -57,7 +57,7 @@ METHODS: list[Row] = [
                 "PointInstancer"),
         without="there is no rigid body", gradients=True),
     Row("fluid", "wsim.physics.fluid", owns=("Fluid", "Source"), unseen=("Source",),
-        claims=("WsimFluidDomainAPI", "WsimFluidSourceAPI"), without="there is no fluid"),
+        claims=("WsimFluidDomainAPI", "WsimFluidSourceAPI"), without="there is no fluid", gradients=True),
     Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),
     Row("watch", "wsim.physics.motion.overstretch", gradients=True),
     Row("muscles", "wsim.physics.cloth.muscles", without="no spring has an actuation", gradients=True),

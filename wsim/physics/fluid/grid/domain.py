@@ -43,6 +43,7 @@ class Domain:
         self.threads, self.fluid, self.world, self.layout = threads, fluid, world, Layout.of(fluid)
         self.scalars, self.u = scalars, u
         self.words: dict[str, wp.array] = {}
+        self.trace: Any = None                                 # of a recorded frame, `wsim.physics.fluid.adjoint.trace.Trace`
         layout, real, module = self.layout, model.real, threads.module
         self.sizes = [getattr(u, AXES[a]).size for a in range(layout.dim)]
         self.clock, self.going, self.done = threads.zeros(4), threads.zeros(1, int), threads.zeros(1, int)
@@ -110,13 +111,13 @@ class Domain:
         found[:self.layout.dim] = np.asarray(vector, np.float64)[list(self.layout.axes)]
         return found
 
-    def blow(self, wind: np.ndarray, gravity: np.ndarray, numbers: dict[str, float]) -> None:
-        """Uploads wind [m/s], gravity [m/s^2] and the live numbers of the fluid."""
-        rows = np.zeros((7, 3))
+    def blow(self, wind: np.ndarray, gravity: np.ndarray, numbers: dict[str, Any]) -> None:
+        """Uploads wind [m/s], gravity [m/s^2] and the live numbers of the fluid; side velocities where there are new ones."""
+        rows, walls = np.zeros((7, 3)), numbers.get("side_velocities", self.fluid.side_velocities)
         rows[0] = self.along(wind)
         for a, axis in enumerate(self.layout.axes):
             for side in (0, 1):
-                wall = self.fluid.side_velocities[2 * axis + side]
+                wall = walls[2 * axis + side]
                 rows[1 + 2 * a + side] = self.along(wind if self.fluid.sides[2 * axis + side] == "wind" else wall)
         live = np.zeros(NUMBERS)
         live[:3] = self.along(gravity)
@@ -159,8 +160,14 @@ class Domain:
         threads.over(self.begin, 1, [self.speed, real(dt), real(self.fluid.cfl * self.fluid.cell), least, most],
                      [self.clock, self.going, self.words["steps"]])
         wp.capture_while(self.going, self._step)
+        self._keep("u", self.u)
+
+    def _keep(self, name: str, u: Any) -> None:
+        if self.trace:
+            self.trace.keep(name, u)
 
     def _step(self) -> None:
+        self._keep("u", self.u)
         self._enter()
         if self.reflects:
             self._reflected()
@@ -183,19 +190,23 @@ class Domain:
     def _reflected(self) -> None:
         self._carried(self.u, self.u, 0.5, self.v)
         self._projected(self.v, 0.5)
+        self._keep("v", self.v)
         p, Faces = self.pressure, structs(self.threads.model.real).Faces
         for a, kernel in enumerate(self.reflect):
             v, u, w = (getattr(f, AXES[a]) for f in (self.v, self.u, self.half))
             both = filled(Faces, x=getattr(p.open, AXES[a]), y=getattr(p.solid, AXES[a]))
             self.threads.over(kernel, v.size, [self.grid, p.low, p.high, p.p, both], [v, u, w])
+        self._keep("w", self.half)
         self._scalars(self.half)
         self._carried(self.u, self.v, 0.5, self.half)
         self._projected(self.half, 0.5)
+        self._keep("y", self.half)
         p.project(self.half, self.u)
 
     def _split(self) -> None:
         self._carried(self.u, self.u, 1.0, self.v)
         self._projected(self.v, 1.0)
+        self._keep("v", self.v)
         self.pressure.project(self.v, self.u)
         self._scalars(self.u)
 

@@ -69,6 +69,7 @@ class Shapes:
             place=wp.zeros(n, dtype=t.vec3, device=model.device), turn=wp.zeros(n, dtype=t.quat, device=model.device),
             speed=wp.zeros(n, dtype=t.vec3, device=model.device), spin=wp.zeros(n, dtype=t.vec3, device=model.device),
             axes=wp.vec3i(*axes, *(0,) * (3 - len(axes))), dx=model.real(cell))
+        self.shift = np.zeros((n, 3))                          # [m] added to where motions say that they are
         self.pose(0.0, 1.0)
 
     def _code(self, thing: Any) -> int:
@@ -89,7 +90,7 @@ class Shapes:
         first, last = (np.array([thing.motion.at(t) for thing in self.things]) for t in (time, time + dt))
         turns = [rotation.axis_angle(B[:3, :3] @ A[:3, :3].T) for A, B in zip(first, last, strict=True)]
         turn = np.array([angle * axis for axis, angle in turns]).reshape(-1, 3)
-        values = {"place": first[:, :3, 3] - self.corner, "turn": rotation.quaternion(first[:, :3, :3]),
+        values = {"place": first[:, :3, 3] - self.corner + self.shift, "turn": rotation.quaternion(first[:, :3, :3]),
                   "speed": (last[:, :3, 3] - first[:, :3, 3]) / dt, "spin": turn / dt}
         for name, value in values.items():
             getattr(self.table, name).assign(np.ascontiguousarray(value, self.model.dtype))
