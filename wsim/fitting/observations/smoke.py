@@ -40,7 +40,7 @@ class Smoke:
         """Nothing to look up."""
 
     def seen(self, fluid, values: np.ndarray) -> np.ndarray:
-        """Of fields (worlds, cells) of a fluid what was looked at, (worlds, m)."""
+        """Values that are looked at of fields (worlds, cells) of a fluid, (worlds, m)."""
         if self.places is None:
             return values
         n = np.array(fluid.shape)

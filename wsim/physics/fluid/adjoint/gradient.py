@@ -23,7 +23,8 @@ class FluidGradient:
         self.frames = [[tuple(array.numpy() for array in own) for own in frame] for frame in losses.frames[::-1]]
 
     def value(self, path: str, name: str, world: int = 0) -> Any:
-        """With respect to a value of a fluid or a source. Raises SceneError where there is no such one, or nothing of it runs."""
+        """Gradient with respect to a value of a fluid or a source. Raises SceneError where there is no such one, or nothing of
+        it runs."""
         self.recorded.runs(path, name)
         if any(fluid.path == path for fluid, _ in self.method.pairs):
             return self.fluid(self.recorded.row(path, world), name)
@@ -46,14 +47,14 @@ class FluidGradient:
         return np.asarray(self.states[arrays[FIELDS[name]].ptr]).reshape(fluid.shape)
 
     def air(self, k: int) -> np.ndarray:
-        """By the rows of `Grid.air`, along the world's axes, (7, 3)."""
+        """Gradient with respect to the rows of `Grid.air`, along the world's axes, (7, 3)."""
         rows, found = self.numbers[k][AIR:].reshape(ROWS, 3), np.zeros((ROWS, 3))
         for a, axis in enumerate(self.method.layouts[k].axes):
             found[:, axis] = rows[:, a]
         return found
 
     def walls(self, k: int) -> np.ndarray:
-        """By the velocities of closed sides, (6, 3)."""
+        """Gradient with respect to the velocities of closed sides, (6, 3)."""
         fluid, air, found = self.method.pairs[k][0], self.air(k), np.zeros((6, 3))
         for a, axis in enumerate(self.method.layouts[k].axes):
             for side in (0, 1):
@@ -62,7 +63,7 @@ class FluidGradient:
         return found
 
     def wind(self, world: int) -> np.ndarray:
-        """By the wind that comes in, (3,) [s/m]; the air that was there at the start stays as it is."""
+        """Gradient with respect to the wind that comes in, (3,) [s/m]; the air that was there at the start stays as it is."""
         found = np.zeros(3)
         for k, (fluid, of) in enumerate(self.method.pairs):
             if of == world:
@@ -83,7 +84,7 @@ class FluidGradient:
     # sources
 
     def source(self, path: str, name: str, world: int) -> Any:
-        """Of all fluids of a world that it reaches."""
+        """Gradient of a source, of all fluids of a world that it reaches."""
         found, dt = 0.0, 1.0 / self.method.scene.fps
         for k, domain in enumerate(self.method.domains):
             for j, source in enumerate(domain.sources.sources if domain.sources and domain.world == world else ()):

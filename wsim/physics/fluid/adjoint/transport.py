@@ -9,7 +9,7 @@ from wsim.physics.fluid.adjoint.launches import PLAIN, Launches, slot
 
 
 class TransportAdjoint:
-    """Of one quantity: axis of a component, -1 of a scalar. lost: rows, of air that came in."""
+    """The adjoint of the transport of one quantity: axis of a component, -1 of a scalar. lost: rows, of air that came in."""
 
     def __init__(self, launches: Launches, transport: Any, axis: int, clamped: bool, third: bool, lost: wp.array):
         dim, real, module = launches.domain.layout.dim, launches.real, launches.module
