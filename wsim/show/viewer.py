@@ -148,7 +148,7 @@ class Moved:
 
     def _place(self, path: str, pose: np.ndarray) -> None:
         """A pose holds until the next one: what rests sends nothing."""
-        if np.array_equal(self.poses.get(path), pose):
+        if path in self.poses and np.array_equal(self.poses[path], pose):
             return
         self.poses[path] = pose
         transform = self.log.rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
