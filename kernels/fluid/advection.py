@@ -27,6 +27,32 @@ SCHEMES = ("linear", "cubic")
 BOUNDS = (128, 8)        # threads of a block, blocks of a processor: 64 registers a thread; two scalars would take 122
 
 
+def tiles(dim: int, shape: tuple[int, ...]) -> int:
+    """Threads of a kernel whose threads are `tiled` over an array of this shape."""
+    return 128 * shape[0] * -(-shape[1] // 4) * -(-shape[2] // 32) if dim == 3 else shape[0] * shape[1]
+
+
+@cache
+def tiled(dim: int, real):
+    """Function (c, shape) -> place of thread c, 32 rows along the last axis by four along the one before in a block of 128:
+    what its threads read is near to one another. Flat: row by row. Some are beyond the shape."""
+    f = functions(dim, real)
+
+    @wp.func
+    def tiled(c: int, shape: wp.vec3i):
+        if wp.static(dim == 3):
+            deepest = (shape[2] + 31) >> 5
+            wide = (shape[1] + 3) >> 2
+            b = c >> 7
+            i = b // deepest
+            k = b - i * deepest
+            a = i // wide
+            return wp.vec3i(a, 4 * (i - a * wide) + ((c >> 5) & 3), 32 * k + (c & 31))
+        return f.place(c, shape)
+
+    return tiled
+
+
 @cache
 def standing(dim: int, axis: int, real):
     """Function (g, u, i) -> velocity [m/s] at face i of an axis (-1: in the middle of cell i): its own component, and means of
@@ -144,7 +170,7 @@ def advect(dim: int, axis: int, scheme: str, clamped: bool, third: bool, pushed:
     """Kernel over tiles of the rows of a component (axis 0 .. dim - 1), or of a scalar (axis -1): q_out = q followed back over
     `part` of the step clock[0] [s]. pushed: what lifts and weighs there, see `forces.lift`; "": nothing."""
     S, f, F = structs(real), functions(dim, real), lifting(real)
-    back, at = backtrace(dim, axis, real, third), carried(dim, axis, scheme, clamped, real)
+    back, at, at_place = backtrace(dim, axis, real, third), carried(dim, axis, scheme, clamped, real), tiled(dim, real)
     push = lift(dim, axis, pushed, real) if pushed else None
 
     def advect(g: S.Grid, u: S.Faces, q: wp.array(dtype=real), lifting: F, clock: wp.array(dtype=real), part: real,
@@ -153,8 +179,8 @@ def advect(dim: int, axis: int, scheme: str, clamped: bool, third: bool, pushed:
         shape = wp.vec3i(g.n[0], g.n[1], g.n[2])
         if wp.static(axis >= 0):
             shape = f.faces(g, wp.static(axis))
-        i = f.tiled(c, shape)
-        if f.holds(i, shape):
+        i = at_place(c, shape)
+        if i[1] < shape[1] and i[2] < shape[2]:
             h = part * clock[0]
             value = at(g, q, back(g, u, i, h))
             if wp.static(bool(pushed)):
@@ -170,12 +196,12 @@ def advect(dim: int, axis: int, scheme: str, clamped: bool, third: bool, pushed:
 def advect_both(dim: int, scheme: str, third: bool, real, module):
     """Kernel over tiles of cells: `advect` of two scalars, which have the way back in common."""
     S, f = structs(real), functions(dim, real)
-    back, at = backtrace(dim, -1, real, third), carried(dim, -1, scheme, True, real)
+    back, at, at_place = backtrace(dim, -1, real, third), carried(dim, -1, scheme, True, real), tiled(dim, real)
 
     def advect_both(g: S.Grid, u: S.Faces, q: wp.array(dtype=real), r: wp.array(dtype=real), clock: wp.array(dtype=real),
                     part: real, q_out: wp.array(dtype=real), r_out: wp.array(dtype=real)):
-        i = f.tiled(wp.tid(), g.n)
-        if f.holds(i, g.n):
+        i = at_place(wp.tid(), g.n)
+        if i[1] < g.n[1] and i[2] < g.n[2]:
             X = back(g, u, i, part * clock[0])
             c = flat(i, g.n)
             q_out[c] = at(g, q, X)

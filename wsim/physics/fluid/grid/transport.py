@@ -6,7 +6,6 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.fluid import advection as kernels
-from wsim.kernels.fluid.grid import tiles
 from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.threads import Threads
 
@@ -33,7 +32,7 @@ class Transport:
     def __init__(self, threads: Threads, layout: Layout, grid: Any, axis: int, how: How, work: dict[str, wp.array]):
         real, module, dim, scheme = threads.model.real, threads.module, layout.dim, how.scheme
         self.threads, self.grid, self.scheme, self.work = threads, grid, scheme, work
-        self.count = tiles(dim, layout.n if axis < 0 else layout.faces(axis))
+        self.count = kernels.tiles(dim, layout.n if axis < 0 else layout.faces(axis))
         self.lifting = how.lifting or kernels.lifting(real)()
         self.pairs = scheme in PAIRS
         shape, third = "cubic" if scheme == "cubic" else "linear", axis < 0 and THIRD[scheme]
