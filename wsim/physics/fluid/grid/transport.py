@@ -17,11 +17,12 @@ THIRD = {"cubic": True, "linear": True, "maccormack": False, "bfecc": False}    
 class How:
     """scheme: of advection. clamped: what cubic rows give is kept within those around. pushed: what lifts the air on the way,
     by schemes that carry nothing back: "smoke", "heat", "smoke_heat", "" of `lifting`. both: two scalars are carried at once,
-    by such schemes."""
+    by such schemes. walls: air sticks to closed sides, and cubics of its velocity know that."""
 
     scheme: str
     clamped: bool = True
     both: bool = False
+    walls: bool = False
     pushed: str = ""
     lifting: Any = None
 
@@ -38,7 +39,8 @@ class Transport:
         shape, third = "cubic" if scheme == "cubic" else "linear", axis < 0 and THIRD[scheme]
         self.both = how.both and not self.pairs
         self.advect = (kernels.advect_both(dim, shape, third, real, module) if self.both else
-                       kernels.advect(dim, axis, shape, shape == "cubic" and how.clamped, third, how.pushed, real, module))
+                       kernels.advect(dim, axis, (shape, shape == "cubic" and how.clamped, how.walls, third), how.pushed, real,
+                                      module))
         if self.pairs:
             self.correct = kernels.correct(dim, axis, scheme == "bfecc", real, module)
             self.compensate = kernels.compensate(real, module)
