@@ -58,7 +58,7 @@ SHEET, STEPS = "test_a_sheet_that_stretches_shears_and_bends", "test_a_sheet_by_
 SLOPES = "gradient/test_coverage.py::test_every_value_has_the_slope_of_differences"
 PUSH = "test_a_force_over_time_moves_by_its_integral_and_has_exact_derivatives"
 FALL = "test_a_sheet_that_falls_on_a_turning_collider_and_slides"
-FREELY, AIRY = "gradient/test_bodies.py", "gradient/test_fluids.py"
+FREELY, AIRY, PATHS = "gradient/test_bodies.py", "gradient/test_fluids.py", "gradient/test_paths.py"
 EVERY = f"{AIRY}::test_every_value_has_the_slope_of_differences"
 BLOCK, SOLID = f"{BAR}::test_a_soft_bar", f"{BAR}::test_a_soft_bar_by_implicit_steps"
 
@@ -116,6 +116,7 @@ COVERED: list[Covered] = [
     Covered(BY, "Scene.wind", *(f"{SWEPT}::test_wind",) * 3),
     Covered(BY, "Pin.targets", f"{CHAIN}::test_where_a_pin_puts_its_points", f"{SWEPT}::test_soft_pins",
             f"{CHAIN}::test_where_a_pin_puts_its_points"),
+    Covered(BY, "Pin.keys Pin.tangents Pin.handles", *(f"{PATHS}::test_by_what_the_path_of_a_pin_is_made_of",) * 3),
     Covered(BY, "Load.force Load.traction", *(f"{LOADED}::{PUSH}",) * 3),
     Covered(BY, "Cloth.static_friction Cloth.dynamic_friction Springs.static_friction Springs.dynamic_friction",
             f"{SLID}::{FALL}", f"{SLID}::{FALL}", f"{SOLVED}::{FALL}"),
@@ -126,6 +127,8 @@ COVERED: list[Covered] = [
             f"{SOLVED}::test_what_is_thrown_back"),
     Covered(BY, "Collider.shift", *(f"{MESH}::test_by_the_motion_of_a_collider",) * 2,
             f"{SOFT}::test_by_the_motion_of_a_collider"),
+    Covered(BY, "Collider.keys Collider.tangents Collider.handles",
+            *(f"{PATHS}::test_by_what_the_path_of_a_collider_is_made_of",) * 3),
 
     Covered(BY, "Body.velocity Body.spin Body.force Body.torque Body.drag Body.spin_drag Body.mass Body.inertia",
             rigid=f"{FREELY}::test_every_value_of_a_body_has_the_slope_of_differences"),
