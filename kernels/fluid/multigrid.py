@@ -40,7 +40,7 @@ def coloured(dim: int):
 
 
 @cache
-def sweep(dim: int, fractions: bool, fresh: bool, real, module):
+def sweep(dim: int, fractions: bool | int, fresh: bool, real, module):
     """Kernel over half of the cells: x of those of a colour. fresh: all others are taken for 0."""
     Level, s, where = levels(real), stencil(dim, fractions, real), coloured(dim)
 
@@ -51,9 +51,7 @@ def sweep(dim: int, fractions: bool, fresh: bool, real, module):
             own = real(0.0)
             sum = real(0.0)
             if wp.static(fresh):
-                for a in range(wp.static(dim)):
-                    low, high = s.couplings(level, i, a)
-                    own += low + high
+                own = s.diagonal(level, i)
             else:
                 own, sum = s.beside(level, x, i)
             value = real(0.0)
@@ -65,7 +63,7 @@ def sweep(dim: int, fractions: bool, fresh: bool, real, module):
 
 
 @cache
-def restrict(dim: int, fractions: bool, real, module):
+def restrict(dim: int, fractions: bool | int, real, module):
     """Kernel over coarse cells: b_out of the residuals of the fine ones. halved: by which factor each axis is."""
     Level, s, f = levels(real), stencil(dim, fractions, real), functions(dim, real)
 
@@ -99,7 +97,7 @@ def prolong(dim: int, real, module):
 
 
 @cache
-def even(dim: int, fractions: bool, real, module):
+def even(dim: int, fractions: bool | int, real, module):
     """Kernel of one thread over the coarsest cells, of a sealed region: b less its mean, or no x has that residual."""
     Level, s, f = levels(real), stencil(dim, fractions, real), functions(dim, real)
 
@@ -147,3 +145,21 @@ def coarsen(dim: int, axis: int, real, module):
         k_out[c] = sum / real(halved[wp.static(axis)])
 
     return wp.kernel(coarsen, name=f"coarsen_{'xyz'[axis]}_{dim}d_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def collect(dim: int, real, module):
+    """Kernel over coarse cells of a free surface: their own coupling, of the fine ones as `coarsen` has it of faces."""
+    f, t = functions(dim, real), types(real)
+
+    def collect(coarse: wp.vec3i, fine: wp.vec3i, halved: wp.vec3i, own: wp.array(dtype=real), own_out: wp.array(dtype=real)):
+        c = wp.tid()
+        at = f.place(c, coarse)
+        sum = real(0.0)
+        for i in range(at[0] * halved[0], wp.min((at[0] + 1) * halved[0], fine[0])):
+            for j in range(at[1] * halved[1], wp.min((at[1] + 1) * halved[1], fine[1])):
+                for k in range(at[2] * halved[2], wp.min((at[2] + 1) * halved[2], fine[2])):
+                    sum += own[flat(wp.vec3i(i, j, k), fine)]
+        own_out[c] = sum / real(wp.max(halved[0], wp.max(halved[1], halved[2])))
+
+    return wp.kernel(collect, name=f"collect_{dim}d_{t.name}", module=module, enable_backward=False)

@@ -11,7 +11,8 @@ Bridson 2007; Ng, Min, Gibou 2009).
     k   o / d; 0 at a closed side
 
 A is symmetric and, but for a constant in each sealed region, positive. A level of the multigrid solver is such an equation too:
-there k comes of the faces of the level below, see kernels/fluid/multigrid.py.
+there k comes of the faces of the level below, see kernels/fluid/multigrid.py. Of a FREE surface (kernels/particles/surface.py)
+cells have a coupling of their `own` besides, to a pressure of 0.
 """
 
 # ruff: noqa: UP018
@@ -25,11 +26,13 @@ import warp as wp
 from wsim.kernels.fluid.grid import flat, functions, structs
 from wsim.kernels.math.real import types
 
+FREE = 2                 # in the place of `fractions`: with a free surface too
+
 
 @cache
 def levels(real):
     """Struct of an equation: cells, which axes are periodic, k of inner faces, factors on it at low and high sides; with
-    obstacles k of every face of an axis instead, before those factors."""
+    obstacles k of every face of an axis instead, before those factors; of a free surface each cell's own coupling."""
     t = types(real)
 
     @wp.struct
@@ -42,15 +45,17 @@ def levels(real):
         x: wp.array(dtype=real)
         y: wp.array(dtype=real)
         z: wp.array(dtype=real)
+        own: wp.array(dtype=real)
 
     return Level
 
 
 @cache
-def stencil(dim: int, fractions: bool, real) -> SimpleNamespace:
+def stencil(dim: int, fractions: bool | int, real) -> SimpleNamespace:
     """Functions of a cell i: couplings(level, i, axis) -> (k low, k high), 0 where there is no neighbour beyond but one of
-    pressure 0 too; beside(level, x, i) -> (sum of k, sum of k x of the neighbours); product(level, x, i) -> (A x)_i."""
-    t, Level = types(real), levels(real)
+    pressure 0 too; beside(level, x, i) -> (sum of k, sum of k x of the neighbours); product(level, x, i) -> (A x)_i;
+    diagonal(level, i) -> sum of k."""
+    t, Level, free = types(real), levels(real), fractions == FREE
 
     @wp.func
     def couplings(level: Level, i: wp.vec3i, axis: int):
@@ -86,10 +91,22 @@ def stencil(dim: int, fractions: bool, real) -> SimpleNamespace:
         return low, high
 
     @wp.func
+    def diagonal(level: Level, i: wp.vec3i):
+        own = real(0.0)
+        if wp.static(free):
+            own += level.own[flat(i, level.n)]
+        for a in range(wp.static(dim)):
+            low, high = couplings(level, i, a)
+            own += low + high
+        return own
+
+    @wp.func
     def beside(level: Level, x: wp.array(dtype=real), i: wp.vec3i):
         own = real(0.0)
         sum = real(0.0)
         c = flat(i, level.n)
+        if wp.static(free):
+            own += level.own[c]
         for a in range(wp.static(dim)):
             low, high = couplings(level, i, a)
             own += low + high
@@ -113,8 +130,8 @@ def stencil(dim: int, fractions: bool, real) -> SimpleNamespace:
         own, sum = beside(level, x, i)
         return own * x[flat(i, level.n)] - sum
 
-    return SimpleNamespace(couplings=couplings, beside=beside, product=product,
-                           name=f"{dim}d{'_fractions' * fractions}_{t.name}")
+    return SimpleNamespace(couplings=couplings, beside=beside, product=product, diagonal=diagonal,
+                           name=f"{dim}d{'_fractions' * bool(fractions)}{'_free' * free}_{t.name}")
 
 
 @cache

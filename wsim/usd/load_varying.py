@@ -18,7 +18,8 @@ from wsim.usd.stage import Reading
 
 OWN = ("physics:", "wsim:")        # namespaces whose samples are looked at
 # sampled by nature, read elsewhere
-CURVES = ("wsim:reaction", "wsim:fluid:strength", *(row.usd.attribute for row in VALUES if row.form == "curve" and row.usd))
+CURVES = ("wsim:reaction", "wsim:fluid:strength", "wsim:liquid:strength",
+          *(row.usd.attribute for row in VALUES if row.form == "curve" and row.usd))
 
 
 def steady(reading: Reading, prim: Usd.Prim, *names: str) -> bool:

@@ -7,7 +7,7 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.fluid import multigrid as kernels
-from wsim.kernels.fluid.pressure import levels
+from wsim.kernels.fluid.pressure import FREE, levels
 from wsim.kernels.math.real import types
 from wsim.model.structs import filled
 from wsim.physics.fluid.grid.layout import Layout
@@ -39,10 +39,11 @@ def halving(n: tuple[int, ...], periodic: tuple[int, ...]) -> tuple[int, ...]:
 
 
 class Multigrid:
-    """of: couplings of the faces of each axis, where there are obstacles; x, b: of the finest level, solution and residual."""
+    """of: couplings of the faces of each axis, where there are obstacles; x, b: of the finest level, solution and residual;
+    own: couplings of the cells to a free surface."""
 
-    def __init__(self, threads: Threads, layout: Layout, of: Any, x: wp.array, b: wp.array):
-        self.threads, self.layout, self.fractions = threads, layout, of is not None
+    def __init__(self, threads: Threads, layout: Layout, of: Any, x: wp.array, b: wp.array, own: wp.array | None = None):
+        self.threads, self.layout, self.fractions = threads, layout, FREE if own is not None else of is not None
         real, module, dim = threads.model.real, threads.module, layout.dim
         self.fresh = kernels.sweep(dim, self.fractions, True, real, module)
         self.sweep = kernels.sweep(dim, self.fractions, False, real, module)
@@ -50,9 +51,10 @@ class Multigrid:
         self.prolong = kernels.prolong(dim, real, module)
         self.even, self.sealed = kernels.even(dim, self.fractions, real, module), False
         self.coarsen = [kernels.coarsen(dim, a, real, module) for a in range(dim)] if self.fractions else []
-        self.grids = self._build(of, x, b)
+        self.collect = kernels.collect(dim, real, module) if own is not None else None
+        self.grids = self._build(of, x, b, own)
 
-    def _build(self, of: Any, x: wp.array, b: wp.array) -> list[Grid]:
+    def _build(self, of: Any, x: wp.array, b: wp.array, own: wp.array | None) -> list[Grid]:
         layout, real = self.layout, self.threads.model.real
         Level, vec3 = levels(real), types(real).vec3
         k: tuple[float, ...] = (1.0, 1.0, 1.0)
@@ -65,8 +67,10 @@ class Multigrid:
             for a in range(layout.dim if self.fractions else 0):
                 size = prod(m + (i == a and not layout.periodic[i]) for i, m in enumerate(n))
                 setattr(table, AXES[a], getattr(of, AXES[a]) if not found else self.threads.zeros(size))
-            own = (x, b) if not found else (self.threads.zeros(prod(n)), self.threads.zeros(prod(n)))
-            found.append(Grid(table, n, halved, *own))
+            if own is not None:
+                table.own = own if not found else self.threads.zeros(prod(n))
+            both = (x, b) if not found else (self.threads.zeros(prod(n)), self.threads.zeros(prod(n)))
+            found.append(Grid(table, n, halved, *both))
             halved = halving(n, layout.periodic)
             if max(halved) == 1:
                 return found
@@ -82,6 +86,9 @@ class Multigrid:
                 k_out = getattr(coarse.table, AXES[a])
                 k = getattr(fine.table, AXES[a])
                 self.threads.over(kernel, k_out.size, [*shapes, wp.vec3i(*coarse.halved), k], [k_out])
+            if self.collect:
+                sizes = [wp.vec3i(*coarse.n), wp.vec3i(*fine.n), wp.vec3i(*coarse.halved)]
+                self.threads.over(self.collect, coarse.cells, [*sizes, fine.table.own], [coarse.table.own])
 
     def cycle(self) -> None:
         """x of the finest level becomes close to A^-1 b."""
