@@ -20,7 +20,7 @@ from wsim.kernels.fluid.grid import flat, functions, structs
 from wsim.kernels.fluid.pressure import FREE, levels, stencil
 from wsim.kernels.math.real import types
 
-THETA = 0.05             # least part of a cell: below it noise of the surface would be thrown far
+THETA = 1e-3             # least part of a cell, which keeps the equation finite
 GROUND = 1e-6
 PACKED = 0.5             # most of a cell that a step makes room for
 

@@ -35,7 +35,8 @@ class Liquid(Compared):
     flip        part of flip in it, the rest is pic; 1 keeps noise too
     volume      particles are spread to the density at rest in each step, so that the liquid keeps its volume
     tolerance   of the pressure solve, residual over right-hand side [1]
-    cfl         cells that liquid may cross in a step [1]: as many steps a frame as that takes, up to `most_steps`
+    cfl         cells that liquid may cross in a step [1]: as many steps a frame as that and waves of its surface take, up to
+                `most_steps`
     steps       steps a frame; 0: by `cfl`
     most_steps  steps a frame at most, by `cfl`
     """
