@@ -1,4 +1,4 @@
-"""The levels of a multigrid cycle (kernels/fluid/multigrid.py): built once, run in every iteration of the pressure."""
+"""The levels of a multigrid cycle (kernels/fluid/solver/multigrid.py): built once, run in every iteration of the pressure."""
 
 from dataclasses import dataclass
 from math import prod
@@ -6,7 +6,8 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.fluid import multigrid as kernels
+from wsim.kernels.fluid.solver import coarse
+from wsim.kernels.fluid.solver import multigrid as kernels
 from wsim.kernels.fluid.pressure import FREE, levels
 from wsim.kernels.math.real import types
 from wsim.model.structs import filled
@@ -15,6 +16,7 @@ from wsim.physics.fluid.grid.threads import Threads
 
 SWEEPS = 2               # before and behind the coarse grid, each of both colours
 COARSEST = 8             # there
+SMALL = 16 ** 3           # cells of a level that one block takes: 13 us with all below it, where its own launches take 21
 AXES = "xyz"
 
 
@@ -39,22 +41,40 @@ def halving(n: tuple[int, ...], periodic: tuple[int, ...]) -> tuple[int, ...]:
 
 
 class Multigrid:
-    """of: couplings of the faces of each axis, where there are obstacles; x, b: of the finest level, solution and residual;
-    own: couplings of the cells to a free surface."""
+    """of: couplings of the faces of each axis, where there are obstacles; x, b: of the finest level, solution and residual.
+    cycles: False where only the finest level is asked for. own: of a free surface, couplings of the cells themselves."""
 
-    def __init__(self, threads: Threads, layout: Layout, of: Any, x: wp.array, b: wp.array, own: wp.array | None = None):
-        self.threads, self.layout, self.fractions = threads, layout, FREE if own is not None else of is not None
-        real, module, dim = threads.model.real, threads.module, layout.dim
-        self.fresh = kernels.sweep(dim, self.fractions, True, real, module)
-        self.sweep = kernels.sweep(dim, self.fractions, False, real, module)
-        self.restrict = kernels.restrict(dim, self.fractions, real, module)
-        self.prolong = kernels.prolong(dim, real, module)
-        self.even, self.sealed = kernels.even(dim, self.fractions, real, module), False
-        self.coarsen = [kernels.coarsen(dim, a, real, module) for a in range(dim)] if self.fractions else []
-        self.collect = kernels.collect(dim, real, module) if own is not None else None
-        self.grids = self._build(of, x, b, own)
+    def __init__(self, threads: Threads, layout: Layout, of: Any, x: wp.array, b: wp.array, cycles: bool = True,
+                 own: wp.array | None = None):
+        self.threads, self.layout, self.sealed = threads, layout, False
+        self.fractions = FREE if own is not None else int(of is not None)
+        self.grids = self._build(of, (x, b), cycles, own)
+        if cycles:
+            self._kernels()
 
-    def _build(self, of: Any, x: wp.array, b: wp.array, own: wp.array | None) -> list[Grid]:
+    def _kernels(self) -> None:
+        threads, dim, has = self.threads, self.layout.dim, self.fractions
+        real, module = threads.model.real, threads.module
+        small = [k for k, grid in enumerate(self.grids) if grid.cells <= SMALL]
+        last = len(self.grids) - 1
+        self.first = small[0] if small else last                # of those that one block takes
+        self.sweep = kernels.sweep(dim, has, False, real, module)
+        self.fresh = kernels.sweep(dim, has, True, real, module) if has else kernels.begin(dim, real, module)
+        self.restrict, self.rise = kernels.restrict(dim, has, real, module), kernels.rise(dim, has, real, module)
+        self.coarsen = [kernels.coarsen(dim, a, real, module) for a in range(dim)] if has else []
+        self.collect = kernels.collect(dim, real, module) if has == FREE else None
+        self.coarse = coarse.coarse(dim, has, SWEEPS, COARSEST, real, threads.module_of(coarse.BLOCK))
+        self.table = self._table()
+
+    def _table(self) -> wp.array:
+        Rung = coarse.rungs(self.threads.model.real)
+        found = []
+        for k, grid in enumerate(self.grids[self.first:], self.first):
+            halved = self.grids[k + 1].halved if k + 1 < len(self.grids) else (1, 1, 1)
+            found.append(filled(Rung, level=grid.table, halved=wp.vec3i(*halved), x=grid.x, b=grid.b))
+        return wp.array(found, dtype=Rung, device=self.threads.model.device)
+
+    def _build(self, of: Any, finest: tuple[wp.array, wp.array], deep: bool, own: wp.array | None) -> list[Grid]:
         layout, real = self.layout, self.threads.model.real
         Level, vec3 = levels(real), types(real).vec3
         k: tuple[float, ...] = (1.0, 1.0, 1.0)
@@ -69,10 +89,10 @@ class Multigrid:
                 setattr(table, AXES[a], getattr(of, AXES[a]) if not found else self.threads.zeros(size))
             if own is not None:
                 table.own = own if not found else self.threads.zeros(prod(n))
-            both = (x, b) if not found else (self.threads.zeros(prod(n)), self.threads.zeros(prod(n)))
+            both = finest if not found else (self.threads.zeros(prod(n)), self.threads.zeros(prod(n)))
             found.append(Grid(table, n, halved, *both))
             halved = halving(n, layout.periodic)
-            if max(halved) == 1:
+            if max(halved) == 1 or not deep:
                 return found
             k = tuple(v * prod(halved) / halved[a] ** 2 for a, v in enumerate(k))
             n = tuple(-(-m // f) for m, f in zip(n, halved, strict=True))
@@ -87,36 +107,39 @@ class Multigrid:
                 k = getattr(fine.table, AXES[a])
                 self.threads.over(kernel, k_out.size, [*shapes, wp.vec3i(*coarse.halved), k], [k_out])
             if self.collect:
-                sizes = [wp.vec3i(*coarse.n), wp.vec3i(*fine.n), wp.vec3i(*coarse.halved)]
-                self.threads.over(self.collect, coarse.cells, [*sizes, fine.table.own], [coarse.table.own])
+                self.threads.over(self.collect, coarse.cells, [wp.vec3i(*coarse.n), wp.vec3i(*fine.n),
+                                                               wp.vec3i(*coarse.halved), fine.table.own], [coarse.table.own])
 
     def cycle(self) -> None:
         """x of the finest level becomes close to A^-1 b."""
-        last = len(self.grids) - 1
-        for k, grid in enumerate(self.grids[:-1]):
+        above = self.grids[:self.first]
+        for grid, below in zip(above, self.grids[1:], strict=False):
             self.smooth(grid, (0, 1) * SWEEPS, True)
-            below = self.grids[k + 1]
-            self.threads.over(self.restrict, below.cells, [grid.table, wp.vec3i(*below.n), wp.vec3i(*below.halved), grid.b,
-                                                           grid.x], [below.b])
-        if self.sealed and last > 0:
-            self.threads.over(self.even, 1, [self.grids[last].table, self.grids[last].cells], [self.grids[last].b])
-        self.smooth(self.grids[last], (0, 1) * COARSEST, True)
-        self.smooth(self.grids[last], (1, 0) * COARSEST, False)
-        for k in range(last - 1, -1, -1):
+            self.threads.over(self.restrict, below.cells, [*self.sizes(grid, below), grid.b, grid.x], [below.b])
+        self.threads.one(self.coarse, coarse.BLOCK, [self.table, int(self.sealed)])
+        for k in range(self.first - 1, -1, -1):
             grid, below = self.grids[k], self.grids[k + 1]
-            sizes = [wp.vec3i(*grid.n), wp.vec3i(*below.n), wp.vec3i(*below.halved)]
-            self.threads.over(self.prolong, grid.cells, [*sizes, below.x, grid.x], [grid.x])
-            self.smooth(grid, (1, 0) * SWEEPS, False)
+            self.threads.over(self.rise, self.half(grid), [*self.sizes(grid, below), grid.b, below.x, grid.x], [grid.x])
+            self.smooth(grid, ((1, 0) * SWEEPS)[1:], False)
+
+    def sizes(self, grid: Grid, below: Grid) -> list:
+        return [grid.table, wp.vec3i(*below.n), wp.vec3i(*below.halved)]
+
+    def half(self, grid: Grid) -> int:
+        """Threads for the cells of a colour."""
+        last = grid.n[self.layout.dim - 1]
+        return grid.cells // last * -(-last // 2)
 
     def smooth(self, grid: Grid, colors: tuple[int, ...], fresh: bool) -> None:
         """Sweeps of these colours; fresh: from x = 0, which need not stand there."""
-        last = grid.n[self.layout.dim - 1]
-        half = grid.cells // last * -(-last // 2)
+        if fresh and not self.fractions:
+            self.threads.over(self.fresh, grid.cells, [grid.table, grid.b], [grid.x])
+            colors = colors[2:]
         for k, color in enumerate(colors):
-            kernel = self.fresh if fresh and k == 0 else self.sweep
-            self.threads.over(kernel, half, [grid.table, grid.b, color, grid.x], [grid.x])
+            kernel = self.fresh if fresh and self.fractions and k == 0 else self.sweep
+            self.threads.over(kernel, self.half(grid), [grid.table, grid.b, color, grid.x], [grid.x])
 
     @property
     def launches(self) -> int:
         """Of a cycle."""
-        return (len(self.grids) - 1) * (4 * SWEEPS + 2) + 4 * COARSEST
+        return self.first * (4 * SWEEPS + bool(self.fractions)) + 1

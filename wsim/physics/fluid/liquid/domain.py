@@ -27,8 +27,8 @@ from wsim.physics.fluid.liquid.order import Order
 from wsim.physics.fluid.liquid.surface import Surface
 
 SPREAD = 1e-2            # tolerance of the displacement: what it leaves the next step finds
-WAVE = 0.5               # [rad] of the shortest wave of the surface in a step: the surface is where it was as the step began, and
-                         # at 1.3 noise grows 4 times a step, at 0.6 slowly, at 0.33 it dies out
+WAVE = 0.5               # [rad] of the shortest wave of the surface in a step: pressure is of the surface as the step began, so
+                         # that at 1.3 noise grows 4 times a step, at 0.6 slowly, and at 0.33 it dies out
 MARGIN = 2               # layers of faces beyond those that a particle may cross
 THREADS = 1 << 14        # that look for the fastest particle
 

@@ -39,7 +39,7 @@ class Surface:
         self.push_kernels = [surface.push(dim, a, *some, real, module) for a in range(dim)]
         self.spread_kernels = [surface.push(dim, a, some[0], False, real, module) for a in range(dim)]
         self.multiply = conjugate.multiply(dim, FREE, real, module)
-        self.multigrid = Multigrid(threads, layout, self.k, self.z, self.r, self.own)
+        self.multigrid = Multigrid(threads, layout, self.k, self.z, self.r, own=self.own)
         self.solver = Conjugate(threads, layout.cells, words)
 
     def _faces(self) -> Any:

@@ -1,10 +1,10 @@
-"""The example scenes of rigid bodies; tools/scenes.py writes them."""
+"""The example scenes of rigid bodies; python -m tools.scenes writes them."""
 
 from math import cos, degrees, sin
 
 import numpy as np
 
-from tools import scenes_cloth
+from tools.scenes.cloth import cloth, material
 from tools.usda import block, ground, number, pin, scene, settings
 from wsim.scene import shapes
 from wsim.scene.fabric import fabric
@@ -86,8 +86,8 @@ def ball_into_cloth() -> str:
     return scene("Two balls and a box fall into a sheet that is held by its rim: each gives the other what it takes.", [
         settings(substeps=40, iterations=2, air_drag=0.5, comment="The heavy ball weighs six times the sheet, the light one a "
                  "tenth."),
-        scenes_cloth.material("denim", fabric("denim")),
-        scenes_cloth.cloth("Sheet", surface, "denim", (0.2, 0.32, 0.52), "1.6 m square; bodies meet its points, and it meets "
+        material("denim", fabric("denim")),
+        cloth("Sheet", surface, "denim", (0.2, 0.32, 0.52), "1.6 m square; bodies meet its points, and it meets "
                            "their shapes."),
         block("Xform", "Frame", "", comment="Where the rim is held."),
         pin("Rim", "/World/Sheet", rim, "/World/Frame", "All points of the sheet's edge."),

@@ -5,17 +5,15 @@ Numbers come from `wsim.shapes` and `wsim.scene.fabric`; attribute names and uni
 equal to what is written.
 """
 
-import sys
 from math import cos, pi, radians, sin
-from pathlib import Path
 
 import numpy as np
 
-from tools.scenes_bodies import BODY_SCENES
-from tools.scenes_cloth import SOFT, cloth, looks, material, thickness
-from tools.scenes_fluid import FLUID_SCENES
-from tools.scenes_rigid import RIGID_SCENES
-from tools.scenes_soft import SOFT_SCENES
+from tools.scenes.bodies import BODY_SCENES
+from tools.scenes.cloth import SOFT, cloth, looks, material, thickness
+from tools.scenes.fluid import FLUID_SCENES
+from tools.scenes.rigid import RIGID_SCENES
+from tools.scenes.soft import SOFT_SCENES
 from tools.usda import block, ground, listed, moved, number, pin, scene, settings, solid
 from wsim.scene import shapes
 from wsim.scene.fabric import fabric
@@ -137,14 +135,3 @@ def shirt() -> str:
 
 SCENES = {"hanging_cloth": hanging_cloth, "flag": flag, "cape": cape, "tablecloth": tablecloth, "shirt": shirt,
           **SOFT_SCENES, **RIGID_SCENES, **BODY_SCENES, **FLUID_SCENES}
-
-
-def main(folder: str = "") -> None:
-    target = Path(folder) if folder else Path(__file__).resolve().parent.parent / "scenes"
-    for name, write in SCENES.items():
-        (target / f"{name}.usda").write_text(write())
-        print(f"{name}.usda  {len(write()) / 1000:.0f} kB")
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:2])
