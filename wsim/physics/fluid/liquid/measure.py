@@ -8,9 +8,9 @@ from wsim.scene.samples import Particles
 DROPS = "_drops"           # behind the name of the domain: the prim of its particles
 
 
-def spacing(liquid: Liquid) -> float:
-    """Distance of particles at rest [m]."""
-    return liquid.cell / ACROSS
+def width(liquid: Liquid) -> float:
+    """Of a ball with the volume that a particle has at rest [m]."""
+    return liquid.cell / ACROSS * (6.0 / np.pi) ** (1.0 / 3.0)
 
 
 def mass(liquid: Liquid) -> float:
@@ -19,9 +19,9 @@ def mass(liquid: Liquid) -> float:
 
 
 def sample(liquid: Liquid, particles: dict[str, np.ndarray]) -> Particles:
-    """As wide as they are apart at rest."""
+    """Beside its domain."""
     x = particles["x"]
-    return Particles(liquid.path + DROPS, x, np.full(len(x), spacing(liquid)), particles["id"], particles["v"])
+    return Particles(liquid.path + DROPS, x, np.full(len(x), width(liquid)), particles["id"], particles["v"])
 
 
 def measures(liquid: Liquid, particles: dict[str, np.ndarray], gravity: np.ndarray,
