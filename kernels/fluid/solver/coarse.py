@@ -1,5 +1,5 @@
-"""The small levels of a V-cycle (kernels/fluid/solver/multigrid.py) in one launch: one block of threads goes down and up through
-all of them, and its threads meet where launches would end. On the CPU one thread does.
+"""The small levels of a V-cycle (kernels/fluid/solver/multigrid.py) in one launch: one block of threads goes down and up
+through all of them, and its threads meet where launches would end. On the CPU one thread does.
 
 A launch in a graph takes an H200 1.9 us, whatever it does; these levels would have a hundred of them a cycle.
 """

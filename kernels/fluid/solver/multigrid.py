@@ -120,8 +120,8 @@ def passes(dim: int, fractions: bool | int, real) -> SimpleNamespace:
                         sum += b[flat(here, level.n)] - s.product(level, x, here)
         return sum
 
-    return SimpleNamespace(coloured=coloured, fresh=fresh, begun=begun, swept=swept, risen=risen, residual=residual, diagonal=s.diagonal,
-                           name=s.name)
+    return SimpleNamespace(coloured=coloured, fresh=fresh, begun=begun, swept=swept, risen=risen, residual=residual,
+                           diagonal=s.diagonal, name=s.name)
 
 
 @cache

@@ -6,9 +6,9 @@ from typing import Any
 
 import warp as wp
 
+from wsim.kernels.fluid.pressure import FREE, levels
 from wsim.kernels.fluid.solver import coarse
 from wsim.kernels.fluid.solver import multigrid as kernels
-from wsim.kernels.fluid.pressure import FREE, levels
 from wsim.kernels.math.real import types
 from wsim.model.structs import filled
 from wsim.physics.fluid.grid.layout import Layout
@@ -99,16 +99,16 @@ class Multigrid:
 
     def refresh(self) -> None:
         """Couplings of the coarse levels, of the finest ones as they are now."""
-        for fine, coarse in zip(self.grids[:-1], self.grids[1:], strict=True):
+        for fine, below in zip(self.grids[:-1], self.grids[1:], strict=True):
             for a, kernel in enumerate(self.coarsen):
                 shapes = [wp.vec3i(*(m + (i == a and not self.layout.periodic[i]) for i, m in enumerate(g.n)))
-                          for g in (coarse, fine)]
-                k_out = getattr(coarse.table, AXES[a])
+                          for g in (below, fine)]
+                k_out = getattr(below.table, AXES[a])
                 k = getattr(fine.table, AXES[a])
-                self.threads.over(kernel, k_out.size, [*shapes, wp.vec3i(*coarse.halved), k], [k_out])
+                self.threads.over(kernel, k_out.size, [*shapes, wp.vec3i(*below.halved), k], [k_out])
             if self.collect:
-                self.threads.over(self.collect, coarse.cells, [wp.vec3i(*coarse.n), wp.vec3i(*fine.n),
-                                                               wp.vec3i(*coarse.halved), fine.table.own], [coarse.table.own])
+                self.threads.over(self.collect, below.cells, [wp.vec3i(*below.n), wp.vec3i(*fine.n), wp.vec3i(*below.halved),
+                                                              fine.table.own], [below.table.own])
 
     def cycle(self) -> None:
         """x of the finest level becomes close to A^-1 b."""
@@ -141,5 +141,5 @@ class Multigrid:
 
     @property
     def launches(self) -> int:
-        """Of a cycle."""
+        """Number of launches of a cycle."""
         return self.first * (4 * SWEEPS + bool(self.fractions)) + 1

@@ -20,21 +20,36 @@ from wsim.kernels.math.real import types
 from wsim.kernels.rigid import motion
 from wsim.model.stage import Clock
 from wsim.physics.rigid.mass import along
-from wsim.physics.rigid.solids import meeting, standing
+from wsim.physics.rigid.solids import acting, as_met, meet, meeting, sleeps, standing, touches
 from wsim.scene import Problem, SceneError
 from wsim.scene.values.coverage import refuse
 
 TABLES = ("w", "inverse", "push", "torque", "drag", "spin_drag")
 
 
-def refuse_contacts(scene, met: bool) -> None:
-    """Raises SceneError where bodies that are to be recorded can touch something (met), or are joined."""
-    for joint in scene.things("Joint"):
-        raise refuse("joints", joint.path)
-    if met:
-        bodies = [body for body in scene.things("Body") if meeting(body)]
-        other = next((c.path for c in (*standing(scene.colliders), *scene.bodies())), bodies[-1].path)
-        raise refuse("impulses", bodies[0].path, other=other)
+def refuse_contacts(scene) -> None:
+    """Raises SceneError where bodies that are to be recorded can touch what has no derivative."""
+    if not (touches(scene) or meet(scene)):
+        return
+    bodies = [body for body in scene.things("Body") if meeting(body)]
+    beside = scene.bodies() if touches(scene) else []
+    other = next((c.path for c in (*beside, *standing(scene.colliders))), bodies[-1].path)
+    for key, wrong in (("points", touches(scene)), ("held", acting(scene)), ("impulses", scene.contact_tolerance <= 0.0),
+                       ("sleep", sleeps(scene))):
+        if wrong:
+            raise refuse(key, bodies[0].path, other=other)
+    for c in standing(scene.colliders):
+        met = as_met(c, False)
+        if met is not None and met.mesh is not None:
+            raise refuse("meshes", c.path)
+
+
+def recorded(method) -> "Recorded":
+    """What records a method's bodies (`wsim.physics.rigid.method.Rigid`)."""
+    if not (method.joints or method.contacts):
+        return Recorded(method)
+    from wsim.physics.rigid.recorded.islands import RecordedIslands
+    return RecordedIslands(method)
 
 
 @dataclass
@@ -56,6 +71,8 @@ def turning(R: np.ndarray, by: np.ndarray) -> np.ndarray:
 class Recorded:
     """Arrays of the method's part as one step reads and writes them, and what frames of a recording leave."""
 
+    left = 0.0                         # [m/s] of the impulses that were differentiated
+
     def __init__(self, method):
         self.method, self.model, part = method, method.model, method.part
         real, t = self.model.real, types(self.model.real)
@@ -63,7 +80,9 @@ class Recorded:
         self.every = part.every
         self.q, self.o = (wp.array(ptr=a.ptr, dtype=t.vec4, shape=a.shape, device=a.device)
                           for a in (part.arrays["q"], part.arrays["o"]))
-        self.kernel = motion.free_step(real, self.model.module)
+        self.kernel: Any = None
+        if not (method.joints or method.contacts):
+            self.kernel = motion.free_step(real, self.model.module)
         self.kept: list[wp.array] = []
 
     @property
@@ -101,6 +120,10 @@ class Recorded:
         every, q, o = (a[frame].numpy().astype(np.float64) for a in self.kept)
         x, e, p, L = every.reshape(4, -1, 3)
         return Motions(x + e, normalized(q + o), p, L)
+
+    def places(self, path: str, name: str, world: int) -> Any:
+        """Where a value stands that is none of a body's own; None: nowhere."""
+        return None
 
     def row(self, path: str, world: int = 0) -> int:
         """Raises SceneError where there is no such body."""
