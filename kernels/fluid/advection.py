@@ -19,21 +19,69 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.fluid.grid import functions, structs
+from wsim.kernels.fluid.forces import lift, lifting
+from wsim.kernels.fluid.grid import beside, flat, functions, structs
 from wsim.kernels.math.real import types
 
 SCHEMES = ("linear", "cubic")
 
 
 @cache
-def backtrace(dim: int, real, third: bool = False):
-    """Function (g, u, x, h) -> X; x in cells, h in [s]."""
+def standing(dim: int, axis: int, real):
+    """Function (g, u, i) -> velocity [m/s] at face i of an axis (-1: in the middle of cell i): its own component, and means of
+    the two or four rows about it, which is what `velocity` finds there."""
     t, S, f = types(real), structs(real), functions(dim, real)
 
+    @cache
+    def component(of: int):
+        @wp.func
+        def component(g: S.Grid, q: wp.array(dtype=real), i: wp.vec3i):
+            shape = f.faces(g, wp.static(of))
+            value = q[flat(i, shape)]
+            if wp.static(of != axis):
+                ahead = wp.vec3i(i[0], i[1], i[2])
+                ahead[wp.static(of)] = beside(i[wp.static(of)] + 1, shape[wp.static(of)], g.periodic[wp.static(of)])
+                if wp.static(axis < 0):
+                    value = real(0.5) * (value + q[flat(ahead, shape)])
+                else:
+                    n = shape[wp.static(axis)]
+                    here = wp.min(i[wp.static(axis)], n - 1)
+                    behind = beside(i[wp.static(axis)] - 1, n, g.periodic[wp.static(axis)])
+                    now = wp.vec3i(i[0], i[1], i[2])
+                    now[wp.static(axis)] = here
+                    ahead[wp.static(axis)] = here
+                    value = q[flat(now, shape)] + q[flat(ahead, shape)]
+                    now[wp.static(axis)] = behind
+                    ahead[wp.static(axis)] = behind
+                    value = real(0.25) * (value + q[flat(now, shape)] + q[flat(ahead, shape)])
+            return value
+
+        return component
+
+    x, y, z = component(0), component(1), component(2)
+
     @wp.func
-    def backtrace(g: S.Grid, u: S.Faces, x: t.vec3, h: real):
+    def standing(g: S.Grid, u: S.Faces, i: wp.vec3i):
+        v = t.vec3()
+        v[0] = x(g, u.x, i)
+        v[1] = y(g, u.y, i)
+        if wp.static(dim == 3):
+            v[2] = z(g, u.z, i)
+        return v
+
+    return standing
+
+
+@cache
+def backtrace(dim: int, axis: int, real, third: bool = False):
+    """Function (g, u, i, h) -> X of the middle of face i of an axis (-1: of cell i); X in cells, h in [s]."""
+    t, S, f, here = types(real), structs(real), functions(dim, real), standing(dim, axis, real)
+
+    @wp.func
+    def backtrace(g: S.Grid, u: S.Faces, i: wp.vec3i, h: real):
+        x = t.vec3(real(i[0]), real(i[1]), real(i[2])) + f.offset(wp.static(axis))
         s = h / g.dx
-        k1 = f.velocity(g, u, x)
+        k1 = here(g, u, i)
         k2 = f.velocity(g, u, x - (real(0.5) * s) * k1)
         if wp.static(third):
             k3 = f.velocity(g, u, x - (real(0.75) * s) * k2)
@@ -62,52 +110,82 @@ def left(real):
 
 
 @cache
-def advect(dim: int, axis: int, scheme: str, clamped: bool, third: bool, real, module):
-    """Kernel over the rows of a component (axis 0 .. dim - 1), or of a scalar (axis -1): q_out = q followed back over
-    `part` of the step clock[0] [s]. scheme: "linear" or "cubic"."""
-    t, S, f = types(real), structs(real), functions(dim, real)
-    back, gone = backtrace(dim, real, third), left(real)
+def carried(dim: int, axis: int, scheme: str, clamped: bool, real):
+    """Function (g, q, X) -> a component (axis 0 .. dim - 1) or scalar (axis -1) at X. scheme: "linear" or "cubic"."""
+    t, S, f, gone = types(real), structs(real), functions(dim, real), left(real)
     cubic = scheme == "cubic"
 
     @wp.func
-    def carried(g: S.Grid, u: S.Faces, q: wp.array(dtype=real), c: int, h: real):
+    def carried(g: S.Grid, q: wp.array(dtype=real), X: t.vec3):
         shape = wp.vec3i(g.n[0], g.n[1], g.n[2])
         if wp.static(axis >= 0):
             shape = f.faces(g, wp.static(axis))
-        o = f.offset(wp.static(axis))
-        i = f.place(c, shape)
-        X = back(g, u, t.vec3(real(i[0]), real(i[1]), real(i[2])) + o, h)
         value = real(0.0)
         if gone(g, X):
             if wp.static(axis >= 0):
                 wind = g.air[0]
                 value = wind[wp.static(max(axis, 0))]
         else:
-            s = X - o
-            if wp.static(cubic):
+            s = X - f.offset(wp.static(axis))
+            if wp.static(cubic and clamped):
+                value = f.limited(q, shape, g.periodic, s)
+            elif wp.static(cubic):
                 value = f.cubic(q, shape, g.periodic, s)
-                if wp.static(clamped):
-                    least, most = f.around(q, shape, g.periodic, s)
-                    value = wp.clamp(value, least, most)
             else:
                 value = f.linear(q, shape, g.periodic, s)
         return value
 
-    def advect(g: S.Grid, u: S.Faces, q: wp.array(dtype=real), clock: wp.array(dtype=real), part: real,
+    return carried
+
+
+@cache
+def advect(dim: int, axis: int, scheme: str, clamped: bool, third: bool, pushed: str, real, module):
+    """Kernel over the rows of a component (axis 0 .. dim - 1), or of a scalar (axis -1): q_out = q followed back over
+    `part` of the step clock[0] [s]. pushed: what lifts and weighs there, see `forces.lift`; "": nothing."""
+    S, f, F = structs(real), functions(dim, real), lifting(real)
+    back, at = backtrace(dim, axis, real, third), carried(dim, axis, scheme, clamped, real)
+    push = lift(dim, axis, pushed, real) if pushed else None
+
+    def advect(g: S.Grid, u: S.Faces, q: wp.array(dtype=real), lifting: F, clock: wp.array(dtype=real), part: real,
                q_out: wp.array(dtype=real)):
         c = wp.tid()
-        q_out[c] = carried(g, u, q, c, part * clock[0])
+        shape = wp.vec3i(g.n[0], g.n[1], g.n[2])
+        if wp.static(axis >= 0):
+            shape = f.faces(g, wp.static(axis))
+        i = f.place(c, shape)
+        h = part * clock[0]
+        value = at(g, q, back(g, u, i, h))
+        if wp.static(bool(pushed)):
+            value += h * push(g, lifting, i)
+        q_out[c] = value
 
-    name = f"advect_{'c' if axis < 0 else 'xyz'[axis]}_{scheme}{'_clamped' * clamped}{'_rk3' * third}_{f.name}"
+    which = f"{'c' if axis < 0 else 'xyz'[axis]}_{scheme}{'_clamped' * clamped}{'_rk3' * third}"
+    name = f"advect_{which}{'_' * bool(pushed)}{pushed}_{f.name}"
     return wp.kernel(advect, name=name, module=module, enable_backward=False)
+
+
+@cache
+def advect_both(dim: int, scheme: str, third: bool, real, module):
+    """Kernel over cells: `advect` of two scalars, which have the way back in common."""
+    S, f = structs(real), functions(dim, real)
+    back, at = backtrace(dim, -1, real, third), carried(dim, -1, scheme, True, real)
+
+    def advect_both(g: S.Grid, u: S.Faces, q: wp.array(dtype=real), r: wp.array(dtype=real), clock: wp.array(dtype=real),
+                    part: real, q_out: wp.array(dtype=real), r_out: wp.array(dtype=real)):
+        c = wp.tid()
+        X = back(g, u, f.place(c, g.n), part * clock[0])
+        q_out[c] = at(g, q, X)
+        r_out[c] = at(g, r, X)
+
+    return wp.kernel(advect_both, name=f"advect_both_{scheme}{'_rk3' * third}_{f.name}", module=module, enable_backward=False)
 
 
 @cache
 def correct(dim: int, axis: int, bfecc: bool, real, module):
     """Kernel over the rows: MacCormack's correction of p = A q by q' = A^-1 p, kept within the rows that p came of; bfecc: the
     same limit for p = A (q + (q - q') / 2), without a correction."""
-    t, S, f = types(real), structs(real), functions(dim, real)
-    back, gone = backtrace(dim, real), left(real)
+    S, f = structs(real), functions(dim, real)
+    back, gone = backtrace(dim, axis, real), left(real)
 
     def correct(g: S.Grid, u: S.Faces, q: wp.array(dtype=real), p: wp.array(dtype=real), turned: wp.array(dtype=real),
                 clock: wp.array(dtype=real), part: real, q_out: wp.array(dtype=real)):
@@ -115,14 +193,12 @@ def correct(dim: int, axis: int, bfecc: bool, real, module):
         shape = wp.vec3i(g.n[0], g.n[1], g.n[2])
         if wp.static(axis >= 0):
             shape = f.faces(g, wp.static(axis))
-        o = f.offset(wp.static(axis))
-        i = f.place(c, shape)
-        X = back(g, u, t.vec3(real(i[0]), real(i[1]), real(i[2])) + o, part * clock[0])
+        X = back(g, u, f.place(c, shape), part * clock[0])
         value = p[c]
         if not gone(g, X):
             if wp.static(not bfecc):
                 value += real(0.5) * (q[c] - turned[c])
-            least, most = f.around(q, shape, g.periodic, X - o)
+            least, most = f.around(q, shape, g.periodic, X - f.offset(wp.static(axis)))
             value = wp.clamp(value, least, most)
         q_out[c] = value
 

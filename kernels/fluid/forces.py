@@ -9,44 +9,81 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.fluid.grid import flat, functions, structs
+from wsim.kernels.fluid.grid import beside, flat, functions, structs
 from wsim.kernels.math.real import types
 
 LIFT, WEIGHT, VORTICITY, SMOKE_DECAY, COOLING, VISCOSITY, NUMBERS = 3, 4, 5, 6, 7, 8, 9      # of `live`, behind gravity (3)
 
 
 @cache
-def push(dim: int, axis: int, smoky: bool, hot: bool, swirling: bool, real, module):
-    """Kernel over the faces of an axis: u plus `part` of the step clock[0] of all accelerations. live: gravity along the axes
-    of the grid [m/s^2], then the numbers above; swirl: confinement at the cells' centres [m/s^2]."""
-    t, S, f = types(real), structs(real), functions(dim, real)
+def lifting(real):
+    """Struct: live numbers, gravity along the axes of the grid [m/s^2] and those above; smoke and heat of the cells."""
 
-    def push(g: S.Grid, live: wp.array(dtype=real), smoke: wp.array(dtype=real), heat: wp.array(dtype=real),
-             swirl: wp.array(dtype=t.vec3), clock: wp.array(dtype=real), part: real, u_out: wp.array(dtype=real)):
-        c = wp.tid()
-        i = f.place(c, f.faces(g, wp.static(axis)))
+    @wp.struct
+    class Lifting:
+        live: wp.array(dtype=real)
+        smoke: wp.array(dtype=real)
+        heat: wp.array(dtype=real)
+
+    return Lifting
+
+
+@cache
+def beyond(dim: int, axis: int, real):
+    """Function (g, i) -> flat indices of the cells on both sides of face i of an axis; beyond a side the one within."""
+    S = structs(real)
+
+    @wp.func
+    def beyond(g: S.Grid, i: wp.vec3i):
         n = i[wp.static(axis)]
         before = wp.vec3i(i[0], i[1], i[2])
-        before[wp.static(axis)] = n - 1
-        if n == 0 and g.periodic[wp.static(axis)] != 0:
-            before[wp.static(axis)] = g.n[wp.static(axis)] - 1
-        elif n == 0:
-            before[wp.static(axis)] = 0
-        elif n == g.n[wp.static(axis)]:
-            i[wp.static(axis)] = n - 1
-        a = flat(before, g.n)
-        b = flat(i, g.n)
+        after = wp.vec3i(i[0], i[1], i[2])
+        before[wp.static(axis)] = beside(n - 1, g.n[wp.static(axis)], g.periodic[wp.static(axis)])
+        after[wp.static(axis)] = wp.min(n, g.n[wp.static(axis)] - 1)
+        return flat(before, g.n), flat(after, g.n)
+
+    return beyond
+
+
+@cache
+def lift(dim: int, axis: int, of: str, real):
+    """Function (g, lifting, i) -> acceleration [m/s^2] across face i of an axis, of what `of` names: "smoke", "heat"."""
+    S, F, cells = structs(real), lifting(real), beyond(dim, axis, real)
+    smoky, hot = "smoke" in of, "heat" in of
+
+    @wp.func
+    def lift(g: S.Grid, lifting: F, i: wp.vec3i):
+        a, b = cells(g, i)
         push = real(0.0)
         if wp.static(smoky):
-            push += live[WEIGHT] * real(0.5) * (smoke[a] + smoke[b])
+            push += lifting.live[WEIGHT] * real(0.5) * (lifting.smoke[a] + lifting.smoke[b])
         if wp.static(hot):
-            push -= live[LIFT] * real(0.5) * (heat[a] + heat[b])
-        push = push * live[wp.static(axis)]
+            push -= lifting.live[LIFT] * real(0.5) * (lifting.heat[a] + lifting.heat[b])
+        return push * lifting.live[wp.static(axis)]
+
+    return lift
+
+
+@cache
+def push(dim: int, axis: int, of: str, swirling: bool, real, module):
+    """Kernel over the faces of an axis: u plus `part` of the step clock[0] of all accelerations: `lift`, and swirl, that of
+    confinement at the cells' centres [m/s^2]."""
+    t, S, F, f = types(real), structs(real), lifting(real), functions(dim, real)
+    force, cells = lift(dim, axis, of, real), beyond(dim, axis, real)
+
+    def push(g: S.Grid, lifting: F, swirl: wp.array(dtype=t.vec3), clock: wp.array(dtype=real), part: real,
+             u_out: wp.array(dtype=real)):
+        c = wp.tid()
+        i = f.place(c, f.faces(g, wp.static(axis)))
+        push = real(0.0)
+        if wp.static(bool(of)):
+            push = force(g, lifting, i)
         if wp.static(swirling):
+            a, b = cells(g, i)
             push += real(0.5) * (swirl[a][wp.static(axis)] + swirl[b][wp.static(axis)])
         u_out[c] = u_out[c] + part * clock[0] * push
 
-    name = f"push_{'xyz'[axis]}{'_smoke' * smoky}{'_heat' * hot}{'_swirl' * swirling}_{f.name}"
+    name = f"push_{'xyz'[axis]}{'_' * bool(of)}{of}{'_swirl' * swirling}_{f.name}"
     return wp.kernel(push, name=name, module=module, enable_backward=False)
 
 

@@ -11,7 +11,7 @@ Bridson 2007; Ng, Min, Gibou 2009).
     k   o / d; 0 at a closed side
 
 A is symmetric and, but for a constant in each sealed region, positive. A level of the multigrid solver is such an equation too:
-there k comes of the faces of the level below, see kernels/fluid/multigrid.py.
+there k comes of the faces of the level below, see kernels/fluid/solver/multigrid.py.
 """
 
 # ruff: noqa: UP018
@@ -49,7 +49,8 @@ def levels(real):
 @cache
 def stencil(dim: int, fractions: bool, real) -> SimpleNamespace:
     """Functions of a cell i: couplings(level, i, axis) -> (k low, k high), 0 where there is no neighbour beyond but one of
-    pressure 0 too; beside(level, x, i) -> (sum of k, sum of k x of the neighbours); product(level, x, i) -> (A x)_i."""
+    pressure 0 too; beside(level, x, i) -> (sum of k, sum of k x of the neighbours); product(level, x, i) -> (A x)_i;
+    diagonal(level, i) -> sum of k."""
     t, Level = types(real), levels(real)
 
     @wp.func
@@ -86,7 +87,45 @@ def stencil(dim: int, fractions: bool, real) -> SimpleNamespace:
         return low, high
 
     @wp.func
-    def beside(level: Level, x: wp.array(dtype=real), i: wp.vec3i):
+    def inner(level: Level, i: wp.vec3i):
+        all = i[0] > 0 and i[0] + 1 < level.n[0] and i[1] > 0 and i[1] + 1 < level.n[1]
+        if wp.static(dim == 3):
+            all = all and i[2] > 0 and i[2] + 1 < level.n[2]
+        return all
+
+    @wp.func
+    def within(level: Level, x: wp.array(dtype=real), i: wp.vec3i):
+        """`beside` of a cell that is at no side."""
+        c = flat(i, level.n)
+        one = level.n[1] * level.n[2]
+        two = level.n[2]
+        own = real(0.0)
+        sum = real(0.0)
+        if wp.static(fractions):
+            m = c + i[0] * level.n[2] * (1 - level.periodic[1])
+            a = level.x[c]
+            b = level.x[c + one]
+            d = level.y[m]
+            e = level.y[m + two]
+            own = a + b + d + e
+            sum = a * x[c - one] + b * x[c + one] + d * x[c - two] + e * x[c + two]
+            if wp.static(dim == 3):
+                m = c + (i[0] * level.n[1] + i[1]) * (1 - level.periodic[2])
+                a = level.z[m]
+                b = level.z[m + 1]
+                own += a + b
+                sum += a * x[c - 1] + b * x[c + 1]
+        else:
+            own = level.k[0] + level.k[1]
+            sum = level.k[0] * (x[c - one] + x[c + one]) + level.k[1] * (x[c - two] + x[c + two])
+            if wp.static(dim == 3):
+                own += level.k[2]
+                sum += level.k[2] * (x[c - 1] + x[c + 1])
+            own = real(2.0) * own
+        return own, sum
+
+    @wp.func
+    def at_side(level: Level, x: wp.array(dtype=real), i: wp.vec3i):
         own = real(0.0)
         sum = real(0.0)
         c = flat(i, level.n)
@@ -109,11 +148,35 @@ def stencil(dim: int, fractions: bool, real) -> SimpleNamespace:
         return own, sum
 
     @wp.func
+    def beside(level: Level, x: wp.array(dtype=real), i: wp.vec3i):
+        own = real(0.0)
+        sum = real(0.0)
+        if inner(level, i):
+            own, sum = within(level, x, i)
+        else:
+            own, sum = at_side(level, x, i)
+        return own, sum
+
+    @wp.func
+    def diagonal(level: Level, i: wp.vec3i):
+        own = real(0.0)
+        if wp.static(not fractions) and inner(level, i):
+            own = level.k[0] + level.k[1]
+            if wp.static(dim == 3):
+                own += level.k[2]
+            own = real(2.0) * own
+        else:
+            for a in range(wp.static(dim)):
+                low, high = couplings(level, i, a)
+                own += low + high
+        return own
+
+    @wp.func
     def product(level: Level, x: wp.array(dtype=real), i: wp.vec3i):
         own, sum = beside(level, x, i)
         return own * x[flat(i, level.n)] - sum
 
-    return SimpleNamespace(couplings=couplings, beside=beside, product=product,
+    return SimpleNamespace(couplings=couplings, beside=beside, product=product, diagonal=diagonal,
                            name=f"{dim}d{'_fractions' * fractions}_{t.name}")
 
 
@@ -153,12 +216,8 @@ def divergence(dim: int, fractions: bool, moving: bool, expanding: bool, real, m
         if wp.static(expanding):
             sum -= expansion[c] * g.dx
         if wp.static(fractions):
-            own = real(0.0)
-            for a in range(wp.static(dim)):
-                low, high = s.couplings(level, i, a)
-                own += low + high
-            if own == real(0.0):
-                sum = own
+            if s.diagonal(level, i) == real(0.0):
+                sum = real(0.0)
         b_out[c] = -sum
 
     name = f"divergence{'_fractions' * fractions}{'_moving' * moving}{'_expanding' * expanding}_{f.name}"

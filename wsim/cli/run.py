@@ -53,11 +53,11 @@ def later(scene: Scene, delay: float) -> Scene:
 
 
 def _motion_later(motion: Motion, delay: float) -> Motion:
-    return Motion(motion.times + delay, motion.values)
+    return motion.later(delay)
 
 
 def _curve_later(curve: Curve, delay: float) -> Curve:
-    return Curve(curve.times + delay, curve.values)
+    return curve.later(delay)
 
 
 def _pin_later(pin: Pin, delay: float) -> Pin:
@@ -99,7 +99,7 @@ class Run:
         return (self.preroll + self.scene.frames - self.first) * self.samples
 
     def kept(self) -> str:
-        """What a run that did not come to its end has left, in words."""
+        """Text about what a run that did not come to its end has left."""
         kept, output = self.recorder.kept, self.recorder.path
         text = "no frame was written" + (f"; {kept} holds those of an earlier run" if kept else "")
         if kept and self.recorder.count:
@@ -153,7 +153,7 @@ class Run:
 
 
 def default_output(scene: str) -> str:
-    """Where a run without -o writes: SCENE.sim.usdc beside the scene, or here where that folder takes no file."""
+    """Path that a run without -o writes: SCENE.sim.usdc beside the scene, or here where that folder takes no file."""
     folder, name = os.path.split(os.path.abspath(scene))
     name = f"{os.path.splitext(name)[0]}.sim.usdc"
     return os.path.relpath(os.path.join(folder, name)) if os.access(folder, os.W_OK) else name
@@ -161,7 +161,7 @@ def default_output(scene: str) -> str:
 
 def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"], *, samples: int = 1, preroll: int = 0,
             flatten: bool = False, restart: str | None = None, stress: bool = False) -> Run:
-    """Everything that comes before the first frame, so that what cannot work fails before it has cost time.
+    """The part of a run that comes before the first frame, so that what cannot work fails before it has cost time.
 
     simulate    makes the simulation of a scene (device and precision are its matter)
     restart     an earlier result of this scene to go on from; frames are still counted from the scene's start

@@ -22,7 +22,6 @@ import numpy as np
 from wsim.fitting.least_squares.bounds import LARGE, WIDE, Map
 from wsim.scene import Cloth, Load, Problem, Scene, SceneError, Springs
 from wsim.scene.check.varying import NEEDS, painted, unfit
-from wsim.scene.curve import Curve
 from wsim.scene.methods import every
 from wsim.scene.nodal.masses import density_of
 from wsim.scene.values import table
@@ -59,7 +58,7 @@ class Parameter:
     axis: int | None = None      # of a vector
 
     def rows(self, scene: Scene) -> list[tuple[Value, Any]]:
-        """What has it in a scene, each with its row of the table."""
+        """Objects of a scene that have the parameter, each with its row of the table."""
         found: list[tuple[Value, Any]] = []
         for row in (r for r in rows() if r.name == self.what):
             if row.owner == "Scene":
@@ -69,7 +68,7 @@ class Parameter:
         return found
 
     def value(self, scene: Scene) -> float | None:
-        """Its present value, of several bodies the mean; None where nothing has it."""
+        """Present value of the parameter, of several bodies the mean; None where nothing has it."""
         found = [_get(row, thing, self.axis) for row, thing in self.rows(scene)]
         if not found:
             return None
@@ -138,7 +137,7 @@ def _put(row: Value, thing, value: float, axis: int | None = None):
     """A copy of a body or load with that value; different stiffness of springs, and masses of points, keep their proportions.
     """
     if isinstance(thing, Load):
-        return replace(thing, curve=Curve(thing.curve.times, np.array([_with(thing.curve.values[0], axis or 0, value)])))
+        return replace(thing, curve=thing.curve.replaced(np.array([_with(thing.curve.values[0], axis or 0, value)])))
     if row.owner == "Cloth" and row.name in table.PARTS:
         m = thing.material
         new = {"stretch": {"stretch": value, "weft": m.weft * (value / m.stretch)}, "stretch_weft": {"weft": value},

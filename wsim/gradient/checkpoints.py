@@ -42,12 +42,12 @@ class Segments:
         return self.frames * self.substeps
 
     def bytes(self, length: int) -> int:
-        """Of checkpoints and segments of so many substeps."""
+        """Bytes of checkpoints and segments of so many substeps."""
         return int(length * self.each + self.over) + ceil(self.total / length) * self.point + self.fixed
 
     @property
     def full(self) -> int:
-        """Of keeping everything."""
+        """Bytes of keeping everything."""
         return int(self.total * self.each) + self.fixed
 
     @property
@@ -90,7 +90,7 @@ class Segments:
         return wanted
 
     def problem(self, need: int) -> Problem:
-        """What is needed, what is there, and what would fit, in steps as a scene counts them."""
+        """Problem that says what is needed, what is there, and what would fit, in steps as a scene counts them."""
         longest, best, frames = self.longest() // self.solves, self.best // self.solves, self.most()
         if longest:
             mend = f"keep=\"checkpoints\" fits, in segments of up to {longest} substeps (of {best} it keeps " \

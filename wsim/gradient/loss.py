@@ -11,7 +11,7 @@ from wsim.scene import Problem, SceneError
 
 
 class Seeds:
-    """What a loss adds to the gradients of the states of a recording, frame by frame on the way back."""
+    """Cotangents dL/dx that a loss adds to the states of a recording, frame by frame in the backward pass."""
 
     def __init__(self, recording, positions: dict | None, velocities: dict | None, reactions: dict | None,
                  poses: dict | None = None, twists: dict | None = None):
@@ -35,7 +35,7 @@ class Seeds:
                  wp.array(values, dtype=base.dtype, device=base.device), root.carried)
 
     def end(self) -> Inertia | None:
-        """What is known of reactions after the last frame."""
+        """Cotangents of reaction forces that are known after the last frame; None: no reactions."""
         return self.pulls.end() if self.pulls else None
 
 

@@ -41,8 +41,8 @@ class Stretch:
 
 
 class Recording(Frames):
-    """So many frames of a simulation from where it stands now, forward by `run` and backward by `backward`. Every run begins
-    there; live parameters may change in between, but for what changes the number of substeps or the start.
+    """A recording of so many frames of a simulation from where it stands now, forward by `run` and backward by `backward`.
+    Every run begins there; live parameters may change in between, but for what changes the number of substeps or the start.
 
     keep   "all": memory for every frame; "checkpoints": for a segment, which runs twice; "auto": by bytes
     Raises SceneError where the simulation has no gradients, or a method of the scene has none.
@@ -114,7 +114,7 @@ class Recording(Frames):
 
     @property
     def shape(self) -> tuple:
-        """What of a simulation may not change after it was recorded."""
+        """Part of a simulation that may not change after it was recorded."""
         clock, stride = self.plan.clock, self.plan.find("stride")
         return (clock.substeps, clock.integrator.name, stride() if stride else 0,
                 *(array.ptr for array in self.parameters.targets()))
@@ -185,7 +185,7 @@ class Recording(Frames):
             self.apart = apart(self)
 
     def misses(self) -> list[wp.array]:
-        """What the worst forward and the worst adjoint solve of implicit steps have left."""
+        """Residuals that the worst forward and the worst adjoint solve of implicit steps have left."""
         adjoint = self.plan.find("adjoint")
         return [adjoint.missed, adjoint.left] if adjoint else []
 
@@ -248,7 +248,7 @@ class Recording(Frames):
         return Gradient(self.parameters, states, targets[::-1], motions[::-1], seeds)
 
     def look(self) -> None:
-        """What implicit solves have left, in `residuals`: gradients are as right as those are small."""
+        """Writes what implicit solves have left into `residuals`: gradients are as right as those are small."""
         self.residuals = dict(zip(("forward", "adjoint"), [float(a.numpy()[0]) for a in self.misses()], strict=False))
         for name, value in self.residuals.items():
             if not value < POOR:

@@ -80,7 +80,7 @@ class Frames(ABC):
         return self.rigid(frame).twists(frame)[self.rigid(frame).row(path, world)]
 
     def rigid(self, frame: int):
-        """What is kept of rigid bodies. Raises SceneError where there are none, or no such frame."""
+        """Motions that are kept of rigid bodies. Raises SceneError where there are none, or no such frame."""
         if self.bodies is None:
             raise SceneError(Problem("poses", "the scene has no rigid bodies"))
         self.reach(frame)

@@ -9,6 +9,8 @@ from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import Part
 from wsim.model.status import Status
 
+THREADS = 1 << 18        # that look at numbers: one each takes an H200 203 us for 17M of them, where a copy takes 31
+
 
 class Guard(Method):
     def __init__(self, model: Model, parts: list[Part], status: Status):
@@ -28,7 +30,8 @@ class Guard(Method):
 
     def look(self, clock: Clock) -> None:
         for name, (numbers, width, rows) in self.flat():
-            self.model.launch(self.kernel, numbers.size, [numbers, width, rows], [self.status.word(_word(name))])
+            threads = min(numbers.size, THREADS if self.model.device.is_cuda else 1)
+            self.model.launch(self.kernel, threads, [numbers, threads, width, rows], [self.status.word(_word(name))])
 
     def retry(self, status: Status) -> list[Remedy]:
         bad = {p.name: int(status.said(_word(p.name))[0]) for p in self.parts}

@@ -91,7 +91,7 @@ def carried(scene) -> list:
 
 
 def collides(scene) -> bool:
-    """Whether points may meet something."""
+    """True if points may meet something."""
     return bool(scene.colliders or carried(scene))
 
 

@@ -96,7 +96,7 @@ class Load(Compared):
     def __post_init__(self):
         self.points, self.triangles = array(self.points, np.int32, -1), array(self.triangles, np.int32, -1, 3)
         self.weights = array(self.weights, np.float32, -1)
-        self.curve = Curve(self.curve.times, np.asarray(self.curve.values, np.float64))
+        self.curve = self.curve.replaced(np.asarray(self.curve.values, np.float64))
 
     @property
     def name(self) -> str:
@@ -104,7 +104,7 @@ class Load(Compared):
 
     @property
     def parts(self) -> np.ndarray:
-        """Of a force: the part that each of its points bears, (k,)."""
+        """Part of a force that each of its points bears [1], (k,)."""
         assert self.points is not None
         k = len(self.points)
         return np.full(k, 1.0 / max(k, 1)) if self.weights is None else self.weights.astype(np.float64)
@@ -132,7 +132,7 @@ class Varying(Compared):
 
 @dataclass(eq=False)
 class Scene(Compared):
-    """Everything there is. Frame f is at time f / fps [s] after `start`; a substep is h = 1 / fps / substeps.
+    """A scene: everything there is. Frame f is at time f / fps [s] after `start`; a substep is h = 1 / fps / substeps.
 
     gravity         acceleration, (3,) [m/s^2]; None: 9.81 against `up`
     wind            velocity of the air, (3,) [m/s]
@@ -208,7 +208,7 @@ class Scene(Compared):
         return thing
 
     def things(self, name: str) -> list:
-        """What `add` was given of a class, by its name."""
+        """Objects of a class, by its name, that `add` was given."""
         return self.others.get(name, [])
 
     def exchanged(self, thing, new) -> "Scene":
@@ -271,7 +271,7 @@ class Scene(Compared):
         return replace(self, **{name: [single(thing) for thing in getattr(self, name)] for name in names})  # type: ignore
 
     def bodies(self) -> list[Cloth | Springs | Soft]:
-        """Everything that has points that move, in the order of the state's arrays."""
+        """Bodies whose points move: cloths, springs, soft bodies, in the order of the state's arrays."""
         return [*self.cloths, *self.springs, *self.softs]
 
 

@@ -56,7 +56,7 @@ def open_stage(path) -> Usd.Stage:
 
 
 def visible(path) -> Visible:
-    """Everything a stage shows. Raises SceneError naming the prim when a mesh is broken or nothing can be drawn."""
+    """All that a stage shows. Raises SceneError naming the prim when a mesh is broken or nothing can be drawn."""
     stage = open_stage(path)
     up = str(UsdGeom.GetStageUpAxis(stage))
     meters = UsdGeom.GetStageMetersPerUnit(stage)

@@ -138,7 +138,7 @@ class Simulation:
         return Record(self, path, **more)
 
     def run(self, frames: int | None = None, each: Callable | None = None) -> None:
-        """So many frames (None: the scene's); `each(simulation)` is called after every one."""
+        """Runs so many frames (None: the scene's); `each(simulation)` is called after every one."""
         for _ in range(self.scene.frames if frames is None else frames):
             self.step()
             if each:
@@ -162,7 +162,7 @@ class Simulation:
 
     @property
     def graph(self) -> wp.Graph | None:
-        """Of frames of the present form. None forgets both."""
+        """Graph of frames of the present form. None forgets both."""
         return self.graphs.get(self.plan.clock.free)
 
     @graph.setter
@@ -181,7 +181,7 @@ class Simulation:
         return capture.graph
 
     def reset(self) -> None:
-        """Back to the scene's initial state, with the scene's own parameters."""
+        """Sets the simulation back to the scene's initial state, with the scene's own parameters."""
         self._build()
 
     # reading and setting
@@ -208,7 +208,7 @@ class Simulation:
         return {c.path: c.motion.at(self.time) for c in self.scene.colliders if path in (None, c.path)}
 
     def samples(self, world: int = 0) -> list:
-        """What methods hand to a result besides points, now (`wsim.scene.samples`)."""
+        """Samples that methods hand to a result besides points, now (`wsim.scene.samples`)."""
         return [sample for method in self.plan.methods for sample in method.samples(world)]
 
     def set(self, path: str, name: str, value, world: int | None = None) -> None:
@@ -232,8 +232,8 @@ class Simulation:
             live.set_value(self, path, name, value, world)
 
     def fields(self, path: str | None = None) -> dict[str, np.ndarray]:
-        """What an exact restart needs of a body, by name, each in the author's order; of points, behind them those between
-        (quadratic tets)."""
+        """Fields of a body that an exact restart needs, by name, each in the author's order; of points, behind them those
+        between (quadratic tets)."""
         path = self.model.body(None).path if path is None else path
         found = {name: array.numpy()[rows] for name, array, rows in self.state.of(path)}
         if not found:
@@ -288,7 +288,7 @@ class Simulation:
             return reactions(self, path, world)
 
     def report(self, profile: bool = True) -> dict:
-        """What ran and how well: device, precision, frames, times, errors, stages, what was skipped, warnings."""
+        """Report of what ran and how well: device, precision, frames, times, errors, stages, what was skipped, warnings."""
         return measure.report(self, profile)
 
 

@@ -165,7 +165,7 @@ OTHERS = (
 
 
 def of_values() -> list[Entry]:
-    """What the table of values says; those of a material are of its class, `HOLDERS`."""
+    """Rows of the table of values; those of a material are of its class, `HOLDERS`."""
     found = {}
     for value in table.VALUES:
         if usd := value.usd:

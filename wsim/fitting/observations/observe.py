@@ -94,7 +94,7 @@ class Scan:
         self.triangles = author[body.triangles]
 
     def residuals(self, k: int, x: np.ndarray) -> np.ndarray:
-        """As of `Track`; which place is nearest is found in world 0 and kept for the others."""
+        """Residuals as of `Track`; which place is nearest is found in world 0 and kept for the others."""
         root = np.ones(len(self.points)) if self.weights is None else np.sqrt(self.weights)
         if not len(self.triangles):
             near = _nearest(self.points, x[0], 1)[:, 0]
@@ -104,8 +104,9 @@ class Scan:
                          (_plane(each[corner], part) for each in x)]) * root
 
     def back(self, k: int, x: np.ndarray, r: np.ndarray) -> np.ndarray:
-        """As of `Track`; exact but where another triangle is about to be nearest. A place that slides along the surface, or
-        along an edge of it, changes nothing; off an edge, what lies beyond it in the plane turns with the normal."""
+        """Transposed derivative as of `Track`; exact but where another triangle is about to be nearest. A place that slides
+        along the surface, or along an edge of it, changes nothing; off an edge, what lies beyond it in the plane turns with
+        the normal."""
         root = np.ones(len(self.points)) if self.weights is None else np.sqrt(self.weights)
         found = np.zeros(x.shape)
         if not len(self.triangles):
@@ -178,7 +179,7 @@ def closest(p: np.ndarray, e: np.ndarray, f: np.ndarray) -> np.ndarray:
 # what is wrong
 
 def wrong(observations: list, scene: Scene) -> list[Problem]:
-    """Everything that is wrong with observations of a scene."""
+    """All that is wrong with observations of a scene."""
     problems = []
     if not observations:
         problems.append(Problem("observations", "there are none; give Track or Scan objects, or a USD file"))
@@ -203,7 +204,7 @@ def wrong(observations: list, scene: Scene) -> list[Problem]:
 
 
 def mixed(observations: list) -> list[Problem]:
-    """Whether noise is known of some and not of others, or unknown of positions beside forces."""
+    """True if noise is known of some and not of others, or unknown of positions beside forces."""
     known = {o.sigma is not None for o in observations}
     if len(known) > 1:
         return [Problem("observations", "some have sigma and some have none; give it to all, or to none (estimated)")]

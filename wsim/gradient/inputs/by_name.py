@@ -77,7 +77,7 @@ class MaterialInput(Input):
     """A live parameter of a material, one for the body or one for each element."""
 
     def values(self, body) -> list[np.ndarray]:
-        """By the tables that have it, one for each element."""
+        """Gradients by the tables that have it, one for each element."""
         rows = self.recording.parameters.rows(body)
         found = [np.broadcast_to(r.stiffness[self.what], len(r.ids)) for r in rows if self.what in r.stiffness]
         if self.what == "damping":
@@ -104,7 +104,7 @@ class MaterialInput(Input):
         return np.array(every[0]) if (every == every[0]).all() else every
 
     def sorted(self, values: np.ndarray, body) -> np.ndarray:
-        """Of tets, which stand by their materials: in the author's order."""
+        """Values of tets, which stand by their materials: in the author's order."""
         parts = self.tets(body)
         if parts:
             values[np.concatenate([part.rows for part in parts])] = values.copy()
@@ -112,7 +112,7 @@ class MaterialInput(Input):
 
     @staticmethod
     def names(recording, body) -> list[str]:
-        """What of a body can be written, besides where it is."""
+        """Names of a body that can be written, besides where it is."""
         more = ["density"] * (density_of(body.source) is not None) + ["mass"] * isinstance(body.source, Springs)
         return sorted({*recording.parameters.names(body), *more})
 
@@ -131,7 +131,7 @@ class MaterialInput(Input):
         return self.sorted(found, self.model.body(self.path, world)) if shape else found
 
     def scale(self) -> float:
-        """Of Poisson's ratio a part of what is left to its ends."""
+        """Scale of the value; of Poisson's ratio a part of what is left to its ends."""
         value = self.read()
         if self.what == "poisson":
             return PART * float(np.minimum(0.5 - value, 1.0 + value).min())
@@ -139,7 +139,7 @@ class MaterialInput(Input):
 
 
 def inputs(recording, names) -> dict[str, Input]:
-    """By name. Raises SceneError with every name that is none, or nothing can be differentiated by."""
+    """Inputs by name. Raises SceneError with every name that is none, or nothing can be differentiated by."""
     found: dict[str, Input] = {}
     problems: list[Problem] = []
     for name in names:

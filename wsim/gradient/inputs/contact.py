@@ -57,7 +57,7 @@ class Shifted(Motion):
 
 
 class Shift(Input):
-    """What is added to a collider's motion."""
+    """The shift and turn that is added to a collider's motion."""
 
     shared = True
 

@@ -29,8 +29,9 @@ class SearchResult:
 
 
 class ContactAdjoint:
-    """Of colliders. Lists are not kept: the search runs once more, of the same arrays, before the first adjoint that wants
-    them. The side of a closed mesh that a point is on is always told by the winding number, whatever was before, so that the
+    """The adjoint of contacts with colliders. Lists are not kept: the search runs once more, of the same arrays, before the
+    first adjoint that wants them. The side of a closed mesh that a point is on is always told by the winding number, whatever
+    was before, so that the
     same is found."""
 
     def __init__(self, contacts, model: Model):
@@ -70,7 +71,7 @@ class ContactAdjoint:
         model.tape.do(shape)
 
     def searched(self, at):
-        """What a tape takes as the adjoint of the search that is launched next; at: what that reads."""
+        """Adjoint that a tape takes of the search that is launched next; at: what that reads."""
         tape: Tape = self.model.tape
         found = self.found = SearchResult(tape.read(at))
 
@@ -85,7 +86,7 @@ class ContactAdjoint:
         return backward
 
     def projected(self):
-        """What a tape takes as the adjoint of the projection that is launched next."""
+        """Adjoint that a tape takes of the projection that is launched next."""
         ready = self.reader()
 
         def backward(read: list, wrote: list) -> None:
@@ -97,8 +98,8 @@ class ContactAdjoint:
         return backward
 
     def reader(self):
-        """Of a launch to come that reads the contacts found last: what its adjoint calls first. The last to read them is the
-        first to find them again."""
+        """Reader of a launch to come that reads the contacts found last: what its adjoint calls first. The last to read them
+        is the first to find them again."""
         found = self.found
         assert found is not None
         found.projected += 1
@@ -106,7 +107,7 @@ class ContactAdjoint:
         return lambda: self.again(found) if number == found.projected else None
 
     def reading(self, kernel):
-        """What a tape takes as the adjoint of a launch that reads contacts: Warp's, with the gradients of contacts where those
+        """Adjoint that a tape takes of a launch that reads contacts: Warp's, with the gradients of contacts where those
         of the search want them."""
         model, ready = self.model, self.reader()
         how = {"device": model.device, **({"block_dim": model.block} if model.device.is_cuda else {})}
@@ -147,8 +148,8 @@ class ContactAdjoint:
             array.zero_()
 
     def take_motion(self) -> wp.array:
-        """By the motions of an object's colliders in a frame, (objects, rows, lanes, 4, 3), which are zeros then: shift
-        and turn where it begins, and where it ends."""
+        """Gradient with respect to the motions of an object's colliders in a frame, (objects, rows, lanes, 4, 3), which are
+        zeros then: shift and turn where it begins, and where it ends."""
         self.model.launch(self.sum_kernel, self.sums.shape, [self.starts, self.contacts.count, self.motion], [self.sums])
         return wp.clone(self.sums)
 
@@ -159,7 +160,7 @@ class ContactAdjoint:
 
 
 class ReadingAdjoint:
-    """Of another kernel that reads contacts."""
+    """The adjoint of another kernel that reads contacts."""
 
     def __init__(self, contacts, kernel):
         self.vjp = {kernel: lambda inputs: contacts.adjoint.reading(kernel)}

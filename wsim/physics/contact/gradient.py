@@ -7,7 +7,7 @@ from wsim.scene.values.coverage import refuse
 
 
 class ContactGradient:
-    """Of a plan with contacts and gradients; motions: of each frame."""
+    """Gradients of contacts of a plan; motions: of each frame."""
 
     def __init__(self, plan, motions: list):
         contacts, bounce = plan.find("contacts"), plan.find("bounce")
@@ -22,7 +22,7 @@ class ContactGradient:
         self.motions = np.stack(each)                                 # (frames, objects, rows, 4, 3)
 
     def rows(self, path: str) -> list[int]:
-        """Of a collider among those of an object, which has all of them. Raises SceneError where there is none."""
+        """Rows of a collider among those of an object, which has all of them. Raises SceneError where there is none."""
         found = [k for k, c in enumerate(self.colliders) if c.path == path]
         if not found:
             every = ", ".join(c.path for c in self.colliders)

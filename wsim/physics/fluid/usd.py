@@ -13,11 +13,12 @@ from pxr import Sdf, Usd, UsdGeom, UsdVol, Vt
 from wsim.physics.fluid.objects import Fluid, Source
 from wsim.scene.curve import Curve, Motion
 from wsim.usd import names
-from wsim.usd.attributes import array, attribute_of, author_times, authored, read, read_times, read_values, size
+from wsim.usd.attributes import array, attribute_of, authored, read, read_values, size
 from wsim.usd.attributes import author as write
 from wsim.usd.prims.colliders import author_shape, has_shape, load_shape
 from wsim.usd.stage import Reading, Units, applied
 from wsim.usd.transforms import author_motion, placement
+from wsim.usd.transforms.curves import author_curve, read_curve
 
 CELLS = 64                     # along the longest edge of a domain without a cell size
 BOX = "wsim:box"               # custom data of a domain: corners, in stage units
@@ -129,10 +130,7 @@ def _source(reading: Reading, prim: Usd.Prim) -> Source | None:
 def _strength(prim: Usd.Prim, units: Units) -> Curve:
     """Keys at the samples; of one that is not sampled a single one."""
     attribute = prim.GetAttribute(names.row("Source", "strength").attribute)
-    codes, noted = attribute.GetTimeSamples(), read_times(attribute, units)
-    values = [read(prim, "Source", "strength", units, code) for code in codes or [None]]
-    times = units.time(np.array(codes)) if codes else np.zeros(1)
-    return Curve(times if noted is None or len(noted) != len(values) else noted, np.array(values))
+    return read_curve(attribute, units, lambda code: read(prim, "Source", "strength", units, code))
 
 
 def author(stage: Usd.Stage, thing: Fluid | Source, units: Units) -> None:
@@ -182,7 +180,4 @@ def _author_source(stage: Usd.Stage, source: Source, units: Units) -> None:
 
 def _author_strength(prim: Usd.Prim, curve: Curve, units: Units) -> None:
     attribute = attribute_of(prim, names.row("Source", "strength"))
-    for time, value in zip(curve.times.tolist(), curve.values.tolist(), strict=True):
-        write(prim, "Source", "strength", value, units, **({"time": Usd.TimeCode(units.code(time))} if curve.moves else {}))
-    if curve.moves or curve.times[0] != 0.0:
-        author_times(attribute, curve.times)
+    author_curve(attribute, curve, units, lambda value, code: write(prim, "Source", "strength", value, units, time=code))

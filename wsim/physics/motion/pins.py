@@ -98,7 +98,7 @@ class Pins(Method):
 
     @property
     def moves(self) -> bool:
-        """Whether any pin does."""
+        """True if any pin does."""
         return any(p.motion.moves for g in self.groups.values() for p in g)
 
     def meet(self, others: Methods) -> None:
@@ -130,7 +130,7 @@ class Pins(Method):
                           [self.place["hard"], self.target["hard"], s.x, s.e, row, part], [s.d])
 
     def put(self, clock: Clock) -> None:
-        """Behind the last stage of a step."""
+        """Puts the points in their places behind the last stage of a step."""
         s, solves = self.state, clock.integrator.solves
         if solves > 1 and clock.ends:
             pinned, row = self.place["hard"], clock.k + clock.k // solves + 1

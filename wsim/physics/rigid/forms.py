@@ -23,7 +23,7 @@ THREADS = 256             # of a block, for which there are 255 registers each
 SMALL = 256               # shapes up to which a block has a thread for each manifold of a colour
 HUGE = 768                # shapes from which one cluster is few (H200: 1000 in a pile 12.3 ms a frame against 10.9 by launches,
 #                           3000 14.3 and 11.9, 10 000 in columns 5.1 and 3.8; 55 in a pyramid 3.4 and 5.1)
-WALKERS = {True: 65536, False: 48}               # threads of a launch that walks up to a count: CUDA, CPU
+WALKERS = {True: 16384, False: 48}               # threads of a launch that walks up to a count: CUDA, CPU
 TITLES = {"listed": "one thread, manifold by manifold", "coloured": "one thread, colour by colour",
           "block": f"a block of {THREADS} threads, colour by colour", "cluster": "", "launches": "a launch for each colour"}
 

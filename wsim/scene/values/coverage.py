@@ -27,7 +27,7 @@ class Covered:
 
     @property
     def tests(self) -> dict[str, str]:
-        """By solver."""
+        """Tests by solver."""
         return {name: test for name in ("explicit", "xpbd", "implicit", "rigid") if (test := getattr(self, name))}
 
     def names(self) -> list[tuple[str, str]]:
@@ -219,7 +219,7 @@ def lines() -> list[tuple[str, str, str]]:
 
 
 def summary() -> dict[str, str]:
-    """What is covered, in a sentence a kind: of documents."""
+    """Text of what is covered, in a sentence a kind: of documents."""
     by: dict[str, list[str]] = {}
     for owner, name in (pair for row in COVERED for pair in row.names()):
         by.setdefault(owner, []).append(name)

@@ -161,7 +161,7 @@ def varying(owner: str) -> list[str]:
 
 
 def stiffens(name: str) -> bool:
-    """Whether explicit steps are bounded by a value of that name."""
+    """True if explicit steps are bounded by a value of that name."""
     return any(row.stiffens for row in VALUES if row.name == name)
 
 

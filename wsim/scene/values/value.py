@@ -23,7 +23,7 @@ class Range:
     endless: bool = False
 
     def holds(self, value, start: bool = False):
-        """Whether a number, or each of an array, may be. start: in a scene, where an endless one may be infinite."""
+        """True if a number, or each of an array, may be. start: in a scene, where an endless one may be infinite."""
         above = value > self.low if self.strict else value >= self.low
         below = value <= self.high if self.closed else value < self.high
         good = above & below & (value > -inf)
@@ -39,14 +39,14 @@ class Range:
         return f"{above} and < {self.high:g}" if self.high < inf else f"a finite number {above}"
 
     def wrong(self, name: str, value: float, start: bool = False) -> str:
-        """What is wrong with a number, in words, and what is allowed; ""."""
+        """Text of what is wrong with a number, and what is allowed; "" if nothing is."""
         return "" if self.holds(value, start) else f"{name} is {value:g}; allowed is {self.words}" + (
             " (inf: none)" if start and self.endless else "")
 
 
 @dataclass(frozen=True)
 class Theta:
-    """How a fit maps a number to theta, on a line without ends, see `wsim.fitting.least_squares.bounds.Map`."""
+    """The way in which a fit maps a number to theta, on a line without ends, see `wsim.fitting.least_squares.bounds.Map`."""
 
     kind: str                    # "log", "plain" or "bounded"
     low: float = 0.0
@@ -109,5 +109,5 @@ class Value:
 
 
 def holder(thing: Any, name: str) -> Any:
-    """What has the field of a value: an object itself, or its material."""
+    """Object that has the field of a value: itself, or its material."""
     return thing if hasattr(thing, name) else getattr(thing, "material", thing)

@@ -1,15 +1,15 @@
 """Fast diagonalisation in the place of a multigrid cycle: what it makes of a residual is A^-1 of it to rounding, so that
-conjugate gradients end after one iteration, or two (kernels/fluid/diagonal.py)."""
+conjugate gradients end after one iteration, or two (kernels/fluid/solver/diagonal.py)."""
 
 from math import prod
 
 import numpy as np
 import warp as wp
 
-from wsim.kernels.fluid import diagonal as kernels
-from wsim.kernels.fluid.diagonal import COLUMNS, ROWS
+from wsim.kernels.fluid.solver import diagonal as kernels
+from wsim.kernels.fluid.solver.diagonal import SIDE
 from wsim.physics.fluid.grid.layout import Layout
-from wsim.physics.fluid.grid.threads import BLOCK, Threads
+from wsim.physics.fluid.grid.threads import Threads
 
 MOST = 480               # cells along all axes together: 160 along each; above it a multigrid cycle costs less
 LEAST = 1e-9             # of the greatest eigenvalue: below it is 0
@@ -37,20 +37,18 @@ class Direct:
                  for a in range(layout.dim)]
         values, self.least = np.concatenate([v for v, _ in pairs]), LEAST * sum(float(v.max()) for v, _ in pairs)
         self.values = model.upload(values.astype(model.dtype), real)
-        self.vectors = [(model.upload(np.ascontiguousarray(Q, model.dtype), real),
-                         model.upload(np.ascontiguousarray(Q.T, model.dtype), real)) for _, Q in pairs]
-        self.left, self.right = kernels.left(real, threads.module), kernels.right(real, threads.module)
+        self.vectors = [(model.upload(np.ascontiguousarray(Q, model.dtype).ravel(), real),
+                         model.upload(np.ascontiguousarray(Q.T, model.dtype).ravel(), real)) for _, Q in pairs]
+        self.products = [kernels.product(last, real, threads.module) for last in (False, True)]
         self.divide = kernels.divide(layout.dim, real, threads.module)
 
     def along(self, axis: int, back: bool, x: wp.array, y: wp.array) -> None:
         """y = Q^T x along an axis; back: Q x."""
         n, (Q, turned) = self.layout.n, self.vectors[axis]
         last = axis == self.layout.dim - 1
-        shape = (1, prod(n[:axis]), n[axis]) if last else (prod(n[:axis]), n[axis], prod(n[axis + 1:]))
-        kernel, A = (self.right, turned if back else Q) if last else (self.left, Q if back else turned)
-        tiles = (shape[0], -(-shape[1] // ROWS), -(-shape[2] // COLUMNS))
-        wp.launch_tiled(kernel, dim=tiles, inputs=[A, x.reshape(shape)], outputs=[y.reshape(shape)],
-                        device=self.threads.model.device, block_dim=BLOCK if self.threads.cuda else 1)
+        batch, M, N = (1, prod(n[:axis]), n[axis]) if last else (prod(n[:axis]), n[axis], prod(n[axis + 1:]))
+        tiles = batch * -(-M // SIDE) * -(-N // SIDE)
+        self.threads.sum(self.products[last], tiles, [turned if back else Q, x, wp.vec3i(M, N, n[axis])], [y])
 
     def cycle(self) -> None:
         """x becomes A^-1 b."""

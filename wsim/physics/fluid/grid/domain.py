@@ -24,13 +24,13 @@ from wsim.physics.fluid.grid.pressure import Pressure, label
 from wsim.physics.fluid.grid.shapes import Shapes
 from wsim.physics.fluid.grid.sources import Sources
 from wsim.physics.fluid.grid.threads import Threads
-from wsim.physics.fluid.grid.transport import Transport
+from wsim.physics.fluid.grid.transport import PAIRS, How, Transport
 from wsim.physics.fluid.grid.viscosity import Viscosity
 from wsim.physics.fluid.objects import Fluid, Source
 
 LIVE = {"lift": forces.LIFT, "weight": forces.WEIGHT, "vorticity": forces.VORTICITY, "smoke_decay": forces.SMOKE_DECAY,
         "cooling": forces.COOLING, "viscosity": forces.VISCOSITY}
-THREADS = 1 << 14        # that look for the fastest air
+THREADS = 1 << 18        # that look for the fastest air
 
 
 class Domain:
@@ -64,19 +64,22 @@ class Domain:
                           if fluid.viscosity > 0.0 else None)
         self.reflects = fluid.advection == "reflection"
         scheme = "cubic" if self.reflects else fluid.advection
-        self.carry = [Transport(threads, layout, self.grid, a, scheme, self.work, not self.reflects) for a in range(layout.dim)]
-        self.carry_scalar = Transport(threads, layout, self.grid, -1, fluid.scalar_advection, self.work)
+        self.swirling, self.lifts = fluid.vorticity > 0.0, "_".join(name for name in ("smoke", "heat") if name in scalars)
+        self.lifting = filled(forces.lifting(real), live=self.live, **scalars)
+        self.pushed = bool(self.lifts) and not self.swirling and scheme not in PAIRS           # on the way
+        how = How(scheme, not self.reflects, pushed=self.lifts * self.pushed, lifting=self.lifting)
+        self.carry = [Transport(threads, layout, self.grid, a, how, self.work) for a in range(layout.dim)]
+        how = How(fluid.scalar_advection, both=len(scalars) == 2)
+        self.carry_scalar = Transport(threads, layout, self.grid, -1, how, self.work)
         self._kernels(real, module)
 
     def _kernels(self, real: Any, module: str) -> None:
         dim, o = self.layout.dim, self.obstacles
         some = (o is not None, o is not None and o.moving)
-        self.swirling = self.fluid.vorticity > 0.0
-        self.pushed = bool(self.scalars) or self.swirling
         self.reflect = [reflection.reflect(dim, a, *some, real, module) for a in range(dim if self.reflects else 0)]
         self.sides = [pressure.sides(dim, a, real, module) for a in range(dim)]
-        self.push = [forces.push(dim, a, "smoke" in self.scalars, "heat" in self.scalars, self.swirling, real, module)
-                     for a in range(dim if self.pushed else 0)]
+        pushes = (self.lifts or self.swirling) and not self.pushed
+        self.push = [forces.push(dim, a, self.lifts, self.swirling, real, module) for a in range(dim if pushes else 0)]
         if self.swirling:
             vec3 = types(real).vec3
             self.curl, self.confine = forces.curl(dim, real, module), forces.confine(dim, real, module)
@@ -206,8 +209,7 @@ class Domain:
             self.threads.over(self.confine, n, [self.grid, self.live, self.whirl], [self.swirl])
         for a, kernel in enumerate(self.push):
             q_out = getattr(out, AXES[a])
-            self.threads.over(kernel, q_out.size, [self.grid, self.live, self.scalars.get("smoke"), self.scalars.get("heat"),
-                                                   self.swirl if self.swirling else None, self.clock,
+            self.threads.over(kernel, q_out.size, [self.grid, self.lifting, self.swirl if self.swirling else None, self.clock,
                                                    self.threads.model.real(part)], [q_out])
 
     def _projected(self, v: Any, part: float) -> None:
@@ -222,7 +224,12 @@ class Domain:
         self.pressure.solve(v)
 
     def _scalars(self, u: Any) -> None:
-        for q in self.scalars.values():
-            out = self.work["p"][:q.size] if not self.carry_scalar.pairs else self.work["d"][:q.size]
-            self.carry_scalar.carry(u, q, self.clock, 1.0, out)
+        carry, room = self.carry_scalar, ("p", "z") if self.carry_scalar.both else ("d", "d")
+        pairs = [(q, self.work[name][:q.size]) for q, name in zip(self.scalars.values(), room, strict=False)]
+        if carry.both:
+            now, out = zip(*pairs, strict=True)
+            carry.carry_both(u, now, self.clock, out)
+        for q, out in pairs:
+            if not carry.both:
+                carry.carry(u, q, self.clock, 1.0, out)
             wp.copy(q, out)

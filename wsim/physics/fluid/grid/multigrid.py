@@ -1,4 +1,4 @@
-"""The levels of a multigrid cycle (kernels/fluid/multigrid.py): built once, run in every iteration of the pressure."""
+"""The levels of a multigrid cycle (kernels/fluid/solver/multigrid.py): built once, run in every iteration of the pressure."""
 
 from dataclasses import dataclass
 from math import prod
@@ -6,8 +6,9 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.fluid import multigrid as kernels
 from wsim.kernels.fluid.pressure import levels
+from wsim.kernels.fluid.solver import coarse
+from wsim.kernels.fluid.solver import multigrid as kernels
 from wsim.kernels.math.real import types
 from wsim.model.structs import filled
 from wsim.physics.fluid.grid.layout import Layout
@@ -15,6 +16,7 @@ from wsim.physics.fluid.grid.threads import Threads
 
 SWEEPS = 2               # before and behind the coarse grid, each of both colours
 COARSEST = 8             # there
+SMALL = 16 ** 3           # cells of a level that one block takes: 13 us with all below it, where its own launches take 21
 AXES = "xyz"
 
 
@@ -39,20 +41,37 @@ def halving(n: tuple[int, ...], periodic: tuple[int, ...]) -> tuple[int, ...]:
 
 
 class Multigrid:
-    """of: couplings of the faces of each axis, where there are obstacles; x, b: of the finest level, solution and residual."""
+    """of: couplings of the faces of each axis, where there are obstacles; x, b: of the finest level, solution and residual.
+    cycles: False where only the finest level is asked for."""
 
-    def __init__(self, threads: Threads, layout: Layout, of: Any, x: wp.array, b: wp.array):
-        self.threads, self.layout, self.fractions = threads, layout, of is not None
-        real, module, dim = threads.model.real, threads.module, layout.dim
-        self.fresh = kernels.sweep(dim, self.fractions, True, real, module)
-        self.sweep = kernels.sweep(dim, self.fractions, False, real, module)
-        self.restrict = kernels.restrict(dim, self.fractions, real, module)
-        self.prolong = kernels.prolong(dim, real, module)
-        self.even, self.sealed = kernels.even(dim, self.fractions, real, module), False
-        self.coarsen = [kernels.coarsen(dim, a, real, module) for a in range(dim)] if self.fractions else []
-        self.grids = self._build(of, x, b)
+    def __init__(self, threads: Threads, layout: Layout, of: Any, x: wp.array, b: wp.array, cycles: bool = True):
+        self.threads, self.layout, self.fractions, self.sealed = threads, layout, of is not None, False
+        self.grids = self._build(of, x, b, cycles)
+        if cycles:
+            self._kernels()
 
-    def _build(self, of: Any, x: wp.array, b: wp.array) -> list[Grid]:
+    def _kernels(self) -> None:
+        threads, dim, has = self.threads, self.layout.dim, self.fractions
+        real, module = threads.model.real, threads.module
+        small = [k for k, grid in enumerate(self.grids) if grid.cells <= SMALL]
+        last = len(self.grids) - 1
+        self.first = small[0] if small else last                # of those that one block takes
+        self.sweep = kernels.sweep(dim, has, False, real, module)
+        self.fresh = kernels.sweep(dim, has, True, real, module) if has else kernels.begin(dim, real, module)
+        self.restrict, self.rise = kernels.restrict(dim, has, real, module), kernels.rise(dim, has, real, module)
+        self.coarsen = [kernels.coarsen(dim, a, real, module) for a in range(dim)] if has else []
+        self.coarse = coarse.coarse(dim, has, SWEEPS, COARSEST, real, threads.module_of(coarse.BLOCK))
+        self.table = self._table()
+
+    def _table(self) -> wp.array:
+        Rung = coarse.rungs(self.threads.model.real)
+        found = []
+        for k, grid in enumerate(self.grids[self.first:], self.first):
+            halved = self.grids[k + 1].halved if k + 1 < len(self.grids) else (1, 1, 1)
+            found.append(filled(Rung, level=grid.table, halved=wp.vec3i(*halved), x=grid.x, b=grid.b))
+        return wp.array(found, dtype=Rung, device=self.threads.model.device)
+
+    def _build(self, of: Any, x: wp.array, b: wp.array, deep: bool) -> list[Grid]:
         layout, real = self.layout, self.threads.model.real
         Level, vec3 = levels(real), types(real).vec3
         k: tuple[float, ...] = (1.0, 1.0, 1.0)
@@ -68,48 +87,51 @@ class Multigrid:
             own = (x, b) if not found else (self.threads.zeros(prod(n)), self.threads.zeros(prod(n)))
             found.append(Grid(table, n, halved, *own))
             halved = halving(n, layout.periodic)
-            if max(halved) == 1:
+            if max(halved) == 1 or not deep:
                 return found
             k = tuple(v * prod(halved) / halved[a] ** 2 for a, v in enumerate(k))
             n = tuple(-(-m // f) for m, f in zip(n, halved, strict=True))
 
     def refresh(self) -> None:
         """Couplings of the coarse levels, of the finest ones as they are now."""
-        for fine, coarse in zip(self.grids[:-1], self.grids[1:], strict=True):
+        for fine, below in zip(self.grids[:-1], self.grids[1:], strict=True):
             for a, kernel in enumerate(self.coarsen):
                 shapes = [wp.vec3i(*(m + (i == a and not self.layout.periodic[i]) for i, m in enumerate(g.n)))
-                          for g in (coarse, fine)]
-                k_out = getattr(coarse.table, AXES[a])
+                          for g in (below, fine)]
+                k_out = getattr(below.table, AXES[a])
                 k = getattr(fine.table, AXES[a])
-                self.threads.over(kernel, k_out.size, [*shapes, wp.vec3i(*coarse.halved), k], [k_out])
+                self.threads.over(kernel, k_out.size, [*shapes, wp.vec3i(*below.halved), k], [k_out])
 
     def cycle(self) -> None:
         """x of the finest level becomes close to A^-1 b."""
-        last = len(self.grids) - 1
-        for k, grid in enumerate(self.grids[:-1]):
+        above = self.grids[:self.first]
+        for grid, below in zip(above, self.grids[1:], strict=False):
             self.smooth(grid, (0, 1) * SWEEPS, True)
-            below = self.grids[k + 1]
-            self.threads.over(self.restrict, below.cells, [grid.table, wp.vec3i(*below.n), wp.vec3i(*below.halved), grid.b,
-                                                           grid.x], [below.b])
-        if self.sealed and last > 0:
-            self.threads.over(self.even, 1, [self.grids[last].table, self.grids[last].cells], [self.grids[last].b])
-        self.smooth(self.grids[last], (0, 1) * COARSEST, True)
-        self.smooth(self.grids[last], (1, 0) * COARSEST, False)
-        for k in range(last - 1, -1, -1):
+            self.threads.over(self.restrict, below.cells, [*self.sizes(grid, below), grid.b, grid.x], [below.b])
+        self.threads.one(self.coarse, coarse.BLOCK, [self.table, int(self.sealed)])
+        for k in range(self.first - 1, -1, -1):
             grid, below = self.grids[k], self.grids[k + 1]
-            sizes = [wp.vec3i(*grid.n), wp.vec3i(*below.n), wp.vec3i(*below.halved)]
-            self.threads.over(self.prolong, grid.cells, [*sizes, below.x, grid.x], [grid.x])
-            self.smooth(grid, (1, 0) * SWEEPS, False)
+            self.threads.over(self.rise, self.half(grid), [*self.sizes(grid, below), grid.b, below.x, grid.x], [grid.x])
+            self.smooth(grid, ((1, 0) * SWEEPS)[1:], False)
+
+    def sizes(self, grid: Grid, below: Grid) -> list:
+        return [grid.table, wp.vec3i(*below.n), wp.vec3i(*below.halved)]
+
+    def half(self, grid: Grid) -> int:
+        """Threads for the cells of a colour."""
+        last = grid.n[self.layout.dim - 1]
+        return grid.cells // last * -(-last // 2)
 
     def smooth(self, grid: Grid, colors: tuple[int, ...], fresh: bool) -> None:
         """Sweeps of these colours; fresh: from x = 0, which need not stand there."""
-        last = grid.n[self.layout.dim - 1]
-        half = grid.cells // last * -(-last // 2)
+        if fresh and not self.fractions:
+            self.threads.over(self.fresh, grid.cells, [grid.table, grid.b], [grid.x])
+            colors = colors[2:]
         for k, color in enumerate(colors):
-            kernel = self.fresh if fresh and k == 0 else self.sweep
-            self.threads.over(kernel, half, [grid.table, grid.b, color, grid.x], [grid.x])
+            kernel = self.fresh if fresh and self.fractions and k == 0 else self.sweep
+            self.threads.over(kernel, self.half(grid), [grid.table, grid.b, color, grid.x], [grid.x])
 
     @property
     def launches(self) -> int:
         """Of a cycle."""
-        return (len(self.grids) - 1) * (4 * SWEEPS + 2) + 4 * COARSEST
+        return self.first * (4 * SWEEPS + int(self.fractions)) + 1

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.kernels.fluid import conjugate, pressure, regions
+from wsim.kernels.fluid import conjugate, pressure
 from wsim.kernels.fluid.conjugate import CHECK, START, STEP, TURN
 from wsim.kernels.fluid.grid import structs
+from wsim.kernels.fluid.solver import regions
 from wsim.kernels.math.real import types
 from wsim.model.structs import filled
 from wsim.physics.fluid.grid.direct import Direct
@@ -62,7 +63,7 @@ class Pressure:
         self.divergence = pressure.divergence(dim, fractions, moving, expansion is not None, real, module)
         self.multiply = conjugate.multiply(dim, fractions, real, module)
         self.project_kernels = [pressure.project(dim, a, fractions, moving, real, module) for a in range(dim)]
-        self.multigrid = Multigrid(threads, layout, open, self.z, self.r)
+        self.multigrid = Multigrid(threads, layout, open, self.z, self.r, "free" not in work)
         self.direct = Direct(threads, layout, self.z, self.r, (self.w, work["free"])) if "free" in work else None
         self.solver = Conjugate(threads, layout.cells, words)
         self.tolerance = 1e-4

@@ -5,7 +5,7 @@ import warp as wp
 from wsim.model.model import Model
 
 BLOCK = 128              # threads of a block on CUDA
-BLOCKS = 512             # of a sum at most: their parts are summed by one block
+BLOCKS = 2048            # of a sum at most, 16 for each processor of an H200: their parts are summed by one block
 
 
 class Threads:
@@ -30,6 +30,17 @@ class Threads:
             wp.launch(kernel, blocks * BLOCK, inputs, outputs, device=self.model.device, block_dim=BLOCK)
         else:
             wp.launch(kernel, blocks, inputs, outputs, device=self.model.device)
+
+    def module_of(self, threads: int) -> str:
+        """Module of kernels with so many threads a block on CUDA."""
+        return self.model.module_of(threads) if self.cuda else self.module
+
+    def one(self, kernel, threads: int, inputs: list) -> None:
+        """One block of so many threads; on the CPU one thread."""
+        if self.cuda:
+            wp.launch(kernel, threads, inputs, device=self.model.device, block_dim=threads)
+        else:
+            wp.launch(kernel, 1, inputs, device=self.model.device)
 
     def zeros(self, count: int, dtype=None) -> wp.array:
         return wp.zeros(max(count, 1), dtype=self.model.real if dtype is None else dtype, device=self.model.device)

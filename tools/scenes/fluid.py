@@ -1,4 +1,4 @@
-"""The example scenes of fluids; tools/scenes.py writes them."""
+"""The example scenes of fluids; python -m tools.scenes writes them."""
 
 from tools.usda import block, moved, number, scene, settings, solid
 

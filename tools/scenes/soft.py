@@ -1,4 +1,4 @@
-"""The example scenes of soft bodies; tools/scenes.py writes them."""
+"""The example scenes of soft bodies; python -m tools.scenes writes them."""
 
 import tempfile
 from math import pi, sin
@@ -6,18 +6,18 @@ from pathlib import Path
 
 import numpy as np
 
-from tools import scenes_cloth
+from tools.scenes.cloth import cloth
+from tools.scenes.cloth import material as fabric_material
 from tools.usda import block, ground, listed, moved, number, pin, said, scene, settings, solid
 from wsim.geometry.tetra.tets import surface
 from wsim.scene import shapes
-from wsim.scene.fabric import fabric
 from wsim.scene.solid import Bulk
 from wsim.usd import load
 from wsim.usd.new.softbody import author_softbody
 
 BODY = '["PhysicsDeformableBodyAPI", "PhysicsVolumeDeformableSimAPI", "PhysicsCollisionAPI", "WsimSoftAPI", ' \
        '"MaterialBindingAPI"]'
-ASSETS = Path(__file__).resolve().parent.parent / "scenes" / "assets"
+ASSETS = Path(__file__).resolve().parents[2] / "scenes" / "assets"
 CHOSEN = "wsim chooses short explicit steps where those cost less, as many as are stable. "
 MATERIAL = '["PhysicsMaterialAPI", "PhysicsVolumeDeformableMaterialAPI", "WsimMaterialAPI"]'
 STEPS = "Implicit steps: long ones are stable, a second Newton step solves what the first left. "
@@ -152,10 +152,10 @@ def trampoline() -> str:
     return scene("A cube of jelly bounces on a sheet of rubber, with which it shares the points of its lower side.", [
         settings(comment=CHOSEN, substeps=8, iterations=2),
         material("Gel", Bulk(young=3e4, poisson=0.4, density=300.0), "E = 30 kPa: a pudding of 19 kg."),
-        scenes_cloth.material("rubber", fabric("rubber")),
+        fabric_material("rubber"),
         solid_block("Jelly", (side,) * 3, (4, 4, 4), "Gel", (0.75, 0.3, 0.05), "40 cm, four cells a side.",
                     at=(0.0, above + 0.5 * side, 0.0)),
-        scenes_cloth.cloth("Sheet", surface, "rubber", (0.2, 0.32, 0.52), "1.6 m square, 1 mm thick."),
+        cloth("Sheet", surface, "rubber", (0.2, 0.32, 0.52), "1.6 m square, 1 mm thick."),
         block("PhysicsAttachment", "Laid", tie, comment="Point to point: each pair is one particle, with the mass and the "
               "forces of both."),
         block("Xform", "Frame", "", comment="Where the rim is held."),

@@ -20,12 +20,7 @@ def inside(dim: int, real, module):
 
     def inside(level: Level, region_out: wp.array(dtype=int)):
         c = wp.tid()
-        i = f.place(c, level.n)
-        own = real(0.0)
-        for a in range(wp.static(dim)):
-            low, high = s.couplings(level, i, a)
-            own += low + high
-        region_out[c] = wp.where(own > real(0.0), 0, -1)
+        region_out[c] = wp.where(s.diagonal(level, f.place(c, level.n)) > real(0.0), 0, -1)
 
     return wp.kernel(inside, name=f"region_inside_{f.name}", module=module, enable_backward=False)
 

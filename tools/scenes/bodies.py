@@ -1,10 +1,10 @@
-"""Example scenes of rigid bodies that stand by statics, turn freely, bounce and roll; tools/scenes.py writes them."""
+"""Example scenes of rigid bodies that stand by statics, turn freely, bounce and roll; python -m tools.scenes writes them."""
 
 from math import cos, degrees, pi, radians, sin
 
 import numpy as np
 
-from tools.scenes_rigid import APIS, STEPS, WOOD, body
+from tools.scenes.rigid import APIS, STEPS, WOOD, body
 from tools.usda import block, ground, listed, moved, number, scene, settings
 
 HULL = '["PhysicsRigidBodyAPI", "PhysicsCollisionAPI", "PhysicsMeshCollisionAPI"]'

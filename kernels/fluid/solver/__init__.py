@@ -1,0 +1,1 @@
+"""Solves of the pressure of fluids: multigrid, fast diagonalisation, sealed regions."""
