@@ -56,7 +56,7 @@ SHEET, STEPS = "test_a_sheet_that_stretches_shears_and_bends", "test_a_sheet_by_
 SLOPES = "gradient/test_coverage.py::test_every_value_has_the_slope_of_differences"
 PUSH = "test_a_force_over_time_moves_by_its_integral_and_has_exact_derivatives"
 FALL = "test_a_sheet_that_falls_on_a_turning_collider_and_slides"
-FREELY = "gradient/test_bodies.py"
+FREELY, JOINED, TOUCHED = (f"gradient/test_{name}.py" for name in ("bodies", "joints", "rigid_contacts"))
 BLOCK, SOLID = f"{BAR}::test_a_soft_bar", f"{BAR}::test_a_soft_bar_by_implicit_steps"
 
 COVERED: list[Covered] = [
@@ -86,6 +86,11 @@ COVERED: list[Covered] = [
     Covered(THROUGH, "loads", *(f"{LOADED}::{PUSH}",) * 3),
     Covered(THROUGH, "wind (drag and lift)", *(f"{SWEPT}::test_wind",) * 3),
     Covered(THROUGH, "free motion of rigid bodies", rigid=f"{FREELY}::test_a_free_symmetric_top_by_its_closed_form"),
+    Covered(THROUGH, "joints of rigid bodies, their limits and drives",
+            rigid=f"{JOINED}::test_every_kind_of_joint_has_the_slope_of_differences"),
+    Covered(THROUGH, "contacts and friction of rigid bodies that are solved to a residual (contact_tolerance)",
+            rigid=f"{TOUCHED}::test_every_contact_has_the_slope_of_differences"),
+    Covered(THROUGH, "impacts of rigid bodies, at their time", rigid=f"{TOUCHED}::test_a_ball_bounces_when_it_comes"),
 
     Covered(BY, "Cloth.positions Cloth.velocities Cloth.stretch Cloth.bend Cloth.weft Cloth.shear Cloth.damping Cloth.density",
             f"{CHAIN}::{SHEET}", f"{SWEPT}::{SHEET}", f"{CHAIN}::{STEPS}"),
@@ -122,6 +127,8 @@ COVERED: list[Covered] = [
 
     Covered(BY, "Body.velocity Body.spin Body.force Body.torque Body.drag Body.spin_drag Body.mass Body.inertia",
             rigid=f"{FREELY}::test_every_value_of_a_body_has_the_slope_of_differences"),
+    Covered(BY, "Body.dynamic_friction Body.restitution", rigid=f"{TOUCHED}::test_a_box_slides_by_its_friction"),
+    Covered(BY, "Joint.stiffness Joint.damping Joint.target", rigid=f"{JOINED}::test_drives_have_the_slope_of_differences"),
 
     Covered(OF, "positions and velocities", f"{CHAIN}::{SHEET}", f"{SWEPT}::{SHEET}", f"{CHAIN}::{STEPS}"),
     Covered(OF, "reactions of pins", f"{BORNE}::test_a_chain_by_leapfrog", f"{BORNE}::test_a_chain_by_sweeps",
@@ -157,12 +164,14 @@ REFUSED: dict[str, Refused] = {
     "impulses": Refused("contacts of rigid bodies after a number of sweeps", "can meet {other}, and impulses after a number of "
                         "sweeps have no derivative: give the scene a contact_tolerance (wsim:contactTolerance), 1e-10 m/s in "
                         "float64, or switch collisions off (physics:collisionEnabled, Collider.meets)"),
-    "held": Refused("contacts of rigid bodies beside joints", "can meet {other} where there are joints, and such contacts are not "
-                    "solved to a residual: no derivative; switch collisions off (physics:collisionEnabled, Collider.meets)"),
-    "meshes": Refused("contacts of rigid bodies with triangle meshes", "is a mesh of triangles that rigid bodies meet, which has "
-                      "no derivative; put convex shapes in its place (physics:approximation)"),
-    "points": Refused("contacts of rigid bodies with cloth, springs and soft bodies", "can meet {other}, and contacts of bodies "
-                      "and points have no derivative; switch its collisions off (physics:collisionEnabled, Collider.meets)"),
+    "held": Refused("contacts of rigid bodies beside joints", "can meet {other} where there are joints, and such contacts "
+                    "are not solved to a residual: no derivative; switch collisions off (physics:collisionEnabled, "
+                    "Collider.meets)"),
+    "meshes": Refused("contacts of rigid bodies with triangle meshes", "is a mesh of triangles that rigid bodies meet, which "
+                      "has no derivative; put convex shapes in its place (physics:approximation)"),
+    "points": Refused("contacts of rigid bodies with cloth, springs and soft bodies", "can meet {other}, and contacts "
+                      "of bodies and points have no derivative; switch its collisions off (physics:collisionEnabled, "
+                      "Collider.meets)"),
     "sleep": Refused("bodies that may fall asleep", "may fall asleep in contact, which has no derivative; give the scene a "
                      "sleep_speed (wsim:sleepSpeed) of 0"),
     "driven": Refused("drives that push a joint against its limit", "its drive pushes it against a limit, which has no "
