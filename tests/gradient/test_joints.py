@@ -1,6 +1,7 @@
 """Gradients of rigid bodies that joints move, float64: against differences of order 8 of runs, and a pendulum's closed form."""
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -192,3 +193,34 @@ def test_islands_of_worlds_are_apart():
     for name in ("stiffness", "target"):
         assert found.value("/first", name, 1) == pytest.approx(one.value("/first", name), rel=1e-12)
         assert found.value("/first", name, 0) == 0.0
+
+
+def test_a_humanoid_that_falls_has_the_slope_of_differences():
+    """Sixteen bodies, fifteen joints with limits and drives, five frames of a jump; nothing is touched."""
+    from wsim.usd.load import load
+    scene = load(Path(__file__).resolve().parents[2] / "scenes/humanoid.usda")
+    scene.iterations = 8
+    for body in scene.things("Body"):
+        for collider in body.colliders:
+            collider.meets = False
+    torso, hip = scene.things("Body")[0].path, next(j.path for j in scene.things("Joint") if len(j.driven()) == 3)
+    r = Recording(Simulation(scene, device="cpu", precision="float64", gradients=True), 5)
+    by = {5: {body.path: np.random.default_rng(2).normal(size=(4, 4)) for body in scene.things("Body")}}
+
+    def seen() -> float:
+        r.run()
+        return float(sum((r.poses(5, path) * M).sum() for path, M in by[5].items()))
+    seen()
+    found = r.backward(poses=by)
+    assert r.bodies.left < 1e-10
+    for name in (f"{torso}:velocity", f"{hip}:target", "gravity"):
+        value = inputs(r, [name])[name]
+        base, losses = value.read(), []
+        way, step = np.array([0.3, -0.5, 0.8]), 1e-3
+        for k in (1, 2, 3, 4):
+            for sign in (1.0, -1.0):
+                value.write(base + sign * k * step * way)
+                losses.append(seen())
+        value.write(base)
+        expected = np.reshape(losses, (4, 2)) @ (1, -1) @ WEIGHTS / step
+        assert float(value.gradient(found, 0, base.shape) @ way) == pytest.approx(expected, rel=1e-8), name
