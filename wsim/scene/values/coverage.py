@@ -60,6 +60,7 @@ PUSH = "test_a_force_over_time_moves_by_its_integral_and_has_exact_derivatives"
 FALL = "test_a_sheet_that_falls_on_a_turning_collider_and_slides"
 FREELY, AIRY, PATHS = "gradient/test_bodies.py", "gradient/test_fluids.py", "gradient/test_paths.py"
 EVERY = f"{AIRY}::test_every_value_has_the_slope_of_differences"
+FREELY, JOINED, TOUCHED = (f"gradient/test_{name}.py" for name in ("bodies", "joints", "rigid_contacts"))
 BLOCK, SOLID = f"{BAR}::test_a_soft_bar", f"{BAR}::test_a_soft_bar_by_implicit_steps"
 
 COVERED: list[Covered] = [
@@ -93,6 +94,11 @@ COVERED: list[Covered] = [
             "sources", fluid=f"{AIRY}::test_fifty_steps_round_an_obstacle"),
     Covered(THROUGH, "other advection of fluids (cubic, MacCormack, BFECC, linear)",
             fluid=f"{AIRY}::test_schemes_that_carry_there_and_back"),
+    Covered(THROUGH, "joints of rigid bodies, their limits and drives",
+            rigid=f"{JOINED}::test_every_kind_of_joint_has_the_slope_of_differences"),
+    Covered(THROUGH, "contacts and friction of rigid bodies that are solved to a residual (contact_tolerance)",
+            rigid=f"{TOUCHED}::test_every_contact_has_the_slope_of_differences"),
+    Covered(THROUGH, "impacts of rigid bodies, at their time", rigid=f"{TOUCHED}::test_a_ball_bounces_when_it_comes"),
 
     Covered(BY, "Cloth.positions Cloth.velocities Cloth.stretch Cloth.bend Cloth.weft Cloth.shear Cloth.damping Cloth.density",
             f"{CHAIN}::{SHEET}", f"{SWEPT}::{SHEET}", f"{CHAIN}::{STEPS}"),
@@ -132,6 +138,8 @@ COVERED: list[Covered] = [
 
     Covered(BY, "Body.velocity Body.spin Body.force Body.torque Body.drag Body.spin_drag Body.mass Body.inertia",
             rigid=f"{FREELY}::test_every_value_of_a_body_has_the_slope_of_differences"),
+    Covered(BY, "Body.dynamic_friction Body.restitution", rigid=f"{TOUCHED}::test_a_box_slides_by_its_friction"),
+    Covered(BY, "Joint.stiffness Joint.damping Joint.target", rigid=f"{JOINED}::test_drives_have_the_slope_of_differences"),
 
     Covered(BY, "Fluid.lift Fluid.weight Fluid.vorticity Fluid.viscosity Fluid.smoke_decay Fluid.cooling Fluid.side_velocities",
             fluid=EVERY),
@@ -173,12 +181,14 @@ REFUSED: dict[str, Refused] = {
     "impulses": Refused("contacts of rigid bodies after a number of sweeps", "can meet {other}, and impulses after a number of "
                         "sweeps have no derivative: give the scene a contact_tolerance (wsim:contactTolerance), 1e-10 m/s in "
                         "float64, or switch collisions off (physics:collisionEnabled, Collider.meets)"),
-    "held": Refused("contacts of rigid bodies beside joints", "can meet {other} where there are joints, and such contacts are not "
-                    "solved to a residual: no derivative; switch collisions off (physics:collisionEnabled, Collider.meets)"),
-    "meshes": Refused("contacts of rigid bodies with triangle meshes", "is a mesh of triangles that rigid bodies meet, which has "
-                      "no derivative; put convex shapes in its place (physics:approximation)"),
-    "points": Refused("contacts of rigid bodies with cloth, springs and soft bodies", "can meet {other}, and contacts of bodies "
-                      "and points have no derivative; switch its collisions off (physics:collisionEnabled, Collider.meets)"),
+    "held": Refused("contacts of rigid bodies beside joints", "can meet {other} where there are joints, and such contacts "
+                    "are not solved to a residual: no derivative; switch collisions off (physics:collisionEnabled, "
+                    "Collider.meets)"),
+    "meshes": Refused("contacts of rigid bodies with triangle meshes", "is a mesh of triangles that rigid bodies meet, which "
+                      "has no derivative; put convex shapes in its place (physics:approximation)"),
+    "points": Refused("contacts of rigid bodies with cloth, springs and soft bodies", "can meet {other}, and contacts "
+                      "of bodies and points have no derivative; switch its collisions off (physics:collisionEnabled, "
+                      "Collider.meets)"),
     "sleep": Refused("bodies that may fall asleep", "may fall asleep in contact, which has no derivative; give the scene a "
                      "sleep_speed (wsim:sleepSpeed) of 0"),
     "driven": Refused("drives that push a joint against its limit", "its drive pushes it against a limit, which has no "
