@@ -8,8 +8,9 @@ import pytest
 from wsim.gradient.inputs.by_name import inputs
 from wsim.gradient.recording import Recording
 from wsim.physics.fluid.objects import Fluid, Source
-from wsim.scene import Box, Scene, Sphere
+from wsim.scene import Box, Scene, SceneError, Sphere
 from wsim.scene.curve import Curve, Motion
+from wsim.scene.values.coverage import row_of
 from wsim.simulation.simulation import Simulation
 
 FRAMES, CELL = 3, 0.1
@@ -98,8 +99,9 @@ def one(scene, **more) -> tuple[Recording, dict]:
 
 
 def calm(**more) -> Scene:
-    """Air that goes round, without velocities of sources: nothing is constant along an axis."""
+    """Air that goes round, with a source that holds nothing: so nothing is constant along an axis."""
     scene = air(**{"sides": ("periodic",) * 6, "vorticity": 0.0, "viscosity": 0.0} | more)
+    del scene.others["Source"][1]
     scene.others["Source"][0].velocity = None
     return scene
 
@@ -192,3 +194,53 @@ def test_worlds_are_apart():
     found = r.backward(fluids={2: {("/air", 1): {"smoke": np.ones((16, 20, 1))}}})
     assert found.value("/fire", "smoke", 1) > 0.0 and found.value("/fire", "smoke", 0) == 0.0
     assert np.any(found.value("/air", "velocity", 1)) and not np.any(found.value("/air", "velocity", 0))
+
+
+def test_what_says_how_a_fluid_is_solved_is_refused_with_its_reason():
+    for name in ("cell", "density", "tolerance", "cfl"):
+        with pytest.raises(SceneError, match=f"has no derivative with respect to {name}: it says how a fluid is solved"):
+            row_of(air(), "/air", name)
+
+
+def test_a_value_of_which_nothing_runs_is_refused():
+    r = recorded(plume(2), 2)
+    by = {2: {"/air": {"smoke": np.ones((16, 20, 1))}}}
+    for name, why in (("/air:viscosity", "it is 0 at the start"), ("/fire:velocity", "it leaves the air alone"),
+                      ("/fire:expansion", "it is 0 of all sources")):
+        with pytest.raises(SceneError, match=f"nothing of its .* runs: {why}"):
+            inputs(r, [name])
+        with pytest.raises(SceneError, match=why):
+            r.backward(fluids=by).value(*name.split(":"))
+
+
+def test_losses_of_fields_that_there_are_not_are_refused():
+    r = recorded(plume(2), 2)
+    for given, said in (({5: {"/air": {}}}, "found frame 5"), ({1: {"/other": {}}}, "is no fluid"),
+                        ({1: {"/air": {"pressure": 0.0}}}, "has no field 'pressure'"),
+                        ({1: {"/air": {"smoke": np.ones(3)}}}, "must be finite with shape")):
+        with pytest.raises(SceneError, match=said):
+            r.backward(fluids=given)
+
+
+def test_a_source_over_time_makes_the_plume_that_is_wanted():
+    """The strengths of a source at five keys are found that make the smoke of two frames that another course of them made."""
+    minimize = pytest.importorskip("scipy.optimize").minimize
+    keys, frames = np.linspace(0.0, 9 / 24.0, 5), (5, 9)
+    wanted = np.array([0.4, 1.3, 0.2, 1.1, 0.7])
+    scene = plume(9, viscosity=0.0)
+    scene.others["Source"][0].strength = Curve(keys, np.ones(5))
+    r = recorded(scene, 9)
+    (strength,) = inputs(r, ["/fire:strength"]).values()
+    strength.write(wanted)
+    r.run()
+    seen = {f: r.fluid(f, "/air")["smoke"] for f in frames}
+
+    def misfit(s: np.ndarray) -> tuple[float, np.ndarray]:
+        strength.write(s)
+        r.run()
+        off = {f: r.fluid(f, "/air")["smoke"] - seen[f] for f in frames}
+        found = r.backward(fluids={f: {"/air": {"smoke": each}} for f, each in off.items()})
+        return 0.5 * sum(float((each**2).sum()) for each in off.values()), found.value("/fire", "strength")
+    first = misfit(np.ones(5))[0]
+    found = minimize(misfit, np.ones(5), jac=True, method="L-BFGS-B", options={"maxiter": 60, "ftol": 1e-16, "gtol": 1e-12})
+    assert found.fun < 1e-8 * first and np.allclose(found.x, wanted, atol=1e-3)
