@@ -24,6 +24,7 @@ from wsim.kernels.fluid.grid import beside, flat, functions, structs
 from wsim.kernels.math.real import types
 
 SCHEMES = ("linear", "cubic")
+BOUNDS = (128, 8)        # threads of a block, blocks of a processor: 64 registers a thread; two scalars would take 122
 
 
 @cache
@@ -140,7 +141,7 @@ def carried(dim: int, axis: int, scheme: str, clamped: bool, real):
 
 @cache
 def advect(dim: int, axis: int, scheme: str, clamped: bool, third: bool, pushed: str, real, module):
-    """Kernel over the rows of a component (axis 0 .. dim - 1), or of a scalar (axis -1): q_out = q followed back over
+    """Kernel over tiles of the rows of a component (axis 0 .. dim - 1), or of a scalar (axis -1): q_out = q followed back over
     `part` of the step clock[0] [s]. pushed: what lifts and weighs there, see `forces.lift`; "": nothing."""
     S, f, F = structs(real), functions(dim, real), lifting(real)
     back, at = backtrace(dim, axis, real, third), carried(dim, axis, scheme, clamped, real)
@@ -152,32 +153,36 @@ def advect(dim: int, axis: int, scheme: str, clamped: bool, third: bool, pushed:
         shape = wp.vec3i(g.n[0], g.n[1], g.n[2])
         if wp.static(axis >= 0):
             shape = f.faces(g, wp.static(axis))
-        i = f.place(c, shape)
-        h = part * clock[0]
-        value = at(g, q, back(g, u, i, h))
-        if wp.static(bool(pushed)):
-            value += h * push(g, lifting, i)
-        q_out[c] = value
+        i = f.tiled(c, shape)
+        if f.holds(i, shape):
+            h = part * clock[0]
+            value = at(g, q, back(g, u, i, h))
+            if wp.static(bool(pushed)):
+                value += h * push(g, lifting, i)
+            q_out[flat(i, shape)] = value
 
     which = f"{'c' if axis < 0 else 'xyz'[axis]}_{scheme}{'_clamped' * clamped}{'_rk3' * third}"
     name = f"advect_{which}{'_' * bool(pushed)}{pushed}_{f.name}"
-    return wp.kernel(advect, name=name, module=module, enable_backward=False)
+    return wp.kernel(advect, name=name, module=module, enable_backward=False, launch_bounds=BOUNDS)
 
 
 @cache
 def advect_both(dim: int, scheme: str, third: bool, real, module):
-    """Kernel over cells: `advect` of two scalars, which have the way back in common."""
+    """Kernel over tiles of cells: `advect` of two scalars, which have the way back in common."""
     S, f = structs(real), functions(dim, real)
     back, at = backtrace(dim, -1, real, third), carried(dim, -1, scheme, True, real)
 
     def advect_both(g: S.Grid, u: S.Faces, q: wp.array(dtype=real), r: wp.array(dtype=real), clock: wp.array(dtype=real),
                     part: real, q_out: wp.array(dtype=real), r_out: wp.array(dtype=real)):
-        c = wp.tid()
-        X = back(g, u, f.place(c, g.n), part * clock[0])
-        q_out[c] = at(g, q, X)
-        r_out[c] = at(g, r, X)
+        i = f.tiled(wp.tid(), g.n)
+        if f.holds(i, g.n):
+            X = back(g, u, i, part * clock[0])
+            c = flat(i, g.n)
+            q_out[c] = at(g, q, X)
+            r_out[c] = at(g, r, X)
 
-    return wp.kernel(advect_both, name=f"advect_both_{scheme}{'_rk3' * third}_{f.name}", module=module, enable_backward=False)
+    return wp.kernel(advect_both, name=f"advect_both_{scheme}{'_rk3' * third}_{f.name}", module=module, enable_backward=False,
+                     launch_bounds=BOUNDS)
 
 
 @cache

@@ -29,7 +29,7 @@ CONTENT = {
 # points, tets, volume [m^3], model, pinned points, colliders
 SOFT = {
     "cantilever": (17 * 5 * 5, 5 * 16 * 4 * 4, 4.0, "corotational", 25, ()),
-    "twist": (17 * 5 * 5, 5 * 16 * 4 * 4, 0.032, "neo_hookean", 50, ()),
+    "twist": (33 * 5 * 5, 5 * 32 * 4 * 4, 0.032, "neo_hookean", 50, ()),
     "bear": (961, 3008, 0.0984285, "corotational", 0, (Plane,)),
     "bunny": (312, 943, 0.1978667, "corotational", 0, (Box, Plane)),
     "squeezed_cube": (343, 5 * 6 ** 3, 0.125, "corotational", 0, (Box, Box, Plane)),
@@ -37,7 +37,8 @@ SOFT = {
 }
 RIGID = {"dominoes": 31, "pyramid": 56, "humanoid": 16, "arch": 18, "racket": 1, "balls": 6, "card_house": 16,
          "ball_into_cloth": 3}                                         # bodies
-FLUID = {"plume": ((20, 35, 20), 1), "smoke_rings": ((35, 20, 20), 2)}         # cells, sources
+FLUID = {"plume": ((20, 35, 20), 1), "smoke_rings": ((35, 20, 20), 2), "vortex_pair": ((128, 64, 1), 1),
+         "cavity": ((64, 64, 1), 1)}                                   # cells, sources
 scenes = pytest.mark.parametrize("name", CONTENT)
 soft_scenes = pytest.mark.parametrize("name", SOFT)
 every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT, *RIGID, *FLUID])

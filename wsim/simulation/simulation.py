@@ -86,11 +86,11 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """[s] since the scene's start."""
+        """Time [s] since the scene's start."""
         return self.frame / self.scene.fps
 
     def step(self) -> None:
-        """One frame. Raises SceneError when it cannot be finished. Threads may step simulations of their own."""
+        """Steps one frame. Raises SceneError when it cannot be finished. Threads may step simulations of their own."""
         with GATE.shared():
             self._step()
 
@@ -199,12 +199,12 @@ class Simulation:
         return x[body.index] + body.origin
 
     def velocities(self, path: str | None = None, world: int = 0, device: bool = False):
-        """Velocities [m/s] of a body's points, as `positions`."""
+        """Velocities [m/s] of a body's points, (n, 3), as `positions`."""
         body = self.model.body(path, world)
         return (self.state.v, body.index) if device else self.state.v.numpy().astype(np.float64)[body.index]
 
     def poses(self, path: str | None = None) -> dict[str, np.ndarray]:
-        """Local-to-world transforms (4, 4) [m] of the colliders at the current time, by path."""
+        """Local-to-world transforms (4, 4), lengths [m], of the colliders at the current time, by path."""
         return {c.path: c.motion.at(self.time) for c in self.scene.colliders if path in (None, c.path)}
 
     def samples(self, world: int = 0) -> list:
@@ -212,7 +212,7 @@ class Simulation:
         return [sample for method in self.plan.methods for sample in method.samples(world)]
 
     def set(self, path: str, name: str, value, world: int | None = None) -> None:
-        """A live value, from the next frame on, without rebuilding, of one world or of all (None).
+        """Sets a live value, from the next frame on, without rebuilding, of one world or of all (None).
 
         Names, units, bounds: `wsim.scene.values.table`. "/" names the whole scene. gravity, air_drag, wind; stretch, weft,
         shear, bend, damping, strain_limit (a finite one), poisson (of the model "membrane") of a cloth; stiffness of springs;

@@ -177,8 +177,8 @@ class Fluids(Method):
         return found
 
     def indicators(self, x, v) -> dict[str, float]:
-        """Of the first world: kinetic energy [J], smoke [m^3], greatest speed [m/s], greatest divergence [1/s]; of the last
-        frame: most iterations of one solve of the pressure, steps."""
+        """Indicators of the first world: kinetic energy [J], smoke [m^3], greatest speed [m/s], greatest divergence [1/s]; of
+        the last frame: most iterations of one solve of the pressure, steps."""
         found: dict[str, float] = {}
         for k, domain in enumerate(self.domains):
             if domain.world == 0:
@@ -227,7 +227,7 @@ class Fluids(Method):
 
 
 def signature(b) -> list:
-    """What of the fluids decides their kernels."""
+    """Part of the fluids that decides their kernels."""
     fluids: list[Any] = [(len(f.axes), f.advection, f.scalar_advection, f.pressure, sum(f.shape) <= MOST, f.slip,
                           f.viscosity > 0.0, f.vorticity > 0.0,
                           carried(f, reaching(f, b.scene)), [s.expansion != 0.0 for s in reaching(f, b.scene)],

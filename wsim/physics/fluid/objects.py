@@ -42,7 +42,7 @@ class Fluid(Compared):
     cooling          decay rate of the temperature [1/s]
     advection        of the velocity: "reflection", "cubic", "maccormack", "bfecc" or "linear"
     scalar_advection  of smoke and temperature: "cubic", "maccormack", "bfecc" or "linear"
-    pressure         how it is solved: "direct" (boxes without obstacles, best up to 160 cells along an axis), "multigrid", or
+    pressure         how it is solved: "direct" (boxes without obstacles, best up to 266 cells along an axis), "multigrid", or
                      "auto"
     tolerance        of the pressure solve, residual over right-hand side [1]
     cfl              cells that air may cross in a step [1]: as many steps a frame as that takes, up to `most_steps`
@@ -100,7 +100,7 @@ class Fluid(Compared):
 
     @property
     def axes(self) -> tuple[int, ...]:
-        """Those with more than one cell: two of a flat fluid."""
+        """Axes with more than one cell: two of a flat fluid."""
         return tuple(a for a, n in enumerate(self.shape) if n > 1)
 
     @property
@@ -109,7 +109,7 @@ class Fluid(Compared):
         return x * y * z
 
     def centers(self) -> np.ndarray:
-        """Of the cells, world (nx, ny, nz, 3) [m]."""
+        """Centres of the cells, world (nx, ny, nz, 3) [m]."""
         index = np.stack(np.meshgrid(*(np.arange(n) for n in self.shape), indexing="ij"), -1)
         return self.low + self.cell * (index + 0.5)
 

@@ -38,13 +38,13 @@ class Pieces:
 
 
 def straight(times: np.ndarray, p: np.ndarray, q: np.ndarray, code: np.ndarray) -> Pieces:
-    """From p (pieces, ...) to q by a code each that is no Bezier."""
+    """Pieces from p (pieces, ...) to q by a code each that is no Bezier."""
     none = np.zeros_like(p)
     return Pieces(code, np.zeros((len(code), 2)), (p, q - p, none, none), np.diff(times))
 
 
 def eased(times: np.ndarray, p: np.ndarray, q: np.ndarray, names: list) -> Pieces:
-    """By the name or handles of an easing each."""
+    """Pieces by the name or handles of an easing each."""
     code, x, y = np.zeros(len(names), np.int64), np.zeros((len(names), 2)), np.full((len(names), 2), 1.0 / 3.0)
     y[:, 1] = 2.0 / 3.0
     for k, name in enumerate(names):
@@ -60,7 +60,8 @@ def eased(times: np.ndarray, p: np.ndarray, q: np.ndarray, names: list) -> Piece
 
 
 def hermite(times: np.ndarray, p: np.ndarray, q: np.ndarray, leave: np.ndarray, arrive: np.ndarray, widths=None) -> Pieces:
-    """By slopes (pieces, ...) a second behind and before the keys. widths: of both handles [s], (pieces, 2); None: Hermite."""
+    """Pieces by slopes (pieces, ...) a second behind and before the keys. widths: of both handles [s], (pieces, 2); None:
+    Hermite."""
     span = np.diff(times)
     if widths is None:
         dt = column(span, p)
@@ -72,7 +73,7 @@ def hermite(times: np.ndarray, p: np.ndarray, q: np.ndarray, leave: np.ndarray, 
 
 
 def formed(pieces: Pieces, p: np.ndarray, q: np.ndarray, form: np.ndarray) -> Pieces:
-    """With pieces that are "linear" or "hold" instead of "curve", by form (pieces,)."""
+    """The pieces with those that are "linear" or "hold" instead of "curve", by form (pieces,)."""
     line, hold = column(form == "linear", p), column(form == "hold", p)
     part = tuple(np.where(hold, h, np.where(line, m, c)) for h, m, c in zip(
         (p, 0.0 * p, 0.0 * p, 0.0 * p), (p, q - p, 0.0 * p, 0.0 * p), pieces.part, strict=True))

@@ -23,7 +23,7 @@ TYPES = {"double": "double", "float": "float", "half": "half"}
 
 
 def splined(attribute: Usd.Attribute) -> bool:
-    """Whether an attribute's value is a spline."""
+    """True if an attribute's value is a spline."""
     return bool(attribute) and attribute.HasSpline()
 
 

@@ -127,7 +127,7 @@ class Domain:
         self.live.assign(live.astype(self.threads.model.dtype))
 
     def settle(self) -> None:
-        """Before the first frame, once kernels are there: obstacles that stand, and the regions that they seal."""
+        """Prepares the first frame, once kernels are there: obstacles that stand, and the regions that they seal."""
         p, o = self.pressure, self.obstacles
         if o is None:
             p.regions(None, int(self.layout.sealed))
@@ -142,7 +142,7 @@ class Domain:
 
     @property
     def launches(self) -> int:
-        """Of a step whose pressure takes one iteration."""
+        """Number of launches of a step whose pressure takes one iteration."""
         dim, solve = self.layout.dim, (self.pressure.direct or self.pressure.multigrid).launches + 12
         return (5 * dim + 2 * solve if self.reflects else 4 * dim + solve) + 2 * len(self.scalars) + 4
 

@@ -133,5 +133,5 @@ class Multigrid:
 
     @property
     def launches(self) -> int:
-        """Of a cycle."""
+        """Number of launches of a cycle."""
         return self.first * (4 * SWEEPS + int(self.fractions)) + 1

@@ -19,7 +19,7 @@ from wsim.scene.solids import row
 
 
 def kind(shape: Any) -> str:
-    """Its name: a convex one's, "solid" of a closed mesh, "sheet" of an open one."""
+    """Name of a kind of shape: a convex one's, "solid" of a closed mesh, "sheet" of an open one."""
     if not isinstance(shape, Surface):
         return row(shape).kind
     triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
@@ -27,7 +27,7 @@ def kind(shape: Any) -> str:
 
 
 def closed(triangles: np.ndarray) -> bool:
-    """Whether every edge is of two triangles."""
+    """True if every edge is of two triangles."""
     edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], -1).reshape(-1, 2), axis=1)
     return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all()) and len(triangles) > 0
 
@@ -37,7 +37,7 @@ def kinds(things: list) -> tuple[str, ...]:
 
 
 def half_thickness(shape: Any) -> float:
-    """Of the thinnest part [m], about: volume over area of a mesh."""
+    """Half the thickness of the thinnest part [m], about: volume over area of a mesh."""
     if not isinstance(shape, Surface):
         found = row(shape)
         return min(found.lengths(shape), default=np.inf) * (0.5 if found.kind == "cone" else 1.0)

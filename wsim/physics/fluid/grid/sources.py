@@ -60,7 +60,7 @@ class Sources:
                                             self.threads.model.dtype))
 
     def emit(self, live: wp.array, clock: wp.array, u: Any) -> None:
-        """What they put into the scalars and into u in a step."""
+        """Puts what sources emit into the scalars and into u in a step."""
         if self.emits:
             self.threads.over(self.emit_kernel, self.layout.cells, [self.grid, self.table, live, clock],
                               [self.scalars.get("smoke"), self.scalars.get("heat"), self.expansion])

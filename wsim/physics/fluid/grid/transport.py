@@ -6,6 +6,7 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.fluid import advection as kernels
+from wsim.kernels.fluid.grid import tiles
 from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.threads import Threads
 
@@ -32,6 +33,7 @@ class Transport:
     def __init__(self, threads: Threads, layout: Layout, grid: Any, axis: int, how: How, work: dict[str, wp.array]):
         real, module, dim, scheme = threads.model.real, threads.module, layout.dim, how.scheme
         self.threads, self.grid, self.scheme, self.work = threads, grid, scheme, work
+        self.count = tiles(dim, layout.n if axis < 0 else layout.faces(axis))
         self.lifting = how.lifting or kernels.lifting(real)()
         self.pairs = scheme in PAIRS
         shape, third = "cubic" if scheme == "cubic" else "linear", axis < 0 and THIRD[scheme]
@@ -47,7 +49,7 @@ class Transport:
         real, n, over = self.threads.model.real, q.size, self.threads.over
 
         def advect(q: wp.array, part: float, out: wp.array) -> None:
-            over(self.advect, n, [self.grid, u, q, self.lifting, clock, real(part)], [out])
+            over(self.advect, self.count, [self.grid, u, q, self.lifting, clock, real(part)], [out])
         if not self.pairs:
             advect(q, part, out)
             return
@@ -61,4 +63,4 @@ class Transport:
 
     def carry_both(self, u: Any, q: tuple[wp.array, wp.array], clock: wp.array, out: tuple[wp.array, wp.array]) -> None:
         """Two scalars, over the whole step."""
-        self.threads.over(self.advect, q[0].size, [self.grid, u, *q, clock, self.threads.model.real(1.0)], [*out])
+        self.threads.over(self.advect, self.count, [self.grid, u, *q, clock, self.threads.model.real(1.0)], [*out])
