@@ -70,7 +70,8 @@ def test_a_curve_of_strengths_keeps_its_proportions():
     assert source.given("strength", 4.0).strength.values.tolist() == [2.0, 6.0]
 
 
-@pytest.mark.parametrize("change, said", [({"path": "/other"}, "is no fluid of the scene"), ({"field": "soot"}, "field is 'soot'"),
+@pytest.mark.parametrize("change, said", [({"path": "/other"}, "is no fluid of the scene"),
+                                          ({"field": "soot"}, "field is 'soot'"),
                                           ({"values": np.zeros((1, 3))}, "allowed is"),
                                           ({"values": np.full((1, 16, 20, 1), np.nan)}, "none of its values was seen"),
                                           ({"frames": [11]}, "is observed at frames"), ({"sigma": -1.0}, "sigma is -1")])
