@@ -40,7 +40,7 @@ class Smoke:
         """Nothing to look up."""
 
     def seen(self, fluid, values: np.ndarray) -> np.ndarray:
-        """Values (worlds, m) of fields (worlds, cells) of a fluid where it was looked at."""
+        """Values that are looked at of fields (worlds, cells) of a fluid, (worlds, m)."""
         if self.places is None:
             return values
         n = np.array(fluid.shape)

@@ -162,7 +162,7 @@ def inputs(recording, names) -> dict[str, Input]:
 
 KINDS: dict[str, type[Input]] = {"start": Start, "whole": Whole, "density": Density, "mass": Mass, "material": MaterialInput,
                                  "rest": Rest, "actuation": Actuation, "load": Loaded, "targets": Targets, "contact": Touch,
-                                 "shift": Shift, "surface": Surface, "body": BodyValue, "fluid": FluidValue}               # by `Value.gradient`
+                                 "shift": Shift, "surface": Surface, "body": BodyValue, "fluid": FluidValue}        # by `Value.gradient`
 
 
 def _input(recording, name: str) -> Input:

@@ -29,11 +29,11 @@ class FluidValue(Input):
 
     @property
     def own(self) -> bool:
-        """Whether it is a fluid's."""
+        """True if it is a fluid's."""
         return self.row.owner == "Fluid"
 
     def field(self) -> bool:
-        """Whether it is a field where the recording begins."""
+        """True if it is a field where the recording begins."""
         return self.own and self.what in ("velocity", *SCALARS)
 
     def read(self, world: int = 0) -> np.ndarray:
@@ -62,7 +62,7 @@ class FluidValue(Input):
         return found
 
     def part(self, k: int, name: str) -> wp.array:
-        """Of the arrays with which the recording begins, that of a component or a scalar."""
+        """Part of the arrays with which the recording begins, that of a component or a scalar."""
         base = self.method.field(k, name)
         for array, begun in self.recording.flowed:
             if array.ptr <= base.ptr < array.ptr + array.capacity:

@@ -149,7 +149,7 @@ class Source(Compared):
 
     @property
     def place(self) -> np.ndarray:
-        """Where its frame begins, world (3,) [m]."""
+        """Place where its frame begins, world (3,) [m]."""
         return self.motion.values[0, :3, 3].copy()
 
     def taken(self, name: str):

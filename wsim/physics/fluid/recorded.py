@@ -68,17 +68,17 @@ class Recorded:
         tape.adjoints.append(backward)
 
     def arrays(self, k: int) -> dict[str, wp.array]:
-        """Of the state of fluid k, by name."""
+        """Arrays of the state of fluid k, by name."""
         layout = self.method.layouts[k]
         return {name: self.method.field(k, name) for name in (*NAMES[:layout.dim], *self.method.carried[k])}
 
     def cotangents(self, k: int) -> list[wp.array]:
-        """In the order of `arrays`."""
+        """Cotangents in the order of `arrays`."""
         a = self.adjoints[k]
         return [*(getattr(a.by, AXES[b]) for b in range(self.method.layouts[k].dim)), *a.by_scalars.values()]
 
     def bytes(self, frames: int) -> int:
-        """Of what `allot` takes for so many frames."""
+        """Bytes of what `allot` takes for so many frames."""
         return (frames + 1) * sum(a.capacity for k in range(len(self.adjoints)) for a in self.arrays(k).values())
 
     def allot(self, frames: int) -> None:
@@ -126,7 +126,7 @@ class Recorded:
 
 
 def idle(domain: Any, carried: tuple[str, ...], name: str) -> str:
-    """Why nothing of a value of a fluid runs, or ""."""
+    """Reason why nothing of a value of a fluid runs, or ""."""
     for called, scalar in (("smoke", "smoke"), ("weight", "smoke"), ("smoke_decay", "smoke"), ("temperature", "heat"),
                            ("lift", "heat"), ("cooling", "heat")):
         if name == called and scalar not in carried:
@@ -136,7 +136,7 @@ def idle(domain: Any, carried: tuple[str, ...], name: str) -> str:
 
 
 def unheard(domain: Any, carried: tuple[str, ...], source: Any, name: str) -> str:
-    """Why nothing of a value of a source runs in a fluid, or ""."""
+    """Reason why nothing of a value of a source runs in a fluid, or ""."""
     if name in ("smoke", "temperature") and FIELDS[name] not in carried:
         return f"there is no {'smoke' if name == 'smoke' else 'heat'} in {domain.fluid.path}"
     if name == "velocity" and source.velocity is None:

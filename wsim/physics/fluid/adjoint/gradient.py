@@ -24,12 +24,11 @@ class FluidGradient:
         self.frames = [[tuple(array.numpy() for array in own) for own in frame] for frame in losses.frames[::-1]]
 
     def value(self, path: str, name: str, world: int = 0) -> Any:
-        """Gradient with respect to a value of a fluid or a source. Raises SceneError where there is none, or none of it runs.
-        """
-        if name != "surface":
-            self.recorded.runs(path, name)
+        """Gradient with respect to a value of a fluid, a source or an obstacle. Raises SceneError where there is no such one, or
+        nothing of it runs."""
         if name == "surface":
             return self.surface(path, world)
+        self.recorded.runs(path, name)
         if any(fluid.path == path for fluid, _ in self.method.pairs):
             return self.fluid(self.recorded.row(path, world), name)
         return self.source(path, name, world)
@@ -104,7 +103,7 @@ class FluidGradient:
     # sources
 
     def source(self, path: str, name: str, world: int) -> Any:
-        """Sum over all fluids of a world that it reaches."""
+        """Gradient of a source, of all fluids of a world that it reaches."""
         found, dt = 0.0, 1.0 / self.method.scene.fps
         for k, domain in enumerate(self.method.domains):
             for j, source in enumerate(domain.sources.sources if domain.sources and domain.world == world else ()):

@@ -45,7 +45,7 @@ def refuse_contacts(scene) -> None:
 
 
 def recorded(method) -> "Recorded":
-    """What records a method's bodies (`wsim.physics.rigid.method.Rigid`)."""
+    """Recorder of a method's bodies (`wsim.physics.rigid.method.Rigid`)."""
     if not (method.joints or method.contacts):
         return Recorded(method)
     from wsim.physics.rigid.recorded.islands import RecordedIslands
@@ -54,7 +54,7 @@ def recorded(method) -> "Recorded":
 
 @dataclass
 class Motions:
-    """Of all bodies: centres x relative to their start [m], q (n, 4), momenta p, L."""
+    """The motions of all bodies: centres x relative to their start [m], q (n, 4), momenta p, L."""
 
     x: np.ndarray
     q: np.ndarray
@@ -90,7 +90,7 @@ class Recorded:
         return [self.every, self.q, self.o]
 
     def tables(self) -> list[wp.array]:
-        """What is differentiated by."""
+        """Tables that are differentiated by."""
         return [getattr(self.method.table, name) for name in TABLES]
 
     def step(self, clock: Clock) -> None:
@@ -122,7 +122,7 @@ class Recorded:
         return Motions(x + e, normalized(q + o), p, L)
 
     def places(self, path: str, name: str, world: int) -> Any:
-        """Where a value stands that is none of a body's own; None: nowhere."""
+        """Places of a value that is none of a body's own; None: nowhere."""
         return None
 
     def row(self, path: str, world: int = 0) -> int:
@@ -223,8 +223,8 @@ class BodyGradient:
                    for name, table in zip(TABLES, r.tables(), strict=True)}
 
     def value(self, path: str, name: str, world: int = 0) -> np.ndarray | float:
-        """With respect to a value of a body; velocity and spin: of where the recording begins, which others leave as they are.
-        mass: moments follow it where the scene gives none. inertia: along the axes that the scene gives."""
+        """Gradient with respect to a value of a body; velocity and spin: of where the recording begins, which others leave as
+        they are. mass: moments follow it where the scene gives none. inertia: along the axes that the scene gives."""
         k = self.recorded.row(path, world)
         found = getattr(self, name, None)
         return found(k) if found else self.by[{"force": "push"}.get(name, name)][k]
@@ -237,7 +237,7 @@ class BodyGradient:
         return rotate(s.q[k], m.moments * rotate(conjugate(s.q[k]), self.by_L[k]))
 
     def moments(self, k: int) -> np.ndarray:
-        """By the principal moments."""
+        """Gradient with respect to the principal moments."""
         s, m = self.start, self.recorded.method.masses[k]
         back = conjugate(s.q[k])
         own = rotate(back, s.L[k]) / m.moments                      # omega
