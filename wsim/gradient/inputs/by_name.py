@@ -23,7 +23,7 @@ from wsim.gradient.inputs.base import PART, Input, Start
 from wsim.gradient.inputs.bodies import BodyValue
 from wsim.gradient.inputs.contact import Shift, Touch
 from wsim.gradient.inputs.controls import Actuation, Loaded, Targets
-from wsim.gradient.inputs.fluids import FluidValue
+from wsim.gradient.inputs.fluids import FluidValue, Surface
 from wsim.gradient.inputs.path import Path
 from wsim.gradient.inputs.rest import Rest
 from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
@@ -163,7 +163,8 @@ def inputs(recording, names) -> dict[str, Input]:
 
 KINDS: dict[str, type[Input]] = {"start": Start, "whole": Whole, "density": Density, "mass": Mass, "material": MaterialInput,
                                  "rest": Rest, "actuation": Actuation, "load": Loaded, "targets": Targets, "contact": Touch,
-                                 "shift": Shift, "path": Path, "body": BodyValue, "fluid": FluidValue}      # by `Value.gradient`
+                                 "shift": Shift, "surface": Surface, "path": Path, "body": BodyValue,
+                                 "fluid": FluidValue}                                        # by `Value.gradient`
 
 
 def _input(recording, name: str) -> Input:

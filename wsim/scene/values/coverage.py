@@ -90,8 +90,8 @@ COVERED: list[Covered] = [
     Covered(THROUGH, "loads", *(f"{LOADED}::{PUSH}",) * 3),
     Covered(THROUGH, "wind (drag and lift)", *(f"{SWEPT}::test_wind",) * 3),
     Covered(THROUGH, "free motion of rigid bodies", rigid=f"{FREELY}::test_a_free_symmetric_top_by_its_closed_form"),
-    Covered(THROUGH, "advection-reflection of fluids, their projection round obstacles that stand, forces, viscosity, confinement, "
-            "sources", fluid=f"{AIRY}::test_fifty_steps_round_an_obstacle"),
+    Covered(THROUGH, "advection-reflection of fluids, their projection round obstacles that stand, forces, viscosity, "
+            "confinement, sources", fluid=f"{AIRY}::test_fifty_steps_round_an_obstacle"),
     Covered(THROUGH, "other advection of fluids (cubic, MacCormack, BFECC, linear)",
             fluid=f"{AIRY}::test_schemes_that_carry_there_and_back"),
     Covered(THROUGH, "joints of rigid bodies, their limits and drives",
@@ -143,6 +143,7 @@ COVERED: list[Covered] = [
 
     Covered(BY, "Fluid.lift Fluid.weight Fluid.vorticity Fluid.viscosity Fluid.smoke_decay Fluid.cooling Fluid.side_velocities",
             fluid=EVERY),
+    Covered(BY, "Collider.surface", fluid=f"{AIRY}::test_by_the_turning_of_an_obstacle"),
     Covered(BY, "Fluid.velocity Fluid.smoke Fluid.temperature", fluid=EVERY),
     Covered(BY, "Source.smoke Source.temperature Source.expansion Source.velocity Source.place Source.strength", fluid=EVERY),
 
@@ -196,6 +197,8 @@ REFUSED: dict[str, Refused] = {
     "features": Refused("manifolds that change with the smallest motion", "touches by other features when it is moved by a ten "
                         "thousandth of its size, and has no derivative of one side; move it, or another shape, a little"),
     "idle": Refused("air in which no point moves", "nothing that moves here knows {name}; leave it out"),
+    "surface": Refused("surfaces in air where no collider moves", "is no obstacle of air in which one moves: its surface has no "
+                       "velocity with a derivative"),
     "still": Refused("values of fluids and sources of which nothing runs", "nothing of its {name} runs: {why}"),
     "load": Refused("loads that there are not", "there is no load; give the scene one"),
     "pin": Refused("anything but stiffness and damping of a soft pin", "is no soft pin with a derivative with respect to "

@@ -88,6 +88,7 @@ VALUES: list[Value] = [
         ("keys", "m"), ("tangents", "m/s"), ("handles", "1"))),
     Value("Collider", "points", "m", ANY, "array", live=False, why="the shape of a mesh that deforms has none yet"),
     Value("Collider", "shift", "m", ANY, "array", live=False, gradient="shift"),
+    Value("Collider", "surface", "m/s", ANY, "array", live=False, gradient="surface"),
 
     *(Value("Body", name, unit, ANY, "vector", fit=PLAIN, gradient="body") for name, unit in (
         ("velocity", "m/s"), ("spin", "rad/s"), ("force", "N"), ("torque", "N m"))),
