@@ -29,7 +29,7 @@ STEPS = 40                                # Newton steps with a bracket: x(u) = 
 
 
 def easings(m, real) -> SimpleNamespace:
-    """Functions (s) -> (e, de/ds) by name, `bezier` (s, x1, y1, x2, y2); each family's `in` form, and turned_round, halves."""
+    """Functions (s) -> (e, de/ds) by name, each family's `in` form, and `parameter` (s, x1, x2) -> (u, du/ds)."""
     zero, half, one, two, three, six = real(0.0), real(0.5), real(1.0), real(2.0), real(3.0), real(6.0)
     ten, fifteen, thirty, four, five = real(10.0), real(15.0), real(30.0), real(4.0), real(5.0)
     quarter_turn, rise_rate, whole, k = real(0.5 * PI), real(10.0 * LN2), real(1023.0), real(OVERSHOOT)
@@ -82,7 +82,7 @@ def easings(m, real) -> SimpleNamespace:
         up = m.where(t < first, zero, m.where(t < second, high_one, m.where(t < third, high_two, high_three)))
         return one - (g * (t - mid) * (t - mid) + up), two * g * (t - mid)
 
-    def bezier(s: Any, x1: Any, y1: Any, x2: Any, y2: Any):
+    def parameter(s: Any, x1: Any, x2: Any):
         low = zero * s
         high = low + one
         u = s
@@ -99,14 +99,10 @@ def easings(m, real) -> SimpleNamespace:
             middle = half * (low + high)
             u = m.where(u - by >= low, m.where(u - by <= high, u - by, middle), middle)
         slope = (three * ax * u + two * bx) * u + cx
-        ay = one - three * y2 + three * y1
-        by2 = three * y2 - six * y1
-        cy = three * y1
-        rise = (three * ay * u + two * by2) * u + cy
-        return ((ay * u + by2) * u + cy) * u, rise / m.where(slope * limit > one, slope, least + zero * slope)
+        return u, one / m.where(slope * limit > one, slope, least + zero * slope)
 
     return SimpleNamespace(smoothstep=smoothstep, smootherstep=smootherstep, quad=quad, cubic=cubic, quart=quart, quint=quint,
-                           sine=sine, expo=expo, circ=circ, back=back, elastic=elastic, bounce=bounce, bezier=bezier)
+                           sine=sine, expo=expo, circ=circ, back=back, elastic=elastic, bounce=bounce, parameter=parameter)
 
 
 def turned_round(of, real):

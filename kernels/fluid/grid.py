@@ -5,7 +5,8 @@
     shape    rows of an array along the axes; an axis that is not periodic has one face more than cells
 
 Arrays are flat, the last axis first in memory. `linear` is a convex combination, of order 2; `cubic` is the tensor product of
-cubics through four rows (order 4), `limited` to the 2^dim rows around (kernels/fluid/sampling.py). Beyond a side rows repeat: the first one, or around where it is periodic.
+cubics through four rows (order 4), `limited` to the 2^dim rows around (kernels/fluid/sampling.py). Beyond a side rows repeat:
+the first one, or around where it is periodic.
 """
 
 # Device code: int(0) makes a variable of what would be a constant, and an outer `if` on a Python bool drops its branch.
@@ -287,4 +288,4 @@ def functions(dim: int, real) -> SimpleNamespace:
 
     return SimpleNamespace(place=place, faces=faces, linear=linear, cubic=cubic, around=around, offset=offset,
                            velocity=velocity, row=row, held=held, weights=weights, rows=rows, limited=limited,
-                           name=f"{dim}d_{t.name}")
+                           floors=floors, inner=inner, name=f"{dim}d_{t.name}")

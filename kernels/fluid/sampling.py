@@ -4,8 +4,8 @@
     patch       tensor product of cubics through four rows (Lagrange; order 4), of 4^dim rows; `limited`: kept within the 2^dim
                 in the middle (Fedkiw, Stam, Jensen 2001 clamp slopes; here the value, as Selle et al. 2008 do)
 
-q is read through its pointer: rows stand one behind the other, those of the last axis next to each other. Through Warp's arrays,
-whose strides are known only when it runs, a CPU takes 2.3 times as long for a patch, 1.9 times for a cell.
+q is read through its pointer: rows stand one behind the other, those of the last axis next to each other. Through Warp's
+arrays, whose strides are known only when it runs, a CPU takes 2.3 times as long for a patch, 1.9 times for a cell.
 """
 
 from functools import cache

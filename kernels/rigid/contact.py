@@ -99,6 +99,7 @@ def structs(real):
         A: wp.array(dtype=t.mat44)             # along n, of manifolds
         goal: wp.array(dtype=real)             # velocity along n behind an impact; < 0: none
         hit: wp.array(dtype=real)              # impulses of it
+        when: wp.array(dtype=real)             # [s] from now until then
         scrape: wp.array(dtype=t.vec3)
         residual: wp.array(dtype=real)         # (2,): now, and what was left [m/s], see kernels/rigid/complementarity
 

@@ -13,18 +13,22 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
+from wsim.kernels.rigid.complementarity.impact_time import behind
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.impulse import formulas
 from wsim.kernels.rigid.kinds import Kind, at_once, by_colour
 
-ROUNDS, SWEEPS = wp.constant(64), wp.constant(64)
-REST, MET = wp.constant(4.0), wp.constant(1.0e-4)        # MET: part of the speed to which the sweeps go
+ROUNDS, MET = 64, 1.0e-4           # MET: part of the speed to which the sweeps go
+SWEEPS, REST = wp.constant(64), wp.constant(4.0)
 SOONER = wp.constant(1.01)         # what the soft steps would catch in this substep is an impact, whatever the rounding
 
 
-def impacts(kind: Kind, meet, real):
-    """Function of a substep k of h [s], before its forces, of all contacts, which `kind` knows by their colours."""
-    mark, strike = marks(real)
+def impacts(kind: Kind, meet, real, met: float = MET, rounds: int = ROUNDS, timed: bool = False):
+    """Function of a substep k of h [s], before its forces, of all contacts, which `kind` knows by their colours. met: part of
+    the speed to which the sweeps of a round go. timed: they go on from the time of an impact (complementarity/impact_time.py).
+    """
+    mark, strike = marks(real, met, timed)
+    after = by_colour(kind, behind(real), meet, real)
     look, sweep = at_once(kind, mark, real), by_colour(kind, strike, meet, real)
     Rig = whole(real)
 
@@ -41,7 +45,7 @@ def impacts(kind: Kind, meet, real):
 
     @wp.func
     def impacts(i: int, threads: int, k: int, h: real, rig: Rig):
-        for _round in range(int(ROUNDS)):
+        for _round in range(int(rounds)):
             look(i, threads, k, h, 0, rig)
             if told(0, i, rig) == 0:
                 break
@@ -49,12 +53,14 @@ def impacts(kind: Kind, meet, real):
                 sweep(i, threads, k, h, 0, rig)
                 if told(1, i, rig) == 0:
                     break
+            if timed:
+                after(i, threads, k, h, 0, rig)
 
     return impacts
 
 
 @cache
-def marks(real):
+def marks(real, met: float = MET, timed: bool = False):
     """(mark, strike): functions of a contact m, a look and a sweep; they tell by a flag what is left to do."""
     t, Rig = types(real), whole(real)
     _, _, begun, _, pushed, ended, slip, rubbed = formulas(real)
@@ -84,7 +90,11 @@ def marks(real):
             speed = wp.sqrt(wp.max(u * u + real(2.0) * a * gap, real(0.0)))
             if e > real(0.0) and u < real(0.0) and gap + real(SOONER) * h * (u - h * wp.max(a, real(0.0))) < real(0.0):
                 if speed > real(REST) * h * wp.abs(a) and speed > real(1.0e-6):
-                    rig.work.goal[j] = wp.sqrt(wp.max(e * e * speed * speed - real(2.0) * a * gap, real(0.0)))
+                    if timed:
+                        rig.work.goal[j] = u + (real(1.0) + e) * speed
+                        rig.work.when[j] = real(2.0) * gap / (speed - u)
+                    else:
+                        rig.work.goal[j] = wp.sqrt(wp.max(e * e * speed * speed - real(2.0) * a * gap, real(0.0)))
                     some = True
         return some
 
@@ -119,7 +129,7 @@ def marks(real):
 
     @wp.func
     def strike(m: int, k: int, h: real, biased: int, rig: Rig):
-        if struck(m, k, rig) >= real(MET):
+        if struck(m, k, rig) >= real(met):
             rig.work.flags[1] = 1
 
     return mark, strike

@@ -52,14 +52,14 @@ def over_bodies(real):
     return begun, placed, ended
 
 
-def walks(kinds: Sequence[Kind], real, meet: Callable, bouncing: bool) -> SimpleNamespace:
-    """prepare, warm, solve, thrown: functions of all constraints. bouncing: the last kind has impacts."""
+def walks(kinds: Sequence[Kind], real, meet: Callable, bouncing: bool, **impact) -> SimpleNamespace:
+    """prepare, warm, solve, thrown: functions of all constraints. bouncing: the last kind has impacts; impact: of `impacts`."""
     Rig, act = whole(real), [acts(kind, real) for kind in kinds]
     prepare = in_turn([at_once(kind, a.prepare, real) for kind, a in zip(kinds, act, strict=True)], real)
     warm = in_turn([by_colour(kind, a.warm, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
     solve = in_turn([by_colour(kind, a.solve, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
     if bouncing:
-        thrown = impacts(kinds[-1], meet, real)
+        thrown = impacts(kinds[-1], meet, real, **impact)
     else:
         @wp.func
         def thrown(i: int, threads: int, k: int, h: real, rig: Rig):

@@ -91,6 +91,22 @@ def test_strain_and_energy_on_the_host_are_those_of_kernels(name, monkeypatch):
         assert host[key] == pytest.approx(value, rel=1e-9, abs=1e-12), key
 
 
+@pytest.mark.parametrize("name", ["membrane", "springs", "orthotropic"])
+def test_residuals_on_the_host_are_those_of_kernels(name, monkeypatch):
+    """Of sweeps that have not converged: the largest of all, and that of each kind."""
+    scene = SCENES[name]()
+    scene.solver, scene.iterations = "xpbd", 3
+    sim = Simulation(scene, device="cpu", precision="float64")
+    sim.run(2)
+    host, kernels = both(monkeypatch, sim.indicators)
+    assert host["residual"] > 1e-6 and host["residual"] == pytest.approx(kernels["residual"], rel=1e-9)
+    method, h = sim.plan.method("xpbd"), sim.plan.clock.g
+    for batch, kernel in zip(method.batches, method.residual_kernels("residuals"), strict=True):
+        largest = wp.zeros(1, dtype=wp.float64, device="cpu")
+        wp.launch(kernel, batch.size, [batch.data, sim.state.x, sim.state.e, batch.lam, 1.0 / h, 0], [largest], device="cpu")
+        assert batch.left(sim.state.x, sim.state.e, 1.0 / h) == pytest.approx(float(largest.numpy()[0]), rel=1e-9), batch.kind
+
+
 STEP = """
 import sys
 from wsim.simulation.simulation import Simulation
@@ -100,10 +116,11 @@ assert sim.report()["error"]
 """
 
 
-def test_a_first_frame_and_its_report_compile_one_module_and_each_kernel_once(tmp_path):
-    """The cape has pins, wind, contacts, strain and bending."""
-    subprocess.run([sys.executable, "-c", STEP, str(ROOT / "scenes" / "cape.usda")], cwd=ROOT, check=True, capture_output=True,
-                   env=os.environ | {"WARP_CACHE_PATH": str(tmp_path)})
+@pytest.mark.parametrize("scene", ["cape", "hanging_cloth"])
+def test_a_first_frame_and_its_report_compile_one_module_and_each_kernel_once(scene, tmp_path):
+    """The cape has pins, wind, contacts, strain and bending; the hanging cloth sweeps that leave a residual."""
+    subprocess.run([sys.executable, "-c", STEP, str(ROOT / "scenes" / f"{scene}.usda")], cwd=ROOT, check=True,
+                   capture_output=True, env=os.environ | {"WARP_CACHE_PATH": str(tmp_path)})
     (source,) = tmp_path.rglob("*.cpp")
     assert "cpu_forward_tasks<false>" in source.read_text() and "cpu_forward_tasks<true>" not in source.read_text()
 

@@ -10,12 +10,13 @@ import pytest
 from pxr import Usd, UsdGeom, Vt
 
 from wsim import usd
-from wsim.scene import Box, Capsule, Cone, Cylinder, Plane, Scene, SceneError, Skin, Sphere, Surface, shapes
+from wsim.physics.rigid.objects import Body
+from wsim.scene import Box, Capsule, Collider, Cone, Cylinder, Plane, Scene, SceneError, Skin, Sphere, Surface, samples, shapes
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.fabric import Fabric
 from wsim.show import rerun_log as logs
 from wsim.show.plots import Measures
-from wsim.show.viewer import Viewer, view
+from wsim.show.viewer import Viewer, _eye, view
 from wsim.show.visible import visible
 
 try:
@@ -44,6 +45,9 @@ class Stepped:
 
     def poses(self):
         return {c.path: c.motion.at(self.time) for c in self.scene.colliders}
+
+    def samples(self):
+        return []
 
     def indicators(self):
         return {"kinetic_energy": 1.0, "max_strain": 0.01, "residual": 1e-6}
@@ -111,6 +115,49 @@ def test_every_collider_is_shown(tmp_path, shape):
     scene.collider("/it", shape)
     Viewer(scene, save=tmp_path / "a.rrd").close()
     assert rows(tmp_path / "a.rrd")["/world/it/shape vertex_positions"] == 1
+
+
+@needs_rerun
+def test_bodies_instances_particles_and_smoke_are_shown_while_they_are_simulated(tmp_path):
+    """A shape once and its transform a frame; an instance is moved from where it was at the start."""
+    start = np.diag([1.0, 1.0, 1.0, 1.0])
+    start[0, 3] = 2.0
+    made = Scene()
+    made.add(Body("/box", [Collider("/box", Box((1, 1, 1)))], stretch=np.diag([2.0, 1.0, 1.0])))
+    made.add(Body("/many/0", [Collider("/many/0", Sphere(1.0))], motion=Motion.still(start), instancer="/many", instance=0))
+    moved = np.eye(4)
+    moved[1, 3] = 3.0
+    scaled = moved @ np.diag([2.0, 1.0, 1.0, 1.0])
+    nothing = np.zeros((1, 3))
+    found = [samples.Transform("/box", scaled),
+             samples.Instances("/many", np.array([0]), moved[None], nothing, nothing, nothing),
+             samples.Particles("/drops", np.ones((4, 3)), np.full(4, 0.1), np.arange(4)),
+             samples.Volume("/air", np.zeros(3), 0.5, {"density": np.ones((2, 2, 2), np.float32)})]
+    sim, viewer, placed = Stepped(made), Viewer(made, save=tmp_path / "a.rrd"), {}
+    sim.samples = lambda: found
+    place = viewer.moved._place
+    viewer.moved._place = lambda path, pose: (placed.__setitem__(path, pose), place(path, pose))
+    for _ in range(2):                                       # it rests where it has got to: the second frame sends no pose
+        sim.step()
+        viewer.log(sim)
+    viewer.close()
+    assert np.allclose(placed["/box"], moved) and np.allclose(placed["/many/0"], moved @ start)
+    seen = rows(tmp_path / "a.rrd")
+    for path in ("/world/box/shape", "/world/many/0/shape"):
+        assert seen[f"{path}/0 triangle_indices"] == 1 and seen[f"{path} translation"] == 2
+    assert seen["/world/drops positions"] == 2 and seen["/world/air_volume positions"] == 2
+
+
+def test_the_eye_of_a_viewer_sees_all_but_what_is_far_from_the_rest():
+    """Within the lens of rerun, 55 degrees from top to bottom; a ball 40 m away does not make a pyramid small."""
+    near = [np.array([[x, 0.0, 0.0], [x + 0.5, 0.5, 0.5]]) for x in (-1.0, 0.0, 1.0)]
+    place, target = _eye([*near, np.array([[40.0, 0.0, 0.0], [41.0, 1.0, 1.0]])], "Y")
+    ahead = (target - place) / np.linalg.norm(target - place)
+    for points in near:
+        to = points - place
+        assert (to @ ahead > 0).all()
+        assert (np.arccos(to @ ahead / np.linalg.norm(to, axis=1)) < np.radians(0.5 * 55.0) * 1.5).all()
+    assert np.linalg.norm(target - place) < 8.0 and _eye([], "Y") is None
 
 
 @needs_rerun

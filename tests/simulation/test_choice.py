@@ -13,7 +13,8 @@ from wsim.bench.track import distance, size
 from wsim.physics.cloth.constraints import LOOKS
 from wsim.scene import Scene, Surface
 from wsim.scene.fabric import Fabric
-from wsim.scene.shapes import sheet, sphere
+from wsim.scene.shapes import block, sheet, sphere
+from wsim.scene.solid import Bulk
 from wsim.simulation import choice, cost
 from wsim.simulation.report import text
 from wsim.simulation.simulation import Simulation
@@ -107,6 +108,17 @@ def test_what_a_frame_is_said_to_take_counts_contacts_damping_and_bodies_and_no_
     assert without == (cost.explicit(model, chosen.substeps) if chosen.solver == "explicit" else
                        cost.sweeps(model, chosen.substeps, chosen.iterations))
     assert cost.seconds(model, said) > cost.seconds(model, without)
+
+
+@pytest.mark.parametrize("damping, times", [(0.0, 0.0), (0.01, 2.0), (0.05, 4.0)])
+def test_a_damped_tet_costs_as_the_iterations_of_its_solve_go(damping, times):
+    """sqrt(1 + damping time / step), of 4 Newton steps a frame of 1/75 s."""
+    scene = Scene(fps=75.0, solver="implicit", integrator="backward_euler", substeps=4, iterations=1)
+    scene.soft("/jelly", *block((1, 1, 1), 2), material=Bulk(damping=damping))
+    model = Simulation(scene, device="cpu").model
+    chosen = choice.choose(model)
+    assert (chosen.substeps, chosen.iterations) == (4, 1)
+    assert cost.frame(model, chosen)["damped"] == pytest.approx(4 * 40 * times)
 
 
 @pytest.mark.parametrize("name, least, most", [("pyramid", 2e-3, 5e-2), ("dominoes", 5e-4, 1e-2), ("plume", 2e-2, 0.2)])

@@ -9,6 +9,7 @@ from math import cos, pi, radians, sin
 
 import numpy as np
 
+from tools.scenes.animation import ANIMATION_SCENES
 from tools.scenes.bodies import BODY_SCENES
 from tools.scenes.cloth import SOFT, cloth, looks, material, thickness
 from tools.scenes.fluid import FLUID_SCENES
@@ -17,7 +18,6 @@ from tools.scenes.skeleton import SKELETON_SCENES
 from tools.scenes.soft import SOFT_SCENES
 from tools.usda import block, ground, listed, moved, number, pin, scene, settings, solid
 from wsim.scene import shapes
-from wsim.scene.fabric import fabric
 
 SHORT = "Many short substeps of few iterations: a fine cloth's stretch goes with h^2 / iterations."
 
@@ -27,7 +27,7 @@ def hanging_cloth() -> str:
     surface = shapes.sheet(1.0, 1.0, n, n, horizontal=True, at=(0.0, 1.2, 0.0))
     return scene("A square metre of cotton, held by two corners, swings down from the horizontal.", [
         settings(substeps=40, iterations=2, air_drag=0.5, comment=SHORT),
-        material("cotton", fabric("cotton"), damping=3e-4),
+        material("cotton", damping=3e-4),
         cloth("Cloth", surface, "cotton", (0.75, 0.2, 0.16), "Simulated and drawn: one Mesh does both. Without a "
               "damping time of 0.3 ms the swing leaves zigzag below the pins, and crumples the free corners."),
         block("Xform", "Rail", "", comment="What the corners hang on. Animate it, and they follow."),
@@ -40,14 +40,15 @@ def flag() -> str:
     surface = shapes.sheet(1.5, 1.0, nx, ny, at=(0.75, 2.0, 0.0))
     pole = ('uniform token axis = "Y"\ndouble radius = 0.02\ndouble height = 2.7\n' + moved(-0.02, 1.35, 0)
             + "\ncolor3f[] primvars:displayColor = [(0.45, 0.4, 0.35)]")
-    return scene("A silk flag on a pole, in a wind of 6 m/s that comes a little from the side.", [
+    return scene("A flag of sailcloth on a pole, in a wind of 6 m/s that comes a little from the side.", [
         settings(comment="The wind is the velocity of the air; what is at rest in it feels it all.",
                  substeps=40, iterations=2, wind=(6.0, 0.0, 0.5), air_density=1.2),
-        material("silk", fabric("silk")),
-        cloth("Flag", surface, "silk", (0.1, 0.3, 0.65), "drag acts along the relative wind, lift across it; without "
+        material("sailcloth", comment="Polyester of 170 g/m^2, stiff with resin: the wind bends it over (bend / pressure)^"
+                 "(1/3) = 5 cm, and a mesh of 4 cm shows its folds; those of a silk, of 8 mm, it could not, and would crumple. "
+                 "The stretch is a fortieth of such a cloth's: what it gives is not seen, and smaller steps are saved."),
+        cloth("Flag", surface, "sailcloth", (0.1, 0.3, 0.65), "drag acts along the relative wind, lift across it; without "
               "them wind does nothing. Lift makes it flutter: of a thin plate it is 2 pi times the sine of the angle, "
-              "less where the plate is short; more than this crumples a silk of this mesh at its free corners.", drag=0.3,
-              lift=1.0),
+              "less where the plate is short.", drag=0.3, lift=0.7),
         block("Cylinder", "Pole", pole, comment="To be seen only: it has no PhysicsCollisionAPI."),
         pin("Rope", "/World/Flag", np.arange(ny + 1) * (nx + 1), "/World/Pole", "The edge along the pole."),
     ], frames=96)
@@ -64,7 +65,7 @@ def cape_surface(columns: int, rows: int, radius: float, center: np.ndarray, len
 
 
 def cape() -> str:
-    columns, rows, radius, center = 36, 20, 0.25, np.array([0.0, 1.3, 0.0])
+    columns, rows, radius, center = 54, 30, 0.25, np.array([0.0, 1.3, 0.0])
     surface = cape_surface(columns, rows, radius + 0.006, center, 0.85)
     keys = []
     for frame in range(0, 121, 3):                                   # rest, walk 1.2 m and back, turning half round
@@ -80,7 +81,7 @@ def cape() -> str:
                  "keep 4 mm from it, so that flat triangles between them do not cut into it.", keep=0.004)
     return scene("A cape of leather on an animated ball that walks and turns.", [
         settings(substeps=40, iterations=2, air_density=1.2, comment=SHORT),
-        material("leather", fabric("leather")),
+        material("leather"),
         block("Xform", "Wearer", walk + "\n" + ball, comment="Rests for a second, then walks and turns half round."),
         cloth("Cape", surface, "leather", (0.45, 0.08, 0.12), "A cone that opens in front. Gravity bends leather over 6 cm, "
               "(bend / (weight per area))^(1/3): this mesh shows its folds, where those of cotton are angular. Air resistance "
@@ -97,7 +98,7 @@ def tablecloth() -> str:
     surface = shapes.sheet(0.8, 0.8, n, n, horizontal=True, at=(0.0, 0.51, 0.0))
     return scene("A tablecloth of denim falls on a side table and drapes over its edges.", [
         settings(substeps=24, iterations=3, air_drag=0.5),
-        material("denim", fabric("denim"), damping=1e-4),
+        material("denim", damping=1e-4),
         cloth("Tablecloth", surface, "denim", (0.2, 0.32, 0.52), "Starts 6 cm above the table. The length over which gravity "
               "bends denim, (bend / (weight per area))^(1/3), is 17 mm: a mesh of 25 mm just shows its folds, one of 47 mm "
               "crumples at the corners."),
@@ -116,8 +117,7 @@ def shirt() -> str:
                        f"point3f[] points = {listed(points)}", f"int[] faceVertexCounts = {listed(counts)}",
                        f"int[] faceVertexIndices = {listed(indices)}", 'uniform token subdivisionScheme = "none"',
                        moved(0, 76, -4.2)])
-    f = fabric("cotton")
-    garment = "\n".join([looks("cotton", (0.10, 0.30, 0.34)), thickness(f, metres),
+    garment = "\n".join([looks("cotton", (0.10, 0.30, 0.34)), thickness("cotton", metres),
                          'uniform token subdivisionScheme = "none"', moved(0, 4, 0)])
     mesh = block("Mesh", "Shirt", garment, SOFT, "The garment as it was delivered: a bare mesh in another file, "
                  "untouched. Its units are not authored; it is in centimetres, and so is this stage. What makes it a "
@@ -128,11 +128,11 @@ def shirt() -> str:
         settings(metres, substeps=192, iterations=1, error=0.025, air_drag=1.0, comment=SHORT + " 96 of them left "
                  "a strain of 0.8 in the seams of its collar, 1.5 mm wide. An error of 2.5 % of its size may be, where "
                  "1 % is the default."),
-        material("cotton", f, metres), mesh,
+        material("cotton", metres), mesh,
         solid("Mesh", "Dummy", dummy, (0.62, 0.52, 0.43), "A closed mesh is solid; its faces are wound outward. "
               "Points keep 4 mm from it.", ', "PhysicsMeshCollisionAPI"', keep=0.004, metres=metres),
     ], frames=72, metres=metres)
 
 
 SCENES = {"hanging_cloth": hanging_cloth, "flag": flag, "cape": cape, "tablecloth": tablecloth, "shirt": shirt,
-          **SOFT_SCENES, **RIGID_SCENES, **BODY_SCENES, **FLUID_SCENES, **SKELETON_SCENES}
+          **SOFT_SCENES, **RIGID_SCENES, **BODY_SCENES, **FLUID_SCENES, **ANIMATION_SCENES, **SKELETON_SCENES}

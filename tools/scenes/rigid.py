@@ -5,9 +5,8 @@ from math import cos, degrees, sin
 import numpy as np
 
 from tools.scenes.cloth import cloth, material
-from tools.usda import block, ground, number, pin, scene, settings
+from tools.usda import block, ground, number, pin, said, scene, settings
 from wsim.scene import shapes
-from wsim.scene.fabric import fabric
 
 APIS = '["PhysicsRigidBodyAPI", "PhysicsCollisionAPI"]'
 STEPS = "Contacts are soft with a frequency of a quarter of the steps': short steps make them stiff; iterations are sweeps."
@@ -15,9 +14,10 @@ WOOD = [(0.72, 0.45, 0.25), (0.80, 0.56, 0.32), (0.60, 0.36, 0.20)]
 
 
 def body(prim: tuple[str, str, str], at, color, turn: float = 0.0, size=(1.0, 1.0, 1.0), more: str = "",
-         comment: str = "", mass: float = 0.0) -> str:
-    """A rigid body that is its own collider, turned about y [degrees]; prim: its type, name and sizes; mass [kg]: 0 for 1000
-    kg/m^3."""
+         comment: str = "", known: tuple[float, float] = (0.0, 0.0)) -> str:
+    """A rigid body that is its own collider, turned about y [degrees]; prim: its type, name and sizes; known: mass [kg], 0 for
+    1000 kg/m^3, and the thickness [m] that is kept free around it."""
+    mass, keep = known
     kind, name, sizes = prim
     place = (f"double3 xformOp:translate = ({', '.join(number(v) for v in at)})\n"
              f"double xformOp:rotateY = {number(turn)}\n"
@@ -27,6 +27,8 @@ def body(prim: tuple[str, str, str], at, color, turn: float = 0.0, size=(1.0, 1.
     apis = APIS
     if mass:
         apis, more = APIS[:-1] + ', "PhysicsMassAPI"]', f"float physics:mass = {number(mass)}\n" + more
+    if keep:
+        apis, more = apis[:-1] + ', "WsimColliderAPI"]', said("Collider", 1.0, thickness=keep) + "\n" + more
     return block(kind, name, sizes + "\n" + place + more + colour, apis, comment)
 
 
@@ -86,15 +88,17 @@ def ball_into_cloth() -> str:
     return scene("Two balls and a box fall into a sheet that is held by its rim: each gives the other what it takes.", [
         settings(substeps=40, iterations=2, air_drag=0.5, comment="The heavy ball weighs six times the sheet, the light one a "
                  "tenth."),
-        material("denim", fabric("denim")),
+        material("denim"),
         cloth("Sheet", surface, "denim", (0.2, 0.32, 0.52), "1.6 m square; bodies meet its points, and it meets "
                            "their shapes."),
         block("Xform", "Frame", "", comment="Where the rim is held."),
         pin("Rim", "/World/Sheet", rim, "/World/Frame", "All points of the sheet's edge."),
         ground(),
-        body(("Sphere", "Heavy", "double radius = 0.2"), (0.0, 1.35, 0.0), (0.16, 0.30, 0.55), mass=6.0),
-        body(("Sphere", "Light", "double radius = 0.12"), (-0.45, 1.3, 0.3), (0.75, 0.3, 0.05), mass=0.1),
-        body(("Cube", "Box", "double size = 0.24"), (0.42, 1.35, -0.2), WOOD[0], 20.0, mass=2.0),
+        body(("Sphere", "Heavy", "double radius = 0.2"), (0.0, 1.35, 0.0), (0.16, 0.30, 0.55), known=(6.0, 0.008),
+             comment="Points keep 8 mm from it: the sheet gives 40 % there, and longer chords cut deeper."),
+        body(("Sphere", "Light", "double radius = 0.12"), (-0.45, 1.3, 0.3), (0.75, 0.3, 0.05), known=(0.1, 0.008)),
+        body(("Cube", "Box", "double size = 0.24"), (0.42, 1.35, -0.2), WOOD[0], 20.0, known=(2.0, 0.02),
+             comment="A thread of length l passes a sharp edge where its ends keep l / sqrt(8): 18 mm for the 5 cm of this."),
     ], frames=96)
 
 

@@ -11,7 +11,6 @@ from tools.usda import block, ground, indented, listed, moved, number, said, sce
 from wsim.geometry import rotation
 from wsim.physics.animation import skinning
 from wsim.scene import shapes
-from wsim.scene.fabric import fabric
 
 ASSETS = Path(__file__).resolve().parents[2] / "scenes" / "assets"
 MAN = "Geom/Z_UP/Armature/Skeleton_torso_joint_1_3/Cesium_Man_2"
@@ -77,7 +76,7 @@ def caped_man() -> str:
     body = body.replace('def Xform "Man"', 'def Xform "Man" (\n    prepend references = @assets/CesiumMan.usdz@\n)')
     return scene("A man walks in a cape of leather.", [
         settings(substeps=40, iterations=2, air_density=1.2, comment=FAST),
-        material("leather", fabric("leather")), body,
+        material("leather"), body,
         cloth("Cape", (place, counts, indices), "leather", (0.45, 0.08, 0.12), "It hangs behind the back where it starts; the "
               "legs reach it.", drag=1.2, lift=0.6),
         attached("Shoulders", "/World/Cape", edge, f"/World/Man/{MAN}", over(*man(), place[edge], place[10]),
@@ -155,7 +154,7 @@ def bone_cape() -> str:
     held = over(points, indices[first[:, None] + np.arange(3)], np.flatnonzero(front), place[edge])
     return scene("A cape of leather on a dummy whose bones turn and sway.", [
         settings(substeps=40, iterations=2, air_density=1.2, comment=FAST),
-        material("leather", fabric("leather")),
+        material("leather"),
         block("SkelRoot", "Dancer", dancer, comment="What skeletons move stands below a SkelRoot."),
         cloth("Cape", (place + (0.0, 0.5, 0.0), sheet_counts, sheet_indices), "leather", (0.13, 0.22, 0.42),
               "A cone that opens in front and falls over the shoulders.", drag=1.2, lift=0.6),

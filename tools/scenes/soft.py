@@ -11,7 +11,6 @@ from tools.scenes.cloth import material as fabric_material
 from tools.usda import block, ground, listed, moved, number, pin, said, scene, settings, solid
 from wsim.geometry.tetra.tets import surface
 from wsim.scene import shapes
-from wsim.scene.fabric import fabric
 from wsim.scene.solid import Bulk
 from wsim.usd import load
 from wsim.usd.new.softbody import author_softbody
@@ -78,7 +77,7 @@ def cantilever() -> str:
 
 
 def twist() -> str:
-    nx, ny, nz = 16, 4, 4
+    nx, ny, nz = 32, 4, 4
     end = (ny + 1) * (nz + 1)
     turn = [(f, (0.0, 0.0, 0.0) if f == 0 else (360.0 * eased(f, 6, 66), 0.0, 0.0)) for f in range(0, 73, 3)]
     grip = samples("float3", "xformOp:rotateXYZ", turn) + "\n" + moved(0.4, 0.5, 0, "xformOp:rotateXYZ")
@@ -153,7 +152,7 @@ def trampoline() -> str:
     return scene("A cube of jelly bounces on a sheet of rubber, with which it shares the points of its lower side.", [
         settings(comment=CHOSEN, substeps=8, iterations=2),
         material("Gel", Bulk(young=3e4, poisson=0.4, density=300.0), "E = 30 kPa: a pudding of 19 kg."),
-        fabric_material("rubber", fabric("rubber")),
+        fabric_material("rubber"),
         solid_block("Jelly", (side,) * 3, (4, 4, 4), "Gel", (0.75, 0.3, 0.05), "40 cm, four cells a side.",
                     at=(0.0, above + 0.5 * side, 0.0)),
         cloth("Sheet", surface, "rubber", (0.2, 0.32, 0.52), "1.6 m square, 1 mm thick."),

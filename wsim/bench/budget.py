@@ -19,5 +19,5 @@ class Budget:
         return self.clock() - self.began
 
     def left(self, share: float = 1.0) -> float:
-        """Of that share of the whole; never negative."""
+        """Time that is left of that share of the whole [s]; never negative."""
         return max(0.0, share * self.seconds - self.spent)

@@ -26,7 +26,7 @@ NAMES = {"path", "skins", "source", "notes", "variants", "target", "start", "up"
 
 
 def folder() -> Path:
-    """Where this user's reports are: the system's place for caches. Raises OSError where there is no home folder."""
+    """Folder of this user's reports: the system's place for caches. Raises OSError where there is no home folder."""
     named = os.environ.get("XDG_CACHE_HOME", "")
     try:
         home = Path.home()
@@ -49,7 +49,9 @@ def plain(value, scene: Scene):
         whole = np.ascontiguousarray(value)
         return [str(whole.dtype), list(whole.shape), hashlib.sha256(whole.tobytes()).hexdigest()]
     if isinstance(value, Curve):
-        return [type(value).__name__, plain(value.times, scene), plain(value.values, scene)]
+        more = [] if value.plain else [[value.kind, plain(vars(value).get("inner"), scene)],
+                                       *(plain(v, scene) for v in (value.before, value.after, value.how))]
+        return [type(value).__name__, plain(value.times, scene), plain(value.values, scene), *more]
     if is_dataclass(value):
         return [type(value).__name__, *([f.name, plain(_field(value, f.name, scene), scene)] for f in fields(value)
                                         if f.name not in NAMES or isinstance(value, Varying))]

@@ -31,7 +31,7 @@ class Measured:
 
     @property
     def error(self) -> float:
-        """By which rows are ranked: the largest error, or |drift| where errors are not quoted."""
+        """Number by which rows are ranked: the largest error, or |drift| where errors are not quoted."""
         value = self.largest if self.largest is not None else self.drift
         return abs(value) if value is not None and isfinite(value) else inf
 

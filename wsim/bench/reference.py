@@ -61,7 +61,7 @@ class Reference:
 
 
 def refused(growth: np.ndarray, error: float) -> str:
-    """Why errors of positions are not quoted; "" where they are. growth by sampled frame; error of the reference."""
+    """Reason why errors of positions are not quoted; "" where they are. growth by sampled frame; error of the reference."""
     if growth.max() > AMPLIFIES:
         return f"the scene amplifies perturbations: {PERTURBED:g} of its size at the start grows {growth.max():.3g} times"
     if isnan(error):
@@ -141,7 +141,7 @@ class Refinement:
         return richardson(self.differences, self.order) if self.differences else nan
 
     def known(self, budget: Budget) -> bool:
-        """Whether it is good enough: three levels that converge, or two that hardly differ."""
+        """True if the reference is good enough: three levels that converge, or two that hardly differ."""
         few = len(self.differences) < 2 and (not self.differences or self.differences[-1] > 1e-2 * TARGET)
         goal = SHARP if self.order > 2 and self.cost < CHEAP * budget.seconds else TARGET
         return not few and self.error <= goal
@@ -175,7 +175,7 @@ class Refinement:
         return bool(self.growth.max() > AMPLIFIES)
 
     def sweeps(self) -> float:
-        """What twice the iterations change in the level before the finest, over the scene's size."""
+        """Change of the level before the finest by twice the iterations, over the scene's size [1]."""
         base = self.tracks[0]
         self.say(f"reference: twice the iterations of {base.setting}")
         more = fine(self.scene, replace(base.setting, iterations=2 * base.setting.iterations), self.look)

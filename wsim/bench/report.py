@@ -91,7 +91,7 @@ class Report:
 
     @property
     def mend(self) -> str:
-        """How many frames could be compared, where errors of positions are refused."""
+        """Number of frames that could be compared, in words, where errors of positions are refused."""
         calm = [f for f, g in zip(self.sampled, self.growth, strict=True) if g <= AMPLIFIES]
         past = [f for f, g in zip(self.sampled, self.growth, strict=True) if g > AMPLIFIES]
         good = max((f for f in calm if not past or f < past[0]), default=0)

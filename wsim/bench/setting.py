@@ -39,7 +39,7 @@ class Setting:
 
     @property
     def options(self) -> str:
-        """As options of `wsim run`."""
+        """The setting as options of `wsim run`."""
         return (f"--solver {self.solver} --integrator {self.integrator} --substeps {self.substeps} --iterations "
                 f"{self.iterations}" + f" --precision {self.precision}" * (self.precision != "float32"))
 
@@ -48,7 +48,7 @@ class Setting:
 
 
 def smooth(scene: Scene) -> bool:
-    """Whether nothing but springs, membranes, hinges, tets and pins act: positions depend smoothly on the step."""
+    """True if nothing but springs, membranes, hinges, tets and pins act: positions depend smoothly on the step."""
     return not scene.colliders and not any(
         c.tethers or isfinite(c.material.strain_limit) for c in scene.cloths)
 

@@ -27,7 +27,7 @@ def looked_at(scene: Scene) -> int:
 
 
 def hardware(device: wp.Device) -> str:
-    """What a time was measured on: the GPU's name, or the CPU's and its count."""
+    """Name of what a time was measured on: the GPU, or the CPU's and its count."""
     if device.is_cuda:
         return str(device.name)
     import os
@@ -38,7 +38,7 @@ def hardware(device: wp.Device) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Of what the times and errors were measured with."""
+    """Versions of what the times and errors were measured with."""
     return {"wsim": __version__, "warp": wp.config.version}
 
 

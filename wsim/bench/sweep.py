@@ -107,7 +107,7 @@ class Sweep:
         return self.look.frames * self.reference.leapfrog if setting.solver == "explicit" else 0.0
 
     def goes_on(self, row: Measured) -> bool:
-        """Whether a finer setting of the same series tells more."""
+        """True if a finer setting of the same series tells more."""
         doubt = 0.0 if self.reference.refused else self.reference.error
         ahead = [r for r in self.rows if r.held and r.error <= row.error and DOMINATED * r.ms <= row.ms]
         if row.error <= max(ENOUGH, doubt):

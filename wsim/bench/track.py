@@ -25,7 +25,7 @@ LONGEST = 256          # substeps of one graph in a reference; more are taken as
 
 @dataclass(frozen=True)
 class Sighting:
-    """What every run of a bench has in common: device, frames, and which of them are sampled."""
+    """The settings that all runs of a bench share: device, frames, and which of them are sampled."""
 
     device: str | None
     frames: int
@@ -38,7 +38,7 @@ class Sighting:
 
 @dataclass
 class Trajectory:
-    """What one run left. places (samples, points, 3) [m] in world space, the author's order, all bodies."""
+    """Positions that one run left. places (samples, points, 3) [m] in world space, the author's order, all bodies."""
 
     setting: Setting                       # as it ran
     places: np.ndarray
@@ -119,8 +119,8 @@ def _notes(sim: Simulation, choice: Choice) -> list[str]:
 
 def fine(scene: Scene, setting: Setting, look: Sighting, prepare: Callable[[Simulation], None] | None = None,
          measured: bool = False) -> Trajectory:
-    """As `run`, with frames cut so that no graph holds more than LONGEST substeps: for references, whose substeps are
-    many. What is done once a frame, as uploading motions, is done more often then."""
+    """A run as `run` makes it, with frames cut so that no graph holds more than LONGEST substeps: for references, whose
+    substeps are many. What is done once a frame, as uploading motions, is done more often then."""
     cut = -(-setting.substeps // LONGEST)
     short = replace(scene, fps=scene.fps * cut)
     shorter = replace(setting, substeps=-(-setting.substeps // cut))

@@ -9,7 +9,7 @@ def count(n: int, noun: str) -> str:
 
 
 def inventory(scene: Scene) -> str:
-    """What a scene holds, in words."""
+    """Text that counts what a scene holds."""
     kinds: dict[str, list] = {"cloth": scene.cloths, "spring net": scene.springs, "soft body": scene.softs,
                               "skin": [skin for soft in scene.softs for skin in soft.skins],
                               "collider": scene.colliders, "pin": scene.pins, "load": scene.loads,

@@ -55,11 +55,11 @@ def later(scene: Scene, delay: float) -> Scene:
 
 
 def _motion_later(motion: Motion, delay: float) -> Motion:
-    return Motion(motion.times + delay, motion.values)
+    return motion.later(delay)
 
 
 def _curve_later(curve: Curve, delay: float) -> Curve:
-    return Curve(curve.times + delay, curve.values)
+    return curve.later(delay)
 
 
 def _pin_later(pin: Pin, delay: float, bones: dict) -> Pin:
@@ -107,7 +107,7 @@ class Run:
         return (self.preroll + self.scene.frames - self.first) * self.samples
 
     def kept(self) -> str:
-        """What a run that did not come to its end has left, in words."""
+        """Text about what a run that did not come to its end has left."""
         kept, output = self.recorder.kept, self.recorder.path
         text = "no frame was written" + (f"; {kept} holds those of an earlier run" if kept else "")
         if kept and self.recorder.count:
@@ -161,7 +161,7 @@ class Run:
 
 
 def default_output(scene: str) -> str:
-    """Where a run without -o writes: SCENE.sim.usdc beside the scene, or here where that folder takes no file."""
+    """Path that a run without -o writes: SCENE.sim.usdc beside the scene, or here where that folder takes no file."""
     folder, name = os.path.split(os.path.abspath(scene))
     name = f"{os.path.splitext(name)[0]}.sim.usdc"
     return os.path.relpath(os.path.join(folder, name)) if os.access(folder, os.W_OK) else name
@@ -169,7 +169,7 @@ def default_output(scene: str) -> str:
 
 def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"], *, samples: int = 1, preroll: int = 0,
             flatten: bool = False, restart: str | None = None, stress: bool = False) -> Run:
-    """Everything that comes before the first frame, so that what cannot work fails before it has cost time.
+    """The part of a run that comes before the first frame, so that what cannot work fails before it has cost time.
 
     simulate    makes the simulation of a scene (device and precision are its matter)
     restart     an earlier result of this scene to go on from; frames are still counted from the scene's start
@@ -194,7 +194,7 @@ def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"]
             _go_on(sim, earlier, samples)
 
         def fields() -> dict:
-            """What an exact restart needs, of whole frames."""
+            """Fields that an exact restart needs, of whole frames."""
             return {} if sim.frame % samples else {path: sim.fields(path) for path in sim.state.paths()}
 
         interrupt.begin("wait")                   # from here on there is a file

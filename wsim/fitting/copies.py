@@ -75,7 +75,7 @@ class Copies:
         self.saved = [wp.clone(a) for a in self.arrays]
 
     def rewind(self) -> None:
-        """Back to the start; built anew where a frame has changed the scheme."""
+        """Sets the copies back to the start; built anew where a frame has changed the scheme."""
         sim, clock = self.sim, self.sim.plan.clock
         if sim.plan is not self.plan or clock.integrator != self.scheme:
             sim.given = replace(sim.given, substeps=self.steps)
@@ -91,7 +91,7 @@ class Copies:
         sim.milliseconds.clear()
 
     def begin(self, values: np.ndarray) -> None:
-        """From the start, world k with the row k of values (worlds, parameters)."""
+        """Sets the copies back to the start, world k with the row k of values (worlds, parameters)."""
         self.rewind()
         sim = self.sim
         for world, row in enumerate(values):
@@ -120,10 +120,20 @@ class Copies:
                 raise Broken(sim.frame, sim.warnings[-1] if sim.warnings else "the scheme has changed")
 
     def look(self, seen) -> np.ndarray:
-        """What an observation is about, in every copy, (worlds, n, 3): positions [m], or forces of a pin [N]."""
+        """Quantity that an observation is about, in every copy, (worlds, n, 3): positions [m], or forces of a pin [N]."""
+        if hasattr(seen, "field"):
+            return self.fields(seen)
         if hasattr(seen, "local"):
             return seen.seen(self.sim.plan.find("bodies").placed(seen.path))
         return self.positions(seen.path) if seen.unit == "m" else every(self.sim, seen.path)
+
+    def fields(self, seen) -> np.ndarray:
+        """Smoke or temperature of a fluid in every copy, as `seen` has it, (worlds, m)."""
+        from wsim.fitting.observations.smoke import FIELDS
+        method = self.sim.plan.find("fluids")
+        own = [k for k, (fluid, _) in enumerate(method.pairs) if fluid.path == seen.path]
+        values = np.stack([method.field(k, FIELDS[seen.field][0]).numpy().astype(np.float64) for k in own])
+        return seen.seen(method.pairs[own[0]][0], values)
 
     def positions(self, path: str) -> np.ndarray:
         """World positions [m] of a body in every copy, (worlds, n, 3)."""

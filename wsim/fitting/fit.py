@@ -31,7 +31,7 @@ from wsim.scene import Problem, Scene, SceneError
 
 @dataclass(frozen=True)
 class Settings:
-    """How to fit. Raises SceneError for values out of range."""
+    """Settings of a fit. Raises SceneError for values out of range."""
 
     device: str | None = None              # None: the GPU if there is one
     differences: str = "central"           # "central": 1 + 2 p copies; "forward": 1 + p copies, and less is known of curvature
@@ -55,7 +55,7 @@ class Settings:
 
 @dataclass
 class Fit:
-    """What was found. `estimate` has it as arrays."""
+    """The result of a fit. `estimate` has it as arrays."""
 
     parameters: list[Parameter]
     estimate: Estimate
@@ -85,7 +85,7 @@ class Fit:
         return {p.name: float(v) for p, v in zip(self.parameters, self.estimate.errors, strict=True)}
 
     def as_dict(self) -> dict:
-        """For JSON."""
+        """The result as a dictionary for JSON."""
         e = self.estimate
         return {"parameters": [{"name": p.name, "value": v, "error": s, "low": a, "high": b, "unit": p.unit,
                                 "identifiable": bool(np.isfinite(s))}

@@ -48,7 +48,7 @@ def _within(thing: Any) -> list:
 
 @dataclass
 class Room:
-    """For `copies` of a scene at once, by which a fit takes differences of so many parameters."""
+    """Memory for `copies` of a scene at once, by which a fit takes differences of so many parameters."""
 
     parameters: int
     copies: int
@@ -58,7 +58,7 @@ class Room:
 
     @staticmethod
     def on(device, parameters: int, copies: int, each: int) -> "Room":
-        """With what is free there now."""
+        """The room of a device with what is free there now."""
         return Room(parameters, copies, each, checkpoints.free(device), str(device))
 
     @property
@@ -76,7 +76,7 @@ class Room:
             raise SceneError(self.problem())
 
     def problem(self) -> Problem:
-        """What is needed, what is there, and what would fit."""
+        """Problem that says what is needed, what is there, and what would fit."""
         if 1 + self.parameters <= self.fit < self.copies:
             mend = f"differences=\"forward\" takes {1 + self.parameters} of them"
         elif self.fit > 1:

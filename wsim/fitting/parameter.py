@@ -22,7 +22,6 @@ import numpy as np
 from wsim.fitting.least_squares.bounds import LARGE, WIDE, Map
 from wsim.scene import Cloth, Load, Problem, Scene, SceneError, Springs
 from wsim.scene.check.varying import NEEDS, painted, unfit
-from wsim.scene.curve import Curve
 from wsim.scene.methods import every
 from wsim.scene.nodal.masses import density_of
 from wsim.scene.values import table
@@ -59,7 +58,7 @@ class Parameter:
     axis: int | None = None      # of a vector
 
     def rows(self, scene: Scene) -> list[tuple[Value, Any]]:
-        """What has it in a scene, each with its row of the table."""
+        """Objects of a scene that have the parameter, each with its row of the table."""
         found: list[tuple[Value, Any]] = []
         for row in (r for r in rows() if r.name == self.what):
             if row.owner == "Scene":
@@ -69,7 +68,7 @@ class Parameter:
         return found
 
     def value(self, scene: Scene) -> float | None:
-        """Its present value, of several bodies the mean; None where nothing has it."""
+        """Present value of the parameter, of several bodies the mean; None where nothing has it."""
         found = [_get(row, thing, self.axis) for row, thing in self.rows(scene)]
         if not found:
             return None
@@ -98,6 +97,8 @@ class Parameter:
                 found.append((thing.path, self.what, np.asarray(thing.stiffness, np.float64)))
             elif isinstance(thing, Load):
                 found.append((thing.path, self.what, thing.curve.values[0]))
+            elif row.form == "factor":
+                found.append((thing.path, self.what, thing.taken(self.what)))
             elif row.form == "vector":
                 found.append((thing.path, self.what, getattr(thing, self.what)))
             else:
@@ -115,6 +116,8 @@ def _has(row: Value, thing, scene: Scene) -> bool:
         return False
     if isinstance(thing, Cloth) and painted(thing, row.name.partition("_")[0]):
         return False                                     # a map of faces, not one number
+    if hasattr(thing, "taken") and thing.taken(row.name) is None and row.name != "mass":
+        return False                                     # no drive, or no collider
     return not any(NEEDS[need](thing, row.name, scene) for need in ("membrane", "finite") if need in row.needs)
 
 
@@ -125,10 +128,10 @@ def _get(row: Value, thing, axis: int | None) -> float:
         return float(thing.curve.values[0, axis or 0])
     if isinstance(thing, Springs) and row.name == "mass":
         return float(np.broadcast_to(thing.masses, len(thing.points)).astype(np.float64).sum())
-    value = getattr(holder(thing, row.name), row.name)
     if row.owner == "Body" and row.name == "mass":
         from wsim.physics.rigid.mass import inertia
         return inertia(thing).mass
+    value = thing.taken(row.name) if hasattr(thing, "taken") else getattr(holder(thing, row.name), row.name)
     return float(value[axis]) if axis is not None else float(np.mean(np.asarray(value, np.float64)))
 
 
@@ -136,12 +139,14 @@ def _put(row: Value, thing, value: float, axis: int | None = None):
     """A copy of a body or load with that value; different stiffness of springs, and masses of points, keep their proportions.
     """
     if isinstance(thing, Load):
-        return replace(thing, curve=Curve(thing.curve.times, np.array([_with(thing.curve.values[0], axis or 0, value)])))
+        return replace(thing, curve=thing.curve.replaced(np.array([_with(thing.curve.values[0], axis or 0, value)])))
     if row.owner == "Cloth" and row.name in table.PARTS:
         m = thing.material
         new = {"stretch": {"stretch": value, "weft": m.weft * (value / m.stretch)}, "stretch_weft": {"weft": value},
                "stretch_warp": {"stretch": value, "weft": m.weft or m.stretch}}[row.name]
         return replace(thing, material=replace(m, **new))
+    if hasattr(thing, "given"):
+        return thing.given(row.name, value if axis is None else np.array(_with(thing.taken(row.name), axis, value)))
     if holder(thing, row.name) is not thing and not isinstance(thing, Springs):
         return replace(thing, material=replace(thing.material, **{row.name: value}))
     if not isinstance(thing, Springs):
@@ -189,7 +194,7 @@ def parameters(asked: str | Iterable[str], scenes: list[Scene], start: dict[str,
 def _named(name: str, scenes: list[Scene], fail: Callable[[Problem], None]) -> list[Parameter]:
     path, _, what = name.rpartition(":")
     axes: list[int | None] = [None]
-    vectors = [row.name for row in rows() if row.form != "number"]
+    vectors = [row.name for row in rows() if row.form not in ("number", "factor")]
     stem, _, axis = what.rpartition("_")
     if stem in vectors and axis in AXES:
         what, axes = stem, [AXES.index(axis)]

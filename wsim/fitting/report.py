@@ -16,7 +16,7 @@ BARS = " .:-=+*#"      # of the smallest to the largest residual
 
 
 def number(value: float, error: float = 0.0) -> str:
-    """With two figures of its error, five at least and ten at most."""
+    """Text of a number with two figures of its error, five at least and ten at most."""
     figures = 5 if not 0.0 < error < abs(value) else int(np.ceil(np.log10(abs(value) / error))) + 2
     return f"{value:.{min(max(figures, 5), 10)}g}"
 

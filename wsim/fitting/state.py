@@ -15,7 +15,8 @@ def write(path, of: list[str], found: dict) -> None:
 
 @contextmanager
 def reading(path, of: list[str]):
-    """What `write` has left. Raises SceneError where it is of another fit, or what is read of it within is not there."""
+    """State of a fit that `write` has left. Raises SceneError where it is of another fit, or what is read of it within is not
+    there."""
     try:
         found = json.loads(Path(path).read_text(encoding="utf-8"))
         if found["of"] != of:

@@ -20,7 +20,7 @@ Function = TypeVar("Function", bound=Callable)
 
 
 def digest(*arguments) -> bytes:
-    """Of arrays (their type, shape and values) and of anything else by its repr."""
+    """Digest of arrays (their type, shape and values) and of anything else by its repr."""
     found = hashlib.blake2b(digest_size=32)
     for argument in arguments:
         if isinstance(argument, np.ndarray):

@@ -142,6 +142,30 @@ def integrated(q: np.ndarray, omega: np.ndarray, h: float) -> np.ndarray:
     return normalized(multiply(exponential(h * np.asarray(omega, np.float64)), q))
 
 
+def _along(w: np.ndarray, v: np.ndarray, second, third) -> np.ndarray:
+    """v + second w x v + third w x (w x v)."""
+    c = np.cross(w, v)
+    return v + second * c + third * np.cross(w, c)
+
+
+def right_jacobian(w: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Rate [rad/s] (..., 3) about own axes of exponential(w), where the rotation vector w [rad] (..., 3) changes by v a second
+    (Sola, equation 183); by a series below 0.01 rad."""
+    aa = (w * w).sum(axis=-1, keepdims=True)
+    a, far = np.sqrt(np.where(aa > 1.0e-4, aa, 1.0)), aa > 1.0e-4
+    return _along(w, v, -np.where(far, (1.0 - np.cos(a)) / (a * a), 0.5 - aa / 24.0 + aa * aa / 720.0),
+                  np.where(far, (a - np.sin(a)) / (a * a * a), 1.0 / 6.0 - aa / 120.0 + aa * aa / 5040.0))
+
+
+def inverse_right_jacobian(w: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Rate (..., 3) of the rotation vector w [rad], |w| < 2 pi, of a rotation that turns by v [rad/s] about own axes (equation
+    184)."""
+    aa = (w * w).sum(axis=-1, keepdims=True)
+    a, far = np.sqrt(np.where(aa > 1.0e-4, aa, 1.0)), aa > 1.0e-4
+    near = 1.0 / 12.0 + aa / 720.0 + aa * aa / 30240.0
+    return _along(w, v, 0.5, np.where(far, (1.0 - 0.5 * a * np.cos(0.5 * a) / np.sin(0.5 * a)) / (a * a), near))
+
+
 def polar(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A = R S with R a rotation (det R = 1) and S symmetric; shape (..., 3, 3). A mirrored A has a negative S."""
     U, sigma, Vt = np.linalg.svd(A)

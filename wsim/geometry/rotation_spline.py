@@ -16,20 +16,47 @@ of the largest eigenvalue of the sum of w q q^T (Markley, Cheng, Crassidis, Oshm
 
 import numpy as np
 
-from wsim.geometry.rotation import conjugate, exponential, logarithm, multiply, normalized, slerp
+from wsim.geometry.rotation import (
+    conjugate,
+    exponential,
+    inverse_right_jacobian,
+    logarithm,
+    multiply,
+    normalized,
+    right_jacobian,
+    rotate,
+    slerp,
+)
 
 
 def nlerp(p: np.ndarray, q: np.ndarray, s) -> np.ndarray:
-    """From p (..., 4) to q the short way, fraction s; no rotation where they are opposite (half a turn apart) and s is 1/2."""
+    """Rotations from p (..., 4) to q the short way, fraction s; no rotation where they are opposite (half a turn apart) and s
+    is 1/2."""
     p, q, s = np.asarray(p, np.float64), np.asarray(q, np.float64), np.asarray(s, np.float64)[..., None]
     near = np.where((p * q).sum(-1, keepdims=True) < 0.0, -q, q)
     return normalized(p + s * (near - p))
 
 
 def squad(q0: np.ndarray, a: np.ndarray, b: np.ndarray, q1: np.ndarray, s) -> np.ndarray:
-    """From q0 to q1 (..., 4), inner quaternions a and b, fraction s of the time."""
+    """Rotations from q0 to q1 (..., 4), inner quaternions a and b, fraction s of the time."""
     s = np.asarray(s, np.float64)
     return slerp(slerp(q0, q1, s), slerp(a, b, s), 2.0 * s * (1.0 - s))
+
+
+def squad_rate(q0: np.ndarray, a: np.ndarray, b: np.ndarray, q1: np.ndarray, s) -> tuple[np.ndarray, np.ndarray]:
+    """(squad (..., 4), its angular velocity about own axes (..., 3) [rad a unit of s]), exact.
+
+    With p = slerp(q0, q1, s), r = slerp(a, b, s), w = log(p* r), h = 2 s (1 - s) squad is p exp(h w). w changes by the inverse
+    right Jacobian of what turns r against p, exp(h w) by the right Jacobian of h' w + h w'."""
+    s = np.asarray(s, np.float64)
+    u, v = logarithm(multiply(conjugate(q0), q1)), logarithm(multiply(conjugate(a), b))
+    p, r = multiply(q0, exponential(s[..., None] * u)), multiply(a, exponential(s[..., None] * v))
+    E = multiply(conjugate(p), r)
+    w = logarithm(E)
+    h, rate = (2.0 * s * (1.0 - s))[..., None], (2.0 - 4.0 * s)[..., None]
+    dw = inverse_right_jacobian(w, v - rotate(conjugate(E), u))
+    e = exponential(h * w)
+    return multiply(p, e), rotate(conjugate(e), u) + right_jacobian(h * w, rate * w + h * dw)
 
 
 def inner(times: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

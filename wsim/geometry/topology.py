@@ -144,7 +144,7 @@ def directed(keys: np.ndarray, forward: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def edges(triangles: np.ndarray) -> np.ndarray:
-    """Each edge once, (m, 2) int32, lower point first, ascending."""
+    """Edges, each once, (m, 2) int32, lower point first, ascending."""
     key, _ = _counted(half_edges(triangles)[3])
     n = int(np.max(triangles, initial=0)) + 1
     return np.stack([key // n, key % n], axis=1).astype(np.int32)

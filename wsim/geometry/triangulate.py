@@ -25,7 +25,7 @@ def doubled(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def flat(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Which triangles have no area worth the name (also: a corner twice, or not finite), (t,) bool."""
+    """Mask of triangles that have no area worth the name (also: a corner twice, or not finite), (t,) bool."""
     with np.errstate(invalid="ignore", over="ignore"):
         normal, longest = doubled(np.asarray(points, np.float64), triangles)
         return ~(np.linalg.norm(normal, axis=-1) > FLAT * longest)
@@ -127,7 +127,7 @@ def _triangulated(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -
 
 
 def index_fault(n: int, counts: np.ndarray, indices: np.ndarray) -> str:
-    """What is wrong with the faces of a mesh of n points, or nothing."""
+    """Text about what is wrong with the faces of a mesh of n points, or nothing."""
     if (counts < 0).any():
         return f"face {np.argmax(counts < 0)} has {counts.min()} corners; a face has three or more"
     if counts.sum() != len(indices):

@@ -8,7 +8,8 @@ MOST = 1e-3            # of how far points move: what a simulation may end from 
 
 
 def apart(recording) -> float:
-    """Between the ends of a recording that has run and of a simulation [m]. Warns where that is much; costs such a run."""
+    """Distance between the ends of a recording that has run and of a simulation [m]. Warns where that is much; costs such a
+    run."""
     plan, state = recording.plan, recording.state
     kept = [plan.status.array, *(array for array, _ in state.copies())]
     ends = [wp.clone(array) for array in kept]

@@ -42,12 +42,12 @@ class Segments:
         return self.frames * self.substeps
 
     def bytes(self, length: int) -> int:
-        """Of checkpoints and segments of so many substeps."""
+        """Bytes of checkpoints and segments of so many substeps."""
         return int(length * self.each + self.over) + ceil(self.total / length) * self.point + self.fixed
 
     @property
     def full(self) -> int:
-        """Of keeping everything."""
+        """Bytes of keeping everything."""
         return int(self.total * self.each) + self.fixed
 
     @property
@@ -90,7 +90,7 @@ class Segments:
         return wanted
 
     def problem(self, need: int) -> Problem:
-        """What is needed, what is there, and what would fit, in steps as a scene counts them."""
+        """Problem that says what is needed, what is there, and what would fit, in steps as a scene counts them."""
         longest, best, frames = self.longest() // self.solves, self.best // self.solves, self.most()
         if longest:
             mend = f"keep=\"checkpoints\" fits, in segments of up to {longest} substeps (of {best} it keeps " \
@@ -122,7 +122,7 @@ def measured(recording) -> tuple[Segments, tuple[float, ...]]:
     each = whole / last if last == S else float(whole - begin)
     scalars = tuple(n * each / whole for n in slots.used)
     slots.drop()
-    fixed = 6 * (F + 1) * sim.model.points * real
+    fixed = 6 * (F + 1) * sim.model.points * real + (recording.fluids.bytes(F) if recording.fluids else 0)
     return Segments(F, S, each, max(one - each, 0.0), sum(entries.values()), fixed, room, str(sim.device),
                     recording.plan.clock.integrator.solves), scalars
 

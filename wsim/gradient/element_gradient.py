@@ -15,7 +15,7 @@ from wsim.scene.values.coverage import refuse
 
 
 class ElementGradient:
-    """By lengths, rest shapes and materials."""
+    """The gradient with respect to lengths, rest shapes and materials."""
 
     parameters: Parameters
     model: Any
@@ -27,12 +27,12 @@ class ElementGradient:
         return self.grads[array.ptr]
 
     def by_mass(self) -> np.ndarray:
-        """By the masses of the particles [1/kg], (points,); of pinned ones 0."""
+        """Gradient with respect to the masses of the particles [1/kg], (points,); of pinned ones 0."""
         w = self.parameters.points.w
         return -self.of(w) * w.numpy().astype(np.float64)**2
 
     def lengths(self, path: str | None = None, world: int = 0) -> np.ndarray:
-        """By the rest lengths of a spring net [1/m], (edges,), in the author's order."""
+        """Gradient with respect to the rest lengths of a spring net [1/m], (edges,), in the author's order."""
         body = self.model.body(path, world)
         if not isinstance(body.source, Springs):
             raise refuse("lengths", body.path)
@@ -43,8 +43,9 @@ class ElementGradient:
         return np.concatenate(found)
 
     def material(self, name: str, path: str | None = None, world: int = 0, elements: bool = False):
-        """By stretch, weft, shear [N/m], bend [N m], strain_limit, and poisson of a membrane, of a cloth, stiffness of springs
-        [N/m], young [Pa], poisson, pressure [Pa], yield_strain of a soft body, or damping [s]. elements: of each element by
+        """Gradient with respect to stretch, weft, shear [N/m], bend [N m], strain_limit, and poisson of a membrane, of a
+        cloth, stiffness of springs [N/m], young [Pa], poisson, pressure [Pa], yield_strain of a soft body, or damping [s].
+        elements: of each element by
         itself, in the order of the solver (strain_limit: of each edge); else the sum."""
         body = self.model.body(path, world)
         found = [f(name, body) for f in (self.rows, self.flat, self.projected, self.solid)]
@@ -55,12 +56,13 @@ class ElementGradient:
         return every if elements else float(every.sum())
 
     def names(self, body) -> list[str]:
-        """What `material` knows of a body."""
+        """Names of a body that `material` knows."""
         return self.parameters.names(body)
 
     def rest_shape(self, path: str | None = None, world: int = 0) -> np.ndarray:
-        """By where its points are at rest [1/m], (n, 3), by all that follows from it: lengths, angles, areas, volumes, and
-        masses where those follow a density. In world space; of a weld its first point says where it is at rest."""
+        """Gradient with respect to the places of its points at rest [1/m], (n, 3), by all that follows from it: lengths,
+        angles, areas, volumes, and masses where those follow a density. In world space; of a weld its first point says where
+        it is at rest."""
         body = self.model.body(path, world)
         shape = RestShape(body)
         for each in self.at_rest(body):
@@ -92,16 +94,16 @@ class ElementGradient:
                     yield r, rest[part], by[part].reshape(len(r.ids), -1).sum(axis=1) / shape, self.by_curvature(batch, r)
 
     def by_curvature(self, table, r: Constraints) -> np.ndarray | None:
-        """By `Coupling.value` of the rows r of a table of hinges."""
+        """Gradient with respect to `Coupling.value` of the rows r of a table of hinges."""
         cur = table.curvature
         return cur.by_rows(self.of(cur.data.value))[[row is r for row in table.rows].index(True)] if cur else None
 
     def by_k(self, r: Constraints, part: slice) -> np.ndarray:
-        """By the stiffness of springs, with their damping."""
+        """Gradient with respect to the stiffness of springs, with their damping."""
         return self.entries["k"][part] + (r.tau * self.entries["damping"][part] if "damping" in self.entries else 0.0)
 
     def rows(self, name: str, body) -> list[np.ndarray]:
-        """Of springs."""
+        """Gradients of springs."""
         found = []
         for r, part, damping in _having(name, body, self.parameters.springs):
             k = np.broadcast_to(1.0 / r.alpha, len(r.ids))
@@ -109,7 +111,7 @@ class ElementGradient:
         return found
 
     def flat(self, name: str, body) -> list[np.ndarray]:
-        """Of hinges and triangles."""
+        """Gradients of hinges and triangles."""
         found = []
         for e in self.parameters.flat:
             for r, part, damping in _having(name, body, e.rows):
@@ -118,7 +120,7 @@ class ElementGradient:
         return found
 
     def projected(self, name: str, body) -> list[np.ndarray]:
-        """Of constraints of XPBD, whose compliances are inverse stiffnesses, and of the longest lengths."""
+        """Gradients of constraints of XPBD, whose compliances are inverse stiffnesses, and of the longest lengths."""
         found = []
         for b in self.parameters.batches:
             for r, part, damping in _having(name, body, b.rows):
@@ -137,7 +139,7 @@ class ElementGradient:
         return by
 
     def solid(self, name: str, body) -> list[np.ndarray]:
-        """Of tets, by Hooke's constants of each, and of the triangles of a pressure."""
+        """Gradients of tets, with respect to Hooke's constants of each, and of the triangles of a pressure."""
         found = []
         for table in self.parameters.tables:
             first = 0

@@ -51,19 +51,24 @@ class Gradient(ElementGradient):
             self.grads[key] = self.grads[key] + by
         self.contacts = ContactGradient(self.plan, motions) if parameters.contact else None
         self.bodies: Any = seeds.bodies.gradient(states, self.grads) if seeds.bodies else None
+        self.fluids: Any = seeds.fluids.gradient(states, seeds.recording.start) if seeds.fluids else None
 
     @cached_property
     def entries(self) -> dict[str, np.ndarray]:                       # type: ignore[override]
         return {name: self.parameters.ends(self.of(array)) for name, array in self.parameters.net().items()}
 
     def value(self, path: str, name: str, world: int = 0, elements: bool = False):
-        """With respect to a value of the table (`wsim.scene.values.table`) of the object at a path, "/" the scene. elements: of
-        each element by itself. Raises SceneError with the reason where it has no derivative."""
+        """Gradient with respect to a value of the table (`wsim.scene.values.table`) of the object at a path, "/" the scene.
+        elements: of each element by itself. Raises SceneError with the reason where it has no derivative."""
         row = row_of(self.model.scene, path, name)
         if row.owner == "Scene":
             return getattr(self, name)(world)
-        if row.gradient == "body":
+        if row.gradient == "body" or self.bodies and self.bodies.recorded.places(path, name, world):
             return self.bodies.value(path, name, world)
+        if row.gradient == "surface" and not self.fluids:
+            raise refuse("surface", path)
+        if row.gradient in ("fluid", "surface"):
+            return self.fluids.value(path, name, world)
         if row.gradient == "material":
             return self.material(name, path, world, elements)
         if name in FRICTION:
@@ -75,11 +80,11 @@ class Gradient(ElementGradient):
     # points
 
     def positions(self, path: str | None = None, world: int = 0) -> np.ndarray:
-        """By the positions at the start [1/m], (n, 3)."""
+        """Gradient with respect to the positions at the start [1/m], (n, 3)."""
         return self.by_point(self.plan.state.x, path, world)
 
     def velocities(self, path: str | None = None, world: int = 0) -> np.ndarray:
-        """By the velocities at the start [s/m], (n, 3)."""
+        """Gradient with respect to the velocities at the start [s/m], (n, 3)."""
         return self.by_point(self.plan.state.v, path, world)
 
     def by_point(self, array: wp.array, path: str | None, world: int) -> np.ndarray:
@@ -90,14 +95,15 @@ class Gradient(ElementGradient):
         return found
 
     def masses(self, path: str | None = None, world: int = 0) -> np.ndarray:
-        """By the masses of the points [1/kg], (n,); of pinned ones by what their pins bear, else 0."""
+        """Gradient with respect to the masses of the points [1/kg], (n,); of pinned ones by the reaction forces of their pins,
+        else 0."""
         return self.by_mass()[self.model.body(path, world).index]
 
     def by_mass(self) -> np.ndarray:
         return super().by_mass() + (self.inertia.mass if self.inertia else 0.0)
 
     def density(self, path: str | None = None, world: int = 0) -> float:
-        """By the density that all masses of a body follow [m^3/kg]."""
+        """Gradient with respect to the density that all masses of a body follow [m^3/kg]."""
         b = self.model.body(path, world)
         density = self.plan.find("densities").get(b.number) or density_of(b.source)
         if density is None:
@@ -105,7 +111,7 @@ class Gradient(ElementGradient):
         return float((self.by_mass()[b.first:b.last] * b.masses).sum()) / density
 
     def mass(self, path: str | None = None, world: int = 0) -> float:
-        """By the mass of a net, which its points share in the proportions that they have [1/kg]."""
+        """Gradient with respect to the mass of a net, which its points share in the proportions that they have [1/kg]."""
         b = self.model.body(path, world)
         if not isinstance(b.source, Springs):
             raise refuse("mass", b.path)
@@ -113,7 +119,7 @@ class Gradient(ElementGradient):
 
     def gravity(self, world: int = 0) -> np.ndarray:
         """[s^2/m], (3,)."""
-        more = self.bodies.gravity(world) if self.bodies else np.zeros(3)
+        more = sum((each.gravity(world) for each in (self.bodies, self.fluids) if each), np.zeros(3))
         if not self.model.bodies:
             return more
         found, loads = self.of(self.parameters.points.gravity) + (self.inertia.gravity if self.inertia else 0.0), self.loads
@@ -128,31 +134,31 @@ class Gradient(ElementGradient):
 
     def wind(self, world: int = 0) -> np.ndarray:
         """[s/m], (3,); zero where no cloth has drag or lift."""
-        air = self.parameters.air
-        return self.of(air.wind)[self.places(world)].sum(axis=0) if air else np.zeros(3)
+        air, more = self.parameters.air, self.fluids.wind(world) if self.fluids else np.zeros(3)
+        return self.of(air.wind)[self.places(world)].sum(axis=0) + more if air else more
 
     def air_coefficient(self, name: str, path: str | None = None, world: int = 0) -> float:
-        """By "drag" or "lift" of a cloth."""
+        """Gradient with respect to "drag" or "lift" of a cloth."""
         body, air = self.model.body(path, world), self.parameters.air
         if name not in ("drag", "lift") or not (air and (body.source.drag or body.source.lift)):
             raise refuse("air", body.path, name=name)
         return float(self.of(getattr(air, name))[body.first:body.last].sum()) * self.model.scene.air_density / 6.0
 
     def friction(self, path: str | None = None, world: int = 0) -> np.ndarray:
-        """By the static and the dynamic friction of a body or a collider, (2,)."""
+        """Gradient with respect to the static and the dynamic friction of a body or a collider, (2,)."""
         return self.touched(path).friction(path, world)
 
     def restitution(self, path: str, world: int = 0) -> float:
-        """By the restitution of a collider."""
+        """Gradient with respect to the restitution of a collider."""
         return self.touched(path).restitution(path, world)
 
     def thickness(self, path: str, world: int = 0) -> float:
-        """By the thickness of a collider [1/m]."""
+        """Gradient with respect to the thickness of a collider [1/m]."""
         return self.touched(path).thickness(path, world)
 
     def motion(self, path: str, world: int = 0) -> np.ndarray:
-        """By what may be added to a collider's motion, (frames + 1, 2, 3): at each frame a shift [1/m] and a small turn about
-        its origin [1/rad], both in the world and linear in time between frames."""
+        """Gradient with respect to what may be added to a collider's motion, (frames + 1, 2, 3): at each frame a shift [1/m]
+        and a small turn about its origin [1/rad], both in the world and linear in time between frames."""
         return self.touched(path).motion(path, world)
 
     def touched(self, path: str | None) -> ContactGradient:
@@ -161,7 +167,7 @@ class Gradient(ElementGradient):
         return self.contacts
 
     def pin(self, path: str, name: str, world: int = 0) -> float:
-        """By the stiffness [N/m] or damping [N s/m] of a soft pin."""
+        """Gradient with respect to the stiffness [N/m] or damping [N s/m] of a soft pin."""
         pins, first = self.parameters.pins, 0
         for p in pins.groups["soft"] if pins else ():
             part = slice(first, first + len(p.places))
@@ -176,7 +182,8 @@ class Gradient(ElementGradient):
         raise refuse("pin", path, name=name)
 
     def borne(self, path: str, world: int, name: str):
-        """What a pin bears adds to the gradients by it. Raises SceneError where that is not known."""
+        """Part of the gradients with respect to a pin that comes from its reaction forces. Raises SceneError where that is not
+        known."""
         if self.inertia and (path, world) in self.inertia.moved:
             raise refuse("moved", path, name=name)
         return self.inertia.soft.get((path, world), {}).get(name, 0.0) if self.inertia else 0.0
@@ -185,8 +192,8 @@ class Gradient(ElementGradient):
         return np.concatenate([np.arange(b.first, b.last) for b in self.model.bodies if b.world == world])
 
     def targets(self, path: str, world: int = 0) -> np.ndarray:
-        """By where a pin puts its points, or pulls them to [1/m]: (frames, moments of a frame, points, 3) of a moving one, see
-        `wsim.model.stage.Clock.moments`, (points, 3) of one that stands still."""
+        """Gradient with respect to the places where a pin puts its points, or pulls them to [1/m]: (frames, moments of a
+        frame, points, 3) of a moving one, see `wsim.model.stage.Clock.moments`, (points, 3) of one that stands still."""
         pins = self.parameters.pins
         own = self.borne(path, world, "targets")
         for number, kind in enumerate(pins.target if pins else ()):
@@ -201,7 +208,7 @@ class Gradient(ElementGradient):
         raise SceneError(Problem(path, f"is no pin; there are {every or 'none'}"))
 
     def actuation(self, path: str | None = None, world: int = 0) -> np.ndarray:
-        """By the factors of a net's muscles, (keys, groups) of its curve."""
+        """Gradient with respect to the factors of a net's muscles, (keys, groups) of its curve."""
         if not self.parameters.muscles:
             raise refuse("actuation", path or "actuation")
         number = self.parameters.muscles.find(self.model.body(path, world).path, world)
@@ -209,7 +216,8 @@ class Gradient(ElementGradient):
         return found + (self.inertia.muscles[number] if self.inertia and self.inertia.muscles else 0.0)
 
     def load(self, path: str | None = None, world: int = 0) -> np.ndarray:
-        """By the force [1/N] or traction [1/Pa] of a load (None: the only one), (keys, 3) of its curve."""
+        """Gradient with respect to the force [1/N] or traction [1/Pa] of a load (None: the only one), (keys, 3) of its
+        curve."""
         if not self.loads:
             raise refuse("load", path or "loads")
         number = self.loads.find(path, world)

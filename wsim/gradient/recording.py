@@ -27,6 +27,7 @@ from wsim.simulation.measure.diagnose import judge
 from wsim.simulation.measure.exceeded import EXPLICIT
 from wsim.simulation.simulation import Simulation
 
+LEFT = 1e-6            # [m/s] that impulses of bodies may leave, from which a warning is due
 POOR = 1e-4            # residual of an implicit solve from which a warning is due
 
 
@@ -40,8 +41,8 @@ class Stretch:
 
 
 class Recording(Frames):
-    """So many frames of a simulation from where it stands now, forward by `run` and backward by `backward`. Every run begins
-    there; live parameters may change in between, but for what changes the number of substeps or the start.
+    """A recording of so many frames of a simulation from where it stands now, forward by `run` and backward by `backward`.
+    Every run begins there; live parameters may change in between, but for what changes the number of substeps or the start.
 
     keep   "all": memory for every frame; "checkpoints": for a segment, which runs twice; "auto": by bytes
     Raises SceneError where the simulation has no gradients, or a method of the scene has none.
@@ -64,6 +65,7 @@ class Recording(Frames):
         self.roots: list[Root] = []
         self.slots, self.parameters = Slots(sim.device, sim.model.real), Parameters(self.plan)
         self.moved, self.bodies = self.state.parts.get("points"), self.plan.find("recorded bodies")
+        self.fluids = self.plan.find("recorded fluids")
         self.every = self.moved.every if self.moved else wp.zeros(0, dtype=sim.model.real, device=sim.device)
         self.initial = wp.clone(self.every)
         self.marks = [(array, wp.clone(array)) for array, _ in (self.moved.saved.values() if self.moved else ())]
@@ -86,6 +88,11 @@ class Recording(Frames):
         """Measures a frame, and chooses how many are kept at a time."""
         S, F = self.plan.clock.substeps, self.frames
         self.cost, scalars = measured(self)
+        if self.bodies and self.bodies.whole:
+            if keep == "checkpoints":
+                raise SceneError(Problem("keep", "found 'checkpoints'; joints and contacts of bodies keep every substep: "
+                                         "allowed are auto, all"))
+            keep = "all"
         length = self.cost.choose(keep)
         self.checkpoints = length > 0
         self.group, self.cuts = max(length // S, 1) if length else F, [0, S]
@@ -113,7 +120,7 @@ class Recording(Frames):
 
     @property
     def shape(self) -> tuple:
-        """What of a simulation may not change after it was recorded."""
+        """Part of a simulation that may not change after it was recorded."""
         clock, stride = self.plan.clock, self.plan.find("stride")
         return (clock.substeps, clock.integrator.name, stride() if stride else 0,
                 *(array.ptr for array in self.parameters.targets()))
@@ -184,7 +191,7 @@ class Recording(Frames):
             self.apart = apart(self)
 
     def misses(self) -> list[wp.array]:
-        """What the worst forward and the worst adjoint solve of implicit steps have left."""
+        """Residuals that the worst forward and the worst adjoint solve of implicit steps have left."""
         adjoint = self.plan.find("adjoint")
         return [adjoint.missed, adjoint.left] if adjoint else []
 
@@ -197,6 +204,8 @@ class Recording(Frames):
 
     def forward(self, frame: int, part: int) -> None:
         stretch = self.stretches[self.key(frame, part)]
+        if stretch.tape.eager:
+            return stretch.tape.forward()
         if stretch.forward is None:
             stretch.forward = self.graph(stretch.tape.forward)
         wp.capture_launch(stretch.forward)
@@ -210,15 +219,16 @@ class Recording(Frames):
 
     @GATE.shared()
     def backward(self, positions: dict | None = None, velocities: dict | None = None, reactions: dict | None = None,
-                 poses: dict | None = None, twists: dict | None = None) -> Gradient:
+                 poses: dict | None = None, twists: dict | None = None, fluids: dict | None = None) -> Gradient:
         """Gradient of a loss whose derivatives by positions [1/m] and velocities [s/m] after some frames are given:
         {frame: (n, 3) in the author's order, or {path: (n, 3)}, or {(path, world): (n, 3)}, or an array of the device over all
         points in the solver's order, which must be finite}; so by reactions of pins [1/N], by path; so of rigid bodies by
-        `poses`, (4, 4), and `twists`, (2, 3), see `Recording.poses`. Raises SceneError for frames and shapes that are none.
+        `poses`, (4, 4), and `twists`, (2, 3), see `Recording.poses`; so of smoke by `fluids`, {frame: {path: {"smoke",
+        "temperature", "velocity"}}}, see `Recording.fluid`. Raises SceneError for frames and shapes that are none.
         """
         if not self.ran:
             self.run()
-        seeds = Seeds(self, positions, velocities, reactions, poses, twists)
+        seeds = Seeds(self, positions, velocities, reactions, poses, twists, fluids)
         for root in self.roots:
             root.carried.zero_()
         self.parameters.zero()
@@ -238,19 +248,25 @@ class Recording(Frames):
                 self.reverse(frame, part)
             targets.append(self.parameters.take_targets(frame == 0))
             motions.append(self.parameters.take_motions())
+            seeds.take()
             self.note(frame, True)
         seeds.add(0)
-        self.look()
+        self.look(seeds)
         states = Fetched({r.base.ptr: wp.clone(r.carried) for r in self.roots})
         return Gradient(self.parameters, states, targets[::-1], motions[::-1], seeds)
 
-    def look(self) -> None:
-        """What implicit solves have left, in `residuals`: gradients are as right as those are small."""
+    def look(self, seeds: Seeds) -> None:
+        """Writes what implicit solves have left into `residuals`: gradients are as right as those are small."""
         self.residuals = dict(zip(("forward", "adjoint"), [float(a.numpy()[0]) for a in self.misses()], strict=False))
+        if seeds.fluids:
+            self.residuals["pressure adjoint"] = seeds.fluids.worst
         for name, value in self.residuals.items():
             if not value < POOR:
                 self.warn(f"/: gradients: the worst {name} solve has left {value:.1e} of its right side; they are no better "
                           "than that. Take smaller substeps")
+        if self.bodies and self.bodies.left > LEFT:
+            self.warn(f"/: gradients: contacts and joints of bodies were solved to {self.bodies.left:.1e} m/s; they are no "
+                      "better than that. Take smaller substeps, more iterations, a smaller contact_tolerance in float64")
         if said := self.growth.check(self.start, self.sim.scene.fps, self.sim.precision):
             self.warn(said)
 
@@ -274,6 +290,8 @@ class Recording(Frames):
 
     def reverse(self, frame: int, part: int) -> None:
         stretch = self.stretches[self.key(frame, part)]
+        if stretch.tape.eager:
+            return stretch.tape.backward()
         if stretch.backward is None:
             stretch.backward = self.graph(stretch.tape.backward)
         wp.capture_launch(stretch.backward)

@@ -54,7 +54,7 @@ class RestShape:
     # of the author's points
 
     def points(self) -> np.ndarray:
-        """What particles have, (n, 3) by the author's points; of a weld it is the first that says where they are at rest."""
+        """Gradients of particles, (n, 3) by the author's points; of a weld it is the first that says where they are at rest."""
         own, found = self.body.own - self.body.first, np.zeros((len(self.body.own), 3))
         first = np.unique(own, return_index=True)[1]
         found[first] = self.by[own[first]]
@@ -69,7 +69,7 @@ def by_area(corners: np.ndarray, by: np.ndarray) -> np.ndarray:
 
 
 def by_volume(corners: np.ndarray, by: np.ndarray) -> np.ndarray:
-    """As `by_area`, of tets, (t, 4, 3)."""
+    """Gradient as `by_area` has it, of tets, (t, 4, 3)."""
     a, b, c = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
     each = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1) * (by / 6.0)[:, None, None]
     return np.concatenate([-each.sum(axis=1, keepdims=True), each], axis=1)

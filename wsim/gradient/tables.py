@@ -25,7 +25,7 @@ class Parameters:
         self.bodies = plan.find("recorded bodies")
 
     def arrays(self) -> list[wp.array]:
-        """Everything that is differentiated by, of one kind each."""
+        """Arrays that are differentiated by, of one kind each."""
         c = self.points
         found = [c.w, c.gravity, c.decay] if c else []
         found += [*self.net().values(), *(b.lengths for b in self.batches if b.lengths)]
@@ -65,7 +65,7 @@ class Parameters:
         return found | ({"rest": self.pull.lengths} if self.springs and self.pull.lengths else {})
 
     def targets(self) -> list[wp.array]:
-        """Of pins, factors of muscles and values of loads, of a frame."""
+        """Targets of pins, factors of muscles and values of loads, of a frame."""
         return [*(self.pins.target.values() if self.pins else ()), *([self.muscles.factor] if self.muscles else ()),
                 *([self.loads.value] if self.loads else ())]
 
@@ -88,8 +88,8 @@ class Parameters:
             array.grad.zero_()
         return found + keys
 
-    def take_motions(self) -> wp.array | None:
-        """Of colliders, as `wsim.physics.contact.contacts_adjoint.ContactAdjoint.take_motion`."""
+    def take_motions(self) -> wp.array | list[wp.array] | None:
+        """Takes the motions of colliders, as `wsim.physics.contact.contacts_adjoint.ContactAdjoint.take_motion`."""
         return self.contact.take_motion() if self.contact else None
 
     def ends(self, grad: np.ndarray) -> np.ndarray:

@@ -133,7 +133,7 @@ class Model:
         (self.tape or wp).launch(kernel, dim, inputs, outputs, **how)
 
     def copy(self, into, source, *parts: int) -> None:
-        """As `wp.copy`, of arrays of vectors."""
+        """Copies arrays of vectors, as `wp.copy`."""
         import warp as wp
         (self.tape or wp).copy(into, source, *parts)
 

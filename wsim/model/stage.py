@@ -28,7 +28,7 @@ FREE, MET = "without contacts", "with contacts"          # frames that a stage b
 
 @dataclass
 class Clock:
-    """Where a frame is while its stages are launched. h, g in [s]. What is solved for once is a substep: a step of sdirk3
+    """The place in a frame while its stages are launched. h, g in [s]. What is solved for once is a substep: a step of sdirk3
     takes two. integrator: the one that steps now, backward Euler where one that needs its residual has given way."""
 
     dt: float                     # frame step
@@ -48,7 +48,7 @@ class Clock:
 
     @property
     def halved(self) -> bool:
-        """Whether leapfrog begins with half a kick, from the velocity where the frame begins."""
+        """True if leapfrog begins with half a kick, from the velocity where the frame begins."""
         return self.starting or self.after_free
 
     @property
@@ -57,22 +57,22 @@ class Clock:
 
     @property
     def steps(self) -> int:
-        """Of a frame."""
+        """Number of steps of a frame."""
         return self.substeps // self.integrator.solves
 
     @property
     def ends(self) -> bool:
-        """Whether a step ends with this substep."""
+        """True if a step ends with this substep."""
         return (self.k + 1) % self.integrator.solves == 0
 
     @property
     def watched(self) -> bool:
-        """Whether the integrator may go on only while its residual is met."""
+        """True if the integrator may go on only while its residual is met."""
         return self.integrator.watched
 
     @property
     def remembers(self) -> bool:
-        """Whether this very substep carries on the one before."""
+        """True if this very substep carries on the one before."""
         return self.integrator.memory > 0.0 and not (self.starting and self.k == 0)
 
     @property
@@ -88,7 +88,7 @@ class Clock:
 
     @property
     def part(self) -> float:
-        """At which part of the substep the solved positions are, a stage's before or behind it."""
+        """Part of the substep at which the solved positions are, a stage's before or behind it."""
         m = self.integrator
         return 1.0 if m.explicit else m.solves * m.nodes[self.k % m.solves] - self.k % m.solves
 
@@ -121,7 +121,7 @@ class Stage:
 
 
 class Port(list):
-    """Where other methods are called: they append functions, which are called in that order."""
+    """A place where other methods are called: they append functions, which are called in that order."""
 
     def __call__(self, *given) -> None:
         for each in self:
@@ -130,7 +130,7 @@ class Port(list):
 
 @dataclass
 class Remedy:
-    """Why a frame does not hold, and what makes it hold.
+    """The reason why a frame does not hold, and what makes it hold.
 
     doubt     an edge was thrown by explicit steps: another solver where the scene leaves it open, else the frame holds
     refine    more substeps; `row` of `part` is not finite
@@ -166,11 +166,12 @@ class Method:
         """Connects itself with what other methods of the plan offer, when all are made."""
 
     def carriers(self) -> dict[str, Any]:
-        """What contacts can push of this method, by name (`wsim.physics.carrier.carriers`); asked for by methods that push."""
+        """Carriers of this method, which contacts can push, by name (`wsim.physics.carrier.carriers`); asked for by methods
+        that push."""
         return {}
 
     def retry(self, status: Status) -> list[Remedy]:
-        """What the frame that has just ended lacked, by this method's own words of the status; none: it holds."""
+        """Remedies for what the frame that has just ended lacked, by this method's own words of the status; none: it holds."""
         return []
 
     def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
@@ -182,7 +183,7 @@ class Method:
         return []
 
     def samples(self, world: int = 0) -> list[Sample]:
-        """What results hold of this method, now, of one world."""
+        """Samples for results of this method, now, of one world."""
         return []
 
     def restored(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
@@ -210,7 +211,7 @@ class Methods(list[Method]):
     pins, hard pins, soft pins, contact, contacts, bounce, muscles, loads, air, wind, watch
     least, send, stride              of explicit steps: how many are stable; uploads constraints; rows of targets a substep
     copies, forces, impacts          of explicit steps: what they predict; ports before forces and the last half kick
-    bodies, recorded bodies          the rigid ones; what recordings know of them
+    bodies, recorded bodies          the rigid ones; what recordings know of them; fluids, recorded fluids likewise
     terms                            port of a Newton step: what acts there beside the forces of bodies
     """
 

@@ -154,7 +154,7 @@ class State:
         return part.arrays[name]
 
     def has(self, name: str) -> bool:
-        """Whether the points have this field."""
+        """True if the points have this field."""
         return "points" in self.parts and name in self.points.arrays
 
     def copies(self) -> Iterator[tuple[wp.array, wp.array]]:

@@ -46,7 +46,7 @@ class Status:
         return self._array
 
     def offset(self, name: str) -> int:
-        """Of the first word of this name in `array`."""
+        """Offset of the first word of this name in `array`."""
         return self.places[name].start
 
     def word(self, name: str) -> wp.array:
@@ -63,7 +63,7 @@ class Status:
             wp.copy(self._host, self.array)
 
     def wait(self) -> None:
-        """Until the frame launched last is done: then its words are there."""
+        """Waits until the frame launched last is done: then its words are there."""
         if self._host is not None:
             wp.synchronize_stream(self.device.stream)
 
@@ -74,7 +74,7 @@ class Status:
 
     @property
     def words(self) -> np.ndarray:
-        """As the frame that was waited for has left them; the same memory, not a copy."""
+        """Words as the frame that was waited for has left them; the same memory, not a copy."""
         self.allocate()
         assert self._words is not None
         return self._words

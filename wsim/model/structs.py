@@ -12,5 +12,5 @@ def filled(Struct: Any, **values: Any) -> Any:
 
 
 def values(struct: Any) -> dict[str, Any]:
-    """By name."""
+    """Fields of a struct by name."""
     return {name: getattr(struct, name) for name in struct._cls.vars}

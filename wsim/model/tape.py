@@ -79,6 +79,7 @@ class Tape:
     puts: dict[str, Callable[[], None]] = field(default_factory=dict)       # what wrote constants last, by its owner
     first: tuple[int, int] = (0, 0)
     end: tuple[int, int] = (0, 0)
+    eager: bool = False                                                     # a step of the host is among them
 
     # while a method launches
 
@@ -89,7 +90,7 @@ class Tape:
         self.first = self.slots.at
 
     def launch(self, kernel, dim: int, inputs: list, outputs: list, **how) -> None:
-        """As `wp.launch`, each output into a version of its own. Raises ValueError for a kernel without an adjoint."""
+        """Launches a kernel, each output into a version of its own. Raises ValueError for a kernel without an adjoint."""
         backward = self.vjp[kernel](inputs) if kernel in self.vjp else None
         read = [self.read(a) for a in inputs]
         wrote = [self.write(a, kernel.key.startswith(WHOLE)) for a in outputs]
@@ -104,7 +105,7 @@ class Tape:
                                                    adjoint=True, **how))
 
     def copy(self, into: wp.array, source: wp.array, into_first: int = 0, first: int = 0, count: int = 0) -> None:
-        """As `wp.copy` of vectors."""
+        """Copies vectors, as `wp.copy` does."""
         count = count or source.size - first
         there, back = self.read(source[first:first + count]), self.write(into[into_first:into_first + count], True)
         self.do(lambda: wp.copy(back, without(there)))           # with gradients a copy would take those along
@@ -144,7 +145,7 @@ class Tape:
         self.adjoints.append(back)
 
     def zero(self, array: wp.array) -> None:
-        """As `array.zero_()`."""
+        """Sets an array to zero, as `array.zero_()` does."""
         version = self.write(array, True)
         self.do(lambda: version.zero_())
         self.adjoints.append(lambda: version.grad.zero_())
@@ -250,7 +251,7 @@ class Tape:
         self.hand(after.grad, before.grad)
 
     def finish(self) -> None:
-        """What was written goes back to where the methods have it."""
+        """Puts what was written back to where the methods have it."""
         for root in self.roots:
             if root.written and root.latest is not None:
                 self.ends.append((root, root.latest))
@@ -259,14 +260,12 @@ class Tape:
         for root in self.roots:
             kernel_cache.load(newton_adjoint.give(root.base.dtype).module, root.base.device)
 
-    # once more, and backwards
-
     def forward(self) -> None:
         for step in self.steps:
             step()
 
     def backward(self) -> None:
-        """From the gradients of the values at the end to those at the start (`Root.carried`); adds to those of constants."""
+        """Passes from gradients of the values at the end to those at the start (`Root.carried`); adds to constants'."""
         self.slots.clear(self.first, self.end)
         for root, version in self.ends:
             if root.plain:
@@ -292,7 +291,7 @@ def without(a: wp.array) -> wp.array:
 
 
 def adjoint_of(a: Any) -> Any:
-    """What Warp wants as the adjoint of an argument: gradients of an array, or of those in a struct."""
+    """Adjoint of an argument as Warp wants it: gradients of an array, or of those in a struct."""
     if isinstance(a, wp.array):
         return a.grad
     if not hasattr(a, "_cls"):

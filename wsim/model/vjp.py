@@ -32,7 +32,7 @@ def beside(model: Model, file: str, name: str, *given) -> Any:
 
 
 def fixed(backward: Backward) -> Record:
-    """For adjoints that need to know nothing of a launch but its arrays."""
+    """Wrapper for adjoints that need to know nothing of a launch but its arrays."""
     return lambda inputs: backward
 
 

@@ -148,8 +148,7 @@ class Springs(Compared):
     def __post_init__(self):
         self.muscles = array(self.muscles, np.int32, -1)
         if self.actuation is not None:
-            values = np.asarray(self.actuation.values, np.float64)
-            self.actuation = Curve(self.actuation.times, values.reshape(len(values), -1))
+            self.actuation = self.actuation.flat()
         self.points, self.edges = reals(self.points, -1, 3), array(self.edges, np.int32, -1, 2)
         self.stiffness, self.masses = reals(self.stiffness, -1), reals(self.masses, -1)
         self.lengths, self.velocities = reals(self.lengths, -1), reals(self.velocities, -1, 3)

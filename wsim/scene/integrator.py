@@ -49,17 +49,17 @@ class Integrator:
 
     @property
     def beyond(self) -> bool:
-        """Whether a step is prolonged from its one node to its end."""
+        """True if a step is prolonged from its one node to its end."""
         return self.nodes != (1.0,) and len(self.nodes) == 1
 
     @property
     def rebounds(self) -> bool:
-        """Whether what is found at nodes says too little of contacts at the end of a step."""
+        """True if what is found at nodes says too little of contacts at the end of a step."""
         return self.beyond or self.solves > 1
 
     @property
     def watched(self) -> bool:
-        """Whether it may go on only while its residual is met; else backward Euler takes over."""
+        """True if it may go on only while its residual is met; else backward Euler takes over."""
         return min(self.met) < inf
 
     @property

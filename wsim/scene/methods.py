@@ -57,7 +57,9 @@ METHODS: list[Row] = [
                 "PointInstancer"),
         without="there is no rigid body", gradients=True),
     Row("fluid", "wsim.physics.fluid", owns=("Fluid", "Source"), unseen=("Source",),
-        claims=("WsimFluidDomainAPI", "WsimFluidSourceAPI"), without="there is no fluid"),
+        claims=("WsimFluidDomainAPI", "WsimFluidSourceAPI"), without="there is no fluid", gradients=True),
+    Row("liquid", "wsim.physics.fluid.liquid", owns=("Liquid", "LiquidSource"), unseen=("LiquidSource",),
+        claims=("WsimLiquidDomainAPI", "WsimLiquidSourceAPI"), without="there is no liquid"),
     Row("bones", "wsim.physics.animation", owns=("Skeleton",), unseen=("Skeleton",), claims=("Skeleton",),
         without="nothing follows a skeleton", gradients=True),
     Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),
@@ -105,7 +107,7 @@ def moving(scene) -> bool:
 
 
 def collides(scene) -> bool:
-    """Whether points may meet something."""
+    """True if points may meet something."""
     return bool(scene.colliders or carried(scene))
 
 

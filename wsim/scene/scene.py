@@ -97,7 +97,7 @@ class Load(Compared):
     def __post_init__(self):
         self.points, self.triangles = array(self.points, np.int32, -1), array(self.triangles, np.int32, -1, 3)
         self.weights = array(self.weights, np.float32, -1)
-        self.curve = Curve(self.curve.times, np.asarray(self.curve.values, np.float64))
+        self.curve = self.curve.replaced(np.asarray(self.curve.values, np.float64))
 
     @property
     def name(self) -> str:
@@ -105,7 +105,7 @@ class Load(Compared):
 
     @property
     def parts(self) -> np.ndarray:
-        """Of a force: the part that each of its points bears, (k,)."""
+        """Part of a force that each of its points bears [1], (k,)."""
         assert self.points is not None
         k = len(self.points)
         return np.full(k, 1.0 / max(k, 1)) if self.weights is None else self.weights.astype(np.float64)
@@ -133,7 +133,7 @@ class Varying(Compared):
 
 @dataclass(eq=False)
 class Scene(Compared):
-    """Everything there is. Frame f is at time f / fps [s] after `start`; a substep is h = 1 / fps / substeps.
+    """A scene: everything there is. Frame f is at time f / fps [s] after `start`; a substep is h = 1 / fps / substeps.
 
     gravity         acceleration, (3,) [m/s^2]; None: 9.81 against `up`
     wind            velocity of the air, (3,) [m/s]
@@ -209,7 +209,7 @@ class Scene(Compared):
         return thing
 
     def things(self, name: str) -> list:
-        """What `add` was given of a class, by its name."""
+        """Objects of a class, by its name, that `add` was given."""
         return self.others.get(name, [])
 
     def exchanged(self, thing, new) -> "Scene":
@@ -247,20 +247,20 @@ class Scene(Compared):
         return self.pins[-1]
 
     def tie(self, path: str, body, points, other, others) -> Tie:
-        """Points (indices) of a body become points of a soft body, the first the first of `others`, and so on."""
+        """Adds a tie: points (indices) of a body become points of a soft body, the first the first of `others`, and so on."""
         names = (b if isinstance(b, str) else b.path for b in (body, other))
         self.ties.append(Tie(path, next(names), points, next(names), others))
         return self.ties[-1]
 
     def force(self, path: str, body, points, force, weights=None) -> Load:
-        """A force [N], (3,) or a Curve over time, on points (indices) of a body: their sum, or, with `weights`, that part of it
-        on each (1 for each: all of it on every one)."""
+        """Adds a force [N], (3,) or a Curve over time, on points (indices) of a body: their sum, or, with `weights`, that part
+        of it on each (1 for each: all of it on every one)."""
         weights = None if weights is None else np.broadcast_to(np.asarray(weights, np.float32), np.shape(points)).copy()
         self.loads.append(Load(path, body if isinstance(body, str) else body.path, over_time(force), points, weights))
         return self.loads[-1]
 
     def traction(self, path: str, body, triangles, traction) -> Load:
-        """A traction [Pa], (3,) or a Curve over time, on triangles (m, 3) of a cloth or of the surface of a soft body;
+        """Adds a traction [Pa], (3,) or a Curve over time, on triangles (m, 3) of a cloth or of the surface of a soft body;
         `wsim.scene.nodal.loads.between` finds those between points."""
         self.loads.append(Load(path, body if isinstance(body, str) else body.path, over_time(traction), triangles=triangles))
         return self.loads[-1]
@@ -271,7 +271,7 @@ class Scene(Compared):
         return replace(self, **own)  # type: ignore[arg-type]
 
     def bodies(self) -> list[Cloth | Springs | Soft]:
-        """Everything that has points that move, in the order of the state's arrays."""
+        """Bodies whose points move: cloths, springs, soft bodies, in the order of the state's arrays."""
         return [*self.cloths, *self.springs, *self.softs]
 
 

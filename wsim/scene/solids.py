@@ -15,7 +15,7 @@ import numpy as np
 
 from wsim.geometry import primitives
 from wsim.scene.bodies import Compared, array
-from wsim.scene.curve import Motion
+from wsim.scene.curve import Motion, then
 
 APPROXIMATIONS = ("none", "meshSimplification", "convexHull", "convexDecomposition", "boundingCube", "boundingSphere")
 SAME = 1e-6                # relative difference of scales that counts as none
@@ -153,7 +153,7 @@ class Collider(Compared):
             turn[:3, :3] = np.eye(3)[:, TURN[self.shape.axis]]
             self.shape = Plane()
             if not np.array_equal(turn, np.eye(4)):
-                self.motion = Motion(self.motion.times, self.motion.values @ turn)
+                self.motion = then(self.motion, turn)
 
 
 @dataclass(frozen=True)
@@ -199,13 +199,13 @@ class Solid:
         return [float(v) for value in self.named(shape).values() for v in np.atleast_1d(value)]
 
     def size(self, shape: Any) -> tuple[float, float, float]:
-        """As the device has it: `lengths`, filled up."""
+        """Sizes as the device has them: `lengths`, filled up."""
         found = [*self.lengths(shape), 0.0, 0.0, 0.0]
         return found[0], found[1], found[2]
 
 
 def row(shape: Any) -> Solid:
-    """That of a shape. Raises KeyError where there is none."""
+    """Row of a shape. Raises KeyError where there is none."""
     found = next((each for each in SOLIDS if each.shape is type(shape)), None)
     if found is None:
         known = ", ".join(each.shape.__name__ for each in SOLIDS)
@@ -219,7 +219,7 @@ def claimed(names) -> tuple[Solid, str] | None:
 
 
 def even(scale: np.ndarray, axes: tuple[int, ...]) -> bool:
-    """Whether a scale is the same along these axes."""
+    """True if a scale is the same along these axes."""
     return all(abs(abs(scale[0]) - abs(scale[k])) <= SAME * abs(scale[0]) for k in axes)
 
 

@@ -24,7 +24,7 @@ class Camera:
 
     @staticmethod
     def look(eye, target, up=(0.0, 1.0, 0.0), angle: float = ANGLE) -> "Camera":
-        """From eye to target [m]; angle: vertical [rad]. Raises ValueError when the two are at one place."""
+        """A camera from eye to target [m]; angle: vertical [rad]. Raises ValueError when the two are at one place."""
         eye, to = np.asarray(eye, float), np.asarray(target, float) - np.asarray(eye, float)
         if not np.linalg.norm(to) > 0:
             raise ValueError("a camera needs its eye and its target at different places")

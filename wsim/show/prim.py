@@ -97,7 +97,7 @@ def drawn_by(prim: Usd.Prim):
 
 
 def moves(prim: Usd.Prim) -> bool:
-    """Whether a prim's shape, or its transform or one above it, has samples over time."""
+    """True if a prim's shape, or its transform or one above it, has samples over time."""
     shape = ("points", "radius", "height", "size", "width", "length")
     if any(prim.GetAttribute(name).ValueMightBeTimeVarying() for name in shape if prim.HasAttribute(name)):
         return True

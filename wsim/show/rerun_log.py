@@ -19,6 +19,7 @@ PORT = 9876                      # rerun's own
 PATIENCE = 20.0                  # [s] until a started viewer must listen
 PLOTS = ("energy", "strain")     # a plot each; all other indicators share one
 INSTEAD = "serve a page (--web), or write a file (wsim view RESULT -o run.rrd) and open that on a screen (rerun run.rrd)"
+Eye = tuple[np.ndarray, np.ndarray]                  # place (3,) and what it looks at (3,) [m]
 MISSING = 'rerun is not installed; install it by: pip install "wsim[view]"'
 
 
@@ -34,10 +35,16 @@ def rerun_package():
 
 
 class Log:
-    """A rerun recording with a time line of frames and one of seconds: into a file, to a web page, or to a viewer."""
+    """A rerun recording with a time line of frames and one of seconds: into a file, to a web page, or to a viewer.
 
-    def __init__(self, name: str, up: str, save=None, web: int | None = None):
+    name    of the recording                       up      "X", "Y" or "Z"
+    save    path of a file                         web     port of a page
+    eye     where the view is from, and what it looks at [m]; None: as rerun chooses
+    """
+
+    def __init__(self, name: str, up: str, save=None, web: int | None = None, eye: Eye | None = None):
         self.rr = rr = rerun_package()
+        self.eye = eye
         self.stream = rr.RecordingStream("wsim")
         self.stream.send_recording_name(name)
         if save is not None:
@@ -55,11 +62,13 @@ class Log:
         import rerun.blueprint as rrb
 
         plots = [rrb.TimeSeriesView(origin=f"plots/{name}", name=name) for name in (*PLOTS, "other")]
-        return rrb.Blueprint(rrb.Horizontal(rrb.Spatial3DView(origin="world", name="scene"), rrb.Vertical(*plots),
+        eye = None if self.eye is None else rrb.EyeControls3D(position=self.eye[0], look_target=self.eye[1])
+        seen = rrb.Spatial3DView(origin="world", name="scene", eye_controls=eye)
+        return rrb.Blueprint(rrb.Horizontal(seen, rrb.Vertical(*plots),
                                             column_shares=[3, 1]), collapse_panels=True)
 
     def at(self, frame: float, seconds: float) -> None:
-        """What is logged from here on belongs to this frame (whole, or the nearest one) and time [s]."""
+        """Sets the time: what is logged from here on belongs to this frame (whole, or the nearest one) and time [s]."""
         self.stream.set_time("frame", sequence=round(frame))
         self.stream.set_time("time", duration=seconds)
 
@@ -115,7 +124,7 @@ def srgb(colors: np.ndarray) -> np.ndarray:
 
 
 def checked(save: Path) -> Path:
-    """Where a recording is written. Raises SceneError for another ending, FileNotFoundError without a folder."""
+    """Path where a recording is written. Raises SceneError for another ending, FileNotFoundError without a folder."""
     if save.suffix != ".rrd":
         raise SceneError(Problem(str(save), f"recordings end in .rrd; found '{save.suffix}'"))
     if not save.parent.is_dir():

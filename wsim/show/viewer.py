@@ -1,4 +1,5 @@
-"""Results and running simulations in the rerun viewer: meshes over time, plots of energy, strain and other indicators.
+"""Results and running simulations in the rerun viewer: meshes, rigid bodies and smoke over time, plots of energy, strain and
+other indicators.
 
     view("flag_out.usdc")                       # a result; plots where it is a scene of wsim
     viewer = Viewer(scene)                      # live: simulation.run(240, each=viewer.log)
@@ -16,15 +17,20 @@ import numpy as np
 
 from wsim.geometry.tetra.tets import surface
 from wsim.geometry.triangulate import triangulate
-from wsim.scene import Cloth, Collider, Scene, Shape, Soft, Springs, Surface
+from wsim.scene import Cloth, Collider, Plane, Scene, Shape, Soft, Springs, Surface, samples
+from wsim.scene.methods import every
 from wsim.scene.skin import held
 from wsim.scene.solids import row
-from wsim.show.rerun_log import Log, Shown, checked, srgb
+from wsim.show.camera import fitted, subjects
+from wsim.show.rerun_log import Eye, Log, Shown, checked, srgb
 from wsim.show.shading import CREASE, Look, palette, smoothing
 from wsim.show.visible import Visible, visible
 from wsim.usd.result.atomic import replacing
 
 SIDES = 64                       # of round shapes
+AWAY = 4.0                       # a thing so many times farther from the middle than most of them does not steer the view
+ROOM = 0.25                      # of the size of what is there at the start, on each side, for where it goes while it runs
+ASPECT, CLOSER = 1.5, 0.52       # of the view; its lens is wider than that of a picture, so the eye is that much nearer
 
 
 class Viewer:
@@ -39,13 +45,14 @@ class Viewer:
     def __init__(self, scene: Scene, *, spawn: bool = True, save=None, web: int | None = None):
         if not spawn and save is None and web is None:
             raise ValueError("a viewer shows (spawn=True) or writes (save=PATH); it was given neither")
-        self.scene, self.stream = scene, Log(Path(scene.source or "scene").stem, scene.up, save, web)
+        self.outlines = {c.path: _shape(c.shape, c.path + "/shape", k) for k, c in enumerate(scene.colliders)}
+        self.scene, self.stream = scene, Log(Path(scene.source or "scene").stem, scene.up, save, web, self._eye(scene))
         self.shown = {c.path: Shown(self.stream, _cloth_look(c, k)) for k, c in enumerate(scene.cloths)}
         self.skins = held(scene)
         for k, soft in enumerate(scene.softs):
             self.shown |= {look.path: Shown(self.stream, look) for look in _soft_looks(soft, k)}
-        self.outlines = {c.path: _shape(c.shape, c.path + "/shape", k) for k, c in enumerate(scene.colliders)}
         self.stream.at(scene.start, 0.0)
+        self.moved = Moved(self.stream, scene)
         for collider in scene.colliders:
             self._collider(collider, collider.motion.at(0.0), 0.0, True)
         for body in scene.bodies():
@@ -59,7 +66,20 @@ class Viewer:
         poses = sim.poses()
         for collider in self.scene.colliders:
             self._collider(collider, poses[collider.path], sim.time, False)
+        if self.scene.others:
+            self.moved.send(sim.samples())
         self.stream.plot(sim.indicators())
+
+    def _eye(self, scene: Scene) -> Eye | None:
+        """From where all is seen that is there at the start, and somewhat around it."""
+        places = [b.motion.points(b.points, 0.0) for b in scene.bodies()]
+        places += [c.motion.points(self.outlines[c.path][0]) for c in scene.colliders if not isinstance(c.shape, Plane)]
+        for _, thing in every(scene):
+            places += [c.motion.points(_shape(c.shape, "", 0)[0]) @ thing.motion.at(0.0)[:3, :3].T + thing.motion.at(0.0)[:3, 3]
+                       for c in getattr(thing, "colliders", ())]
+            if hasattr(thing, "low"):                        # a box of cells
+                places.append(np.stack([thing.low, thing.low + thing.cell * np.array(thing.shape)]))
+        return _eye(places, scene.up, ROOM)
 
     def _body(self, body: Cloth | Springs | Soft, points: np.ndarray) -> None:
         if not isinstance(body, Springs):
@@ -90,6 +110,79 @@ class Viewer:
         self.stream.close()
 
 
+class Moved:
+    """The things of a log that methods move besides points: rigid bodies by the shapes of their colliders, instances,
+    particles, smoke.
+
+    Shapes are sent once, at the start, and below them a transform a frame; particles and smoke are spheres of each frame.
+    """
+
+    def __init__(self, log: Log, scene: Scene):
+        self.log = log
+        self.things = {thing.path: thing for _, thing in every(scene) if getattr(thing, "colliders", None)}
+        self.instances = {(thing.instancer, thing.instance): path for path, thing in self.things.items()
+                          if getattr(thing, "instancer", "")}
+        self.poses: dict[str, np.ndarray] = {}
+        for number, (path, thing) in enumerate(self.things.items()):
+            for k, collider in enumerate(thing.colliders):
+                points, look = _shape(collider.shape, f"{path}/shape/{k}", number, "soft")
+                Shown(log, look).send(collider.motion.points(points))
+            self._place(path, thing.motion.at(0.0))
+
+    def send(self, found: list[samples.Sample]) -> None:
+        """The samples of a frame, by `Simulation.samples`."""
+        for each in found:
+            if isinstance(each, samples.Transform) and each.path in self.things:
+                pose, stretch = each.matrix.copy(), getattr(self.things[each.path], "stretch", None)
+                if stretch is not None:                      # it has gone into the colliders
+                    pose[:3, :3] = pose[:3, :3] @ np.linalg.inv(stretch)
+                self._place(each.path, pose)
+            elif isinstance(each, samples.Instances):
+                for number, moved in zip(each.numbers.tolist(), each.matrices, strict=True):
+                    if path := self.instances.get((each.path, number)):
+                        self._place(path, moved @ self.things[path].motion.at(0.0))
+            elif isinstance(each, samples.Particles):
+                self.log.beads(each.path, each.positions, 0.5 * each.widths, np.array(palette("soft", 0)))
+            elif isinstance(each, samples.Volume) and "density" in each.fields:
+                self._smoke(each)
+
+    def _place(self, path: str, pose: np.ndarray) -> None:
+        """A pose holds until the next one: what rests sends nothing."""
+        if path in self.poses and np.array_equal(self.poses[path], pose):
+            return
+        self.poses[path] = pose
+        transform = self.log.rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
+        self.log.stream.log(f"world{path}/shape", transform)
+
+    def _smoke(self, box: samples.Volume) -> None:
+        from wsim.show.smoke.read import ALBEDO, DENSE, Density, beads
+        values = np.maximum(np.asarray(box.fields["density"], np.float32), 0.0)
+        world = np.diag([box.cell, box.cell, box.cell, 1.0])
+        world[:3, 3] = box.low + 0.5 * box.cell
+        extinction = DENSE / (box.cell * max(values.shape))
+        places, radii = beads(Density(values, world), extinction) if values.any() else (np.zeros((0, 3)), np.zeros(0))
+        self.log.beads(box.path + samples.VOLUME, places, radii, np.array(ALBEDO))
+
+
+def _eye(places: list[np.ndarray], up: str, room: float = 0.0) -> Eye | None:
+    """Where the eye of a viewer is, and what it looks at [m]: as a picture has it, of places (n, 3) of each thing and room
+    around them, a part of their size; None where there are none."""
+    chosen = [places[k] for k in subjects(places)]
+    if not chosen:
+        return None
+    middles = np.array([0.5 * (p.min(axis=0) + p.max(axis=0)) for p in chosen])
+    off = np.linalg.norm(middles - np.median(middles, axis=0), axis=1)
+    sizes = [float(np.ptp(p, axis=0).max()) for p in chosen]
+    chosen = [p for p, far, size in zip(chosen, off, sizes, strict=True) if far <= AWAY * max(float(np.median(off)), size)]
+    low, high = np.min([p.min(axis=0) for p in chosen], axis=0), np.max([p.max(axis=0) for p in chosen], axis=0)
+    pad = room * float(np.linalg.norm(high - low))
+    ends = np.stack([low - pad, high + pad])
+    camera = fitted(np.array(np.meshgrid(*ends.T)).reshape(3, -1).T, up, ASPECT)
+    center = 0.5 * (low + high)
+    target = camera.eye + float((center - camera.eye) @ camera.forward) * camera.forward
+    return target + CLOSER * (camera.eye - target), target
+
+
 def view(result_path, save=None, web: int | None = None, served: Callable[[], object] = lambda: None) -> None:
     """Shows a stage (a result or a scene) with all its frames, or writes it to the .rrd file `save`, or serves it as a web page
     on port `web` until `served`, which is called when all is there, returns.
@@ -110,7 +203,10 @@ def view(result_path, save=None, web: int | None = None, served: Callable[[], ob
 def _show(seen: Visible, result_path, save: Path | None, web: int | None = None) -> Log:
     from wsim.show.plots import Measures
 
-    log = Log(Path(result_path).stem, seen.up, save, web)
+    ends = dict.fromkeys((seen.times[0], seen.times[-1]))
+    places = [np.concatenate([d.points(t) for t in ends]) for d in seen.drawn]
+    log = Log(Path(result_path).stem, seen.up, save, web,
+              _eye([*places, *(s.corners(seen.times[0]) for s in seen.smoke)], seen.up))
     meshes = [(Shown(log, d.look), d) for d in seen.drawn]
     measures = Measures.of(seen)
     for t in seen.times:
@@ -148,7 +244,7 @@ def _soft_looks(soft: Soft, number: int) -> list[Look]:
     return looks or [Look(triangles, color, normal_of=smoothing(soft.points, triangles, CREASE), path=soft.path)]
 
 
-def _shape(shape: Shape, path: str, number: int) -> tuple[np.ndarray, Look]:
+def _shape(shape: Shape, path: str, number: int, kind: str = "collider") -> tuple[np.ndarray, Look]:
     """Points [m] in the collider's frame and how they are drawn."""
     if isinstance(shape, Surface):
         points = shape.points.astype(float)
@@ -156,5 +252,5 @@ def _shape(shape: Shape, path: str, number: int) -> tuple[np.ndarray, Look]:
     else:
         solid = row(shape)
         points, triangles = solid.outline(solid.given(shape), SIDES)
-    colors = np.array([palette("collider", number)])
+    colors = np.array([palette(kind, number)])
     return points, Look(triangles, colors, normal_of=smoothing(points, triangles, CREASE), path=path)

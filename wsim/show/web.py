@@ -35,12 +35,12 @@ def checked(port: int) -> int:
 
 
 def address(port: int) -> str:
-    """Where a browser on this machine, or one to which both ports are forwarded, finds the page."""
+    """Address at which a browser on this machine, or one to which both ports are forwarded, finds the page."""
     return f"http://localhost:{port}/?url={quote(f'rerun+http://localhost:{port + 1}/proxy', safe='')}"
 
 
 def words(port: int) -> str:
-    """What is said of a page that is served."""
+    """Text about a page that is served."""
     return (f"view: open {address(port)}\n"
             f"view: from another machine first: ssh -L {port}:localhost:{port} -L {port + 1}:localhost:{port + 1} HOST")
 

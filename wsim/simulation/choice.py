@@ -56,7 +56,7 @@ UNEVEN = 1e3           # ratio of two masses that hold each other, from which sw
 
 @dataclass(frozen=True)
 class Choice:
-    """What a scene is stepped with, and why."""
+    """The solver, integrator and steps of a scene, and the reason why."""
 
     solver: str
     integrator: Integrator
@@ -67,7 +67,7 @@ class Choice:
 
     @property
     def steps(self) -> int:
-        """Of a frame: what a scene says to be stepped so."""
+        """Steps of a frame: what a scene says to be stepped so."""
         return self.substeps // self.integrator.solves
 
 
@@ -251,7 +251,7 @@ class Fall:
 
 
 def falls(model: Model) -> list[Fall]:
-    """Of every body with edges."""
+    """Fall heights of every body with edges."""
     found = []
     for body in (b for b in model.bodies if b.world == 0 and len(b.edges)):
         g = float(np.linalg.norm(model.scene.gravity)) + _loaded(model, body) or FALL
@@ -266,14 +266,14 @@ def drift(bodies: list[Fall], h: float, factor: float = DRIFT) -> float:
 
 
 def swept(bodies: list[Fall], h: float, iterations: int) -> float:
-    """What unfinished sweeps add to it [m]: bodies that hang longer than they are, and swing slower."""
+    """Error that unfinished sweeps add [m]: bodies that hang longer than they are, and swing slower."""
     factor = SWEPT * (ONE if iterations == 1 else 1.0)
     swings = (factor * b.size * (h * (b.g / b.size)**0.5)**1.5 * b.row**2 / iterations for b in bodies)
     return max(slack(bodies, h, iterations), *swings, 0.0)
 
 
 def slack(bodies: list[Fall], h: float, iterations: int) -> float:
-    """By how much [m] so many sweeps of a step h [s] leave bodies longer than they are, hanging: see SOFT."""
+    """Length [m] by which so many sweeps of a step h [s] leave hanging bodies longer than they are: see SOFT."""
     return max((SOFT * b.g * h * h * b.row**2 / iterations for b in bodies), default=0.0)
 
 

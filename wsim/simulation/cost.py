@@ -10,11 +10,14 @@
     newton, solved              a Newton step of soft bodies, a tet in it
     touch, near                 a launch for contacts (a search a substep, a projection an iteration), a point beside a collider
     met, damped, body           what a frame is said to take besides (`frame`), which no choice depends on: a point that may
-                                touch a convex shape, in a substep; a damped tet in a Newton step; a rigid body, or what else
+                                touch a convex shape, in a substep; a damped tet in a Newton step, times sqrt(1 + damping
+                                time / step), as the iterations of its solve go; a rigid body, or what else
                                 other methods move, in a substep
     grid, cell                  an object that says of how many `elements` it is made, a frame; an element of it
     cluster, clustered          a substep of a net that a cluster of blocks takes in one launch a frame, a point in it
 """
+
+from math import sqrt
 
 from wsim.model.model import Model
 from wsim.physics.cloth.kind import SPRINGS, row
@@ -41,7 +44,7 @@ CLUSTERED = 8192       # points of a net, up to which a cluster takes it
 
 
 def seconds(model: Model, counted: dict[str, float]) -> float:
-    """What so much takes on the model's device [s]."""
+    """Time that so much takes on the model's device [s]."""
     costs = COSTS["cuda" if model.device.is_cuda else "cpu"]
     return sum(times * costs[name] for name, times in counted.items())
 
@@ -84,7 +87,9 @@ def _besides(model: Model, n: int, steps: int) -> dict[str, float]:
     """What a frame of n substeps, and so many Newton steps, is said to take besides."""
     scene = model.scene
     convex = sum(not isinstance(c.shape, Surface) for c in scene.colliders)
-    damped = sum(len(b.tets) for b in model.bodies if isinstance(b.source, Soft) and any(m.damping for m in b.source.materials))
+    rate = n * scene.fps                                             # steps a second
+    damped = sum(len(b.tets) * sqrt(1.0 + rate * most) for b in model.bodies if isinstance(b.source, Soft)
+                 and (most := max((m.damping for m in b.source.materials), default=0.0)))
     others = [thing for found in scene.others.values() for thing in found]
     grids = [thing.elements for thing in others if hasattr(thing, "elements")]
     return {"met": n * model.points * convex, "damped": steps * damped, "body": n * (len(others) - len(grids)) * model.worlds,

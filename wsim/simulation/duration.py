@@ -20,7 +20,7 @@ def long(plan) -> list[str]:
 
 
 def expected(plan, frames: int, samples: int = 1) -> str:
-    """What a frame and the run are expected to take, in one line; samples: of the plan's frames a frame."""
+    """Text of what a frame and the run are expected to take, in one line; samples: of the plan's frames a frame."""
     each = plan.seconds * samples
     return f"about {_short(each)} a frame, {_short(each * frames)} for {frames} frames, after kernels are compiled"
 

@@ -30,7 +30,7 @@ def _handle(*_) -> None:
 
 
 def begin(how: str) -> None:
-    """From here on. Where Ctrl-C is not watched nothing changes."""
+    """Begins to watch for Ctrl-C. Where Ctrl-C is not watched nothing changes."""
     global mode
     if watched():
         mode = how
@@ -43,7 +43,7 @@ def check() -> None:
 
 
 def wait() -> None:
-    """Until Ctrl-C, which is answered by that."""
+    """Waits until Ctrl-C, which is answered by that."""
     global came
     try:
         threading.Event().wait()

@@ -153,6 +153,8 @@ def _counts(sim: Simulation, row: Value, thing, path: str, world: int | None) ->
     """Numbers of elements that may have a value each: of all of a body's constraints of that name, or its tets."""
     if isinstance(thing, Soft):
         return {len(thing.tets)} if row.tets else set()
+    if hasattr(thing, "driven"):
+        return {len(thing.driven())}
     sizes = {len(r.ids) for r in sim.plan.methods.every("rows")
              if r.body is not None and r.body.path == path and world in (None, r.body.world) and row.name in r.stiffness}
     return sizes if len(sizes) == 1 else set()

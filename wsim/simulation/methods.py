@@ -22,7 +22,8 @@ from wsim.simulation.choice import Choice
 
 @dataclass
 class Build:
-    """What methods are made of: the tables of a scene, what it chose, and the methods that stand before in the table."""
+    """The things that methods are made of: the tables of a scene, what it chose, and the methods that stand before in the
+    table."""
 
     model: Model
     choice: Choice
@@ -38,25 +39,25 @@ class Build:
 
     @property
     def within(self) -> bool:
-        """Whether wind, contacts, soft pins, hard constraints or what else pushes act within a substep."""
+        """True if wind, contacts, soft pins, hard constraints or what else pushes act within a substep."""
         return bool(self.reasons["contact"]) or self.others_within
 
     @property
     def others_within(self) -> bool:
-        """Whether something else than contacts with colliders does."""
+        """True if something else than contacts with colliders does."""
         return (any(self.reasons[row.name] for row in METHODS if row.pushes and row.name != "contact")
                 or any(np.isfinite(p.stiffness) for p in self.scene.pins))
 
     @property
     def free(self) -> bool:
-        """Whether frames in which nothing can touch leave contacts out."""
+        """True if frames in which nothing can touch leave contacts out."""
         if not self.reasons["contact"]:
             return False
         from wsim.physics.contact.clearance import possible
         return possible(self.scene, self.model.gradients)
 
     def carriers(self) -> dict[str, Any]:
-        """What contacts can push, by name, of the methods that are made (`Method.carriers`)."""
+        """Carriers that contacts can push, by name, of the methods that are made (`Method.carriers`)."""
         return {name: carrier for method in self.methods for name, carrier in method.carriers().items()}
 
     def kept(self, soft: bool) -> list[Constraints]:
@@ -94,7 +95,7 @@ NEEDED: dict[str, Callable[[Build], str]] = {
 
 
 def needed(row: Row, b: Build) -> str:
-    """Why a scene needs a method, or ""."""
+    """Reason why a scene needs a method, or ""."""
     if row.name in NEEDED:
         return NEEDED[row.name](b)
     counts = {name: len(b.scene.things(name)) for name in row.owns}
@@ -125,7 +126,7 @@ TOLD = {"tether", "membrane", "distance", "dihedral", "limit"}          # kinds 
 
 
 def signature(b: Build) -> list:
-    """What of a scene decides which kernels it needs: scenes that agree in it share a Warp module."""
+    """Part of a scene that decides which kernels it needs: scenes that agree in it share a Warp module."""
     scene, inf = b.scene, float("inf")
     others = [row.role("method").signature(b) for row in METHODS if b.reasons.get(row.name) and row.owns
               and hasattr(row.role("method"), "signature")]

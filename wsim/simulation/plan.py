@@ -47,19 +47,19 @@ class Plan:
 
     @property
     def starts(self) -> bool:
-        """Whether the frame to come differs from those after it: it is not worth a graph of its own."""
+        """True if the frame to come differs from those after it: it is not worth a graph of its own."""
         clock, half = self.clock, self.state.has("b")
         return clock.starting and (clock.integrator.memory > 0.0 or half) or clock.after_free and half and not clock.free
 
     def stages(self, phase: str, rate: str, form: str = "") -> list[Stage]:
-        """Of methods that step with the others. form: of frames; "": of the present one."""
+        """Stages of methods that step with the others. form: of frames; "": of the present one."""
         form = form or self.clock.form
         return [s for m in self.methods if m.subdivide == 1 or rate == "frame"
                 for s in m.stages if s.phase == phase and s.rate == rate and s.frames in ("", form)]
 
     @property
     def parted(self) -> bool:
-        """Whether frames without contacts leave their stages out."""
+        """True if frames without contacts leave their stages out."""
         return any(s.frames == FREE for m in self.methods for s in m.stages)
 
     def subdivided(self) -> None:
@@ -73,7 +73,7 @@ class Plan:
                             stage.launch(self.clock)
 
     def find(self, name: str) -> Any:
-        """What a method offers by that name, see `wsim.model.stage.Methods`; None: there is none."""
+        """Offer of a method by that name, see `wsim.model.stage.Methods`; None: there is none."""
         return self.methods.find(name)
 
     def method(self, name: str) -> Method | None:
@@ -82,7 +82,7 @@ class Plan:
 
     @property
     def hard(self) -> bool:
-        """Whether tethers or strain limits hold something."""
+        """True if tethers or strain limits hold something."""
         return any(batch.hard for batch in self.methods.every("batches"))
 
     @property

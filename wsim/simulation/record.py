@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 
 def settings(sim: "Simulation", samples: int = 1) -> dict:
-    """How a run is stepped now: what its result says, and what one that goes on from it is held against. samples: of the steps
-    that make a frame."""
+    """Settings by which a run is stepped now: what its result says, and what one that goes on from it is held against.
+    samples: of the steps that make a frame."""
     return {"device": "cuda" if sim.device.is_cuda else "cpu", "precision": sim.precision, "solver": sim.plan.choice.solver,
             "integrator": sim.plan.integrator, "substeps": sim.plan.clock.steps * samples,
             "iterations": sim.plan.clock.iterations}

@@ -2,6 +2,8 @@
 `--json` prints them."""
 
 UNITS = {"penetration": "m", "too_near": "m"}
+NOUNS = {"bodies": "body", "joints": "joint", "grid": "cell"}     # rows of parts of the state, one of them
+APART = ("rigid_energy", "fluid_energy")                         # not within "energy", which is that of points
 ORDER = ("import", "load", "build", "compile", "capture", "first_frame", "simulate", "write", "picture", "report", "total")
 
 
@@ -17,9 +19,15 @@ def seconds(value: float) -> str:
     return f"{value:.2f} s" if value >= 1.0 else f"{1e3 * value:.3g} ms"
 
 
+def counted(n: int, part: str) -> str:
+    """Number of rows of a part of the state in words: 1 body, 31 bodies, 14000 cells, 4 wheels."""
+    noun = NOUNS.get(part, part)
+    return f"{n} {noun if n == 1 or part not in NOUNS else noun[:-1] + 'ies' if noun.endswith('y') else noun + 's'}"
+
+
 def text(report: dict, verbose: bool = False) -> str:
-    """What ran, how fast, how wrong, what to look at; verbose: also each stage and what was left out. Missing keys leave out
-    their line."""
+    """Text of what ran, how fast, how wrong, what to look at; verbose: also each stage and what was left out. Missing keys
+    leave out their line."""
     held = [f"limits    {report['limits']}"] if report.get("limits") else []
     more = [*_stages(report), *_left_out(report)] if verbose else []
     return "\n".join([*_what(report), *_forms(report), *_speed(report), *_error(report), *held, *kept(report.get("kept", [])),
@@ -28,8 +36,11 @@ def text(report: dict, verbose: bool = False) -> str:
 
 def _what(report: dict) -> list[str]:
     device, name = report["device"], report.get("device_name")
-    lines = [f"{report['frames']} frames of {report.get('points', '?')} points and {report.get('constraints', '?')} "
-             f"constraints on {device}{f' ({name})' if name and name.lower() != device else ''}, {report['precision']}"]
+    sizes, points = report.get("sizes", {}), report.get("points", "?")
+    what = [f"{points} points and {report.get('constraints', '?')} constraints"] if points or not sizes else []
+    what += [counted(n, part) for part, n in sizes.items()]
+    lines = [f"{report['frames']} frames of {', '.join(what)} on {device}"
+             f"{f' ({name})' if name and name.lower() != device else ''}, {report['precision']}"]
     if "substeps" in report:
         lines.append(f"  {report['substeps']} substeps, {report['iterations']} iterations, {report['integrator']}")
     return lines + [f"  {what:<9}{report[what]}" for what in ("output", "partial", "picture") if report.get(what)]
@@ -37,9 +48,10 @@ def _what(report: dict) -> list[str]:
 
 def _speed(report: dict) -> list[str]:
     lines = [f"time      {report['ms_per_frame']:.3g} ms/frame"]
-    if "points_per_second" in report:
-        lines[0] += (f"; {quantity(report['points_per_second'])} points and "
-                     f"{quantity(report.get('constraints_per_second', 0.0))} constraints a second")
+    rates = [f"{quantity(report['points_per_second'])} points and "
+             f"{quantity(report.get('constraints_per_second', 0.0))} constraints"] if report.get("points_per_second") else []
+    rates += [f"{quantity(report['bodies_per_second'])} bodies"] if report.get("bodies_per_second") else []
+    lines[0] += f"; {', '.join(rates)} a second" if rates else ""
     spent = report.get("seconds", {})
     names = [*(n for n in ORDER if n in spent), *(n for n in spent if n not in ORDER)]
     if names:
@@ -62,6 +74,8 @@ def _error(report: dict) -> list[str]:
     change, time = found.pop("energy_change", None), found.pop("energy_change_seconds", 0.0)
     energies = {name: value for name, value in found.items() if name.endswith("energy")}
     counts = {name: value for name, value in found.items() if isinstance(value, int)}
+    if "energy" in energies:
+        energies["energy"] += sum(energies.get(name, 0.0) for name in APART)
     lines = _rows("error", [_value(name, v) for name, v in found.items() if name not in {**energies, **counts}])
     lines += _rows("energy", [_value(name.removesuffix("_energy"), v, "J") for name, v in energies.items()])
     if change is not None:
@@ -85,7 +99,7 @@ def _rows(title: str, parts: list[str]) -> list[str]:
 
 
 def kept(taken: list[dict]) -> list[str]:
-    """What colliders keep from bodies where no thickness is authored: collider, body, thickness [m]."""
+    """Text of what colliders keep from bodies where no thickness is authored: collider, body, thickness [m]."""
     return [f"contact   {k['collider']} keeps {k['thickness']:.3g} m from {k['body']}, half of whose thickness comes to that: "
             "less would show between its points (wsim:thickness)" for k in taken]
 

@@ -33,14 +33,14 @@ def begin(sim: Simulation) -> None:
 
 
 def settle(sim: Simulation) -> None:
-    """What a simulation that has been built takes before its first frame."""
+    """The settling of a simulation that has been built, before its first frame."""
     if sim.scene.varying:
         from wsim.simulation import varying
         varying.settle(sim)
 
 
 def mend(sim: Simulation) -> bool:
-    """Whether the frame must be repeated, after making it possible: each method says what its words of the status ask for."""
+    """True if the frame must be repeated, after making it possible: each method says what its words of the status ask for."""
     said = [remedy for method in sim.plan.methods for remedy in method.retry(sim.plan.status)]
     if not said:
         return False

@@ -86,11 +86,11 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """[s] since the scene's start."""
+        """Time [s] since the scene's start."""
         return self.frame / self.scene.fps
 
     def step(self) -> None:
-        """One frame. Raises SceneError when it cannot be finished. Threads may step simulations of their own."""
+        """Steps one frame. Raises SceneError when it cannot be finished. Threads may step simulations of their own."""
         with GATE.shared():
             self._step()
 
@@ -138,7 +138,7 @@ class Simulation:
         return Record(self, path, **more)
 
     def run(self, frames: int | None = None, each: Callable | None = None) -> None:
-        """So many frames (None: the scene's); `each(simulation)` is called after every one."""
+        """Runs so many frames (None: the scene's); `each(simulation)` is called after every one."""
         for _ in range(self.scene.frames if frames is None else frames):
             self.step()
             if each:
@@ -162,7 +162,7 @@ class Simulation:
 
     @property
     def graph(self) -> wp.Graph | None:
-        """Of frames of the present form. None forgets both."""
+        """Graph of frames of the present form. None forgets both."""
         return self.graphs.get(self.plan.clock.free)
 
     @graph.setter
@@ -181,7 +181,7 @@ class Simulation:
         return capture.graph
 
     def reset(self) -> None:
-        """Back to the scene's initial state, with the scene's own parameters."""
+        """Sets the simulation back to the scene's initial state, with the scene's own parameters."""
         self._build()
 
     # reading and setting
@@ -199,20 +199,20 @@ class Simulation:
         return x[body.index] + body.origin
 
     def velocities(self, path: str | None = None, world: int = 0, device: bool = False):
-        """Velocities [m/s] of a body's points, as `positions`."""
+        """Velocities [m/s] of a body's points, (n, 3), as `positions`."""
         body = self.model.body(path, world)
         return (self.state.v, body.index) if device else self.state.v.numpy().astype(np.float64)[body.index]
 
     def poses(self, path: str | None = None) -> dict[str, np.ndarray]:
-        """Local-to-world transforms (4, 4) [m] of the colliders at the current time, by path."""
+        """Local-to-world transforms (4, 4), lengths [m], of the colliders at the current time, by path."""
         return {c.path: c.motion.at(self.time) for c in self.scene.colliders if path in (None, c.path)}
 
     def samples(self, world: int = 0) -> list:
-        """What methods hand to a result besides points, now (`wsim.scene.samples`)."""
+        """Samples that methods hand to a result besides points, now (`wsim.scene.samples`)."""
         return [sample for method in self.plan.methods for sample in method.samples(world)]
 
     def set(self, path: str, name: str, value, world: int | None = None) -> None:
-        """A live value, from the next frame on, without rebuilding, of one world or of all (None).
+        """Sets a live value, from the next frame on, without rebuilding, of one world or of all (None).
 
         Names, units, bounds: `wsim.scene.values.table`. "/" names the whole scene. gravity, air_drag, wind; stretch, weft,
         shear, bend, damping, strain_limit (a finite one), poisson (of the model "membrane") of a cloth; stiffness of springs;
@@ -222,17 +222,18 @@ class Simulation:
         keys); force or traction of a load (as actuation, or one (3,) for all times); static_friction, dynamic_friction of a
         body or a collider; thickness and restitution of a collider (the latter where one throws back from the start); motion
         (rigid) of a pin or collider; positions and velocities (world, author's order) of a body; velocity, spin, force, torque,
-        drag, spin_drag, mass, inertia of a rigid one, which goes on as fast; lift, weight, vorticity, smoke_decay, cooling,
-        viscosity of a fluid; smoke, temperature, expansion of a source. Values are copied. Raises SceneError, with nothing
-        changed, if nothing of that path has it, for what a scene would not take, and for more than `counts.MOST` substeps.
+        drag, spin_drag, mass, inertia of a rigid one, which goes on as fast, friction, restitution of its colliders; stiffness,
+        damping, target of a joint's drives; lift, weight, vorticity, smoke_decay, cooling, viscosity of a fluid; smoke,
+        temperature, expansion of a source. Values are copied. Raises SceneError, with nothing changed, if nothing of that path
+        has it, for what a scene would not take, and for more than `counts.MOST` substeps.
         """
         from wsim.simulation import live
         with GATE.alone():
             live.set_value(self, path, name, value, world)
 
     def fields(self, path: str | None = None) -> dict[str, np.ndarray]:
-        """What an exact restart needs of a body, by name, each in the author's order; of points, behind them those between
-        (quadratic tets)."""
+        """Fields of a body that an exact restart needs, by name, each in the author's order; of points, behind them those
+        between (quadratic tets)."""
         path = self.model.body(None).path if path is None else path
         found = {name: array.numpy()[rows] for name, array, rows in self.state.of(path)}
         if not found:
@@ -287,7 +288,7 @@ class Simulation:
             return reactions(self, path, world)
 
     def report(self, profile: bool = True) -> dict:
-        """What ran and how well: device, precision, frames, times, errors, stages, what was skipped, warnings."""
+        """Report of what ran and how well: device, precision, frames, times, errors, stages, what was skipped, warnings."""
         return measure.report(self, profile)
 
 

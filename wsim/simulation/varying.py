@@ -31,8 +31,8 @@ def settle(sim: Simulation) -> None:
     """Takes the substeps that the stiffest of the values need, of an explicit integrator: then every frame of a run, and of one
     that goes on in its middle, has as many."""
     for thing in sim.scene.varying if sim.plan.find("least") else ():
-        values = thing.curve.values
-        _put(sim, thing.path, thing.name, values.min(axis=0) if thing.name == "density" else values.max(axis=0))
+        least, most = thing.curve.bounds()
+        _put(sim, thing.path, thing.name, least if thing.name == "density" else most)
     follow(sim)
 
 

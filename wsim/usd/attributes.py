@@ -45,7 +45,7 @@ def read(prim: Usd.Prim, owner: str, field: str, units: Units = SI, time=None, t
 
 
 def read_row(prim: Usd.Prim, entry: Entry, units: Units = SI, time=None, through=None):
-    """As `read`, of a row that need not be in the table."""
+    """Value as `read` has it, of a row that need not be in the table."""
     attribute = prim.GetAttribute(entry.attribute)
     if not attribute or not attribute.HasAuthoredValue():
         return None
@@ -139,7 +139,7 @@ def author(prim: Usd.Prim, owner: str, field: str, value, units: Units = SI, thr
 
 
 def read_values(prim: Usd.Prim, owner: str, units: Units = SI) -> dict:
-    """What a prim authors of the values of a class [SI], by field: of rows of the table with an attribute."""
+    """Values of a class that a prim authors [SI], by field: of rows of the table with an attribute."""
     found = {field: read(prim, owner, field, units) for field in fields(owner)}
     return {field: value for field, value in found.items() if value is not None}
 

@@ -1,7 +1,8 @@
 """Attributes that are sampled in time: those of values that may change while a scene runs become curves (`wsim.scene.Varying`),
 the others have their value at startTimeCode, which is said. Faces, tets and curves may not change.
 
-A curve has a key at each sample, and of a spline one at each frame. What follows from several attributes (the stretch of a
+A curve has a key at each sample. What follows from one spline by a factor is that spline; what follows otherwise from splines
+has a key at each frame and at its middle, whose value the frame has. What follows from several attributes (the stretch of a
 sheet from its Young's modulus) is worked out at each key.
 """
 
@@ -15,14 +16,17 @@ from wsim.scene import Scene, Varying
 from wsim.scene.curve import Curve
 from wsim.scene.values.table import VALUES, varying
 from wsim.usd.stage import Reading
+from wsim.usd.transforms.splines import curve_of
 
+ROUNDED = 1e-6                     # of a value, how far a float is from its spline
 OWN = ("physics:", "wsim:")        # namespaces whose samples are looked at
 # sampled by nature, read elsewhere
-CURVES = ("wsim:reaction", "wsim:fluid:strength", *(row.usd.attribute for row in VALUES if row.form == "curve" and row.usd))
+CURVES = ("wsim:reaction", "wsim:fluid:strength", "wsim:liquid:strength",
+          *(row.usd.attribute for row in VALUES if row.form == "curve" and row.usd))
 
 
 def steady(reading: Reading, prim: Usd.Prim, *names: str) -> bool:
-    """Whether attributes that say what is joined to what are the same at all times; one that is not is an error."""
+    """True if attributes that say what is joined to what are the same at all times; one that is not is an error."""
     for name in names:
         attribute = prim.GetAttribute(name)
         codes = attribute.GetTimeSamples() if attribute else []
@@ -35,12 +39,12 @@ def steady(reading: Reading, prim: Usd.Prim, *names: str) -> bool:
 
 
 def sampled(attribute: Usd.Attribute) -> bool:
-    """Whether a value may differ from time to time."""
+    """True if a value may differ from time to time."""
     return bool(attribute) and attribute.HasAuthoredValue() and attribute.ValueMightBeTimeVarying()
 
 
 def attributes_of(prim: Usd.Prim | None) -> list[Usd.Attribute]:
-    """What wsim reads of a prim that says nothing but values: a material, a PhysicsScene."""
+    """Attributes that wsim reads of a prim that says nothing but values: a material, a PhysicsScene."""
     return [] if prim is None else [a for a in prim.GetAuthoredAttributes() if a.GetName().startswith(OWN)]
 
 
@@ -58,7 +62,7 @@ def vary(reading: Reading, path: str, kind: type, attributes: list[Usd.Attribute
         return
     codes = {code for a in moving for code in a.GetTimeSamples()}
     if any(a.HasSpline() for a in moving):
-        codes |= set((reading.units.start + np.arange(reading.frames + 1)).tolist())
+        codes |= set((reading.units.start + 0.5 * np.arange(2 * reading.frames + 1)).tolist())
     keys = sorted(codes)
     found = [values(replace(reading, units=replace(reading.units, start=code))) for code in keys]
     where = ", ".join(str(a.GetPath()) for a in moving)
@@ -70,10 +74,25 @@ def vary(reading: Reading, path: str, kind: type, attributes: list[Usd.Attribute
             reading.fail(moving[0].GetPath(), f"{name} has {column[0].size} values at one time and another number at another; "
                          "give it as many at each")
         elif name in varying(kind.__name__):
-            curve = Curve(reading.units.time(np.array(keys)), np.array(column))
+            curve = _spline(reading, moving, np.array(keys), np.array(column)) or Curve(
+                reading.units.time(np.array(keys)), np.array(column))
             reading.varying.append((where, Varying(path, name, curve)))
         else:
             held(reading, where, f"{name} is fixed while a scene runs")
+
+
+def _spline(reading: Reading, moving: list[Usd.Attribute], keys: np.ndarray, column: np.ndarray) -> Curve | None:
+    """The one spline that these values (keys,) are times a number; None if there is none."""
+    if len(moving) != 1 or not moving[0].HasSpline() or column.ndim != 1:
+        return None
+    try:
+        own = curve_of(moving[0].GetSpline(), reading.units)
+    except ValueError as why:
+        reading.warn(moving[0].GetPath(), f"{why}: it is evaluated at frames")
+        return None
+    found = own.sampled(reading.units.time(keys))
+    factor = float(found @ column / max(found @ found, 1e-300))
+    return own.scaled(factor) if np.abs(factor * found - column).max() <= ROUNDED * np.abs(column).max() else None
 
 
 def held(reading: Reading, where, reason: str) -> None:

@@ -169,7 +169,7 @@ def _refresh(stage: Usd.Stage) -> None:
 
 
 def reason(error: Exception) -> str:
-    """What USD says, less its function names, files and line numbers; other errors in one line."""
+    """Message of USD, less its function names, files and line numbers; other errors in one line."""
     parts = [line.split(" : ", 1)[-1].strip().strip("'") for line in str(error).splitlines() if line.strip()]
     return parts[0] if parts else "no reason given"
 

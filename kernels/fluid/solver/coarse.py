@@ -1,5 +1,5 @@
-"""The small levels of a V-cycle (kernels/fluid/solver/multigrid.py) in one launch: one block of threads goes down and up through
-all of them, and its threads meet where launches would end. On the CPU one thread does.
+"""The small levels of a V-cycle (kernels/fluid/solver/multigrid.py) in one launch: one block of threads goes down and up
+through all of them, and its threads meet where launches would end. On the CPU one thread does.
 
 A launch in a graph takes an H200 1.9 us, whatever it does; these levels would have a hundred of them a cycle.
 """
@@ -33,7 +33,7 @@ def rungs(real):
 
 
 @cache
-def coarse(dim: int, fractions: bool, sweeps: int, coarsest: int, real, module):
+def coarse(dim: int, fractions: bool | int, sweeps: int, coarsest: int, real, module):
     """Kernel of one block: x of the first of the rungs, of its b. sweeps, coarsest: of both colours, before and behind.
     sealed: the mean of the coarsest b is taken off, or no x has that residual."""
     Rung, p, f = rungs(real), passes(dim, fractions, real), functions(dim, real)

@@ -6,8 +6,8 @@ operator an axis, A = sum_a T_a, each with eigenvectors Q_a and eigenvalues l_a,
 T_a is 2 -1, closed ends 1, open ends 3, or around: cosines, sines and waves are its eigenvectors. What is 0 in the sum, the
 constant of a sealed box, is left out. Work: n^4 for n^3 cells.
 
-A product goes by tiles of SIDE x SIDE numbers, each by a block of BLOCK threads on CUDA, which keeps SIDE x DEEP numbers of both
-factors in shared memory, and 4 x 8 sums in each thread; on the CPU by one thread.
+A product goes by tiles of 64 x 64 numbers, each by a block of 128 threads on CUDA, which keeps 64 x 16 numbers of both factors
+in shared memory, and 4 x 8 sums in each thread; on the CPU by one thread.
 """
 
 from functools import cache
@@ -17,11 +17,12 @@ import warp as wp
 from wsim.kernels.fluid.grid import functions
 from wsim.kernels.math.real import types
 
-SIDE, BLOCK = 64, 128                     # of a tile, threads of its block
+SIDE = 64                                 # of a tile
 
 PRODUCT = """
     typedef TYPE R;
-    const int m0 = row * 64, j0 = column * 64;
+    const int M = size[0], N = size[1], K = size[2], batch = at[0];
+    const int m0 = at[1] * 64, j0 = at[2] * 64;
     const R* a = first.data + (LEFT ? 0 : batch * M * K);
     const R* b = second.data + (LEFT ? batch * K * N : 0);
     R* y = out.data + batch * M * N;
@@ -84,27 +85,28 @@ PRODUCT = """
 
 @cache
 def product(last: bool, real, module):
-    """Kernel over blocks of threads, one for each tile (batch, rows, columns) of y_out, (batch, M, N). last: y = x[b] Q, with x
-    (batch, M, K) and Q (K, N), along the last axis of x; else y = Q^T x[b], with Q (K, M) and x (batch, K, N)."""
+    """Kernel over blocks of threads, one for each tile (batch, rows, columns) of y_out (batch, M, N), size (M, N, K).
+    last: y = x[b] Q, with x (batch, M, K) and Q (K, N), along the last axis of x; else y = Q^T x[b], with Q (K, M) and x
+    (batch, K, N)."""
     t = types(real)
     kind = "float" if real is wp.float32 else "double"
 
     @wp.func_native(PRODUCT.replace("TYPE", kind).replace("LEFT", str(int(not last))))
-    def tile(first: wp.array(dtype=real), second: wp.array(dtype=real), M: int, N: int, K: int, batch: int, row: int,
-             column: int, out: wp.array(dtype=real)):
+    def tile(first: wp.array(dtype=real), second: wp.array(dtype=real), size: wp.vec3i, at: wp.vec3i,
+             out: wp.array(dtype=real)):
         ...
 
-    def product(Q: wp.array(dtype=real), x: wp.array(dtype=real), M: int, N: int, K: int, y_out: wp.array(dtype=real)):
+    def product(Q: wp.array(dtype=real), x: wp.array(dtype=real), size: wp.vec3i, y_out: wp.array(dtype=real)):
         c = wp.tid() // wp.block_dim()
-        rows = (M + SIDE - 1) // SIDE
-        columns = (N + SIDE - 1) // SIDE
+        rows = (size[0] + SIDE - 1) // SIDE
+        columns = (size[1] + SIDE - 1) // SIDE
         batch = c // (rows * columns)
         c = c - batch * rows * columns
-        row = c // columns
+        at = wp.vec3i(batch, c // columns, c - c // columns * columns)
         if wp.static(last):
-            tile(x, Q, M, N, K, batch, row, c - row * columns, y_out)
+            tile(x, Q, size, at, y_out)
         else:
-            tile(Q, x, M, N, K, batch, row, c - row * columns, y_out)
+            tile(Q, x, size, at, y_out)
 
     return wp.kernel(product, name=f"diagonal_{'last' if last else 'along'}_{t.name}", module=module, enable_backward=False,
                      grid_stride=False)

@@ -20,6 +20,7 @@ from wsim.kernels.rigid.passes import over_bodies, walks
 from wsim.kernels.rigid.soft_step import goals
 
 EACH, MOST = wp.constant(4), wp.constant(4000)
+FINE = 1.0e-12             # part of the speed to which the sweeps of an impact go
 
 
 def missed(real):
@@ -53,13 +54,9 @@ def missed(real):
     return missed
 
 
-def converged(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0, bouncing: bool = False):
-    """Kernel as `wsim.kernels.rigid.passes.substeps`, of which steps[2] is not read. tolerance [m/s]; work.residual[1] becomes
-    the largest residual that was left."""
-    Rig, w = whole(real), walks(kinds, real, meet, bouncing)
-    begun, placed, ended = over_bodies(real)
-    prepare, warm, solve, thrown = w.prepare, w.warm, w.solve, w.thrown
-    look = at_once(kinds[-1], missed(real), real)
+def until(kinds: Sequence[Kind], real, meet: Callable, solve):
+    """Function of all threads: sweeps until the residual is met."""
+    Rig, look = whole(real), at_once(kinds[-1], missed(real), real)
 
     @wp.func
     def left(i: int, threads: int, k: int, h: real, biased: int, rig: Rig):
@@ -84,6 +81,17 @@ def converged(kinds: Sequence[Kind], real, module, meet: Callable, threads: int 
         meet()
         if i == 0:
             rig.work.residual[1] = wp.max(rig.work.residual[1], miss)
+
+    return solved
+
+
+def converged(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0, bouncing: bool = False):
+    """Kernel as `wsim.kernels.rigid.passes.substeps`, of which steps[2] is not read. tolerance [m/s]; work.residual[1] becomes
+    the largest residual that was left."""
+    Rig, w = whole(real), walks(kinds, real, meet, bouncing, met=FINE, timed=True)
+    begun, placed, ended = over_bodies(real)
+    prepare, warm, thrown = w.prepare, w.warm, w.thrown
+    solved = until(kinds, real, meet, w.solve)
 
     def rigid_converged(steps: wp.vec3i, h: real, threads: int, tolerance: real, rig: Rig):
         i = wp.tid()

@@ -68,7 +68,7 @@ def test_motions_on_the_device_are_those_of_the_host(seed):
     c = tried([Collider(f"/{k}", Sphere(0.1), m) for k, m in enumerate(given)])
     for time in (-2.0, -1.1, *rng.uniform(-1.0, 2.0, 8), 1.9, *(given[2].times[[0, 2, 5]])):
         c.prepare(time)
-        A, p = c.poses.loaded.A.numpy(), c.poses.loaded.p.numpy()
+        A, p = c.poses.loaded["keys"].A.numpy(), c.poses.loaded["keys"].p.numpy()
         for k, own in enumerate(given):
             for j, t in enumerate(time + 0.5 * np.arange(8) / 7):
                 expected = own.at(t)

@@ -5,8 +5,11 @@ import pytest
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from tests.physics.rigid.pairs import WHERE
-from wsim.scene import SceneError
+from wsim.physics.rigid.joints.joint import Joint
+from wsim.physics.rigid.objects import Body
+from wsim.scene import Box, Collider, Plane, Scene, SceneError
 from wsim.scene.check.scene import check
+from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load
 
@@ -84,4 +87,30 @@ def test_a_sound_body_is_told_nothing(tmp_path):
     for k, more in enumerate([{}, {"points": TETRAHEDRON}, {"Mass": 2.0}, {"metres": 0.01, "scale": 20.0},
                               {"orient": (0.7071, 0, 0.7071, 0)}]):
         scene = load(stage_with(str(tmp_path / f"{k}.usda"), **more))
-        assert not [p for p in (*scene.notes, *check(scene)) if p.path.startswith("/b")], more
+        found = [p for p in (*scene.notes, *check(scene)) if p.path.startswith("/b")]
+        said = ["no joint holds it and nothing lies below: it falls for ever"]
+        assert [p.text.partition(";")[0] for p in found] == said, more
+
+
+@pytest.mark.parametrize("said", [False, True])
+def test_bodies_that_nothing_can_stop_are_warned_of_once(said):
+    """One warning for all; none where there is a floor, something to hang from, no weight or a force."""
+    def found(scene: Scene) -> list[str]:
+        return [f"{p.path}: {p.text}" for p in check(scene) if "for ever" in p.text]
+
+    def two(**more) -> Scene:
+        scene = Scene(**more)
+        for name, x in (("/a", 0.0), ("/b", 2.0)):
+            scene.add(Body(name, [Collider(name, Box((1.0, 1.0, 1.0)))], motion=Motion.still(np.array(
+                [[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]))))
+        return scene
+
+    if said:
+        (text,) = found(two())
+        assert text.startswith("/a: ") and "the 2 rigid bodies fall for ever" in text and "physics:gravityMagnitude = 0" in text
+        return
+    landed, hung, pushed = two(), two(), two()
+    landed.collider("/floor", Plane())
+    hung.add(Joint("/joint", body0="", body1="/b"))
+    pushed.things("Body")[0].force[1] = 1.0
+    assert not found(landed) and not found(hung) and not found(pushed) and not found(two(gravity=(0.0, 0.0, 0.0)))

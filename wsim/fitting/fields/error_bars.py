@@ -62,7 +62,7 @@ def deviations(misfit: Adjoint, theta: np.ndarray, rows: list[int], sigma: float
 
 
 def gain(misfit: Adjoint, theta: np.ndarray, gradient: np.ndarray, sigma: float, Y: np.ndarray) -> float:
-    """What Newton's step would take off F."""
+    """Decrease of F that Newton's step promises."""
     if not gradient.any():
         return 0.0
     return 0.5 * float(gradient @ Newton(misfit, theta, sigma, Y).solve(gradient, SOME)[0])

@@ -30,7 +30,6 @@ from wsim.model.model import edge_lengths
 from wsim.physics.cloth.constraints import AT_REST, of_body
 from wsim.physics.cloth.rest_shape import rest_shape, written
 from wsim.scene import Cloth, Collider, Load, Motion, Pin, Problem, Scene, SceneError, Soft, Springs
-from wsim.scene.curve import Curve
 from wsim.scene.values import table
 from wsim.scene.values.per_tet import parted
 from wsim.simulation.simulation import Simulation
@@ -53,7 +52,7 @@ class Kind:
 
 
 def kinds() -> list[Kind]:
-    """What the table of values says of each element, by name."""
+    """Rows of the table of values of each element, by name."""
     found: dict[str, Kind] = {}
     for row in table.VALUES:
         if row.each:
@@ -93,7 +92,7 @@ class ParameterField:
     # values
 
     def values(self, sim: Simulation, last: int) -> np.ndarray:
-        """What the scene has, (n, c); last: frame of the last observation."""
+        """Values of the scene, (n, c); last: frame of the last observation."""
         thing, what = self.thing(sim.given), self.kind.name
         if what == "motion":
             return np.zeros((last, 3))
@@ -121,7 +120,7 @@ class ParameterField:
         return found[0].ids, found[0].stiffness[self.kind.name]
 
     def belief_at(self, sim: Simulation, theta: np.ndarray) -> Belief:
-        """What is believed before anything was seen, about theta (n, c)."""
+        """Prior of theta (n, c), before anything was seen."""
         return Belief(self.pairs(sim, len(theta)), self.belief, self.near, theta.copy())
 
     def pairs(self, sim: Simulation, count: int) -> np.ndarray:
@@ -196,7 +195,7 @@ class ParameterField:
         if isinstance(thing, (Pin, Collider)):
             new: object = replace(thing, motion=self.moved(scene, values))
         elif isinstance(thing, Load):
-            new = replace(thing, curve=Curve(thing.curve.times, values))
+            new = replace(thing, curve=thing.curve.replaced(values))
         elif self.kind.name in AT_REST:
             new = written(thing, self.kind.name, values)
         elif self.kind.name == "velocities":
@@ -204,7 +203,7 @@ class ParameterField:
         elif isinstance(thing, Soft):
             new = parted(thing, self.kind.name, values[:, 0])
         elif self.kind.name == "actuation":
-            new = replace(thing, actuation=Curve(thing.actuation.times, values))
+            new = replace(thing, actuation=thing.actuation.replaced(values))
         elif isinstance(thing, Springs):
             new = replace(thing)
             new.stiffness = values[:, 0].copy()                        # stays in float64

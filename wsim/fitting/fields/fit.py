@@ -66,7 +66,7 @@ class FieldSearch:
         return self.stage == len(self.horizons) - 1
 
     def arrive(self) -> None:
-        """At a horizon: F anew. Raises SceneError where the start breaks."""
+        """Evaluates F anew at a horizon. Raises SceneError where the start breaks."""
         m, d = self.misfit, self.descent
         m.time, self.still, self.tried, self.settled = self.horizons[self.stage], 0, None, False
         d.at = d.look(d.at.x)
@@ -116,7 +116,7 @@ class FieldSearch:
                               f"no lower F is found along the gradient, though F should fall by {self.promise:.2g}")
 
     def done(self) -> bool:
-        """Whether the fit has converged here."""
+        """True if the fit has converged here."""
         m, Y = self.misfit, self.misfit.probes(self.theta)
         self.proof = (self.theta, Y)
         self.visible = bool((np.linalg.norm(Y, axis=1) > self.sigma).any())
@@ -132,7 +132,7 @@ class FieldSearch:
         self.descent.inverse = lambda q, weights: metric(q, float(weights[0]))
 
     def note(self, before: float) -> None:
-        """What a step has done; the noise follows."""
+        """Notes what a step has done; the noise follows."""
         d = self.descent
         self.still = self.still + 1 if before - d.value < DONE * min(len(d.at.x), before) else 0
         now = max(self.left(), self.least)
@@ -150,7 +150,7 @@ class FieldSearch:
                           float(np.linalg.norm(d.gradient)), self.misfit.walked))
 
     def goes_on(self) -> bool:
-        """Where nothing moves any more: whether it does once beliefs weigh less. A given noise is gone down to; an estimate is
+        """True if a fit that no longer moves does once beliefs weigh less. A given noise is gone down to; an estimate is
         halved to see whether that fits much better, and is taken back where not."""
         self.settled = self.settled or self.taken_back()
         if self.settled:
@@ -163,7 +163,7 @@ class FieldSearch:
         return True
 
     def taken_back(self) -> bool:
-        """Whether half of s did not fit much better: then all is as before."""
+        """True if half of s did not fit much better: then all is as before."""
         if not self.tried or self.left() <= GAIN * self.tried[0]:
             return False
         _, self.sigma, self.descent.at = self.tried
@@ -195,7 +195,7 @@ class FieldSearch:
 
 def fit_fields(experiments: list[tuple[Scene, list]], names: list[str], *, start=None, priors=None, each=None,
                settings) -> FieldFit:
-    """What `wsim.fit` does where fields are asked for; the same arguments. start: {name: number or array}; priors: {name:
+    """A fit of fields, which `wsim.fit` calls with the same arguments. start: {name: number or array}; priors: {name:
     (mean, sigma)} of every element."""
     began = perf_counter()
     found, scenes = several(names, [s for s, _ in experiments], start or {})

@@ -71,7 +71,7 @@ class Descent:
         return q
 
     def expected(self) -> float:
-        """What the next step should take off the value."""
+        """Decrease of the value that the next step should bring."""
         return -0.5 * float(self.gradient @ self.direction())
 
     def step(self) -> bool:
@@ -119,7 +119,7 @@ class Descent:
 
 
 def between(low: tuple[float, float, float], high: tuple[float, float, float]) -> float:
-    """Where the cubic through two (place, value, slope) is lowest (equation 3.59), kept a tenth away from both ends."""
+    """Place where the cubic through two (place, value, slope) is lowest (equation 3.59), kept a tenth away from both ends."""
     (a, fa, ga), (b, fb, gb) = low, high
     middle = 0.5 * (a + b)
     if not (np.isfinite(fb) and np.isfinite(gb)):

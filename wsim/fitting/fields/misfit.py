@@ -57,14 +57,14 @@ class Experiment:
         return [(k, row) for k, o in enumerate(self.seen) for row, f in enumerate(o.frames) if f <= frames]
 
     def residuals(self, frames: int) -> list[np.ndarray]:
-        """Of each of `rows`, over the noise where it is given. Raises SceneError where the run breaks."""
+        """Residuals of each of `rows`, over the noise where it is given. Raises SceneError where the run breaks."""
         assert self.recording
         self.recording.run()
         return [self.seen[k].residuals(row, self.at(k, row)[None])[0] / (self.seen[k].sigma or 1.0)
                 for k, row in self.rows(frames)]
 
     def at(self, k: int, row: int) -> np.ndarray:
-        """What an observation is about: positions [m], or forces of a pin [N]."""
+        """Quantity that an observation is about: positions [m], or forces of a pin [N]."""
         o, recording = self.seen[k], self.recording
         assert recording
         return (recording.positions if o.unit == "m" else recording.reactions)(int(o.frames[row]), o.path)
@@ -82,7 +82,7 @@ class Experiment:
 
 @dataclass
 class Seen:
-    """What a run has seen."""
+    """Observations that a run has met, with their residuals."""
 
     count: int = 0                 # residuals
     rms: float = np.inf            # [m], or of the given noise
@@ -108,7 +108,7 @@ class Adjoint:
         self.beliefs = [f.belief_at(self.owner[f.name].sim, f.map.forward(m)) for f, m in zip(self.fields, means, strict=True)]
 
     def parts(self, theta: np.ndarray) -> list[np.ndarray]:
-        """Of each field, (n, c)."""
+        """Shares of each field, (n, c)."""
         return [theta[i:j].reshape(s) for i, j, s in zip(self.ends[:-1], self.ends[1:], self.shapes, strict=True)]
 
     def values(self, theta: np.ndarray) -> list[np.ndarray]:
@@ -119,7 +119,7 @@ class Adjoint:
 
     @property
     def unit(self) -> str:
-        """Of noise, as of `wsim.fitting.observations.residuals.Misfit`."""
+        """Unit of noise, as of `wsim.fitting.observations.residuals.Misfit`."""
         found = {o.unit for e in self.experiments for o in e.seen}
         return found.pop() if len(found) == 1 else "sigma"
 
@@ -128,7 +128,7 @@ class Adjoint:
         return sorted({f / e.scene.fps for e in self.experiments for o in e.seen for f in o.frames})
 
     def frames(self, e: Experiment) -> int:
-        """Of an experiment that the horizon takes; 0: nothing was seen of it yet."""
+        """Frames of an experiment that the horizon takes; 0: nothing was seen of it yet."""
         seen = [int(f) for o in e.seen for f in o.frames if f / e.scene.fps <= self.time + 1e-9]
         return max(seen, default=0)
 
@@ -154,7 +154,7 @@ class Adjoint:
         return value, by
 
     def begun(self, theta: np.ndarray):
-        """Each experiment that the horizon takes, ready to run, and its frames."""
+        """The experiments that the horizon takes, ready to run, and its frames."""
         values = dict(zip([f.name for f in self.fields], self.values(theta), strict=True))
         for e in self.experiments:
             frames = self.frames(e)
@@ -165,7 +165,7 @@ class Adjoint:
                 yield e, frames
 
     def chain(self, e: Experiment, gradient: Gradient, theta: np.ndarray) -> np.ndarray:
-        """By theta, from a gradient of one experiment."""
+        """Gradient with respect to theta, from a gradient of one experiment."""
         parts = zip(self.fields, self.parts(theta), self.shapes, strict=True)
         return np.concatenate([(f.slope(e.sim, gradient, s) * f.map.slope(t)).ravel() if f.belongs(e.scene)
                                else np.zeros(t.size) for f, t, s in parts])

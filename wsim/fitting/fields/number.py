@@ -20,7 +20,7 @@ LOADS = ("force", "traction")             # whose gradients have a row for each 
 
 
 class Number:
-    """As `ParameterField`, of values (1, 1)."""
+    """A parameter with one value (1, 1), in the form of a `ParameterField`."""
 
     belief, near = "free", 1.0
 

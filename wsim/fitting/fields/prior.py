@@ -19,7 +19,7 @@ EDGE = 0.1             # of s: differences below count as smooth
 
 @dataclass
 class Belief:
-    """Of one field. kind: "smooth", "tv" or "free"."""
+    """The prior of one field. kind: "smooth", "tv" or "free"."""
 
     pairs: np.ndarray                         # neighbours, (k, 2)
     kind: str = "smooth"

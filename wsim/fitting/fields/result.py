@@ -15,7 +15,7 @@ from wsim.simulation.measure.columns import columns
 
 @dataclass
 class Bar:
-    """Of a number: one error bar, and two of them below and above. inf: not identifiable."""
+    """Error of a number: one error bar, and two of them below and above. inf: not identifiable."""
 
     error: float
     low: float
@@ -71,7 +71,7 @@ class FieldFit:
         return _size(self.sensitivity[name]) < 1.0 / OPEN
 
     def as_dict(self) -> dict:
-        """For JSON."""
+        """The result as a dictionary for JSON."""
         return {"parameters": [{"name": f.name, "value": float(self.values[f.name][0]), "unit": f.kind.unit,
                                 "identifiable": bool(np.isfinite(self.bars[f.name].error)), **vars(self.bars[f.name])}
                                for f in self.parameters if f.name in self.bars],

@@ -21,7 +21,7 @@ class Map(Theta):
         return Map(row.kind, row.low, row.high)
 
     def forward(self, value):
-        """Of a number or an array. Raises ValueError, with what is allowed, outside the range."""
+        """theta of a number or an array. Raises ValueError, with what is allowed, outside the range."""
         if self.kind == "plain":
             return value / self.high
         if self.kind == "log":

@@ -18,7 +18,7 @@ ALIKE = 0.1            # rho that is told
 
 
 def origin(search: Search, noise: float) -> str:
-    """Of the noise: "given", "estimated", or "floor"."""
+    """Origin of the noise: "given", "estimated", or "floor"."""
     best = search.best
     assert best is not None
     return "floor" if noise <= search.floor(best) and noise != 1.0 else "given" if search.known else "estimated"

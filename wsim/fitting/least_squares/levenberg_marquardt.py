@@ -31,7 +31,7 @@ LOUD = 4.0             # s^2 over what it was at an earlier moment: the linear m
 
 @dataclass
 class Prior:
-    """Of each parameter in the mapped space: weight 1 / sigma^2 (0: none) and mean."""
+    """Normal priors of the parameters in the mapped space: weight 1 / sigma^2 (0: none) and mean."""
 
     weight: np.ndarray
     mean: np.ndarray
@@ -53,7 +53,7 @@ class LevenbergMarquardt:
     # what is known at one theta
 
     def chance(self, sums: Sums) -> float:
-        """Of all residuals together, where forward differences cannot measure it."""
+        """Chance of all residuals together, where forward differences cannot measure it."""
         return JITTER / 1e-7 * self.claimed * np.sqrt(sums.count)
 
     def floor(self, sums: Sums) -> float:
@@ -108,7 +108,7 @@ class LevenbergMarquardt:
         return float(np.sqrt(((sums.J @ q)**2).sum() / noise + (self.prior.weight * q**2).sum()))
 
     def ends(self, sums: Sums) -> bool:
-        """Whether more data would not make the step any better."""
+        """True if more data would not make the step any better."""
         d, q = self.step(sums)
         if sums.bend is None:
             return bool(np.abs(d).max() > 0.1 and self.bars(sums, d, self.calm(sums)) > 3.0) or self.enough(sums, d)
@@ -117,7 +117,7 @@ class LevenbergMarquardt:
         return bool(np.abs(q).max() > CURVED and self.bars(sums, q, self.calm(sums)) > 1.0)
 
     def enough(self, sums: Sums, left: np.ndarray) -> bool:
-        """Whether what is left to go is less than `accuracy`, and all is known to it."""
+        """True if what is left to go is less than `accuracy`, and all is known to it."""
         if not self.accuracy or np.abs(left).max() > 0.25 * self.accuracy:
             return False
         A = self.spectrum(sums).J
@@ -127,7 +127,7 @@ class LevenbergMarquardt:
         return bool(2.0 * np.sqrt(np.diag(np.linalg.inv(A))).max() <= self.accuracy)
 
     def there(self, sums: Sums) -> bool:
-        """Whether the fit has converged here."""
+        """True if the fit has converged here."""
         if self.enough(sums, self.step(sums)[0]):
             return True
         strong, weak = self.promises(sums)
@@ -135,20 +135,21 @@ class LevenbergMarquardt:
                     and not self.hidden(sums))
 
     def promises(self, sums: Sums) -> tuple[float | None, float]:
-        """What a step would take off chi^2 in what is known to better than a factor e (None: nothing is), and in the rest."""
+        """Decrease of chi^2 that a step promises in what is known to better than a factor e (None: nothing is), and in the
+        rest."""
         S, _, side = self.equations(sums)
         strong = S >= 1.0 / OPEN
         weak = side[~strong]**2 * S[~strong]**2 / (S[~strong]**2 + WEAK)
         return float((side[strong]**2).sum()) if strong.any() else None, float(weak.sum())
 
     def hidden(self, sums: Sums) -> bool:
-        """Whether something seems not to be seen that a longer difference may show."""
+        """True if something seems not to be seen that a longer difference may show."""
         lost = self.spectrum(sums).V[~self.spectrum(sums).kept]
         short = np.abs(sums.steps.h) < 0.99 * max(FARTHEST, self.eps)
         return bool((np.abs(lost @ sums.steps.B[:, short]) > 0.1).any())
 
     def next_steps(self, best: Sums | None, count: int) -> Steps:
-        """For differences of so many parameters, after the best theta so far."""
+        """Steps for differences of so many parameters, after the best theta so far."""
         if best is None:
             return Steps.axes(count, self.eps)
         return best.next_steps(self.eps, self.chance(best), (0.5 / CHANCE)**2 * self.noise(best))

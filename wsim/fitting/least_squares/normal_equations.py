@@ -33,13 +33,13 @@ class Spectrum:
 
     @property
     def J(self) -> np.ndarray:
-        """As good as J for every purpose, and 0 along what is lost, (p, p)."""
+        """A matrix as good as J for every purpose, and 0 along what is lost, (p, p)."""
         return (np.where(self.kept, self.S, 0.0)[:, None]) * self.V
 
 
 @dataclass
 class Sums:
-    """Of all that was seen until `time`."""
+    """Sums over all that was seen until `time`."""
 
     theta: np.ndarray
     steps: Steps
@@ -77,7 +77,7 @@ class Sums:
 
     @property
     def J(self) -> np.ndarray:
-        """As good as J for every purpose, (p, p)."""
+        """A matrix as good as J for every purpose, (p, p)."""
         return self.R[:-1, :-1]
 
     @property
@@ -91,7 +91,8 @@ class Sums:
         return float(self.R[-1, -1]**2)
 
     def errors(self, chance: float) -> np.ndarray:
-        """Of J along each direction of the differences, (directions,). chance: of all residuals, where nothing measures it."""
+        """Errors of J along each direction of the differences, (directions,). chance: of all residuals, where nothing measures
+        it."""
         h = np.abs(self.steps.h)
         if self.second is not None:
             return np.sqrt(self.second / 12.0) * h
@@ -103,8 +104,8 @@ class Sums:
         return Spectrum(S, V, error, np.maximum(SURE * error, LOST * S[0]) < S)
 
     def next_steps(self, eps: float, chance: float, quiet: float) -> Steps:
-        """For differences from here on. quiet: s^2 of chance that would not matter: the step along what is seen best is made so
-        short that second differences, were they all chance, are below."""
+        """Steps for differences from here on. quiet: s^2 of chance that would not matter: the step along what is seen best is
+        made so short that second differences, were they all chance, are below."""
         s = self.spectrum(chance)
         with np.errstate(divide="ignore", invalid="ignore"):
             h = np.where(s.kept, eps * s.S[0] / s.S, FARTHEST)

@@ -68,7 +68,7 @@ class Search(LevenbergMarquardt):
         return sums.misfit / self.noise(best) + self.prior.misfit(sums.theta)
 
     def torn(self, part: ResidualBlock, sums: Sums) -> bool:
-        """Whether a change by NEAR is no longer answered in proportion: beyond this moment nothing can be said."""
+        """True if a change by NEAR is no longer answered in proportion: beyond this moment nothing can be said."""
         if part.K is None or part.J is None or not len(part.r) or not sums.rows:
             return False
         each = (NEAR * part.J @ sums.steps.B, 0.5 * NEAR**2 * part.K)
@@ -133,7 +133,7 @@ class Search(LevenbergMarquardt):
         return sums
 
     def stuck(self) -> bool:
-        """Whether no step is left though the fit has not converged; it says why."""
+        """True if no step is left though the fit has not converged; it says why."""
         best = self.best
         assert best is not None
         if self.converged or best.time < self.end or self.hidden(best):
@@ -176,7 +176,7 @@ class Search(LevenbergMarquardt):
 
 
 def rate(sums: Sums) -> str:
-    """How fast derivatives grow at the end of the horizon, in words."""
+    """Growth of derivatives at the end of the horizon, in words."""
     times, J = np.array([r[0] for r in sums.rows]), np.array(sums.growth)
     late = times >= 0.5 * times[-1] if len(times) else np.zeros(0, bool)
     good = late & (J.max(axis=1, initial=0.0) > 0.0) if len(times) else late

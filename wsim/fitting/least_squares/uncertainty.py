@@ -22,7 +22,7 @@ PART = 0.2             # of a direction's largest entry, from which a parameter 
 
 @dataclass
 class Estimate:
-    """Of each parameter, (p,), in its unit; `theta` in the mapped space."""
+    """Estimates of the parameters, (p,), each in its unit; `theta` in the mapped space."""
 
     theta: np.ndarray
     values: np.ndarray

@@ -39,7 +39,8 @@ class Functional:
 
     @staticmethod
     def mean(path: str, frames, positions, points, shares=None, **more) -> "Functional":
-        """Of the mean place (k, 3) [m] of some points (q,), by their shares (q,) (None: alike), whose sum is not 0."""
+        """Functional of the mean place (k, 3) [m] of some points (q,), by their shares (q,) (None: alike), whose sum is not
+        0."""
         points = np.asarray(points, np.int64)
         each = np.ones(len(points)) if shares is None else np.asarray(shares, np.float64)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -48,7 +49,8 @@ class Functional:
 
     @staticmethod
     def markers(path: str, frames, positions, corners, parts, **more) -> "Functional":
-        """Of places (k, m, 3) [m], marker j at the parts (m, c) of its corners (m, c): of a triangle 3, of a tet 4."""
+        """Functional of places (k, m, 3) [m], marker j at the parts (m, c) of its corners (m, c): of a triangle 3, of a tet
+        4."""
         corners, parts = np.asarray(corners, np.int64), np.asarray(parts, np.float64)
         m, c = corners.shape
         rows = (3 * np.arange(m)[:, None, None] + np.arange(3)).repeat(c, axis=1)                # (m, c, 3)

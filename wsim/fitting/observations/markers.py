@@ -27,5 +27,5 @@ class Markers(Track):
         return Markers(path, frames, np.einsum("kij,nj->kni", M[:, :3, :3], local) + M[:, None, :3, 3], local=local, **more)
 
     def seen(self, poses: np.ndarray) -> np.ndarray:
-        """Where the markers are of a body at poses (worlds, 4, 4), (worlds, n, 3)."""
+        """Places of the markers of a body at poses (worlds, 4, 4), (worlds, n, 3)."""
         return np.einsum("wij,nj->wni", poses[:, :3, :3], self.local) + poses[:, None, :3, 3]

@@ -3,6 +3,7 @@
     Track    positions of points of a body, or of some of them, at frames; NaN: not seen
     Pull     forces of a pin (`wsim.fitting.observations.reactions`)
     Markers  on a rigid body (`wsim.fitting.observations.markers`)
+    Smoke    smoke or heat of a fluid (`wsim.fitting.observations.smoke`)
     Functional   weighted sums of positions: means, markers (`wsim.fitting.observations.functional`)
     Scan     points on the surface of a body at one frame. Each counts by its distance to the nearest place of the simulated
              surface, along the normal there (Chen, Medioni 1992); of a spring net by the way to the nearest particle
@@ -94,7 +95,7 @@ class Scan:
         self.triangles = author[body.triangles]
 
     def residuals(self, k: int, x: np.ndarray) -> np.ndarray:
-        """As of `Track`; which place is nearest is found in world 0 and kept for the others."""
+        """Residuals as of `Track`; which place is nearest is found in world 0 and kept for the others."""
         root = np.ones(len(self.points)) if self.weights is None else np.sqrt(self.weights)
         if not len(self.triangles):
             near = _nearest(self.points, x[0], 1)[:, 0]
@@ -104,8 +105,9 @@ class Scan:
                          (_plane(each[corner], part) for each in x)]) * root
 
     def back(self, k: int, x: np.ndarray, r: np.ndarray) -> np.ndarray:
-        """As of `Track`; exact but where another triangle is about to be nearest. A place that slides along the surface, or
-        along an edge of it, changes nothing; off an edge, what lies beyond it in the plane turns with the normal."""
+        """Transposed derivative as of `Track`; exact but where another triangle is about to be nearest. A place that slides
+        along the surface, or along an edge of it, changes nothing; off an edge, what lies beyond it in the plane turns with
+        the normal."""
         root = np.ones(len(self.points)) if self.weights is None else np.sqrt(self.weights)
         found = np.zeros(x.shape)
         if not len(self.triangles):
@@ -178,21 +180,24 @@ def closest(p: np.ndarray, e: np.ndarray, f: np.ndarray) -> np.ndarray:
 # what is wrong
 
 def wrong(observations: list, scene: Scene) -> list[Problem]:
-    """Everything that is wrong with observations of a scene."""
+    """All that is wrong with observations of a scene."""
     problems = []
     if not observations:
         problems.append(Problem("observations", "there are none; give Track or Scan objects, or a USD file"))
     for o in observations:
-        marked = hasattr(o, "local")
+        marked, smoke = hasattr(o, "local"), hasattr(o, "field")
         noun, things = ("rigid body", scene.things("Body")) if marked else ("body", scene.bodies()) if o.unit == "m" else (
             "pin", scene.pins)
+        if smoke:
+            noun, things = "fluid", scene.things("Fluid")
         thing = next((t for t in things if t.path == o.path), None)
         if thing is None:
             problems.append(Problem(o.path, f"is observed and is no {noun} of the scene; there are "
                                     f"{', '.join(t.path for t in things) or 'none'}"))
             continue
-        count = len(o.local) if marked else 1 if getattr(o, "total", False) else len(thing.points)
-        texts = o.wrong(count) if isinstance(o, Functional) else _track(o, count) if isinstance(o, Track) else _scan(o, count)
+        count = 0 if smoke else len(o.local) if marked else 1 if getattr(o, "total", False) else len(thing.points)
+        texts = o.wrong(thing) if smoke else o.wrong(count) if isinstance(o, Functional) else \
+            _track(o, count) if isinstance(o, Track) else _scan(o, count)
         problems += [Problem(o.path, text) for text in texts]
         if o.sigma is not None and not (np.isfinite(o.sigma) and o.sigma > 0.0):
             problems.append(Problem(o.path, f"sigma is {o.sigma}; allowed is a finite number > 0 [{o.unit}], or None"))
@@ -203,13 +208,13 @@ def wrong(observations: list, scene: Scene) -> list[Problem]:
 
 
 def mixed(observations: list) -> list[Problem]:
-    """Whether noise is known of some and not of others, or unknown of positions beside forces."""
+    """True if noise is known of some and not of others, or unknown of positions beside forces."""
     known = {o.sigma is not None for o in observations}
     if len(known) > 1:
         return [Problem("observations", "some have sigma and some have none; give it to all, or to none (estimated)")]
     if known == {False} and len({o.unit for o in observations}) > 1:
-        return [Problem("observations", "positions [m] and forces [N] need a sigma each: without, nobody knows how to weigh "
-                        "them")]
+        return [Problem("observations", "positions [m], forces [N], smoke [1] and heat [K] need a sigma each: without, "
+                        "nobody knows how to weigh them")]
     return []
 
 

@@ -29,7 +29,7 @@ EPS = {"none": 1e-5, "explicit": 1e-5, "xpbd": 1e-5, "implicit": 1e-3}
 
 @dataclass
 class ResidualBlock:
-    """What was seen at one moment."""
+    """Residuals of what was seen at one moment."""
 
     time: float                   # [s]
     frame: int
@@ -51,7 +51,7 @@ class Steps:
 
 
 class Misfit:
-    """Of experiments [(scene, observations)] with parameters that they share."""
+    """Residuals of experiments [(scene, observations)] with parameters that they share."""
 
     def __init__(self, experiments: list[tuple[Scene, list]], parameters: list[Parameter], *, device=None,
                  differences: str = "central", eps: float | None = None):
@@ -73,7 +73,7 @@ class Misfit:
 
     @property
     def unit(self) -> str:
-        """Of noise: "m" or "N"; "sigma" where both were observed, each with its own."""
+        """Unit of noise: "m" or "N"; "sigma" where both were observed, each with its own."""
         found = {o.unit for _, seen in self.experiments for o in seen}
         return found.pop() if len(found) == 1 else "sigma"
 
@@ -94,7 +94,7 @@ class Misfit:
         return self.copies[worlds]
 
     def notes(self) -> list[str]:
-        """What simulating has warned of."""
+        """Warnings of the simulations."""
         found = []
         for c in (c for each in self.copies.values() for c in each):
             found += [w.removeprefix("warning: ") for w in c.warnings]
@@ -160,7 +160,7 @@ class Misfit:
 
 
 def experiments_of(scene: Scene, observations, also) -> list[tuple[Scene, list]]:
-    """Each scene with its observations; those that are files are read. Raises SceneError with all that is wrong."""
+    """Scenes, each with its observations; those that are files are read. Raises SceneError with all that is wrong."""
     found, problems = [], []
     for one, seen in [(scene, observations), *also]:
         try:

@@ -57,7 +57,7 @@ def embed(points, tets, places, reach: float | None = None) -> tuple[np.ndarray,
 
 
 def follow(points: np.ndarray, tets: np.ndarray, tet: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Where embedded places are, (m, 3): tets (t, 4), tet (m,), weights (m, 4)."""
+    """Positions of embedded places, (m, 3): tets (t, 4), tet (m,), weights (m, 4)."""
     return np.einsum("mi,mik->mk", weights, np.asarray(points, np.float64)[np.asarray(tets)[tet][:, :4]])
 
 
@@ -69,7 +69,7 @@ def _outer(tets: np.ndarray) -> np.ndarray:
 
 
 def distance(p: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """From points to triangles [m], all (m, 3): to the plane above the triangle, else to the nearest side."""
+    """Distances from points to triangles [m], all (m, 3): to the plane above the triangle, else to the nearest side."""
     normal = np.cross(b - a, c - a)
     above, found = np.ones(len(p), bool), np.full(len(p), np.inf)
     for u, v in ((a, b), (b, c), (c, a)):

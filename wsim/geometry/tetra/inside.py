@@ -16,7 +16,7 @@ from wsim.geometry.topology import hinges
 
 
 def agree(triangles: np.ndarray) -> bool:
-    """Whether all neighbouring triangles are wound alike."""
+    """True if all neighbouring triangles are wound alike."""
     start = triangles.ravel().astype(np.int64)
     key = np.sort(start * (int(start.max(initial=0)) + 1) + np.roll(triangles, -1, axis=1).ravel())
     return not (key[1:] == key[:-1]).any() or not len(hinges(triangles))

@@ -18,7 +18,7 @@ DEFLECTION = {1: 0.36, 2: 0.68, 3: 0.8}       # of the exact one: a bar of five-
 
 
 def given(points, tets) -> tuple[np.ndarray, np.ndarray]:
-    """Both as arrays, float64 and integers. Raises ValueError for another shape or type, not for bad values."""
+    """Points and tets as arrays, float64 and integers. Raises ValueError for another shape or type, not for bad values."""
     points, tets = np.asarray(points), np.asarray(tets)
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
         raise ValueError(f"points have shape {points.shape} and type {points.dtype}; they must be numbers of shape (n, 3) [m]")
@@ -31,7 +31,7 @@ def given(points, tets) -> tuple[np.ndarray, np.ndarray]:
 
 
 def checked(points, tets) -> tuple[np.ndarray, np.ndarray]:
-    """As `given`; also raises ValueError for indices out of range."""
+    """Points and tets as `given` has them; also raises ValueError for indices out of range."""
     points, tets = given(points, tets)
     if len(tets) and (tets.min() < 0 or tets.max() >= len(points)):
         bad = int(np.argmax(((tets < 0) | (tets >= len(points))).any(axis=1)))
@@ -45,12 +45,12 @@ def sides(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Of components along the first axis, (3, ...). (NumPy's own takes several times longer.)"""
+    """Cross product of components along the first axis, (3, ...). (NumPy's own takes several times longer.)"""
     return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Of components along the first axis, (...)."""
+    """Dot product of components along the first axis, (...)."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
@@ -111,8 +111,8 @@ def masses(points, tets, density) -> np.ndarray:
 
 
 def corners(tets: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Where each of n points occurs: those of point p are found[starts[p]:starts[p + 1]], ascending, as k tet + corner for
-    rows of k corners."""
+    """Places where each of n points occurs: those of point p are found[starts[p]:starts[p + 1]], ascending, as k tet + corner
+    for rows of k corners."""
     return incident(np.asarray(tets).reshape(-1, 1), n)
 
 
@@ -166,7 +166,7 @@ def _firsts(ordered: np.ndarray) -> np.ndarray:
 
 
 def edges(tets) -> np.ndarray:
-    """Each edge between corners once, (m, 2) int32, lower point first, ascending."""
+    """Edges between corners, each once, (m, 2) int32, lower point first, ascending."""
     tets = np.asarray(tets)[:, :4]
     n = int(tets.max(initial=0)) + 1
     key = np.sort(_edge_keys(tets, n))
@@ -195,7 +195,7 @@ def quadratic(points, tets) -> tuple[np.ndarray, np.ndarray]:
 # Fineness
 
 def across(tets, most: int = ACROSS + 1) -> int:
-    """How many cells the thickest part is across, at most (the true number may be one less): 1 + twice the edges from the
+    """Number of cells across the thickest part, at most (the true number may be one less): 1 + twice the edges from the
     surface to the point farthest inside, for cells like those of `wsim.geometry.tetra.lattice` "five"; "bcc" has an edge more
     for each two cells. Counting stops at `most`."""
     tets = np.asarray(tets)[:, :4]
@@ -213,7 +213,7 @@ def across(tets, most: int = ACROSS + 1) -> int:
 
 
 def coarse(count: int) -> str:
-    """What a mesh so many cells across (of linear tets) gets wrong, or ""."""
+    """Text about what a mesh so many cells across (of linear tets) gets wrong, or ""."""
     if count >= ACROSS:
         return ""
     return (f"{count} cell{'s' * (count > 1)} across: it bends {DEFLECTION[max(count, 1)]:.0%} as far as it should; give "

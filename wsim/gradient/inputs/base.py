@@ -54,11 +54,11 @@ class Input(ABC):
         self.sim.changes = [c for c in self.sim.changes if (c[0], c[1], c[3]) != key] + [(path, self.what, value, world)]
 
     def bounds(self) -> tuple[float, float]:
-        """What it may be."""
+        """Bounds of the value."""
         return self.row.range.low, self.row.range.high
 
     def allowed(self, value: np.ndarray) -> np.ndarray:
-        """Of each number, whether it may be."""
+        """Mask of the numbers that may be."""
         return np.asarray(self.row.range.holds(value))
 
     def allows(self, value: np.ndarray) -> bool:
@@ -66,10 +66,10 @@ class Input(ABC):
 
     @abstractmethod
     def read(self, world: int = 0) -> np.ndarray:
-        """As it is now."""
+        """Present value of the input."""
 
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
-        """Of one world, of a value of that shape, from a `wsim.gradient.gradient.Gradient`."""
+        """Gradient of one world, of a value of that shape, from a `wsim.gradient.gradient.Gradient`."""
         return np.asarray(gradient.value(self.path or "/", self.what, world))
 
     def scale(self) -> float:
@@ -81,7 +81,7 @@ class Start(Input):
     under way (BDF2, leapfrog among contacts) stays as it is."""
 
     def field(self, name: str) -> slice:
-        """Where a field stands in `Recording.initial`."""
+        """Place of a field in `Recording.initial`."""
         kept = self.sim.state.points.names
         return slice(kept.index(name) * self.model.points, (kept.index(name) + 1) * self.model.points)
 

@@ -4,6 +4,8 @@
     /World/Racket:force, :torque        (3,) [N], [N m], world
     /World/Racket:mass, :inertia        () [kg]; (3,) [kg m^2]; velocity and spin stay as they are
     /World/Racket:drag, :spin_drag      () [1/s]
+    /World/Racket:dynamic_friction, :restitution     () of all its colliders, where bodies meet
+    /World/Hinge:stiffness, :damping, :target        of the drives of a joint: (), or (n,) in the order of its coordinates
 """
 
 import numpy as np

@@ -10,7 +10,8 @@
     /World/Bones:turns, :weights             of a skeleton that pins follow: `wsim.gradient.inputs.skeletons`
     gravity, wind                            (3,) [m/s^2], [m/s] of the whole scene
     air_drag                                 () [1/s]
-    friction, restitution, colliders' shifts: `wsim.gradient.inputs.contact`; of rigid bodies: `wsim.gradient.inputs.bodies`
+    friction, restitution, colliders' shifts: `wsim.gradient.inputs.contact`; keys, tangents and easing handles of pins and
+    colliders: `wsim.gradient.inputs.path`; of rigid bodies: `wsim.gradient.inputs.bodies`, of fluids: `.fluids`
 
 Elements are springs and tets in the author's order, hinges in the solver's. With several worlds a value may have one axis more,
 the worlds, in front; without it all worlds share the value. Points that are one particle (a weld, a tie) have one place: that
@@ -23,6 +24,8 @@ from wsim.gradient.inputs.base import PART, Input, Start
 from wsim.gradient.inputs.bodies import BodyValue
 from wsim.gradient.inputs.contact import Shift, Touch
 from wsim.gradient.inputs.controls import Actuation, Loaded, Targets
+from wsim.gradient.inputs.fluids import FluidValue, Surface
+from wsim.gradient.inputs.path import Path
 from wsim.gradient.inputs.rest import Rest
 from wsim.gradient.inputs.skeletons import Turns, Weights
 from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
@@ -37,9 +40,12 @@ class Whole(Input):
 
     def read(self, world: int = 0) -> np.ndarray:
         p = self.recording.parameters
-        if self.what == "wind" and not p.air:
+        fluids = self.recording.fluids
+        if self.what == "wind" and not (p.air or fluids):
             raise refuse("wind", self.name)
         points = p.plan.find("points")
+        if fluids and not p.bodies and (points is None or self.what == "wind" and not p.air) and self.what != "air_drag":
+            return getattr(fluids.method, self.what)[world].copy()
         if points is None and p.bodies and self.what == "gravity":
             return p.bodies.method.gravity[world].copy()
         if points is None:
@@ -79,7 +85,7 @@ class MaterialInput(Input):
     """A live parameter of a material, one for the body or one for each element."""
 
     def values(self, body) -> list[np.ndarray]:
-        """By the tables that have it, one for each element."""
+        """Gradients by the tables that have it, one for each element."""
         rows = self.recording.parameters.rows(body)
         found = [np.broadcast_to(r.stiffness[self.what], len(r.ids)) for r in rows if self.what in r.stiffness]
         if self.what == "damping":
@@ -106,7 +112,7 @@ class MaterialInput(Input):
         return np.array(every[0]) if (every == every[0]).all() else every
 
     def sorted(self, values: np.ndarray, body) -> np.ndarray:
-        """Of tets, which stand by their materials: in the author's order."""
+        """Values of tets, which stand by their materials: in the author's order."""
         parts = self.tets(body)
         if parts:
             values[np.concatenate([part.rows for part in parts])] = values.copy()
@@ -114,7 +120,7 @@ class MaterialInput(Input):
 
     @staticmethod
     def names(recording, body) -> list[str]:
-        """What of a body can be written, besides where it is."""
+        """Names of a body that can be written, besides where it is."""
         more = ["density"] * (density_of(body.source) is not None) + ["mass"] * isinstance(body.source, Springs)
         return sorted({*recording.parameters.names(body), *more})
 
@@ -133,7 +139,7 @@ class MaterialInput(Input):
         return self.sorted(found, self.model.body(self.path, world)) if shape else found
 
     def scale(self) -> float:
-        """Of Poisson's ratio a part of what is left to its ends."""
+        """Scale of the value; of Poisson's ratio a part of what is left to its ends."""
         value = self.read()
         if self.what == "poisson":
             return PART * float(np.minimum(0.5 - value, 1.0 + value).min())
@@ -141,7 +147,7 @@ class MaterialInput(Input):
 
 
 def inputs(recording, names) -> dict[str, Input]:
-    """By name. Raises SceneError with every name that is none, or nothing can be differentiated by."""
+    """Inputs by name. Raises SceneError with every name that is none, or nothing can be differentiated by."""
     found: dict[str, Input] = {}
     problems: list[Problem] = []
     for name in names:
@@ -159,7 +165,8 @@ def inputs(recording, names) -> dict[str, Input]:
 
 KINDS: dict[str, type[Input]] = {"start": Start, "whole": Whole, "density": Density, "mass": Mass, "material": MaterialInput,
                                  "rest": Rest, "actuation": Actuation, "load": Loaded, "targets": Targets, "contact": Touch,
-                                 "shift": Shift, "body": BodyValue, "turns": Turns, "weights": Weights}    # by `Value.gradient`
+                                 "shift": Shift, "surface": Surface, "path": Path, "body": BodyValue,
+                                 "fluid": FluidValue, "turns": Turns, "weights": Weights}    # by `Value.gradient`
 
 
 def _input(recording, name: str) -> Input:

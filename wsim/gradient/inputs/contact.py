@@ -17,6 +17,8 @@ class Touch(Input):
     """Friction of a body or a collider, restitution and thickness of a collider."""
 
     def read(self, world: int = 0) -> np.ndarray:
+        if (bodies := self.recording.bodies) and bodies.places(self.path, self.what, world):
+            return np.asarray(bodies.now(self.path, self.what, world, []))
         contacts, bounce = self.sim.plan.find("contacts"), self.sim.plan.find("bounce")
         objects = [k for k, b in enumerate(self.model.bodies) if b.world == world]
         rows = contacts.rows.of(self.path, objects) if contacts else []
@@ -55,7 +57,7 @@ class Shifted(Motion):
 
 
 class Shift(Input):
-    """What is added to a collider's motion."""
+    """The shift and turn that is added to a collider's motion."""
 
     shared = True
 

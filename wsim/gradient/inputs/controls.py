@@ -41,7 +41,7 @@ class Loaded(Input):
 
 
 class Given:
-    """Where a pin's points belong, by a table (frames, rows, points, 3) or (points, 3) [m]: in the place of a `Motion`.
+    """Places where a pin's points belong, by a table (frames, rows, points, 3) or (points, 3) [m]: in the place of a `Motion`.
     at: parts of a frame of its rows."""
 
     def __init__(self, table: np.ndarray, start: int, fps: float, at: np.ndarray):
@@ -56,7 +56,7 @@ class Given:
 
 
 class Targets(Input):
-    """Where a pin puts its points, or pulls them to. Where no pin of the scene moves, it stands still."""
+    """The places where a pin puts its points, or pulls them to. Where no pin of the scene moves, it stands still."""
 
     def __init__(self, recording, name: str):
         super().__init__(recording, name)

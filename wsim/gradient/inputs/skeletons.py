@@ -90,7 +90,7 @@ class Turns(Bones):
         if skin.method != "classicLinear" and not rigid(skin):
             raise refuse("scaled", pin.path, bones=self.path)
         if self.given.translations is None:
-            raise refuse("still", self.path)
+            raise refuse("unanimated", self.path)
 
     def read(self, world: int = 0) -> np.ndarray:
         back = rotation.conjugate(self.given.orientations)

@@ -39,7 +39,7 @@ class Inertia:
 
 
 class ReactionAdjoint(Reactions):
-    """Of a `wsim.gradient.recording.Recording`. Raises SceneError as `Reactions` does."""
+    """The adjoint of reaction forces of a `wsim.gradient.recording.Recording`. Raises SceneError as `Reactions` does."""
 
     def __init__(self, recording):
         self.recording = recording
@@ -82,7 +82,7 @@ class ReactionAdjoint(Reactions):
         return self
 
     def back(self, frame: int) -> None:
-        """What the reactions after so many frames add to the gradients of that state, and of everything else."""
+        """Adds what reaction forces after so many frames give to the gradients of that state, and of everything else."""
         if frame not in self.given:
             return
         self.at(frame)
@@ -105,12 +105,12 @@ class ReactionAdjoint(Reactions):
             give(wp.array(by.astype(self.model.dtype), dtype=base.dtype, device=base.device), root.carried)
 
     def end(self) -> Inertia:
-        """After the last frame."""
+        """The part that comes after the last frame."""
         self.inertia.tables, self.inertia.muscles = self.law.by_batches(), self.law.by_keys()
         return self.inertia
 
     def hard(self, h: HeldPoints, r: np.ndarray) -> np.ndarray:
-        """By v of what is not f; by masses, gravity and drag of the air into `inertia`."""
+        """Gradients with respect to v of what is not f; by masses, gravity and drag of the air into `inertia`."""
         own, m, at = self.inertia, self.masses[h.places, None], h.places
         np.add.at(own.mass, at, (r * (h.acceleration(self.time, self.plan.clock.dt) + self.drive[at])).sum(axis=1))
         np.add.at(own.gravity, at, -m * r)
@@ -118,7 +118,7 @@ class ReactionAdjoint(Reactions):
         return m * self.constants.decay.numpy()[self.constants.object.numpy()[at], None] * r
 
     def soft(self, h: HeldPoints, r: np.ndarray) -> None:
-        """By stiffness, damping and targets into `inertia`, of pins that stand still."""
+        """Gradients with respect to stiffness, damping and targets into `inertia`, of pins that stand still."""
         own, part = self.inertia.soft.get((h.pin.pin.path, h.pin.body.world)), h.pin.part
         if own:
             own["stiffness"] += part * float((r * (h.pin.targets(self.time) - self.x[h.places])).sum())

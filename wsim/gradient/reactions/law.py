@@ -17,7 +17,7 @@ from wsim.physics.motion.forces_adjoint import Forces
 
 
 class Law:
-    """Of a `wsim.gradient.recording.Recording`."""
+    """The law of elastic forces of a `wsim.gradient.recording.Recording`."""
 
     def __init__(self, recording):
         plan, pull = recording.plan, recording.parameters.pull
@@ -85,11 +85,11 @@ class Law:
             wp.copy(t.q, q)
 
     def by_batches(self) -> dict[int, np.ndarray]:
-        """What XPBD's tables get, by address."""
+        """Gradients of XPBD's tables, by address."""
         return self.beside.by_batches() if self.beside else {}
 
     def by_keys(self) -> list[np.ndarray]:
-        """By the curves of muscles, as `wsim.physics.cloth.muscles.Muscles.by_keys`."""
+        """Gradients with respect to the curves of muscles, as `wsim.physics.cloth.muscles.Muscles.by_keys`."""
         return self.muscles.by if self.muscles else []
 
 
@@ -111,13 +111,13 @@ class Contracted:
         self.muscles.shorten(self.site, self.factor, 0)
 
     def take(self) -> None:
-        """From the derivatives by the lengths."""
+        """Takes the derivatives with respect to the lengths."""
         self.site.adjoint.hand(self.muscles.launch, self.factor, 0)
         self.by = [a + b for a, b in zip(self.by, self.muscles.keyed(self.factor, [self.time]), strict=True)]
 
 
 class Flowed:
-    """What tets of a table have become at rest, after a frame."""
+    """Rest shapes of plastic tets of a table, after a frame."""
 
     def __init__(self, recording, plastic):
         """plastic: a `wsim.physics.soft.plastic.Plastic`."""
@@ -130,7 +130,7 @@ class Flowed:
         self.plastic.become(self.F)
 
     def take(self) -> None:
-        """From the derivatives by edges at rest to those by shapes, which the frame before hands on."""
+        """Passes from the derivatives by edges at rest to those by shapes, which the frame before hands on."""
         self.plastic.adjoint.shape(self.F)
         give(self.F.grad, next(r.carried for r in self.recording.roots if r.base.ptr == self.plastic.F.ptr))
 
@@ -158,7 +158,7 @@ class Blown:
         return np.stack([np.bincount(self.corners.ravel(), each[:, k], self.model.points) for k in range(3)], axis=1)
 
     def transposed(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As of `Law`; by the air into the gradients of its table."""
+        """Transposed derivative as of `Law`; by the air into the gradients of its table."""
         for array in (self.x, self.v, self.still, self.k):
             array.grad.zero_()
         self.force.grad.assign(p[self.corners].sum(axis=1).astype(self.model.dtype))

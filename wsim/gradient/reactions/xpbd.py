@@ -20,7 +20,7 @@ from wsim.simulation.plan import Plan
 
 
 class Beside:
-    """Of a plan that sweeps."""
+    """Gradients beside the tape, of a plan that sweeps."""
 
     def __init__(self, plan: Plan):
         own = copy.copy(plan.model)
@@ -30,7 +30,7 @@ class Beside:
         self.batches = [b for b in plan.methods.every("batches") if not b.hard]
 
     def arrays(self) -> list[wp.array]:
-        """What gets gradients."""
+        """Arrays that get gradients."""
         net, tables = self.pull.net, [e.data for e in self.elements.values()]
         found = [self.pull.lengths, *(getattr(net, name) for name in ("k", "rest", "damping"))] if self.pull.springs else []
         found += [e.curvature.data.value for e in self.elements.values() if e.curvature]
@@ -55,14 +55,14 @@ class Beside:
         return found
 
     def springs(self, batch) -> tuple[np.ndarray, ...]:
-        """By alpha, rest and tau, in the order of the rows."""
+        """Gradients with respect to alpha, rest and tau, in the order of the rows."""
         (alpha, tau), net = batch.values(), self.pull.net
         by_k, by_rest = (ends(self.pull, a.grad.numpy().astype(np.float64)) for a in (net.k, self.pull.lengths or net.rest))
         by_c = ends(self.pull, net.damping.grad.numpy().astype(np.float64)) if self.pull.damped else np.zeros(len(alpha))
         return -(by_k + tau * by_c) / alpha**2, by_rest, by_c / alpha
 
     def flat(self, batch) -> tuple[np.ndarray, ...]:
-        """As `springs`, of hinges and membranes."""
+        """Gradients as `springs` has them, of hinges and membranes."""
         data = self.elements[batch.kind].data
         by, rest, tau = (a.grad.numpy().astype(np.float64) for a in (data.stiffness, data.rest, data.tau))
         alpha, _ = batch.values()
@@ -70,7 +70,7 @@ class Beside:
 
 
 def by_compliance(alpha: np.ndarray, by: np.ndarray) -> np.ndarray:
-    """From the gradient by S = A^-1 to that by A, each (uu, uv, shear, vv), (m, 4)."""
+    """Gradient with respect to A from that by S = A^-1, each (uu, uv, shear, vv), (m, 4)."""
     uu, uv, shear, vv = alpha.T
     S = np.linalg.inv(np.stack([uu, uv, uv, vv], axis=1).reshape(-1, 2, 2))
     B = (by[:, (0, 1, 1, 3)] * (1.0, 0.5, 0.5, 1.0)).reshape(-1, 2, 2)

@@ -68,7 +68,7 @@ class Rollout:
         self.copied: dict[int, Rollout] = {}
 
     def part(self, path: str | None = None) -> slice:
-        """Where the points of a body stand; None: of the only one."""
+        """Places of the points of a body; None: of the only one."""
         return self.parts[self.sim.model.body(path).path]
 
     @property
@@ -79,7 +79,7 @@ class Rollout:
     # values and runs
 
     def values(self) -> Values:
-        """What the inputs are now, of the first world."""
+        """Values of the inputs now, of the first world."""
         return {name: i.read() for name, i in self.inputs.items()}
 
     def write(self, values: dict) -> None:
@@ -119,7 +119,7 @@ class Rollout:
         return self.of(self.recording.backward(*given), shapes)
 
     def of(self, gradient, shapes: dict | None = None) -> Values:
-        """What a gradient says of the inputs, by name; shapes: as `vjp`."""
+        """Gradients of the inputs, by name; shapes: as `vjp`."""
         found = {}
         for name, i in self.inputs.items():
             shape = tuple((shapes or {}).get(name, i.read().shape))
@@ -209,7 +209,7 @@ class Rollout:
         return found
 
     def side(self, d: Values, step: float) -> tuple[int, str]:
-        """From which side differences can be (`wsim.gradient.rollout.richardson.offsets`), and that in words. Raises SceneError
+        """Side from which differences can be (`wsim.gradient.rollout.richardson.offsets`), and that in words. Raises SceneError
         where there is none."""
         base = self.values()
         ahead, behind = ([name for name, each in d.items() if not self.inputs[name].allows(base[name] + s * step * each)]
@@ -227,7 +227,7 @@ class Rollout:
         return -1 if ahead else 1, f"from one side: {name} is {span(base[name])}, and allowed is {low:g} to {high:g}"
 
     def copies(self, worlds: int = 2 * SIZES) -> "Rollout":
-        """As many worlds of the same start, scheme and live parameters, in float64."""
+        """Simulation of as many worlds of the same start, scheme and live parameters, in float64."""
         if worlds not in self.copied:
             self.copied[worlds] = Rollout(copied(self.recording, worlds), list(self.inputs), self.frames)
         resume(self.recording, self.copied[worlds].recording)

@@ -32,7 +32,7 @@ def derivative(values: np.ndarray, h: float, side: int) -> tuple[np.ndarray, flo
 
 
 def extrapolated(first: list, ratio: float) -> tuple[np.ndarray, float]:
-    """From D_k0, whose errors fall by the ratio, its square, ... from step to step."""
+    """Extrapolated value from D_k0, whose errors fall by the ratio, its square, ... from step to step."""
     table: list[np.ndarray] = []
     best, least = first[0], np.inf
     for k, d in enumerate(first):

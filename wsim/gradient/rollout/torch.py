@@ -46,7 +46,7 @@ class Layer(torch.nn.Module):
         self.kept = [wp.to_torch(a) for a in (recording.states, recording.rests, recording.speeds)]         # the same memory
 
     def values(self) -> list[torch.Tensor]:
-        """What the inputs are now, float64, in their order: to begin an optimisation with."""
+        """Present values of the inputs, float64, in their order: to begin an optimisation with."""
         return [torch.as_tensor(np.array(value), device=self.device) for value in self.rollout.values().values()]
 
     def forward(self, *given: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:

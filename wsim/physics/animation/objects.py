@@ -108,9 +108,8 @@ class Skeleton(Compared):
 
     def later(self, delay: float) -> "Skeleton":
         """The same animation, begun `delay` [s] later."""
-        motion = Motion(self.motion.times + delay, self.motion.values)
-        weights = None if self.weights is None else Curve(self.weights.times + delay, self.weights.values)
-        return replace(self, times=self.times + delay, motion=motion, weights=weights)
+        weights = None if self.weights is None else self.weights.later(delay)
+        return replace(self, times=self.times + delay, motion=self.motion.later(delay), weights=weights)
 
 
 @dataclass(eq=False)

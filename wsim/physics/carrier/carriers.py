@@ -43,7 +43,7 @@ class Carrier:
         raise TypeError(f"{type(self).__name__} has no arrays")
 
     def remembers(self, clock: Clock) -> bool:
-        """Whether its integrator has a memory."""
+        """True if its integrator has a memory."""
         return False
 
 

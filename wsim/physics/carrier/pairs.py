@@ -101,8 +101,8 @@ class Pairs:
         return [data for data, _ in each], [pushed for _, pushed in each]
 
     def stages(self, search: Callable[[Clock], None], within: bool) -> list[Stage]:
-        """Of a method that has these pairs. search: launches what appends to `found`. within: a sweep in each iteration of the
-        other constraints (XPBD); else ROUNDS behind them, which is how impulses meet forces that were solved for."""
+        """Stages of a method that has these pairs. search: launches what appends to `found`. within: a sweep in each iteration
+        of the other constraints (XPBD); else ROUNDS behind them, which is how impulses meet forces that were solved for."""
         kinds, rounds = len(self.combinations), 1 if within else ROUNDS
 
         def find(clock: Clock) -> None:
@@ -127,7 +127,7 @@ class Pairs:
         self.found.count.zero_()
 
     def order(self, clock: Clock) -> None:
-        """From what was found to groups."""
+        """Orders what was found into groups."""
         found, pairs, room = self.found, self.list, self.capacity
         found.h = pairs.h = clock.h
         self.launch(self.tally, 1, [room], [found.count, self.status.word(self.word)])
@@ -177,7 +177,7 @@ class Pairs:
         self.walk(clock, self.project_kernels, self.list.push)
 
     def settle(self, clock: Clock) -> None:
-        """After the last sweep, and before velocities are made."""
+        """Settles the pairs after the last sweep, and before velocities are made."""
         pairs = self.list
         self.walk(clock, self.aim_kernels, pairs.aim, pairs.sticks, pairs.total, pairs.left, moves=False)
         for _ in range(self.sweeps):

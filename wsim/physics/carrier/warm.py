@@ -44,7 +44,7 @@ class Warm:
         pairs.launch(self.keep_kernel, pairs.capacity, [pairs.list], [self.list()])
 
     def grow(self) -> None:
-        """To the room that the pairs have."""
+        """Grows to the room that the pairs have."""
         before = self.part.capacity
         self.part.enlarge(self.pairs.capacity, self.pairs.real, self.pairs.device)
         self.empty(before)

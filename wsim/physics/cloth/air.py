@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def wants(scene: Scene) -> str:
-    """Why this method is needed, or ""."""
+    """Reason why this method is needed, or ""."""
     return "" if not any(c.drag or c.lift for c in scene.cloths) else "a cloth has drag or lift"
 
 

@@ -52,7 +52,7 @@ ROOT2 = 2.0**0.5
 
 @dataclass
 class Patches:
-    """Which hinges and triangles a sheet has. Edge k of triangle t goes from corner k + 1 to k + 2; its place is 3 t + k.
+    """The hinges and triangles of a sheet. Edge k of triangle t goes from corner k + 1 to k + 2; its place is 3 t + k.
 
     hinge (t, 3)      hinge of each edge, -1 without a whole one     sign (t, 3)    1 where it goes round as the triangle, or -1
     side (h, 2)       places of a hinge, whole ones only              way (h, 2)     signs there

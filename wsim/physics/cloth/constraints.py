@@ -32,7 +32,7 @@ class Constraints:
 
     @property
     def row(self) -> Kind:
-        """Of the table of kinds."""
+        """Row of the table of kinds."""
         return row(self.kind)
 
     @property
@@ -72,7 +72,7 @@ def constrain(model: Model) -> None:
 
 
 def of_body(model: Model, body: Body) -> list[Constraints]:
-    """Those of one body."""
+    """Constraints of one body."""
     return [r for r in model.constraints if r.body is body]
 
 

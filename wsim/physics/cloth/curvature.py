@@ -18,7 +18,7 @@ LANES = 4096           # threads that sum an energy
 
 
 class Curvature:
-    """Of the hinges of some rows, which stand in a table in `order`."""
+    """Curvatures of the hinges of some rows, which stand in a table in `order`."""
 
     def __init__(self, model: Model, rows: list[Any], order: np.ndarray | None = None, stored: bool = False):
         """rows: of `wsim.physics.cloth.constraints`, of hinges; order: row of the table at each place, None: the same; stored:
@@ -125,8 +125,8 @@ class Curvature:
 
 @dataclass
 class Spans:
-    """What each curvature has of each of its points: triangle and point (s,), and items part[s] .. part[s + 1], (slot, corner
-    of a hinge): see `wsim.kernels.cloth.hessian.spans`. Those of a triangle stand together."""
+    """The parts that each curvature has of each of its points: triangle and point (s,), and items part[s] .. part[s + 1],
+    (slot, corner of a hinge): see `wsim.kernels.cloth.hessian.spans`. Those of a triangle stand together."""
 
     triangle: np.ndarray
     point: np.ndarray

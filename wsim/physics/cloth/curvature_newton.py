@@ -12,7 +12,7 @@ from wsim.model.model import Model
 
 
 class NewtonCurvature:
-    """Of hinges, a `wsim.physics.cloth.table.Table`."""
+    """Curvatures in Newton's method, of hinges, a `wsim.physics.cloth.table.Table`."""
 
     def __init__(self, model: Model, table: Any):
         self.model, self.table, self.cur = model, table, table.curvature

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Elements:
-    """Those of one kind of every body, on the device."""
+    """The elements of one kind of every body, on the device."""
 
     def __init__(self, model: Model, kind: str, rows: list[Constraints]):
         self.model, self.kind, self.rows, self.row, self.first, self.damped = model, kind, rows, row(kind), 0, False

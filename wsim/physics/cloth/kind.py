@@ -51,7 +51,7 @@ TABLE: dict[str, Row] = {
 
 
 def row(name: str) -> Kind:
-    """What a row of the table leads to."""
+    """Kind that a row of the table leads to."""
     return import_module(TABLE[name].module).KIND
 
 
@@ -90,7 +90,7 @@ def of_compliance(r: Constraints, name: str, by: np.ndarray, alpha: np.ndarray) 
 
 
 def as_measured(shape: Any, r: Constraints, by_rest: np.ndarray, by_shape: np.ndarray, by_value: np.ndarray | None) -> None:
-    """Of rest values that are C of the points at rest, and shapes that do not depend on them."""
+    """Rest values that are C of the points at rest, and shapes that do not depend on them."""
     shape.add(r.ids, by_rest[:, None, None] * r.row.slopes(r, shape.body)[:, 0])
 
 
@@ -133,5 +133,5 @@ class Kind:
 
     @property
     def hard(self) -> bool:
-        """Whether it has neither compliance nor multiplier."""
+        """True if it has neither compliance nor multiplier."""
         return self.equation.unilateral

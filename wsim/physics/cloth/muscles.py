@@ -44,17 +44,20 @@ class _Muscle:
         """A given value as a curve: another one, values of the present keys (keys, groups), or those of all times (groups,)."""
         groups, path = self.curve.values.shape[1], self.body.path
         try:
-            times = value.times if isinstance(value, Curve) else self.curve.times
             values = np.asarray(value.values if isinstance(value, Curve) else value, np.float64)
-            if values.ndim < 2:
-                times, values = np.zeros(1), np.broadcast_to(values, (1, groups))
-            new = Curve(times, values.reshape(len(values), -1))
+            if isinstance(value, Curve):
+                new = value.flat()
+            elif values.ndim < 2:
+                new = Curve(np.zeros(1), np.broadcast_to(values, (1, groups)))
+            else:
+                new = self.curve.replaced(values.reshape(len(values), -1))
+            least, most = new.bounds()
         except ValueError as error:
             raise SceneError(Problem(path, f"actuation: {error}; allowed are a Curve, values (keys, groups) or "
                                      "(groups,)")) from None
-        if new.values.shape[1] != groups or not (np.isfinite(new.values).all() and new.values.min() > 0.0):
+        if new.values.shape[1] != groups or not (np.isfinite([least, most]).all() and np.min(least) > 0.0):
             raise SceneError(Problem(path, f"actuation has {new.values.shape[1]} groups and values from "
-                                     f"{new.values.min():g} to {new.values.max():g}; allowed are {groups} groups and finite "
+                                     f"{np.min(least):g} to {np.max(most):g}; allowed are {groups} groups and finite "
                                      "factors > 0"))
         return new
 
@@ -99,7 +102,7 @@ class Muscles(Method):
         return self.sites[-1].rest
 
     def site(self, rows: list[Constraints], length: wp.array, entry: np.ndarray) -> _Site:
-        """Of such a table; one that `join` has taken is found again."""
+        """Site of such a table; one that `join` has taken is found again."""
         known = next((s for s in self.sites if s.length.ptr == length.ptr), None)
         return known or _Site(self.model, length, np.where(entry < 0, self.groups, self.columns(rows)[entry]), self.groups)
 
@@ -124,7 +127,7 @@ class Muscles(Method):
                                np.full(len(r.ids), self.groups) for r in rows])
 
     def stage(self, springs: int) -> None:
-        """For solvers whose forces of a substep are at one time."""
+        """Stage for solvers whose forces of a substep are at one time."""
         size = np.dtype(self.model.dtype).itemsize
 
         def act(clock: Clock) -> None:
@@ -144,7 +147,7 @@ class Muscles(Method):
             self.shorten(s, self.factor, row)
 
     def take(self, row: int) -> None:
-        """From the derivatives by the lengths that `put` has left."""
+        """Takes the derivatives with respect to the lengths that `put` has left."""
         for s in self.sites:
             s.adjoint.hand(self.launch, self.factor, row)
 
@@ -153,7 +156,7 @@ class Muscles(Method):
         self.launch(self.contract, s.length.size, [s.column, s.rest, factor, row], [s.length])
 
     def launch(self, kernel, dim: int, inputs: list, outputs: list) -> None:
-        """Not by the model, whose tape would give lengths in structs another version."""
+        """Launches a kernel, not by the model, whose tape would give lengths in structs another version."""
         how: dict = {"block_dim": self.model.block} if self.model.device.is_cuda else {}
         wp.launch(kernel, dim, inputs, outputs, device=self.model.device, **how)
 
@@ -169,7 +172,7 @@ class Muscles(Method):
             return
         self.changed, table = False, np.ones(self.factor.shape)
         for m in self.muscles:
-            table[:, m.columns] = m.curve.weights(self.times) @ m.curve.values
+            table[:, m.columns] = m.curve.table(self.times)
         self.factor.assign(table.astype(self.model.dtype))
 
     @property
@@ -183,10 +186,10 @@ class Muscles(Method):
         return self.keyed(self.factor, self.times)
 
     def keyed(self, factor: wp.array, times) -> list[np.ndarray]:
-        """As `by_keys`, of a table whose rows are at these times [s]."""
+        """Gradient as `by_keys` has it, of a table whose rows are at these times [s]."""
         by = factor.grad.numpy().astype(np.float64)
         factor.grad.zero_()
-        return [m.curve.weights(times).T @ by[:, m.columns] for m in self.muscles]
+        return [m.curve.pulled(times, by[:, m.columns])["values"] for m in self.muscles]
 
     def find(self, path: str, world: int = 0) -> int:
         """Number of the muscles of a net. Raises SceneError."""
@@ -202,7 +205,7 @@ class Muscles(Method):
         return [r if r.row.gather != SPRINGS else replace(r, rest=r.rest * factor[self.columns([r])]) for r in rows]
 
     def factors(self, time: float | None = None) -> np.ndarray:
-        """Of each column, as `present`."""
+        """Factors of each column, as `present`."""
         found = np.ones(self.groups + 1)
         for m in self.muscles:
             found[m.columns] = m.curve.at(self.time + self.clock.dt if time is None else time)
@@ -217,7 +220,7 @@ class Muscles(Method):
         """Largest factor, but at least 1, that each edge of a body ever has, (m,)."""
         for m in self.muscles:
             if m.body is body:
-                return np.maximum(1.0, np.append(m.curve.values.max(axis=0), 1.0)[m.edges(m.columns.stop) - m.columns.start])
+                return np.maximum(1.0, np.append(m.curve.bounds()[1], 1.0)[m.edges(m.columns.stop) - m.columns.start])
         return 1.0
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:

@@ -9,7 +9,7 @@ from wsim.kernels.cloth import muscle as kernels
 
 
 class SiteAdjoint:
-    """Of one table of springs: sums over the springs of each group, in their order."""
+    """The adjoint of one table of springs: sums over the springs of each group, in their order."""
 
     def __init__(self, site, model, column: np.ndarray, groups: int):
         """site: the table; column: of the factors, for each of its entries."""
@@ -20,7 +20,7 @@ class SiteAdjoint:
         self.shares, self.release = kernels.shares(model.real, model.module), kernels.release(model.real, model.module)
 
     def hand(self, launch: Callable, factor: wp.array, row: int) -> None:
-        """From the gradient of the lengths of a row to those of the factors and of the lengths without muscles."""
+        """Passes from the gradient of the lengths of a row to those of the factors and of the lengths without muscles."""
         s = self.site
         launch(self.shares, self.share.size, [self.first, self.item, s.rest, s.length.grad], [self.share])
         launch(self.release, s.size, [s.column, factor, self.share, row], [s.length.grad, s.rest.grad, factor.grad])

@@ -45,13 +45,13 @@ class Table:
         self.seen = self.now()
 
     def comply(self) -> "Table":
-        """With compliances, which forces of explicit steps do not need."""
+        """The table with compliances, which forces of explicit steps do not need."""
         if self.data.alpha is None:
             self.data.alpha = self.send(self.values()[0], self.entry)
         return self
 
     def relax(self) -> "Table":
-        """With relaxation times."""
+        """The table with relaxation times."""
         if self.data.tau is None:
             self.data.tau = self.send(self.values()[1], self.model.real)
         return self
@@ -83,7 +83,7 @@ class Table:
         self.lengths = lengths
 
     def now(self) -> list[tuple]:
-        """What the rows have: who changes them gives them other objects."""
+        """Present objects of the rows: who changes them gives them other objects."""
         return [(r.rest, r.shape, r.stiffness, r.tau, r.coupling) for r in self.rows]
 
     def refresh(self) -> None:
@@ -103,7 +103,7 @@ class Table:
             self.curvature.refresh()
 
     def energy_kernels(self, module: str) -> list:
-        """What `energy` launches, made in that module."""
+        """Kernels that `energy` launches, made in that module."""
         from wsim.kernels.cloth.energy import statistics
         return self.curvature.energy_kernels(module) if self.curvature else [
             statistics(self.row.equation, real=self.model.real, module=module, uniform=self.uniform)]
@@ -129,7 +129,7 @@ class Table:
 
     @property
     def few(self) -> bool:
-        """Whether the host sums their energy."""
+        """True if the host sums their energy."""
         from wsim.physics.cloth.kinds import stored
         return self.size <= stored.FEW and (self.row.gather == SHEET or self.kind in stored.KINDS)
 
@@ -153,7 +153,7 @@ class Table:
         return np.r_[0, np.cumsum(sizes)].astype(np.int32), int(sizes.max())
 
     def place(self, force: int, block: int) -> None:
-        """Where elements leave forces on corners and blocks of pairs (kernels/solver/newton.py)."""
+        """Places where elements leave forces on corners and blocks of pairs (kernels/solver/newton.py)."""
         equation, real, module = self.row.equation, self.model.real, self.model.module
         if equation.rows == 3:
             from wsim.kernels.cloth import hessian
@@ -175,7 +175,7 @@ def table_of(model: Model, kind: str) -> Table:
 
 
 def tables_of(model: Model, rows: list[Constraints]) -> dict[str, Table]:
-    """Those of the kinds of some rows: springs, hinges, then elements, membranes first."""
+    """Tables of the kinds of some rows: springs, hinges, then elements, membranes first."""
     kinds = sorted(named({r.kind for r in rows}), key=lambda kind: (ORDER.index(kind.gather), kind.equation.rows == 1))
     return {kind.name: table_of(model, kind.name).comply().relax().bend() for kind in kinds}
 

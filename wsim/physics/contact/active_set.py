@@ -44,7 +44,7 @@ class ActiveSet(Term):
         return [c.table, c.points, c.slots]
 
     def hold(self, g: float, fresh: bool) -> None:
-        """After an assembly. fresh: of forces, not of the Newton step before."""
+        """Updates the active set after an assembly. fresh: of forces, not of the Newton step before."""
         m = self.assembly
         self.run("hold", [*self.tables, self.at(g), int(fresh), m.f], [m.A, self.held])
 
@@ -58,11 +58,11 @@ class ActiveSet(Term):
         return True
 
     def left(self, f: wp.array) -> wp.array:
-        """What planes do not bear."""
+        """Forces that planes do not bear [N]."""
         return self.held.f
 
     def clip(self, g: float, solved: bool = False) -> None:
-        """Of the way y, what colliders leave."""
+        """Cuts the way y to what colliders leave of it."""
         m = self.assembly
         slots = self.tables[-1]
         self.run("clip", [slots, self.at(g), int(solved), m.A, self.held, self.r, m.v.y], [m.v.y])
@@ -74,5 +74,5 @@ class ActiveSet(Term):
         self.run("rub", [trial, c.slots, m.A.own, c.push, g, m.state.d, m.points.anchor, m.v.y], [], rows)
 
     def press(self, clock: Clock) -> None:
-        """What moved d without a look at contacts."""
+        """Presses d out of colliders, where it was moved without a look at contacts."""
         self.run("press", [*self.tables, clock.g, self.assembly.points.anchor], [self.assembly.state.d, self.contacts.push])

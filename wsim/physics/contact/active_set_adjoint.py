@@ -10,7 +10,7 @@ from wsim.model.structs import filled
 
 
 class ContactsAdjoint:
-    """Of contacts."""
+    """The adjoint of contacts of the active set."""
 
     def __init__(self, model: Model, contacts, after: bool):
         """contacts: `wsim.physics.contact.contacts.Contacts`. after: something is projected behind a solve, and contacts once
@@ -35,7 +35,7 @@ class ContactsAdjoint:
         self.given = zeros(n * after, t.vec3)            # what they give by forces
 
     def begin(self) -> None:
-        """Before a substep."""
+        """Begins a substep."""
         self.contacts.push.zero_()
         self.frame.bears.zero_()
 

@@ -55,7 +55,8 @@ def _moves(scene: Scene) -> float:
 
 
 def stiffness(scene: Scene) -> float:
-    """Of a point over its mass [1/s^2], of two colliders at once where there are as many; 0 where contacts are hard."""
+    """Stiffness of a point over its mass [1/s^2], of two colliders at once where there are as many; 0 where contacts are
+    hard."""
     if not (scene.colliders and scene.contact_width > 0.0):
         return 0.0
     return min(len(scene.colliders), 2) * 6.0 * energy(scene) / scene.contact_width**2

@@ -16,7 +16,7 @@ from wsim.physics.contact.colliders import Rows
 
 
 class Tree:
-    """Of the rows of a table (`wsim.kernels.contact.project.tables`)."""
+    """Tree of the rows of a table (`wsim.kernels.contact.project.tables`)."""
 
     def __init__(self, rows: Rows, table, device, real, module):
         self.table, self.real = table, real
@@ -35,14 +35,14 @@ class Tree:
         self.bvh: wp.Bvh | None = None
 
     def build(self, launch: Callable) -> None:
-        """Before the first frame; not captured."""
+        """Builds the tree before the first frame; not captured."""
         if self.bvh is None:
             self._boxes(launch, 0)
             self.bvh = wp.Bvh(self.low, self.high, groups=self.groups)
             self.table.tree = self.bvh.id
 
     def fit(self, launch: Callable, k: int) -> None:
-        """To the balls of substep k; capturable."""
+        """Fits the tree to the balls of substep k; capturable."""
         assert self.bvh is not None
         self._boxes(launch, k)
         if k == 0:

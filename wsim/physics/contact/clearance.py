@@ -29,7 +29,7 @@ AHEAD = 2.0            # frames at the speed of a point that it must be away fro
 
 
 def possible(scene: Scene, gradients: bool) -> bool:
-    """Whether frames without contacts are tried in a scene that has colliders."""
+    """True if frames without contacts are tried in a scene that has colliders."""
     from wsim.physics.contact.contacts import MANY
     balls = sum(not isinstance(c.shape, Plane) for c in scene.colliders)
     forming = any(isinstance(c.shape, Surface) and c.shape.poses is not None and c.shape.poses.moves for c in scene.colliders)
@@ -37,7 +37,7 @@ def possible(scene: Scene, gradients: bool) -> bool:
 
 
 class Clearance:
-    """Of the contacts of a plan."""
+    """Clearances of the contacts of a plan."""
 
     def __init__(self, contact, clock: Clock, whole: bool):
         """contact: the method; whole: an explicit integrator takes frames without contacts whole, and looks at the bounds
@@ -75,7 +75,7 @@ class Clearance:
         clock.free, clock.after_free = not near, self.whole and not near
 
     def hear(self) -> bool:
-        """After a frame: whether it had no contacts and should have."""
+        """True if the frame that has ended had no contacts and should have."""
         self.said = bool(self.status.said(REACHED)[0])
         return self.said and self.clock.free
 
@@ -90,12 +90,12 @@ class Clearance:
                           [self.room, c.struck])
 
     def look(self, clock: Clock) -> None:
-        """At a substep that is predicted."""
+        """Looks at a substep that is predicted."""
         s = self.state
         self.model.launch(self.stray, self.model.points, [self.start, s.x, s.d, self.room], [self.word])
 
     def look_at(self, x: wp.array, d: wp.array) -> None:
-        """At displacements [m] since the frame began at x."""
+        """Looks at displacements [m] since the frame began at x."""
         self.model.launch(self.stray, self.model.points, [x, x, d, self.room], [self.word])
 
     def end(self, clock: Clock) -> None:

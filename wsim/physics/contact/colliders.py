@@ -101,7 +101,7 @@ class Rows:
 
     @property
     def moves(self) -> bool:
-        """Whether any collider goes somewhere or deforms."""
+        """True if any collider goes somewhere or deforms."""
         return any(c.motion.moves for c in self.colliders) or any(m is not None and m.moves for m in self.meshes)
 
     @property
@@ -116,7 +116,7 @@ class Rows:
         return int(np.diff(before[self.first]).max(initial=0))
 
     def centers(self) -> np.ndarray:
-        """Of the bounding balls, in the shapes' own frames [m], (distinct, 3)."""
+        """Centres of the bounding balls, in the shapes' own frames [m], (distinct, 3)."""
         return np.array([np.zeros(3) if m is None else m.center for m in self.meshes])
 
     def poses(self, times: np.ndarray, number: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -125,7 +125,7 @@ class Rows:
         (substeps, rows, 4). number: distinct colliders whose rows are wanted, ascending; None: all."""
         number = np.arange(len(self.colliders)) if number is None else number
         motions = [self.colliders[k].motion for k in number]
-        M = np.stack([np.stack([motion.at(t) for t in times]) if motion.moves
+        M = np.stack([motion.sampled(times) if motion.moves
                       else np.broadcast_to(motion.at(0.0), (len(times), 4, 4)) for motion in motions], axis=1)
         R, p = M[..., :3, :3], M[..., :3, 3]
         turn = quaternion(R[1:] @ np.swapaxes(R[:-1], -1, -2))

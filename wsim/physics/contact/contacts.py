@@ -44,7 +44,7 @@ MANY = 64              # balls of an object; 1024 points search 2.3 ms a frame o
 
 @dataclass
 class Bodies:
-    """What may touch: points of objects. Device arrays are shared, NumPy arrays are uploaded."""
+    """Points of objects that may touch something. Device arrays are shared, NumPy arrays are uploaded."""
 
     colliders: list[list[Collider]]      # of each object
     origins: np.ndarray                  # [m], (objects, 3) float64
@@ -165,7 +165,7 @@ class Contacts:
     # frames
 
     def prepare(self, time: float, *, substeps: int | None = None, deep: bool | None = None) -> bool:
-        """Before the frame that starts at `time` [s]: colliders at its substeps, in float64; whether they are placed anew.
+        """Prepares the frame that starts at `time` [s]: colliders at its substeps, in float64; whether they are placed anew.
 
         deep: points may start inside of closed meshes; None: yes at first and after a jump in time."""
         again, before = time == self.time, self.time
@@ -235,11 +235,11 @@ class Contacts:
 
     @property
     def recorded(self) -> bool:
-        """Whether a tape records what is launched."""
+        """True if a tape records what is launched."""
         return self.adjoint is not None and self.adjoint.model.tape is not None
 
     def settle(self, g: float, e: wp.array, d: wp.array, a: wp.array, v: wp.array, push: wp.array | None = None) -> None:
-        """After the last iteration of a multistep integrator: a, v of points in contact forget what was. push: or of some."""
+        """Settles the last iteration of a multistep integrator: a, v of points in contact forget what was. push: or of some."""
         at = self.read(v=v, e=e, d=d, a=a, push=self.push if push is None else push)
         self.launch(self.settle_kernel, self.count, [self.table, self.slots, at, g], [a, v])
 

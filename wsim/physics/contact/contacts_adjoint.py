@@ -29,8 +29,9 @@ class SearchResult:
 
 
 class ContactAdjoint:
-    """Of colliders. Lists are not kept: the search runs once more, of the same arrays, before the first adjoint that wants
-    them. The side of a closed mesh that a point is on is always told by the winding number, whatever was before, so that the
+    """The adjoint of contacts with colliders. Lists are not kept: the search runs once more, of the same arrays, before the
+    first adjoint that wants them. The side of a closed mesh that a point is on is always told by the winding number, whatever
+    was before, so that the
     same is found."""
 
     def __init__(self, contacts, model: Model):
@@ -52,6 +53,9 @@ class ContactAdjoint:
         lanes = int(np.clip(np.diff(starts).max() // EACH, 1, LANES))
         self.starts = wp.array(starts, dtype=int, device=model.device)
         self.sums = wp.zeros((len(model.bodies), contacts.rows.most, lanes), dtype=self.motion.dtype, device=model.device)
+        # where a motion is a curve within its frames: sums of each substep
+        self.steps = [wp.zeros_like(self.sums) for _ in range(contacts.table.step.shape[0])] if any(
+            not c.motion.plain for c in contacts.rows.colliders) else []
         self.wanted = zeros(1, int)
         self.found: SearchResult | None = None
         self.vjp = {contacts.search_kernel: lambda inputs: self.searched(inputs[2]),
@@ -70,7 +74,7 @@ class ContactAdjoint:
         model.tape.do(shape)
 
     def searched(self, at):
-        """What a tape takes as the adjoint of the search that is launched next; at: what that reads."""
+        """Adjoint that a tape takes of the search that is launched next; at: what that reads."""
         tape: Tape = self.model.tape
         found = self.found = SearchResult(tape.read(at))
 
@@ -82,10 +86,12 @@ class ContactAdjoint:
             o = self.gradients()
             o.x, o.d, o.d_out, o.a_out = at.x.grad, at.d.grad, d_out.grad, a_out.grad
             self.model.launch(self.search_kernel, self.contacts.count, [self.contacts.table, points, slots, at, o, at.k], [])
+            if self.steps:
+                self.sum(self.steps[at.k])
         return backward
 
     def projected(self):
-        """What a tape takes as the adjoint of the projection that is launched next."""
+        """Adjoint that a tape takes of the projection that is launched next."""
         ready = self.reader()
 
         def backward(read: list, wrote: list) -> None:
@@ -97,8 +103,8 @@ class ContactAdjoint:
         return backward
 
     def reader(self):
-        """Of a launch to come that reads the contacts found last: what its adjoint calls first. The last to read them is the
-        first to find them again."""
+        """Reader of a launch to come that reads the contacts found last: what its adjoint calls first. The last to read them
+        is the first to find them again."""
         found = self.found
         assert found is not None
         found.projected += 1
@@ -106,7 +112,7 @@ class ContactAdjoint:
         return lambda: self.again(found) if number == found.projected else None
 
     def reading(self, kernel):
-        """What a tape takes as the adjoint of a launch that reads contacts: Warp's, with the gradients of contacts where those
+        """Adjoint that a tape takes of a launch that reads contacts: Warp's, with the gradients of contacts where those
         of the search want them."""
         model, ready = self.model, self.reader()
         how = {"device": model.device, **({"block_dim": model.block} if model.device.is_cuda else {})}
@@ -146,11 +152,16 @@ class ContactAdjoint:
         for array in (self.friction, self.gap, self.motion):
             array.zero_()
 
-    def take_motion(self) -> wp.array:
-        """By the motions of an object's colliders in a frame, (objects, rows, lanes, 4, 3), which are zeros then: shift
-        and turn where it begins, and where it ends."""
-        self.model.launch(self.sum_kernel, self.sums.shape, [self.starts, self.contacts.count, self.motion], [self.sums])
+    def take_motion(self) -> wp.array | list[wp.array]:
+        """Gradient with respect to the motions of an object's colliders in a frame, (objects, rows, lanes, 4, 3), which are
+        zeros then: shift and turn where it begins, and where it ends. Where a motion is a curve: those of each substep."""
+        if self.steps:
+            return [wp.clone(step) for step in self.steps]
+        self.sum(self.sums)
         return wp.clone(self.sums)
+
+    def sum(self, out: wp.array) -> None:
+        self.model.launch(self.sum_kernel, out.shape, [self.starts, self.contacts.count, self.motion], [out])
 
     def by_rows(self, array: wp.array) -> np.ndarray:
         """A gradient of the points by the rows of their objects, (rows, points, ...) in float64."""
@@ -159,7 +170,7 @@ class ContactAdjoint:
 
 
 class ReadingAdjoint:
-    """Of another kernel that reads contacts."""
+    """The adjoint of another kernel that reads contacts."""
 
     def __init__(self, contacts, kernel):
         self.vjp = {kernel: lambda inputs: contacts.adjoint.reading(kernel)}

@@ -24,14 +24,15 @@ SLOPE = 1e-6           # of the size of a triangle: step of the differences that
 
 
 def suits(contacts: "Contacts") -> bool:
-    """Whether the host measures these: few, and convex shapes of ours."""
+    """True if the host measures these: few, and convex shapes of ours."""
     rows = contacts.rows
     work = (contacts.count + len(contacts.faces)) * max(rows.most, 1)
     return work <= FEW and len(rows.collider) <= ROWS and all(kind in CONVEX for kind in contacts.kinds)
 
 
 def indicators(contacts: "Contacts", x: np.ndarray) -> dict[str, float]:
-    """As `Contacts.indicators`. x: positions relative to the origins of objects [m], (points, 3), float64."""
+    """Indicators as `Contacts.indicators` has them. x: positions relative to the origins of objects [m], (points, 3),
+    float64."""
     points, table = contacts.points, contacts.table
     w, owner, reach = (a.numpy() for a in (points.w, points.object, points.reach))
     pose = table.pose.numpy()[contacts.substeps].astype(np.float64)

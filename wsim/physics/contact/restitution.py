@@ -13,7 +13,7 @@ from wsim.model.vjp import beside
 
 
 class Bounce:
-    """Of the contacts of a plan."""
+    """Restitution of the contacts of a plan."""
 
     def __init__(self, model: Model, state: State, points, contacts):
         """points: the method that owns gravity and the anchor; contacts: `wsim.physics.contact.contacts.Contacts`."""
@@ -60,16 +60,16 @@ class Bounce:
             others.find("impacts").append(self.passed)
 
     def keep(self, clock: Clock) -> None:
-        """Before anything changes the velocity."""
+        """Keeps the velocity before anything changes it."""
         self.model.copy(self.before, self.state.v)
 
     def renew(self, clock: Clock) -> None:
-        """After a substep of a multistep integrator."""
+        """Renews what is kept after a substep of a multistep integrator."""
         s = self.state
         self.model.launch(self.renew_kernel, self.model.points, [self.points.constants, self.thrown, s.v, clock.h], [s.s, s.u])
 
     def launch(self, clock: Clock) -> None:
-        """After the last iteration."""
+        """Launches the restitution after the last iteration."""
         s, c, table = self.state, self.contacts, kernels.bounces(self.model.real)()
         table.restitution, table.h, table.g = self.restitution, clock.h, clock.g
         d, a = s.d, self.points.anchor
@@ -85,5 +85,5 @@ class Bounce:
         self.model.launch(self.kernel, c.count, inputs, outputs)
 
     def passed(self, change: wp.array) -> None:
-        """Before leapfrog's last half kick."""
+        """Launches what comes before leapfrog's last half kick."""
         self.model.launch(self.spare, self.model.points, [change, self.normal], [change])

@@ -24,13 +24,13 @@ class Cluster:
 
     @property
     def threads(self) -> int:
-        """Of a block."""
+        """Threads of a block."""
         return self.points * self.lanes
 
 
 @dataclass(frozen=True)
 class Halo:
-    """Where points stand."""
+    """Places of points in the memory of blocks."""
 
     slot: np.ndarray           # of the other end, for each entry, (entries,) int32
     push: np.ndarray           # block << 16 | slot, or -1, (points * pushes * lanes,) int32

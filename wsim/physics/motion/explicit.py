@@ -121,7 +121,7 @@ class Explicit(Method):
         self.own = wp.zeros(3 * n, dtype=vec3, device=device) if self.integrator.stages else None
 
     def move(self, d: wp.array, q: wp.array, carry: wp.array, slip: wp.array | None) -> None:
-        """What a march works on, in place. slip: None where it takes frames."""
+        """Arrays that a march works on, in place. slip: None where it takes frames."""
         self.status.reserve(THROWN)
         s, frame = self.state, int(slip is None)
         self.moving = filled(march_cpu.moving(self.model.real), x=s.x, d=d, q=q, v=s.v, carry=carry, slip=slip, frame=frame)
@@ -133,7 +133,8 @@ class Explicit(Method):
         self.model.launch(self.begin, self.model.points, [s.e, s.v, s.r, 0], [self.pair, self.carry, self.own])
 
     def resume(self, clock: Clock) -> None:
-        """As `start`, where others act within substeps: leapfrog goes on from its half step: all substeps are alike."""
+        """Starts as `start` does, where others act within substeps: leapfrog goes on from its half step: all substeps are
+        alike."""
         self.start(clock)
         if self.state.has("b") and not clock.halved:
             self.model.copy(self.state.v, self.state.b)
@@ -150,12 +151,12 @@ class Explicit(Method):
                       row=clock.k * stride)
 
     def phase(self):
-        """What a launch reads."""
+        """Arrays that a launch reads."""
         s = self.state
         return filled(kernels.phases(self.model.real), x=s.x, d=self.pair, v=s.v, carry=self.carry, own=self.own)
 
     def kick(self, clock: Clock, kick: float, drift: float, source: int) -> int:
-        """From copy `source`; returns the copy that it ends in."""
+        """Kicks from copy `source`; returns the copy that it ends in."""
         s, step = self.state, self.step(clock, kick, drift, source)
         self.act(clock, float(drift == 0.0))
         if self.marches:
@@ -229,7 +230,7 @@ class Explicit(Method):
         self.model.launch(self.commit, self.model.points, [self.pair, self.carry, s.x, source], [s.x, s.e, s.r])
 
     def predict(self, clock: Clock) -> None:
-        """Where others act on the substep: the displacement goes where they look for it."""
+        """Predicts the substep on which others act: the displacement goes where they look for it."""
         s, n = self.state, self.model.points
         self.at = self.advance(clock, self.side(clock))
         self.model.copy(s.d, self.pair, 0, self.at * n, n)

@@ -110,7 +110,7 @@ class ForceGather:
         self.space = lots.room(model.real, self.table.row, len(found.entry), model.device)
 
     def share(self, cluster: Cluster, point: np.ndarray, other: np.ndarray) -> Cluster | None:
-        """Which block keeps what; no cluster where points hang together too widely for that."""
+        """Cluster with what each block keeps; None where points hang together too widely for that."""
         found = halo(cluster, self.model.points, point, other, np.dtype(self.model.dtype).itemsize)
         if found is None:
             return None
@@ -159,7 +159,7 @@ class ForceGather:
             self.pull = march_cpu.pull(self.model.real, self.model.module, self.damped)
 
     def flags(self) -> tuple:
-        """What `wsim.kernels.cloth.spring.acceleration` is made of."""
+        """Flags that `wsim.kernels.cloth.spring.acceleration` is made of."""
         return tuple({"springs": bool(self.springs), "corners": bool(self.elements), "damped": self.damped,
                       "added": self.added, "lanes": self.lanes, "width": self.width, "exact": self.exact}.items())
 
@@ -193,7 +193,7 @@ class ForceGather:
 
     @property
     def bytes(self) -> int:
-        """Moved by one evaluation of all forces, when every gather hits the cache once."""
+        """Bytes moved by one evaluation of all forces, when every gather hits the cache once."""
         real, n = np.dtype(self.model.dtype).itemsize, self.model.points
         entries = len(self.entry) if self.springs else 0
         return (entries * (4 + real * (2 + self.damped)) + n * real * (21 + 6 * self.damped) + n * 12

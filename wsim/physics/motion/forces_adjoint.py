@@ -19,7 +19,7 @@ from wsim.model.vjp import fixed, of_table, taken_along
 
 
 class ForceAdjoint:
-    """Of the forces of a `Pull`: `p` is the gradient by the forces on points."""
+    """The adjoint of the forces of a `Pull`: `p` is the gradient by the forces on points."""
 
     def __init__(self, model: Model, pull, masses: bool, module: str = ""):
         """pull: a `wsim.physics.motion.forces.ForceGather`; masses: p is that by accelerations times inverse masses, which have
@@ -32,14 +32,14 @@ class ForceAdjoint:
         self.leap_adjoint = kernels.leap_adjoint(model.real, module, pull.direct, self.lanes) if masses else None
 
     def into(self, x: wp.array, pair: wp.array, force: wp.array | None):
-        """Where gradients go."""
+        """Arrays where gradients go."""
         g = kernels.grads(self.model.real)()
         g.p, g.x, g.pair, g.corner = self.p, x.grad, pair.grad, None if force is None else force.grad
         return g
 
     def launch(self, x: wp.array, pair: wp.array, force: wp.array | None, source: int, parameters: bool = True) -> None:
-        """From `p` to the gradients of all arrays that the forces are made of; parameters: those of springs and x too. Corners
-        that know p by themselves are left out."""
+        """Passes from `p` to the gradients of all arrays that the forces are made of; parameters: those of springs and x too.
+        Corners that know p by themselves are left out."""
         if self.kernels:
             self.model.launch(self.kernels[parameters], self.model.points * self.pull.lanes,
                               [self.pull.net, force, x, pair, source, adjoint_of(self.pull.net), self.into(x, pair, force)],
@@ -56,7 +56,7 @@ class ForceAdjoint:
 
 
 class LeapAdjoint(ForceAdjoint):
-    """Of the launches of a leap."""
+    """The adjoint of the launches of a leap."""
 
     def __init__(self, pull, leap):
         """leap: the kernel."""
@@ -65,7 +65,7 @@ class LeapAdjoint(ForceAdjoint):
 
 
 def element_adjoint(pull, element):
-    """Of the forces of an element of a `wsim.physics.motion.forces.ForceGather`."""
+    """Adjoint of the forces of an element of a `wsim.physics.motion.forces.ForceGather`."""
     if hasattr(element, "kind"):
         return (BentAdjoint if element.curvature else FlatAdjoint)(pull.model, element, pull)
     table = element.table
@@ -104,7 +104,7 @@ class Forces:
         self.model.launch(self.force, self.model.points, [self.pull.net, self.corner, self.x, self.pair], [self.f])
 
     def launch(self, kernel, dim: int, inputs: list, outputs: list, **how) -> None:
-        """What `Model.launch` calls while this collects."""
+        """Launch that `Model.launch` calls while this collects."""
         backward = self.model.vjp[kernel](inputs) if kernel in self.model.vjp else None
         self.launches.append((kernel, dim, inputs, outputs, [self.bare(a) for a in inputs], backward, how))
 
@@ -135,7 +135,7 @@ class Forces:
 
 
 class CornerAdjoint:
-    """Of the forces of a table of tets, or of pressure."""
+    """The adjoint of the forces of a table of tets, or of pressure."""
 
     def __init__(self, model: Model, table, pull):
         """table: of `wsim.physics.soft.fem`; pull: says which corners each point has, and whether p is all that is to be
@@ -148,7 +148,7 @@ class CornerAdjoint:
         self.vjp = of_table(model, table.pull, table.data, self.record)
 
     def record(self, inputs: list):
-        """Of a launch to come; where tets flow before it, it hands on what their shapes at rest get."""
+        """Adjoint of a launch to come; where tets flow before it, it hands on what their shapes at rest get."""
         flows = self.table.plastic and self.table.flows
         return self.table.plastic.adjoint.around(self.backward) if flows else self.backward
 
@@ -163,7 +163,7 @@ class CornerAdjoint:
 
 
 class FlatAdjoint:
-    """Of the forces of membranes, or of any kind that is known by its formula alone."""
+    """The adjoint of the forces of membranes, or of any kind that is known by its formula alone."""
 
     def __init__(self, model: Model, elements, pull):
         """elements, pull: of `wsim.physics.motion.forces`."""
@@ -177,7 +177,7 @@ class FlatAdjoint:
         self.vjp = of_table(model, elements.kernel, elements.data, fixed(self.backward))
 
     def backward(self, read: list, wrote: list) -> None:
-        """As that of `CornerAdjoint`."""
+        """Backward pass, as that of `CornerAdjoint`."""
         (data, x, pair, source, first), g, n = read, self.gathering, self.gathering.model.points
         corners = g.corners(wrote[0])
         inputs = [*read, g.work(corners), adjoint_of(data)]
@@ -187,7 +187,7 @@ class FlatAdjoint:
 
 
 class BentAdjoint:
-    """Of the forces of hinges."""
+    """The adjoint of the forces of hinges."""
 
     def __init__(self, model: Model, elements, pull):
         """elements, pull: of `wsim.physics.motion.forces`."""
@@ -201,7 +201,7 @@ class BentAdjoint:
                     | dict.fromkeys(along, fixed(taken_along)))
 
     def backward(self, read: list, wrote: list) -> None:
-        """As that of `CornerAdjoint`."""
+        """Backward pass, as that of `CornerAdjoint`."""
         (data, x, pair, source, first, cur), g, e = read, self.gathering, self.elements
         model, n, whole, corners = g.model, g.model.points, x.grad is not None, g.corners(wrote[0])
         work = g.work(corners)
@@ -215,7 +215,8 @@ class BentAdjoint:
 
 
 class Gathering:
-    """What corners have, to points: of all kinds at once where p is all that is to be known, else of each by itself."""
+    """The sum of what corners have into points: of all kinds at once where p is all that is to be known, else of each by
+    itself."""
 
     def __init__(self, model: Model, pull, kind, damped: bool):
         """kind: what has `ids`, the points of its corners."""
@@ -226,7 +227,7 @@ class Gathering:
                      gathers.take(model.real, model.module))
 
     def corners(self, force: wp.array) -> wp.array:
-        """Where their gradients go: those by these forces, or in their place."""
+        """Arrays where their gradients go: those by these forces, or in their place."""
         return self.pull.by_corners or force.grad
 
     def work(self, corners: wp.array):

@@ -27,7 +27,7 @@ SOME = 20_000          # tets at a time: a quadratic one has 6 kB of J
 
 @dataclass
 class Stiffness:
-    """Of one kind on one body: ids (m, k) from the body's first point, J = alpha^-1/2 G, (m, rows, k, 3), tau [s]."""
+    """Stiffness of one kind on one body: ids (m, k) from the body's first point, J = alpha^-1/2 G, (m, rows, k, 3), tau [s]."""
 
     ids: np.ndarray
     J: np.ndarray
@@ -92,8 +92,9 @@ def solids(body: Body, parts: list | None) -> Iterator[Stiffness]:
 
 
 def stiffest(body: Body, parts: list | None, w: np.ndarray) -> tuple[float, float]:
-    """Highest eigenvalue of M^-1 K and of M^-1 sum tau K of the tets of a body, from above: that of one tet alone. Tets share a
-    point's mass by |J_k|^2, its part of the diagonal. (tr A^8)^(1/8) stands for A's highest eigenvalue: a little above it."""
+    """The highest eigenvalue of M^-1 K and of M^-1 sum tau K of the tets of a body, from above: that of one tet alone. Tets
+    share a point's mass by |J_k|^2, its part of the diagonal. (tr A^8)^(1/8) stands for A's highest eigenvalue: a little above
+    it."""
     total, top, decay = np.zeros(body.count), 0.0, 0.0
     for s in solids(body, parts):
         total += np.bincount(s.ids.ravel(), np.einsum("mrki,mrki->mk", s.J, s.J).ravel(), body.count)
@@ -132,7 +133,8 @@ def _sizes(J: np.ndarray) -> np.ndarray:
 
 
 def bound(model: Model, parts: list | None = None) -> tuple[float, float]:
-    """Highest frequency omega [rad/s] and highest decay rate c [1/s] of the points of world 0, from above. parts: `solids`."""
+    """The highest frequency omega [rad/s] and highest decay rate c [1/s] of the points of world 0, from above. parts:
+    `solids`."""
     pinned, tops, decays = np.setdiff1d(hard_places(model), model.gone), [0.0], [0.0]
     for body in (b for b in model.bodies if b.world == 0):
         w = _inverse(model, body, pinned)
@@ -159,7 +161,7 @@ def _contacts(model: Model) -> float:
 
 
 def estimate(model: Model, iterations: int = ITERATIONS) -> float:
-    """Highest frequency [rad/s] of the points of world 0 at rest, from below."""
+    """The highest frequency [rad/s] of the points of world 0 at rest, from below."""
     pinned, top = hard_places(model), 0.0
     for body in (b for b in model.bodies if b.world == 0):
         parts = [*stiffness(of_body(model, body), body), *solids(body, None)]

@@ -37,13 +37,12 @@ class Borne:
         """A given value as a curve: another one, values of the present keys (keys, 3), or that of all times (3,)."""
         name, path = self.load.name, self.load.path
         try:
-            times = value.times if isinstance(value, Curve) else self.curve.times
+            of = value if isinstance(value, Curve) else self.curve
             values = np.array(value.values if isinstance(value, Curve) else value, np.float64)
-            if values.ndim == 1:
-                times, values = np.zeros(1), values[None]
-            new = Curve(times, values)
+            new = Curve(np.zeros(1), values[None]) if values.ndim == 1 else of.replaced(values)
         except (TypeError, ValueError) as error:
             raise SceneError(Problem(path, f"{name}: {error}; allowed are a Curve, values (keys, 3) or (3,)")) from None
+        values = new.values
         if values.shape[1:] != (3,) or not (np.isfinite(values).all() and np.isfinite(new.times).all()):
             raise SceneError(Problem(path, f"{name} has shape {np.shape(values)}"
                                      f"{'' if np.isfinite(values).all() else ', not all finite'}; allowed are a Curve, "
@@ -98,7 +97,7 @@ class Loads(Method):
                               device=self.model.device, requires_grad=self.model.gradients)
 
     def stage(self) -> None:
-        """For solvers whose forces of a substep are at one time."""
+        """Stage for solvers whose forces of a substep are at one time."""
         def act(clock: Clock) -> None:
             self.act(clock.k)
         size = len(self.point) * 40 + self.entries.load.size * 16
@@ -115,7 +114,7 @@ class Loads(Method):
         self.launch(self.bear, len(self.point), [self.entries, self.own, self.value, row], [self.gravity])
 
     def launch(self, kernel, dim: int, inputs: list, outputs: list) -> None:
-        """Not by the model, whose tape would give gravity, which stands in structs, another version."""
+        """Launches a kernel, not by the model, whose tape would give gravity, which stands in structs, another version."""
         how: dict = {"block_dim": self.model.block} if self.model.device.is_cuda else {}
         wp.launch(kernel, dim, inputs, outputs, device=self.model.device, **how)
 
@@ -129,7 +128,7 @@ class Loads(Method):
         if not (self.changed or any(b.curve.moves for b in self.borne)):
             return
         self.changed = False
-        table = np.stack([b.curve.weights(self.times) @ b.curve.values for b in self.borne], axis=1)
+        table = np.stack([b.curve.table(self.times) for b in self.borne], axis=1)
         self.value.assign(table.astype(self.model.dtype))
 
     @property
@@ -142,7 +141,7 @@ class Loads(Method):
         are zeros then."""
         by = self.value.grad.numpy().astype(np.float64)
         self.value.grad.zero_()
-        return [b.curve.weights(self.times).T @ by[:, k] for k, b in enumerate(self.borne)]
+        return [b.curve.pulled(self.times, by[:, k])["values"] for k, b in enumerate(self.borne)]
 
     def find(self, path: str | None, world: int = 0) -> int:
         """Number of a load; None: the only one. Raises SceneError."""
@@ -163,7 +162,7 @@ class Loads(Method):
 
     def transposed(self, p: np.ndarray, time: float) -> list[np.ndarray]:
         """Derivative of p . `forces` by the keys of each load, (keys, 3)."""
-        return [b.curve.weights(np.array([time])).T @ (b.parts[:, None] * p[b.places]).sum(axis=0)[None] for b in self.borne]
+        return [b.curve.pulled(time, (b.parts[:, None] * p[b.places]).sum(axis=0)[None])["values"] for b in self.borne]
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """force [N] or traction [Pa] of a load: a `Curve`, values of the present keys (keys, 3), or one for all times (3,); and

@@ -37,27 +37,27 @@ class OneLaunch:
                                  [pull.net, self.shares or pull.shares, s.x, self.whole(clock)], [s.x, s.e, s.v, s.r])
 
     def by_march(self, clock: Clock) -> None:
-        """Of one CPU thread, which others join."""
+        """Launch of one CPU thread, which others join."""
         self.walk(clock, self.pull.abreast.lead(self.key(clock)))
 
     def send(self, clock: Clock) -> None:
-        """Before a frame: what the others will run."""
+        """Sends what the others will run, before a frame."""
         if not self.pull.added:
             return
         self.pull.abreast.send(self.key(clock), lambda team: self.walk(clock, team))
 
     def walk(self, clock: Clock, team) -> None:
-        """As one of the team."""
+        """Runs a frame as one of the team."""
         moving = self.moving or self.method.moving
         self.model.launch(self.kernel, 1, [self.pull.net, self.pull.table, self.whole(clock), team], [moving, self.pull.space])
 
     def key(self, clock: Clock) -> tuple:
-        """Of what the arguments of `walk` are made."""
+        """Key of what the arguments of `walk` are made of."""
         return clock.substeps, clock.h, self.method.stride, 0 if self.method.target is None else self.method.target.ptr
 
 
 def whole_frames(method, size: int, what: str) -> tuple[OneLaunch, Stage]:
-    """Of a method whose frames a launch takes, and nothing else acts within them. size: bytes of a frame."""
+    """Form of a method whose frames a launch takes, and nothing else acts within them. size: bytes of a frame."""
     pull, model, s = method.pull, method.model, method.state
     if pull.cluster:
         one = OneLaunch(method, cluster.frame(model.real, model.module_of(pull.cluster.threads), pull.cluster))
@@ -124,7 +124,7 @@ class FreeFrames:
                                          least=self.model.upload([0.0] * self.pull.blocks, real), **limits)
 
     def send(self, clock: Clock) -> None:
-        """As `OneLaunch`."""
+        """Sends as `OneLaunch` does."""
         if self.method.target is not None:
             self.pull.net.target = self.method.target
         if self.at_once and clock.free:

@@ -33,7 +33,7 @@ class Packets:
         self.cost = np.diff(self.start) + MOVE * EIGHT * np.diff(self.group)             # of each block
 
     def words(self) -> np.ndarray:
-        """Both ends in one, (slots,)."""
+        """Words with both ends in one, (slots,)."""
         low, high = (FOUR * self.ends).astype(np.uint64).T
         return low | high << np.uint64(32)
 

@@ -39,8 +39,22 @@ class _Pinned:
         self.locals = spread(pin.places if pin.places is not None else _local(pin.motion, start), ends)
 
     def targets(self, time: float) -> np.ndarray:
-        """Where its points belong at `time` [s], relative to the body's origin [m]."""
+        """Places of its points at `time` [s], relative to the body's origin [m]."""
         return self.motion.points(self.locals, time) - self.body.origin
+
+    def speed(self, time: float) -> np.ndarray:
+        """Velocities of its points at `time` [m/s], (points, 3)."""
+        rate = self.motion.rate(time)[0]
+        return self.locals @ rate[:3, :3].T + rate[:3, 3]
+
+    def table(self, times: np.ndarray) -> np.ndarray:
+        """Places as `targets` has them, at times (n,) [s]: (n, points, 3)."""
+        if hasattr(self.motion, "follow"):
+            return self.motion.over(times) - self.body.origin
+        if getattr(self.motion, "plain", True):
+            return np.stack([self.targets(time) for time in times])
+        M = self.motion.sampled(times)
+        return self.locals @ M[:, :3, :3].swapaxes(1, 2) + (M[:, None, :3, 3] - self.body.origin)
 
 
 class Following:
@@ -48,7 +62,7 @@ class Following:
 
     def __init__(self, follow, ends: np.ndarray):
         """follow: a `wsim.physics.animation.objects.Follow`; ends: points that each of those between is the middle of."""
-        self.follow, self.ends = follow, ends
+        self.follow, self.ends, self.plain = follow, ends, True
 
     @property
     def moves(self) -> bool:
@@ -56,7 +70,11 @@ class Following:
 
     def points(self, local: np.ndarray, time: float) -> np.ndarray:
         """World places [m] at `time` [s]."""
-        return spread(self.follow.over(np.array([time]))[0], self.ends)
+        return self.over(np.array([time]))[0]
+
+    def over(self, times: np.ndarray) -> np.ndarray:
+        """World places [m] at some times [s], (times, points, 3)."""
+        return spread(self.follow.over(times).swapaxes(0, 1), self.ends).swapaxes(0, 1)
 
 
 def _local(motion: Motion, places: np.ndarray) -> np.ndarray:
@@ -99,9 +117,25 @@ class Pins(Method):
                 from wsim.kernels.motion.sdirk3 import place_pins
                 self.place_kernel = place_pins(real, module)
                 self.stages.append(Stage("pins placed", "finish", self.put, 1, n * 60, what=f"{n} points"))
+        self.carried = [p for p in self.groups["hard"] if not p.motion.plain and not model.gradients]
+        if self.carried:
+            self.add_carried(t, real, module)
         if self.groups["soft"]:
             self.add_soft(t, real, module)
         self.offers = {"pins": self} | {f"{kind} pins": self for kind, group in self.groups.items() if group}
+
+    def add_carried(self, t, real, module) -> None:
+        """Adds velocities of curves other than linear keys, which are known: at the end of a frame points have it, to no
+        order."""
+        self.carry = kernels.carry_pins(real, module)
+        places = np.concatenate([p.places for p in self.carried])
+        self.at_ends = self.model.upload(places.astype(np.int32), int)
+        self.speed = wp.zeros(len(places), dtype=t.vec3, device=self.model.device)
+        self.stages.append(Stage("pin velocities", "deform", self.hurry, 1, len(places) * 28, rate="frame",
+                                 what=f"{len(places)} points"))
+
+    def hurry(self, clock: Clock) -> None:
+        self.model.launch(self.carry, self.at_ends.size, [self.at_ends, self.speed], [self.state.v])
 
     def add_soft(self, t, real, module) -> None:
         group, n = self.groups["soft"], self.place["soft"].size
@@ -116,7 +150,7 @@ class Pins(Method):
 
     @property
     def moves(self) -> bool:
-        """Whether any pin does."""
+        """True if any pin does."""
         return any(p.motion.moves for g in self.groups.values() for p in g)
 
     def meet(self, others: Methods) -> None:
@@ -148,7 +182,7 @@ class Pins(Method):
                           [self.place["hard"], self.target["hard"], s.x, s.e, row, part], [s.d])
 
     def put(self, clock: Clock) -> None:
-        """Behind the last stage of a step."""
+        """Puts the points in their places behind the last stage of a step."""
         s, solves = self.state, clock.integrator.solves
         if solves > 1 and clock.ends:
             pinned, row = self.place["hard"], clock.k + clock.k // solves + 1
@@ -166,6 +200,8 @@ class Pins(Method):
 
     def before_frame(self, time: float, clock: Clock) -> None:
         moves = self.moves
+        if self.carried:
+            self.speed.assign(np.concatenate([p.speed(time + clock.dt) for p in self.carried]).astype(self.model.dtype))
         at = {kind: clock.moments(kind == "hard") for kind in self.target}      # a soft pin pulls at the solved positions
         if self.explicit and not moves and not self.groups["soft"]:
             at = {kind: moments[:1] for kind, moments in at.items()}
@@ -174,7 +210,7 @@ class Pins(Method):
         self.changed = False
         for kind, group in self.groups.items():
             if group:
-                values = np.stack([np.concatenate([p.targets(time + moment) for p in group]) for moment in at[kind]])
+                values = np.concatenate([p.table(time + at[kind]) for p in group], axis=1)
                 if self.target[kind].shape[0] != len(values):
                     self.target[kind] = self.model.upload(values, types(self.model.real).vec3)
                 else:

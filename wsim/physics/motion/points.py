@@ -161,7 +161,7 @@ class Points(Method):
         return filled(kernels.states(self.model.real), x=s.x, e=s.e, v=s.v, **others)
 
     def now(self, clock: Clock) -> Euler:
-        """What steps now."""
+        """Integrator that steps now."""
         return self.motion if clock.integrator is self.integrator else self.euler
 
     def predict(self, clock: Clock) -> None:
@@ -206,7 +206,7 @@ class Points(Method):
         self.loads = others.find("loads")
 
     def gravity(self) -> np.ndarray:
-        """Of each point [m/s^2], without what loads add, (points, 3)."""
+        """Gravity of each point [m/s^2], without what loads add, (points, 3)."""
         values = self.constants.gravity.numpy()
         if self.loads:
             values[self.loads.point] = self.loads.own.numpy()

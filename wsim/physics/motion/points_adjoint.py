@@ -12,7 +12,8 @@ from wsim.model.vjp import fixed
 
 
 class EulerAdjoint:
-    """Of the launches of the prediction and of the end of a substep, of the arrays that they have read and written."""
+    """The adjoint of the launches of the prediction and of the end of a substep, of the arrays that they have read and
+    written."""
 
     def __init__(self, euler):
         """euler: `wsim.physics.motion.points.Euler`."""
@@ -31,7 +32,7 @@ class EulerAdjoint:
 
 
 class CorrectAdjoint:
-    """Of the launch that makes velocities of what others have changed, in `wsim.physics.motion.explicit`."""
+    """The adjoint of the launch that makes velocities of what others have changed, in `wsim.physics.motion.explicit`."""
 
     def __init__(self, model: Model, correct):
         """correct: the kernel."""
@@ -49,7 +50,7 @@ class CorrectAdjoint:
 
 
 class LoadsAdjoint:
-    """Of the accelerations that `wsim.physics.motion.loads.Loads` puts."""
+    """The adjoint of the accelerations that `wsim.physics.motion.loads.Loads` puts."""
 
     def __init__(self, loads):
         self.loads, model = loads, loads.model
@@ -57,7 +58,7 @@ class LoadsAdjoint:
         self.part = wp.zeros(len(loads.borne) * load.LANES, dtype=types(model.real).vec3, device=model.device)
 
     def take(self, row: int) -> None:
-        """From the gradient of gravity to those of the values of a row, of gravity alone and of inverse masses."""
+        """Passes from the gradient of gravity to those of the values of a row, of gravity alone and of inverse masses."""
         own, by = self.loads, self.loads.gravity.grad
         own.launch(self.shares, self.part.size, [own.entries, by], [self.part])
         own.launch(self.release, max(len(own.point), len(own.borne)), [own.entries, own.value, self.part, row],

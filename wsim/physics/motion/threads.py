@@ -102,7 +102,7 @@ class Abreast:
         return found
 
     def lead(self, key: tuple):
-        """What the launch that takes the frame is given. key: the same for the same arguments; first the substeps."""
+        """Arguments of the launch that takes the frame. key: the same for the same arguments; first the substeps."""
         if self.count > 1 and key != self.key:
             self.call, self.key, self.graphs = self.call + 1, key, []
         return self.team(self.call)
@@ -121,7 +121,7 @@ class Abreast:
                 worker(number).put((self, number, self.graphs[number]))
 
     def resting(self, substeps: int) -> bool:
-        """Whether others want the cores: waits were long in the last frame with helpers, and it is too early for another."""
+        """True if others want the cores: waits were long in the last frame with helpers, and it is too early for another."""
         if self.rest == 0 and self.words[kernels.FORMED] == self.words[kernels.DOOR] >> 6:
             if self.words[kernels.STALLS] > STALLED * substeps:
                 self.rest, self.pause = self.pause + 1, min(2 * self.pause, LONGEST)

@@ -46,6 +46,7 @@ def _body(body: Body, scene: Scene) -> Iterator[Problem]:
                     "take the keys away, or author physics:kinematicEnabled, where it is animated")
     if body is scene.things("Body")[0]:
         yield from _nested([other.path for other in scene.things("Body")])
+        yield from _support(body, scene)
     yield from _beside(body, scene)
     wrong = [p for c in body.colliders for p in _collider(path, c)]
     yield from wrong
@@ -65,6 +66,19 @@ def _nested(paths: list[str]) -> Iterator[Problem]:
         for outer in [path] * (counts[path] > 1) + [p for p in above if p in counts]:
             yield error(path, f"is a rigid body within the rigid body {outer}", "bodies apart in the stage",
                         "move it out of that prim, or take its PhysicsRigidBodyAPI away so that its colliders belong to it")
+
+
+def _support(first: Body, scene: Scene) -> Iterator[Problem]:
+    """Bodies under gravity in a scene that has nothing else to land on or to hang from: one warning, at the first of them."""
+    bodies = scene.things("Body")
+    paths = {body.path for body in bodies}
+    hangs = any(j.enabled and not {j.body0, j.body1} <= paths for j in scene.things("Joint"))
+    pushed = any(body.force.any() for body in bodies)
+    if np.any(scene.gravity) and not (hangs or pushed or scene.colliders or scene.bodies()):
+        what = "it falls" if len(bodies) == 1 else f"the {len(bodies)} rigid bodies fall"
+        yield warning(first.path, f"no joint holds it and nothing lies below: {what} for ever",
+                      "a collider or a joint to the world", "apply PhysicsCollisionAPI to what it should land on, such as a "
+                      "Plane, or author physics:gravityMagnitude = 0")
 
 
 def _beside(body: Body, scene: Scene) -> Iterator[Problem]:

@@ -23,7 +23,7 @@ from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.rigid import forms, surfaces
-from wsim.physics.rigid.meetings import bounces, kinds, places_of
+from wsim.physics.rigid.meetings import bounces, kinds, places_of, put
 from wsim.physics.rigid.solids import as_met, meeting, standing
 from wsim.scene import Collider
 
@@ -57,7 +57,8 @@ class Contacts:
         self.keeping = rows.keeping(real, module)
         met = kinds(b.scene.things("Body"), self.colliders)
         on_meshes = frozenset(one for one, other in met if other == "mesh")
-        self.collide = collide.collide(frozenset(p for p in met if p[1] != "mesh"), real, module)
+        self.pairs = frozenset(p for p in met if p[1] != "mesh")
+        self.collide = collide.collide(self.pairs, real, module)
         self.on_meshes = collide_mesh.collide_mesh(on_meshes, real, module) if on_meshes else None
         self.form = forms.chosen(b.model.device, self.shapes)
         self.form.make(b.model, self.bouncing, method.joints.islands if method.joints else 0)
@@ -82,6 +83,7 @@ class Contacts:
         owned = [(k, world, c, as_met(c, True)) for k, world, c in self.owners]
         owned += [(self.still_first + s, -1, c, as_met(c, False)) for s, c in enumerate(self.colliders)]
         rows_of = [(k, world, c, met) for k, world, c, met in owned if met is not None]
+        self.named = [(method.bodies[k][0].path if k < self.still_first else c.path, world) for k, world, c, _ in rows_of]
         mine, forms_of = len(self.owners), [met for *_, met in rows_of]         # shapes of bodies come first
         centers = np.array([met.center for met in forms_of]).reshape(-1, 3)
         places = np.concatenate([places_of([method.masses[k] for k, _, _ in self.owners], [c for _, _, c in self.owners],
@@ -123,8 +125,8 @@ class Contacts:
         self.work = filled(self.Work, **self.seen, spread=zeros(n, t.mat33), turn=zeros(n, t.mat33), p0=zeros(n, t.vec3),
                            L0=zeros(n, t.vec3), touched=zeros(n, int), r_a=zeros(4 * room, t.vec3),
                            r_b=zeros(4 * room, t.vec3), now=zeros(4 * room, real), K=zeros(4 * room, t.vec3),
-                           A=zeros(room, t.mat44),
-                           goal=zeros(4 * room, real), hit=zeros(4 * room, real), scrape=zeros(4 * room, t.vec3),
+                           A=zeros(room, t.mat44), scrape=zeros(4 * room, t.vec3),
+                           goal=zeros(4 * room, real), hit=zeros(4 * room, real), when=zeros(4 * room, real),
                            order=zeros(room, int), starts=zeros(SERIAL + 2, int), place=zeros(SERIAL + 2, int),
                            colours=zeros(1, int), flags=zeros(2, int), taken=zeros(n, wp.int64), first=zeros(n, int))
         self.work.listed = self.first[len(self.owners) - 1:]
@@ -225,12 +227,15 @@ class Contacts:
         made = 7 + bool(self.on_meshes) + 2 * self.moves + 2 * bool(self.method.sleep)
         return made * times + self.form.launches(clock.substeps, self.sweeps, times)
 
+    def set(self, path: str, name: str, value, world: int | None) -> bool:
+        return put(self, path, name, value, world)
+
     def arrays(self) -> dict[str, wp.array]:
-        """Of the state: the last list."""
+        """Arrays of the state: the last list."""
         return {name: array for part in self.parts for name, array in part.arrays.items()}
 
     def manifolds(self, clock: Clock, first: int, last: int) -> None:
-        """Of substeps first .. last, with their colours."""
+        """Manifolds of substeps first .. last, with their colours."""
         launch, rig, n = self.model.launch, self.rig(), len(self.owners)
         if self.moves:
             self._stand(first, clock.h * (last - first))
@@ -253,12 +258,12 @@ class Contacts:
                       c=self.list, work=self.work)
 
     def overlap(self) -> float:
-        """How deep the points of manifolds lie in each other now, at most [m]."""
+        """Depth to which the points of manifolds lie in each other now, at most [m]."""
         used = np.arange(4) < self.list.count.numpy()[:, None]
         return max(0.0, -float(self.work.now.numpy().reshape(-1, 4)[used].min(initial=0.0)))
 
     def indicators(self) -> dict[str, float]:
-        """How deep shapes overlap [m]; in the converged mode the residual that the last frame left, at most [m/s]; bodies
+        """Depth to which shapes overlap [m]; in the converged mode the residual that the last frame left, at most [m/s]; bodies
         asleep, and manifolds that found no colour, if any."""
         found = {"rigid_overlap": self.overlap()}
         if self.form.tolerance > 0.0 and self.method.touch is None:
@@ -268,7 +273,7 @@ class Contacts:
         return found | ({"rigid_in_turn": float(self.in_turn)} if self.in_turn else {})
 
     def notes(self) -> list[tuple[tuple, float, str]]:
-        """Of the converged mode: a frame that ended over its residual."""
+        """Warnings of the converged mode: a frame that ended over its residual."""
         left = float(self.work.residual.numpy()[1]) if self.form.tolerance > 0.0 and self.method.touch is None else 0.0
         said = f"contacts of bodies were left with a residual of {{worst}} m/s; contact_tolerance is {self.form.tolerance:g}"
         return [(("rigid residual",), left, said)] if left > self.form.tolerance else []

@@ -23,7 +23,7 @@ THREADS = 256             # of a block, for which there are 255 registers each
 SMALL = 256               # shapes up to which a block has a thread for each manifold of a colour
 HUGE = 768                # shapes from which one cluster is few (H200: 1000 in a pile 12.3 ms a frame against 10.9 by launches,
 #                           3000 14.3 and 11.9, 10 000 in columns 5.1 and 3.8; 55 in a pyramid 3.4 and 5.1)
-WALKERS = {True: 65536, False: 48}               # threads of a launch that walks up to a count: CUDA, CPU
+WALKERS = {True: 16384, False: 48}               # threads of a launch that walks up to a count: CUDA, CPU
 TITLES = {"listed": "one thread, manifold by manifold", "coloured": "one thread, colour by colour",
           "block": f"a block of {THREADS} threads, colour by colour", "cluster": "", "launches": "a launch for each colour"}
 
@@ -60,7 +60,7 @@ class Form:
         return found + f", until the residual is under {self.tolerance:g} m/s" * (self.tolerance > 0.0)
 
     def make(self, model, bouncing: bool, linked: int = 0) -> None:
-        """Its kernels, in the model's modules; linked: how many islands of joints there are: then sweeps are counted."""
+        """Makes its kernels, in the model's modules; linked: number of islands of joints; if any, sweeps are counted."""
         real, self.model, self.islands = model.real, model, linked
         self.tolerance = 0.0 if linked else model.scene.contact_tolerance
         if self.tolerance > 0.0 and self.name == "launches":
@@ -73,6 +73,10 @@ class Form:
         self.kinds = [soft_step.contact_kind(real, self.coloured)]
         if self.coloured:
             self.kernels["colours"] = colours.colours(real, module, meet, **sizes)
+        if self.tolerance > 0.0 and model.gradients:
+            from wsim.kernels.rigid.complementarity.parts import converged_parts
+            self.kernels["parts"] = converged_parts(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
+            return
         if self.tolerance > 0.0:
             from wsim.kernels.rigid.complementarity.converged import converged
             self.kernels["converged"] = converged(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
@@ -100,7 +104,7 @@ class Form:
                     cluster=self.blocks if self.blocks > 1 else 0, bouncing=bouncing)
 
     def launch(self, kernel, inputs: list, outputs: list, blocks: int = 0) -> None:
-        """Of all threads that meet, or so many blocks of them."""
+        """Launches all threads that meet, or so many blocks of them."""
         if self.wide:
             self.model.launch_blocks(kernel, blocks or self.blocks, THREADS, inputs, outputs)
         else:
@@ -162,7 +166,7 @@ class Form:
             self.launch(getattr(kernels, f"rest_{name}"), [self.threads // self.blocks, k, h, biased, rig], [], 1)
 
     def launches(self, steps: int, sweeps: int, times: int) -> int:
-        """Of a frame of so many substeps, in which manifolds are made so many times."""
+        """Number of launches of a frame of so many substeps, in which manifolds are made so many times."""
         if self.name != "launches":
             return (1 + self.coloured) * times
         kinds = len(self.of)
@@ -172,7 +176,7 @@ class Form:
 
 
 def chosen(device, shapes: int) -> Form:
-    """By the rule."""
+    """Form that the rule chooses."""
     if not device.is_cuda:
         return Form("listed")
     if shapes > HUGE:

@@ -5,6 +5,7 @@ import numpy as np
 
 from wsim.geometry.rotation import conjugate, multiply, quaternion, rotate
 from wsim.kernels.rigid.narrow.pair import every
+from wsim.physics.rigid.objects import SURFACE
 from wsim.physics.rigid.solids import as_met, meeting, standing
 from wsim.scene import Collider
 
@@ -18,9 +19,34 @@ def kinds(bodies: list, colliders: list[Collider]) -> frozenset[tuple[str, str]]
 
 
 def bounces(scene) -> bool:
-    """Whether something has a restitution."""
+    """True if something has a restitution."""
     own = [c for body in scene.things("Body") for c in meeting(body)]
     return any(c.restitution > 0.0 for c in (*own, *standing(scene.colliders)))
+
+
+def rows_of(contacts, path: str, name: str, world: int | None) -> list[int]:
+    """Shapes of a body or collider of `wsim.physics.rigid.contacts.Contacts` that have that friction or restitution; none where
+    nothing bounces from the start."""
+    if name not in SURFACE or name == "restitution" and not contacts.bouncing:
+        return []
+    return [k for k, (own, of) in enumerate(contacts.named) if own == path and (world is None or of in (-1, world))]
+
+
+def read(contacts, name: str) -> np.ndarray:
+    """(shapes,) of a friction or of restitution."""
+    table = contacts.table
+    return table.restitution.numpy() if name == "restitution" else table.friction.numpy()[:, SURFACE.index(name)]
+
+
+def put(contacts, path: str, name: str, value: float, world: int | None) -> bool:
+    """Sets it; colliders that stand are those of all worlds."""
+    rows = rows_of(contacts, path, name, world)
+    if rows:
+        array = contacts.table.restitution if name == "restitution" else contacts.table.friction
+        values = array.numpy()
+        values[rows if name == "restitution" else (rows, SURFACE.index(name))] = value
+        array.assign(values)
+    return bool(rows)
 
 
 def places_of(masses: list, colliders: list[Collider], centers: np.ndarray) -> np.ndarray:

@@ -38,8 +38,8 @@ class Rigid(Method):
         super().__init__("rigid")
         self.model, scene = b.model, b.scene
         if b.model.gradients:
-            from wsim.physics.rigid.recorded import refuse_contacts
-            refuse_contacts(scene, meet(scene) or touches(scene))
+            from wsim.physics.rigid.recorded.begin import refuse_contacts
+            refuse_contacts(scene)
         worlds = range(b.model.worlds)
         self.bodies: list[tuple[Body, int]] = [(body, world) for world in worlds for body in scene.things("Body")]
         of = {id(body): inertia(body) for body in scene.things("Body")}
@@ -83,12 +83,11 @@ class Rigid(Method):
             self.contacts = Contacts(b, self)
             what += f", {self.contacts.shapes} shapes that can meet, {self.contacts.form.what}"
             launches = self.contacts.launches(b.clock)
-        elif b.model.gradients:
-            self._record()
-        elif self.joints:
-            self.kernel = self.joints.alone()
-        else:
-            self.kernel = motion.free(b.model.real, b.model.module)
+        elif not b.model.gradients:
+            self.kernel = self.joints.alone() if self.joints else motion.free(b.model.real, b.model.module)
+        if b.model.gradients:
+            from wsim.physics.rigid.recorded.begin import recorded
+            self.recorded = self.offers["recorded bodies"] = recorded(self)
         if points:
             from wsim.physics.rigid.touch.points import Touch
             self.touch = Touch(b, self)
@@ -101,12 +100,6 @@ class Rigid(Method):
     def _sleep(self, b) -> Any:
         from wsim.physics.rigid.sleep import Sleep
         return Sleep(b, self)
-
-    def _record(self) -> None:
-        """A launch for each step, which has an adjoint."""
-        from wsim.physics.rigid.recorded import Recorded
-        self.recorded = Recorded(self)
-        self.offers["recorded bodies"] = self.recorded
 
     def _begin(self, frames: np.ndarray) -> None:
         q = rotation.multiply(rotation.quaternion(frames[:, :3, :3]), np.array([m.axes for m in self.masses]))
@@ -180,8 +173,7 @@ class Rigid(Method):
 
     def advance(self, clock: Clock) -> None:
         if self.contacts or self.recorded:
-            (self.contacts.advance if self.contacts else self.recorded.step)(clock)
-            return
+            return (self.recorded.step if self.recorded else self.contacts.advance)(clock)
         now = self.moving()
         if self.joints:
             return self.joints.advance(self.kernel, clock, self.table, now)
@@ -199,7 +191,7 @@ class Rigid(Method):
         return found
 
     def placed(self, path: str) -> np.ndarray:
-        """As `poses`, of one body in every world."""
+        """Poses as `poses` has them, of one body in every world."""
         return self.poses()[[k for k, (body, _) in enumerate(self.bodies) if body.path == path]]
 
     def spins(self) -> np.ndarray:
@@ -208,7 +200,7 @@ class Rigid(Method):
         return rotation.rotate(q, rotation.rotate(rotation.conjugate(q), self.get("L")) / moments)
 
     def velocities(self) -> np.ndarray:
-        """Of the centres of mass now, (n, 3) [m/s]."""
+        """Velocities of the centres of mass now, (n, 3) [m/s]."""
         return self.get("p") / np.array([m.mass for m in self.masses])[:, None]
 
     def weigh(self, rows: np.ndarray, name: str, value) -> None:
@@ -227,6 +219,8 @@ class Rigid(Method):
         self.table.w.assign(np.array([1.0 / m.mass for m in self.masses], self.model.dtype))
         self.table.inverse.assign(np.array([1.0 / m.moments for m in self.masses], self.model.dtype))
         self.table.push.assign(self._push().astype(self.model.dtype))
+        if self.joints:
+            self.joints.weigh(self.masses)
 
     def samples(self, world: int = 0) -> list[Sample]:
         poses = self.poses()
@@ -262,7 +256,7 @@ class Rigid(Method):
             self.table.push.assign(self._push().astype(self.model.dtype))
             return True
         if path == "/" or len(hit) == 0 or name not in LIVE:
-            return False
+            return any([other.set(path, name, value, world) for other in (self.joints, self.contacts) if other])
         if name in ("velocity", "spin"):
             field = "p" if name == "velocity" else "L"
             now = self.get(field)

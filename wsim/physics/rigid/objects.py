@@ -7,8 +7,9 @@ colliders of `density` unless they are given (`wsim.physics.rigid.mass`). Two se
 under its `contact_tolerance` [m/s] (0: after `iterations` of them).
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +25,7 @@ OTHERS = {"Joint": "wsim.physics.rigid.joints.joint", "Group": "wsim.physics.rig
 def vector(value) -> np.ndarray | None:
     return None if value is None else np.array(value, np.float64).reshape(3)
 
+SURFACE = ("static_friction", "dynamic_friction", "restitution")         # of a body: of all its colliders
 
 @dataclass(eq=False)
 class Body(Compared):
@@ -67,6 +69,20 @@ class Body(Compared):
     stretch: np.ndarray | None = field(default=None, compare=False)
     instancer: str = field(default="", compare=False)
     instance: int = field(default=0, compare=False)
+
+    def taken(self, name: str) -> float | np.ndarray | None:
+        """A value of the table (`wsim.scene.values.table`): friction and restitution are those of all its colliders, None where
+        they differ."""
+        if name not in SURFACE:
+            return getattr(self, name)
+        found = {getattr(c, name) for c in self.colliders}
+        return found.pop() if len(found) == 1 else None
+
+    def given(self, name: str, value: Any) -> "Body":
+        """A copy with another value."""
+        if name not in SURFACE:
+            return replace(self, **{name: value})
+        return replace(self, colliders=[replace(c, **{name: value}) for c in self.colliders])
 
     @property
     def written(self) -> str:

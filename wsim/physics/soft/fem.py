@@ -75,7 +75,7 @@ class Tetrahedra:
         return tuple(np.concatenate(columns) for columns in zip(*(p.lame() for p in self.parts), strict=True))
 
     def place(self, force: int, block: int) -> None:
-        """Where the forces of corners and the blocks of pairs begin."""
+        """Places where the forces of corners and the blocks of pairs begin."""
         self.data.force, self.data.block = force, block
 
     def need_forces(self) -> None:
@@ -89,7 +89,7 @@ class Tetrahedra:
         self.model.launch(self.pull, self.size, [self.data, x, d, v, self.q], [force, self.q])
 
     def kernels(self) -> list:
-        """Of Newton's method: `linearise` and `energy_change`."""
+        """Kernels of Newton's method: `linearise` and `energy_change`."""
         return [f(self.material, self.damped, real=self.model.real, module=self.model.module)
                 for f in (self.maths.linearise, self.maths.energy_change)]
 

@@ -11,7 +11,7 @@ from wsim.physics.soft.parts import Region
 
 
 class Plastic:
-    """What each tet of a table has become at rest. Made for tables with a yield strain alone.
+    """Rest shapes that the tets of a table have become. Made for tables with a yield strain alone.
 
     While a tape records, F_p has versions as other arrays have; the edges and gradients of the table, which kernels read, are
     made of them anew wherever they are wanted, forward and backward."""
@@ -38,7 +38,7 @@ class Plastic:
             self.become(self.F)
 
     def become(self, F: wp.array) -> None:
-        """As `shape`, of a version of F_p, and never recorded by itself."""
+        """Shape as `shape` has it, of a version of F_p, and never recorded by itself."""
         data = self.table.data
         tape, self.model.tape = self.model.tape, None
         self.model.launch(self.shape_kernel, self.table.size, [self.data, F], [data.edge, data.gradient])

@@ -10,7 +10,7 @@ from wsim.model.vjp import Backward, fixed
 
 
 class FlowAdjoint:
-    """Of the flow of plastic tets, and of their shapes at rest."""
+    """The adjoint of the flow of plastic tets, and of their shapes at rest."""
 
     def __init__(self, flow):
         """flow: a `wsim.physics.soft.plastic.Plastic`. `join` says where points find the corners of its tets."""
@@ -36,7 +36,7 @@ class FlowAdjoint:
                           [self.net, self.corners, self.first, last, self.first, d.grad, x.grad], [])
 
     def shape(self, F: wp.array) -> None:
-        """What edges at rest have, to a version of F_p."""
+        """Passes from the gradients of edges at rest to those of a version of F_p."""
         data = self.flows.data
         self.model.launch(self.kernels[1], self.flows.table.size,
                           [data, F, self.flows.table.data.edge.grad, adjoint_of(data), F.grad], [])

@@ -45,7 +45,7 @@ class Pressure:
         self.q = None                 # no rotations
 
     def volumes(self, each: list) -> list[float]:
-        """At rest, of the faces of each body [m^3]."""
+        """Volumes at rest, of the faces of each body [m^3]."""
         return [volume(b.rest[ids - b.first], w) for b, (ids, w) in zip(self.bodies, each, strict=True)]
 
     def spread(self) -> np.ndarray:
@@ -53,7 +53,7 @@ class Pressure:
         return np.concatenate([p * w for p, w in zip(self.values, self.weights, strict=True)])
 
     def place(self, force: int, block: int) -> None:
-        """Where the forces of corners begin; blocks stay zero."""
+        """Places where the forces of corners begin; blocks stay zero."""
         self.data.force = force
 
     def need_forces(self) -> None:
@@ -69,7 +69,7 @@ class Pressure:
         """It remembers nothing."""
 
     def statistics(self, state) -> np.ndarray:
-        """As of tets: no strain, and the energy -p (V - V at rest) [J] at x + e."""
+        """Statistics as of tets: no strain, and the energy -p (V - V at rest) [J] at x + e."""
         x = state.x.numpy().astype(np.float64) + state.e.numpy()
         starts = np.cumsum([0, *(len(w) for w in self.weights)])
         stored = [-p * (volume(x[self.ids[k:k + len(w)]], w) - rest)

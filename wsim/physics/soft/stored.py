@@ -42,7 +42,7 @@ ENERGY = {"linear": _linear, "corotational": _corotational, "st_venant_kirchhoff
 
 
 def stretches(F: np.ndarray) -> np.ndarray:
-    """Of F (t, 3, 3) less 1: of what is inside out the least one is negative. (t, 3)."""
+    """Principal stretches of F (t, 3, 3) less 1: of what is inside out the least one is negative. (t, 3)."""
     s = np.linalg.svd(F, compute_uv=False)
     s[np.linalg.det(F) < 0.0, 2] *= -1.0
     return s - 1.0

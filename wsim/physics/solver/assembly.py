@@ -23,7 +23,7 @@ from wsim.physics.solver import linear
 
 
 class Term:
-    """What acts in a Newton step beside the forces of bodies. Every hook may stay as it is; all only launch kernels."""
+    """A term that acts in a Newton step beside the forces of bodies. Every hook may stay as it is; all only launch kernels."""
 
     def prepare(self, clock: Clock) -> None:
         """Adds to own and b of a prediction."""
@@ -32,7 +32,7 @@ class Term:
         """Looks at a d that was moved without it."""
 
     def hold(self, g: float, fresh: bool) -> None:
-        """After an assembly. fresh: of forces, not of the Newton step before."""
+        """Acts after an assembly. fresh: of forces, not of the Newton step before."""
 
     def solve(self, clock: Clock, tolerance: float, cap: int) -> bool:
         """Finds the step y itself; False: it leaves that to the system's own solver."""
@@ -136,12 +136,12 @@ class Assembly:
 
     @property
     def launches(self) -> int:
-        """Of an assembly and a line search, of what stands in tables."""
+        """Launches of an assembly and a line search, of what stands in tables."""
         return 2 * len(self.tables) + 3 * len(self.solids) + 6 * bool(self.bending) + len(self.of(CORNERS))
 
     @property
     def bytes(self) -> int:
-        """Moved by one assembly and one iteration of conjugate gradients, when every gather hits the cache once."""
+        """Bytes moved by one assembly and one iteration of conjugate gradients, when every gather hits the cache once."""
         entries = 2 * (self.A.link.capacity if self.springs else 0) + 2 * (self.A.block.capacity if self.elements else 0)
         return entries + self.model.points * (8 * self.springs + 8 * self.elements + 50 * np.dtype(self.model.dtype).itemsize)
 

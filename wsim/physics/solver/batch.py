@@ -48,7 +48,7 @@ class Batch(Table):
         self.adjoint = beside(model, "wsim.physics.solver.xpbd", "SweepAdjoint", self, model)
 
     def one(self) -> bool:
-        """Whether all have the same compliance and relaxation time."""
+        """True if all have the same compliance and relaxation time."""
         alpha, tau = self.values()
         return bool(np.all(alpha == alpha[0]) and np.all(tau == tau[0]))
 
@@ -61,6 +61,15 @@ class Batch(Table):
         self.curvature = Curvature(model, self.rows, self.order)
         self.angles = curvature.angles(model.real, model.module, self.damped)
         self.targets = curvature.targets(model.real, model.module)
+
+    def left(self, x: wp.array, e: wp.array, rate: float) -> float:
+        """Largest residual that sweeps have left at x + e, by the host in float64; rate: 1 / h [1/s]. `aim` has said before
+        what hinges want."""
+        from wsim.physics.cloth.kinds import swept
+        ids, data = self.data.point.numpy(), self.data
+        places = x.numpy().astype(np.float64) + e.numpy()
+        rest, alpha, lam, w = (a.numpy().astype(np.float64) for a in (data.rest, data.alpha, self.lam, data.w))
+        return swept.KINDS[self.kind](places[ids], rest, rate * rate * alpha, lam, w[ids])
 
     def aim(self, x: wp.array, d: wp.array, a: wp.array | None, rate: float) -> None:
         """Angles at rest for what stands at x + d now: see kernels/cloth/curvature.py."""
@@ -87,7 +96,7 @@ class Batch(Table):
             self.adjoint.refresh()
 
     def refresh(self) -> None:
-        """Where all compliances were one and are no more, arrays and kernel are others."""
+        """Makes other arrays and kernel where all compliances were one and are no more."""
         self.remade = False
         super().refresh()
 
@@ -103,7 +112,7 @@ class Batch(Table):
 
     @property
     def bytes(self) -> int:
-        """Moved by one iteration, when every gather hits the cache once: tables, multipliers, x, d, w, d out."""
+        """Bytes moved by one iteration, when every gather hits the cache once: tables, multipliers, x, d, w, d out."""
         real = np.dtype(self.model.dtype).itemsize
         k = self.rows[0].ids.shape[1]
         return self.size * (4 * k + real * (1 + (not self.uniform) + 2 * self.multipliers)

@@ -96,7 +96,7 @@ class ImplicitAdjoint(Forces):
             self.pins.add(self.x, self.pair, clock.k, self.f)
 
     def turned(self, p: wp.array, whole: bool, clock) -> None:
-        """As `transposed`, of soft pins too."""
+        """Product as `transposed` has it, of soft pins too."""
         self.transposed(p, whole)
         if self.pins:
             self.pins.transposed(self.x, self.pair, p, clock.k, whole)
@@ -134,7 +134,7 @@ class ImplicitAdjoint(Forces):
         self.run("worst", self.sums[:2], [self.missed], 1)
 
     def look(self, clock) -> None:
-        """What is left at the state's d, and whether that is too much."""
+        """Residual at the state's d, and whether that is too much."""
         wp.copy(self.d, self.assembly.state.d)
         self.forces(clock)
         miss, rate, close = self.r, 1.0 / clock.g, CLOSE
@@ -166,7 +166,7 @@ class ImplicitAdjoint(Forces):
             self.contacts.screen(self.assembly.A.P)
 
     def bear(self, rate: float, found: bool = False):
-        """What contacts leave free at d."""
+        """State of contacts at d, and what they leave free there."""
         assert self.contacts is not None
         state = self.contacts.state(self.d, self.a, self.b, self.f, rate)
         self.contacts.bear(state, self.r, self.scale, found)
@@ -175,7 +175,8 @@ class ImplicitAdjoint(Forces):
     # backward
 
     def back(self, clock, d: wp.array, b: wp.array, x: wp.array, a: wp.array) -> None:
-        """From the gradient of d to those of b, x, a and all parameters; each array with its gradient, which is added to."""
+        """Passes from the gradient of d to those of b, x, a and all parameters; each array with its gradient, which is added
+        to."""
         m, s, contacts = self.assembly, self.assembly.state, self.contacts
         rate, w = 1.0 / clock.g, self.assembly.rows.w
         for into, source in ((self.d, d), (self.a, a), (self.b, b), (self.x, x), (s.d, d), (s.x, x), (m.points.anchor, a),

@@ -12,7 +12,7 @@ from wsim.physics.solver.assembly import Assembly, Term
 
 
 class Residual:
-    """Of each system, and the words of the status that say where it is too large."""
+    """The residual of each system, and the words of the status that say where it is too large."""
 
     def __init__(self, assembly: Assembly, status: Status, clock: Clock):
         model, self.assembly, self.status = assembly.model, assembly, status
@@ -25,7 +25,7 @@ class Residual:
             self.judge = judge(model.real, model.module)
 
     def measure(self, clock: Clock, terms: Iterable[Term]) -> None:
-        """What the frame's last Newton step left, and whether an integrator that needs it may go on."""
+        """Measures what the frame's last Newton step left, and whether an integrator that needs it may go on."""
         own, f = self.assembly, self.assembly.f
         own.linearise(1.0 / clock.g)
         for term in terms:

@@ -9,7 +9,7 @@ from wsim.physics.solver.assembly import Assembly, Term
 
 
 class Momentum(Term):
-    """What a Newton step lacks of their translation."""
+    """The momentum of translation that a Newton step lacks."""
 
     def __init__(self, assembly: Assembly, lanes: int, free: list[int]):
         """lanes: threads that sum over a system; free: 1 for each system that nothing holds."""

@@ -7,7 +7,7 @@ from wsim.model.model import Model
 
 
 class PinsAdjoint:
-    """Of soft pins."""
+    """The adjoint of soft pins."""
 
     def __init__(self, model: Model, pins, term):
         """pins: `wsim.physics.motion.pins.Pins`; term: `wsim.physics.solver.soft_pin.SoftPins`, its pins by point."""

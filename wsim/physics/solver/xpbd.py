@@ -88,9 +88,10 @@ class Xpbd(Method):
     def retry(self, status: Status) -> list[Remedy]:
         return [Remedy("give way")] if self.watched and status.said(MISSED)[0] else []
 
-    def residual_kernels(self, module: str) -> list:
+    def residual_kernels(self, module: str, few: bool = True) -> list:
+        """Kernels by batch; few: also of those that the host can look at."""
         from wsim.kernels.solver.xpbd_residual import residual
-        return [residual(b.row.equation, real=self.model.real, module=module, uniform=b.uniform)
+        return [residual(b.row.equation, real=self.model.real, module=module, uniform=b.uniform) if few or not b.few else None
                 for b in self.batches if not b.hard]
 
     def look(self, clock: Clock) -> None:
@@ -114,16 +115,17 @@ class Xpbd(Method):
         soft = [b for b in self.batches if not b.hard]
         for row, (batch, kernel, own) in enumerate(zip(soft, kernels_, lam, strict=True)):
             batch.aim(x, d, x, 0.0)                      # what damping asks for is left out
-            self.model.launch(kernel, batch.size, [batch.data, x, d, own, 1.0 / self.clock.g, row], [largest])
+            if kernel:
+                self.model.launch(kernel, batch.size, [batch.data, x, d, own, 1.0 / self.clock.g, row], [largest])
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]; residual: what the last substep's sweeps left, see kernels/solver/xpbd_residual.py (strain,
         radians). A single iteration keeps no multipliers and has no residual. Kernels of their own module, compiled when asked
-        for; energies of few constraints are summed on the host."""
+        for; few constraints are looked at on the host."""
         soft = [b for b in self.batches if not b.hard]
         looked = any(b.multipliers for b in soft) and not self.clock.integrator.beyond
         module = kernel_cache.report_module(self.model, f"xpbd {looked}", *sorted({f"{b.kind} {b.uniform}" for b in soft}))
-        looks = self.residual_kernels(module) if looked else []
+        looks = self.residual_kernels(module, False) if looked else []
         for b in soft:
             if not b.few:
                 b.energy_kernels(module)
@@ -135,10 +137,12 @@ class Xpbd(Method):
                 largest = self.largest
             else:
                 largest = wp.zeros(len(soft), dtype=self.model.real, device=self.model.device)
-                for kernel in looks:
+                for kernel in (k for k in looks if k):
                     kernel_cache.ready(kernel, self.model)
                 self.measure(looks, self.state.x, self.state.e, [b.lam for b in soft], largest)
-            found["residual"] = float(largest.numpy().max())
+            hosts = [b for b, kernel in zip(soft, looks, strict=True) if not kernel] if looks else []
+            found["residual"] = max([float(largest.numpy().max())] + [
+                b.left(self.state.x, self.state.e, 1.0 / self.clock.g) for b in hosts])
         return found
 
     def zero(self, clock: Clock) -> None:

@@ -13,7 +13,7 @@ from wsim.model.tape import Tape, adjoint_of, without
 
 
 class TargetAdjoint:
-    """Of the angles at rest that hinges are swept to: see kernels/cloth/curvature_adjoint.py."""
+    """The adjoint of the angles at rest that hinges are swept to: see kernels/cloth/curvature_adjoint.py."""
 
     def __init__(self, batch, model: Model):
         """batch: as that of `SweepAdjoint`, of hinges."""
@@ -31,7 +31,7 @@ class TargetAdjoint:
         self.sums, self.values = curvature.sums(real, module, both=True), bent.values(real, module)
 
     def backward(self, x: wp.array, d: wp.array, a: wp.array | None, rate: float, by_d: wp.array) -> None:
-        """From the gradients by the targets of what stands at x + d to all others, to which it adds."""
+        """Passes from the gradients with respect to the targets of what stands at x + d to all others, to which it adds."""
         batch, cur, s = self.batch, self.batch.curvature, self.swept
         read = [batch.data, without(x), d, None if a is None else without(a), rate, cur.data, s]
         by_a = None if a is None else a.grad
@@ -47,7 +47,7 @@ class TargetAdjoint:
 
 
 class SweepAdjoint:
-    """Of the constraints of one kind."""
+    """The adjoint of the constraints of one kind."""
 
     def __init__(self, batch, model: Model):
         """batch: a `wsim.physics.solver.xpbd.Batch`, whose tables are there."""
@@ -69,7 +69,8 @@ class SweepAdjoint:
         self.last = self.zero                   # multipliers of the sweep before, while a tape records
 
     def refresh(self) -> None:
-        """What float32 leaves of the rest lengths; of muscles, whose lengths are products, nothing is known."""
+        """Sets again the rounding remainders of the rest lengths in float32; of muscles, whose lengths are products, nothing
+        is known."""
         if self.left:
             rest = self.batch.rest()
             self.left.assign((rest - rest.astype(np.float32)) * (self.batch.lengths is None))
@@ -124,7 +125,7 @@ class SweepAdjoint:
         return self.batch.rows[0].ids.shape[1]
 
     def launch(self, kernel, tables: list, rate: float, omega: float, way: int = 1) -> None:
-        """Of all colours, in their order or against it."""
+        """Launches all colours, in their order or against it."""
         batch, more = self.batch, [rate, omega]
         if batch.fused:
             self.model.sweep(kernel, [*tables, batch.begin, 0, *more], [])

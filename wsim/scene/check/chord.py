@@ -44,7 +44,7 @@ def breadth(points: np.ndarray, faces: np.ndarray) -> float:
 
 
 def radius(collider: Collider) -> float:
-    """Least radius of curvature [m] of what bends outward and is no edge; inf where all is flat."""
+    """The least radius of curvature [m] of what bends outward and is no edge; inf where all is flat."""
     shape = collider.shape
     return _bent(shape) if isinstance(shape, Surface) else row(shape).curvature(shape)
 
@@ -106,7 +106,7 @@ def body_breadth(body: Cloth | Springs | Soft) -> float:
 
 
 def body_reach(body: Cloth | Springs | Soft) -> float:
-    """Least distance [m] that a body's own points keep."""
+    """The least distance [m] that a body's own points keep."""
     if isinstance(body, Cloth):
         return 0.5 * float(body.material.thickness if body.thicknesses is None else body.thicknesses.min(initial=inf))
     return body.radius if isinstance(body, Springs) else 0.0

@@ -14,7 +14,7 @@ SHORT = 1e-5           # [m] of a distance kept that does not count
 
 
 def contacts(scene: Scene) -> Iterator[Problem]:
-    """Everything found in a scene whose objects are sound."""
+    """Problems of contacts in a scene whose objects are sound."""
     for body in scene.bodies():
         yield from _buried(scene, body)
     for path, other, gap, needed in kept(scene):
@@ -36,7 +36,7 @@ def kept(scene: Scene) -> list[tuple[str, str, float, float]]:
 
 
 def taken(scene: Scene) -> list[dict]:
-    """Of `kept`, what the scene leaves open and is not 0, as a report has it."""
+    """The part of `kept` that the scene leaves open and is not 0, as a report has it."""
     free = {c.path for c in scene.colliders if c.thickness is None}
     return [{"collider": path, "body": body, "thickness": gap} for path, body, gap, _ in kept(scene)
             if path in free and gap > 0.0]

@@ -10,7 +10,7 @@ from wsim.scene.nodal.loads import faces
 
 
 def load(thing: Load, scene: Scene) -> Iterator[Problem]:
-    """Everything found."""
+    """Problems of a load."""
     path, values = thing.path, thing.curve.values
     if values.shape[1:] != (3,):
         yield error(path, f"its {thing.name} has keys of shape {values.shape[1:]}", "three numbers a key",

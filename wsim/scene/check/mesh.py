@@ -10,7 +10,7 @@ from wsim.scene import Problem
 
 @latest
 def examine(path: str, points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> list[Problem]:
-    """What is wrong with a mesh, by its prim path: fatal where no triangle could be trusted, else warnings."""
+    """Problems of a mesh, by its prim path: fatal where no triangle could be trusted, else warnings."""
     points = np.asarray(points).reshape(-1, 3)
     counts, indices = np.asarray(counts, np.int64).ravel(), np.asarray(indices, np.int64).ravel()
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))

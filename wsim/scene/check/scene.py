@@ -28,7 +28,7 @@ STRONG = 50.0       # [m/s^2] five times Earth's gravity; files that take their 
 
 @np.errstate(over="ignore", invalid="ignore")     # what is no number is reported
 def check(scene: Scene) -> list[Problem]:
-    """Everything found, errors first. Never raises for a bad scene, and does not change it."""
+    """Problems of a scene, errors first. Never raises for a bad scene, and does not change it."""
     found = [*_settings(scene), *_paths(scene)]
     for cloth in scene.cloths:
         found += objects.cloth(cloth)

@@ -21,7 +21,8 @@ CELLS = 256            # of the grid in which crossings are sought, along each o
 
 
 def distance(collider: Collider, points: np.ndarray, near: float) -> np.ndarray:
-    """Of points (n, 3) [m, world] to a collider at the start, (n,). near [m]: a mesh leaves out what is no deeper."""
+    """Signed distance of points (n, 3) [m, world] to a collider at the start, (n,). near [m]: a mesh leaves out what is no
+    deeper."""
     M = collider.motion.at(0.0)
     q, shape = (points - M[:3, 3]) @ M[:3, :3], collider.shape
     if isinstance(shape, Surface):
@@ -49,7 +50,7 @@ def _mesh(shape: Surface, q: np.ndarray, near: float) -> np.ndarray:
 
 
 def closed(points: np.ndarray, triangles: np.ndarray) -> bool:
-    """Whether every edge is passed as often in one direction as in the other; points nearer than 1e-6 of the extent are one."""
+    """True if every edge is passed as often in one direction as in the other; points nearer than 1e-6 of the extent are one."""
     corner = topology.weld(points, 1e-6 * float(np.ptp(points, axis=0).max(initial=0.0)))[triangles].astype(np.int64)
     start, end = corner.ravel(), np.roll(corner, -1, axis=1).ravel()
     start, end = start[start != end], end[start != end]
@@ -89,7 +90,7 @@ def _crossings(X: np.ndarray, q: np.ndarray, axis: int) -> tuple[np.ndarray, np.
 
 
 def to_triangles(q: np.ndarray, X: np.ndarray) -> float:
-    """Least distance of a point (3,) to triangles (t, 3, 3)."""
+    """The least distance of a point (3,) to triangles (t, 3, 3)."""
     n = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
     square = (n * n).sum(axis=1)
     over, least = square > 0.0, inf

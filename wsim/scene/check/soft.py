@@ -17,7 +17,7 @@ LIGHTEST, HEAVIEST = 1.0, 3e4       # [kg/m^3] air; osmium has 2.3e4
 
 
 def soft(thing: Soft) -> list[Problem]:
-    """Everything found. Rest shape and winding are judged in the world, where volumes must be positive."""
+    """Problems of a soft body. Rest shape and winding are judged in the world, where volumes must be positive."""
     path, n, t = thing.path, (len(thing.points),), (len(thing.tets),)
     found = [*array(path, "points", thing.points, n), *placed(path, thing.points, thing.motion)]
     found += array(path, "rest points", thing.rest_points, n)
@@ -84,7 +84,7 @@ def _materials(thing: Soft) -> Iterator[Problem]:
 
 
 def pending(thing: Soft) -> Iterator[Problem]:
-    """What a scene can say and no solver does yet."""
+    """Problems of what a scene can say and no solver does yet."""
     for material in thing.materials:
         if material.yield_strain < inf and thing.quadratic:
             yield error(thing.path, f"yield strain is {material.yield_strain:g}: quadratic tets do not flow yet", "inf, or "

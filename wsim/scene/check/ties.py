@@ -12,7 +12,7 @@ APART = 1e-4       # of the soft body's size, by which points that are to be one
 
 
 def tie(thing: Tie, scene: Scene) -> Iterator[Problem]:
-    """Everything found. Positions are compared in the world at the start."""
+    """Problems of a tie. Positions are compared in the world at the start."""
     path, bodies = thing.path, {b.path: b for b in scene.bodies()}
     for name in (thing.body, thing.other):
         if name not in bodies:

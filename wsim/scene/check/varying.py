@@ -37,17 +37,17 @@ NEEDS: dict[str, Callable[[Any, str, Scene], str]] = {
 
 
 def painted(cloth: Cloth, name: str) -> bool:
-    """Whether the faces of a cloth have their own values of a stiffness, so that the material's does not count."""
+    """True if the faces of a cloth have their own values of a stiffness, so that the material's does not count."""
     return (cloth.bends if name == "bend" else cloth.stretches if name in ("stretch", "shear", "weft") else None) is not None
 
 
 def idle(row: Value, thing, scene: Scene) -> str:
-    """Why a value of an object does nothing while the scene runs, in words; "" where it does."""
+    """Reason why a value of an object does nothing while the scene runs, in words; "" where it does."""
     return next((reason for need in row.needs if (reason := NEEDS[need](thing, row.name, scene))), "")
 
 
 def fixed(path: str, name: str, scene: Scene) -> str:
-    """Why a value cannot vary while the scene runs, in words; "" where it can."""
+    """Reason why a value cannot vary while the scene runs, in words; "" where it can."""
     thing = named(scene, path)
     if thing is None:
         return "nothing of that path is simulated"
@@ -61,7 +61,7 @@ def fixed(path: str, name: str, scene: Scene) -> str:
 
 
 def varying(thing: Varying, scene: Scene) -> Iterator[Problem]:
-    """Everything found."""
+    """Problems of a value that varies in time."""
     if reason := fixed(thing.path, thing.name, scene):
         yield error(thing.path, f"{thing.name} varies in time, and {reason}", "a value that is live", "author one value")
         return
@@ -81,7 +81,7 @@ def varying(thing: Varying, scene: Scene) -> Iterator[Problem]:
 
 
 def unfit(scene: Scene, what: str, path: str) -> list[Problem]:
-    """Why a parameter of a fit, of one object or of all (""), cannot be one number."""
+    """Reason why a parameter of a fit, of one object or of all (""), cannot be one number."""
     names = table.PARTS.get(what, (what,))
     return [Problem(v.path, f"{v.name} varies in time, and a fit finds one value; author one value, or leave {what} out")
             for v in scene.varying if v.name in names and path in ("", v.path)]

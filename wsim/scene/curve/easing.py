@@ -4,17 +4,24 @@ are those of kernels/animation/easing.py, which the device evaluates too.
     linear, smoothstep, smootherstep, hold
     ease, ease-in, ease-out, ease-in-out                                as CSS has them
     quad, cubic, quart, quint, sine, expo, circ, back, elastic, bounce  each with -in, -out, -in-out
+
+A piece of a curve has one code: STRAIGHT, HOLD, BEZIER (with x of two handles), or that of a name (CODES).
 """
 
 import numpy as np
 
-from wsim.kernels.animation import easing
+from wsim.kernels.animation import cubic, easing
 
 CSS = {"ease": (0.25, 0.1, 0.25, 1.0), "ease-in": (0.42, 0.0, 1.0, 1.0), "ease-out": (0.0, 0.0, 0.58, 1.0),
        "ease-in-out": (0.42, 0.0, 0.58, 1.0)}
 FAMILIES = ("quad", "cubic", "quart", "quint", "sine", "expo", "circ", "back", "elastic", "bounce")
 WHOLE = ("linear", "hold", "smoothstep", "smootherstep")
-NAMES = (*WHOLE, *CSS, *(f"{family}-{form}" for family in FAMILIES for form in ("in", "out", "in-out")))
+NAMED = (*(f"{family}-{form}" for family in FAMILIES for form in ("in", "out", "in-out")),)
+NAMES = (*WHOLE, *CSS, *NAMED)
+STRAIGHT, HOLD, BEZIER = 0, 1, 2
+CODES = {"linear": STRAIGHT, "hold": HOLD, **dict.fromkeys(CSS, BEZIER),
+         **{name: 3 + k for k, name in enumerate(("smoothstep", "smootherstep", *NAMED))}}
+BY_CODE = {code: name for name, code in CODES.items() if code > BEZIER}
 HOST = easing.easings(np, float)
 
 
@@ -31,21 +38,40 @@ def handles(name) -> tuple[float, float, float, float] | None:
     return found
 
 
+def function(name: str, of=HOST, m=np, real=float):
+    """(s) -> (e, de/ds) of a name with a code behind BEZIER. of, m, real: functions of kernels/animation/easing.py for the
+    host, or for the device."""
+    family, _, form = name.partition("-")
+    found = getattr(of, family)
+    return {"out": lambda: easing.turned_round(found, real), "in-out": lambda: easing.halves(found, m, real)}.get(
+        form, lambda: found)()
+
+
+def warped(code: np.ndarray, x: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(u, du/ds) [1] at fractions s (n,) of pieces with codes (n,) and x of handles (n, 2)."""
+    u, rate = s.copy(), np.ones_like(s)
+    for one in np.unique(code).tolist():
+        at = code == one
+        if one == HOLD:
+            u[at], rate[at] = 0.0, 0.0
+        elif one == BEZIER:
+            u[at], rate[at] = HOST.parameter(s[at], x[at, 0], x[at, 1])
+        elif one != STRAIGHT:
+            u[at], rate[at] = function(BY_CODE[one])(s[at])
+    return u, rate
+
+
 def eased(name, s) -> tuple[np.ndarray, np.ndarray]:
     """(e, de/ds) [1] at fractions s in 0 .. 1, any shape; name: one of NAMES, or (x1, y1, x2, y2). Raises ValueError as
     `handles`."""
     s = np.clip(np.asarray(s, np.float64), 0.0, 1.0)
     of = handles(name)
     if of is not None:
-        return HOST.bezier(s, *of)
+        u, du = HOST.parameter(s, of[0], of[2])
+        a, b, c, d = cubic.hermite(0.0, 1.0, 3.0 * of[1], 3.0 * (1.0 - of[3]))
+        return cubic.value(a, b, c, d, u), cubic.rate(b, c, d, u) * du
     if name == "linear":
         return s, np.ones_like(s)
     if name == "hold":
         return np.where(s < 1.0, 0.0, 1.0), np.zeros_like(s)
-    family, _, form = name.partition("-")
-    function = getattr(HOST, family)
-    if form == "out":
-        function = easing.turned_round(function, float)
-    elif form == "in-out":
-        function = easing.halves(function, np, float)
-    return function(s)
+    return function(name)(s)

@@ -58,7 +58,7 @@ def soft_weights(soft: Soft) -> np.ndarray:
 
 
 def soft_share(soft: Soft) -> np.ndarray | float:
-    """By how much mass and stiffness of each tet count, (t,) or 1."""
+    """Factor of mass and stiffness of each tet [1], (t,) or 1."""
     return 1.0 if soft.filled is None else np.maximum(soft.filled.astype(np.float64), THIN)
 
 

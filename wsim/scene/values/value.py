@@ -23,7 +23,7 @@ class Range:
     endless: bool = False
 
     def holds(self, value, start: bool = False):
-        """Whether a number, or each of an array, may be. start: in a scene, where an endless one may be infinite."""
+        """True if a number, or each of an array, may be. start: in a scene, where an endless one may be infinite."""
         above = value > self.low if self.strict else value >= self.low
         below = value <= self.high if self.closed else value < self.high
         good = above & below & (value > -inf)
@@ -39,14 +39,14 @@ class Range:
         return f"{above} and < {self.high:g}" if self.high < inf else f"a finite number {above}"
 
     def wrong(self, name: str, value: float, start: bool = False) -> str:
-        """What is wrong with a number, in words, and what is allowed; ""."""
+        """Text of what is wrong with a number, and what is allowed; "" if nothing is."""
         return "" if self.holds(value, start) else f"{name} is {value:g}; allowed is {self.words}" + (
             " (inf: none)" if start and self.endless else "")
 
 
 @dataclass(frozen=True)
 class Theta:
-    """How a fit maps a number to theta, on a line without ends, see `wsim.fitting.least_squares.bounds.Map`."""
+    """The way in which a fit maps a number to theta, on a line without ends, see `wsim.fitting.least_squares.bounds.Map`."""
 
     kind: str                    # "log", "plain" or "bounded"
     low: float = 0.0
@@ -77,7 +77,8 @@ class Value:
     """One value of the objects of one class.
 
     owner      name of the class in `wsim.scene`, or of a method's own; the field of that name is of the object or its material
-    form       number; vector (3,); array; curve over time (arrays and curves are judged by who takes them); motion (rigid)
+    form       number; vector (3,); array; curve over time (arrays and curves are judged by who takes them); factor, a number
+               over time; motion (rigid)
     live       `Simulation.set` takes it; local: of the whole scene, and of one body too
     tets       live with a number for each tet; of constraints, as many as there are have one each
     varies     it may be a curve over time (`wsim.scene.Varying`)
@@ -109,5 +110,5 @@ class Value:
 
 
 def holder(thing: Any, name: str) -> Any:
-    """What has the field of a value: an object itself, or its material."""
+    """Object that has the field of a value: itself, or its material."""
     return thing if hasattr(thing, name) else getattr(thing, "material", thing)

@@ -34,8 +34,8 @@ def write(out: Path, images: Sequence[np.ndarray], fps: float) -> None:
 
 
 def delays(count: int, fps: float) -> list[int]:
-    """Of each frame of a GIF [ms]: it counts in 1/100 s, so that delays vary to keep time, and a frame lasts at least 2, since
-    readers slow down shorter ones."""
+    """Delays of each frame of a GIF [ms]: it counts in 1/100 s, so that delays vary to keep time, and a frame lasts at least
+    2, since readers slow down shorter ones."""
     ticks = np.round(100.0 * np.arange(count + 1) / fps).astype(int)
     return [10 * max(int(d), 2) for d in np.diff(ticks)]
 

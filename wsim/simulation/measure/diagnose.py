@@ -15,7 +15,8 @@ from wsim.simulation.plan import Plan
 
 
 def first(plan: Plan, time: float) -> str:
-    """In words, of the frame that begins at `time` [s] with the state's snapshot; "" where it ends well this time."""
+    """Text of the first fault of the frame that begins at `time` [s] with the state's snapshot; "" where it ends well this
+    time."""
     clock, tape = plan.clock, plan.model.tape
     substeps, dt, plan.model.tape = clock.substeps, clock.dt, None
 
@@ -84,8 +85,8 @@ def _bad(arrays: dict[tuple, wp.array]) -> dict[tuple, int]:
 
 
 def judge(recording, long: str) -> None:
-    """What a `wsim.gradient.recording.Recording` has run into: warns of residuals (long: of explicit steps). Raises SceneError
-    where a position is no number."""
+    """Judges what a `wsim.gradient.recording.Recording` has run into: warns of residuals (long: of explicit steps). Raises
+    SceneError where a position is no number."""
     plan, status = recording.plan, recording.plan.status
     status.fetch()
     if int(status.said(NOT_FINITE)[0]):

@@ -32,7 +32,7 @@ class Note:
 
 
 def note(sim) -> None:
-    """After frame `sim.frame`, which holds."""
+    """Notes limits that were exceeded, after frame `sim.frame`, which holds."""
     status = sim.plan.status
     if not status.words.any():
         return

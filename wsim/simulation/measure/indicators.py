@@ -77,7 +77,7 @@ class Balance:
     next: int = 1                 # frames after the beginning at which it is looked at again: 1, 2, 3, 4, 6, 8, 12, 16 ...
 
     def look(self, sim) -> None:
-        """After a frame; now and then."""
+        """Looks at the energy after a frame; now and then."""
         if sim.frame - self.frame < self.next:
             return
         power = 1 << (self.next.bit_length() - 1)
@@ -111,14 +111,15 @@ class Balance:
 
 
 def balance(sim) -> Balance | None:
-    """Of a run that begins here by an implicit integrator; None where something else takes energy or gives some."""
+    """Energy balance of a run that begins here by an implicit integrator; None where something else takes energy or gives
+    some."""
     if not sim.model.bodies or sim.plan.choice.integrator.explicit or not closed(sim):
         return None
     return Balance(sim.plan, sim.frame, wp.clone(sim.state.points.every), len(sim.changes))
 
 
 def closed(sim) -> bool:
-    """Whether energy stays: no contacts, damping, drag, limits, pressure or loads, and pins that hold points where they are."""
+    """True if energy stays: no contacts, damping, drag, limits, pressure or loads, and pins that hold points where they are."""
     scene = sim.scene
     lossy = [bool(scene.colliders), scene.air_drag, bool(scene.varying), bool(scene.loads)]
     lossy += [c.material.damping or c.drag or c.lift or c.tethers or isfinite(c.material.strain_limit) for c in scene.cloths]
@@ -174,7 +175,8 @@ def _limits(sim) -> str:
 
 
 def report(sim, with_profile: bool = True) -> dict:
-    """What ran and how well, ready for JSON. ms of a stage are those of single launches, without the graph's saving."""
+    """Report of what ran and how well, ready for JSON. ms of a stage are those of single launches, without the graph's
+    saving."""
     plan, times = sim.plan, sim.milliseconds
     later = times[1:] or times
     ms = float(np.mean(later)) if later else 0.0
@@ -184,13 +186,15 @@ def report(sim, with_profile: bool = True) -> dict:
     constraints, a_substep = rows(plan)
     a_second = 1e3 * plan.clock.substeps / ms if ms else 0.0
     forms = {"forms": dict(sim.forms)} if plan.parted else {}
+    sizes = {name: part.count for name, part in plan.state.parts.items()               # not "grid x", which is of the grid
+             if name != "points" and " " not in name and part.count}
     return {
         "device": str(sim.device), "device_name": sim.device.name, "precision": sim.precision, "worlds": sim.worlds,
         "frames": sim.frame, "substeps": plan.clock.steps, "iterations": plan.clock.iterations,
         "solver": plan.choice.solver, "integrator": plan.integrator, "why": plan.choice.why,
-        "points": plan.model.points, "constraints": constraints, "ms_per_frame": ms,
+        "points": plan.model.points, "constraints": constraints, "sizes": sizes, "ms_per_frame": ms,
         "points_per_second": plan.model.points * a_second,
-        "constraints_per_second": a_substep * a_second,
+        "constraints_per_second": a_substep * a_second, "bodies_per_second": sizes.get("bodies", 0) * a_second,
         "seconds": dict(sim.seconds), "error": error,
         "stages": [{k: r[k] for k in ("name", "phase", "launches", "bytes")} | {"ms": spent.get(r["name"])}
                    for r in plan.table()],

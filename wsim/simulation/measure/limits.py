@@ -24,6 +24,6 @@ def acting(plan: Plan, x: np.ndarray) -> dict[str, tuple[int, int]]:
 
 
 def told(found: dict[str, tuple[int, int]]) -> str:
-    """In words; "" where there is none."""
+    """Text of the limits that act; "" where there is none."""
     parts = [f"{held} of {every} {row(kind).held}" for kind, (held, every) in found.items()]
     return f"{' and '.join(parts)}: {LOOKS}" if parts else ""

@@ -51,7 +51,7 @@ class HeldPoints:
         return not np.isfinite(self.pin.pin.stiffness)
 
     def gathered(self, f: np.ndarray) -> np.ndarray:
-        """Of the author's points (n, 3), from what the places feel: middles give half to each end."""
+        """Forces of the author's points [N] (n, 3), from what the places feel: middles give half to each end."""
         n = len(self.share)
         found = f[:n] * self.share[:, None]
         for end in self.ends.T:
@@ -70,8 +70,8 @@ class HeldPoints:
 
 
 class Reactions:
-    """Of a plan; kernels of a module of their own, compiled when first asked for. Raises SceneError where tethers or strain
-    limits act: these have no law of force."""
+    """Reaction forces of pins of a plan; kernels of a module of their own, compiled when first asked for. Raises SceneError
+    where tethers or strain limits act: these have no law of force."""
 
     def __init__(self, plan: Plan):
         self.plan, self.model = plan, plan.model
@@ -105,12 +105,12 @@ class Reactions:
         return self.elastic(x, e, v) + self.wind(x, v)
 
     def loads(self) -> np.ndarray | float:
-        """Of loads at that time [N], (points, 3)."""
+        """Forces of loads at that time [N], (points, 3)."""
         loads = self.plan.find("loads")
         return loads.forces(self.time) if loads else 0.0
 
     def elastic(self, x: wp.array, e: wp.array | None, v: wp.array) -> np.ndarray:
-        """Of springs and elements [N], (points, 3), at x + e with velocities v."""
+        """Forces of springs and elements [N], (points, 3), at x + e with velocities v."""
         n = self.model.points
         self.pull.refresh()
         muscles = self.plan.find("muscles")
@@ -128,7 +128,7 @@ class Reactions:
         return self.f.numpy().astype(np.float64)
 
     def wind(self, x: wp.array, v: wp.array) -> np.ndarray:
-        """Of the air on triangles [N], (points, 3)."""
+        """Forces of the air on triangles [N], (points, 3)."""
         air = self.plan.find("wind")
         found = np.zeros((self.model.points, 3))
         if air is None:
@@ -152,7 +152,7 @@ class Reactions:
         self.masses = self.model.stack("masses")
 
     def of(self, path: str | None, world: int = 0) -> np.ndarray:
-        """Of a pin, (points, 3), in the order in which it names them; after `see`."""
+        """Reaction forces of a pin [N] (points, 3), in the order in which it names them; after `see`."""
         h = self.find(path, world)
         if not h.hard:
             k, c = h.pin.part * h.pin.pin.stiffness, h.pin.part * h.pin.pin.damping
@@ -179,7 +179,7 @@ def soft(model: Model) -> list:
 
 
 def looked(sim) -> Reactions:
-    """Of a simulation as it stands."""
+    """Reactions of a simulation as it stands."""
     if sim.pulled is None or sim.pulled.plan is not sim.plan:
         sim.pulled = Reactions(sim.plan)
     s = sim.state
@@ -188,13 +188,13 @@ def looked(sim) -> Reactions:
 
 
 def every(sim, path: str) -> np.ndarray:
-    """Of a pin in all worlds, (worlds, points, 3)."""
+    """Reaction forces of a pin in all worlds [N], (worlds, points, 3)."""
     found = looked(sim)
     return np.stack([found.of(path, world) for world in range(sim.worlds)])
 
 
 def reactions(sim, path: str | None = None, world: int = 0) -> np.ndarray:
-    """What `Simulation.reactions` returns."""
+    """Reaction forces as `Simulation.reactions` returns them."""
     if not sim.model.scene.pins:
         raise SceneError(no_pin(sim.model, path, world))
     return looked(sim).of(path, world)

@@ -16,7 +16,7 @@ from wsim.simulation.plan import Plan
 
 @dataclass
 class Stress:
-    """Of each tet of a soft body, in the author's order."""
+    """Stress of each tet of a soft body, in the author's order."""
 
     body: Body
     von_mises: np.ndarray         # of the Cauchy stress [Pa], (t,); of a cage's tet: with the stiffness that it has there
@@ -37,7 +37,7 @@ class Stress:
 
 
 def stress(plan: Plan, path: str | None, world: int = 0) -> Stress:
-    """Of the soft body of that path (None: the only body) now. Raises SceneError where that is no soft body."""
+    """Stress of the soft body of that path (None: the only body) now. Raises SceneError where that is no soft body."""
     body = plan.model.body(path, world)
     if not isinstance(body.source, Soft):
         raise SceneError(Problem(body.path, f"is a {type(body.source).__name__.lower()}; stress is that of soft bodies"))

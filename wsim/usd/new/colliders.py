@@ -21,7 +21,7 @@ SHAPES = ("Mesh", "Plane", "Sphere", "Cube", "Capsule", "Capsule_1", "Cylinder",
 
 
 def is_file(given: str) -> bool:
-    """Whether a collider is given as a file."""
+    """True if a collider is given as a file."""
     return given.lower().endswith((*SUFFIXES, ".usdz")) or os.path.isfile(given)
 
 

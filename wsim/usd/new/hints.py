@@ -30,7 +30,8 @@ def nothing(stage: Usd.Stage, simulated: list, meshes: list, tet_meshes: list) -
 
 
 def could() -> list[str]:
-    """What a stage may hold and by which schemas it is found: a line for each kind of thing, those of methods by their rows."""
+    """Text of what a stage may hold and by which schemas it is found: a line for each kind of thing, those of methods by their
+    rows."""
     shapes = ", ".join(dict.fromkeys(solid.written[0] for solid in SOLIDS))
     ours = [("cloth", f"a Mesh with {names.BODY} and {names.SURFACE_SIM}"),
             ("spring net", f"a BasisCurves with {names.BODY} and {names.WSIM_SPRINGS} or {names.CURVES_SIM}"),

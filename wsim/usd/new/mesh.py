@@ -42,7 +42,7 @@ class Bare:
 
 @dataclass(frozen=True)
 class Wanted:
-    """What `wsim new` is asked for, whatever the mesh becomes.
+    """The wishes that `wsim new` is given, whatever the mesh becomes.
 
     prim            path of the mesh, or of what holds it alone, or its name; None: the only mesh of the file
     ground          a ground plane this far [m] below the lowest point; None: no ground

@@ -62,16 +62,16 @@ def load_shape(reading: Reading, prim: Usd.Prim) -> tuple[Shape, Motion] | None:
     if _axis(prim) not in TURN:
         reading.fail(path, f"axis is {_axis(prim)!r}; allowed is X, Y or Z")
         return None
-    place = placement(reading, prim)
+    authored = placement(reading, prim)
     try:
-        place, S = _rigid(place, TURN[_axis(prim)] if sizes else TURN["Z"], sizes)
+        place, S = _rigid(authored, TURN[_axis(prim)] if sizes else TURN["Z"], sizes)
     except ValueError as error:
         reading.fail(path, f"{error}; give it scales other than zero")
         return None
     shape = _mesh(reading, prim, place, S) if sizes is None else _shape(reading, path, sizes, place, S)
     if isinstance(shape, Surface) and hasattr(shape.poses, "skeleton"):
         return shape, shape.poses.skeleton.motion
-    return None if shape is None else (shape, Motion(place.times, place.frame))
+    return None if shape is None else (shape, authored.follow(place.frame))
 
 
 def _approximation(reading: Reading, prim: Usd.Prim, shape: Shape) -> str:
@@ -244,7 +244,7 @@ def author_collider(stage: Usd.Stage, collider: Collider, material: str, units: 
 
 
 def surface(collider: Collider) -> tuple[float, ...]:
-    """What its material says: friction (static, dynamic) and, where it throws back, restitution."""
+    """Values of a collider's material: friction (static, dynamic) and, where it throws back, restitution."""
     return collider.static_friction, collider.dynamic_friction, *[collider.restitution] * bool(collider.restitution)
 
 

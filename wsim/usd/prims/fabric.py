@@ -67,12 +67,12 @@ def load_friction(reading: Reading, prim: Usd.Prim, note: bool = False) -> tuple
 
 
 def rubs(reading: Reading, prim: Usd.Prim) -> dict[str, float]:
-    """Both coefficients by name."""
+    """Static and dynamic coefficient of friction by name [1]."""
     return dict(zip(FRICTION, load_friction(reading, prim), strict=True))
 
 
 def load_restitution(reading: Reading, prim: Usd.Prim) -> float:
-    """Of a collider: 0, the fallback of UsdPhysics, where no physics material authors one."""
+    """Restitution of a collider: 0, the fallback of UsdPhysics, where no physics material authors one."""
     material = bound(reading, prim)
     value = None if material is None else read(material, "Friction", "restitution", reading.units)
     if material is not None and value is not None and not 0.0 <= value <= 1.0:
@@ -82,7 +82,8 @@ def load_restitution(reading: Reading, prim: Usd.Prim) -> float:
 
 
 def load_contact(reading: Reading, prim: Usd.Prim) -> dict[str, Any]:
-    """What contacts with a collider know of it, by its fields: friction, restitution and thickness [m] (None where open)."""
+    """Values of a collider that contacts with it know, by its fields: friction, restitution and thickness [m] (None where
+    open)."""
     return {**rubs(reading, prim), "restitution": load_restitution(reading, prim),
             "thickness": read(prim, "Collider", "thickness", reading.units)}
 

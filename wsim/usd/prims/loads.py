@@ -1,19 +1,19 @@
 """WsimLoadAPI on any prim <-> `Load`: a force on points, or a traction on triangles, of the body that `wsim:load:body` names.
 
 Of a traction `wsim:load:points` stands for the triangles between those points; without points and triangles it acts on all of
-the surface. Samples of the force or traction are keys of its curve, linear between them.
+the surface. Samples of the force or traction are keys of its curve (`wsim.usd.transforms.curves`).
 """
 
-import numpy as np
 from pxr import Sdf, Usd
 
 from wsim.scene import Cloth, Load, Soft, Springs
 from wsim.scene.curve import Curve
 from wsim.scene.nodal.loads import between
 from wsim.usd import names
-from wsim.usd.attributes import attribute_of, author, author_times, authored, read, read_times
+from wsim.usd.attributes import attribute_of, author, authored, read
 from wsim.usd.prims.pins import particles, vertices
 from wsim.usd.stage import Reading, Units
+from wsim.usd.transforms.curves import author_curve, read_curve
 
 
 def load_load(reading: Reading, prim: Usd.Prim, bodies: dict[str, Cloth | Springs | Soft]) -> Load | None:
@@ -57,10 +57,7 @@ def load_load(reading: Reading, prim: Usd.Prim, bodies: dict[str, Cloth | Spring
 def _curve(prim: Usd.Prim, name: str, units: Units) -> Curve:
     """Keys at the samples; of one that is not sampled a single one."""
     attribute = prim.GetAttribute(names.row("Load", name).attribute)
-    codes, noted = attribute.GetTimeSamples(), read_times(attribute, units)
-    values = [read(prim, "Load", name, units, code) for code in codes or [None]]
-    times = units.time(np.array(codes)) if codes else np.zeros(1)
-    return Curve(times if noted is None or len(noted) != len(values) else noted, np.array(values))
+    return read_curve(attribute, units, lambda code: read(prim, "Load", name, units, code))
 
 
 def author_load(stage: Usd.Stage, load: Load, body: Cloth | Springs | Soft, units: Units) -> None:
@@ -79,7 +76,4 @@ def author_load(stage: Usd.Stage, load: Load, body: Cloth | Springs | Soft, unit
 def author_values(prim: Usd.Prim, load: Load, units: Units) -> None:
     """The force or traction: samples at its keys, or one value."""
     attribute, curve = attribute_of(prim, names.row("Load", load.name)), load.curve
-    for time, value in zip(curve.times.tolist(), curve.values, strict=True):
-        author(prim, "Load", load.name, value, units, **({"time": Usd.TimeCode(units.code(time))} if curve.moves else {}))
-    if curve.moves or curve.times[0] != 0.0:
-        author_times(attribute, curve.times)
+    author_curve(attribute, curve, units, lambda value, code: author(prim, "Load", load.name, value, units, time=code))

@@ -12,8 +12,8 @@ from wsim.usd.stage import Reading
 
 def element_type(reading: Reading, mesh: Usd.Prim, name: str, kind: str | None, values: np.ndarray,
                  sizes: dict[str, int]) -> str:
-    """What the values of attribute `name` are given to: `kind`, as authored, else by their number. "" if they do not fit, or
-    are not all finite and > 0 (reported). sizes: {elementType: how many}."""
+    """Kind of elements that the values of attribute `name` are given to: `kind`, as authored, else by their number. "" if they
+    do not fit, or are not all finite and > 0 (reported). sizes: {elementType: how many}."""
     kind = kind or next((k for k, n in sizes.items() if n == len(values)), "")
     if kind not in sizes or len(values) != sizes[kind]:
         reading.fail(mesh.GetPath(), f"{name} has {len(values)} values of elementType {kind!r}; allowed is "

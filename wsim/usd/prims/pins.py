@@ -10,7 +10,6 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from wsim.scene import Cloth, Pin, Soft, Springs, Tie
-from wsim.scene.curve import Motion
 from wsim.scene.methods import role
 from wsim.usd import names
 from wsim.usd.attributes import author, read
@@ -122,7 +121,7 @@ def _hang(reading: Reading, prim: Usd.Prim, pin: Pin, target: str) -> bool:
         reading.warn(target, "its scale is animated and points are pinned to it; the scale at its first key is held")
     if pin.places is not None and not np.array_equal(S[0], np.eye(3)):
         pin.places = pin.places @ S[0].T
-    pin.motion = Motion(place.times, frames)
+    pin.motion = place.follow(frames)
     return True
 
 

@@ -96,7 +96,7 @@ def _bind_points(reading: Reading, prim: Usd.Prim, owner: str) -> np.ndarray | N
 
 
 def mirrored(soft: Soft) -> bool:
-    """Whether the body's frame is the mirror image of a turned one at the start."""
+    """True if the body's frame is the mirror image of a turned one at the start."""
     return bool(np.isfinite(soft.motion.values).all() and np.linalg.det(soft.motion.at(0.0)[:3, :3]) < 0)
 
 

@@ -12,14 +12,14 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from wsim.scene import Springs
-from wsim.scene.curve import Curve
 from wsim.usd import names
-from wsim.usd.attributes import array, attribute_of, author, author_times, authored, read, read_times
+from wsim.usd.attributes import array, attribute_of, author, authored, read
 from wsim.usd.load_varying import attributes_of, steady, vary
 from wsim.usd.prims.cloth import load_points
 from wsim.usd.prims.fabric import author_friction, bind, bound, load_curve_stretch, load_friction, rubs
 from wsim.usd.stage import Reading, Units, applied
 from wsim.usd.transforms import author_motion, placement
+from wsim.usd.transforms.curves import author_curve, read_curve
 
 
 def load_springs(reading: Reading, prim: Usd.Prim, body: Usd.Prim) -> Springs | None:
@@ -99,15 +99,13 @@ def load_muscles(reading: Reading, prim: Usd.Prim) -> dict:
     if not authored(prim, "Springs", "actuation"):
         return found
     attribute = prim.GetAttribute(names.row("Springs", "actuation").attribute)
-    codes, noted = attribute.GetTimeSamples(), read_times(attribute, units)
-    values = [read(prim, "Springs", "actuation", units, code) for code in codes or [None]]
+    values = [read(prim, "Springs", "actuation", units, code) for code in attribute.GetTimeSamples() or [None]]
     sizes = sorted({0 if v is None else len(v) for v in values})
     if len(sizes) > 1 or not sizes[0]:
         reading.fail(attribute.GetPath(), f"has {' and '.join(map(str, sizes))} values at different times; give it one value a "
                      "muscle group at each")
         return found
-    times = units.time(np.array(codes)) if codes else np.zeros(1)
-    return found | {"actuation": Curve(times if noted is None or len(noted) != len(values) else noted, np.array(values))}
+    return found | {"actuation": read_curve(attribute, units, lambda code: read(prim, "Springs", "actuation", units, code))}
 
 
 def author_muscles(prim: Usd.Prim, springs: Springs, units: Units) -> None:
@@ -117,13 +115,7 @@ def author_muscles(prim: Usd.Prim, springs: Springs, units: Units) -> None:
     if (curve := springs.actuation) is None:
         return
     attribute = attribute_of(prim, names.row("Springs", "actuation"))
-    if len(curve.times) == 1:
-        attribute.Set(array(curve.values[0], "double[]"))
-    else:
-        for time, values in zip(curve.times.tolist(), curve.values, strict=True):
-            attribute.Set(array(values, "double[]"), Usd.TimeCode(units.code(time)))
-    if len(curve.times) > 1 or curve.times[0] != 0.0:
-        author_times(attribute, curve.times)
+    author_curve(attribute, curve, units, lambda values, code: attribute.Set(array(values, "double[]"), code))
 
 
 def _rods(reading: Reading, prim: Usd.Prim, body: Usd.Prim, points: np.ndarray, edges: np.ndarray) -> Springs | None:

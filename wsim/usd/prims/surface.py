@@ -95,7 +95,7 @@ class SurfaceOver:
 
 
 def surfaces(scene: Scene, bodies: Mapping[str, tuple[Usd.Prim, int]], codes: list[float]) -> dict[str, SurfaceOver]:
-    """Of the soft bodies without skins, by path. bodies: prim and count by path; codes as `SurfaceOver` has them."""
+    """Surfaces of the soft bodies without skins, by path. bodies: prim and count by path; codes as `SurfaceOver` has them."""
     return {s.path: SurfaceOver(bodies[s.path][0], s, scene.start, codes) for s in scene.softs if not s.skins}
 
 

@@ -34,14 +34,14 @@ def draft(path, ending: str | None = None, named: str | None = None) -> Iterator
 
 @contextmanager
 def replacing(path, ending: str | None = None, named: str | None = None) -> Iterator[Path]:
-    """As `draft`; what is written to it becomes `path` if the block ends well."""
+    """A file as `draft` has it; what is written to it becomes `path` if the block ends well."""
     with draft(path, ending, named) as temporary:
         yield temporary
         os.replace(temporary, path)
 
 
 def leftovers(path) -> list[Path]:
-    """What a killed process left of its drafts of `path`. Only who alone may write `path` may remove it."""
+    """Drafts of `path` that a killed process left. Only who alone may write `path` may remove it."""
     path = Path(os.fspath(path))
     name = re.compile(rf"\.{re.escape(path.name)}\.[0-9a-f]{{8}}\.{PART}(\.\w+)?\Z")
     return [path.with_name(entry.name) for entry in os.scandir(path.parent)
@@ -55,5 +55,5 @@ def replace_bytes(path, data: bytes) -> None:
 
 
 def replace_text(path, text: str) -> None:
-    """As `replace_bytes`, in UTF-8."""
+    """Replaces a file by a text in UTF-8, as `replace_bytes` does."""
     replace_bytes(path, text.encode("utf-8"))

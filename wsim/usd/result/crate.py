@@ -45,7 +45,7 @@ class Index:
 
     @staticmethod
     def of(file: BinaryIO) -> "Index":
-        """That of a crate file. Raises OSError where it is none, or none that is whole."""
+        """Index of a crate file. Raises OSError where it is none, or none that is whole."""
         size = os.fstat(file.fileno()).st_size
         file.seek(0)
         header = file.read(HEADER)
@@ -67,7 +67,7 @@ class Index:
 
     @staticmethod
     def kept(path: str) -> "Index | None":
-        """That which was copied aside for a crate file; None where there is none that this module wrote, or a link."""
+        """Index that was copied aside for a crate file; None where there is none that this module wrote, or a link."""
         with suppress(OSError, struct.error), _regular(path + INDEX, os.O_RDONLY) as file:
             if file.read(len(MAGIC)) != MAGIC:
                 return None
@@ -83,7 +83,7 @@ class Index:
         replace_bytes(path + INDEX, MAGIC + head + self.header + self.tail)
 
     def fits(self, file: BinaryIO) -> bool:
-        """Whether the values before it are those of this file."""
+        """True if the values before it are those of this file."""
         file.seek(0)
         return (file.read(8) == CRATE and os.fstat(file.fileno()).st_size >= self.start
                 and _before(file, self.start) == self.before)
@@ -141,12 +141,12 @@ def put_index_back(path: str) -> bool:
 # Reading
 
 def growing(path: str) -> bool:
-    """Whether a file is written now, or its writer was killed: then only `read` reads it safely."""
+    """True if a file is written now, or its writer was killed: then only `read` reads it safely."""
     return os.path.lexists(path + LOCK) or os.path.lexists(path + INDEX)
 
 
 def made(layer: Sdf.Layer) -> bool:
-    """Whether a run has written the layer."""
+    """True if a run has written the layer."""
     return MADE in layer.customLayerData
 
 

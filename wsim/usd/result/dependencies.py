@@ -34,7 +34,7 @@ def files(path) -> set[str]:
 
 
 def overwritten(out, source) -> str:
-    """What `out` is of the stage of `source`, "" if nothing: writing it would destroy that."""
+    """Part that `out` is of the stage of `source`, "" if nothing: writing it would destroy that."""
     out, source = os.path.abspath(os.fspath(out)), os.path.abspath(os.fspath(source))
     if out == source or _same(out, source):
         return "itself"

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
-from wsim.scene import Cloth, Collider, Motion, Pin, Soft, Springs
+from wsim.scene import Cloth, Collider, Pin, Soft, Springs
+from wsim.scene.curve import then
 from wsim.scene.solid import Bulk
 from wsim.scene.values.per_tet import parted, values_of
 from wsim.usd import names
@@ -73,7 +74,7 @@ def _lead(prim: Usd.Prim, collider: Collider, units: Units) -> None:
     W = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode(units.start)), np.float64).T
     W[:3, 3] *= units.metres
     own = np.linalg.solve(collider.motion.at(0.0), W)
-    author_motion(prim, Motion(collider.motion.times, collider.motion.values @ own), units, 0)
+    author_motion(prim, then(collider.motion, own), units, 0)
 
 
 def load_fields(reading: Reading, mesh: Usd.Prim, soft: Soft) -> Soft:

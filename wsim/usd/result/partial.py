@@ -129,11 +129,11 @@ class Partial:
             raise
 
     def due(self) -> bool:
-        """Whether a save now keeps saving within its share of the wall time."""
+        """True if a save now keeps saving within its share of the wall time."""
         return self.good and perf_counter() - self.saved >= self.cost * (1.0 / SHARE - 1.0)
 
     def save(self) -> None:
-        """What the layer holds is on the disk when this returns, whatever kills the process later."""
+        """Saves the layer: what it holds is on the disk when this returns, whatever kills the process later."""
         began = perf_counter()
         try:
             crate.keep_index(self.path)

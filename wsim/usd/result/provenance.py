@@ -72,7 +72,7 @@ def of_scene(scene: Scene) -> dict[str, dict[str, str]]:
 
 
 def write(layer, scene: Scene, settings: Mapping) -> None:
-    """Into a result layer. settings: of the simulation, by name, numbers and text."""
+    """Writes the provenance into a result layer. settings: of the simulation, by name, numbers and text."""
     from wsim import __version__
     digests = of_scene(scene)
     made = {"version": __version__, "settings": dict(settings), "scene": digests}
@@ -90,7 +90,7 @@ def command() -> str:
 
 
 def read(layer) -> dict:
-    """What `write` left in a layer; {} where that is nothing, or not to be read."""
+    """Provenance that `write` left in a layer; {} where that is nothing, or not to be read."""
     try:
         made = json.loads(layer.customLayerData.get(KEY, "{}"))
         whole = all(isinstance(made.get(name, {}), dict) for name in ("settings", "scene"))
@@ -126,7 +126,7 @@ def match(path: str, made: Mapping, scene: Scene) -> list[Problem]:
 
 
 def differences(made: Mapping, settings: Mapping) -> list[str]:
-    """What of the settings, or of wsim, is another now, in words; of a result that does not say, nothing."""
+    """Text of what of the settings, or of wsim, is another now; of a result that does not say, nothing."""
     from wsim import __version__
     then = made.get("settings", {}) | ({"wsim": made["version"]} if "version" in made else {})
     here = {**settings, "wsim": __version__}

@@ -47,7 +47,7 @@ NAME = re.compile(r"[A-Za-z_]\w*\Z")
 
 @dataclass
 class Restart:
-    """Where an earlier run got to.
+    """The state where an earlier run got to.
 
     frame_time_code   time code of the frame                frame      its number, counted from the scene's start
     positions         {path: (n, 3)} world [m]               velocities {path: (n, 3)} world [m/s]
@@ -170,7 +170,7 @@ class Result:
 
 
 def load_restart(result_path, scene: Scene) -> Restart:
-    """Where the run that wrote `result_path` got to: its last whole frame, exactly if the restart fields are there.
+    """State where the run that wrote `result_path` got to: its last whole frame, exactly if the restart fields are there.
 
     Raises SceneError if the file cannot be read, runs at another rate, lacks a body of the scene or its samples, or holds
     another mesh under its path. What else of the scene is another than it was is a note.
@@ -212,7 +212,7 @@ def _written(scene: Scene) -> list[str]:
 
 
 def is_frame(code: float, scene: Scene, rate: float) -> bool:
-    """Whether a time code is that of a whole frame of the scene; rate in time codes a second."""
+    """True if a time code is that of a whole frame of the scene; rate in time codes a second."""
     frame = (code - scene.start) * scene.fps / rate
     return abs(frame - round(frame)) < 1e-6
 

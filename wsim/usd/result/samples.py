@@ -71,7 +71,7 @@ class Frame:
 
 
 def moves(prim: Usd.Prim) -> bool:
-    """Whether the prim's transform, or one above it, may vary in time."""
+    """True if the prim's transform, or one above it, may vary in time."""
     while prim and not prim.IsPseudoRoot():
         xformable = UsdGeom.Xformable(prim)
         if xformable and xformable.TransformMightBeTimeVarying():

@@ -62,7 +62,7 @@ class Net:
         return self.times * np.bincount(self.owner, each, len(self.ids))
 
     def good(self, body: Body) -> np.ndarray:
-        """Those of some length and area, (m,)."""
+        """Springs of some length and area, (m,)."""
         return (lengths(body, self.ids) > 0.0) & (self.areas(body) > 0.0)
 
 
@@ -106,7 +106,7 @@ def slopes(r: Constraints, body: Body) -> np.ndarray:
 
 
 def at_rest(shape, r: Constraints, by_rest: np.ndarray, by_shape: np.ndarray, by_value: np.ndarray | None) -> None:
-    """Of a cloth, whose shapes are l^2 / A, too; a net may have lengths of its own."""
+    """Rest values and shapes of a cloth, whose shapes are l^2 / A, too; a net may have lengths of its own."""
     body, source = shape.body, shape.body.source
     if isinstance(source, Cloth):
         shape.lengths(r.ids, by_rest)

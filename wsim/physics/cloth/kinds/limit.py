@@ -16,7 +16,7 @@ def limits(body: Body, pinned: np.ndarray) -> list[Constraints]:
 
 
 def longest(body: Body, ids: np.ndarray, stiffness: dict) -> np.ndarray:
-    """How long edges may become [m], (m,)."""
+    """Length that edges may have at most [m], (m,)."""
     return (1.0 + stiffness["strain_limit"]) * lengths(body, ids)
 
 

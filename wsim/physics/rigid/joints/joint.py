@@ -10,8 +10,9 @@ A joint has a frame on each of two bodies. Where frame 1 stands in frame 0 is sa
 a revolute one all but rotX, a prismatic one all but transX, a spherical one the three shifts, and a cone.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from wsim.scene.curve import Motion
 SHIFTS, TURNS = ("transX", "transY", "transZ"), ("rotX", "rotY", "rotZ")
 AXES = (*SHIFTS, *TURNS)
 DISTANCE = "distance"
+LIVE = ("stiffness", "damping", "target")             # of drives
 LOCKED = (0.0, 0.0)
 
 
@@ -91,6 +93,21 @@ class Joint(Compared):
         for name in ("turn0", "turn1"):
             setattr(self, name, np.array(getattr(self, name), np.float64).reshape(4))
         self.limits = {name: (float(low), float(high)) for name, (low, high) in self.limits.items()}
+
+    def driven(self) -> list[str]:
+        """Coordinates that have a drive, in their order."""
+        return [name for name in (*AXES, DISTANCE) if name in self.drives]
+
+    def taken(self, name: str) -> float | np.ndarray | None:
+        """stiffness, damping or target of its drives, in the order of `driven`: a number where there is one; None: no drive."""
+        found = np.array([getattr(self.drives[axis], name) for axis in self.driven()])
+        return float(found[0]) if len(found) == 1 else found if len(found) else None
+
+    def given(self, name: str, value) -> "Joint":
+        """A copy with another stiffness, damping or target of its drives."""
+        each: list[Any] = np.broadcast_to(np.asarray(value, np.float64), len(self.drives)).tolist()
+        new = {axis: replace(self.drives[axis], **{name: v}) for axis, v in zip(self.driven(), each, strict=True)}
+        return replace(self, drives=new)
 
     def locked(self, name: str) -> bool:
         return name in self.limits and self.limits[name][0] >= self.limits[name][1]

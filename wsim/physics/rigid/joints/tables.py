@@ -13,7 +13,7 @@ from wsim.model.stage import Clock
 from wsim.model.state import Field, Part
 from wsim.model.structs import filled
 from wsim.physics.rigid.joints.islands import ordered
-from wsim.physics.rigid.joints.joint import AXES, Drive, Joint
+from wsim.physics.rigid.joints.joint import AXES, LIVE, Drive, Joint
 from wsim.physics.rigid.joints.joint import DISTANCE as LENGTH
 
 FIELDS = (Field("quarters", "", True, "quarter turns of the twist, counted on", "int"),
@@ -63,16 +63,18 @@ def turned(joint: Joint) -> Joint:
 
 
 class Joints:
-    """Of a method (wsim/physics/rigid/method.py): `linked` is the struct, `islands` how many there are."""
+    """The joints of a method (wsim/physics/rigid/method.py): `linked` is the struct, `islands` how many there are."""
 
     def __init__(self, b, method):
         self.model, self.method, self.device = b.model, method, b.model.device
         self.given = [joint for joint in b.scene.things("Joint") if joint.enabled]
         rows = {body.path: k for k, body in enumerate(b.scene.things("Body"))}
-        every = [(k, turned(part)) for k, joint in enumerate(self.given) for part in rows_of(narrowed(joint))]
-        pairs = np.array([[rows.get(j.body0, -1), rows.get(j.body1, -1)] for _, j in every])
+        parts = [(k, part, turned(part)) for k, joint in enumerate(self.given) for part in rows_of(narrowed(joint))]
+        self.every = [(k, j, dict(zip(part.drives, j.drives, strict=True))) for k, part, j in parts]     # drives by new names
+        pairs = np.array([[rows.get(j.body0, -1), rows.get(j.body1, -1)] for _, j, _ in self.every])
         one = ordered(pairs, len(rows))
-        self.joints = [every[k][1] for k in one.joint]
+        self.order_of = one.joint
+        self.joints = [self.every[k][1] for k in one.joint]
         self.pairs = pairs[one.joint]
         worlds = b.model.worlds
         self.order = one.repeated(worlds, len(rows))
@@ -97,8 +99,7 @@ class Joints:
 
         def tiled(values, dtype):
             return up(np.concatenate([np.asarray(values)] * worlds), dtype)
-        sides = [_frame(j, k, masses, row) for j, pair in zip(self.joints, self.pairs, strict=True)
-                 for k, row in enumerate(pair)]
+        sides = self._sides(masses)
         self.anchor = np.array([_origin(j) for j in self.joints])
         from_to = [[origin[row] if row >= 0 else self.anchor[k] for row in pair] for k, pair in enumerate(self.pairs)]
         body = [np.where(self.pairs[:, s] < 0, -1, self.pairs[:, s] + per * w) for w in range(worlds) for s in (0, 1)]
@@ -120,6 +121,40 @@ class Joints:
                    target_block=up(order.target, int), **shape, **lists)
         self.linked = filled(Linked, t=t, quarters=self.part.arrays["quarters"], broken=self.part.arrays["broken"],
                              **self._work(n * worlds, bodies))
+
+    def _sides(self, masses: list) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Frames of all joints of the first world on a, then b, one joint after the other."""
+        return [_frame(j, k, masses, row) for j, pair in zip(self.joints, self.pairs, strict=True)
+                for k, row in enumerate(pair)]
+
+    def weigh(self, masses: list) -> None:
+        """Other masses, moments and principal axes of the bodies."""
+        t, worlds = self.linked.t, self.model.worlds
+        t.w.assign(np.array([1.0 / m.mass for m in masses]))
+        every = [self._sides(masses[w * len(masses) // worlds:]) for w in range(worlds)]
+        for k, name in enumerate(("a", "b")):
+            getattr(t, f"at_{name}").assign(np.array([s[0] for sides in every for s in sides[k::2]]))
+            getattr(t, f"turn_{name}").assign(np.array([s[1] for sides in every for s in sides[k::2]]))
+
+    def set(self, path: str, name: str, value, world: int | None) -> bool:
+        """Stiffness, damping or target of the drives of a joint."""
+        rows = self.drives(path, world) if name in LIVE else []
+        if rows:
+            array = getattr(self.linked.t, name)
+            values = array.numpy()
+            each = np.broadcast_to(np.asarray(value, np.float64), len(rows[0]))
+            for row in rows:
+                values[tuple(np.array(row).T)] = each
+            array.assign(values)
+        return bool(rows)
+
+    def drives(self, path: str, world: int | None = None) -> list[list[tuple[int, int]]]:
+        """(joint, coordinate) of the drives of a joint, in the order of `Joint.driven`, of a world or of all."""
+        every = (*AXES, LENGTH)
+        one = sorted((every.index(name), j, 0 if of == LENGTH else AXES.index(of)) for j, k in enumerate(self.order_of)
+                     if self.every[k][1].path == path for name, of in self.every[k][2].items())
+        n, worlds = len(self.joints), range(self.model.worlds) if world is None else [world]
+        return [[(j + w * n, row) for _, j, row in one] for w in worlds] if one else []
 
     def _work(self, n: int, bodies: int) -> dict[str, Any]:
         def zeros(shape, dtype=wp.float64):
@@ -194,7 +229,7 @@ class Joints:
         return {"joint_error": shift, "joint_angle_error": turn} | ({"joints_broken": float(broken)} if broken else {})
 
     def error(self) -> tuple[float, float]:
-        """By how much locked coordinates are off now, at most: [m], [rad]."""
+        """Error of locked coordinates now, at most: [m], [rad]."""
         now, kind, low = (np.asarray(a.numpy()) for a in (self.linked.now, self.linked.t.kind, self.linked.t.low))
         off = np.where(kind == int(tables.LOCKED), np.abs(now - low), 0.0)
         whole = self.linked.broken.numpy() == 0

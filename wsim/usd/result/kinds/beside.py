@@ -79,7 +79,7 @@ class Beside:
         self.written = []
 
     def keep(self) -> None:
-        """What was written since belongs to a sample of the layer."""
+        """Marks what was written since as belonging to a sample of the layer."""
         self.written = []
 
     def saved(self) -> None:

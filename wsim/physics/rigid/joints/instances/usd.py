@@ -9,7 +9,7 @@ from wsim.geometry import rotation
 from wsim.physics.rigid.joints.moving import simulated
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Surface
-from wsim.scene.curve import Curve, Motion
+from wsim.scene.curve import Motion, Stack
 from wsim.usd import names
 from wsim.usd.result.kinds.instances import orientations
 from wsim.usd.stage import Reading, applied
@@ -117,6 +117,8 @@ def _scaled(body: Body, s: float, dense: bool) -> Body:
 
 
 def _apart(motion: Motion, s: float) -> Motion:
+    if not motion.plain:
+        return Stack([np.diag([s, s, s, 1.0]), motion, np.diag([1.0 / s, 1.0 / s, 1.0 / s, 1.0])])
     values = motion.values.copy()
     values[:, :3, 3] *= s
     return Motion(motion.times, values)
@@ -125,7 +127,7 @@ def _apart(motion: Motion, s: float) -> Motion:
 def _larger(shape, s: float):
     """A shape of s times the size."""
     if isinstance(shape, Surface):
-        poses = None if shape.poses is None else Curve(shape.poses.times, shape.poses.values * s)
+        poses = None if shape.poses is None else shape.poses.scaled(s)
         return replace(shape, points=shape.points * s, poses=poses)
     sizes = {name: tuple(v * s for v in value) if isinstance(value, (tuple, list)) else value * s
              for name, value in vars(shape).items() if isinstance(value, (float, int, tuple, list))}

@@ -6,8 +6,10 @@ key at every time code authored on the prim or above it and at every frame betwe
 says.
 
 Written. A prim that moves has one matrix op, sampled at the keys and at the frames between them (USD interpolates a
-matrix by its elements, Motion turns at constant speed); the exact times of the keys are noted beside the samples, and
-a load uses them as long as the motion that they give agrees with the samples.
+matrix by its elements, Motion turns at constant speed); the exact times of the keys, and the kind of a motion, are noted
+beside the samples, and a load uses them as long as the motion that they give agrees with the samples.
+
+Splines. Where a prim, or one above it, has a spline, `exact` is the same stack of ops by their own curves (stack.py).
 """
 
 from dataclasses import dataclass
@@ -17,21 +19,27 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom
 
 from wsim.geometry.rotation import polar
 from wsim.scene import Problem, SceneError
-from wsim.scene.curve import Motion
+from wsim.scene.curve import Motion, Stack, then
 from wsim.usd.attributes import author_times, read_times
 from wsim.usd.stage import Reading, Units
+from wsim.usd.transforms.curves import note_kind, read_kind
+from wsim.usd.transforms.splines import splined
+from wsim.usd.transforms.stack import author_stack, parts, row_matrix
 
 MATRIX_OP = "xformOp:transform"
+ROUNDING = 1e-14                   # of a matrix that is 1
 RIGID = 1e-9                       # |R^T R - I| below which a transform counts as rigid; float32 authoring gives 1e-7
 
 
 @dataclass
 class Placement:
-    """times [s], (k,); frame, (k, 4, 4) local to world [m] less the trailing scale; scale, (k, 3)."""
+    """times [s], (k,); frame, (k, 4, 4) local to world [m] less the trailing scale; scale, (k, 3); exact: the frame between
+    keys, where it is no plain `Motion`."""
 
     times: np.ndarray
     frame: np.ndarray
     scale: np.ndarray
+    exact: Motion | None = None
 
     @property
     def linear(self) -> np.ndarray:
@@ -42,18 +50,28 @@ class Placement:
     def motion(self) -> Motion:
         whole = self.frame.copy()
         whole[:, :3, :3] = self.linear
-        return Motion(self.times, whole)
+        return self.follow(whole)
+
+    def follow(self, frames: np.ndarray) -> Motion:
+        """The motion with these transforms (k, 4, 4) [m] at the keys: exact where they are the frame with a constant matrix."""
+        if self.exact is not None:
+            own = np.linalg.solve(self.frame[0], frames[0])
+            if np.abs(self.frame @ own - frames).max() <= RIGID * max(1.0, np.abs(frames).max()):
+                return then(self.exact, own) if np.abs(own - np.eye(4)).max() > ROUNDING else self.exact
+        return Motion(self.times, frames)
 
 
 def placement(reading: Reading, prim: Usd.Prim) -> Placement:
-    """Where a prim is, at its keys. Raises SceneError where an op of it, or of one above, is of another type than its name."""
+    """Motion of a prim, at its keys. Raises SceneError where an op of it, or of one above, is of another type than its name."""
     try:
         exact = _noted(reading, prim)
         if exact is not None:
             return exact
         codes = _codes(reading, prim)
         times = np.zeros(1) if codes is None else reading.units.time(codes)
-        return _sampled(reading, prim, [reading.units.start] if codes is None else codes, times)
+        found = _sampled(reading, prim, [reading.units.start] if codes is None else codes, times)
+        found.exact = None if codes is None else _exact(reading, prim)
+        return found
     except (Tf.ErrorException, TypeError, ValueError, IndexError):
         raise SceneError(Problem(str(prim.GetPath()), "its transform, or one above it, cannot be read: an xformOp has a value "
                                  "of another type than its name says; author its xformOps again")) from None
@@ -72,7 +90,7 @@ def _world(reading: Reading, prim: Usd.Prim, code: float) -> tuple[np.ndarray, n
     xformable = UsdGeom.Xformable(prim)
     ops = xformable.GetOrderedXformOps() if xformable else []
     scale = np.ones(3)
-    if ops and ops[-1].GetOpType() == UsdGeom.XformOp.TypeScale and not ops[-1].IsInverseOp():
+    if _trailing(ops):
         value = ops[-1].Get(Usd.TimeCode(code))
         scale = scale if value is None else np.array([float(value[k]) for k in range(3)])
         matrix = Gf.Matrix4d(1.0)
@@ -85,6 +103,11 @@ def _world(reading: Reading, prim: Usd.Prim, code: float) -> tuple[np.ndarray, n
     M = np.array(matrix).T.copy()
     M[:3, 3] *= reading.units.metres
     return M, scale
+
+
+def _trailing(ops: list) -> bool:
+    """Whether a stack ends with a scale by three numbers."""
+    return bool(ops) and ops[-1].GetOpType() == UsdGeom.XformOp.TypeScale and not ops[-1].IsInverseOp()
 
 
 def _chain(prim: Usd.Prim) -> list[UsdGeom.Xformable]:
@@ -118,6 +141,21 @@ def _codes(reading: Reading, prim: Usd.Prim) -> np.ndarray | None:
     return np.unique(np.concatenate([frames, np.array(sorted(samples), np.float64)]))
 
 
+def _exact(reading: Reading, prim: Usd.Prim) -> Motion | None:
+    """By splines: local to world less the trailing scale; None where there is none, or an op cannot be followed (noted)."""
+    chain = [x.GetOrderedXformOps() for x in _chain(prim)]
+    if not any(splined(op.GetAttr()) for ops in chain for op in ops):
+        return None
+    if UsdGeom.Xformable(prim) and _trailing(chain[0]):
+        chain[0] = chain[0][:-1]
+    try:
+        found = parts(reading, [op for ops in chain[::-1] for op in ops])
+    except ValueError as why:
+        found = None
+        reading.warn(prim.GetPath(), f"{why} in its xformOps: they are evaluated at frames, and turn evenly between them")
+    return None if found is None else Stack(found)
+
+
 def _noted(reading: Reading, prim: Usd.Prim) -> Placement | None:
     """The keys that `author_motion` noted, if the samples still say the same motion."""
     attribute = prim.GetAttribute(MATRIX_OP)
@@ -126,12 +164,16 @@ def _noted(reading: Reading, prim: Usd.Prim) -> Placement | None:
         return None
     samples = np.array(attribute.GetTimeSamples(), np.float64)
     found = _sampled(reading, prim, reading.units.code(times), times)
-    motion = Motion(times, found.frame)
+    try:
+        motion = Motion(times, found.frame, **read_kind(attribute))
+    except (TypeError, ValueError):
+        return None
     tolerance = 1e-9 * max(1.0, float(np.abs(found.frame).max()))
     for code in samples:
         frame, scale = _world(reading, prim, float(code))
         if np.abs(motion.at(reading.units.time(code)) - frame).max() > tolerance or np.any(scale != found.scale[0]):
             return None
+    found.exact = None if motion.plain else motion
     return found
 
 
@@ -163,18 +205,28 @@ def split(linear: np.ndarray, mirror: int = 0) -> tuple[np.ndarray, np.ndarray]:
 def author_motion(prim: Usd.Prim, motion: Motion, units: Units, frames: int) -> None:
     """Writes local-to-world `motion` on a prim, whose stack is reset if anything above it has a transform."""
     xformable = UsdGeom.Xformable(prim)
+    if isinstance(motion, Stack):
+        ops = author_stack(prim, motion, units, lambda attribute, own: _author_matrix(attribute, own, units, frames))
+        xformable.SetXformOpOrder(ops, _placed_above(prim))
+        return
     attribute = prim.CreateAttribute(MATRIX_OP, Sdf.ValueTypeNames.Matrix4d, False)
+    _author_matrix(attribute, motion, units, frames)
+    xformable.SetXformOpOrder([UsdGeom.XformOp(attribute)], _placed_above(prim))
+
+
+def _author_matrix(attribute: Usd.Attribute, motion: Motion, units: Units, frames: int) -> None:
     if len(motion.times) == 1:
-        attribute.Set(_matrix(motion.values[0], units))
+        attribute.Set(row_matrix(motion.values[0], units))
         if motion.times[0] != 0.0:
             author_times(attribute, motion.times)
     else:
         for time, M in zip(motion.times.tolist(), motion.values, strict=True):
-            attribute.Set(_matrix(M, units), Usd.TimeCode(units.code(time)))
+            attribute.Set(row_matrix(M, units), Usd.TimeCode(units.code(time)))
         for code in _between(motion.times, units, frames):
-            attribute.Set(_matrix(motion.at(units.time(code)), units), Usd.TimeCode(code))
+            attribute.Set(row_matrix(motion.at(units.time(code)), units), Usd.TimeCode(code))
         author_times(attribute, motion.times)
-    xformable.SetXformOpOrder([UsdGeom.XformOp(attribute)], _placed_above(prim))
+        if not motion.plain:
+            note_kind(attribute, motion)
 
 
 def _between(times: np.ndarray, units: Units, frames: int) -> np.ndarray:
@@ -187,9 +239,3 @@ def _between(times: np.ndarray, units: Units, frames: int) -> np.ndarray:
 
 def _placed_above(prim: Usd.Prim) -> bool:
     return any(x.GetOrderedXformOps() for x in _chain(prim.GetParent()))
-
-
-def _matrix(M: np.ndarray, units: Units) -> Gf.Matrix4d:
-    M = np.array(M, np.float64)
-    M[:3, 3] /= units.metres
-    return Gf.Matrix4d(*M.T.ravel().tolist())

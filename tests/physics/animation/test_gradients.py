@@ -108,7 +108,7 @@ UNFOLLOWED = {
     "followed": ("/man/bones", lambda scene: scene.pins.clear(), "turns"),
     "corrective": ("/left", lambda scene: scene.pins[0].follows.skin.blends.append(lump(np.random.default_rng(0))), "turns"),
     "scaled": ("/left", scaled, "turns"),
-    "still": ("/man/bones", still, "turns"),
+    "unanimated": ("/man/bones", still, "turns"),
     "shapes": ("/man/bones", lambda scene: setattr(scene.things("Skeleton")[0], "weights", None), "weights"),
 }
 

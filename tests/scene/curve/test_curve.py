@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from pxr import Gf, Ts
 
+from wsim.scene.curve import Curve
 from wsim.scene.curve.easing import CSS, FAMILIES, NAMES, eased
-from wsim.scene.curve.spline import Spline
 
-RULES = (lambda t, v: Spline.catmull_rom(t, v), lambda t, v: Spline.catmull_rom(t, v, 0.5),
-         lambda t, v: Spline.kochanek_bartels(t, v, 0.3, -0.4, 0.2), Spline.monotone,
-         lambda t, v: Spline.hermite(t, v, np.cos(v), np.sin(v)))
+RULES = (lambda t, v: Curve(t, v, "catmull_rom"), lambda t, v: Curve(t, v, "catmull_rom", alpha=0.5),
+         lambda t, v: Curve(t, v, "kochanek_bartels", tension=0.3, bias=-0.4, continuity=0.2),
+         lambda t, v: Curve(t, v, "monotone"),
+         lambda t, v: Curve(t, v, "hermite", leave=np.sin(v), arrive=np.cos(v)))
 
 
 def keys(seed=0, n=7, shape=()):
@@ -32,7 +33,7 @@ def usd(times, values, arrive, leave) -> Ts.Spline:
 def test_a_spline_is_that_of_usd_with_its_slopes(rule):
     times, values = keys()
     ours = rule(times, values)
-    theirs = usd(times, values, ours.arrive, ours.leave)
+    theirs = usd(times, values, *ours.slopes())
     at = np.linspace(times[0], times[-1], 301)
     np.testing.assert_allclose(ours.sampled(at), [theirs.Eval(t) for t in at], atol=1e-12)
     inner = at[~np.isclose(at[:, None], times).any(1)]
@@ -40,7 +41,7 @@ def test_a_spline_is_that_of_usd_with_its_slopes(rule):
 
 
 def test_catmull_rom_undershoots_a_unit_step_by_two_twenty_sevenths():
-    step = Spline.catmull_rom(np.arange(4.0), [0.0, 0.0, 1.0, 1.0])
+    step = Curve(np.arange(4.0), [0.0, 0.0, 1.0, 1.0], "catmull_rom")
     assert step.at(2 / 3) == pytest.approx(-2 / 27, abs=1e-15)
     assert step.sampled(np.linspace(0, 3, 30001)).min() == pytest.approx(-2 / 27, abs=1e-9)
 
@@ -60,7 +61,7 @@ def test_rates_are_the_derivative_and_keys_are_met(rule):
 def test_a_monotone_spline_never_leaves_the_range_of_its_keys():
     for seed in range(300):
         times, values = keys(seed, np.random.default_rng(seed).integers(2, 8))
-        curve = Spline.monotone(times, values)
+        curve = Curve(times, values, "monotone")
         for k in range(len(times) - 1):
             found = curve.sampled(np.linspace(times[k], times[k + 1], 50))
             low, high = sorted(values[k:k + 2])
@@ -72,53 +73,63 @@ def test_a_monotone_spline_is_scipys():
     for seed in range(20):
         times, values = keys(seed)
         at = np.linspace(times[0], times[-1], 400)
-        np.testing.assert_allclose(Spline.monotone(times, values).sampled(at),
+        np.testing.assert_allclose(Curve(times, values, "monotone").sampled(at),
                                    interpolate.PchipInterpolator(times, values)(at), atol=1e-12)
 
 
 def test_without_tension_bias_and_continuity_it_is_catmull_rom_and_tension_one_is_still_at_the_keys():
     times, values = keys(3)
-    assert Spline.kochanek_bartels(times, values) == Spline.catmull_rom(times, values)
-    stiff = Spline.kochanek_bartels(times, values, 1.0)
-    assert not stiff.arrive.any() and not stiff.leave.any()
-    square = values[0] + (times - times[0]) ** 2               # by the times of the keys a parabola's slopes are right
-    inner = Spline.catmull_rom(np.arange(7.0), np.arange(7.0) ** 2)
-    np.testing.assert_allclose(inner.arrive[1:-1], 2 * np.arange(7.0)[1:-1])
-    assert np.isfinite(square).all()
+    plain = Curve(times, values, "kochanek_bartels")
+    assert all(np.array_equal(a, b) for a, b in zip(plain.slopes(), Curve(times, values, "catmull_rom").slopes(), strict=True))
+    assert not np.any(Curve(times, values, "kochanek_bartels", tension=1.0).slopes())
+    inner = Curve(np.arange(7.0), np.arange(7.0) ** 2, "catmull_rom")           # a parabola's slopes are right
+    np.testing.assert_allclose(inner.slopes()[0][1:-1], 2 * np.arange(7.0)[1:-1])
 
 
 def test_a_centripetal_path_has_one_tangent_at_a_key_and_no_cusp_where_the_uniform_one_loops():
     times = np.arange(4.0)
     path = np.array([(0.0, 0), (1, 1), (1.02, 1), (2, 0)])     # two keys close together
-    curve = Spline.catmull_rom(times, path, 0.5)
+    curve = Curve(times, path, "catmull_rom", alpha=0.5)
     for k in (1, 2):
-        a, b = curve.arrive[k], curve.leave[k]
+        a, b = (slopes[k] for slopes in curve.slopes())
         assert a @ b / np.linalg.norm(a) / np.linalg.norm(b) == pytest.approx(1.0, abs=1e-12)
     at = np.linspace(1, 2, 500)[1:-1]
     assert (curve.rate(at)[:, 0] > 0).all()                    # goes on
-    assert (Spline.catmull_rom(times, path, 0.0).rate(at)[:, 0] < 0).any()     # turns back: a loop
+    assert (Curve(times, path, "catmull_rom", alpha=0.0).rate(at)[:, 0] < 0).any()     # turns back: a loop
 
 
 def test_weights_of_keys_are_the_derivative_with_respect_to_their_values():
     times, values = keys(4, 6, (2,))
     at = np.linspace(times[0] - 0.5, times[-1] + 0.5, 40)
-    for curve in (Spline.catmull_rom(times, values), Spline.kochanek_bartels(times, values, 0.3, 0.2, -0.1)):
+    for curve in (Curve(times, values, "catmull_rom"), RULES[2](times, values)):
         np.testing.assert_allclose(np.tensordot(curve.weights(at), values, 1), curve.sampled(at), atol=1e-12)
     with pytest.raises(ValueError, match="monotone"):
-        Spline.monotone(times, values).weights(at)
+        Curve(times, values, "monotone").weights(at)
 
 
 @pytest.mark.parametrize("wrong", [
-    lambda: Spline.catmull_rom([0, 1, 1], [0, 1, 2]), lambda: Spline.catmull_rom([0, 1], [0.0, np.nan]),
-    lambda: Spline.hermite([0, 1], [0.0, 1.0], [1.0]), lambda: Spline.catmull_rom([0, 1], [0.0, 1.0], 2.0)],
-    ids=("times", "not finite", "slopes", "alpha"))
-def test_what_is_no_spline_is_refused(wrong):
-    with pytest.raises(ValueError):
-        wrong()
+    (lambda: Curve([0, 1, 1], [0, 1, 2], "catmull_rom"), "key 2 at 1 s follows key 1 at 1 s; sort the keys"),
+    (lambda: Curve([0, 2, 1], [0, 1, 2]), "key 2 at 1 s follows key 1 at 2 s"),
+    (lambda: Curve([0, 1], [0.0, np.nan], "catmull_rom"), "finite"),
+    (lambda: Curve([0, 1], [0.0, 1.0], "hermite", leave=[1.0]), "one finite slope a value"),
+    (lambda: Curve([0, 1], [0.0, 1.0], "hermite"), "needs leave"),
+    (lambda: Curve([0, 1], [0.0, 1.0], "catmull_rom", alpha=2.0), "alpha"),
+    (lambda: Curve([0, 1], [0.0, 1.0], "cubic"), "no kind of curve is called 'cubic'; there are linear, hold"),
+    (lambda: Curve([0, 1], [0.0, 1.0], "monotone", tension=1.0), "takes nothing"),
+    (lambda: Curve([0, 1], [0.0, 1.0], after="forever"), "held, linear, repeat, reset, oscillate"),
+    (lambda: Curve([0, 1], [0.0, 1.0], after=np.nan), "finite"),
+    (lambda: Curve([0, 1], [0.0, 1.0], "bezier", leave=[0, 0], leave_width=[2.0, 0.0]), "time does not run back"),
+    (lambda: Curve([0, 1, 2], [0.0, 1.0, 2.0], "eased", easing=["ease"]), "1 easings for 2 pieces"),
+    (lambda: Curve([0, 1], [0.0, 1.0], "eased", easing="fast"), "no easing is called 'fast'"),
+    (lambda: Curve([], []), "one value a time")])
+def test_what_is_no_curve_is_refused_with_what_was_found_and_what_is_allowed(wrong):
+    make, said = wrong
+    with pytest.raises(ValueError, match=said):
+        make()
 
 
 def test_one_key_is_a_constant():
-    curve = Spline.catmull_rom([2.0], [[1.0, 2.0]])
+    curve = Curve([2.0], [[1.0, 2.0]], "catmull_rom")
     assert curve.at(-1.0).tolist() == [1.0, 2.0] == curve.at(5.0).tolist() and not curve.rate([2.0]).any()
 
 
@@ -171,7 +182,7 @@ def test_a_bezier_of_usd_is_hermite_with_handles_of_a_third():
     for k, t in enumerate((0.0, 2.0)):
         spline.SetKnot(Ts.Knot(typeName="double", time=t, value=values[k], nextInterp=Ts.InterpCurve, preTanSlope=n,
                                preTanWidth=2 / 3, postTanSlope=m, postTanWidth=2 / 3))
-    ours = Spline.hermite([0.0, 2.0], values, [m, n])
+    ours = Curve([0.0, 2.0], values, "hermite", leave=[m, n])
     at = np.linspace(0, 2, 50)
     np.testing.assert_allclose(ours.sampled(at), [spline.Eval(t) for t in at], atol=1e-12)
     assert Gf.IsClose(ours.at(1.0).item(), spline.Eval(1.0), 1e-12)

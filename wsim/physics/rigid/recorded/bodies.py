@@ -20,26 +20,14 @@ from wsim.kernels.math.real import types
 from wsim.kernels.rigid import motion
 from wsim.model.stage import Clock
 from wsim.physics.rigid.mass import along
-from wsim.physics.rigid.solids import meeting, standing
 from wsim.scene import Problem, SceneError
-from wsim.scene.values.coverage import refuse
 
 TABLES = ("w", "inverse", "push", "torque", "drag", "spin_drag")
 
 
-def refuse_contacts(scene, met: bool) -> None:
-    """Raises SceneError where bodies that are to be recorded can touch something (met), or are joined."""
-    for joint in scene.things("Joint"):
-        raise refuse("joints", joint.path)
-    if met:
-        bodies = [body for body in scene.things("Body") if meeting(body)]
-        other = next((c.path for c in (*standing(scene.colliders), *scene.bodies())), bodies[-1].path)
-        raise refuse("impulses", bodies[0].path, other=other)
-
-
 @dataclass
 class Motions:
-    """Of all bodies: centres x relative to their start [m], q (n, 4), momenta p, L."""
+    """The motions of all bodies: centres x relative to their start [m], q (n, 4), momenta p, L."""
 
     x: np.ndarray
     q: np.ndarray
@@ -56,6 +44,9 @@ def turning(R: np.ndarray, by: np.ndarray) -> np.ndarray:
 class Recorded:
     """Arrays of the method's part as one step reads and writes them, and what frames of a recording leave."""
 
+    whole = False                      # every substep is kept
+    left = 0.0                         # [m/s] of the impulses that were differentiated
+
     def __init__(self, method):
         self.method, self.model, part = method, method.model, method.part
         real, t = self.model.real, types(self.model.real)
@@ -63,7 +54,9 @@ class Recorded:
         self.every = part.every
         self.q, self.o = (wp.array(ptr=a.ptr, dtype=t.vec4, shape=a.shape, device=a.device)
                           for a in (part.arrays["q"], part.arrays["o"]))
-        self.kernel = motion.free_step(real, self.model.module)
+        self.kernel: Any = None
+        if not (method.joints or method.contacts):
+            self.kernel = motion.free_step(real, self.model.module)
         self.kept: list[wp.array] = []
 
     @property
@@ -71,7 +64,7 @@ class Recorded:
         return [self.every, self.q, self.o]
 
     def tables(self) -> list[wp.array]:
-        """What is differentiated by."""
+        """Tables that are differentiated by."""
         return [getattr(self.method.table, name) for name in TABLES]
 
     def step(self, clock: Clock) -> None:
@@ -101,6 +94,10 @@ class Recorded:
         every, q, o = (a[frame].numpy().astype(np.float64) for a in self.kept)
         x, e, p, L = every.reshape(4, -1, 3)
         return Motions(x + e, normalized(q + o), p, L)
+
+    def places(self, path: str, name: str, world: int) -> Any:
+        """Places of a value that is none of a body's own; None: nowhere."""
+        return None
 
     def row(self, path: str, world: int = 0) -> int:
         """Raises SceneError where there is no such body."""
@@ -200,8 +197,8 @@ class BodyGradient:
                    for name, table in zip(TABLES, r.tables(), strict=True)}
 
     def value(self, path: str, name: str, world: int = 0) -> np.ndarray | float:
-        """With respect to a value of a body; velocity and spin: of where the recording begins, which others leave as they are.
-        mass: moments follow it where the scene gives none. inertia: along the axes that the scene gives."""
+        """Gradient with respect to a value of a body; velocity and spin: of where the recording begins, which others leave as
+        they are. mass: moments follow it where the scene gives none. inertia: along the axes that the scene gives."""
         k = self.recorded.row(path, world)
         found = getattr(self, name, None)
         return found(k) if found else self.by[{"force": "push"}.get(name, name)][k]
@@ -214,7 +211,7 @@ class BodyGradient:
         return rotate(s.q[k], m.moments * rotate(conjugate(s.q[k]), self.by_L[k]))
 
     def moments(self, k: int) -> np.ndarray:
-        """By the principal moments."""
+        """Gradient with respect to the principal moments."""
         s, m = self.start, self.recorded.method.masses[k]
         back = conjugate(s.q[k])
         own = rotate(back, s.L[k]) / m.moments                      # omega

@@ -1,8 +1,9 @@
 """Collider poses of a frame: the columns pose, step, ball, stride of the table of rows, at its substeps.
 
 Few moving colliders, and those whose meshes deform, are evaluated on the host (`Rows.poses`) and uploaded. Many are evaluated
-on the device (kernels/animation/motion.py, kernels/animation/collider.py) from keys that were uploaded once, or when a motion
-was set. Both in float64, rounded once at the end. What does not move stays as it was uploaded.
+on the device (kernels/animation/motion.py; of other kinds than linear keys, or in stacks, kernels/animation/track.py; then
+kernels/animation/collider.py) from keys that were uploaded once, or when a motion was set. Both in float64, rounded once at the
+end. What does not move stays as it was uploaded.
 """
 
 from typing import Any
@@ -13,7 +14,7 @@ import warp as wp
 from wsim.geometry.rotation import axis_angle, polar
 from wsim.kernels.math.real import types
 from wsim.physics.contact.colliders import Rows
-from wsim.scene.curve import Motion
+from wsim.scene.curve import Motion, Stack
 
 # Moving colliders that the host evaluates. The device differs in the last bits of float64, so that scenes of few keep theirs.
 # Measured on one core at 10 substeps: the host takes 0.35 ms and 0.2 ms for each (4: 1.2 ms), the device 0.04 ms for 4.
@@ -30,17 +31,17 @@ def keys(motion: Motion) -> tuple[np.ndarray, ...]:
 
 
 class Poses:
-    """Of the rows of a table (`wsim.kernels.contact.project.tables`), whose four columns it owns."""
+    """Poses of the rows of a table (`wsim.kernels.contact.project.tables`), whose four columns it owns."""
 
     few: np.ndarray                      # distinct colliders that the host evaluates before each frame
-    many: np.ndarray                     # and the device
+    many: np.ndarray                     # and the device: by linear keys
+    tracks: np.ndarray                   # and of other kinds
 
     def __init__(self, rows: Rows, table, device, real):
         self.rows, self.table, self.device, self.real = rows, table, device, real
         self.dtype = np.float32 if real is wp.float32 else np.float64
         self.found: tuple[np.ndarray, ...] = ()          # of the host: pose, step, ball, stride
-        self.known: dict[int, tuple[Motion, tuple]] = {} # keys of distinct colliders
-        self.loaded: Any = None                          # `Device`, once there are many
+        self.loaded: dict[str, Any] = {}                 # `Device`s, once there are many
 
     def frame(self, substeps: int) -> None:
         """Room for so many substeps; what was there is lost."""
@@ -54,24 +55,30 @@ class Poses:
             (substeps + 1, (7,)), (substeps, (7,)), (substeps, (4,)), (substeps, ())))
 
     def place(self, time: float, dt: float, gap: np.ndarray, changed: bool) -> None:
-        """Of the frame of dt [s] that starts at `time` [s]. gap: distance that rows keep [m]; changed: since the last frame."""
+        """Places the rows in the frame of dt [s] that starts at `time` [s]. gap: distance that rows keep [m]; changed: since
+        the last frame."""
         rows = self.rows
         if len(rows.collider) == 0:
             return
         if changed:
             moving = np.array([c.motion.moves for c in rows.colliders])
             forming = np.array([m is not None and m.moves for m in rows.meshes])
-            self.many = np.flatnonzero(moving & ~forming)
+            known = np.array([type(c.motion) in (Motion, Stack) for c in rows.colliders])
+            plain = np.array([c.motion.plain for c in rows.colliders])
+            self.many, self.tracks = (np.flatnonzero(moving & ~forming & known & own) for own in (plain, ~plain))
+            few = moving | forming
             if len(self.many) <= HOST_MOST:
                 self.many = self.many[:0]
-            few = moving | forming
-            few[self.many] = False
+            if len(self.tracks) <= HOST_MOST:
+                self.tracks = self.tracks[:0]
+            few[self.many] = few[self.tracks] = False
             self.few = np.flatnonzero(few)
-        number = np.setdiff1d(np.arange(len(rows.colliders)), self.many) if changed else self.few
+        number = np.setdiff1d(np.arange(len(rows.colliders)), [*self.many, *self.tracks]) if changed else self.few
         if len(number):
             self._upload(number, time + dt * np.arange(self.table.pose.shape[0]) / self.table.ball.shape[0], gap)
-        if len(self.many):
-            self._evaluate(time, dt, gap, changed)
+        for name, many in (("keys", self.many), ("tracks", self.tracks)):
+            if len(many):
+                self._evaluate(name, many, time, dt, gap if changed else None)
 
     def _upload(self, number: np.ndarray, times: np.ndarray, gap: np.ndarray) -> None:
         """Of the distinct colliders of these numbers, on the host."""
@@ -93,40 +100,36 @@ class Poses:
             if mesh is not None and mesh.moves and "skin" in mesh.device:
                 mesh.device["skin"].widen(c, np.flatnonzero(rows.collider == k))
 
-    def _evaluate(self, time: float, dt: float, gap: np.ndarray, changed: bool) -> None:
-        """Of `many`, on the device."""
-        if self.loaded is None:
-            self.loaded = Device(self.table, self.device, self.real)
-        if changed:
-            for k in self.many:
-                motion = self.rows.colliders[k].motion
-                if k not in self.known or self.known[k][0] is not motion:
-                    self.known[k] = motion, keys(motion)
-            self.loaded.take(self.rows, self.many, [self.known[k][1] for k in self.many], gap)
-        self.loaded.launch(time, dt)
+    def _evaluate(self, name: str, many: np.ndarray, time: float, dt: float, gap: np.ndarray | None) -> None:
+        """Of `many`, on the device. gap: where something changed."""
+        if name not in self.loaded:
+            self.loaded[name] = Device(name, self.table, self.device, self.real)
+        if gap is not None:
+            self.loaded[name].take(self.rows, many, gap)
+        self.loaded[name].launch(time, dt)
 
 
 class Device:
-    """Tables and kernels of the colliders that the device evaluates; compiled when there are some."""
+    """Tables and kernels of colliders that the device evaluates; compiled when there are some. source: "keys" or "tracks"."""
 
-    def __init__(self, table, device, real):
-        from wsim.kernels.animation import collider, motion
+    def __init__(self, source: str, table, device, real):
+        from wsim.kernels.animation import collider
         from wsim.model import kernel_cache
         self.table, self.device, module = table, device, f"wsim_poses_{types(real).name}"
-        self.keys, self.movers = motion.Keys(), collider.Movers()
-        self.sample, self.place = motion.sample(module), collider.place(real, module)
+        if source == "tracks":
+            from wsim.physics.contact.poses.tracks import Tracks
+            module, self.source = f"wsim_tracks_{types(real).name}", Tracks(device)
+        else:
+            self.source = Linear(device, module)
+        self.movers, self.place = collider.Movers(), collider.place(real, module)
         kernel_cache.load(module, device)
 
-    def take(self, rows: Rows, many: np.ndarray, each: list[tuple], gap: np.ndarray) -> None:
-        """Uploads keys and rows of the distinct colliders `many`; gap: of all rows [m]."""
+    def take(self, rows: Rows, many: np.ndarray, gap: np.ndarray) -> None:
+        """Uploads motions and rows of the distinct colliders `many`; gap: of all rows [m]."""
         def array(values, dtype):
             return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
-        k, m = self.keys, self.movers
-        k.first = array(np.concatenate([[0], np.cumsum([len(own[0]) for own in each])]).astype(np.int32), int)
-        columns = [np.concatenate(column) for column in zip(*each, strict=True)]
-        k.time, k.angle = array(columns[0], wp.float64), array(columns[6], wp.float64)
-        k.place, k.axis = array(columns[1], wp.vec3d), array(columns[5], wp.vec3d)
-        k.whole, k.turned, k.stretch = (array(column, wp.mat33d) for column in columns[2:5])
+        m = self.movers
+        self.source.take([rows.colliders[k].motion for k in many])
         own = np.flatnonzero(np.isin(rows.collider, many))
         of, center = rows.collider[own], rows.centers()
         m.row, m.motion = array(own.astype(np.int32), int), array(np.searchsorted(many, of).astype(np.int32), int)
@@ -137,7 +140,33 @@ class Device:
         self.p = wp.zeros(shape, dtype=wp.vec3d, device=self.device)
 
     def launch(self, time: float, dt: float) -> None:
-        wp.launch(self.sample, self.A.shape, [self.keys, time, dt], [self.A, self.p], device=self.device)
+        self.source.launch(self.A, self.p, time, dt)
         c = self.table
         wp.launch(self.place, (len(self.movers.row), self.A.shape[1]), [self.movers, self.A, self.p], [c.pose, c.step, c.ball],
                   device=self.device)
+
+
+class Linear:
+    """Keys of plain motions on the device, and the kernel that samples them."""
+
+    def __init__(self, device, module):
+        from wsim.kernels.animation import motion
+        self.device, self.keys, self.sample = device, motion.Keys(), motion.sample(module)
+        self.known: dict[int, tuple[Motion, tuple]] = {}
+
+    def take(self, motions: list[Motion]) -> None:
+        """Uploads them; what was there before is not worked out again."""
+        def array(values, dtype):
+            return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+        for number, motion in enumerate(motions):
+            if number not in self.known or self.known[number][0] is not motion:
+                self.known[number] = motion, keys(motion)
+        each, k = [self.known[number][1] for number in range(len(motions))], self.keys
+        k.first = array(np.concatenate([[0], np.cumsum([len(own[0]) for own in each])]).astype(np.int32), int)
+        columns = [np.concatenate(column) for column in zip(*each, strict=True)]
+        k.time, k.angle = array(columns[0], wp.float64), array(columns[6], wp.float64)
+        k.place, k.axis = array(columns[1], wp.vec3d), array(columns[5], wp.vec3d)
+        k.whole, k.turned, k.stretch = (array(column, wp.mat33d) for column in columns[2:5])
+
+    def launch(self, A: wp.array, p: wp.array, time: float, dt: float) -> None:
+        wp.launch(self.sample, A.shape, [self.keys, time, dt], [A, p], device=self.device)

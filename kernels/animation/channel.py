@@ -1,0 +1,127 @@
+"""Curves of numbers on the device, in float64: the formulas of wsim/scene/curve (pieces, easing, what is outside), from one
+source.
+
+    value(t) = cubic(u(s)) + periods growth, or the end + beyond slope         s, periods, beyond: kernels/animation/outside.py
+
+Pieces come from the host. A kernel has the easings that its curves use and no others: `channels(codes)` makes its functions for
+a set of codes (wsim/scene/curve/easing.py).
+"""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from wsim.kernels.animation import cubic, easing, outside
+
+real = wp.float64
+STRAIGHT, HOLD, BEZIER = 0, 1, 2                      # codes; others are numbers of easings by name
+cubic_value = wp.func(cubic.value, name="cubic_value")
+inside = wp.func(outside.outsides(wp, real).inside, name="inside_keys")
+
+
+@wp.struct
+class Channels:
+    first: wp.array(dtype=int)                # keys of channel c: first[c] .. first[c + 1], (channels + 1,)
+    time: wp.array(dtype=real)                # [s], increasing, (keys,)
+    code: wp.array(dtype=int)                 # of the piece behind each key, (keys,)
+    x: wp.array(dtype=wp.vec2d)               # of its handles [1], (keys,)
+    part: wp.array(dtype=wp.vec4d)            # a, b, c, d of its cubic, (keys,)
+    mode: wp.array(dtype=wp.vec2i)            # before and after the keys: kernels/animation/outside.py, (channels,)
+    end: wp.array(dtype=wp.vec2d)             # values held there, (channels,)
+    slope: wp.array(dtype=wp.vec2d)           # of going on there [unit/s]
+    growth: wp.array(dtype=wp.vec2d)          # of a period there
+
+
+@wp.func
+def located(c: Channels, channel: int, t: real):
+    """(key before, fraction [1] of the way to the next, periods to add, direction, side or -1, [s] beyond the end)."""
+    low = c.first[channel]
+    last = c.first[channel + 1] - 1
+    side = int(-1)
+    mode = int(0)
+    if t < c.time[low]:
+        side = 0
+        mode = c.mode[channel][0]
+    elif t >= c.time[last]:
+        side = 1
+        mode = c.mode[channel][1]
+    at, n, way = inside(t, c.time[low], c.time[last], mode)
+    high = last
+    first = low
+    while low < high:                         # the first key later than `at`, or not earlier where it runs back
+        middle = (low + high) // 2
+        if c.time[middle] < at or (c.time[middle] == at and way > real(0.0)):
+            low = middle + 1
+        else:
+            high = middle
+    k = wp.max(low - 1, first)
+    s = real(0.0)
+    if first < last:
+        s = (at - c.time[k]) / (c.time[k + 1] - c.time[k])
+    if mode >= wp.static(outside.REPEAT):
+        side = -1
+    return k, s, n, way, side, t - at
+
+
+@cache
+def channels(codes: tuple[int, ...], names: tuple[str, ...]) -> SimpleNamespace:
+    """`value` (c, channel, t) for pieces with these codes. names: of the easings whose codes are behind BEZIER."""
+    own = f"{'_'.join(map(str, codes))}"
+    formulas = easing.easings(wp, real)
+    found = wp.func(_plain, name=f"eased_{own}")
+    if BEZIER in codes:
+        found = _handled(found, wp.func(formulas.parameter, name="bezier_parameter"), own)
+    for code, name in zip([code for code in codes if code > BEZIER], names, strict=True):
+        found = _named(found, _formula(formulas, name), code, own)
+
+    def value(c: Channels, channel: int, t: real):
+        k, s, n, _way, side, beyond = located(c, channel, t)
+        p = c.part[k]
+        x = c.x[k]
+        found_value = cubic_value(p[0], p[1], p[2], p[3], found(c.code[k], x[0], x[1], s))
+        if side >= 0:
+            found_value = c.end[channel][side] + c.slope[channel][side] * beyond
+        if n > real(0.0):
+            found_value += n * c.growth[channel][1]
+        elif n < real(0.0):
+            found_value += n * c.growth[channel][0]
+        return found_value
+
+    return SimpleNamespace(value=wp.func(value, name=f"channel_value_{own}"))
+
+
+def _plain(code: int, x1: real, x2: real, s: real):
+    u = s
+    if code == HOLD:
+        u = real(0.0)
+    return u
+
+
+def _handled(before, parameter, own: str):
+    def warped(code: int, x1: real, x2: real, s: real):
+        u = before(code, x1, x2, s)
+        if code == BEZIER:
+            u, _rate = parameter(s, x1, x2)
+        return u
+
+    return wp.func(warped, name=f"eased_handles_{own}")
+
+
+def _named(before, formula, number: int, own: str):
+    def warped(code: int, x1: real, x2: real, s: real):
+        u = before(code, x1, x2, s)
+        if code == number:
+            u, _rate = formula(s)
+        return u
+
+    return wp.func(warped, name=f"eased_{number}_of_{own}")
+
+
+def _formula(formulas, name: str):
+    """The easing of a name, as a function of the device."""
+    family, _, form = name.partition("-")
+    base = wp.func(getattr(formulas, family), name=f"ease_{family}")
+    if form == "out":
+        return wp.func(easing.turned_round(base, real), name=f"ease_{family}_out")
+    return wp.func(easing.halves(base, wp, real), name=f"ease_{family}_in_out") if form == "in-out" else base

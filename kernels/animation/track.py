@@ -1,0 +1,137 @@
+"""Motions of any kind on the device, in float64: stacks of parts whose curves are channels (channel.py), motions by keys with
+squad or slerp among them. The host's formulas: wsim/scene/curve/motion.py and stack.py.
+
+    M(t) = A_1(t) ... A_n(t)     A: a constant, a shift, turn or scale along one axis, elements of a matrix, or T R S by keys
+
+Of T R S four channels give the place and k + e, key and fraction e of the way to the next; R is slerp(q_k, q_k+1, e) or squad
+with inner quaternions a_k, b_k; S is linear in e. Outside R goes on at the end's angular velocity, or has the turn of a whole
+period more each time.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from wsim.kernels.animation.channel import Channels, channels, located
+from wsim.kernels.animation.outside import LINEAR
+from wsim.kernels.animation.rotation_spline import squad
+from wsim.kernels.math.rotation import about_axis, exponential, matrix, multiply
+
+real, mat33, vec3, quat = wp.float64, wp.mat33d, wp.vec3d, wp.quatd
+CONSTANT, SHIFT, TURN, SCALE, ELEMENTS, KEYED = range(6)
+
+
+@wp.struct
+class Parts:
+    first: wp.array(dtype=int)                # parts of motion m: first[m] .. first[m + 1], (motions + 1,)
+    what: wp.array(dtype=int)                 # (parts,)
+    axis: wp.array(dtype=int)
+    channel: wp.array(dtype=int)              # the first of its channels
+    keyed: wp.array(dtype=int)                # number among motions by keys
+    linear: wp.array(dtype=mat33)             # of a constant
+    offset: wp.array(dtype=vec3)              # [m]
+
+
+@wp.struct
+class Turns:
+    first: wp.array(dtype=int)                # of the keys of motion by keys j, (keyed + 1,)
+    smooth: wp.array(dtype=int)               # 1: squad, (keyed,)
+    q: wp.array(dtype=quat)                   # (keys,)
+    a: wp.array(dtype=quat)                   # inner quaternions of the piece behind each key
+    b: wp.array(dtype=quat)
+    w: wp.array(dtype=vec3)                   # of a slerp there, about own axes [rad]
+    S: wp.array(dtype=mat33)                  # stretch
+    end: wp.array2d(dtype=vec3)               # angular velocity at the first and the last key [rad/s], (keyed, 2)
+    whole: wp.array(dtype=vec3)               # turn of a period [rad]
+
+
+@wp.func
+def turned(u: vec3):
+    """The quaternion of a rotation vector [rad]."""
+    e = exponential(u)
+    return quat(e[0], e[1], e[2], e[3])
+
+
+@cache
+def keyed(value, own: str):
+    """Function: R S and T of a motion by keys at time t. value: of channels."""
+    def transform(c: Channels, turns: Turns, j: int, channel: int, t: real):
+        k, _s, n, _way, side, beyond = located(c, channel, t)
+        first = c.first[channel]
+        i = turns.first[j] + k - first
+        p = vec3(value(c, channel, t), value(c, channel + 1, t), value(c, channel + 2, t))
+        last = c.first[channel + 1] - 1 - first
+        e = value(c, channel + 3, t) - real(k - first)
+        q = turns.q[i]
+        S = turns.S[i]
+        if last > 0:
+            S = S + e * (turns.S[i + 1] - S)
+            if turns.smooth[j] == 1:
+                q = squad(q, turns.a[i], turns.b[i], turns.q[i + 1], e)
+            else:
+                q = multiply(q, turned(e * turns.w[i]))
+        if side >= 0:
+            mode = c.mode[channel][side]
+            if mode == LINEAR:
+                q = multiply(turned(beyond * turns.end[j, side]), q)
+        if n != real(0.0):
+            q = multiply(turned(n * turns.whole[j]), q)
+        return matrix(q) * S, p
+
+    return wp.func(transform, name=f"keyed_transform_{own}")
+
+
+@cache
+def functions(codes: tuple[int, ...], names: tuple[str, ...], whats: tuple[int, ...]) -> SimpleNamespace:
+    """`at` (parts, channels, turns, m, t) -> (linear part, place [m]) of stacks with these codes and kinds of parts."""
+    own = f"{'_'.join(map(str, (*whats, 'of', *codes)))}"
+    value = channels(codes, names).value
+    by_keys = keyed(value, own)
+    with_keys, with_elements = KEYED in whats, ELEMENTS in whats
+
+    def at(parts: Parts, c: Channels, turns: Turns, m: int, t: real):
+        A = wp.identity(n=3, dtype=real)
+        p = vec3()
+        for j in range(parts.first[m], parts.first[m + 1]):
+            what = parts.what[j]
+            axis = parts.axis[j]
+            B = parts.linear[j]
+            o = parts.offset[j]
+            if what == SHIFT:
+                o[axis] = value(c, parts.channel[j], t)
+            elif what == TURN:
+                n = vec3()
+                n[axis] = real(1.0)
+                B = about_axis(n, value(c, parts.channel[j], t))
+            elif what == SCALE:
+                B[axis, axis] = value(c, parts.channel[j], t)
+            if wp.static(with_keys):
+                if what == KEYED:
+                    B, o = by_keys(c, turns, parts.keyed[j], parts.channel[j], t)
+            if wp.static(with_elements):
+                if what == ELEMENTS:
+                    for r in range(3):
+                        for k in range(3):
+                            B[r, k] = value(c, parts.channel[j] + 4 * r + k, t)
+                        o[r] = value(c, parts.channel[j] + 4 * r + 3, t)
+            p = p + A * o
+            A = A * B
+        return A, p
+
+    return SimpleNamespace(at=wp.func(at, name=f"stack_at_{own}"))
+
+
+@cache
+def sample(codes: tuple[int, ...], names: tuple[str, ...], whats: tuple[int, ...], module):
+    """Kernel over (motions, times): motions at times start + dt k / (times - 1) [s], into rows `row` of what is sampled."""
+    at = functions(codes, names, whats).at
+
+    def sample(parts: Parts, c: Channels, turns: Turns, start: real, dt: real, A_out: wp.array2d(dtype=mat33),
+               p_out: wp.array2d(dtype=vec3)):
+        m, k = wp.tid()
+        A, p = at(parts, c, turns, m, start + dt * real(k) / real(A_out.shape[1] - 1))
+        A_out[m, k] = A
+        p_out[m, k] = p
+
+    return wp.kernel(sample, name="sample_track", module=module, enable_backward=False)

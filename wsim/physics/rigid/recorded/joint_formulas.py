@@ -1,0 +1,226 @@
+"""What joints do in a substep, as functions of all that they read (kernels/rigid/joint): impulses where it begins,
+coordinates where it ends, velocities behind it.
+
+    rest of a lock or limit     g(x', q') - goal - what is left of an error = 0
+    rest of a drive             h (h k + c) g' + h (k (g - target) - c speed) + P = 0,  P the impulse, g' at the momenta
+    rest of what does not act   its impulse
+
+All arrays have axes (..., joints, size): pose and then are x, theta of a, and of b: places from the origin and a turn before
+the orientations `q_a`, `q_b` (`Q_a`, `Q_b` behind the substep).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wsim.kernels.rigid.joint.coordinates import CONE, DISTANCE
+from wsim.kernels.rigid.joint.elimination import EASE
+from wsim.kernels.rigid.joint.rows import PULL, SPIN
+from wsim.kernels.rigid.joint.steps import FAST
+from wsim.kernels.rigid.joint.tables import ACCELERATION, DRIVEN, HELD, HIGHEST, LOCKED, LOWEST
+from wsim.physics.rigid.recorded.local import Values
+from wsim.physics.rigid.recorded.rotation import (
+    acted,
+    back,
+    conjugate,
+    length,
+    matrix,
+    multiply,
+    rates,
+    skew,
+    swing_twist,
+    turned,
+)
+
+MOST = np.array([float(PULL)] * 3 + [float(SPIN)] * 3)
+
+
+@dataclass
+class Tables:
+    """Tables of all joints, (joints, ...), see kernels/rigid/joint/tables.py; still (joints, 2): sides that are no body."""
+
+    at: tuple[np.ndarray, np.ndarray]
+    turn: tuple[np.ndarray, np.ndarray]
+    apart: np.ndarray
+    form: np.ndarray
+    cone: np.ndarray
+    kind: np.ndarray
+    drive: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    speed: np.ndarray
+    most: np.ndarray
+    still: np.ndarray
+
+
+@dataclass
+class Placed:
+    """Coordinates g (..., 6), axis and turn (..., 3, 3), arms."""
+
+    g: np.ndarray
+    axis: np.ndarray
+    turn: np.ndarray
+    r_a: np.ndarray
+    r_b: np.ndarray
+
+
+def placed(t: Tables, pose: np.ndarray, q: tuple[np.ndarray, np.ndarray], quarters: np.ndarray) -> Placed:
+    """Frames as `lined` of kernels/rigid/joint/frames.py."""
+    x, Q, p = [], [], []
+    for k in (0, 1):
+        x.append(pose[..., 6 * k:6 * k + 3] + (t.apart if k else 0.0))
+        own = turned(q[k], pose[..., 6 * k + 3:6 * k + 6])
+        p.append(x[k] + acted(matrix(own), t.at[k] + 0.0 * x[k]))
+        Q.append(multiply(own, t.turn[k] + 0.0 * own))
+    A = matrix(Q[0])
+    axis = np.swapaxes(A, -1, -2) + 0.0
+    to = p[1] - p[0]
+    shift = acted(axis, to)
+    far = t.form == int(DISTANCE)
+    if far.any():
+        size = length(to)
+        way = np.where((np.abs(size) > 0.0)[..., None], to / np.where(np.abs(size) > 0.0, size, 1.0)[..., None], A[..., :, 0])
+        shift = np.where(far[:, None], np.stack([size, 0.0 * size, 0.0 * size], -1), shift)
+        axis = np.where(far[:, None, None], np.stack([way, 0.0 * way, 0.0 * way], -2), axis)
+    s, swing = swing_twist(multiply(conjugate(Q[0]), Q[1]))
+    turn = rates(s, swing) @ np.swapaxes(A, -1, -2)
+    cones = t.form == int(CONE)
+    if cones.any():
+        s, turn = coned(t, s, turn, cones)
+    phi = s[..., 0] + 2.0 * np.pi * np.round((quarters * 0.5 * np.pi - s[..., 0].real) / (2.0 * np.pi))
+    g = np.concatenate([shift, phi[..., None], s[..., 1:]], axis=-1)
+    return Placed(g, axis, turn, p[1] - x[0], p[1] - x[1])
+
+
+def coned(t: Tables, s: np.ndarray, turn: np.ndarray, cones: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates and rows where there is a cone, as `place_of` of kernels/rigid/joint/coordinates.py."""
+    cone = np.where(cones[:, None], t.cone, 1.0)
+    y, z = s[..., 1] * cone[:, 0], s[..., 2] * cone[:, 1]
+    f = np.sqrt(y * y + z * z)
+    size, some = 1.0 / cone.max(axis=1), np.abs(f) > 1.0e-9
+    safe = np.where(some, f, 1.0)
+    wy, wz = (np.where(some, -size * each * cone[:, k] / safe, 1.0 - k) for k, each in enumerate((y, z)))
+    one = np.stack([s[..., 0], size * (1.0 - f), 0.0 * f], axis=-1)
+    row = wy[..., None] * turn[..., 1, :] + wz[..., None] * turn[..., 2, :]
+    rows = np.stack([turn[..., 0, :], row, 0.0 * row], axis=-2)
+    return np.where(cones[:, None], one, s), np.where(cones[:, None, None], rows, turn)
+
+
+def rows_of(p: Placed) -> tuple[np.ndarray, np.ndarray]:
+    """Rates of the coordinates by (v, omega) of a and of b, (..., 6, 6) each."""
+    zero = np.zeros_like(p.axis)
+    found = []
+    for sign, r in ((-1.0, p.r_a), (1.0, p.r_b)):
+        top = np.concatenate([sign * p.axis, -sign * p.axis @ skew(r)], axis=-1)
+        found.append(np.concatenate([top, np.concatenate([zero, sign * p.turn], axis=-1)], axis=-2))
+    return found[0], found[1]
+
+
+def spreads(pose: np.ndarray, q: tuple, mass: np.ndarray) -> list[np.ndarray]:
+    """I^-1, world, of a and of b; mass: w, 1 / I of a, then of b."""
+    found = []
+    for s in (0, 1):
+        R = matrix(turned(q[s], pose[..., 6 * s + 3:6 * s + 6]))
+        found.append((R * mass[..., None, 4 * s + 1:4 * s + 4]) @ np.swapaxes(R, -1, -2))
+    return found
+
+
+def moved(momentum: np.ndarray, S: list, mass: np.ndarray, given: np.ndarray) -> np.ndarray:
+    """(v, omega) of a and of b, (..., 12); given: those of sides that are no body."""
+    parts = []
+    for s in (0, 1):
+        v = mass[..., 4 * s:4 * s + 1] * momentum[..., 6 * s:6 * s + 3]
+        parts += [v, acted(S[s], momentum[..., 6 * s + 3:6 * s + 6])]
+    return np.concatenate(parts, axis=-1) + given
+
+
+def response(J: tuple, S: list, mass: np.ndarray) -> np.ndarray:
+    """A_jj (..., 6, 6) of a joint by itself."""
+    A: np.ndarray = np.zeros((6, 6))
+    for s in (0, 1):
+        w = mass[..., 4 * s, None, None] * np.eye(3)
+        zero = np.zeros_like(w)
+        M = np.concatenate([np.concatenate([w, zero], -1), np.concatenate([zero, S[s]], -1)], axis=-2)
+        A = A + J[s] @ M @ np.swapaxes(J[s], -1, -2)
+    return A
+
+
+def impulses(J: tuple, f: np.ndarray) -> np.ndarray:
+    """(P, T) on a and on b, (..., 12)."""
+    return np.concatenate([back(J[0], f), back(J[1], f)], axis=-1)
+
+
+def left(error: np.ndarray, h: float) -> np.ndarray:
+    """Part of an error (..., 6) that stays behind a substep."""
+    most = h * MOST
+    return np.where(np.abs(error.real) <= most, 0.0, error - np.sign(error.real) * most)
+
+
+def driven(t: Tables, A: np.ndarray, v: Values) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness and damping of drives; those of accelerations per effective mass."""
+    if not (t.drive == int(ACCELERATION)).any():
+        return v["stiffness"], v["damping"]
+    A, diagonal = A + 0.0, np.einsum("...ii->...i", A).real
+    for m in range(6):
+        on = (t.kind[:, m] == int(LOCKED)) & (A[..., m, m].real > 1.0e-12 * diagonal[..., m])
+        part = np.where(on[..., None], A[..., :, m] / np.where(on, A[..., m, m], 1.0)[..., None], 0.0)
+        part[..., m] = 0.0
+        A = A - part[..., :, None] * A[..., m:m + 1, :]
+    size = np.einsum("...ii->...i", A)
+    mass = np.where(t.drive == int(ACCELERATION), 1.0 / np.where(np.abs(size) > 1.0e-300, size, 1.0), 1.0)
+    return mass * v["stiffness"], mass * v["damping"]
+
+
+@dataclass
+class Substep:
+    """Constants of all joints in a substep; acts (joints, 6) of its rows (kernels/rigid/joint/tables.py), 0 of those that give
+    what they have. full (joints, 6): rows that give all that they have."""
+
+    t: Tables
+    h: float
+    q: tuple[np.ndarray, np.ndarray]
+    Q: tuple[np.ndarray, np.ndarray]
+    quarters: np.ndarray
+    given: np.ndarray
+    acts: np.ndarray
+    full: np.ndarray
+
+    def held(self, v: Values) -> Values:
+        """impulse (12) and rest (6) of the substep, of pose, then, momentum, placing, f, mass, stiffness, damping, target."""
+        t, h = self.t, self.h
+        now, end = placed(t, v["pose"], self.q, self.quarters), placed(t, v["then"], self.Q, self.quarters)
+        J, S = rows_of(now), spreads(v["pose"], self.q, v["mass"])
+        JJ = np.concatenate(J, axis=-1)
+        rate = acted(JJ, moved(v["momentum"], S, v["mass"], self.given))
+        line = now.g + h * acted(JJ, moved(v["placing"], S, v["mass"], self.given))
+        part = self.part(v, S)[..., None]
+        then = line + part * (end.g - line)
+        goal = np.where((self.acts == int(HIGHEST)), t.high, t.low)
+        goal = np.where(np.isfinite(goal), goal, 0.0)
+        error = left(now.g - goal, h)
+        inside = (self.acts == int(LOWEST)) & (error.real > 0.0) | (self.acts == int(HIGHEST)) & (error.real < 0.0)
+        error = np.where(inside, 0.0, error)
+        k, c = driven(t, response(J, S, v["mass"]), v)
+        spring = h * (h * k + c) * rate + h * (k * (now.g - v["target"]) - c * t.speed) + v["f"]
+        lock = (then - goal - error) / h
+        on = np.isin(self.acts, (int(HELD), int(LOWEST), int(HIGHEST)))
+        rest = np.where(on, lock, np.where(self.acts == int(DRIVEN), spring, v["f"] - np.where(self.full, v["f"].real, 0.0)))
+        return {"impulse": impulses(J, v["f"]), "rest": rest}
+
+    def part(self, v: Values, S: list) -> np.ndarray:
+        """Part of what is not linear that is believed, as `fast` of kernels/rigid/joint/steps.py."""
+        spins = [length(acted(S[s], v["momentum"][..., 6 * s + 3:6 * s + 6])) * ~self.t.still[:, s] for s in (0, 1)]
+        spin = np.where(spins[0].real > spins[1].real, spins[0], spins[1])
+        part = 2.0 - self.h * spin / float(FAST)
+        return np.where(part.real > 1.0, 1.0, np.where(part.real < 0.0, 0.0, part))
+
+    def loosed(self, v: Values) -> Values:
+        """The same behind the places, of then, momentum, f, before (impulses that rows have given), mass. All rows are solved
+        for together (guess), and those that would then pull at their limit give back what they have given."""
+        end = placed(self.t, v["then"], self.Q, self.quarters)
+        J, S = rows_of(end), spreads(v["then"], self.Q, v["mass"])
+        rate = acted(np.concatenate(J, axis=-1), moved(v["momentum"], S, v["mass"], self.given))
+        eased = float(EASE) * np.einsum("...ii->...i", response(J, S, v["mass"])) * v["f"]
+        taken = np.where(self.full, -v["before"], v["f"])
+        rest = np.where(self.acts > 0, rate + eased, v["f"])
+        return {"impulse": impulses(J, taken), "guess": impulses(J, v["f"]), "rest": rest}

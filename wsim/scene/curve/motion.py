@@ -1,0 +1,218 @@
+"""Frames over time: local-to-world transforms by keys. NumPy only.
+
+M = T R S (translation, rotation, remaining symmetric stretch, by polar decomposition). Between keys, by the kind of `Curve`:
+
+    kind                                        T             R                                            S
+    linear, hold, eased                         as a Curve    slerp, at that pace                          linear, at that pace
+    catmull_rom, kochanek_bartels, monotone,    as a Curve    squad: its angular velocity is continuous    linear
+    hermite, bezier
+
+Outside: T as a Curve; R held, going on turning ("linear"), or with the turn of a whole period more each time ("repeat").
+Rates are those of the formulas: dM/dt = [omega] R S + R dS/dt, omega in world axes (`wsim.geometry.rotation_spline`).
+
+Matrices act on columns: p_world = M[:3, :3] p + M[:3, 3]. Times in [s] from the start of the scene. Quaternions are
+(x, y, z, w).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wsim.geometry import rotation, rotation_spline
+from wsim.geometry.rotation import about_axis, axis_angle, polar
+from wsim.kernels.animation import outside
+from wsim.scene.curve.curve import Curve, keyed
+
+UNIT = 1e-6                              # how far from 1 the length of a given quaternion may be: float32 files reach 1e-7
+PACED = ("linear", "hold", "eased")      # kinds whose rotations are slerps
+
+
+def _segment(times: np.ndarray, t: float) -> tuple[int, int, float]:
+    """Keys (a, b) around time t and the fraction of the way from a to b."""
+    b = int(np.searchsorted(times, t, side="right"))
+    if b == 0 or b == len(times):
+        a = max(b - 1, 0)
+        return a, a, 0.0
+    return b - 1, b, float((t - times[b - 1]) / (times[b] - times[b - 1]))
+
+
+class Motion(Curve):
+    """Local-to-world transforms over time, as matrices that act on columns; rotations turn by slerp, or smoothly by squad.
+    Raises ValueError as a `Curve` does.
+
+    times     of the keys, (keys,) [s] from the start of the scene, increasing
+    values    (keys, 4, 4), lengths [m]
+    kind      of the way between keys, as `Curve` has them; slopes of "hermite" and "bezier" are those of places, (keys, 3)
+              [m/s]
+    before    outside, at earlier times: "held", "linear", "repeat", "reset" or "oscillate"
+    after     outside, at later times: as before
+    """
+
+    def __init__(self, times, values, kind: str = "linear", before="held", after="held", **how):
+        self.times, self.values = keyed(times, np.asarray(values, np.float64).reshape(-1, 4, 4))
+        if not (isinstance(before, str) and isinstance(after, str)):
+            raise ValueError(f"outside of its keys a motion is {', '.join(outside.NAMES)}; a slope is for a Curve")
+        self.path = Curve(self.times, self.values[:, :3, 3], kind, before, after, **how)     # of the places
+        self.kind, self.before, self.after, self.how = kind, before, after, self.path.how
+        self.parts: list = []                # rotation and stretch of each key, once asked for
+        self.turned: dict = {}               # axis and angle from a key to the next, once asked for
+        self.made: Any = None                # turns between keys, once asked for
+
+    @staticmethod
+    def still(matrix=None) -> Motion:
+        """One transform for all time, (4, 4), lengths [m]; None: the identity."""
+        return Motion(np.zeros(1), (np.eye(4) if matrix is None else np.asarray(matrix, np.float64))[None])
+
+    @staticmethod
+    def at_place(translate=(0.0, 0.0, 0.0)) -> Motion:
+        """A place [m], without rotation, for all time."""
+        M = np.eye(4)
+        M[:3, 3] = translate
+        return Motion.still(M)
+
+    @staticmethod
+    def through(times, places, turns=None, kind: str = "catmull_rom", before="held", after="held", **how) -> Motion:
+        """Rigid, through places (keys, 3) [m] and unit quaternions turns (keys, 4), (x, y, z, w), at times (keys,) [s]; None:
+        no rotation. Raises ValueError where a quaternion is not of length 1, and as a Curve does."""
+        places = np.asarray(places, np.float64).reshape(-1, 3)
+        M = np.tile(np.eye(4), (len(places), 1, 1))
+        M[:, :3, 3] = places
+        if turns is not None:
+            q = np.asarray(turns, np.float64).reshape(-1, 4)
+            length = np.linalg.norm(q, axis=1)
+            if len(q) != len(places) or not np.all(np.abs(length - 1.0) < UNIT):
+                k = int(np.argmax(~(np.abs(length - 1.0) < UNIT)))
+                raise ValueError(f"a motion needs one unit quaternion (x, y, z, w) a place: {len(q)} of them for {len(places)} "
+                                 f"places, number {k} of length {length[k] if len(q) else 0.0:g}; divide each by its length")
+            M[:, :3, :3] = rotation.matrix(rotation.normalized(q))
+        return Motion(times, M, kind, before, after, **how)
+
+    def at(self, t: float) -> np.ndarray:
+        """Transform at time t, shape (4, 4)."""
+        if not self.plain:
+            return self.sampled(t)[0]
+        a, b, s = _segment(self.times, t)
+        if a == b:
+            return self.values[a]
+        A, B = self.values[a], self.values[b]
+        if not self.parts:
+            self.parts = [polar(M[:3, :3]) for M in self.values]
+        (Ra, Sa), (Rb, Sb) = self.parts[a], self.parts[b]
+        if a not in self.turned:
+            turn = axis_angle(Ra.T @ Rb)
+            self.turned[a] = turn[0], float(turn[1])
+        axis, angle = self.turned[a]
+        M = np.eye(4)
+        M[:3, :3] = Ra @ about_axis(axis, s * angle) @ (Sa + s * (Sb - Sa))
+        M[:3, 3] = A[:3, 3] + s * (B[:3, 3] - A[:3, 3])
+        return M
+
+    def sampled(self, t) -> np.ndarray:
+        """Transforms at times (n,) [s], (n, 4, 4)."""
+        t = np.atleast_1d(np.asarray(t, np.float64))
+        if self.plain:
+            return np.stack([self.at(one) for one in t])
+        return self._moved(t)[0]
+
+    def rate(self, t) -> np.ndarray:
+        """dM/dt at times (n,) [s], (n, 4, 4) [m/s] and [1/s]: at a key the one behind it, 0 where it is held."""
+        return self._moved(np.atleast_1d(np.asarray(t, np.float64)))[1]
+
+    def velocities(self, t) -> tuple[np.ndarray, np.ndarray]:
+        """Velocities of the frame's origin [m/s] and angular velocities [rad/s], in world axes, at times (n,) [s]; (n, 3)."""
+        t = np.atleast_1d(np.asarray(t, np.float64))
+        M, rate = self._moved(t)
+        D = rate[:, :3, :3] @ np.linalg.inv(M[:, :3, :3])
+        return rate[:, :3, 3], 0.5 * np.stack([D[:, 2, 1] - D[:, 1, 2], D[:, 0, 2] - D[:, 2, 0], D[:, 1, 0] - D[:, 0, 1]], 1)
+
+    @property
+    def turns(self) -> Turns:
+        """Rotations and stretches over time."""
+        if self.made is None:
+            self.made = Turns(self)
+        return self.made
+
+    def _moved(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(M, dM/dt), (n, 4, 4) each."""
+        M, rate = np.tile(np.eye(4), (len(t), 1, 1)), np.zeros((len(t), 4, 4))
+        M[:, :3, 3], rate[:, :3, 3] = self.path.sampled(t), self.path.rate(t)
+        M[:, :3, :3], rate[:, :3, :3] = self.turns.at(t)
+        return M, rate
+
+    def points(self, local: np.ndarray, t: float = 0.0) -> np.ndarray:
+        """World positions [m] in float64 of local points, shape (n, 3)."""
+        M = self.at(t)
+        return np.asarray(local, np.float64) @ M[:3, :3].T + M[:3, 3]
+
+
+class Turns:
+    """R S of a motion, and its rate."""
+
+    def __init__(self, motion: Motion):
+        self.motion, times, n = motion, motion.times, len(motion.times)
+        R, self.S = polar(motion.values[:, :3, :3])
+        self.q = rotation.quaternion(R)
+        self.slerps = motion.kind in PACED
+        self.pace = Curve(times, np.arange(n), motion.kind if self.slerps else "linear", **motion.how if self.slerps else {})
+        if n > 1:
+            self.turn = rotation.logarithm(rotation.multiply(rotation.conjugate(self.q[:-1]), self.q[1:]))
+            self.inner = rotation_spline.inner(times, self.q)
+            self.whole = rotation.logarithm(rotation.multiply(self.q[-1], rotation.conjugate(self.q[0])))
+
+    def between(self, k: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(quaternion (n, 4), its rate (n, 3) [rad a unit of s] in world axes) of pieces k at fractions s."""
+        q = self.q[k]
+        if self.slerps:
+            return rotation.multiply(q, rotation.exponential(s[:, None] * self.turn[k])), rotation.rotate(q, self.turn[k])
+        a, b = self.inner
+        found, own = rotation_spline.squad_rate(q, a[k], b[k], self.q[k + 1], s)
+        return found, rotation.rotate(found, own)
+
+    def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(R S, its rate), (n, 3, 3) each."""
+        motion, n = self.motion, len(t)
+        if len(motion.times) == 1:
+            return np.repeat(motion.values[:, :3, :3], n, 0), np.zeros((n, 3, 3))
+        k, s, periods, way, mode, beyond = motion.path.place(t)
+        inside = motion.times[k] + s * motion.path.pieces.span[k]
+        at_end = (s >= 1.0) & (way > 0.0)
+        speed = np.where(at_end, 0.0, self.pace.rate(np.where(at_end, motion.times[0], inside))) * way
+        along = np.where(at_end, 1.0, self.pace.sampled(np.where(at_end, motion.times[0], inside)) - k)
+        q, omega = self.between(k, along)
+        omega = omega * speed[:, None]
+        way_S = self.S[k + 1] - self.S[k]
+        S, dS = self.S[k] + along[:, None, None] * way_S, way_S * speed[:, None, None]
+        onward = (mode == outside.LINEAR) & ((t < motion.times[0]) | (t >= motion.times[-1]))
+        still = ((t < motion.times[0]) | (t >= motion.times[-1])) & (mode == outside.HELD)
+        omega[still], dS[still | onward] = 0.0, 0.0
+        for side in (0, 1):
+            own = onward & ((t >= motion.times[-1]) if side else (t < motion.times[0]))
+            if own.any():
+                omega[own] = self.end(side)
+                q[own] = rotation.multiply(rotation.exponential(beyond[own, None] * omega[own]), q[own])
+        if periods.any():
+            D = rotation.exponential(periods[:, None] * self.whole)
+            q, omega = rotation.multiply(D, q), rotation.rotate(D, omega)
+        R = rotation.matrix(q)
+        return R @ S, np.cross(omega[:, None, :], (R @ S).swapaxes(1, 2)).swapaxes(1, 2) + R @ dS
+
+    def by_pace(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(times within the keys [s], how it turns in world axes [rad] a unit of `pace`) at times (n,) [s]."""
+        motion = self.motion
+        k, s, _, _, _, _ = motion.path.place(t)
+        inside = motion.times[k] + s * motion.path.pieces.span[k]
+        return inside, self.between(k, self.pace.sampled(inside) - k)[1]
+
+    def end(self, side: int) -> np.ndarray:
+        """Angular velocity [rad/s] in world axes at the first or the last key, from within."""
+        k = np.array([-side % (len(self.q) - 1)])
+        s = np.array([float(side)])
+        u, du = (s, np.ones(1)) if self.motion.kind != "eased" else _paced(self.pace, int(k[0]), float(side))
+        return (self.between(k, u)[1] * (0.0 if self.motion.kind == "hold" else du / self.motion.path.pieces.span[k]))[0]
+
+
+def _paced(pace: Curve, k: int, s: float) -> tuple[np.ndarray, np.ndarray]:
+    value, rate = pace.pieces.at(np.array([k]), np.array([s]))
+    return value - k, rate * pace.pieces.span[k]
