@@ -197,8 +197,8 @@ REFUSED: dict[str, Refused] = {
     "features": Refused("manifolds that change with the smallest motion", "touches by other features when it is moved by a ten "
                         "thousandth of its size, and has no derivative of one side; move it, or another shape, a little"),
     "idle": Refused("air in which no point moves", "nothing that moves here knows {name}; leave it out"),
-    "surface": Refused("surfaces in air where no collider moves", "is no obstacle of air in which one moves: its surface has no "
-                       "velocity with a derivative"),
+    "surface": Refused("surfaces in air where no collider moves", "is no obstacle of air in which one moves: its surface has "
+                       "no velocity with a derivative"),
     "still": Refused("values of fluids and sources of which nothing runs", "nothing of its {name} runs: {why}"),
     "load": Refused("loads that there are not", "there is no load; give the scene one"),
     "pin": Refused("anything but stiffness and damping of a soft pin", "is no soft pin with a derivative with respect to "
