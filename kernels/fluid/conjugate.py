@@ -7,6 +7,8 @@ cells that stand a stride apart, then by block, then of the blocks: in float64, 
 
 In a sealed region A p sums to nothing; what rounding leaves of that sum would stay in r for good. So w less its mean is taken
 from r (S[CELLS] cells, 0: not sealed), where w is not 0: it is in cells that no face opens. |r| is that of r less its mean.
+
+Where M is A^-1 but for rounding, steps need no length: x += z, r -= A z (`refine`), until |r| is as small.
 """
 
 # ruff: noqa: UP018
@@ -40,7 +42,7 @@ def plain(real, module):
 
 
 @cache
-def multiply(dim: int, fractions: bool, real, module):
+def multiply(dim: int, fractions: bool | int, real, module):
     """Kernel over blocks of threads: w_out = A p, parts of p.w and of the sum of w."""
     Level, s, f = levels(real), stencil(dim, fractions, real), functions(dim, real)
 
@@ -88,6 +90,29 @@ def advance(real, module):
 
 
 @cache
+def refine(dim: int, fractions: bool, real, module):
+    """Kernel over blocks of threads: x += z, r -= A z, parts of r.r: a step that needs no other length."""
+    Level, s, f = levels(real), stencil(dim, fractions, real), functions(dim, real)
+
+    def refine(level: Level, z: wp.array(dtype=real), x_out: wp.array(dtype=real), r_out: wp.array(dtype=real),
+               part_out: wp.array(dtype=wp.vec2d)):
+        sum = wp.float64(0.0)
+        whole = wp.float64(0.0)
+        for c in range(wp.tid(), z.shape[0], part_out.shape[0] * wp.block_dim()):
+            x_out[c] = x_out[c] + z[c]
+            r = r_out[c] - s.product(level, z, f.place(c, level.n))
+            r_out[c] = r
+            sum += wp.float64(r) * wp.float64(r)
+            whole += wp.float64(r)
+        sum = total(sum)
+        whole = total(whole)
+        if wp.tid() % wp.block_dim() == 0:
+            part_out[wp.tid() // wp.block_dim()] = wp.vec2d(sum, whole)
+
+    return wp.kernel(refine, name=f"grid_refine_{s.name}", module=module, enable_backward=False, grid_stride=False)
+
+
+@cache
 def turn(real, module):
     """Kernel over cells: p = z + beta p; the first time p is not read."""
 
@@ -122,6 +147,7 @@ def conclude(module):
                 S_out[GOAL] = tolerance * tolerance * sum
                 S_out[RZ] = zero
                 S_out[COUNT] = zero
+                S_out[ALPHA] = wp.float64(1.0)
                 going_out[0] = int(sum > zero)
             elif what == TURN:                                 # r.z
                 S_out[BETA] = zero

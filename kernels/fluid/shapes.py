@@ -93,4 +93,4 @@ def functions(dim: int, kinds: tuple[str, ...], real) -> SimpleNamespace:
             return t.vec3(v[shapes.axes[0]], v[shapes.axes[1]], real(0.0))
         return v
 
-    return SimpleNamespace(spot=spot, signed=signed, rate=rate, name=f"{dim}d_{'_'.join(kinds)}_{t.name}")
+    return SimpleNamespace(spot=spot, turned=turned, signed=signed, rate=rate, name=f"{dim}d_{'_'.join(kinds)}_{t.name}")

@@ -191,6 +191,19 @@ def move_pins(real, module):
 
 
 @cache
+def carry_pins(real, module):
+    """Kernel: a hard-pinned point has the velocity [m/s] of its frame, which a curve gives."""
+    t = types(real)
+
+    @wp.kernel(module=module, enable_backward=differentiable(module))
+    def carry_pins(point: wp.array(dtype=int), speed: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3)):
+        p = wp.tid()
+        v_out[point[p]] = speed[p]
+
+    return carry_pins
+
+
+@cache
 def soft_pins(real):
     """Struct of the soft pins: reads only."""
     t = types(real)

@@ -27,7 +27,8 @@ from wsim.scene.values.coverage import BY, COVERED, REFUSED, row_of, summary, te
 TESTS = Path(__file__).resolve().parent.parent
 PATHS = {"Cloth": "/cloth", "Springs": "/net", "Soft": "/bar", "Collider": "/floor", "Pin": "/pin", "Scene": "",
          "Body": "/thrown", "Joint": "/hinge"}
-ONLY = {"Springs.rest_shape"}                 # lengths say the same
+PATHS_OF = {f"{owner}.{name}" for owner in ("Pin", "Collider") for name in ("keys", "tangents", "handles")}
+ONLY = {"Springs.rest_shape", *PATHS_OF}     # lengths say the same; curves have a test of their own
 IDLE = ("static_friction",)                  # what slides does not know it
 
 

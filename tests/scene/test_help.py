@@ -1,8 +1,10 @@
 """What `help()` shows of public names: a docstring each, and a line for every field of a dataclass, with its unit."""
 
+import ast
 import inspect
 import re
 from dataclasses import fields, is_dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -51,6 +53,25 @@ def test_every_public_method_has_a_docstring():
             for attribute, each in vars(value).items() if not attribute.startswith("_")
             and (inspect.isfunction(each) or isinstance(each, (property, staticmethod))) and not inspect.getdoc(each)]
     assert bare == []
+
+
+LEANS = ("What", "Of", "By", "As", "Whether", "Where", "From", "For", "How", "Why", "Which", "Everything", "With", "After",
+         "Before", "Behind", "Until", "Through", "Those", "That", "Its")
+ROOT = Path(wsim.__file__).resolve().parent
+
+
+def leaning(path: Path) -> list[str]:
+    """Public functions, classes and methods of a file whose docstring begins without a subject."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    nodes = [n for n in ast.walk(tree) if isinstance(n, (ast.FunctionDef, ast.ClassDef)) and not n.name.startswith("_")]
+    return [f"{path.name}:{n.lineno}: {n.name}" for n in nodes
+            if (ast.get_docstring(n) or "The").split()[0].strip("`(:,;") in LEANS]
+
+
+@pytest.mark.parametrize("room", ["scene", "fitting", "simulation", "show", "geometry", "cli", "bench", "physics/cloth",
+                                  "physics/contact", "physics/motion", "physics/soft", "physics/solver"])
+def test_docstrings_begin_with_what_they_are_of(room):
+    assert [line for path in sorted((ROOT / room).rglob("*.py")) for line in leaning(path)] == []
 
 
 @pytest.mark.parametrize("name", sorted(CLASSES))

@@ -54,8 +54,16 @@ def test_every_form_of_a_result_passes(tmp_path, more):
     assert validate(tmp_path / "out.usda") == []
 
 
+@pytest.mark.parametrize("name, more", [("racket", []), ("racket", ["--flatten"]), ("plume", []), ("plume", ["--clips"])])
+def test_what_bodies_and_smoke_write_passes(tmp_path, name, more):
+    """Transforms, volumes and their files, fields of a restart: of a frame that was simulated."""
+    out = tmp_path / "out.usdc"
+    words = ["run", f"scenes/{name}.usda", "-o", str(out), "--frames", "1", "--device", "cpu", "--quiet", *more]
+    assert main(words) == 0 and validate(out) == []
+
+
 @pytest.mark.parametrize("words", [["cloth", "scenes/assets/unisex_shirt.usd", "--ground", "1"],
-                                   ["softbody", "scenes/assets/bear_tet.usdc"]])
+                                   ["softbody", "scenes/assets/bear_tet.usdc"], ["fluid", "scenes/assets/bunny.usd"]])
 def test_what_new_makes_passes(tmp_path, words):
     assert main(["new", *words, "-o", str(tmp_path / "scene.usda")]) == 0
     assert validate(tmp_path / "scene.usda") == []

@@ -77,7 +77,7 @@ def cantilever() -> str:
 
 
 def twist() -> str:
-    nx, ny, nz = 16, 4, 4
+    nx, ny, nz = 32, 4, 4
     end = (ny + 1) * (nz + 1)
     turn = [(f, (0.0, 0.0, 0.0) if f == 0 else (360.0 * eased(f, 6, 66), 0.0, 0.0)) for f in range(0, 73, 3)]
     grip = samples("float3", "xformOp:rotateXYZ", turn) + "\n" + moved(0.4, 0.5, 0, "xformOp:rotateXYZ")

@@ -186,7 +186,7 @@ def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"]
             _go_on(sim, earlier, samples)
 
         def fields() -> dict:
-            """What an exact restart needs, of whole frames."""
+            """Fields that an exact restart needs, of whole frames."""
             return {} if sim.frame % samples else {path: sim.fields(path) for path in sim.state.paths()}
 
         interrupt.begin("wait")                   # from here on there is a file

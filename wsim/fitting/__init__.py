@@ -1,5 +1,5 @@
 """Fitting to observations: `fit` in fit.py, of few parameters or of fields. What was seen: Track, Scan, Functional, Pull,
-Markers."""
+Markers, Smoke."""
 
 from wsim.fitting.fields.result import FieldFit
 from wsim.fitting.fit import Fit, Settings, fit
@@ -8,5 +8,6 @@ from wsim.fitting.observations.markers import Markers
 from wsim.fitting.observations.observe import Scan, Track
 from wsim.fitting.observations.observed_usd import read
 from wsim.fitting.observations.reactions import Pull
+from wsim.fitting.observations.smoke import Smoke
 
-__all__ = ["FieldFit", "Fit", "Functional", "Markers", "Pull", "Scan", "Settings", "Track", "fit", "read"]
+__all__ = ["FieldFit", "Fit", "Functional", "Markers", "Pull", "Scan", "Settings", "Smoke", "Track", "fit", "read"]

@@ -121,9 +121,19 @@ class Copies:
 
     def look(self, seen) -> np.ndarray:
         """Quantity that an observation is about, in every copy, (worlds, n, 3): positions [m], or forces of a pin [N]."""
+        if hasattr(seen, "field"):
+            return self.fields(seen)
         if hasattr(seen, "local"):
             return seen.seen(self.sim.plan.find("bodies").placed(seen.path))
         return self.positions(seen.path) if seen.unit == "m" else every(self.sim, seen.path)
+
+    def fields(self, seen) -> np.ndarray:
+        """Smoke or temperature of a fluid in every copy, as `seen` has it, (worlds, m)."""
+        from wsim.fitting.observations.smoke import FIELDS
+        method = self.sim.plan.method("fluid")
+        own = [k for k, (fluid, _) in enumerate(method.pairs) if fluid.path == seen.path]
+        values = np.stack([method.field(k, FIELDS[seen.field][0]).numpy().astype(np.float64) for k in own])
+        return seen.seen(method.pairs[own[0]][0], values)
 
     def positions(self, path: str) -> np.ndarray:
         """World positions [m] of a body in every copy, (worlds, n, 3)."""

@@ -97,6 +97,8 @@ class Parameter:
                 found.append((thing.path, self.what, np.asarray(thing.stiffness, np.float64)))
             elif isinstance(thing, Load):
                 found.append((thing.path, self.what, thing.curve.values[0]))
+            elif row.form == "factor":
+                found.append((thing.path, self.what, thing.taken(self.what)))
             elif row.form == "vector":
                 found.append((thing.path, self.what, getattr(thing, self.what)))
             else:
@@ -192,7 +194,7 @@ def parameters(asked: str | Iterable[str], scenes: list[Scene], start: dict[str,
 def _named(name: str, scenes: list[Scene], fail: Callable[[Problem], None]) -> list[Parameter]:
     path, _, what = name.rpartition(":")
     axes: list[int | None] = [None]
-    vectors = [row.name for row in rows() if row.form != "number"]
+    vectors = [row.name for row in rows() if row.form not in ("number", "factor")]
     stem, _, axis = what.rpartition("_")
     if stem in vectors and axis in AXES:
         what, axes = stem, [AXES.index(axis)]

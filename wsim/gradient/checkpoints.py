@@ -122,7 +122,7 @@ def measured(recording) -> tuple[Segments, tuple[float, ...]]:
     each = whole / last if last == S else float(whole - begin)
     scalars = tuple(n * each / whole for n in slots.used)
     slots.drop()
-    fixed = 6 * (F + 1) * sim.model.points * real
+    fixed = 6 * (F + 1) * sim.model.points * real + (recording.fluids.bytes(F) if recording.fluids else 0)
     return Segments(F, S, each, max(one - each, 0.0), sum(entries.values()), fixed, room, str(sim.device),
                     recording.plan.clock.integrator.solves), scalars
 

@@ -51,6 +51,7 @@ class Gradient(ElementGradient):
             self.grads[key] = self.grads[key] + by
         self.contacts = ContactGradient(self.plan, motions) if parameters.contact else None
         self.bodies: Any = seeds.bodies.gradient(states, self.grads) if seeds.bodies else None
+        self.fluids: Any = seeds.fluids.gradient(states, seeds.recording.start) if seeds.fluids else None
 
     @cached_property
     def entries(self) -> dict[str, np.ndarray]:                       # type: ignore[override]
@@ -64,6 +65,8 @@ class Gradient(ElementGradient):
             return getattr(self, name)(world)
         if row.gradient == "body" or self.bodies and self.bodies.recorded.places(path, name, world):
             return self.bodies.value(path, name, world)
+        if row.gradient == "fluid":
+            return self.fluids.value(path, name, world)
         if row.gradient == "material":
             return self.material(name, path, world, elements)
         if name in FRICTION:
@@ -114,7 +117,7 @@ class Gradient(ElementGradient):
 
     def gravity(self, world: int = 0) -> np.ndarray:
         """[s^2/m], (3,)."""
-        more = self.bodies.gravity(world) if self.bodies else np.zeros(3)
+        more = sum((each.gravity(world) for each in (self.bodies, self.fluids) if each), np.zeros(3))
         if not self.model.bodies:
             return more
         found, loads = self.of(self.parameters.points.gravity) + (self.inertia.gravity if self.inertia else 0.0), self.loads
@@ -129,8 +132,8 @@ class Gradient(ElementGradient):
 
     def wind(self, world: int = 0) -> np.ndarray:
         """[s/m], (3,); zero where no cloth has drag or lift."""
-        air = self.parameters.air
-        return self.of(air.wind)[self.places(world)].sum(axis=0) if air else np.zeros(3)
+        air, more = self.parameters.air, self.fluids.wind(world) if self.fluids else np.zeros(3)
+        return self.of(air.wind)[self.places(world)].sum(axis=0) + more if air else more
 
     def air_coefficient(self, name: str, path: str | None = None, world: int = 0) -> float:
         """Gradient with respect to "drag" or "lift" of a cloth."""

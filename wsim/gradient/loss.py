@@ -1,4 +1,4 @@
-"""Derivatives of a loss by a motion, of points and of rigid bodies, and by what pins bear, as they are given."""
+"""Derivatives of a loss by a motion, of points, rigid bodies and fluids, and by what pins bear, as they are given."""
 
 from typing import Any
 
@@ -14,13 +14,16 @@ class Seeds:
     """Cotangents dL/dx that a loss adds to the states of a recording, frame by frame in the backward pass."""
 
     def __init__(self, recording, positions: dict | None, velocities: dict | None, reactions: dict | None,
-                 poses: dict | None = None, twists: dict | None = None):
+                 poses: dict | None = None, twists: dict | None = None, fluids: dict | None = None):
         self.recording, state = recording, recording.state
         given = (("x", dense(recording, positions, "positions")), ("v", dense(recording, velocities, "velocities")))
         self.arrays = [(getattr(state, name), each) for name, each in given if recording.moved]
         if (poses or twists) and recording.bodies is None:
             raise SceneError(Problem("poses", "the scene has no rigid bodies"))
         self.bodies = recording.bodies.losses(recording.frames, poses, twists) if recording.bodies else None
+        if fluids and recording.fluids is None:
+            raise SceneError(Problem("fluids", "the scene has no fluids"))
+        self.fluids = recording.fluids.losses(recording.frames, fluids) if recording.fluids else None
         self.pulls = recording.pulls.begin(reactions) if reactions else None
 
     def add(self, frame: int) -> None:
@@ -28,11 +31,17 @@ class Seeds:
         if self.pulls:
             self.pulls.back(frame)
         for base, values in [*((base, given[frame]) for base, given in self.arrays if frame in given),
-                             *(self.bodies.at(frame) if self.bodies else ())]:
+                             *(self.bodies.at(frame) if self.bodies else ()),
+                             *(self.fluids.at(frame) if self.fluids else ())]:
             root = next((r for r in self.recording.roots if r.base.ptr == base.ptr), None)
             assert root is not None                      # to give clears what is given
             give(wp.clone(values) if isinstance(values, wp.array) else
                  wp.array(values, dtype=base.dtype, device=base.device), root.carried)
+
+    def take(self) -> None:
+        """A frame was undone."""
+        if self.fluids:
+            self.fluids.take()
 
     def end(self) -> Inertia | None:
         """Cotangents of reaction forces that are known after the last frame; None: no reactions."""

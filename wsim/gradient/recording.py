@@ -65,6 +65,7 @@ class Recording(Frames):
         self.roots: list[Root] = []
         self.slots, self.parameters = Slots(sim.device, sim.model.real), Parameters(self.plan)
         self.moved, self.bodies = self.state.parts.get("points"), self.plan.find("recorded bodies")
+        self.fluids = self.plan.find("recorded fluids")
         self.every = self.moved.every if self.moved else wp.zeros(0, dtype=sim.model.real, device=sim.device)
         self.initial = wp.clone(self.every)
         self.marks = [(array, wp.clone(array)) for array, _ in (self.moved.saved.values() if self.moved else ())]
@@ -218,15 +219,16 @@ class Recording(Frames):
 
     @GATE.shared()
     def backward(self, positions: dict | None = None, velocities: dict | None = None, reactions: dict | None = None,
-                 poses: dict | None = None, twists: dict | None = None) -> Gradient:
+                 poses: dict | None = None, twists: dict | None = None, fluids: dict | None = None) -> Gradient:
         """Gradient of a loss whose derivatives by positions [1/m] and velocities [s/m] after some frames are given:
         {frame: (n, 3) in the author's order, or {path: (n, 3)}, or {(path, world): (n, 3)}, or an array of the device over all
         points in the solver's order, which must be finite}; so by reactions of pins [1/N], by path; so of rigid bodies by
-        `poses`, (4, 4), and `twists`, (2, 3), see `Recording.poses`. Raises SceneError for frames and shapes that are none.
+        `poses`, (4, 4), and `twists`, (2, 3), see `Recording.poses`; so of smoke by `fluids`, {frame: {path: {"smoke",
+        "temperature", "velocity"}}}, see `Recording.fluid`. Raises SceneError for frames and shapes that are none.
         """
         if not self.ran:
             self.run()
-        seeds = Seeds(self, positions, velocities, reactions, poses, twists)
+        seeds = Seeds(self, positions, velocities, reactions, poses, twists, fluids)
         for root in self.roots:
             root.carried.zero_()
         self.parameters.zero()
@@ -246,15 +248,18 @@ class Recording(Frames):
                 self.reverse(frame, part)
             targets.append(self.parameters.take_targets(frame == 0))
             motions.append(self.parameters.take_motions())
+            seeds.take()
             self.note(frame, True)
         seeds.add(0)
-        self.look()
+        self.look(seeds)
         states = Fetched({r.base.ptr: wp.clone(r.carried) for r in self.roots})
         return Gradient(self.parameters, states, targets[::-1], motions[::-1], seeds)
 
-    def look(self) -> None:
+    def look(self, seeds: Seeds) -> None:
         """Writes what implicit solves have left into `residuals`: gradients are as right as those are small."""
         self.residuals = dict(zip(("forward", "adjoint"), [float(a.numpy()[0]) for a in self.misses()], strict=False))
+        if seeds.fluids:
+            self.residuals["pressure adjoint"] = seeds.fluids.worst
         for name, value in self.residuals.items():
             if not value < POOR:
                 self.warn(f"/: gradients: the worst {name} solve has left {value:.1e} of its right side; they are no better "

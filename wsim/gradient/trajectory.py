@@ -27,6 +27,7 @@ class Frames(ABC):
     flowed: list[tuple[wp.array, wp.array]]       # arrays over elements that outlive a frame, and how they began
     moved: Part | None                            # the points
     bodies: Any                                   # `wsim.physics.rigid.recorded.Recorded`, or None
+    fluids: Any                                   # `wsim.physics.fluid.recorded.Recorded`, or None
     ran = False
 
     @abstractmethod
@@ -37,15 +38,17 @@ class Frames(ABC):
         shape, dtype = (self.frames + 1, self.sim.model.points), types(self.sim.model.real).vec3
         self.states, self.rests, self.speeds = (wp.zeros(shape, dtype=dtype, device=self.sim.device) for _ in range(3))
         self.shapes: list[wp.array] = []
-        if self.bodies:
-            self.bodies.allot(self.frames)
+        for each in (self.bodies, self.fluids):
+            if each:
+                each.allot(self.frames)
 
     def keep(self, frame: int) -> None:
         s = self.state
         for kept, array in ((self.states, s.x), (self.rests, s.e), (self.speeds, s.v)) if self.moved else ():
             wp.copy(kept[frame], array)
-        if self.bodies:
-            self.bodies.keep(frame)
+        for each in (self.bodies, self.fluids):
+            if each:
+                each.keep(frame)
         for kept, (array, _) in zip(self.shapes, self.flowed, strict=False):
             wp.copy(kept[frame], array)
 
@@ -85,6 +88,14 @@ class Frames(ABC):
             raise SceneError(Problem("poses", "the scene has no rigid bodies"))
         self.reach(frame)
         return self.bodies
+
+    def fluid(self, frame: int, path: str, world: int = 0) -> dict[str, np.ndarray]:
+        """smoke [1], temperature [K] (nx, ny, nz), velocity [m/s] (nx, ny, nz, 3) of a fluid after so many frames, at the
+        cells' centres, float64; of smoke and temperature those that there are."""
+        if self.fluids is None:
+            raise SceneError(Problem(path, "the scene has no fluids"))
+        self.reach(frame)
+        return self.fluids.fields(frame, path, world)
 
     def reactions(self, frame: int, path: str | None = None, world: int = 0) -> np.ndarray:
         """Forces of a pin [N] after so many frames, (n, 3): `wsim.simulation.measure.reaction`."""

@@ -247,20 +247,20 @@ class Scene(Compared):
         return self.pins[-1]
 
     def tie(self, path: str, body, points, other, others) -> Tie:
-        """Points (indices) of a body become points of a soft body, the first the first of `others`, and so on."""
+        """Adds a tie: points (indices) of a body become points of a soft body, the first the first of `others`, and so on."""
         names = (b if isinstance(b, str) else b.path for b in (body, other))
         self.ties.append(Tie(path, next(names), points, next(names), others))
         return self.ties[-1]
 
     def force(self, path: str, body, points, force, weights=None) -> Load:
-        """A force [N], (3,) or a Curve over time, on points (indices) of a body: their sum, or, with `weights`, that part of it
-        on each (1 for each: all of it on every one)."""
+        """Adds a force [N], (3,) or a Curve over time, on points (indices) of a body: their sum, or, with `weights`, that part
+        of it on each (1 for each: all of it on every one)."""
         weights = None if weights is None else np.broadcast_to(np.asarray(weights, np.float32), np.shape(points)).copy()
         self.loads.append(Load(path, body if isinstance(body, str) else body.path, over_time(force), points, weights))
         return self.loads[-1]
 
     def traction(self, path: str, body, triangles, traction) -> Load:
-        """A traction [Pa], (3,) or a Curve over time, on triangles (m, 3) of a cloth or of the surface of a soft body;
+        """Adds a traction [Pa], (3,) or a Curve over time, on triangles (m, 3) of a cloth or of the surface of a soft body;
         `wsim.scene.nodal.loads.between` finds those between points."""
         self.loads.append(Load(path, body if isinstance(body, str) else body.path, over_time(traction), triangles=triangles))
         return self.loads[-1]

@@ -86,11 +86,11 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """[s] since the scene's start."""
+        """Time [s] since the scene's start."""
         return self.frame / self.scene.fps
 
     def step(self) -> None:
-        """One frame. Raises SceneError when it cannot be finished. Threads may step simulations of their own."""
+        """Steps one frame. Raises SceneError when it cannot be finished. Threads may step simulations of their own."""
         with GATE.shared():
             self._step()
 
@@ -199,12 +199,12 @@ class Simulation:
         return x[body.index] + body.origin
 
     def velocities(self, path: str | None = None, world: int = 0, device: bool = False):
-        """Velocities [m/s] of a body's points, as `positions`."""
+        """Velocities [m/s] of a body's points, (n, 3), as `positions`."""
         body = self.model.body(path, world)
         return (self.state.v, body.index) if device else self.state.v.numpy().astype(np.float64)[body.index]
 
     def poses(self, path: str | None = None) -> dict[str, np.ndarray]:
-        """Local-to-world transforms (4, 4) [m] of the colliders at the current time, by path."""
+        """Local-to-world transforms (4, 4), lengths [m], of the colliders at the current time, by path."""
         return {c.path: c.motion.at(self.time) for c in self.scene.colliders if path in (None, c.path)}
 
     def samples(self, world: int = 0) -> list:
@@ -212,7 +212,7 @@ class Simulation:
         return [sample for method in self.plan.methods for sample in method.samples(world)]
 
     def set(self, path: str, name: str, value, world: int | None = None) -> None:
-        """A live value, from the next frame on, without rebuilding, of one world or of all (None).
+        """Sets a live value, from the next frame on, without rebuilding, of one world or of all (None).
 
         Names, units, bounds: `wsim.scene.values.table`. "/" names the whole scene. gravity, air_drag, wind; stretch, weft,
         shear, bend, damping, strain_limit (a finite one), poisson (of the model "membrane") of a cloth; stiffness of springs;
@@ -220,13 +220,12 @@ class Simulation:
         density of a cloth or soft body whose masses follow it; mass of springs; rest_shape [m] of a body, lengths [m] of
         springs (`wsim.physics.cloth.rest_shape`); actuation of springs that have muscles (a Curve, or values of its present
         keys); force or traction of a load (as actuation, or one (3,) for all times); static_friction, dynamic_friction of a
-        body or a collider; thickness and restitution of a collider (the latter where one throws back from the start); motion
-        (rigid) of a pin or collider; positions and velocities (world, author's order) of a body; velocity, spin, force, torque,
-        drag, spin_drag, mass, inertia of a rigid one, which goes on as fast, friction, restitution of its colliders; stiffness,
-        damping, target of a joint's drives; lift, weight, vorticity, smoke_decay, cooling, viscosity of a fluid; smoke,
-        temperature, expansion of a source. Values are copied. Raises SceneError, with nothing changed, if nothing of that path
-        has it, for what a scene would not take, and for more than `counts.MOST` substeps.
-        """
+        body or a collider; thickness, restitution of a collider (where one throws back from the start); motion (rigid) of a pin
+        or collider; positions, velocities (world, author's order) of a body; velocity, spin, force, torque, drag, spin_drag,
+        mass, inertia of a rigid one, which goes on as fast, friction, restitution of its colliders; stiffness, damping, target
+        of a joint's drives; lift, weight, vorticity, smoke_decay, cooling, viscosity of a fluid; smoke, temperature, expansion
+        of a source. Values are copied. Raises SceneError, with nothing changed, where a scene would not take it, and over
+        `counts.MOST` substeps."""
         from wsim.simulation import live
         with GATE.alone():
             live.set_value(self, path, name, value, world)

@@ -107,7 +107,7 @@ class _Materials:
         return self.of_value(friction, thing.path)
 
     def of_value(self, what: Fabric | Bulk | tuple[float, ...], owner: str) -> str:
-        """Of an object by its path."""
+        """Value of an object by its path."""
         key = what, owner if owner in self.varying else ""
         if key not in self.paths:
             self.paths[key] = _free(f"{self.scope}/{Sdf.Path(owner).name}", set(self.paths.values()))

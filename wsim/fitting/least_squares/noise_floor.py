@@ -30,7 +30,7 @@ def _values(o) -> np.ndarray:
 
 
 def _size(o, values: np.ndarray, scene: Scene) -> float:
-    if o.unit == "N":
+    if o.unit == "N" or hasattr(o, "field"):
         return float(np.abs(values).max(initial=0.0))
     if hasattr(o, "local"):
         return float(np.ptp(o.local, axis=0).max(initial=0.0))

@@ -3,6 +3,7 @@
     Track    positions of points of a body, or of some of them, at frames; NaN: not seen
     Pull     forces of a pin (`wsim.fitting.observations.reactions`)
     Markers  on a rigid body (`wsim.fitting.observations.markers`)
+    Smoke    smoke or heat of a fluid (`wsim.fitting.observations.smoke`)
     Functional   weighted sums of positions: means, markers (`wsim.fitting.observations.functional`)
     Scan     points on the surface of a body at one frame. Each counts by its distance to the nearest place of the simulated
              surface, along the normal there (Chen, Medioni 1992); of a spring net by the way to the nearest particle
@@ -184,16 +185,16 @@ def wrong(observations: list, scene: Scene) -> list[Problem]:
     if not observations:
         problems.append(Problem("observations", "there are none; give Track or Scan objects, or a USD file"))
     for o in observations:
-        marked = hasattr(o, "local")
-        noun, things = ("rigid body", scene.things("Body")) if marked else ("body", scene.bodies()) if o.unit == "m" else (
+        marked, smoke = hasattr(o, "local"), hasattr(o, "field")
+        noun, things = ("fluid", scene.things("Fluid")) if smoke else ("rigid body", scene.things("Body")) if marked else ("body", scene.bodies()) if o.unit == "m" else (
             "pin", scene.pins)
         thing = next((t for t in things if t.path == o.path), None)
         if thing is None:
             problems.append(Problem(o.path, f"is observed and is no {noun} of the scene; there are "
                                     f"{', '.join(t.path for t in things) or 'none'}"))
             continue
-        count = len(o.local) if marked else 1 if getattr(o, "total", False) else len(thing.points)
-        texts = o.wrong(count) if isinstance(o, Functional) else _track(o, count) if isinstance(o, Track) else _scan(o, count)
+        count = 0 if smoke else len(o.local) if marked else 1 if getattr(o, "total", False) else len(thing.points)
+        texts = o.wrong(thing) if smoke else o.wrong(count) if isinstance(o, Functional) else _track(o, count) if isinstance(o, Track) else _scan(o, count)
         problems += [Problem(o.path, text) for text in texts]
         if o.sigma is not None and not (np.isfinite(o.sigma) and o.sigma > 0.0):
             problems.append(Problem(o.path, f"sigma is {o.sigma}; allowed is a finite number > 0 [{o.unit}], or None"))
@@ -209,8 +210,8 @@ def mixed(observations: list) -> list[Problem]:
     if len(known) > 1:
         return [Problem("observations", "some have sigma and some have none; give it to all, or to none (estimated)")]
     if known == {False} and len({o.unit for o in observations}) > 1:
-        return [Problem("observations", "positions [m] and forces [N] need a sigma each: without, nobody knows how to weigh "
-                        "them")]
+        return [Problem("observations", "positions [m], forces [N], smoke [1] and heat [K] need a sigma each: without, "
+                        "nobody knows how to weigh them")]
     return []
 
 

@@ -125,7 +125,7 @@ class Rows:
         (substeps, rows, 4). number: distinct colliders whose rows are wanted, ascending; None: all."""
         number = np.arange(len(self.colliders)) if number is None else number
         motions = [self.colliders[k].motion for k in number]
-        M = np.stack([np.stack([motion.at(t) for t in times]) if motion.moves
+        M = np.stack([motion.sampled(times) if motion.moves
                       else np.broadcast_to(motion.at(0.0), (len(times), 4, 4)) for motion in motions], axis=1)
         R, p = M[..., :3, :3], M[..., :3, 3]
         turn = quaternion(R[1:] @ np.swapaxes(R[:-1], -1, -2))

@@ -8,15 +8,15 @@ from wsim.physics.fluid.objects import Fluid
 NAMES = ("u", "v", "w")
 
 
-def centered(fluid: Fluid, layout: Layout, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """density [1], temperature [K] (nx, ny, nz), velocity (nx, ny, nz, 3) [m/s] at the centres, float32."""
-    velocity = np.zeros((*fluid.shape, 3), np.float32)
+def centered(fluid: Fluid, layout: Layout, arrays: dict[str, np.ndarray], dtype=np.float32) -> dict[str, np.ndarray]:
+    """density [1], temperature [K] (nx, ny, nz), velocity (nx, ny, nz, 3) [m/s] at the centres, of type `dtype`."""
+    velocity = np.zeros((*fluid.shape, 3), dtype)
     for a, axis in enumerate(layout.axes):
         velocity[..., axis] = layout.centered(arrays[NAMES[a]], a).reshape(fluid.shape)
     found = {"velocity": velocity}
     for name, of in (("density", "smoke"), ("temperature", "heat")):
         if of in arrays:
-            found[name] = arrays[of].astype(np.float32).reshape(fluid.shape)
+            found[name] = arrays[of].astype(dtype).reshape(fluid.shape)
     return found
 
 

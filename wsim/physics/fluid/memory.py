@@ -10,7 +10,8 @@ SPARE = 0.9              # of what is free that fluids may take
 
 
 def numbers(fluid: Fluid, obstacles: bool) -> float:
-    """Of the run's precision for each cell: fields and their snapshot, what a step works with, levels of the pressure."""
+    """Numbers of the run's precision for each cell: fields and their snapshot, what a step works with, levels of the
+    pressure."""
     dim = len(fluid.axes)
     levels = 2.0 / (2 ** dim - 1)
     found = dim * (2 + 2) + 2 * 2 + 6 + levels + (6 if fluid.vorticity > 0.0 else 0)

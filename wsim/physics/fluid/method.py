@@ -26,7 +26,7 @@ NAMES = ("u", "v", "w")
 SCALARS = {"smoke": Field("smoke", "1", True, "of the air in a cell", "scalar"),
            "heat": Field("temperature", "K", True, "above the air around", "scalar")}
 WORDS = {"solves": 2, "missed": 1, "steps": 1}
-SOURCE = ("smoke", "temperature", "expansion", "velocity")
+SOURCE = ("smoke", "temperature", "expansion", "velocity", "strength", "place")
 
 
 def build(b) -> Method:
@@ -56,7 +56,7 @@ class Fluids(Method):
         self.threads = Threads(b.model)
         self.wind = np.tile(np.asarray(b.scene.wind, np.float64), (b.model.worlds, 1))
         self.gravity = np.tile(np.asarray(b.scene.gravity, np.float64), (b.model.worlds, 1))
-        self.numbers = [{name: float(getattr(fluid, name)) for name in LIVE} for fluid, _ in self.pairs]
+        self.numbers: list[dict[str, Any]] = [{name: float(getattr(fluid, name)) for name in LIVE} for fluid, _ in self.pairs]
         self.changed: list[list[dict]] = []
         self.carried = [carried(fluid, reaching(fluid, b.scene)) for fluid, _ in self.pairs]
         self.rows: dict[tuple[int, str], slice] = {}
@@ -64,7 +64,10 @@ class Fluids(Method):
         for name, count in WORDS.items():
             b.status.reserve(f"fluid: {name}", count * len(self.pairs))
         self.domains = [self._domain(k) for k in range(len(self.pairs))]
-        self.settled = False
+        self.settled, self.recorded = False, None
+        if b.model.gradients:
+            from wsim.physics.fluid.recorded import Recorded
+            self.offers["recorded fluids"] = self.recorded = Recorded(self)
         cells = sum(layout.cells for layout in self.layouts)
         how = sorted({"direct" if d.pressure.direct else "by multigrid" for d in self.domains})
         self.stages.append(Stage("fluids", "predict", self.advance, sum(d.launches for d in self.domains),
@@ -144,9 +147,13 @@ class Fluids(Method):
 
     def advance(self, clock: Clock) -> None:
         more = max(1, clock.substeps // self.base)               # of a frame that is repeated with smaller steps
-        for domain in self.domains:
+        for k, domain in enumerate(self.domains):
             steps = domain.fluid.steps
-            domain.frame(clock.dt, more * max(1, steps), more * (steps or domain.fluid.most_steps))
+            least, most = more * max(1, steps), more * (steps or domain.fluid.most_steps)
+            if self.recorded and self.model.tape:
+                self.recorded.frame(k, clock, least, most)
+            else:
+                domain.frame(clock.dt, least, most)
 
     def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
         missed = status.said("fluid: missed")
@@ -170,8 +177,8 @@ class Fluids(Method):
         return found
 
     def indicators(self, x, v) -> dict[str, float]:
-        """Of the first world: kinetic energy [J], smoke [m^3], greatest speed [m/s], greatest divergence [1/s]; of the last
-        frame: most iterations of one solve of the pressure, steps."""
+        """Indicators of the first world: kinetic energy [J], smoke [m^3], greatest speed [m/s], greatest divergence [1/s]; of
+        the last frame: most iterations of one solve of the pressure, steps."""
         found: dict[str, float] = {}
         for k, domain in enumerate(self.domains):
             if domain.world == 0:
@@ -190,9 +197,9 @@ class Fluids(Method):
         mine = False
         for k in hit:
             domain = self.domains[k]
-            if path == "/" and name in ("wind", "gravity") or path == domain.fluid.path and name in LIVE:
+            if path == "/" and name in ("wind", "gravity") or path == domain.fluid.path and name in (*LIVE, "side_velocities"):
                 if path != "/":
-                    self.numbers[k][name] = float(value)
+                    self.numbers[k][name] = float(value) if name in LIVE else np.asarray(value, np.float64).reshape(6, 3)
                 domain.blow(self.wind[domain.world], self.gravity[domain.world], self.numbers[k])
                 mine = True
             mine |= self._source(domain, k, path, name, value)
@@ -208,9 +215,19 @@ class Fluids(Method):
         domain.sources.upload(self.changed[k])
         return bool(hit)
 
+    def source_value(self, path: str, name: str, world: int = 0) -> np.ndarray:
+        """A value of a source as it is now, float64."""
+        for domain, changed in zip(self.domains, self.changed, strict=True):
+            for source, new in zip(domain.sources.sources if domain.sources and domain.world == world else (), changed,
+                                   strict=False):
+                if source.path == path:
+                    given = source.strength.values if name == "strength" else getattr(source, name)
+                    return np.array(np.broadcast_to(new.get(name, given), np.shape(given)), np.float64)
+        return np.zeros(())
+
 
 def signature(b) -> list:
-    """What of the fluids decides their kernels."""
+    """Part of the fluids that decides their kernels."""
     fluids: list[Any] = [(len(f.axes), f.advection, f.scalar_advection, f.pressure, sum(f.shape) <= MOST, f.slip,
                           f.viscosity > 0.0, f.vorticity > 0.0,
                           carried(f, reaching(f, b.scene)), [s.expansion != 0.0 for s in reaching(f, b.scene)],

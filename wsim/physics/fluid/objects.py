@@ -4,7 +4,7 @@ A domain is a box along the world's axes, of cubes; colliders of the scene are o
 number without unit that 1 makes dense, and a temperature above that of the air around [K].
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -42,7 +42,7 @@ class Fluid(Compared):
     cooling          decay rate of the temperature [1/s]
     advection        of the velocity: "reflection", "cubic", "maccormack", "bfecc" or "linear"
     scalar_advection  of smoke and temperature: "cubic", "maccormack", "bfecc" or "linear"
-    pressure         how it is solved: "direct" (boxes without obstacles, best up to 160 cells along an axis), "multigrid", or
+    pressure         how it is solved: "direct" (boxes without obstacles, best up to 266 cells along an axis), "multigrid", or
                      "auto"
     tolerance        of the pressure solve, residual over right-hand side [1]
     cfl              cells that air may cross in a step [1]: as many steps a frame as that takes, up to `most_steps`
@@ -100,7 +100,7 @@ class Fluid(Compared):
 
     @property
     def axes(self) -> tuple[int, ...]:
-        """Those with more than one cell: two of a flat fluid."""
+        """Axes with more than one cell: two of a flat fluid."""
         return tuple(a for a, n in enumerate(self.shape) if n > 1)
 
     @property
@@ -109,7 +109,7 @@ class Fluid(Compared):
         return x * y * z
 
     def centers(self) -> np.ndarray:
-        """Of the cells, world (nx, ny, nz, 3) [m]."""
+        """Centres of the cells, world (nx, ny, nz, 3) [m]."""
         index = np.stack(np.meshgrid(*(np.arange(n) for n in self.shape), indexing="ij"), -1)
         return self.low + self.cell * (index + 0.5)
 
@@ -146,3 +146,25 @@ class Source(Compared):
         self.velocity = vector(self.velocity)
         if not isinstance(self.strength, Curve):
             self.strength = Curve(np.zeros(1), np.array([self.strength], np.float64))
+
+    @property
+    def place(self) -> np.ndarray:
+        """Place where its frame begins, world (3,) [m]."""
+        return self.motion.values[0, :3, 3].copy()
+
+    def taken(self, name: str):
+        """A value of the table (`wsim.scene.values.table`): strength is the values of its keys, (keys,); velocity may be None."""
+        return self.strength.values if name == "strength" else getattr(self, name)
+
+    def given(self, name: str, value) -> "Source":
+        """A copy with another value. place: all of its motion is shifted so that it begins there. strength: one number in the
+        place of the mean of the keys, which keep their proportions."""
+        if name == "place":
+            values = self.motion.values.copy()
+            values[:, :3, 3] += np.asarray(value, np.float64) - self.place
+            return replace(self, motion=Motion(self.motion.times, values))
+        if name == "strength":
+            now = self.strength.values
+            each = now * (float(value) / float(now.mean())) if len(now) > 1 else np.array([float(value)])
+            return replace(self, strength=Curve(self.strength.times, each))
+        return replace(self, **{name: value})

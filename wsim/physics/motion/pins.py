@@ -37,8 +37,20 @@ class _Pinned:
         self.locals = spread(pin.places if pin.places is not None else _local(pin.motion, start), ends)
 
     def targets(self, time: float) -> np.ndarray:
-        """Where its points belong at `time` [s], relative to the body's origin [m]."""
+        """Places of its points at `time` [s], relative to the body's origin [m]."""
         return self.motion.points(self.locals, time) - self.body.origin
+
+    def speed(self, time: float) -> np.ndarray:
+        """Velocities of its points at `time` [m/s], (points, 3)."""
+        rate = self.motion.rate(time)[0]
+        return self.locals @ rate[:3, :3].T + rate[:3, 3]
+
+    def table(self, times: np.ndarray) -> np.ndarray:
+        """Places as `targets` has them, at times (n,) [s]: (n, points, 3)."""
+        if getattr(self.motion, "plain", True):
+            return np.stack([self.targets(time) for time in times])
+        M = self.motion.sampled(times)
+        return self.locals @ M[:, :3, :3].swapaxes(1, 2) + (M[:, None, :3, 3] - self.body.origin)
 
 
 def _local(motion: Motion, places: np.ndarray) -> np.ndarray:
@@ -81,9 +93,25 @@ class Pins(Method):
                 from wsim.kernels.motion.sdirk3 import place_pins
                 self.place_kernel = place_pins(real, module)
                 self.stages.append(Stage("pins placed", "finish", self.put, 1, n * 60, what=f"{n} points"))
+        self.carried = [p for p in self.groups["hard"] if not p.motion.plain and not model.gradients]
+        if self.carried:
+            self.add_carried(t, real, module)
         if self.groups["soft"]:
             self.add_soft(t, real, module)
         self.offers = {"pins": self} | {f"{kind} pins": self for kind, group in self.groups.items() if group}
+
+    def add_carried(self, t, real, module) -> None:
+        """Adds velocities of curves other than linear keys, which are known: at the end of a frame points have it, to no
+        order."""
+        self.carry = kernels.carry_pins(real, module)
+        places = np.concatenate([p.places for p in self.carried])
+        self.at_ends = self.model.upload(places.astype(np.int32), int)
+        self.speed = wp.zeros(len(places), dtype=t.vec3, device=self.model.device)
+        self.stages.append(Stage("pin velocities", "deform", self.hurry, 1, len(places) * 28, rate="frame",
+                                 what=f"{len(places)} points"))
+
+    def hurry(self, clock: Clock) -> None:
+        self.model.launch(self.carry, self.at_ends.size, [self.at_ends, self.speed], [self.state.v])
 
     def add_soft(self, t, real, module) -> None:
         group, n = self.groups["soft"], self.place["soft"].size
@@ -148,6 +176,8 @@ class Pins(Method):
 
     def before_frame(self, time: float, clock: Clock) -> None:
         moves = self.moves
+        if self.carried:
+            self.speed.assign(np.concatenate([p.speed(time + clock.dt) for p in self.carried]).astype(self.model.dtype))
         at = {kind: clock.moments(kind == "hard") for kind in self.target}      # a soft pin pulls at the solved positions
         if self.explicit and not moves and not self.groups["soft"]:
             at = {kind: moments[:1] for kind, moments in at.items()}
@@ -156,7 +186,7 @@ class Pins(Method):
         self.changed = False
         for kind, group in self.groups.items():
             if group:
-                values = np.stack([np.concatenate([p.targets(time + moment) for p in group]) for moment in at[kind]])
+                values = np.concatenate([p.table(time + at[kind]) for p in group], axis=1)
                 if self.target[kind].shape[0] != len(values):
                     self.target[kind] = self.model.upload(values, types(self.model.real).vec3)
                 else:

@@ -231,11 +231,11 @@ class Contacts:
         return put(self, path, name, value, world)
 
     def arrays(self) -> dict[str, wp.array]:
-        """Of the state: the last list."""
+        """Arrays of the state: the last list."""
         return {name: array for part in self.parts for name, array in part.arrays.items()}
 
     def manifolds(self, clock: Clock, first: int, last: int) -> None:
-        """Of substeps first .. last, with their colours."""
+        """Manifolds of substeps first .. last, with their colours."""
         launch, rig, n = self.model.launch, self.rig(), len(self.owners)
         if self.moves:
             self._stand(first, clock.h * (last - first))
@@ -258,12 +258,12 @@ class Contacts:
                       c=self.list, work=self.work)
 
     def overlap(self) -> float:
-        """How deep the points of manifolds lie in each other now, at most [m]."""
+        """Depth to which the points of manifolds lie in each other now, at most [m]."""
         used = np.arange(4) < self.list.count.numpy()[:, None]
         return max(0.0, -float(self.work.now.numpy().reshape(-1, 4)[used].min(initial=0.0)))
 
     def indicators(self) -> dict[str, float]:
-        """How deep shapes overlap [m]; in the converged mode the residual that the last frame left, at most [m/s]; bodies
+        """Depth to which shapes overlap [m]; in the converged mode the residual that the last frame left, at most [m/s]; bodies
         asleep, and manifolds that found no colour, if any."""
         found = {"rigid_overlap": self.overlap()}
         if self.form.tolerance > 0.0 and self.method.touch is None:
@@ -273,7 +273,7 @@ class Contacts:
         return found | ({"rigid_in_turn": float(self.in_turn)} if self.in_turn else {})
 
     def notes(self) -> list[tuple[tuple, float, str]]:
-        """Of the converged mode: a frame that ended over its residual."""
+        """Warnings of the converged mode: a frame that ended over its residual."""
         left = float(self.work.residual.numpy()[1]) if self.form.tolerance > 0.0 and self.method.touch is None else 0.0
         said = f"contacts of bodies were left with a residual of {{worst}} m/s; contact_tolerance is {self.form.tolerance:g}"
         return [(("rigid residual",), left, said)] if left > self.form.tolerance else []

@@ -60,7 +60,7 @@ class Form:
         return found + f", until the residual is under {self.tolerance:g} m/s" * (self.tolerance > 0.0)
 
     def make(self, model, bouncing: bool, linked: int = 0) -> None:
-        """Its kernels, in the model's modules; linked: how many islands of joints there are: then sweeps are counted."""
+        """Makes its kernels, in the model's modules; linked: number of islands of joints; if any, sweeps are counted."""
         real, self.model, self.islands = model.real, model, linked
         self.tolerance = 0.0 if linked else model.scene.contact_tolerance
         if self.tolerance > 0.0 and self.name == "launches":
@@ -104,7 +104,7 @@ class Form:
                     cluster=self.blocks if self.blocks > 1 else 0, bouncing=bouncing)
 
     def launch(self, kernel, inputs: list, outputs: list, blocks: int = 0) -> None:
-        """Of all threads that meet, or so many blocks of them."""
+        """Launches all threads that meet, or so many blocks of them."""
         if self.wide:
             self.model.launch_blocks(kernel, blocks or self.blocks, THREADS, inputs, outputs)
         else:
@@ -166,7 +166,7 @@ class Form:
             self.launch(getattr(kernels, f"rest_{name}"), [self.threads // self.blocks, k, h, biased, rig], [], 1)
 
     def launches(self, steps: int, sweeps: int, times: int) -> int:
-        """Of a frame of so many substeps, in which manifolds are made so many times."""
+        """Number of launches of a frame of so many substeps, in which manifolds are made so many times."""
         if self.name != "launches":
             return (1 + self.coloured) * times
         kinds = len(self.of)
@@ -176,7 +176,7 @@ class Form:
 
 
 def chosen(device, shapes: int) -> Form:
-    """By the rule."""
+    """Form that the rule chooses."""
     if not device.is_cuda:
         return Form("listed")
     if shapes > HUGE:

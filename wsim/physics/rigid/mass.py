@@ -32,7 +32,7 @@ class Volume:
     inertia: np.ndarray
 
     def moved(self, M: np.ndarray) -> "Volume":
-        """In a frame that M (4, 4), rigid, leads to."""
+        """The volume in a frame that M (4, 4), rigid, leads to."""
         R = M[:3, :3]
         return Volume(self.volume, R @ self.center + M[:3, 3], R @ self.inertia @ R.T)
 
@@ -51,7 +51,7 @@ NOTHING = Volume(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
 def volume(shape: Shape) -> Volume:
-    """Of a shape in its own frame. A plane and an open mesh have none: 0."""
+    """Volume of a shape in its own frame. A plane and an open mesh have none: 0."""
     if isinstance(shape, Plane):
         return NOTHING
     if isinstance(shape, Surface):
@@ -105,7 +105,7 @@ def _mesh(shape: Surface) -> Volume:
 
 
 def joined(parts: list[Volume]) -> Volume:
-    """Of several, each of density 1; what overlaps counts twice, as USD has it."""
+    """Volume of several, each of density 1; what overlaps counts twice, as USD has it."""
     total = sum(p.volume for p in parts)
     if total == 0.0:
         return NOTHING
@@ -152,8 +152,8 @@ def weighed(body: Body, now: Inertia, name: str, value) -> Inertia:
 
 
 def inertia(body: Body) -> Inertia:
-    """Of a body: what is given, else of its colliders; a given mass scales the inertia of the colliders, and a given centre
-    moves it."""
+    """Inertia of a body: what is given, else of its colliders; a given mass scales the inertia of the colliders, and a given
+    centre moves it."""
     whole = joined([volume(c.shape).moved(c.motion.at(0.0)) for c in body.colliders])
     mass = body.density * whole.volume if body.mass is None else body.mass
     center = whole.center if body.center is None else body.center

@@ -19,7 +19,7 @@ def kinds(bodies: list, colliders: list[Collider]) -> frozenset[tuple[str, str]]
 
 
 def bounces(scene) -> bool:
-    """Whether something has a restitution."""
+    """True if something has a restitution."""
     own = [c for body in scene.things("Body") for c in meeting(body)]
     return any(c.restitution > 0.0 for c in (*own, *standing(scene.colliders)))
 

@@ -191,7 +191,7 @@ class Rigid(Method):
         return found
 
     def placed(self, path: str) -> np.ndarray:
-        """As `poses`, of one body in every world."""
+        """Poses as `poses` has them, of one body in every world."""
         return self.poses()[[k for k, (body, _) in enumerate(self.bodies) if body.path == path]]
 
     def spins(self) -> np.ndarray:
@@ -200,7 +200,7 @@ class Rigid(Method):
         return rotation.rotate(q, rotation.rotate(rotation.conjugate(q), self.get("L")) / moments)
 
     def velocities(self) -> np.ndarray:
-        """Of the centres of mass now, (n, 3) [m/s]."""
+        """Velocities of the centres of mass now, (n, 3) [m/s]."""
         return self.get("p") / np.array([m.mass for m in self.masses])[:, None]
 
     def weigh(self, rows: np.ndarray, name: str, value) -> None:

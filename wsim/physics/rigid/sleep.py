@@ -37,22 +37,22 @@ class Sleep:
         self.counted: Any = None
 
     def make(self, form) -> None:
-        """Its kernels, as the passes of this form are launched."""
+        """Makes its kernels, as the passes of this form are launched."""
         self.form = form
         self.kernel = sleep.sleep(self.model.real, form.module, form.meet, **form.sizes)
         self.counted = sleep.counted(self.model.real, self.model.module)
 
     def arrays(self, bodies: int) -> dict[str, wp.array]:
-        """What the kernels work on."""
+        """Arrays that the kernels work on."""
         own = {name: wp.zeros(bodies, dtype=int, device=self.model.device) for name in ("label", "roused")}
         return own | {"calm": self.part.arrays["calm"], "asleep": self.part.arrays["asleep"], "awake": self.awake}
 
     def settle(self, k: int, time: float, rig) -> None:
-        """Behind the making of manifolds for `time` [s] from substep k on."""
+        """Settles what sleeps, behind the making of manifolds for `time` [s] from substep k on."""
         self.form.launch(self.kernel, [self.form.threads, k, time, self.speed, rig], [])
 
     def end(self, room: int, rig) -> None:
-        """Behind the substeps."""
+        """Ends a frame, behind the substeps."""
         self.model.launch(self.counted, room, [rig], [])
 
     def wake(self, rows: np.ndarray | None = None) -> None:

@@ -27,7 +27,7 @@ NOWHERE = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Met:
-    """What a collider is met as.
+    """The shape that a collider is met as.
 
     kind      its name, as kernels/rigid/narrow/shape.py has it
     shape     a simple shape, or None
@@ -52,7 +52,7 @@ class Met:
 
     @property
     def size(self) -> tuple:
-        """As the device has it; of a mesh half of the edges of its bounds [m]."""
+        """Size as the device has it; of a mesh half of the edges of its bounds [m]."""
         if self.shape is not None:
             return row(self.shape).size(self.shape)
         return NOWHERE if self.mesh is None else tuple(np.abs(self.mesh[0]).max(axis=0))
@@ -136,7 +136,7 @@ def standing(colliders: list[Collider]) -> list[Collider]:
 
 
 def meet(scene) -> bool:
-    """Whether there are two things that can touch."""
+    """True if there are two things that can touch."""
     bodies = [body for body in scene.things("Body") if meeting(body)]
     return bool(bodies) and len(bodies) + len(standing(scene.colliders)) > 1
 
@@ -147,11 +147,11 @@ def acting(scene) -> list:
 
 
 def sleeps(scene) -> bool:
-    """Whether something may sleep: not what joints hold, nor beside points, where others may wake it."""
+    """True if something may sleep: not what joints hold, nor beside points, where others may wake it."""
     some = scene.sleep_speed > 0.0 or any(body.asleep for body in scene.things("Body"))
     return some and not scene.things("Joint") and not scene.bodies()
 
 
 def touches(scene) -> bool:
-    """Whether bodies may touch points."""
+    """True if bodies may touch points."""
     return bool(scene.bodies()) and any(meeting(body) for body in scene.things("Body"))

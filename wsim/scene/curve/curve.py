@@ -82,7 +82,7 @@ class Curve:
 
     @property
     def moves(self) -> bool:
-        """Whether there is more than one key, or it goes on outside of the only one."""
+        """True if there is more than one key, or it goes on outside of the only one."""
         return len(self.times) > 1 or not (isinstance(self.before, str) and isinstance(self.after, str))
 
     def mode(self, side) -> int:
@@ -124,7 +124,7 @@ class Curve:
 
     @property
     def pieces(self) -> pieces.Pieces:
-        """Of two keys or more."""
+        """Pieces of a curve of two keys or more."""
         if self.made is None:
             self.made = _pieces(self)
         return self.made
@@ -148,7 +148,7 @@ class Curve:
         return self._found(np.atleast_1d(np.asarray(t, np.float64)))[1]
 
     def table(self, t) -> np.ndarray:
-        """As `sampled`; what is linear by weights of the keys, as its gradients are."""
+        """Table as `sampled` has it; what is linear by weights of the keys, as its gradients are."""
         return self.weights(t) @ self.values if self.plain else self.sampled(t)
 
     def place(self, t: np.ndarray):
@@ -224,8 +224,8 @@ class Curve:
         return gradient.pulled(self, np.atleast_1d(np.asarray(times, np.float64)), np.asarray(by, np.float64))
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Least and largest value ever, (...) each: of pieces those of their control points, which hold them; infinite where
-        it goes on outside of the keys."""
+        """The least and the largest value ever, (...) each: of pieces those of their control points, which hold them; infinite
+        where it goes on outside of the keys."""
         low, high = self.values.min(axis=0), self.values.max(axis=0)
         if self.kind != "linear" and len(self.times) > 1:
             held = pieces.hull(self.pieces)

@@ -118,7 +118,7 @@ def _handles(curve: Curve, k: np.ndarray, u: np.ndarray, by: np.ndarray, sums: _
 
 
 def pulled(curve: Curve, t: np.ndarray, by: np.ndarray) -> dict[str, np.ndarray]:
-    """As `Curve.pulled`."""
+    """Gradient as `Curve.pulled` has it."""
     sums = _Sums(curve)
     if len(curve.times) == 1:
         return {"values": by.sum(0)[None]}                     # slopes outside are fixed
@@ -138,7 +138,7 @@ def pulled(curve: Curve, t: np.ndarray, by: np.ndarray) -> dict[str, np.ndarray]
 
 
 def weights(curve: Curve, t: np.ndarray) -> np.ndarray:
-    """As `Curve.weights`."""
+    """Weights as `Curve.weights` has them."""
     if curve.kind == "monotone" or curve.how.get("alpha") is not None:
         raise ValueError(f"slopes of a curve of kind {curve.kind} {curve.how or ''} are no linear function of its values: "
                          "there are no weights of its keys; take `Curve.pulled`, or catmull_rom without alpha")

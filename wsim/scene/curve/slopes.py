@@ -31,7 +31,7 @@ def _chords(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def catmull_rom(times: np.ndarray, values: np.ndarray, alpha: float | None = None) -> Slopes:
-    """By knots: tangents to the path, in the time of the piece that arrives and of the one that leaves."""
+    """Slopes by knots: tangents to the path, in the time of the piece that arrives and of the one that leaves."""
     if alpha is None:
         return kochanek_bartels(times, values)
     if not 0.0 <= alpha <= 1.0:

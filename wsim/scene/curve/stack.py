@@ -88,7 +88,7 @@ class Stack(Motion):
         return False
 
     def mapped(self, each) -> Stack:
-        """With other curves: each(curve) of parts and motions."""
+        """The stack with other curves: each(curve) of parts and motions."""
         return Stack([Part(A.what, each(A.curve), A.axis) if isinstance(A, Part) else
                       A if isinstance(A, np.ndarray) else each(A) for A in self.inner])
 

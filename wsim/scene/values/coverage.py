@@ -16,7 +16,7 @@ THROUGH, BY, OF = "through", "with respect to", "of"
 @dataclass(frozen=True)
 class Covered:
     """what: in words; with respect to values Owner.name, one or several. explicit, xpbd, implicit: tests by that solver;
-    rigid: of rigid bodies, whose steps are no solver's."""
+    rigid, fluid: of rigid bodies and of fluids, whose steps are no solver's."""
 
     kind: str
     what: str
@@ -24,11 +24,13 @@ class Covered:
     xpbd: str = ""
     implicit: str = ""
     rigid: str = ""
+    fluid: str = ""
 
     @property
     def tests(self) -> dict[str, str]:
         """Tests by solver."""
-        return {name: test for name in ("explicit", "xpbd", "implicit", "rigid") if (test := getattr(self, name))}
+        names = ("explicit", "xpbd", "implicit", "rigid", "fluid")
+        return {name: test for name in names if (test := getattr(self, name))}
 
     def names(self) -> list[tuple[str, str]]:
         """(owner, name) of values."""
@@ -56,7 +58,9 @@ SHEET, STEPS = "test_a_sheet_that_stretches_shears_and_bends", "test_a_sheet_by_
 SLOPES = "gradient/test_coverage.py::test_every_value_has_the_slope_of_differences"
 PUSH = "test_a_force_over_time_moves_by_its_integral_and_has_exact_derivatives"
 FALL = "test_a_sheet_that_falls_on_a_turning_collider_and_slides"
-FREELY, JOINED, TOUCHED = (f"gradient/test_{name}.py" for name in ("bodies", "joints", "rigid_contacts"))
+JOINED, TOUCHED = "gradient/rigid/test_joints.py", "gradient/rigid/test_contacts.py"
+FREELY, AIRY, PATHS = "gradient/test_bodies.py", "gradient/test_fluids.py", "gradient/test_paths.py"
+EVERY = f"{AIRY}::test_every_value_has_the_slope_of_differences"
 BLOCK, SOLID = f"{BAR}::test_a_soft_bar", f"{BAR}::test_a_soft_bar_by_implicit_steps"
 
 COVERED: list[Covered] = [
@@ -91,6 +95,10 @@ COVERED: list[Covered] = [
     Covered(THROUGH, "contacts and friction of rigid bodies that are solved to a residual (contact_tolerance)",
             rigid=f"{TOUCHED}::test_every_contact_has_the_slope_of_differences"),
     Covered(THROUGH, "impacts of rigid bodies, at their time", rigid=f"{TOUCHED}::test_a_ball_bounces_when_it_comes"),
+    Covered(THROUGH, "advection-reflection of fluids, their projection round obstacles that stand, forces, viscosity, "
+            "confinement, sources", fluid=f"{AIRY}::test_fifty_steps_round_an_obstacle"),
+    Covered(THROUGH, "other advection of fluids (cubic, MacCormack, BFECC, linear)",
+            fluid=f"{AIRY}::test_schemes_that_carry_there_and_back"),
 
     Covered(BY, "Cloth.positions Cloth.velocities Cloth.stretch Cloth.bend Cloth.weft Cloth.shear Cloth.damping Cloth.density",
             f"{CHAIN}::{SHEET}", f"{SWEPT}::{SHEET}", f"{CHAIN}::{STEPS}"),
@@ -114,6 +122,7 @@ COVERED: list[Covered] = [
     Covered(BY, "Scene.wind", *(f"{SWEPT}::test_wind",) * 3),
     Covered(BY, "Pin.targets", f"{CHAIN}::test_where_a_pin_puts_its_points", f"{SWEPT}::test_soft_pins",
             f"{CHAIN}::test_where_a_pin_puts_its_points"),
+    Covered(BY, "Pin.keys Pin.tangents Pin.handles", *(f"{PATHS}::test_by_what_the_path_of_a_pin_is_made_of",) * 3),
     Covered(BY, "Load.force Load.traction", *(f"{LOADED}::{PUSH}",) * 3),
     Covered(BY, "Cloth.static_friction Cloth.dynamic_friction Springs.static_friction Springs.dynamic_friction",
             f"{SLID}::{FALL}", f"{SLID}::{FALL}", f"{SOLVED}::{FALL}"),
@@ -124,17 +133,25 @@ COVERED: list[Covered] = [
             f"{SOLVED}::test_what_is_thrown_back"),
     Covered(BY, "Collider.shift", *(f"{MESH}::test_by_the_motion_of_a_collider",) * 2,
             f"{SOFT}::test_by_the_motion_of_a_collider"),
+    Covered(BY, "Collider.keys Collider.tangents Collider.handles",
+            *(f"{PATHS}::test_by_what_the_path_of_a_collider_is_made_of",) * 3),
 
     Covered(BY, "Body.velocity Body.spin Body.force Body.torque Body.drag Body.spin_drag Body.mass Body.inertia",
             rigid=f"{FREELY}::test_every_value_of_a_body_has_the_slope_of_differences"),
     Covered(BY, "Body.dynamic_friction Body.restitution", rigid=f"{TOUCHED}::test_a_box_slides_by_its_friction"),
     Covered(BY, "Joint.stiffness Joint.damping Joint.target", rigid=f"{JOINED}::test_drives_have_the_slope_of_differences"),
 
+    Covered(BY, "Fluid.lift Fluid.weight Fluid.vorticity Fluid.viscosity Fluid.smoke_decay Fluid.cooling Fluid.side_velocities",
+            fluid=EVERY),
+    Covered(BY, "Fluid.velocity Fluid.smoke Fluid.temperature", fluid=EVERY),
+    Covered(BY, "Source.smoke Source.temperature Source.expansion Source.velocity Source.place Source.strength", fluid=EVERY),
+
     Covered(OF, "positions and velocities", f"{CHAIN}::{SHEET}", f"{SWEPT}::{SHEET}", f"{CHAIN}::{STEPS}"),
     Covered(OF, "reactions of pins", f"{BORNE}::test_a_chain_by_leapfrog", f"{BORNE}::test_a_chain_by_sweeps",
             f"{BORNE}::test_a_soft_bar"),
     Covered(OF, "poses and twists of rigid bodies",
             rigid=f"{FREELY}::test_what_is_seen_of_a_body_has_the_slope_of_differences"),
+    Covered(OF, "smoke, temperature and velocity of fluids", fluid=EVERY),
 ]
 
 REFUSED: dict[str, Refused] = {
@@ -179,6 +196,7 @@ REFUSED: dict[str, Refused] = {
     "features": Refused("manifolds that change with the smallest motion", "touches by other features when it is moved by a ten "
                         "thousandth of its size, and has no derivative of one side; move it, or another shape, a little"),
     "idle": Refused("air in which no point moves", "nothing that moves here knows {name}; leave it out"),
+    "still": Refused("values of fluids and sources of which nothing runs", "nothing of its {name} runs: {why}"),
     "load": Refused("loads that there are not", "there is no load; give the scene one"),
     "pin": Refused("anything but stiffness and damping of a soft pin", "is no soft pin with a derivative with respect to "
                    "{name!r}; soft pins have stiffness and damping"),

@@ -17,10 +17,11 @@ BODIES = ("Cloth", "Springs", "Soft")
 SHEET, SOLID, RUB = "PhysicsSurfaceDeformableMaterialAPI", "PhysicsVolumeDeformableMaterialAPI", "PhysicsMaterialAPI"
 OWN, AIR, FLAT = "WsimMaterialAPI", "WsimSceneAPI", "WsimClothAPI"
 DOMAIN, SOURCE = "WsimFluidDomainAPI", "WsimFluidSourceAPI"
+LIQUID, POUR = "WsimLiquidDomainAPI", "WsimLiquidSourceAPI"
 MATERIALS = (SHEET, SOLID, RUB, OWN)                 # schemas of materials: what they say is no attribute of the prim itself
 DAMPING = {"Cloth": OWN, "Springs": "WsimSpringsAPI", "Soft": OWN}
 FRICTION = ("static_friction", "dynamic_friction")
-FIXED, AIRY = "fixed while a scene runs", "nothing is recorded of fluids"
+FIXED, AIRY = "fixed while a scene runs", "it says how a fluid is solved, or what its pressures are"
 PARTS = {"stretch": ("stretch", "weft"), "stretch_warp": ("stretch",), "stretch_weft": ("weft",)}    # values of a parameter
 
 VALUES: list[Value] = [
@@ -83,6 +84,8 @@ VALUES: list[Value] = [
     *(Value(owner, "motion", "m", ANY, "motion", each=Each("frames", Theta("plain"), 0.05), why=f"it is no array; take {what}")
       for owner, what in (("Pin", "targets"), ("Collider", "shift"))),
     Value("Pin", "targets", "m", ANY, "array", live=False, gradient="targets"),
+    *(Value(owner, name, unit, ANY, "array", live=False, gradient="path") for owner in ("Pin", "Collider") for name, unit in (
+        ("keys", "m"), ("tangents", "m/s"), ("handles", "1"))),
     Value("Collider", "points", "m", ANY, "array", live=False, why="the shape of a mesh that deforms has none yet"),
     Value("Collider", "shift", "m", ANY, "array", live=False, gradient="shift"),
 
@@ -99,17 +102,27 @@ VALUES: list[Value] = [
     Value("Joint", "target", "m", ANY, fit=PLAIN, gradient="body"),
     Value("Body", "density", "kg/m^3", POSITIVE, live=False, why=f"{FIXED}; take mass"),
 
-    *(Value("Fluid", name, unit, ANY, why=AIRY, usd=Usd(DOMAIN, f"wsim:fluid:{name}")) for name, unit in (
-        ("lift", "1/K"), ("weight", "1"))),
-    *(Value("Fluid", name, "1/s", why=AIRY, usd=Usd(DOMAIN, f"wsim:fluid:{called}")) for name, called in (
+    *(Value("Fluid", name, unit, ANY, usd=Usd(DOMAIN, f"wsim:fluid:{name}"), fit=Theta("plain", high=high), gradient="fluid")
+      for name, unit, high in (("lift", "1/K", 0.01), ("weight", "1", 1.0))),
+    *(Value("Fluid", name, "1/s", usd=Usd(DOMAIN, f"wsim:fluid:{called}"), fit=LOG, gradient="fluid") for name, called in (
         ("smoke_decay", "smokeDecay"), ("cooling", "cooling"))),
-    *(Value("Fluid", name, unit, needs=("start",), why=AIRY, usd=Usd(DOMAIN, f"wsim:fluid:{name}")) for name, unit in (
-        ("vorticity", "1"), ("viscosity", "m^2/s"))),
+    *(Value("Fluid", name, unit, needs=("start",), usd=Usd(DOMAIN, f"wsim:fluid:{name}"), fit=LOG, gradient="fluid")
+      for name, unit in (("vorticity", "1"), ("viscosity", "m^2/s"))),
+    *(Value("Fluid", name, unit, ANY, "array", live=False, gradient="fluid") for name, unit in (
+        ("velocity", "m/s"), ("smoke", "1"), ("temperature", "K"))),
+    Value("Fluid", "side_velocities", "m/s", ANY, "array", gradient="fluid"),
     *(Value("Fluid", name, unit, POSITIVE, live=False, why=AIRY, usd=Usd(DOMAIN, f"wsim:fluid:{called}"))
       for name, called, unit in (("cell", "cellSize", "m"), ("density", "density", "kg/m^3"), ("tolerance", "tolerance", "1"),
                                  ("cfl", "cfl", "1"))),
-    *(Value("Source", name, unit, ANY, why=AIRY, usd=Usd(SOURCE, f"wsim:fluid:{name}")) for name, unit in (
+    *(Value("Source", name, unit, ANY, usd=Usd(SOURCE, f"wsim:fluid:{name}"), fit=PLAIN, gradient="fluid") for name, unit in (
         ("smoke", "1/s"), ("temperature", "K/s"), ("expansion", "1/s"))),
+    *(Value("Source", name, unit, ANY, "vector", fit=Theta("plain"), gradient="fluid") for name, unit in (
+        ("velocity", "m/s"), ("place", "m"))),
+    Value("Source", "strength", "1", ANY, "factor", fit=Theta("plain"), gradient="fluid"),
+    *(Value("Liquid", name, unit, POSITIVE, live=False, why=AIRY, usd=Usd(LIQUID, f"wsim:liquid:{called}"))
+      for name, called, unit in (("cell", "cellSize", "m"), ("density", "density", "kg/m^3"), ("tolerance", "tolerance", "1"),
+                                 ("cfl", "cfl", "1"))),
+    Value("Liquid", "flip", "1", Range(high=1.0, closed=True), live=False, why=AIRY, usd=Usd(LIQUID, "wsim:liquid:flip")),
 
     Value("Cloth", "thickness", "m", POSITIVE, live=False, usd=Usd(OWN, "wsim:thickness"), why=FIXED),
     *(Value("Cloth", name, "1", live=False, usd=Usd(FLAT, f"wsim:{name}"), why=f"{FIXED}, and no input; take air_coefficient()")

@@ -77,7 +77,8 @@ class Value:
     """One value of the objects of one class.
 
     owner      name of the class in `wsim.scene`, or of a method's own; the field of that name is of the object or its material
-    form       number; vector (3,); array; curve over time (arrays and curves are judged by who takes them); motion (rigid)
+    form       number; vector (3,); array; curve over time (arrays and curves are judged by who takes them); factor, a number
+               over time; motion (rigid)
     live       `Simulation.set` takes it; local: of the whole scene, and of one body too
     tets       live with a number for each tet; of constraints, as many as there are have one each
     varies     it may be a curve over time (`wsim.scene.Varying`)

@@ -31,7 +31,7 @@ class Bound:
 
 
 def bindings(roots: list[Usd.Prim]) -> dict[Sdf.Path, Bound]:
-    """What skeletons below the SkelRoots move, by path."""
+    """Bindings of what skeletons below the SkelRoots move, by path."""
     found = {}
     for root in map(UsdSkel.Root, roots):
         cache = UsdSkel.Cache()

@@ -45,13 +45,13 @@ def read_curve(attribute: Usd.Attribute, units: Units, value: Callable[[float | 
 
 
 def nearest(codes: list[float], wanted: np.ndarray) -> list[float]:
-    """Of sampled time codes those nearest to some."""
+    """The sampled time codes that are nearest to some."""
     found = np.array(codes)
     return found[np.abs(found[None, :] - wanted[:, None]).argmin(axis=1)].tolist()
 
 
 def agree(curve: Curve, units: Units, samples: dict) -> bool:
-    """Whether samples, by time code, are those of the curve."""
+    """True if samples, by time code, are those of the curve."""
     found = curve.sampled(units.time(np.array(list(samples))))
     given = np.array(list(samples.values()), np.float64)
     return found.shape == given.shape and bool(np.abs(found - given).max() <= AGREES * max(1e-30, np.abs(given).max()))
@@ -88,7 +88,7 @@ def note_kind(attribute: Usd.Attribute, curve: Curve) -> None:
 
 
 def read_kind(attribute: Usd.Attribute) -> dict:
-    """What `note_kind` noted; nothing where it is no such thing."""
+    """Kind that `note_kind` noted; nothing where it is no such thing."""
     said = attribute.GetCustomDataByKey(KIND)
     try:
         found = json.loads(said) if isinstance(said, str) else {}

@@ -97,7 +97,7 @@ def author_stack(prim: Usd.Prim, stack: Stack, units: Units, write_matrix) -> li
 
 
 def row_matrix(M: np.ndarray, units: Units) -> Gf.Matrix4d:
-    """As USD has it: acting on rows, lengths in stage units."""
+    """Matrix as USD has it: acting on rows, lengths in stage units."""
     M = np.array(M, np.float64)
     M[:3, 3] /= units.metres
     return Gf.Matrix4d(*M.T.ravel().tolist())

@@ -43,7 +43,9 @@ def turns_of(motion: Motion) -> dict[str, np.ndarray]:
     a, b, w = np.tile([0.0, 0.0, 0.0, 1.0], (n, 1)), np.tile([0.0, 0.0, 0.0, 1.0], (n, 1)), np.zeros((n, 3))
     if n > 1:
         (a[:-1], b[:-1]), w[:-1] = of.inner, of.turn
-    ends, whole = (np.array([of.end(0), of.end(1)]), of.whole) if n > 1 else (np.zeros((2, 3)), np.zeros(3))
+    onward = [n > 1 and motion.path.mode(side) == LINEAR for side in (motion.before, motion.after)]
+    ends = np.array([of.end(k) if on else np.zeros(3) for k, on in enumerate(onward)])
+    whole = of.whole if n > 1 else np.zeros(3)
     return {"q": of.q, "a": a, "b": b, "w": w, "S": of.S, "smooth": np.array([not of.slerps], np.int32), "end": ends[None],
             "whole": whole[None]}
 

@@ -43,6 +43,7 @@ class Domain:
         self.threads, self.fluid, self.world, self.layout = threads, fluid, world, Layout.of(fluid)
         self.scalars, self.u = scalars, u
         self.words: dict[str, wp.array] = {}
+        self.trace: Any = None                                 # of a recorded frame, `wsim.physics.fluid.adjoint.trace.Trace`
         layout, real, module = self.layout, model.real, threads.module
         self.sizes = [getattr(u, AXES[a]).size for a in range(layout.dim)]
         self.clock, self.going, self.done = threads.zeros(4), threads.zeros(1, int), threads.zeros(1, int)
@@ -67,7 +68,8 @@ class Domain:
         self.swirling, self.lifts = fluid.vorticity > 0.0, "_".join(name for name in ("smoke", "heat") if name in scalars)
         self.lifting = filled(forces.lifting(real), live=self.live, **scalars)
         self.pushed = bool(self.lifts) and not self.swirling and scheme not in PAIRS           # on the way
-        how = How(scheme, not self.reflects, pushed=self.lifts * self.pushed, lifting=self.lifting)
+        walls = self.reflects and fluid.viscosity > 0.0 and not fluid.slip
+        how = How(scheme, not self.reflects, walls=walls, pushed=self.lifts * self.pushed, lifting=self.lifting)
         self.carry = [Transport(threads, layout, self.grid, a, how, self.work) for a in range(layout.dim)]
         how = How(fluid.scalar_advection, both=len(scalars) == 2)
         self.carry_scalar = Transport(threads, layout, self.grid, -1, how, self.work)
@@ -110,13 +112,13 @@ class Domain:
         found[:self.layout.dim] = np.asarray(vector, np.float64)[list(self.layout.axes)]
         return found
 
-    def blow(self, wind: np.ndarray, gravity: np.ndarray, numbers: dict[str, float]) -> None:
-        """Uploads wind [m/s], gravity [m/s^2] and the live numbers of the fluid."""
-        rows = np.zeros((7, 3))
+    def blow(self, wind: np.ndarray, gravity: np.ndarray, numbers: dict[str, Any]) -> None:
+        """Uploads wind [m/s], gravity [m/s^2] and the live numbers of the fluid; side velocities where there are new ones."""
+        rows, walls = np.zeros((7, 3)), numbers.get("side_velocities", self.fluid.side_velocities)
         rows[0] = self.along(wind)
         for a, axis in enumerate(self.layout.axes):
             for side in (0, 1):
-                wall = self.fluid.side_velocities[2 * axis + side]
+                wall = walls[2 * axis + side]
                 rows[1 + 2 * a + side] = self.along(wind if self.fluid.sides[2 * axis + side] == "wind" else wall)
         live = np.zeros(NUMBERS)
         live[:3] = self.along(gravity)
@@ -126,7 +128,7 @@ class Domain:
         self.live.assign(live.astype(self.threads.model.dtype))
 
     def settle(self) -> None:
-        """Before the first frame, once kernels are there: obstacles that stand, and the regions that they seal."""
+        """Prepares the first frame, once kernels are there: obstacles that stand, and the regions that they seal."""
         p, o = self.pressure, self.obstacles
         if o is None:
             p.regions(None, int(self.layout.sealed))
@@ -141,7 +143,7 @@ class Domain:
 
     @property
     def launches(self) -> int:
-        """Of a step whose pressure takes one iteration."""
+        """Number of launches of a step whose pressure takes one iteration."""
         dim, solve = self.layout.dim, (self.pressure.direct or self.pressure.multigrid).launches + 12
         return (5 * dim + 2 * solve if self.reflects else 4 * dim + solve) + 2 * len(self.scalars) + 4
 
@@ -159,8 +161,14 @@ class Domain:
         threads.over(self.begin, 1, [self.speed, real(dt), real(self.fluid.cfl * self.fluid.cell), least, most],
                      [self.clock, self.going, self.words["steps"]])
         wp.capture_while(self.going, self._step)
+        self._keep("u", self.u)
+
+    def _keep(self, name: str, u: Any) -> None:
+        if self.trace:
+            self.trace.keep(name, u)
 
     def _step(self) -> None:
+        self._keep("u", self.u)
         self._enter()
         if self.reflects:
             self._reflected()
@@ -183,19 +191,23 @@ class Domain:
     def _reflected(self) -> None:
         self._carried(self.u, self.u, 0.5, self.v)
         self._projected(self.v, 0.5)
+        self._keep("v", self.v)
         p, Faces = self.pressure, structs(self.threads.model.real).Faces
         for a, kernel in enumerate(self.reflect):
             v, u, w = (getattr(f, AXES[a]) for f in (self.v, self.u, self.half))
             both = filled(Faces, x=getattr(p.open, AXES[a]), y=getattr(p.solid, AXES[a]))
             self.threads.over(kernel, v.size, [self.grid, p.low, p.high, p.p, both], [v, u, w])
+        self._keep("w", self.half)
         self._scalars(self.half)
         self._carried(self.u, self.v, 0.5, self.half)
         self._projected(self.half, 0.5)
+        self._keep("y", self.half)
         p.project(self.half, self.u)
 
     def _split(self) -> None:
         self._carried(self.u, self.u, 1.0, self.v)
         self._projected(self.v, 1.0)
+        self._keep("v", self.v)
         self.pressure.project(self.v, self.u)
         self._scalars(self.u)
 

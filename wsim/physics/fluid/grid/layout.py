@@ -69,3 +69,24 @@ class Layout:
             return 0.5 * (values + np.roll(values, 1, axis=axis))
         pad = np.concatenate([np.take(values, [0], axis), values, np.take(values, [-1], axis)], axis)
         return 0.5 * (np.delete(pad, 0, axis) + np.delete(pad, -1, axis))
+
+    def uncentered(self, values: np.ndarray, axis: int) -> np.ndarray:
+        """The transpose of `centered`: of values (n) on the faces."""
+        half = 0.5 * np.asarray(values, np.float64).reshape(self.n)
+        if self.periodic[axis]:
+            return half + np.roll(half, 1, axis=axis)
+        none = np.zeros_like(np.take(half, [0], axis))
+        return np.concatenate([half, none], axis) + np.concatenate([none, half], axis)
+
+    def unfaced(self, values: np.ndarray, axis: int) -> np.ndarray:
+        """The transpose of `faced`: of values on the faces at the centres (n)."""
+        on = 0.5 * np.asarray(values, np.float64).reshape(self.faces(axis))
+        if self.periodic[axis]:
+            return on + np.roll(on, -1, axis=axis)
+        found = np.delete(on, -1, axis) + np.delete(on, 0, axis)
+        ends = [slice(None)] * 3
+        for face, cell in ((0, 0), (-1, -1)):
+            here, there = list(ends), list(ends)
+            here[axis], there[axis] = slice(cell, cell + 1 or None), slice(face, face + 1 or None)
+            found[tuple(here)] += on[tuple(there)]
+        return found

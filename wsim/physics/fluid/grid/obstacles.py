@@ -32,7 +32,7 @@ class Obstacles:
         self.covers = [kernels.covers(dim, a, shapes.kinds, real, module) for a in range(dim)] if self.moving else []
 
     def update(self) -> None:
-        """Where they are at the end of the step."""
+        """Moves the obstacles to where they are at the end of the step."""
         shape = wp.vec3i(*self.layout.nodes())
         self.threads.over(self.nodes, self.phi.size, [shape, self.shapes.table, self.clock], [self.phi])
         for a, kernel in enumerate(self.faces):
@@ -43,5 +43,5 @@ class Obstacles:
             self.threads.over(kernel, out.size, [self.grid, self.shapes.table, self.clock], [out])
 
     def openings(self) -> list[np.ndarray]:
-        """Of the faces of each axis now, on the host."""
+        """Open parts of the faces of each axis now, on the host."""
         return [getattr(self.open, AXES[a]).numpy() for a in range(self.layout.dim)]

@@ -18,6 +18,7 @@ from wsim.physics.fluid.grid.multigrid import AXES, Multigrid
 from wsim.physics.fluid.grid.threads import Threads
 
 MOST = 60                # iterations: the residual falls tenfold in each
+AGAIN = 6                # of a direct solve: it falls by as much as numbers have digits
 
 
 class Conjugate:
@@ -61,7 +62,7 @@ class Pressure:
         self.p, self.r, self.z, self.d, self.w = (work[name][:layout.cells] for name in ("p", "r", "z", "d", "w"))
         self.low, self.high = types(real).vec3(*layout.low), types(real).vec3(*layout.high)
         self.divergence = pressure.divergence(dim, fractions, moving, expansion is not None, real, module)
-        self.multiply = conjugate.multiply(dim, fractions, real, module)
+        self.multiply = (conjugate.refine if "free" in work else conjugate.multiply)(dim, fractions, real, module)
         self.project_kernels = [pressure.project(dim, a, fractions, moving, real, module) for a in range(dim)]
         self.multigrid = Multigrid(threads, layout, open, self.z, self.r, "free" not in work)
         self.direct = Direct(threads, layout, self.z, self.r, (self.w, work["free"])) if "free" in work else None
@@ -75,12 +76,12 @@ class Pressure:
         self.sums = threads.zeros(self.solver.parts, wp.vec2d)
 
     def regions(self, region: wp.array | None, count: int) -> None:
-        """Which cells are sealed from open sides, known before the first frame."""
+        """Regions of cells that are sealed from open sides, known before the first frame."""
         self.region, self.sealed = region, count
         self.multigrid.sealed = count == 1
 
     def find_region(self) -> None:
-        """Of obstacles that move in a sealed box: all cells with an open face are one."""
+        """Finds the region of obstacles that move in a sealed box: all cells with an open face are one."""
         if self.inside:
             self.threads.over(self.inside, self.layout.cells, [self.multigrid.grids[0].table], [self.region])
 
@@ -95,15 +96,25 @@ class Pressure:
         """The pressure p that takes the divergence off u."""
         self.threads.over(self.divergence, self.layout.cells, [self.grid, u, self.open, self.solid, self.expansion,
                                                                  self.multigrid.grids[0].table], [self.r])
+        self.find()
+
+    def find(self) -> None:
+        """The pressure p of the right-hand side r, which becomes what is left of it."""
         self._level()
         self.p.zero_()
         self.solver.sum(self.r, self.r)
         self.solver.conclude(START, self.tolerance)
-        wp.capture_while(self.solver.going, self._iterate)
+        wp.capture_while(self.solver.going, self._refine if self.direct else self._iterate)
+
+    def _refine(self) -> None:
+        s = self.solver
+        self.direct.cycle()                                    # of r into z
+        self.threads.sum(self.multiply, s.parts, [self.multigrid.grids[0].table, self.z], [self.p, self.r, s.part])
+        s.conclude(CHECK, self.tolerance, AGAIN)
 
     def _iterate(self) -> None:
         s, threads = self.solver, self.threads
-        (self.direct or self.multigrid).cycle()                # of r into z
+        self.multigrid.cycle()                                 # of r into z
         s.sum(self.r, self.z)
         s.conclude(TURN)
         threads.over(s.turn, self.layout.cells, [s.numbers, self.z], [self.d])

@@ -19,7 +19,7 @@ from wsim.scene.solids import row
 
 
 def kind(shape: Any) -> str:
-    """Its name: a convex one's, "solid" of a closed mesh, "sheet" of an open one."""
+    """Name of a kind of shape: a convex one's, "solid" of a closed mesh, "sheet" of an open one."""
     if not isinstance(shape, Surface):
         return row(shape).kind
     triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
@@ -27,7 +27,7 @@ def kind(shape: Any) -> str:
 
 
 def closed(triangles: np.ndarray) -> bool:
-    """Whether every edge is of two triangles."""
+    """True if every edge is of two triangles."""
     edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], -1).reshape(-1, 2), axis=1)
     return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all()) and len(triangles) > 0
 
@@ -37,7 +37,7 @@ def kinds(things: list) -> tuple[str, ...]:
 
 
 def half_thickness(shape: Any) -> float:
-    """Of the thinnest part [m], about: volume over area of a mesh."""
+    """Half the thickness of the thinnest part [m], about: volume over area of a mesh."""
     if not isinstance(shape, Surface):
         found = row(shape)
         return min(found.lengths(shape), default=np.inf) * (0.5 if found.kind == "cone" else 1.0)
@@ -69,6 +69,7 @@ class Shapes:
             place=wp.zeros(n, dtype=t.vec3, device=model.device), turn=wp.zeros(n, dtype=t.quat, device=model.device),
             speed=wp.zeros(n, dtype=t.vec3, device=model.device), spin=wp.zeros(n, dtype=t.vec3, device=model.device),
             axes=wp.vec3i(*axes, *(0,) * (3 - len(axes))), dx=model.real(cell))
+        self.shift = np.zeros((n, 3))                          # [m] added to where motions say that they are
         self.pose(0.0, 1.0)
 
     def _code(self, thing: Any) -> int:
@@ -89,7 +90,7 @@ class Shapes:
         first, last = (np.array([thing.motion.at(t) for thing in self.things]) for t in (time, time + dt))
         turns = [rotation.axis_angle(B[:3, :3] @ A[:3, :3].T) for A, B in zip(first, last, strict=True)]
         turn = np.array([angle * axis for axis, angle in turns]).reshape(-1, 3)
-        values = {"place": first[:, :3, 3] - self.corner, "turn": rotation.quaternion(first[:, :3, :3]),
+        values = {"place": first[:, :3, 3] - self.corner + self.shift, "turn": rotation.quaternion(first[:, :3, :3]),
                   "speed": (last[:, :3, 3] - first[:, :3, 3]) / dt, "spin": turn / dt}
         for name, value in values.items():
             getattr(self.table, name).assign(np.ascontiguousarray(value, self.model.dtype))

@@ -13,6 +13,7 @@ from wsim.physics.fluid.grid.multigrid import AXES
 from wsim.physics.fluid.grid.shapes import Shapes
 from wsim.physics.fluid.grid.threads import Threads
 from wsim.physics.fluid.objects import Source
+from wsim.scene.curve import Curve
 
 
 class Sources:
@@ -48,15 +49,18 @@ class Sources:
             if v is not None:
                 velocity[k, :self.layout.dim] = np.asarray(v)[axes]
         self.table.velocity.assign(velocity)
+        self.strengths = [Curve(s.strength.times, np.broadcast_to(np.asarray(new["strength"], np.float64), s.strength.values.shape))
+                          if "strength" in new else s.strength for s, new in zip(self.sources, changed, strict=True)]
+        self.shapes.shift = np.array(now("place")) - [s.place for s in self.sources]
 
     def pose(self, time: float, dt: float) -> None:
         """A frame begins at `time` [s]."""
         self.shapes.pose(time, dt)
-        self.table.strength.assign(np.array([[float(s.strength.at(t)) for t in (time, time + dt)] for s in self.sources],
+        self.table.strength.assign(np.array([[float(s.at(t)) for t in (time, time + dt)] for s in self.strengths],
                                             self.threads.model.dtype))
 
     def emit(self, live: wp.array, clock: wp.array, u: Any) -> None:
-        """What they put into the scalars and into u in a step."""
+        """Puts what sources emit into the scalars and into u in a step."""
         if self.emits:
             self.threads.over(self.emit_kernel, self.layout.cells, [self.grid, self.table, live, clock],
                               [self.scalars.get("smoke"), self.scalars.get("heat"), self.expansion])

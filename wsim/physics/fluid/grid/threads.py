@@ -21,11 +21,11 @@ class Threads:
             wp.launch(kernel, count, inputs, outputs, device=self.model.device)
 
     def blocks(self, count: int) -> int:
-        """Of a sum over `count` rows, which has so many parts."""
+        """Number of blocks of a sum over `count` rows, which has so many parts."""
         return min(-(-count // BLOCK), BLOCKS) if self.cuda else 1
 
     def sum(self, kernel, blocks: int, inputs: list, outputs: list) -> None:
-        """So many blocks of threads, which go over all rows."""
+        """Launches so many blocks of threads, which go over all rows."""
         if self.cuda:
             wp.launch(kernel, blocks * BLOCK, inputs, outputs, device=self.model.device, block_dim=BLOCK)
         else:

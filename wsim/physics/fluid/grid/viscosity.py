@@ -11,7 +11,7 @@ from wsim.physics.fluid.grid.pressure import Conjugate, Pressure
 from wsim.physics.fluid.grid.threads import Threads
 
 MOST = 500               # iterations
-TOLERANCE = 1e-4         # of the change, over what viscosity does in the step
+TOLERANCE = 1e-4         # of the change, over what viscosity does in the step; the fluid's own where that is smaller
 
 
 class Viscosity:
@@ -30,19 +30,19 @@ class Viscosity:
 
     def spread(self, u: Any, live: wp.array, clock: wp.array, part: float) -> None:
         """u after `part` of the step of viscosity."""
-        g, real = self.pressure.grid, self.threads.model.real
+        g, real, tolerance = self.pressure.grid, self.threads.model.real, min(TOLERANCE, self.pressure.tolerance)
         self.threads.over(self.scaled, 1, [live, clock, real(part), g.dx], [self.scale])
         for a, solver in enumerate(self.solvers):
             now = getattr(u, AXES[a])
             p, r, d, w = (self.work[name][:now.size] for name in ("p", "r", "d", "w"))
             rows = [g, self.pressure.low, self.pressure.high, getattr(self.pressure.open, AXES[a])]
             self.threads.sum(self.begin[a], solver.parts, [*rows, now, self.scale], [r, solver.part])
-            solver.conclude(START, TOLERANCE)
+            solver.conclude(START, tolerance)
 
             def iterate(a=a, solver=solver, now=now, rows=rows, r=r, d=d, w=w) -> None:
                 solver.conclude(TURN)
                 self.threads.over(solver.turn, now.size, [solver.numbers, r], [d])
                 self.threads.sum(self.multiply[a], solver.parts, [*rows, d, self.scale], [w, solver.part])
                 solver.step(now, r, d, w)
-                solver.conclude(CHECK, TOLERANCE, MOST)
+                solver.conclude(CHECK, tolerance, MOST)
             wp.capture_while(solver.going, iterate)

@@ -7,7 +7,7 @@ from wsim.usd.stage import Reading, applied
 
 
 def simulated(reading: Reading, prim: Usd.Prim) -> bool:
-    """Whether a body moves by forces: it is enabled and not kinematic."""
+    """True if a body moves by forces: it is enabled and not kinematic."""
     api, start = UsdPhysics.RigidBodyAPI(prim), reading.start
     return api.GetRigidBodyEnabledAttr().Get(start) is not False and not api.GetKinematicEnabledAttr().Get(start)
 

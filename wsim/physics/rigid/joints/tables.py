@@ -63,7 +63,7 @@ def turned(joint: Joint) -> Joint:
 
 
 class Joints:
-    """Of a method (wsim/physics/rigid/method.py): `linked` is the struct, `islands` how many there are."""
+    """The joints of a method (wsim/physics/rigid/method.py): `linked` is the struct, `islands` how many there are."""
 
     def __init__(self, b, method):
         self.model, self.method, self.device = b.model, method, b.model.device
@@ -229,7 +229,7 @@ class Joints:
         return {"joint_error": shift, "joint_angle_error": turn} | ({"joints_broken": float(broken)} if broken else {})
 
     def error(self) -> tuple[float, float]:
-        """By how much locked coordinates are off now, at most: [m], [rad]."""
+        """Error of locked coordinates now, at most: [m], [rad]."""
         now, kind, low = (np.asarray(a.numpy()) for a in (self.linked.now, self.linked.t.kind, self.linked.t.low))
         off = np.where(kind == int(tables.LOCKED), np.abs(now - low), 0.0)
         whole = self.linked.broken.numpy() == 0

@@ -27,7 +27,7 @@ TABLES = ("w", "inverse", "push", "torque", "drag", "spin_drag")
 
 @dataclass
 class Motions:
-    """Of all bodies: centres x relative to their start [m], q (n, 4), momenta p, L."""
+    """The motions of all bodies: centres x relative to their start [m], q (n, 4), momenta p, L."""
 
     x: np.ndarray
     q: np.ndarray
@@ -64,7 +64,7 @@ class Recorded:
         return [self.every, self.q, self.o]
 
     def tables(self) -> list[wp.array]:
-        """What is differentiated by."""
+        """Tables that are differentiated by."""
         return [getattr(self.method.table, name) for name in TABLES]
 
     def step(self, clock: Clock) -> None:
@@ -96,7 +96,7 @@ class Recorded:
         return Motions(x + e, normalized(q + o), p, L)
 
     def places(self, path: str, name: str, world: int) -> Any:
-        """Where a value stands that is none of a body's own; None: nowhere."""
+        """Places of a value that is none of a body's own; None: nowhere."""
         return None
 
     def row(self, path: str, world: int = 0) -> int:
@@ -197,8 +197,8 @@ class BodyGradient:
                    for name, table in zip(TABLES, r.tables(), strict=True)}
 
     def value(self, path: str, name: str, world: int = 0) -> np.ndarray | float:
-        """With respect to a value of a body; velocity and spin: of where the recording begins, which others leave as they are.
-        mass: moments follow it where the scene gives none. inertia: along the axes that the scene gives."""
+        """Gradient with respect to a value of a body; velocity and spin: of where the recording begins, which others leave as
+        they are. mass: moments follow it where the scene gives none. inertia: along the axes that the scene gives."""
         k = self.recorded.row(path, world)
         found = getattr(self, name, None)
         return found(k) if found else self.by[{"force": "push"}.get(name, name)][k]
@@ -211,7 +211,7 @@ class BodyGradient:
         return rotate(s.q[k], m.moments * rotate(conjugate(s.q[k]), self.by_L[k]))
 
     def moments(self, k: int) -> np.ndarray:
-        """By the principal moments."""
+        """Gradient with respect to the principal moments."""
         s, m = self.start, self.recorded.method.masses[k]
         back = conjugate(s.q[k])
         own = rotate(back, s.L[k]) / m.moments                      # omega

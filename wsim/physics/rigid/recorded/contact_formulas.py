@@ -32,7 +32,7 @@ class Touching:
 
 
 def tangents(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """As `tangent` of kernels/rigid/impulse.py."""
+    """Tangents as `tangent` of kernels/rigid/impulse.py."""
     size, zero = np.abs(n.real), np.zeros_like(n[..., 0])
     first = (size[..., 0] > size[..., 1]) & (size[..., 0] > size[..., 2])
     x = np.where(first[..., None], np.stack([-n[..., 2], zero, n[..., 0]], -1), np.stack([zero, -n[..., 2], n[..., 1]], -1))
@@ -101,7 +101,7 @@ class Points:
         return np.where(way == STICKS, t, np.where(way == SLIPS, slips, f[..., 1:]))
 
     def bias(self, t: Touching, mass: np.ndarray, push: np.ndarray) -> np.ndarray:
-        """Of what gives way: the velocity that it is to have, and what it gives way by."""
+        """Bias of what gives way: the velocity that it is to have, and what it gives way by."""
         pull = float(RATE) * t.gap / self.h
         soft = np.where(pull.real > -float(MOST), pull, -float(MOST)) + float(GIVES) * response(t, mass) * push
         return np.where(t.gap.real > 0.0, t.gap / self.h, soft)
@@ -123,7 +123,7 @@ class Points:
         return {"impulse": impulse(t, f - v["before"]), "rest": rest}
 
     def thrown(self, v: Values) -> Values:
-        """Of an impact: pose, entering (momenta before), momentum, f, geo, mass, mu, force (6), e (1)."""
+        """Residual of an impact: pose, entering (momenta before), momentum, f, geo, mass, mu, force (6), e (1)."""
         t, f = touching(v["pose"], v["geo"], self.q, self.skin, v["mass"]), v["f"]
         u = slip(t, v["momentum"], v["mass"], self.given)
         before = slip(t, v["entering"], v["mass"], self.given)[..., 0]

@@ -132,7 +132,7 @@ class ContactParts:
     # backward
 
     def sides(self, bodies: np.ndarray, still: np.ndarray, m: Manifolds) -> list[np.ndarray]:
-        """Of a and of b, of numbers of bodies and of colliders behind them."""
+        """Values of a and of b, of numbers of bodies and of colliders behind them."""
         every = np.concatenate([bodies, still])
         return [every[m.frames[:, s]] for s in (0, 1)]
 
@@ -145,7 +145,7 @@ class ContactParts:
         return np.concatenate(self.sides(values, none, m), axis=1)
 
     def shared(self, m: Manifolds, b: Bodies) -> Values:
-        """What all parts of a substep read."""
+        """Values that all parts of a substep read."""
         mu = self.contacts.table.friction.numpy()[:, 1].astype(np.float64)[m.shapes].mean(axis=1)
         return {"geo": m.geo, "mass": self.both(np.concatenate([b.w[:, None], b.inverse], axis=1), m), "mu": mu[:, None]}
 
@@ -157,7 +157,7 @@ class ContactParts:
         return Points(h, (q[0], q[1]), (Q[0], Q[1]), m.skin, given, pushes, way)
 
     def elements(self, name: str, h: float, kept: dict, f: np.ndarray, values: Values, some: np.ndarray) -> Elements:
-        """Of a part of a substep; some (points,): those that may act."""
+        """Elements of a part of a substep; some (points,): those that may act."""
         m, pushes = kept["made"], some & (f[:, 0] > 0.0)
         each = [self.constants(h, kept, f, pushes, np.full(len(f), way)) for way in (STICKS, SLIPS)]
         sticks, slips = (np.linalg.norm(residual(getattr(one, name), values)[:, 1:], axis=1) for one in each)

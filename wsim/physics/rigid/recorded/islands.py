@@ -30,7 +30,7 @@ def by_quaternion(q: np.ndarray, tau: np.ndarray) -> np.ndarray:
 
 
 class State:
-    """Of all bodies: pose q (n, 4), x (n, 3), momentum (n, 6)."""
+    """The state of all bodies: pose q (n, 4), x (n, 3), momentum (n, 6)."""
 
     def __init__(self, arrays: list, n: int):
         every, q, o = (a.numpy().astype(np.float64) for a in arrays)
@@ -39,7 +39,8 @@ class State:
 
 
 class RecordedIslands(Recorded):
-    """As `Recorded`; parts: what joints and contacts do (`wsim.physics.rigid.recorded.joints.JointParts` and others)."""
+    """The recording of bodies in islands, as `Recorded`; parts: what joints and contacts do
+    (`wsim.physics.rigid.recorded.joints.JointParts` and others)."""
 
     whole = True
 
@@ -56,7 +57,7 @@ class RecordedIslands(Recorded):
         self.begin()
 
     def begin(self) -> None:
-        """Before a backward pass."""
+        """Begins a backward pass."""
         self.total, self.left = Cotangents(np.zeros(0), np.zeros(0)), 0.0
 
     def step(self, clock: Clock) -> None:
@@ -135,7 +136,8 @@ class IslandLosses(Losses):
 
 
 class IslandGradient(BodyGradient):
-    """With those by drives of joints, friction and restitution. more: by tables of joints (joints, 6) and of shapes."""
+    """The gradient with those by drives of joints, friction and restitution. more: by tables of joints (joints, 6) and of
+    shapes."""
 
     def __init__(self, losses: Losses, carried: dict[int, np.ndarray], grads: dict[int, np.ndarray], more: dict):
         super().__init__(losses, carried, grads)

@@ -37,7 +37,7 @@ MOST = np.array([float(PULL)] * 3 + [float(SPIN)] * 3)
 
 @dataclass
 class Tables:
-    """Of all joints, (joints, ...), see kernels/rigid/joint/tables.py; still (joints, 2): sides that are no body."""
+    """Tables of all joints, (joints, ...), see kernels/rigid/joint/tables.py; still (joints, 2): sides that are no body."""
 
     at: tuple[np.ndarray, np.ndarray]
     turn: tuple[np.ndarray, np.ndarray]
@@ -65,7 +65,7 @@ class Placed:
 
 
 def placed(t: Tables, pose: np.ndarray, q: tuple[np.ndarray, np.ndarray], quarters: np.ndarray) -> Placed:
-    """As `lined` of kernels/rigid/joint/frames.py."""
+    """Frames as `lined` of kernels/rigid/joint/frames.py."""
     x, Q, p = [], [], []
     for k in (0, 1):
         x.append(pose[..., 6 * k:6 * k + 3] + (t.apart if k else 0.0))
@@ -151,7 +151,7 @@ def impulses(J: tuple, f: np.ndarray) -> np.ndarray:
 
 
 def left(error: np.ndarray, h: float) -> np.ndarray:
-    """What of an error (..., 6) stays behind a substep."""
+    """Part of an error (..., 6) that stays behind a substep."""
     most = h * MOST
     return np.where(np.abs(error.real) <= most, 0.0, error - np.sign(error.real) * most)
 

@@ -37,7 +37,7 @@ class JointSide:
         return {name: getattr(t, f"anchor_{name}").numpy()[k * t.moving] for name in ("x", "q", "v", "o")}
 
     def sides(self, values: np.ndarray, still: np.ndarray) -> list[np.ndarray]:
-        """Of a and of b, of numbers of bodies; of sides that are no body those of `still` (joints, size)."""
+        """Values of a and of b, of numbers of bodies; of sides that are no body those of `still` (joints, size)."""
         return [np.where(side[:, None] >= 0, values[side], still) for side in self.pairs.T]
 
     def both(self, values: np.ndarray) -> np.ndarray:
@@ -110,7 +110,7 @@ class JointSide:
         self.recorded.left = max(self.recorded.left, float(np.abs(left).max(initial=0.0)))
 
     def collected(self, total: Cotangents) -> dict[str, np.ndarray]:
-        """By tables of bodies, and by "joint stiffness" and others (joints, 6)."""
+        """Gradients by tables of bodies, and by "joint stiffness" and others (joints, 6)."""
         found = dict(total.bodies)
         for name in ("held", "loosed"):
             mass = total.by.get((name, "mass"))
@@ -156,7 +156,7 @@ class JointParts(JointSide):
 
 
 def taken_back(b: Bodies, h: float) -> np.ndarray:
-    """What of the kick of the forces bodies are not placed by (n, 6)."""
+    """Part of the kick of the forces that bodies are not placed by (n, 6)."""
     p, L = b.momentum[:, :3], b.momentum[:, 3:]
     parts = [kicked(p, b.push, b.drag, t) for t in (0.5 * h, h)] + [kicked(L, b.torque, b.spin_drag, t) for t in (0.5 * h, h)]
     return b.placed[:, None] * np.concatenate([parts[0] - parts[1], parts[2] - parts[3]], axis=1)

@@ -26,5 +26,5 @@ def derivatives(function: Callable[[Values], Values], values: Values) -> dict[tu
 
 
 def residual(function: Callable[[Values], Values], values: Values, name: str = "rest") -> np.ndarray:
-    """What a function of that name comes to, (elements, size)."""
+    """Residual by the function of that name, (elements, size)."""
     return function(values)[name].real

@@ -33,13 +33,13 @@ class Elements:
 
     @property
     def rows(self) -> int:
-        """Of one element."""
+        """Number of rows of one element."""
         return self.jac["rest", "f"].shape[1]
 
 
 @dataclass
 class Bodies:
-    """Of all bodies: (n, 3) and (n,); q (n, 4). placed (n,): 1 where the kick of the forces is halved, else 0."""
+    """Values of all bodies: (n, 3) and (n,); q (n, 4). placed (n,): 1 where the kick of the forces is halved, else 0."""
 
     q: np.ndarray
     q_after: np.ndarray
@@ -78,7 +78,7 @@ class Bodies:
 
 @dataclass
 class Cotangents:
-    """Of all bodies (n, 6): poses, momenta; by tables of bodies, and by what elements read (`by`: kind, name)."""
+    """Cotangents of all bodies (n, 6): poses, momenta; by tables of bodies, and by what elements read (`by`: kind, name)."""
 
     pose: np.ndarray
     momentum: np.ndarray
@@ -210,7 +210,7 @@ def turning(turn: np.ndarray) -> np.ndarray:
 
 
 def along(turn: np.ndarray) -> np.ndarray:
-    """By a change of a rotation vector, the turn before the rotation: the left Jacobian."""
+    """Derivative with respect to a change of a rotation vector, the turn before the rotation: the left Jacobian."""
     X, t = skew(turn), np.linalg.norm(turn, axis=-1)[..., None, None]
     third = np.where(t > 1.0e-2, (1.0 - np.sinc(t / np.pi)) / np.where(t > 1.0e-2, t * t, 1.0), 1.0 / 6.0 - t * t / 120.0)
     return np.eye(3) + 0.5 * np.sinc(0.5 * t / np.pi)**2 * X + third * (X @ X)

@@ -19,7 +19,7 @@ STEPS = 32               # Newton steps in a substep, at most
 
 
 class Foreseen(Term):
-    """Where bodies will be when a Newton step is done."""
+    """The places where bodies will be when a Newton step is done."""
 
     def __init__(self, touch, assembly, lanes: int):
         """touch: `wsim.physics.rigid.touch.points.Touch`; lanes: threads that sum over a system."""
@@ -36,17 +36,17 @@ class Foreseen(Term):
         self.touch.model.launch(self.kernels[name], dim, inputs, outputs)
 
     def hold(self, g: float, fresh: bool) -> None:
-        """Before contacts filter the blocks."""
+        """Keeps the blocks before contacts filter them."""
         self.touch.model.copy(self.P, self.assembly.A.P)
 
     def recall(self, clock: Clock) -> None:
-        """Behind a search: planes go as the impulses of the substep before say."""
+        """Moves planes, behind a search, as the impulses of the substep before say."""
         touch, kept = self.touch, self.touch.rigid.part.arrays
         self.run("recall", len(touch.rigid.bodies), [touch.rows, touch.hubs, kept["J"], kept["T"]], [touch.V])
         touch.tell(clock)
 
     def lean(self, clock: Clock) -> None:
-        """Behind a Newton step that is not the last."""
+        """Lets planes give way behind a Newton step that is not the last."""
         touch = self.touch
         contacts, at = touch.contacts, touch.points(clock)
         self.run("lean", touch.room_for, [contacts.table, touch.shapes.of, contacts.slots, at, self.P, touch.V], [touch.rows])
@@ -54,7 +54,7 @@ class Foreseen(Term):
         touch.tell(clock)
 
     def owe(self, clock: Clock) -> None:
-        """Behind the last Newton step: what bodies owe points."""
+        """Gives points what bodies owe them, behind the last Newton step."""
         touch, own = self.touch, self.assembly
         wp.copy(self.V, touch.V)
         own.linearise(1.0 / clock.g)
@@ -62,7 +62,7 @@ class Foreseen(Term):
                  [touch.contacts.push])
 
     def miss(self) -> None:
-        """Behind the last contacts: whether bodies went as foreseen."""
+        """Judges, behind the last contacts, whether bodies went as foreseen."""
         touch = self.touch
         self.run("miss", len(touch.rigid.bodies), [touch.hubs, touch.found, touch.V, self.V, SLOW, MOST],
                  [self.missed, touch.status.word(UNFORESEEN)])
@@ -77,7 +77,8 @@ class Foreseen(Term):
         return [Remedy("grow", more)] if missed else []
 
     def balance(self, clock: Clock) -> None:
-        """Behind the last contacts: what nothing outside holds has the momentum that its pushes say, whatever is not solved."""
+        """Balances momentum, behind the last contacts: what nothing outside holds has the momentum that its pushes say,
+        whatever is not solved."""
         if self.momentum:
             touch, d = self.touch, self.assembly.state.d
             self.run("given", touch.model.points, [touch.contacts.slots, touch.points(clock), self.assembly.A.own], [self.y])

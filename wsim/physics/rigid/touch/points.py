@@ -31,7 +31,7 @@ SLOW = 0.05                  # [m/s] of approach below which nothing is thrown b
 
 
 class Touch:
-    """What bodies offer to those who make contacts of points, as "movers"."""
+    """The offer of bodies to those who make contacts of points, as "movers"."""
 
     def __init__(self, b, rigid):
         """rigid: the method, whose `contacts` are made."""
@@ -193,7 +193,7 @@ class Touch:
                  [c.pose, c.step, c.ball])
 
     def listed(self, clock: Clock) -> None:
-        """Behind a search: contacts in the order of bodies."""
+        """Lists contacts in the order of bodies, behind a search."""
         own, n, rig, slots = self.rows, len(self.rigid.bodies), self.rigid.contacts.rig(), self.contacts.slots
         if self.memory:
             self.run("carry", self.model.points, [self.shapes.of, slots, self.contact.anchor, self.before, self.state.e],

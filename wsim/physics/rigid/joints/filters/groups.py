@@ -99,20 +99,21 @@ class Filters:
 
     @property
     def tables(self) -> dict[str, np.ndarray]:
-        """As kernels/rigid/lists/pairs.py has them."""
+        """Tables as kernels/rigid/lists/pairs.py has them."""
         found = {"group": self.kind, "apart": self.table, "first": self.first, "parted": self.parted}
         return {name: value.astype(np.int32) for name, value in found.items()}
 
 
 def of_contacts(scene: Scene, owned: list[tuple[str, int, str]]) -> Filters | None:
-    """Of shapes of bodies (path of the body, world, path of the collider), then of the colliders that stand."""
+    """Filters of shapes of bodies (path of the body, world, path of the collider), then of the colliders that stand."""
     from wsim.physics.rigid.solids import standing
     still = [(c.path, -1) for c in standing(scene.colliders)]
     return filters(scene, [(path, world) for _, world, path in owned] + still, [body for body, *_ in owned] + [""] * len(still))
 
 
 def filters(scene: Scene, shapes: list[tuple[str, int]], frames: list[str]) -> Filters | None:
-    """Of shapes (path of the collider, world or -1) and the path of the body of each, "" for none. None where all touch."""
+    """Filters of shapes (path of the collider, world or -1) and the path of the body of each, "" for none. None where all
+    touch."""
     kind, table = _kinds(scene, [path for path, _ in shapes])
     pairs = {(i, j) for i, j in _pairs(scene, shapes, frames) if i != j}
     pairs |= {(j, i) for i, j in pairs}

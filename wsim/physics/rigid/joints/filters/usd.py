@@ -11,7 +11,7 @@ COLLIDERS = "colliders"
 
 
 def used(reading: Reading) -> bool:
-    """Whether there are bodies that filters are for."""
+    """True if there are bodies that filters are for."""
     prims = Usd.PrimRange(reading.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
     return any(names.RIGID_BODY in applied(p) and simulated(reading, p) for p in prims)
 

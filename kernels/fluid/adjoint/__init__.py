@@ -1,0 +1,1 @@
+"""Adjoints of the kernels of fluids, file by file; compiled where gradients are asked for."""

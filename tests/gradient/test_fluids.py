@@ -1,0 +1,194 @@
+"""Gradients of fluids, float64, against central differences: every value, fields, both projections, through obstacles."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from wsim.gradient.inputs.by_name import inputs
+from wsim.gradient.recording import Recording
+from wsim.physics.fluid.objects import Fluid, Source
+from wsim.scene import Box, Scene, Sphere
+from wsim.scene.curve import Curve, Motion
+from wsim.simulation.simulation import Simulation
+
+FRAMES, CELL = 3, 0.1
+KEYS = np.array([0.0, 0.07, 0.2])
+NUMBERS = ("lift", "weight", "vorticity", "viscosity", "smoke_decay", "cooling", "side_velocities", "velocity", "smoke",
+           "temperature")
+SOURCE = ("smoke", "temperature", "expansion", "velocity", "place", "strength")
+ALL = [*(f"/air:{name}" for name in NUMBERS), *(f"/fire:{name}" for name in SOURCE), "/held:temperature", "/held:place",
+       "/held:strength", "gravity", "wind"]
+
+
+def fields(n: tuple[int, ...]) -> dict[str, np.ndarray]:
+    """Smooth ones, nowhere constant along an axis: there the derivative of what is kept within the rows around has two sides."""
+    x, y, z = np.moveaxis((np.stack(np.meshgrid(*map(np.arange, n), indexing="ij"), -1) + 0.5) * CELL, -1, 0)
+    deep = n[2] > 1
+    velocity = [0.3 * np.sin(2.0 * y + 1.0 + 0.7 * x + z), 0.4 * np.cos(3.0 * x - 0.6 * y), 0.2 * deep * np.sin(x + 2.0 * y)]
+    return {"velocity": np.stack(velocity, -1), "smoke": 1.0 + 0.5 * np.sin(3.0 * x + 1.0 + z) * np.cos(2.0 * y),
+            "temperature": 5.0 + 3.0 * np.cos(2.1 * x - 1.3 * y + 0.2 * y * y + 0.9 + 0.5 * z)}
+
+
+def air(n=(12, 10, 1), frames: int = FRAMES, **more) -> Scene:
+    """Air with smoke and heat, two sources, and walls that move along themselves."""
+    walls = np.zeros((6, 3))
+    walls[2], walls[4] = (0.3, 0.05, -0.2), (0.1, -0.07, 0.03)       # those at -y and -z, through which some air comes
+    scene = Scene(fps=24.0, frames=frames, gravity=(0.3, -9.81, 0.2), wind=more.pop("wind", (0.2, 0.1, 0.05)))
+    scene.add(Fluid("/air", np.zeros(3), CELL * np.array(n), CELL, **fields(n) | {
+        "sides": ("wind", "open", "closed", "open", "closed", "open"), "side_velocities": walls, "slip": False, "steps": 2,
+        "tolerance": 1e-13, "lift": 1.0 / 293.0, "weight": 0.1, "vorticity": 0.2, "viscosity": 0.01, "smoke_decay": 0.3,
+        "cooling": 0.2} | more))
+    z = 0.5 * CELL * n[2]
+    scene.add(Source("/fire", Sphere(0.17), Motion.at_place((0.53, 0.37, 1.03 * z)), smoke=3.0, temperature=40.0, expansion=0.8,
+                     velocity=(0.13, 0.52, 0.07), strength=Curve(KEYS, np.array([1.0, 0.6, 0.9]))))
+    scene.add(Source("/held", Box((0.12, 0.16, 0.33)), Motion.at_place((0.637, 0.324, 1.07 * z)), temperature=30.0, hold=True))
+    return scene
+
+
+def stirred(**more) -> Scene:
+    """The same round a sphere."""
+    scene = air(**more)
+    scene.collider("/ball", Sphere(0.15), at=(0.6, 0.75, 0.05))
+    return scene
+
+
+def recorded(scene: Scene, frames: int = FRAMES, keep: str = "auto", worlds: int = 1) -> Recording:
+    return Recording(Simulation(scene, device="cpu", precision="float64", worlds=worlds, gradients=True), frames, keep)
+
+
+@cache
+def weights(r: Recording, frames: tuple[int, ...]) -> dict:
+    """Derivatives of a loss by all fields after some frames."""
+    rng = np.random.default_rng(1)
+    return {f: {"/air": {name: rng.normal(size=v.shape) for name, v in r.fluid(f, "/air").items()}} for f in frames}
+
+
+def loss(r: Recording, by: dict) -> float:
+    r.run()
+    return float(sum((r.fluid(f, path)[name] * w).sum() for f, each in by.items() for path, fields_ in each.items()
+                     for name, w in fields_.items()))
+
+
+def slope(r: Recording, name: str, way: np.ndarray, by: dict, size: float) -> tuple[float, float]:
+    """By central differences, and its rounding, of the largest step within twice of which no row is kept within other ones and
+    no air comes in that did not: there the difference over twice the step is the same."""
+    value = inputs(r, [name])[name]
+    base = value.read()
+    for step in size * 10.0 ** np.array([-4.0, -4.5, -5.0, -5.5, -6.0, -6.5]):
+        losses = []
+        for k in (-2, -1, 1, 2):
+            value.write(base + k * step * way)
+            losses.append(loss(r, by))
+        value.write(base)
+        r.run()
+        near, far = (losses[2] - losses[1]) / (2.0 * step), (losses[3] - losses[0]) / (4.0 * step)
+        noise = 4e-16 * sum(map(abs, losses)) / step
+        if abs(near - far) < 5e-9 * abs(near) + noise:
+            break
+    else:
+        raise AssertionError(f"{name}: no step is without a kink")
+    return near, noise
+
+
+@cache
+def one(scene, **more) -> tuple[Recording, dict]:
+    r = recorded(scene(**more))
+    return r, weights(r, (2, FRAMES))
+
+
+def calm(**more) -> Scene:
+    """Air that goes round, without velocities of sources: nothing is constant along an axis."""
+    scene = air(**{"sides": ("periodic",) * 6, "vorticity": 0.0, "viscosity": 0.0} | more)
+    scene.others["Source"][0].velocity = None
+    return scene
+
+
+def compared(r: Recording, by: dict, name: str, rel: float = 1e-8) -> None:
+    path, _, what = name.rpartition(":")
+    found = np.asarray(r.backward(fluids=by).value(path or "/", what))
+    way = np.random.default_rng(3).normal(size=found.shape) if found.ndim else np.ones(())
+    if what in ("velocity", "gravity", "wind", "place") and not r.fluids.method.layouts[0].dim == 3:
+        way[..., 2] = 0.0
+    expected, noise = slope(r, name, way, by, 20.0 * inputs(r, [name])[name].scale())
+    assert abs(expected) > 1e3 * noise or abs(expected) > 1e-5
+    assert float((found * way).sum()) == pytest.approx(expected, rel=rel, abs=noise)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_every_value_has_the_slope_of_differences(name):
+    compared(*one(stirred), name)
+
+
+@pytest.mark.parametrize("name", ["/air:velocity", "/air:smoke", "/air:temperature", "/air:weight", "/fire:place",
+                                  "/fire:strength", "gravity"])
+@pytest.mark.parametrize("scheme", ["maccormack", "bfecc", "linear"])
+def test_schemes_that_carry_there_and_back(scheme, name):
+    compared(*one(calm, advection=scheme, scalar_advection=scheme), name)
+
+
+def deep(**more) -> Scene:
+    scene = air(n=(9, 8, 7), frames=2, **more)
+    scene.collider("/ball", Sphere(0.15), at=(0.6, 0.55, 0.33))
+    return scene
+
+
+@pytest.mark.parametrize("name", ["/air:velocity", "/air:smoke", "/air:viscosity", "/air:vorticity", "/air:side_velocities",
+                                  "/fire:place", "/fire:velocity", "/fire:strength", "/held:place", "wind", "gravity"])
+def test_in_three_dimensions(name):
+    compared(*one(deep), name)
+
+
+def plume(frames: int = 25, **more) -> Scene:
+    """A source under a ball in the open, two steps a frame."""
+    x, y, _ = np.moveaxis((np.stack(np.meshgrid(*map(np.arange, (16, 20, 1)), indexing="ij"), -1) + 0.5) * 0.05, -1, 0)
+    velocity = np.stack([0.06 * np.sin(3.0 * y + x), 0.1 + 0.05 * np.cos(2.0 * x + 0.7 * y), 0.0 * x], -1)
+    scene = Scene(fps=24.0, frames=frames, gravity=(0.0, -9.81, 0.0))
+    scene.add(Fluid("/air", (0.0, 0.0, 0.0), (0.8, 1.0, 0.05), 0.05, steps=2, tolerance=1e-13, velocity=velocity,
+                    smoke=0.5 + 0.3 * np.sin(4.0 * x + 1.3 * y), temperature=1.0 + np.cos(3.0 * x - 2.2 * y + 0.4), **more))
+    scene.add(Source("/fire", Sphere(0.13), Motion.at_place((0.37, 0.21, 0.025)), smoke=2.0, temperature=60.0,
+                     strength=Curve(np.array([0.0, 0.31, 0.78]), np.array([1.0, 0.5, 1.2]))))
+    scene.collider("/ball", Sphere(0.12), at=(0.43, 0.55, 0.025))
+    return scene
+
+
+@pytest.mark.parametrize("name", ["/fire:place", "/fire:strength", "/fire:temperature", "/air:lift", "/air:velocity"])
+def test_fifty_steps_round_an_obstacle(name):
+    compared(*fifty(), name)
+
+
+@cache
+def fifty() -> tuple[Recording, dict]:
+    r = recorded(plume(), 25)
+    return r, weights(r, (25,))
+
+
+def test_checkpoints_give_the_same_bits_in_less_memory():
+    r, less = recorded(plume(9), 9), recorded(plume(9), 9, keep="checkpoints")
+    by = weights(r, (4, 9))
+    assert less.checkpoints and less.bytes < 0.6 * r.bytes
+    whole, parts = r.backward(fluids=by), less.backward(fluids=by)
+    for path, name in (("/fire", "place"), ("/fire", "strength"), ("/air", "velocity"), ("/air", "lift")):
+        assert np.array_equal(whole.value(path, name), parts.value(path, name))
+
+
+def test_a_recorded_run_is_the_plain_one_to_the_bit():
+    r, plain = recorded(stirred()), Simulation(stirred(), device="cpu", precision="float64")
+    r.run()
+    for _ in range(FRAMES):
+        plain.step()
+    now, then = (sim.plan.method("fluid").arrays(0) for sim in (r.sim, plain))
+    assert all(np.array_equal(now[name], then[name]) for name in then)
+
+
+def test_the_adjoint_solve_meets_the_tolerance_and_says_so():
+    r, by = one(stirred)
+    r.backward(fluids=by)
+    assert 0.0 < r.residuals["pressure adjoint"] < 1e-13
+
+
+def test_worlds_are_apart():
+    r = recorded(plume(2), 2, worlds=2)
+    found = r.backward(fluids={2: {("/air", 1): {"smoke": np.ones((16, 20, 1))}}})
+    assert found.value("/fire", "smoke", 1) > 0.0 and found.value("/fire", "smoke", 0) == 0.0
+    assert np.any(found.value("/air", "velocity", 1)) and not np.any(found.value("/air", "velocity", 0))

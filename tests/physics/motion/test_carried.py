@@ -1,0 +1,79 @@
+"""Pins and colliders carried by splines with one key a second: what they carry converges with the order of the integrator."""
+
+import numpy as np
+import pytest
+
+from wsim.scene import Box, Scene
+from wsim.scene.curve import Curve, Motion
+from wsim.simulation.simulation import Simulation
+
+DOUBLE = {"device": "cpu", "precision": "float64"}
+TIMES, PLACES = np.arange(4.0), np.array([[0.0, 0, 0], [0.3, 0.2, 0], [-0.1, 0.4, 0.2], [0.2, 0.1, 0.1]])
+FRAMES, FPS, OMEGA, LENGTH = 26, 10.0, 7.0, 0.5
+
+
+def carried(substeps: int, integrator: str, solver: str) -> Scene:
+    """A point on a spring whose other end is carried."""
+    scene = Scene(fps=FPS, frames=FRAMES, substeps=substeps, integrator=integrator, solver=solver)
+    net = scene.net("/net", [[0.0, 0, 0], [0.0, -0.6, 0]], [[0, 1]], [OMEGA**2], [1.0, 1.0], lengths=[LENGTH])
+    scene.pin("/pin", net, [0], motion=Motion.through(TIMES, PLACES))
+    return scene
+
+
+def exact() -> tuple[np.ndarray, np.ndarray]:
+    """Place and velocity of the free point at the end, from key to key by SciPy."""
+    integrate = pytest.importorskip("scipy.integrate")
+    path, g = Curve(TIMES, PLACES, "catmull_rom"), np.array([0.0, -9.81, 0.0])
+    state, end = np.array([0.0, -0.6, 0, 0, 0, 0]), FRAMES / FPS
+
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        d = y[:3] - path.at(t)
+        return np.concatenate([y[3:], g - OMEGA**2 * (1.0 - LENGTH / np.linalg.norm(d)) * d])
+    for a, b in zip(TIMES[:-1], np.minimum(TIMES[1:], end), strict=True):
+        state = integrate.solve_ivp(rate, (a, b), state, rtol=1e-12, atol=1e-13, method="DOP853").y[:, -1]
+    return state[:3], state[3:]
+
+
+@pytest.mark.parametrize(("integrator", "solver", "order", "least"), [
+    ("leapfrog", "explicit", 2, 8), ("rk4", "explicit", 2, 8), ("backward_euler", "xpbd", 1, 64), ("bdf2", "implicit", 2, 16),
+    ("implicit_midpoint", "implicit", 2, 8), ("sdirk3", "implicit", 3, 8)])
+def test_what_hangs_on_a_spline_converges_with_the_order_of_the_integrator(integrator, solver, order, least):
+    x, v = exact()
+    errors = []
+    for substeps in (least, 2 * least, 4 * least):
+        sim = Simulation(carried(substeps, integrator, solver), **DOUBLE)
+        sim.run(FRAMES)
+        errors.append((np.abs(sim.positions("/net")[1] - x).max(), np.abs(sim.velocities("/net")[1] - v).max()))
+    seen = np.log2(np.array(errors)[:-1] / np.array(errors)[1:])
+    assert seen[-1].min() > order - 0.25, (errors, seen)
+    at_end = Motion.through(TIMES, PLACES).velocities(FRAMES / FPS)[0][0]
+    np.testing.assert_allclose(sim.velocities("/net")[0], at_end, atol=1e-12)       # of the pinned point: the curve's
+    np.testing.assert_allclose(sim.positions("/net")[0], Motion.through(TIMES, PLACES).at(FRAMES / FPS)[:3, 3], atol=1e-12)
+
+
+def table(substeps: int, integrator: str, solver: str, way: np.ndarray) -> Simulation:
+    """A point that lies on a rough table, carried along `way`."""
+    scene = Scene(fps=FPS, frames=FRAMES, substeps=substeps, integrator=integrator, solver=solver)
+    scene.net("/net", [[0.0, 0.5, 0], [0.5, 0.5, 0]], [[0, 1]], [1e-9], [1.0], static_friction=2.0, dynamic_friction=2.0)
+    scene.collider("/table", Box((5.0, 0.5, 5.0)), motion=Motion.through(TIMES, way), static_friction=2.0, dynamic_friction=2.0,
+                   thickness=0.0)
+    return Simulation(scene, **DOUBLE)
+
+
+@pytest.mark.parametrize(("integrator", "solver"), [("leapfrog", "explicit"), ("backward_euler", "xpbd"), ("bdf2", "xpbd")])
+@pytest.mark.parametrize("axis", [0, 1], ids=["along", "up"])
+def test_velocities_and_impulses_of_a_carried_table_converge_to_those_of_its_curve(integrator, solver, axis):
+    """The impulse that the point has got is m (v + g t): along by friction, up by the contact itself."""
+    way = np.zeros((4, 3))
+    way[:, axis] = 0.0, 0.4, -0.3, 0.5                         # at most 6.8 m/s^2 in between: it stays on the table
+    curve, errors = Motion.through(TIMES, way), []
+    for substeps in (8, 16, 32):
+        sim = table(substeps, integrator, solver, way)
+        off = []
+        for frame in range(FRAMES):
+            sim.step()
+            if frame not in (9, 10, 19, 20):                   # where the curve's acceleration jumps
+                off.append(np.abs(sim.velocities("/net")[0] - curve.velocities(sim.time)[0][0]).max())
+        errors.append(max(off))
+    seen = np.log2(np.array(errors)[:-1] / np.array(errors)[1:])
+    assert errors[-1] < 0.05 and seen.min() > 0.8, (errors, seen)

@@ -1,0 +1,1 @@
+"""Gradients of fluids: imported where a simulation has them."""
