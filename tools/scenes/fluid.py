@@ -102,11 +102,15 @@ def cavity() -> str:
         shown("Lid", (1.0, 0.02, 0.05), (0.5, 1.01, 0.0), "The lid, only to be seen."), view(0.5, 0.5, 5.0)], frames=144)
 
 
+def spot(*values: float) -> str:
+    return "(" + ", ".join(number(value) for value in values) + ")"
+
+
 def dam_break() -> str:
     low, middle = (-0.6, 0.0, -0.18), (-0.24, 0.48, 0.18)
     water = block("Cube", "Water", 'uniform token purpose = "guide"\ndouble size = 1\n'
-                  f"double3 xformOp:translate = ({', '.join(number(0.5 * (a + b)) for a, b in zip(low, middle, strict=True))})\n"
-                  f"float3 xformOp:scale = ({', '.join(number(b - a) for a, b in zip(low, middle, strict=True))})\n"
+                  f"double3 xformOp:translate = {spot(*(0.5 * (a + b) for a, b in zip(low, middle, strict=True)))}\n"
+                  f"float3 xformOp:scale = {spot(*(b - a for a, b in zip(low, middle, strict=True)))}\n"
                   'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]', '["WsimLiquidSourceAPI"]',
                   "What is full of water when the scene starts. wsim:liquid:role = \"source\" would keep it full.")
     pillar = solid("Cube", "Pillar", "double size = 1\ndouble3 xformOp:translate = (0.18, 0.2, 0)\n"
@@ -114,7 +118,7 @@ def dam_break() -> str:
                    'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]',
                    comment="An obstacle, to a part of a cell.")
     box = tank(low, (0.6, 0.72, 0.18), 0.04, sides(*["closed"] * 6).replace("fluid", "liquid"),
-               "The box in which water moves, on a grid of cubes, between walls. Its particles are written as Points beside it.")
+               "The box in which water moves, on a grid of cubes, between walls. Its particles are written beside it.")
     drops = block("Points", "Tank_drops", "color3f[] primvars:displayColor = [(0.1, 0.32, 0.6)]", comment="What a result "
                   "puts its particles into: it is made where there is none. Its colour is theirs.")
     return scene("A column of water collapses, and runs against a pillar and up the wall.", [
