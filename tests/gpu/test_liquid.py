@@ -13,7 +13,8 @@ from wsim.simulation.simulation import Simulation
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a GPU")
 
 
-def dam(device: str, frames: int = 6, *, ball: bool = False, tap: bool = False, precision: str = "float32", **more) -> Simulation:
+def dam(device: str, frames: int = 6, *, ball: bool = False, tap: bool = False, precision: str = "float32",
+        **more) -> Simulation:
     scene = tank((24, 20, 16), [(0, 0, 0), (0.25, 0.5, 0.5)], frames=frames, **more)
     if ball:
         M = np.tile(np.eye(4), (2, 1, 1))

@@ -13,8 +13,8 @@ from wsim.usd.result.kinds.beside import Beside
 
 
 def copied(layer: Sdf.Layer, stage: Usd.Stage, restart: Any, things: Sequence[str], beside: Beside) -> set[float]:
-    """Copies all samples up to the restart at and below the prims `things`, and of their volumes and particles, into the stage's
-    edit target; returns their codes.
+    """Copies all samples up to the restart at and below the prims `things`, and of their volumes and particles, into the
+    stage's edit target; returns their codes.
 
     layer       that of the result `restart` (`wsim.usd.result.restart.Restart`)
     Prims that the earlier result made are made again. Raises SceneError where a file that a sample names is missing.
