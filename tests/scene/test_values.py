@@ -136,6 +136,7 @@ OWNERS = {"Cloth": (Cloth, Fabric), "Springs": (Springs,), "Soft": (Soft, Bulk),
           "Load": (Load,), "Scene": (Scene,), "Body": (Body,), "Joint": (Joint,), "Fluid": (Fluid,), "Source": (Source,),
           "Liquid": (Liquid,)}
 HELD = {"mass": "masses", "force": "curve", "traction": "curve", "shift": "motion", "targets": "motion", "points": "shape",
+        **dict.fromkeys(("keys", "tangents", "handles"), "motion"),
         "positions": "points", "rest_shape": "points", "static_friction": "colliders", "dynamic_friction": "colliders",
         "restitution": "colliders", "stiffness": "drives", "damping": "drives", "target": "drives"}
 

@@ -9,6 +9,7 @@ from math import cos, pi, radians, sin
 
 import numpy as np
 
+from tools.scenes.animation import ANIMATION_SCENES
 from tools.scenes.bodies import BODY_SCENES
 from tools.scenes.cloth import SOFT, cloth, looks, material, thickness
 from tools.scenes.fluid import FLUID_SCENES
@@ -133,4 +134,4 @@ def shirt() -> str:
 
 
 SCENES = {"hanging_cloth": hanging_cloth, "flag": flag, "cape": cape, "tablecloth": tablecloth, "shirt": shirt,
-          **SOFT_SCENES, **RIGID_SCENES, **BODY_SCENES, **FLUID_SCENES}
+          **SOFT_SCENES, **RIGID_SCENES, **BODY_SCENES, **FLUID_SCENES, **ANIMATION_SCENES}

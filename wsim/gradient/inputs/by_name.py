@@ -9,7 +9,8 @@
     /World/Load:force, :traction             of a load [N], [Pa]: (3,), or (keys, 3) of its curve
     gravity, wind                            (3,) [m/s^2], [m/s] of the whole scene
     air_drag                                 () [1/s]
-    friction, restitution, colliders' shifts: `wsim.gradient.inputs.contact`; of rigid bodies: `wsim.gradient.inputs.bodies`, of fluids: `.fluids`
+    friction, restitution, colliders' shifts: `wsim.gradient.inputs.contact`; keys, tangents and easing handles of pins and
+    colliders: `wsim.gradient.inputs.path`; of rigid bodies: `wsim.gradient.inputs.bodies`, of fluids: `.fluids`
 
 Elements are springs and tets in the author's order, hinges in the solver's. With several worlds a value may have one axis more,
 the worlds, in front; without it all worlds share the value. Points that are one particle (a weld, a tie) have one place: that
@@ -22,7 +23,8 @@ from wsim.gradient.inputs.base import PART, Input, Start
 from wsim.gradient.inputs.bodies import BodyValue
 from wsim.gradient.inputs.contact import Shift, Touch
 from wsim.gradient.inputs.controls import Actuation, Loaded, Targets
-from wsim.gradient.inputs.fluids import FluidValue
+from wsim.gradient.inputs.fluids import FluidValue, Surface
+from wsim.gradient.inputs.path import Path
 from wsim.gradient.inputs.rest import Rest
 from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
 from wsim.scene.methods import named
@@ -161,7 +163,8 @@ def inputs(recording, names) -> dict[str, Input]:
 
 KINDS: dict[str, type[Input]] = {"start": Start, "whole": Whole, "density": Density, "mass": Mass, "material": MaterialInput,
                                  "rest": Rest, "actuation": Actuation, "load": Loaded, "targets": Targets, "contact": Touch,
-                                 "shift": Shift, "body": BodyValue, "fluid": FluidValue}               # by `Value.gradient`
+                                 "shift": Shift, "surface": Surface, "path": Path, "body": BodyValue,
+                                 "fluid": FluidValue}                                        # by `Value.gradient`
 
 
 def _input(recording, name: str) -> Input:

@@ -159,11 +159,12 @@ class Source(Compared):
 
     @property
     def place(self) -> np.ndarray:
-        """Where its frame begins, world (3,) [m]."""
+        """Place where its frame begins, world (3,) [m]."""
         return self.motion.values[0, :3, 3].copy()
 
     def taken(self, name: str):
-        """A value of the table (`wsim.scene.values.table`): strength is the values of its keys, (keys,); velocity may be None."""
+        """A value of the table (`wsim.scene.values.table`): strength is the values of its keys, (keys,); velocity may be
+        None."""
         return self.strength.values if name == "strength" else getattr(self, name)
 
     def given(self, name: str, value) -> "Source":

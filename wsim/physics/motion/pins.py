@@ -46,7 +46,7 @@ class _Pinned:
         return self.locals @ rate[:3, :3].T + rate[:3, 3]
 
     def table(self, times: np.ndarray) -> np.ndarray:
-        """As `targets`, at times (n,) [s]: (n, points, 3)."""
+        """Places as `targets` has them, at times (n,) [s]: (n, points, 3)."""
         if getattr(self.motion, "plain", True):
             return np.stack([self.targets(time) for time in times])
         M = self.motion.sampled(times)
@@ -101,7 +101,8 @@ class Pins(Method):
         self.offers = {"pins": self} | {f"{kind} pins": self for kind, group in self.groups.items() if group}
 
     def add_carried(self, t, real, module) -> None:
-        """Of curves other than linear keys the velocity is known: at the end of a frame points have it, to no order."""
+        """Adds velocities of curves other than linear keys, which are known: at the end of a frame points have it, to no
+        order."""
         self.carry = kernels.carry_pins(real, module)
         places = np.concatenate([p.places for p in self.carried])
         self.at_ends = self.model.upload(places.astype(np.int32), int)

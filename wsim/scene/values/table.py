@@ -84,8 +84,11 @@ VALUES: list[Value] = [
     *(Value(owner, "motion", "m", ANY, "motion", each=Each("frames", Theta("plain"), 0.05), why=f"it is no array; take {what}")
       for owner, what in (("Pin", "targets"), ("Collider", "shift"))),
     Value("Pin", "targets", "m", ANY, "array", live=False, gradient="targets"),
+    *(Value(owner, name, unit, ANY, "array", live=False, gradient="path") for owner in ("Pin", "Collider") for name, unit in (
+        ("keys", "m"), ("tangents", "m/s"), ("handles", "1"))),
     Value("Collider", "points", "m", ANY, "array", live=False, why="the shape of a mesh that deforms has none yet"),
     Value("Collider", "shift", "m", ANY, "array", live=False, gradient="shift"),
+    Value("Collider", "surface", "m/s", ANY, "array", live=False, gradient="surface"),
 
     *(Value("Body", name, unit, ANY, "vector", fit=PLAIN, gradient="body") for name, unit in (
         ("velocity", "m/s"), ("spin", "rad/s"), ("force", "N"), ("torque", "N m"))),
