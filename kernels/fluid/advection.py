@@ -27,6 +27,32 @@ SCHEMES = ("linear", "cubic")
 BOUNDS = (128, 8)        # threads of a block, blocks of a processor: 64 registers a thread; two scalars would take 122
 
 
+def tiles(dim: int, shape: tuple[int, ...]) -> int:
+    """Threads of a kernel whose threads are `tiled` over an array of this shape."""
+    return 128 * shape[0] * -(-shape[1] // 4) * -(-shape[2] // 32) if dim == 3 else shape[0] * shape[1]
+
+
+@cache
+def tiled(dim: int, real):
+    """Function (c, shape) -> place of thread c, 32 rows along the last axis by four along the one before in a block of 128:
+    what its threads read is near to one another. Flat: row by row. Some are beyond the shape."""
+    f = functions(dim, real)
+
+    @wp.func
+    def tiled(c: int, shape: wp.vec3i):
+        if wp.static(dim == 3):
+            deepest = (shape[2] + 31) >> 5
+            wide = (shape[1] + 3) >> 2
+            b = c >> 7
+            i = b // deepest
+            k = b - i * deepest
+            a = i // wide
+            return wp.vec3i(a, 4 * (i - a * wide) + ((c >> 5) & 3), 32 * k + (c & 31))
+        return f.place(c, shape)
+
+    return tiled
+
+
 @cache
 def standing(dim: int, axis: int, real):
     """Function (g, u, i) -> velocity [m/s] at face i of an axis (-1: in the middle of cell i): its own component, and means of
@@ -111,10 +137,65 @@ def left(real):
 
 
 @cache
-def carried(dim: int, axis: int, scheme: str, clamped: bool, real):
-    """Function (g, q, X) -> a component (axis 0 .. dim - 1) or scalar (axis -1) at X. scheme: "linear" or "cubic"."""
+def walled(dim: int, axis: int, real):
+    """Function (g, q, shape, s) -> a component at s rows, by cubics that go on beyond walls to which air sticks: along a wall
+    odd about its velocity, across it even, since what flows along does not grow there."""
+    t, S, f = types(real), structs(real), functions(dim, real)
+
+    @wp.func
+    def mirrored(g: S.Grid, b: int, j: int, n: int):
+        """(row that stands for row j of n along axis b, side that it is beyond: 0 none, 1 low, 2 high)."""
+        row = beside(j, n, g.periodic[b])
+        side = int(0)
+        if g.periodic[b] == 0 and row != j:
+            bit = wp.where(j < 0, 1, 2)
+            if (g.outside[b] & bit) == 0:
+                side = bit
+                row = wp.where(j < 0, -1 - j, 2 * n - 1 - j)
+                if b == wp.static(axis):
+                    row = wp.where(j < 0, -j, 2 * (n - 1) - j)
+        return row, side
+
+    @wp.func
+    def walled(g: S.Grid, q: wp.array(dtype=real), shape: wp.vec3i, at: t.vec3):
+        s = t.vec3(at[0], at[1], at[2])
+        for b in range(wp.static(dim)):
+            if g.periodic[b] == 0:
+                low = wp.where(b != wp.static(axis) and (g.outside[b] & 1) == 0, real(-0.5), real(0.0))
+                high = wp.where(b != wp.static(axis) and (g.outside[b] & 2) == 0, real(0.5), real(0.0))
+                s[b] = wp.clamp(s[b], low, real(shape[b] - 1) + high)
+        i = f.floors(s)
+        if f.inner(i, shape):
+            return f.cubic(q, shape, g.periodic, s)
+        sum = real(0.0)
+        count = int(wp.static(4 ** dim))
+        for m in range(count):
+            value = real(1.0)
+            wall = real(0.0)
+            weight = real(1.0)
+            row = wp.vec3i()
+            for b in range(wp.static(dim)):
+                a = (m >> (2 * b)) & 3
+                w = f.weights(s[b] - real(i[b]))
+                weight = weight * w[a]
+                j, side = mirrored(g, b, i[b] - 1 + a, shape[b])
+                row[b] = j
+                if side != 0 and b != wp.static(axis):
+                    v = g.air[2 * b + side]
+                    wall = real(2.0) * v[wp.static(axis)] - wall
+                    value = -value
+            sum += weight * (wall + value * q[flat(row, shape)])
+        return sum
+
+    return walled
+
+
+@cache
+def carried(dim: int, axis: int, scheme: str, clamped: bool, walls: bool, real):
+    """Function (g, q, X) -> a component (axis 0 .. dim - 1) or scalar (axis -1) at X. scheme: "linear" or "cubic". walls: see
+    `walled`."""
     t, S, f, gone = types(real), structs(real), functions(dim, real), left(real)
-    cubic = scheme == "cubic"
+    cubic, beyond = scheme == "cubic", walled(dim, axis, real) if walls else None
 
     @wp.func
     def carried(g: S.Grid, q: wp.array(dtype=real), X: t.vec3):
@@ -128,7 +209,9 @@ def carried(dim: int, axis: int, scheme: str, clamped: bool, real):
                 value = wind[wp.static(max(axis, 0))]
         else:
             s = X - f.offset(wp.static(axis))
-            if wp.static(cubic and clamped):
+            if wp.static(cubic and walls):
+                value = beyond(g, q, shape, s)
+            elif wp.static(cubic and clamped):
                 value = f.limited(q, shape, g.periodic, s)
             elif wp.static(cubic):
                 value = f.cubic(q, shape, g.periodic, s)
@@ -140,11 +223,13 @@ def carried(dim: int, axis: int, scheme: str, clamped: bool, real):
 
 
 @cache
-def advect(dim: int, axis: int, scheme: str, clamped: bool, third: bool, pushed: str, real, module):
-    """Kernel over tiles of the rows of a component (axis 0 .. dim - 1), or of a scalar (axis -1): q_out = q followed back over
-    `part` of the step clock[0] [s]. pushed: what lifts and weighs there, see `forces.lift`; "": nothing."""
+def advect(dim: int, axis: int, how: tuple[str, bool, bool, bool], pushed: str, real, module):
+    """Kernel over tiles of the rows of a component (axis 0 .. dim - 1), or of a scalar (axis -1): q_out = q followed back
+    over `part` of the step clock[0] [s]. how: scheme, whether clamped, with walls, a way back of order 3. pushed: what lifts
+    and weighs there, see `forces.lift`; "": nothing."""
     S, f, F = structs(real), functions(dim, real), lifting(real)
-    back, at = backtrace(dim, axis, real, third), carried(dim, axis, scheme, clamped, real)
+    scheme, clamped, walls, third = how
+    back, at, at_place = backtrace(dim, axis, real, third), carried(dim, axis, *how[:3], real), tiled(dim, real)
     push = lift(dim, axis, pushed, real) if pushed else None
 
     def advect(g: S.Grid, u: S.Faces, q: wp.array(dtype=real), lifting: F, clock: wp.array(dtype=real), part: real,
@@ -153,15 +238,15 @@ def advect(dim: int, axis: int, scheme: str, clamped: bool, third: bool, pushed:
         shape = wp.vec3i(g.n[0], g.n[1], g.n[2])
         if wp.static(axis >= 0):
             shape = f.faces(g, wp.static(axis))
-        i = f.tiled(c, shape)
-        if f.holds(i, shape):
+        i = at_place(c, shape)
+        if i[1] < shape[1] and i[2] < shape[2]:
             h = part * clock[0]
             value = at(g, q, back(g, u, i, h))
             if wp.static(bool(pushed)):
                 value += h * push(g, lifting, i)
             q_out[flat(i, shape)] = value
 
-    which = f"{'c' if axis < 0 else 'xyz'[axis]}_{scheme}{'_clamped' * clamped}{'_rk3' * third}"
+    which = f"{'c' if axis < 0 else 'xyz'[axis]}_{scheme}{'_clamped' * clamped}{'_walls' * walls}{'_rk3' * third}"
     name = f"advect_{which}{'_' * bool(pushed)}{pushed}_{f.name}"
     return wp.kernel(advect, name=name, module=module, enable_backward=False, launch_bounds=BOUNDS)
 
@@ -170,12 +255,12 @@ def advect(dim: int, axis: int, scheme: str, clamped: bool, third: bool, pushed:
 def advect_both(dim: int, scheme: str, third: bool, real, module):
     """Kernel over tiles of cells: `advect` of two scalars, which have the way back in common."""
     S, f = structs(real), functions(dim, real)
-    back, at = backtrace(dim, -1, real, third), carried(dim, -1, scheme, True, real)
+    back, at, at_place = backtrace(dim, -1, real, third), carried(dim, -1, scheme, True, False, real), tiled(dim, real)
 
     def advect_both(g: S.Grid, u: S.Faces, q: wp.array(dtype=real), r: wp.array(dtype=real), clock: wp.array(dtype=real),
                     part: real, q_out: wp.array(dtype=real), r_out: wp.array(dtype=real)):
-        i = f.tiled(wp.tid(), g.n)
-        if f.holds(i, g.n):
+        i = at_place(wp.tid(), g.n)
+        if i[1] < g.n[1] and i[2] < g.n[2]:
             X = back(g, u, i, part * clock[0])
             c = flat(i, g.n)
             q_out[c] = at(g, q, X)

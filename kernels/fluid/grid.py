@@ -81,11 +81,6 @@ def flat(i: wp.vec3i, shape: wp.vec3i):
     return (i[0] * shape[1] + i[1]) * shape[2] + i[2]
 
 
-def tiles(dim: int, shape: tuple[int, ...]) -> int:
-    """Threads of a kernel whose threads are `tiled` over an array of this shape."""
-    return 128 * shape[0] * -(-shape[1] // 4) * -(-shape[2] // 32) if dim == 3 else shape[0] * shape[1]
-
-
 @cache
 def functions(dim: int, real) -> SimpleNamespace:
     """place(c, shape), faces(g, axis) -> shape, linear and cubic (q, shape, periodic, s) -> value at s rows, velocity(g, u, x),
@@ -100,24 +95,6 @@ def functions(dim: int, real) -> SimpleNamespace:
             return place_of(c, shape)
         i = c // shape[1]
         return wp.vec3i(i, c - i * shape[1], 0)
-
-    @wp.func
-    def tiled(c: int, shape: wp.vec3i):
-        """Place of thread c, 32 rows along the last axis by four along the one before in 128 threads in a row; within where
-        `holds` says so. Flat: as `place`."""
-        if wp.static(deep):
-            deepest = (shape[2] + 31) >> 5
-            wide = (shape[1] + 3) >> 2
-            b = c >> 7
-            i = b // deepest
-            k = b - i * deepest
-            a = i // wide
-            return wp.vec3i(a, 4 * (i - a * wide) + ((c >> 5) & 3), 32 * k + (c & 31))
-        return place(c, shape)
-
-    @wp.func
-    def holds(i: wp.vec3i, shape: wp.vec3i):
-        return i[1] < shape[1] and i[2] < shape[2]
 
     @wp.func
     def faces(g: S.Grid, axis: int):
@@ -311,4 +288,4 @@ def functions(dim: int, real) -> SimpleNamespace:
 
     return SimpleNamespace(place=place, faces=faces, linear=linear, cubic=cubic, around=around, offset=offset,
                            velocity=velocity, row=row, held=held, weights=weights, rows=rows, limited=limited,
-                           tiled=tiled, holds=holds,                            name=f"{dim}d_{t.name}")
+                           floors=floors, inner=inner, name=f"{dim}d_{t.name}")

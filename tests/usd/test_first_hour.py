@@ -59,6 +59,8 @@ STAGES = {
     "no material": (cloth() + pin("0"), RANGE, "/cloth", "no physics material is bound", "bind one by material:binding"),
     "no frame rate and no range": (BODY + pin("0"), 'metersPerUnit = 1\nupAxis = "Y"\n', "scene.usda",
                                    "has no startTimeCode and endTimeCode", "author both and timeCodesPerSecond, or"),
+    "a range and no frame rate": (BODY + pin("0"), RANGE.replace("timeCodesPerSecond = 24\n", ""), "scene.usda",
+                                  "has no frame rate: 24 frames are a second", "author timeCodesPerSecond"),
     "a pin on a point that is not": (BODY + pin("0, 4"), RANGE, "/pin", "point 4 of /cloth", "count from 0"),
     "a pin without points": (BODY + 'def PhysicsAttachment "pin" {\nrel physics:src0 = </cloth>\n}\n', RANGE, "/pin",
                              "holds no point", ""),

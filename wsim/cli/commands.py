@@ -213,11 +213,12 @@ def check(args) -> int:
     from wsim.scene import SceneError
     from wsim.scene.check.scene import check as examine
     from wsim.scene.skin import held
+    from wsim.usd.settings import without_rate
 
     scene, problems = None, []
     try:
         scene = _load(args)
-        problems = list(dict.fromkeys([*scene.notes, *examine(scene)]))
+        problems = list(dict.fromkeys([*scene.notes, *examine(scene), *without_rate(args.scene)]))
         if not any(problem.fatal for problem in problems):
             held(scene)
     except SceneError as error:

@@ -9,11 +9,11 @@ import math
 import numpy as np
 from pxr import Gf, Usd
 
-from wsim.scene import Scene
+from wsim.scene import Problem, Scene
 from wsim.usd.attributes import EXACT, author, decimal, read
 from wsim.usd.load_varying import attributes_of, vary
 from wsim.usd.names import GRAVITY, PHYSICS_SCENE, STEPS_HINT, WSIM_SCENE, fields, row
-from wsim.usd.stage import Reading, Units
+from wsim.usd.stage import Reading, Units, open_stage
 
 FIELDS = ("substeps", "iterations", "solver", "integrator", *fields("Scene"))
 
@@ -38,6 +38,15 @@ def note_range(reading: Reading) -> None:
     if not reading.stage.HasAuthoredTimeCodeRange():
         reading.warn(layer.realPath or layer.identifier, f"has no startTimeCode and endTimeCode: {Scene().frames} frames are "
                      f"simulated, {reading.units.fps:g} a second; author both and timeCodesPerSecond, or give --frames")
+
+
+def without_rate(path) -> list[Problem]:
+    """A warning where a stage says when it begins and ends and not how fast it plays, which USD takes for 24 a second."""
+    stage = open_stage(str(path))
+    said = any(stage.HasAuthoredMetadata(name) for name in ("timeCodesPerSecond", "framesPerSecond"))
+    return [] if said or not stage.HasAuthoredTimeCodeRange() else [Problem(
+        str(path), f"has no frame rate: {stage.GetTimeCodesPerSecond():g} frames are a second, as USD has it; author "
+        "timeCodesPerSecond", fatal=False)]
 
 
 def load_settings(reading: Reading, prims: list[Usd.Prim]) -> Scene:

@@ -7,6 +7,7 @@
     /World/Fire:smoke, :temperature, :expansion   () as of `Source`
     /World/Fire:velocity, :place                  (3,) [m/s], [m]: where its motion begins, all of which is shifted
     /World/Fire:strength                          (keys,) of its curve, linear between the ends of frames
+    /World/Ball:surface                           (frames, 2, 3) [m/s], [rad/s], see `Surface`
 """
 
 import numpy as np
@@ -14,6 +15,7 @@ import warp as wp
 
 from wsim.gradient.inputs.base import PART, Input
 from wsim.physics.fluid.measure import NAMES
+from wsim.scene.values.coverage import refuse
 
 SCALARS = {"smoke": "smoke", "temperature": "heat"}
 
@@ -27,11 +29,11 @@ class FluidValue(Input):
 
     @property
     def own(self) -> bool:
-        """Whether it is a fluid's."""
+        """True if it is a fluid's."""
         return self.row.owner == "Fluid"
 
     def field(self) -> bool:
-        """Whether it is a field where the recording begins."""
+        """True if it is a field where the recording begins."""
         return self.own and self.what in ("velocity", *SCALARS)
 
     def read(self, world: int = 0) -> np.ndarray:
@@ -60,7 +62,7 @@ class FluidValue(Input):
         return found
 
     def part(self, k: int, name: str) -> wp.array:
-        """Of the arrays with which the recording begins, that of a component or a scalar."""
+        """Part of the arrays with which the recording begins, that of a component or a scalar."""
         base = self.method.field(k, name)
         for array, begun in self.recording.flowed:
             if array.ptr <= base.ptr < array.ptr + array.capacity:
@@ -88,3 +90,14 @@ class FluidValue(Input):
             return PART * min(fluid.cell for fluid, _ in self.method.pairs)
         return PART * (float(np.abs(self.read()).max()) or 1.0)
 
+
+class Surface(Input):
+    """What may be added to the velocity and the angular velocity of an obstacle's surface in each frame, (frames, 2, 3); it is
+    read as zeros, and cannot be written."""
+
+    def read(self, world: int = 0) -> np.ndarray:
+        fluids = self.recording.fluids
+        moving = [d.obstacles.shapes for d in fluids.method.domains if d.obstacles and d.obstacles.moving] if fluids else []
+        if not any(thing.path == self.path for shapes in moving for thing in shapes.things):
+            raise refuse("surface", self.path)
+        return np.zeros((self.recording.frames, 2, 3))

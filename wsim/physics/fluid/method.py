@@ -65,6 +65,7 @@ class Fluids(Method):
             b.status.reserve(f"fluid: {name}", count * len(self.pairs))
         self.domains = [self._domain(k) for k in range(len(self.pairs))]
         self.settled, self.recorded = False, None
+        self.offers["fluids"] = self
         if b.model.gradients:
             from wsim.physics.fluid.recorded import Recorded
             self.offers["recorded fluids"] = self.recorded = Recorded(self)

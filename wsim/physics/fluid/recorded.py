@@ -68,21 +68,22 @@ class Recorded:
         tape.adjoints.append(backward)
 
     def arrays(self, k: int) -> dict[str, wp.array]:
-        """Of the state of fluid k, by name."""
+        """Arrays of the state of fluid k, by name."""
         layout = self.method.layouts[k]
         return {name: self.method.field(k, name) for name in (*NAMES[:layout.dim], *self.method.carried[k])}
 
     def cotangents(self, k: int) -> list[wp.array]:
-        """In the order of `arrays`."""
+        """Cotangents in the order of `arrays`."""
         a = self.adjoints[k]
         return [*(getattr(a.by, AXES[b]) for b in range(self.method.layouts[k].dim)), *a.by_scalars.values()]
 
     def bytes(self, frames: int) -> int:
-        """Of what `allot` takes for so many frames."""
+        """Bytes of what `allot` takes for so many frames."""
         return (frames + 1) * sum(a.capacity for k in range(len(self.adjoints)) for a in self.arrays(k).values())
 
     def allot(self, frames: int) -> None:
-        self.kept = [{name: wp.zeros((frames + 1, a.size), dtype=a.dtype, device=a.device) for name, a in self.arrays(k).items()}
+        self.kept = [{name: wp.zeros((frames + 1, a.size), dtype=a.dtype, device=a.device)
+                      for name, a in self.arrays(k).items()}
                      for k in range(len(self.adjoints))]
 
     def keep(self, frame: int) -> None:
@@ -125,7 +126,7 @@ class Recorded:
 
 
 def idle(domain: Any, carried: tuple[str, ...], name: str) -> str:
-    """Why nothing of a value of a fluid runs, or ""."""
+    """Reason why nothing of a value of a fluid runs, or ""."""
     for called, scalar in (("smoke", "smoke"), ("weight", "smoke"), ("smoke_decay", "smoke"), ("temperature", "heat"),
                            ("lift", "heat"), ("cooling", "heat")):
         if name == called and scalar not in carried:
@@ -135,7 +136,7 @@ def idle(domain: Any, carried: tuple[str, ...], name: str) -> str:
 
 
 def unheard(domain: Any, carried: tuple[str, ...], source: Any, name: str) -> str:
-    """Why nothing of a value of a source runs in a fluid, or ""."""
+    """Reason why nothing of a value of a source runs in a fluid, or ""."""
     if name in ("smoke", "temperature") and FIELDS[name] not in carried:
         return f"there is no {'smoke' if name == 'smoke' else 'heat'} in {domain.fluid.path}"
     if name == "velocity" and source.velocity is None:
@@ -171,7 +172,8 @@ class Losses:
                 have = ", ".join(n for n, called in FIELDS.items() if not called or called in arrays)
                 raise SceneError(Problem(path, f"has no field {name!r}; there are {have}"))
             if values.shape != shape or not np.isfinite(values).all():
-                raise SceneError(Problem(path, f"derivatives by {name} must be finite with shape {shape}; found {values.shape}"))
+                raise SceneError(Problem(path, f"derivatives by {name} must be finite with shape {shape}; found "
+                                         f"{values.shape}"))
             if name == "velocity":
                 found += [(arrays[NAMES[a]], layout.uncentered(values[..., axis], a)) for a, axis in enumerate(layout.axes)]
             else:
@@ -186,7 +188,7 @@ class Losses:
         """A frame was undone: what sources and what moves got in it."""
         found = []
         for a in self.recorded.adjoints:
-            of = [a.sources.numbers] if a.sources.sources else []
+            of = [each.numbers for each in (a.sources, a.obstacles) if each is not None and each.numbers is not None]
             found.append(tuple(wp.clone(array) for array in of))
             for array in of:
                 array.zero_()

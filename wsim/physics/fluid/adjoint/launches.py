@@ -71,5 +71,5 @@ class Launches:
 
 
 def slot(row: int, axis: int) -> int:
-    """Of `numbers`: a component of a row of the air (0: the wind; 1 + 2 a, 2 + 2 a: the sides of an axis)."""
+    """Slot of `numbers`: a component of a row of the air (0: the wind; 1 + 2 a, 2 + 2 a: the sides of an axis)."""
     return AIR + 3 * row + axis

@@ -52,7 +52,7 @@ class ProjectionAdjoint:
         self.launches.over(self.residual, 1, [p.solver.numbers, p.solver.part, SIZE], [self.worst])
 
     def sides(self, by: Any) -> None:
-        """Of the velocity before closed sides were set."""
+        """Gradient with respect to the velocity before closed sides were set."""
         p, layout = self.pressure, self.domain.layout
         for a, out in self.launches.each(by):
             if not layout.periodic[a]:

@@ -5,17 +5,20 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.fluid.adjoint import advection as kernels
-from wsim.physics.fluid.adjoint.launches import PLAIN, Launches, slot
+from wsim.physics.fluid.adjoint.launches import AIR, PLAIN, Launches, slot
 
 
 class TransportAdjoint:
-    """Of one quantity: axis of a component, -1 of a scalar. lost: rows, of air that came in."""
+    """Adjoint of one quantity: axis of a component, -1 of a scalar. how: clamped, with walls, a way back of order 3. lost: rows,
+    of air that came in."""
 
-    def __init__(self, launches: Launches, transport: Any, axis: int, clamped: bool, third: bool, lost: wp.array):
+    def __init__(self, launches: Launches, transport: Any, axis: int, how: tuple[bool, bool, bool], lost: wp.array):
         dim, real, module = launches.domain.layout.dim, launches.real, launches.module
         self.launches, self.transport, self.axis, self.lost = launches, transport, axis, lost
-        cubic = transport.scheme == "cubic"
-        self.kernel = kernels.advect(dim, cubic, cubic and clamped, third, real, module)
+        shape = "cubic" if transport.scheme == "cubic" else "linear"
+        clamped, walls, third = how
+        self.kernel = kernels.advect(dim, (shape, shape == "cubic" and clamped, walls, third), real, module)
+        self.air = launches.numbers[AIR:]
         self.Carried = kernels.tables(real)
         self.inflow = bool(sum(launches.domain.grid.outside)) and axis >= 0
         if transport.pairs:
@@ -35,7 +38,7 @@ class TransportAdjoint:
 
     def _one(self, u: Any, q: wp.array, by: wp.array, part: float, u_out: Any, q_out: wp.array) -> None:
         run, lost = self.launches, self.lost[:q.size]
-        run.over(self.kernel, q.size, [run.domain.grid, u, self._carried(q, by, part), run.domain.clock], [u_out, q_out, lost])
+        run.over(self.kernel, q.size, [run.domain.grid, u, self._carried(q, by, part), run.domain.clock], [u_out, q_out, lost, self.air])
         if self.inflow:
             run.sum(lost, PLAIN, 1.0, slot(0, self.axis))
 
@@ -46,7 +49,7 @@ class TransportAdjoint:
         ahead, turned, by_ahead, by_turned = (a[:n] for a in (self.ahead, self.turned, self.by_ahead, self.by_turned))
 
         def advect(q: wp.array, part: float, out: wp.array) -> None:
-            run.over(t.advect, n, [grid, u, q, t.lifting, clock, real(part)], [out])
+            run.over(t.advect, t.count, [grid, u, q, t.lifting, clock, real(part)], [out])
         advect(q, part, ahead)
         advect(ahead, -part, turned)
         p, middle = ahead, t.scheme == "bfecc"

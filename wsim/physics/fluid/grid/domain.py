@@ -68,7 +68,8 @@ class Domain:
         self.swirling, self.lifts = fluid.vorticity > 0.0, "_".join(name for name in ("smoke", "heat") if name in scalars)
         self.lifting = filled(forces.lifting(real), live=self.live, **scalars)
         self.pushed = bool(self.lifts) and not self.swirling and scheme not in PAIRS           # on the way
-        how = How(scheme, not self.reflects, pushed=self.lifts * self.pushed, lifting=self.lifting)
+        walls = self.reflects and fluid.viscosity > 0.0 and not fluid.slip
+        how = How(scheme, not self.reflects, walls=walls, pushed=self.lifts * self.pushed, lifting=self.lifting)
         self.carry = [Transport(threads, layout, self.grid, a, how, self.work) for a in range(layout.dim)]
         how = How(fluid.scalar_advection, both=len(scalars) == 2)
         self.carry_scalar = Transport(threads, layout, self.grid, -1, how, self.work)

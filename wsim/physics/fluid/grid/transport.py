@@ -6,7 +6,6 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.fluid import advection as kernels
-from wsim.kernels.fluid.grid import tiles
 from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.threads import Threads
 
@@ -18,11 +17,12 @@ THIRD = {"cubic": True, "linear": True, "maccormack": False, "bfecc": False}    
 class How:
     """scheme: of advection. clamped: what cubic rows give is kept within those around. pushed: what lifts the air on the way,
     by schemes that carry nothing back: "smoke", "heat", "smoke_heat", "" of `lifting`. both: two scalars are carried at once,
-    by such schemes."""
+    by such schemes. walls: air sticks to closed sides, and cubics of its velocity know that."""
 
     scheme: str
     clamped: bool = True
     both: bool = False
+    walls: bool = False
     pushed: str = ""
     lifting: Any = None
 
@@ -33,13 +33,14 @@ class Transport:
     def __init__(self, threads: Threads, layout: Layout, grid: Any, axis: int, how: How, work: dict[str, wp.array]):
         real, module, dim, scheme = threads.model.real, threads.module, layout.dim, how.scheme
         self.threads, self.grid, self.scheme, self.work = threads, grid, scheme, work
-        self.count = tiles(dim, layout.n if axis < 0 else layout.faces(axis))
+        self.count = kernels.tiles(dim, layout.n if axis < 0 else layout.faces(axis))
         self.lifting = how.lifting or kernels.lifting(real)()
         self.pairs = scheme in PAIRS
         shape, third = "cubic" if scheme == "cubic" else "linear", axis < 0 and THIRD[scheme]
         self.both = how.both and not self.pairs
         self.advect = (kernels.advect_both(dim, shape, third, real, module) if self.both else
-                       kernels.advect(dim, axis, shape, shape == "cubic" and how.clamped, third, how.pushed, real, module))
+                       kernels.advect(dim, axis, (shape, shape == "cubic" and how.clamped, how.walls, third), how.pushed, real,
+                                      module))
         if self.pairs:
             self.correct = kernels.correct(dim, axis, scheme == "bfecc", real, module)
             self.compensate = kernels.compensate(real, module)

@@ -20,41 +20,14 @@ from wsim.kernels.math.real import types
 from wsim.kernels.rigid import motion
 from wsim.model.stage import Clock
 from wsim.physics.rigid.mass import along
-from wsim.physics.rigid.solids import acting, as_met, meet, meeting, sleeps, standing, touches
 from wsim.scene import Problem, SceneError
-from wsim.scene.values.coverage import refuse
 
 TABLES = ("w", "inverse", "push", "torque", "drag", "spin_drag")
 
 
-def refuse_contacts(scene) -> None:
-    """Raises SceneError where bodies that are to be recorded can touch what has no derivative."""
-    if not (touches(scene) or meet(scene)):
-        return
-    bodies = [body for body in scene.things("Body") if meeting(body)]
-    beside = scene.bodies() if touches(scene) else []
-    other = next((c.path for c in (*beside, *standing(scene.colliders))), bodies[-1].path)
-    for key, wrong in (("points", touches(scene)), ("held", acting(scene)), ("impulses", scene.contact_tolerance <= 0.0),
-                       ("sleep", sleeps(scene))):
-        if wrong:
-            raise refuse(key, bodies[0].path, other=other)
-    for c in standing(scene.colliders):
-        met = as_met(c, False)
-        if met is not None and met.mesh is not None:
-            raise refuse("meshes", c.path)
-
-
-def recorded(method) -> "Recorded":
-    """What records a method's bodies (`wsim.physics.rigid.method.Rigid`)."""
-    if not (method.joints or method.contacts):
-        return Recorded(method)
-    from wsim.physics.rigid.recorded.islands import RecordedIslands
-    return RecordedIslands(method)
-
-
 @dataclass
 class Motions:
-    """Of all bodies: centres x relative to their start [m], q (n, 4), momenta p, L."""
+    """The motions of all bodies: centres x relative to their start [m], q (n, 4), momenta p, L."""
 
     x: np.ndarray
     q: np.ndarray
@@ -71,6 +44,7 @@ def turning(R: np.ndarray, by: np.ndarray) -> np.ndarray:
 class Recorded:
     """Arrays of the method's part as one step reads and writes them, and what frames of a recording leave."""
 
+    whole = False                      # every substep is kept
     left = 0.0                         # [m/s] of the impulses that were differentiated
 
     def __init__(self, method):
@@ -90,7 +64,7 @@ class Recorded:
         return [self.every, self.q, self.o]
 
     def tables(self) -> list[wp.array]:
-        """What is differentiated by."""
+        """Tables that are differentiated by."""
         return [getattr(self.method.table, name) for name in TABLES]
 
     def step(self, clock: Clock) -> None:
@@ -122,7 +96,7 @@ class Recorded:
         return Motions(x + e, normalized(q + o), p, L)
 
     def places(self, path: str, name: str, world: int) -> Any:
-        """Where a value stands that is none of a body's own; None: nowhere."""
+        """Places of a value that is none of a body's own; None: nowhere."""
         return None
 
     def row(self, path: str, world: int = 0) -> int:
@@ -223,8 +197,8 @@ class BodyGradient:
                    for name, table in zip(TABLES, r.tables(), strict=True)}
 
     def value(self, path: str, name: str, world: int = 0) -> np.ndarray | float:
-        """With respect to a value of a body; velocity and spin: of where the recording begins, which others leave as they are.
-        mass: moments follow it where the scene gives none. inertia: along the axes that the scene gives."""
+        """Gradient with respect to a value of a body; velocity and spin: of where the recording begins, which others leave as
+        they are. mass: moments follow it where the scene gives none. inertia: along the axes that the scene gives."""
         k = self.recorded.row(path, world)
         found = getattr(self, name, None)
         return found(k) if found else self.by[{"force": "push"}.get(name, name)][k]
@@ -237,7 +211,7 @@ class BodyGradient:
         return rotate(s.q[k], m.moments * rotate(conjugate(s.q[k]), self.by_L[k]))
 
     def moments(self, k: int) -> np.ndarray:
-        """By the principal moments."""
+        """Gradient with respect to the principal moments."""
         s, m = self.start, self.recorded.method.masses[k]
         back = conjugate(s.q[k])
         own = rotate(back, s.L[k]) / m.moments                      # omega

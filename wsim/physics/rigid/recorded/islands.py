@@ -1,8 +1,8 @@
-"""Bodies of a recording that joints and contacts move: each substep is launched in parts, between which its state is kept on the
-host, and its adjoint (wsim/physics/rigid/recorded/substep.py) runs there, in float64.
+"""Bodies of a recording that joints and contacts move: each substep is launched in parts, between which its state is kept on
+the host, and its adjoint (wsim/physics/rigid/recorded/substep.py) runs there, in float64.
 
-Kept are some 60 numbers a body, 60 a joint and 40 a point of contact for each substep. Frames of such a recording are not replayed
-as graphs. `left` is the largest residual of what was differentiated: gradients are as right as it is small.
+Kept are some 60 numbers a body, 60 a joint and 40 a point of contact for each substep. Frames of such a recording are not
+replayed as graphs. `left` is the largest residual of what was differentiated: gradients are as right as it is small.
 """
 
 from dataclasses import replace
@@ -15,6 +15,7 @@ from wsim.model.stage import Clock
 from wsim.physics.rigid.joints.joint import LIVE
 from wsim.physics.rigid.meetings import read, rows_of
 from wsim.physics.rigid.objects import SURFACE
+from wsim.physics.rigid.recorded.aside import aside
 from wsim.physics.rigid.recorded.bodies import TABLES, BodyGradient, Losses, Recorded
 from wsim.physics.rigid.recorded.substep import Bodies, Cotangents
 
@@ -29,7 +30,7 @@ def by_quaternion(q: np.ndarray, tau: np.ndarray) -> np.ndarray:
 
 
 class State:
-    """Of all bodies: pose q (n, 4), x (n, 3), momentum (n, 6)."""
+    """The state of all bodies: pose q (n, 4), x (n, 3), momentum (n, 6)."""
 
     def __init__(self, arrays: list, n: int):
         every, q, o = (a.numpy().astype(np.float64) for a in arrays)
@@ -38,7 +39,10 @@ class State:
 
 
 class RecordedIslands(Recorded):
-    """As `Recorded`; parts: what joints and contacts do (`wsim.physics.rigid.recorded.joints.JointParts` and others)."""
+    """The recording of bodies in islands, as `Recorded`; parts: what joints and contacts do
+    (`wsim.physics.rigid.recorded.joints.JointParts` and others)."""
+
+    whole = True
 
     def __init__(self, method):
         super().__init__(method)
@@ -53,7 +57,7 @@ class RecordedIslands(Recorded):
         self.begin()
 
     def begin(self) -> None:
-        """Before a backward pass."""
+        """Begins a backward pass."""
         self.total, self.left = Cotangents(np.zeros(0), np.zeros(0)), 0.0
 
     def step(self, clock: Clock) -> None:
@@ -69,7 +73,7 @@ class RecordedIslands(Recorded):
             self.parts.step(now, kept)
             kept["end"] = self.state()
             self.model.tape = before
-        tape.aside(self.arrays, forward, lambda grads: self.back(now.h, kept, grads))
+        aside(tape, self.arrays, forward, lambda grads: self.back(now.h, kept, grads))
 
     def state(self) -> State:
         return State(self.arrays, self.method.part.count)
@@ -132,7 +136,8 @@ class IslandLosses(Losses):
 
 
 class IslandGradient(BodyGradient):
-    """With those by drives of joints, friction and restitution. more: by tables of joints (joints, 6) and of shapes."""
+    """The gradient with those by drives of joints, friction and restitution. more: by tables of joints (joints, 6) and of
+    shapes."""
 
     def __init__(self, losses: Losses, carried: dict[int, np.ndarray], grads: dict[int, np.ndarray], more: dict):
         super().__init__(losses, carried, grads)

@@ -37,7 +37,7 @@ class JointSide:
         return {name: getattr(t, f"anchor_{name}").numpy()[k * t.moving] for name in ("x", "q", "v", "o")}
 
     def sides(self, values: np.ndarray, still: np.ndarray) -> list[np.ndarray]:
-        """Of a and of b, of numbers of bodies; of sides that are no body those of `still` (joints, size)."""
+        """Values of a and of b, of numbers of bodies; of sides that are no body those of `still` (joints, size)."""
         return [np.where(side[:, None] >= 0, values[side], still) for side in self.pairs.T]
 
     def both(self, values: np.ndarray) -> np.ndarray:
@@ -91,10 +91,18 @@ class JointSide:
         mid, last = kept["mid"], kept["last"]
         limited = self.t.kind == int(LIMITED)
         full = limited & (mid["hold"] != 0.0) & (last["hold"] == 0.0)
-        acts = np.where((last["active"] > 0) & ~full & (last["active"] != int(DRIVEN)), 1, 0)
-        one = self.constants(h, kept, acts, full)
+        acts = np.where((last["active"] > 0) & (last["active"] != int(DRIVEN)), 1, 0)
+        full &= acts > 0
+        one, f = self.constants(h, kept, acts, full), np.where(full, last["rhs"], last["hold"] - mid["hold"])
         values = {"then": self.pose(kept["end"].x, kept["anchors"][1]), "momentum": self.both(kept["end"].momentum),
-                  "f": last["hold"] - mid["hold"], "before": mid["hold"], "mass": self.mass(b)}
+                  "f": f, "before": mid["hold"], "mass": self.mass(b)}
+        if full.any():
+            given, momentum = one.loosed(values), kept["end"].momentum.copy()
+            more = given["guess"] - given["impulse"]
+            for s in (0, 1):
+                on = self.pairs[:, s] >= 0
+                np.add.at(momentum, self.pairs[on, s], more[on, 6 * s:6 * s + 6])
+            values["momentum"] = self.both(momentum)
         self.look(residual(one.loosed, values))
         return Elements(self.pairs, derivatives(one.loosed, values))
 
@@ -102,7 +110,7 @@ class JointSide:
         self.recorded.left = max(self.recorded.left, float(np.abs(left).max(initial=0.0)))
 
     def collected(self, total: Cotangents) -> dict[str, np.ndarray]:
-        """By tables of bodies, and by "joint stiffness" and others (joints, 6)."""
+        """Gradients by tables of bodies, and by "joint stiffness" and others (joints, 6)."""
         found = dict(total.bodies)
         for name in ("held", "loosed"):
             mass = total.by.get((name, "mass"))
@@ -134,7 +142,7 @@ class JointParts(JointSide):
             kept["mid"] = self.read("hold", "push", "broken", "quarters")
         r.model.launch(self.loosed_kernel, self.joints.islands, given, [now])
         if kept is not None:
-            kept["last"] = self.read("hold", "active")
+            kept["last"] = self.read("hold", "active", "rhs")
             kept["anchors"] = self.anchors(clock.k), self.anchors(clock.k + 1)
 
     def back(self, h: float, kept: dict, cot: Cotangents) -> None:
@@ -148,7 +156,7 @@ class JointParts(JointSide):
 
 
 def taken_back(b: Bodies, h: float) -> np.ndarray:
-    """What of the kick of the forces bodies are not placed by (n, 6)."""
+    """Part of the kick of the forces that bodies are not placed by (n, 6)."""
     p, L = b.momentum[:, :3], b.momentum[:, 3:]
     parts = [kicked(p, b.push, b.drag, t) for t in (0.5 * h, h)] + [kicked(L, b.torque, b.spin_drag, t) for t in (0.5 * h, h)]
     return b.placed[:, None] * np.concatenate([parts[0] - parts[1], parts[2] - parts[3]], axis=1)

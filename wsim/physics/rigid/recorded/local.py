@@ -1,4 +1,4 @@
-"""Derivatives of what a joint or a contact does, by all that it reads: complex steps of one function for all of them at once."""
+"""Derivatives of what a joint or a contact does, by all that it reads: complex steps of a function for all of them at once."""
 
 from collections.abc import Callable
 
@@ -26,5 +26,5 @@ def derivatives(function: Callable[[Values], Values], values: Values) -> dict[tu
 
 
 def residual(function: Callable[[Values], Values], values: Values, name: str = "rest") -> np.ndarray:
-    """What a function of that name comes to, (elements, size)."""
+    """Residual by the function of that name, (elements, size)."""
     return function(values)[name].real
