@@ -26,7 +26,7 @@ def build(b: Build) -> Method:
 
 
 def used(scene) -> list[Skinned]:
-    """What of a scene follows skeletons and is met."""
+    """Part of a scene that follows skeletons and is met."""
     found = [getattr(c.shape, "poses", None) for c in scene.colliders]
     return [poses for poses in found if isinstance(poses, Skinned)]
 

@@ -27,7 +27,7 @@ UNIT = 1e-3            # by which a quaternion's length may differ from 1 withou
 
 
 def load(reading: Reading, prim: Usd.Prim) -> Skeleton | None:
-    """Of a Skeleton prim: what follows it has been read before."""
+    """A Skeleton of its prim: what follows it has been read before."""
     relationship = prim.GetRelationship(BODIES)
     if relationship and relationship.GetTargets():
         _driven(reading, prim)

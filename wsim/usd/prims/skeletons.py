@@ -47,8 +47,9 @@ def bindings(roots: list[Usd.Prim]) -> dict[Sdf.Path, Bound]:
 
 
 def poses(reading: Reading, prim: Usd.Prim) -> Any:
-    """What a mesh follows: a `wsim.physics.animation.objects.Skinned`, in its skeleton's space; where its own points or what
-    binds them are animated, a Curve of points [m] in its own space. None where no skeleton moves it; errors are reported."""
+    """Poses that a mesh follows: a `wsim.physics.animation.objects.Skinned`, in its skeleton's space; where its own points or
+    what binds them are animated, a Curve of points [m] in its own space. None where no skeleton moves it; errors are
+    reported."""
     bound = reading.skinned.get(prim.GetPath())
     if bound is None or not prim.IsA(UsdGeom.PointBased):
         return None
