@@ -22,8 +22,9 @@ class Viscosity:
         real, module, layout = threads.model.real, threads.module, pressure.layout
         self.threads, self.pressure, self.work = threads, pressure, work
         has = bool(pressure.multigrid.fractions)
-        self.begin, self.multiply = ([make(layout.dim, a, has, slip, real, module) for a in range(layout.dim)]
-                                     for make in (kernels.begin, kernels.multiply))
+        second = not slip and not threads.model.gradients      # adjoints lack it
+        self.begin = [kernels.begin(layout.dim, a, has, slip, real, module, second) for a in range(layout.dim)]
+        self.multiply = [kernels.multiply(layout.dim, a, has, slip, real, module) for a in range(layout.dim)]
         self.scaled, self.scale = kernels.scaled(real, module), threads.zeros(1)
         words["spreads"] = threads.zeros(2, int)
         self.solvers = [Conjugate(threads, n, words, "spreads") for n in sizes]
