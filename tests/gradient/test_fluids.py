@@ -8,8 +8,9 @@ import pytest
 from wsim.gradient.inputs.by_name import inputs
 from wsim.gradient.recording import Recording
 from wsim.physics.fluid.objects import Fluid, Source
-from wsim.scene import Box, Scene, Sphere
+from wsim.scene import Box, Scene, SceneError, Sphere
 from wsim.scene.curve import Curve, Motion
+from wsim.scene.values.coverage import row_of
 from wsim.simulation.simulation import Simulation
 
 FRAMES, CELL = 3, 0.1
@@ -22,11 +23,12 @@ ALL = [*(f"/air:{name}" for name in NUMBERS), *(f"/fire:{name}" for name in SOUR
 
 
 def fields(n: tuple[int, ...]) -> dict[str, np.ndarray]:
-    """Smooth ones, nowhere constant along an axis: there the derivative of what is kept within the rows around has two sides, and
-    where two rows are the same one, as about a crest halfway between them."""
+    """Smooth ones, nowhere constant along an axis: there what is kept within the rows around has two derivatives; nor has it a
+    crest halfway between two rows, which are the same one then."""
     x, y, z = np.moveaxis((np.stack(np.meshgrid(*map(np.arange, n), indexing="ij"), -1) + 0.5) * CELL, -1, 0)
     deep = n[2] > 1
-    velocity = [0.3 * np.sin(2.0 * y + 1.0 + 0.7 * x + z), 0.4 * np.cos(3.0 * x - 0.6 * y + 0.13), 0.2 * deep * np.sin(x + 2.0 * y)]
+    velocity = [0.3 * np.sin(2.0 * y + 1.0 + 0.7 * x + z), 0.4 * np.cos(3.0 * x - 0.6 * y + 0.13),
+                0.2 * deep * np.sin(x + 2.0 * y)]
     return {"velocity": np.stack(velocity, -1), "smoke": 1.0 + 0.5 * np.sin(3.0 * x + 1.0 + z) * np.cos(2.0 * y),
             "temperature": 5.0 + 3.0 * np.cos(2.1 * x - 1.3 * y + 0.2 * y * y + 0.9 + 0.5 * z)}
 
@@ -99,8 +101,9 @@ def one(scene, **more) -> tuple[Recording, dict]:
 
 
 def calm(**more) -> Scene:
-    """Air that goes round, without velocities of sources: nothing is constant along an axis."""
-    scene = air(**{"sides": ("periodic",) * 6, "vorticity": 0.0, "viscosity": 0.0} | more)
+    """Air that goes round, with a source that holds nothing: so nothing is constant along an axis."""
+    scene = air(**{"n": (12, 8, 1), "sides": ("periodic",) * 6, "vorticity": 0.0, "viscosity": 0.0} | more)
+    del scene.others["Source"][1]
     scene.others["Source"][0].velocity = None
     return scene
 
@@ -109,7 +112,7 @@ def compared(r: Recording, by: dict, name: str, rel: float = 1e-8) -> None:
     path, _, what = name.rpartition(":")
     found = np.asarray(r.backward(fluids=by).value(path or "/", what))
     way = np.random.default_rng(3).normal(size=found.shape) if found.ndim else np.ones(())
-    if what in ("velocity", "gravity", "wind", "place") and not r.fluids.method.layouts[0].dim == 3:
+    if what in ("velocity", "gravity", "wind", "place") and r.fluids.method.layouts[0].dim == 2:
         way[..., 2] = 0.0
     expected, noise = slope(r, name, way, by, 20.0 * inputs(r, [name])[name].scale())
     assert abs(expected) > 1e3 * noise or abs(expected) > 1e-5
@@ -193,3 +196,78 @@ def test_worlds_are_apart():
     found = r.backward(fluids={2: {("/air", 1): {"smoke": np.ones((16, 20, 1))}}})
     assert found.value("/fire", "smoke", 1) > 0.0 and found.value("/fire", "smoke", 0) == 0.0
     assert np.any(found.value("/air", "velocity", 1)) and not np.any(found.value("/air", "velocity", 0))
+
+
+def test_what_says_how_a_fluid_is_solved_is_refused_with_its_reason():
+    for name in ("cell", "density", "tolerance", "cfl"):
+        with pytest.raises(SceneError, match=f"has no derivative with respect to {name}: it says how a fluid is solved"):
+            row_of(air(), "/air", name)
+
+
+def test_a_value_of_which_nothing_runs_is_refused():
+    r = recorded(plume(2), 2)
+    by = {2: {"/air": {"smoke": np.ones((16, 20, 1))}}}
+    for name, why in (("/air:viscosity", "it is 0 at the start"), ("/fire:velocity", "it leaves the air alone"),
+                      ("/fire:expansion", "it is 0 of all sources")):
+        with pytest.raises(SceneError, match=f"nothing of its .* runs: {why}"):
+            inputs(r, [name])
+        with pytest.raises(SceneError, match=why):
+            r.backward(fluids=by).value(*name.split(":"))
+
+
+def test_losses_of_fields_that_there_are_not_are_refused():
+    r = recorded(plume(2), 2)
+    for given, said in (({5: {"/air": {}}}, "found frame 5"), ({1: {"/other": {}}}, "is no fluid"),
+                        ({1: {"/air": {"pressure": 0.0}}}, "has no field 'pressure'"),
+                        ({1: {"/air": {"smoke": np.ones(3)}}}, "must be finite with shape")):
+        with pytest.raises(SceneError, match=said):
+            r.backward(fluids=given)
+
+
+def test_a_source_over_time_makes_the_plume_that_is_wanted():
+    """The strengths of a source at five keys are found that make the smoke of two frames that another course of them made."""
+    minimize = pytest.importorskip("scipy.optimize").minimize
+    keys, frames = np.linspace(0.0, 9 / 24.0, 5), (5, 9)
+    wanted = np.array([0.4, 1.3, 0.2, 1.1, 0.7])
+    scene = plume(9, viscosity=0.0)
+    scene.others["Source"][0].strength = Curve(keys, np.ones(5))
+    r = recorded(scene, 9)
+    (strength,) = inputs(r, ["/fire:strength"]).values()
+    strength.write(wanted)
+    r.run()
+    seen = {f: r.fluid(f, "/air")["smoke"] for f in frames}
+
+    def misfit(s: np.ndarray) -> tuple[float, np.ndarray]:
+        strength.write(s)
+        r.run()
+        off = {f: r.fluid(f, "/air")["smoke"] - seen[f] for f in frames}
+        found = r.backward(fluids={f: {"/air": {"smoke": each}} for f, each in off.items()})
+        return 0.5 * sum(float((each**2).sum()) for each in off.values()), found.value("/fire", "strength")
+    first = misfit(np.ones(5))[0]
+    found = minimize(misfit, np.ones(5), jac=True, method="L-BFGS-B", options={"maxiter": 60, "ftol": 1e-16, "gtol": 1e-12})
+    assert found.fun < 1e-8 * first and np.allclose(found.x, wanted, atol=1e-3)
+
+
+def turning(rate: float = 3.0) -> Scene:
+    """A ball that turns about its own axis in a sealed box: its openings stay, and its surface goes round."""
+    scene = air(sides=("closed",) * 6, side_velocities=np.zeros((6, 3)), frames=2)
+    for source in scene.others["Source"]:
+        source.expansion = 0.0
+    times = np.arange(3) / 24.0
+    c, s = np.cos(rate * times), np.sin(rate * times)
+    M = np.tile(np.eye(4), (3, 1, 1))
+    M[:, 0, 0], M[:, 0, 1], M[:, 1, 0], M[:, 1, 1], M[:, :3, 3] = c, -s, s, c, (0.6, 0.75, 0.05)
+    scene.collider("/ball", Sphere(0.16), motion=Motion(times, M))
+    return scene
+
+
+def test_by_the_turning_of_an_obstacle():
+    r = recorded(turning(), 2)
+    by, losses, step = weights(r, (1, 2)), [], 1e-5
+    found = r.backward(fluids=by).value("/ball", "surface")
+    for k in (-1, 1):
+        losses.append(loss(recorded(turning(3.0 + k * step), 2), by))
+    expected = (losses[1] - losses[0]) / (2.0 * step)
+    assert found.shape == (2, 2, 3) and abs(expected) > 1e-3
+    noise = 4e-16 * sum(map(abs, losses)) / step
+    assert found[:, 1, 2].sum() == pytest.approx(expected, rel=1e-8, abs=noise) and noise < 1e-6 * abs(expected)

@@ -17,6 +17,12 @@ def domain(low, high, cell: float, lines: str, comment: str = AIR) -> str:
                  f"{number(cell)}\n{lines}", '["WsimFluidDomainAPI"]', comment)
 
 
+def tank(low, high, cell: float, lines: str, comment: str) -> str:
+    """As `domain`, of a liquid."""
+    text = domain(low, high, cell, lines, comment).replace("wsim:fluid:", "wsim:liquid:")
+    return text.replace("WsimFluidDomainAPI", "WsimLiquidDomainAPI").replace('"Air"', '"Tank"')
+
+
 def source(name: str, shape: tuple[str, str], at, lines: str, comment: str = "") -> str:
     """shape: its type and sizes."""
     kind, sizes = shape
@@ -85,7 +91,7 @@ def vortex_pair() -> str:
 def cavity() -> str:
     """The flow that grids are measured by: a lid that slides over a box of air, which sticks to its walls."""
     cell = 1.0 / 64.0
-    walls = ("uniform bool wsim:fluid:slip = 0\nuniform vector3d[] wsim:fluid:sideVelocities = [(0, 0, 0), (0, 0, 0), "
+    walls = ("uniform bool wsim:fluid:slip = 0\nuniform bool wsim:fluid:layers = 1\nuniform vector3d[] wsim:fluid:sideVelocities = [(0, 0, 0), (0, 0, 0), "
              "(0, 0, 0), (1, 0, 0), (0, 0, 0), (0, 0, 0)]\ndouble wsim:fluid:viscosity = 0.0025\ndouble wsim:fluid:cfl = 1")
     air = domain((0.0, 0.0, -0.5 * cell), (1.0, 1.0, 0.5 * cell), cell, sides(*["closed"] * 6) + "\n" + walls,
                  AIR + " Its upper side slides to +x at 1 m/s and takes the air along: Reynolds number 400.")
@@ -96,4 +102,28 @@ def cavity() -> str:
         shown("Lid", (1.0, 0.02, 0.05), (0.5, 1.01, 0.0), "The lid, only to be seen."), view(0.5, 0.5, 5.0)], frames=144)
 
 
-FLUID_SCENES = {"plume": plume, "smoke_rings": smoke_rings, "vortex_pair": vortex_pair, "cavity": cavity}
+def spot(*values: float) -> str:
+    return "(" + ", ".join(number(value) for value in values) + ")"
+
+
+def dam_break() -> str:
+    low, middle = (-0.6, 0.0, -0.18), (-0.24, 0.48, 0.18)
+    water = block("Cube", "Water", 'uniform token purpose = "guide"\ndouble size = 1\n'
+                  f"double3 xformOp:translate = {spot(*(0.5 * (a + b) for a, b in zip(low, middle, strict=True)))}\n"
+                  f"float3 xformOp:scale = {spot(*(b - a for a, b in zip(low, middle, strict=True)))}\n"
+                  'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]', '["WsimLiquidSourceAPI"]',
+                  "What is full of water when the scene starts. wsim:liquid:role = \"source\" would keep it full.")
+    pillar = solid("Cube", "Pillar", "double size = 1\ndouble3 xformOp:translate = (0.18, 0.2, 0)\n"
+                   "float3 xformOp:scale = (0.1, 0.4, 0.1)\n"
+                   'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]',
+                   comment="An obstacle, to a part of a cell.")
+    box = tank(low, (0.6, 0.72, 0.18), 0.04, sides(*["closed"] * 6).replace("fluid", "liquid"),
+               "The box in which water moves, on a grid of cubes, between walls. Its particles are written beside it.")
+    drops = block("Points", "Tank_drops", "color3f[] primvars:displayColor = [(0.1, 0.32, 0.6)]", comment="What a result "
+                  "puts its particles into: it is made where there is none. Its colour is theirs.")
+    return scene("A column of water collapses, and runs against a pillar and up the wall.", [
+        settings(comment="Nothing holds the water from the start."), box, water, drops, pillar], frames=72)
+
+
+FLUID_SCENES = {"plume": plume, "smoke_rings": smoke_rings, "vortex_pair": vortex_pair, "cavity": cavity,
+                "dam_break": dam_break}

@@ -130,7 +130,7 @@ class Copies:
     def fields(self, seen) -> np.ndarray:
         """Smoke or temperature of a fluid in every copy, as `seen` has it, (worlds, m)."""
         from wsim.fitting.observations.smoke import FIELDS
-        method = self.sim.plan.method("fluid")
+        method = self.sim.plan.find("fluids")
         own = [k for k, (fluid, _) in enumerate(method.pairs) if fluid.path == seen.path]
         values = np.stack([method.field(k, FIELDS[seen.field][0]).numpy().astype(np.float64) for k in own])
         return seen.seen(method.pairs[own[0]][0], values)

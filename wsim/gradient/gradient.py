@@ -65,7 +65,9 @@ class Gradient(ElementGradient):
             return getattr(self, name)(world)
         if row.gradient == "body" or self.bodies and self.bodies.recorded.places(path, name, world):
             return self.bodies.value(path, name, world)
-        if row.gradient == "fluid":
+        if row.gradient == "surface" and not self.fluids:
+            raise refuse("surface", path)
+        if row.gradient in ("fluid", "surface"):
             return self.fluids.value(path, name, world)
         if row.gradient == "material":
             return self.material(name, path, world, elements)

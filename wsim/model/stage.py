@@ -211,7 +211,7 @@ class Methods(list[Method]):
     pins, hard pins, soft pins, contact, contacts, bounce, muscles, loads, air, wind, watch
     least, send, stride              of explicit steps: how many are stable; uploads constraints; rows of targets a substep
     copies, forces, impacts          of explicit steps: what they predict; ports before forces and the last half kick
-    bodies, recorded bodies          the rigid ones; what recordings know of them
+    bodies, recorded bodies          the rigid ones; what recordings know of them; fluids, recorded fluids likewise
     terms                            port of a Newton step: what acts there beside the forces of bodies
     """
 

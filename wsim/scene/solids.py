@@ -15,7 +15,7 @@ import numpy as np
 
 from wsim.geometry import primitives
 from wsim.scene.bodies import Compared, array
-from wsim.scene.curve import Curve, Motion, then
+from wsim.scene.curve import Motion, then
 
 APPROXIMATIONS = ("none", "meshSimplification", "convexHull", "convexDecomposition", "boundingCube", "boundingSphere")
 SAME = 1e-6                # relative difference of scales that counts as none
@@ -101,13 +101,13 @@ class Surface(Compared):
     points     (n, 3) [m], own frame, float32
     counts     corners of each polygon, (faces,)
     indices    point of each corner, (sum of counts,)
-    poses      of a deforming mesh: points over time, a Curve with values (keys, n, 3) [m]; None: it keeps its shape
+    poses      of a deforming mesh: a Curve of points (keys, n, 3) [m], or a `Skinned` (wsim/physics/animation); None: none
     """
 
     points: np.ndarray
     counts: np.ndarray
     indices: np.ndarray
-    poses: Curve | None = None
+    poses: Any = None
 
     def __post_init__(self):
         self.points = array(self.points, np.float32, -1, 3)

@@ -132,4 +132,4 @@ def spreads(dim: int, real) -> SimpleNamespace:
             slope += linear(u.z, f.faces(g, 2), g.periodic, x - f.offset(2), v[2], u_out.z) * v[2]
         return slope
 
-    return SimpleNamespace(linear=linear, cubic=cubic, extreme=extreme, velocity=velocity)
+    return SimpleNamespace(linear=linear, cubic=cubic, extreme=extreme, velocity=velocity, slopes=slopes)

@@ -1,81 +1,29 @@
-"""Adjoints of what shapes put into the air, kernels/fluid/sources.py: back through the sources of a cell, the last one first.
+"""Adjoint of what shapes put into the air, kernels/fluid/sources.py: back through the sources of a cell, the last one first.
 
-    q = max(q, d a), the branch that was taken;  q' = max(q + h d a, 0);  e += d b;  u' = u + p (v - u);     d = p s
-    p = 1/2 - phi / dx within 0 .. 1:    the place of a source gets  p n / dx  with n = grad phi, where p is between the two
+    q = max(q, d a), the branch that was taken;  q' = max(q + h d a, 0);  e += d b;  d = p s
 
-A row of NUMBERS a source: smoke, heat, expansion, the strengths at the frame's start and end, velocity (3), place (3).
+p: the part of the cell that is covered (kernels/fluid/adjoint/covering.py), s: the strength.
 """
 
-# ruff: noqa: SIM102, UP018
+# ruff: noqa: UP018
 
 from functools import cache
 from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.contact.mesh import SOLID
-from wsim.kernels.contact.shape import distance
-from wsim.kernels.fluid import shapes as moved
+from wsim.kernels.fluid.adjoint.covering import EXPANSION, FIRST, HEAT, LAST, NUMBERS, PLACE, SMOKE, Numbers, covering, outward
 from wsim.kernels.fluid.forces import COOLING, SMOKE_DECAY
 from wsim.kernels.fluid.grid import functions, structs
-from wsim.kernels.fluid.sources import HELD, SPEED, reach, tables
+from wsim.kernels.fluid.sources import HELD, tables
 from wsim.kernels.math.real import types
 from wsim.kernels.solver.pcg import total
-
-SMOKE, HEAT, EXPANSION, FIRST, LAST, VELOCITY, PLACE, NUMBERS = 0, 1, 2, 3, 4, 5, 8, 11
-Numbers = wp.types.vector(NUMBERS, wp.float64)
-
-
-@cache
-def outward(dim: int, kinds: tuple[str, ...], real):
-    """Function (sources, k, x, clock) -> d part / d place [1/m], of a cell about x, along the world's axes."""
-    t, Sources, s = types(real), tables(real), moved.functions(dim, kinds, real)
-    convex = distance(tuple(k for k in kinds if k not in ("solid", "sheet")) or ("sphere",))
-    solid = "solid" in kinds
-
-    @wp.func
-    def outward(sources: Sources, k: int, x: t.vec3, clock: wp.array(dtype=real)):
-        shapes = sources.shapes
-        at = clock[1] + real(0.5) * clock[0]
-        y = s.spot(shapes, x)
-        turn = s.turned(shapes, k, at)
-        q = wp.quat_rotate_inv(turn, y - shapes.place[k] - at * shapes.speed[k])
-        kind = shapes.kind[k]
-        n = t.vec3()
-        if wp.static(solid):
-            if kind == SOLID:
-                near = wp.mesh_query_point_sign_normal(shapes.mesh[k], wp.vec3f(q), float(1.0e9))
-                if near.result:
-                    p = wp.mesh_eval_position(shapes.mesh[k], near.face, near.u, near.v)
-                    n = real(near.sign) * wp.normalize(q - t.vec3(real(p[0]), real(p[1]), real(p[2])))
-        if kind < SOLID:
-            phi, found = convex(kind, shapes.size[k], q)
-            n = found
-        return wp.quat_rotate(turn, n) / shapes.dx
-
-    return outward
-
-
-@cache
-def covering(dim: int, kinds: tuple[str, ...], real):
-    """As `wsim.kernels.fluid.sources.reach`, of a strength of 0 too: there it is that a source may begin."""
-    t, Sources, s = types(real), tables(real), moved.functions(dim, kinds, real)
-
-    @wp.func
-    def covering(sources: Sources, k: int, x: t.vec3, clock: wp.array(dtype=real)):
-        at = clock[1] + real(0.5) * clock[0]
-        both = sources.strength[k]
-        phi = s.signed(sources.shapes, k, s.spot(sources.shapes, x), at)
-        part = wp.clamp(real(0.5) - phi / sources.shapes.dx, real(0.0), real(1.0))
-        return part, both[0] + (both[1] - both[0]) * at / clock[3]
-
-    return covering
 
 
 @cache
 def chain(dim: int, kinds: tuple[str, ...], real) -> SimpleNamespace:
-    """Functions of a cell about x: before(sources, x, clock, k, now) -> (smoke, heat) as source k finds them; back(sources, x,
-    clock, k, now, by) -> cotangents behind source k, of those at the end."""
+    """Functions of a cell about x: before(sources, x, clock, k, begun) -> (smoke, heat) as source k finds them; back(sources,
+    x, clock, k, begun, by) -> cotangents behind source k, of those at the end."""
     t, Sources, within = types(real), tables(real), covering(dim, kinds, real)
 
     @wp.func
@@ -134,7 +82,7 @@ def chain(dim: int, kinds: tuple[str, ...], real) -> SimpleNamespace:
 
 @cache
 def state(real):
-    """Struct of smoke and heat as a step finds them, and of the cotangents of both, and of the expansion, behind the sources."""
+    """Struct of smoke and heat as a step finds them, of the cotangents of both and of the expansion behind the sources."""
 
     @wp.struct
     class Emitted:
@@ -198,7 +146,8 @@ def emitted(dim: int, kinds: tuple[str, ...], carried: str, expanding: bool, rea
     way, fade, out = chain(dim, kinds, real), faded(carried, real), outward(dim, kinds, real)
 
     @wp.func
-    def of_cell(g: S.Grid, sources: Sources, k: int, e: Emitted, live: wp.array(dtype=real), clock: wp.array(dtype=real), c: int):
+    def of_cell(g: S.Grid, sources: Sources, k: int, e: Emitted, live: wp.array(dtype=real), clock: wp.array(dtype=real),
+                c: int):
         found = Numbers()
         i = f.place(c, g.n)
         x = t.vec3(real(i[0]), real(i[1]), real(i[2])) + f.offset(-1)
@@ -212,18 +161,18 @@ def emitted(dim: int, kinds: tuple[str, ...], carried: str, expanding: bool, rea
             by_smoke = by[0] * own[0]
             by_heat = by[1] * own[1]
             by_dose = by_smoke * sources.smoke[k] + by_heat * sources.heat[k]
-            found[0] = wp.float64(by_smoke * dose)
-            found[1] = wp.float64(by_heat * dose)
+            found[SMOKE] = wp.float64(by_smoke * dose)
+            found[HEAT] = wp.float64(by_heat * dose)
             if wp.static(expanding):
-                found[2] = wp.float64(e.by_expansion[c] * dose)
+                found[EXPANSION] = wp.float64(e.by_expansion[c] * dose)
                 by_dose += e.by_expansion[c] * sources.expansion[k]
             late = (clock[1] + real(0.5) * clock[0]) / clock[3]
-            found[3] = wp.float64(by_dose * part * (real(1.0) - late))
-            found[4] = wp.float64(by_dose * part * late)
+            found[FIRST] = wp.float64(by_dose * part * (real(1.0) - late))
+            found[LAST] = wp.float64(by_dose * part * late)
             if part < real(1.0):
                 by_place = (by_dose * strength) * out(sources, k, x, clock)
                 for a in range(3):
-                    found[8 + a] = wp.float64(by_place[a])
+                    found[PLACE + a] = wp.float64(by_place[a])
         return found
 
     def emitted(g: S.Grid, sources: Sources, k: int, e: Emitted, live: wp.array(dtype=real), clock: wp.array(dtype=real),
@@ -238,78 +187,6 @@ def emitted(dim: int, kinds: tuple[str, ...], carried: str, expanding: bool, rea
 
     name = f"emitted_adjoint_{carried}{'_expanding' * expanding}_{dim}d_{'_'.join(kinds)}_{types(real).name}"
     return wp.kernel(emitted, name=name, module=module, enable_backward=False, grid_stride=False)
-
-
-@cache
-def driven(dim: int, axis: int, kinds: tuple[str, ...], real, module):
-    """Two kernels of the faces of an axis. drive, over faces: by_out, the cotangent behind the sources, becomes that before
-    them. driven, over blocks of threads: parts of what the velocity and place of source k get; u: before the sources."""
-    t, S, f, Sources = types(real), structs(real), functions(dim, real), tables(real)
-    within, out = reach(dim, kinds, real), outward(dim, kinds, real)
-
-    @wp.func
-    def held(sources: Sources, k: int, x: t.vec3, clock: wp.array(dtype=real)):
-        found = real(0.0)
-        if (sources.what[k] & SPEED) != 0:
-            part, strength = within(sources, k, x, clock)
-            if strength > real(0.0):
-                found = part
-        return found
-
-    @wp.func
-    def spot(g: S.Grid, c: int):
-        i = f.place(c, f.faces(g, wp.static(axis)))
-        return t.vec3(real(i[0]), real(i[1]), real(i[2])) + f.offset(wp.static(axis))
-
-    def drive(g: S.Grid, sources: Sources, clock: wp.array(dtype=real), by_out: wp.array(dtype=real)):
-        c = wp.tid()
-        x = spot(g, c)
-        left = real(1.0)
-        for k in range(sources.what.shape[0]):
-            left = left * (real(1.0) - held(sources, k, x, clock))
-        by_out[c] = left * by_out[c]
-
-    def driven(g: S.Grid, sources: Sources, k: int, clock: wp.array(dtype=real), u: wp.array(dtype=real),
-               by: wp.array(dtype=real), part_out: wp.array(dtype=Numbers)):
-        sum = Numbers()
-        for c in range(wp.tid(), u.shape[0], part_out.shape[0] * wp.block_dim()):
-            x = spot(g, c)
-            part = held(sources, k, x, clock)
-            if part > real(0.0):
-                now = u[c]
-                for j in range(k):
-                    v = sources.velocity[j]
-                    now += held(sources, j, x, clock) * (v[wp.static(axis)] - now)
-                later = by[c]
-                for j in range(k + 1, sources.what.shape[0]):
-                    later = later * (real(1.0) - held(sources, j, x, clock))
-                v = sources.velocity[k]
-                sum[VELOCITY + wp.static(axis)] = sum[VELOCITY + wp.static(axis)] + wp.float64(later * part)
-                if part < real(1.0):
-                    by_place = (later * (v[wp.static(axis)] - now)) * out(sources, k, x, clock)
-                    for a in range(3):
-                        sum[PLACE + a] = sum[PLACE + a] + wp.float64(by_place[a])
-        for j in range(NUMBERS):
-            sum[j] = total(sum[j])
-        if wp.tid() % wp.block_dim() == 0:
-            part_out[wp.tid() // wp.block_dim()] = sum
-
-    name = f"{'xyz'[axis]}_{dim}d_{'_'.join(kinds)}_{types(real).name}"
-    return (wp.kernel(drive, name=f"drive_adjoint_{name}", module=module, enable_backward=False),
-            wp.kernel(driven, name=f"driven_adjoint_{name}", module=module, enable_backward=False, grid_stride=False))
-
-
-@cache
-def collect(module):
-    """Kernel of one thread: adds the parts to row k of out."""
-
-    def collect(part: wp.array(dtype=Numbers), k: int, out: wp.array(dtype=Numbers)):
-        sum = out[k]
-        for j in range(part.shape[0]):
-            sum += part[j]
-        out[k] = sum
-
-    return wp.kernel(collect, name="collect_numbers", module=module, enable_backward=False)
 
 
 @cache

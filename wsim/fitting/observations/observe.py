@@ -186,15 +186,18 @@ def wrong(observations: list, scene: Scene) -> list[Problem]:
         problems.append(Problem("observations", "there are none; give Track or Scan objects, or a USD file"))
     for o in observations:
         marked, smoke = hasattr(o, "local"), hasattr(o, "field")
-        noun, things = ("fluid", scene.things("Fluid")) if smoke else ("rigid body", scene.things("Body")) if marked else ("body", scene.bodies()) if o.unit == "m" else (
+        noun, things = ("rigid body", scene.things("Body")) if marked else ("body", scene.bodies()) if o.unit == "m" else (
             "pin", scene.pins)
+        if smoke:
+            noun, things = "fluid", scene.things("Fluid")
         thing = next((t for t in things if t.path == o.path), None)
         if thing is None:
             problems.append(Problem(o.path, f"is observed and is no {noun} of the scene; there are "
                                     f"{', '.join(t.path for t in things) or 'none'}"))
             continue
         count = 0 if smoke else len(o.local) if marked else 1 if getattr(o, "total", False) else len(thing.points)
-        texts = o.wrong(thing) if smoke else o.wrong(count) if isinstance(o, Functional) else _track(o, count) if isinstance(o, Track) else _scan(o, count)
+        texts = o.wrong(thing) if smoke else o.wrong(count) if isinstance(o, Functional) else \
+            _track(o, count) if isinstance(o, Track) else _scan(o, count)
         problems += [Problem(o.path, text) for text in texts]
         if o.sigma is not None and not (np.isfinite(o.sigma) and o.sigma > 0.0):
             problems.append(Problem(o.path, f"sigma is {o.sigma}; allowed is a finite number > 0 [{o.unit}], or None"))

@@ -1,7 +1,7 @@
 """Smoke and heat that were seen: whole grids, or values at probes.
 
     Smoke(path, frames, values)                      of every cell, (k, nx, ny, nz): volumes, say; NaN: not seen
-    Smoke(path, frames, values, places)              at places (m, 3) [m] in the world, (k, m): linear between the cells' centres
+    Smoke(path, frames, values, places)              at places (m, 3) [m] in the world, (k, m): linear between centres of cells
 
 of the fluid `path`, at k frames: smoke [1], or temperature [K] with field="temperature".
 """
@@ -62,7 +62,7 @@ class Smoke:
         return (x[:, good] - seen[good]) * np.sqrt(weight[good])
 
     def wrong(self, fluid) -> list[str]:
-        """All that is wrong with it, of a fluid of a scene."""
+        """Problems of the observation, in words, of a fluid of a scene."""
         k, texts = len(self.frames), []
         own = fluid.shape if self.places is None else (len(self.places),)
         if self.field not in FIELDS:

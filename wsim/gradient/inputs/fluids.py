@@ -7,6 +7,7 @@
     /World/Fire:smoke, :temperature, :expansion   () as of `Source`
     /World/Fire:velocity, :place                  (3,) [m/s], [m]: where its motion begins, all of which is shifted
     /World/Fire:strength                          (keys,) of its curve, linear between the ends of frames
+    /World/Ball:surface                           (frames, 2, 3) [m/s], [rad/s], see `Surface`
 """
 
 import numpy as np
@@ -14,6 +15,7 @@ import warp as wp
 
 from wsim.gradient.inputs.base import PART, Input
 from wsim.physics.fluid.measure import NAMES
+from wsim.scene.values.coverage import refuse
 
 SCALARS = {"smoke": "smoke", "temperature": "heat"}
 
@@ -88,3 +90,14 @@ class FluidValue(Input):
             return PART * min(fluid.cell for fluid, _ in self.method.pairs)
         return PART * (float(np.abs(self.read()).max()) or 1.0)
 
+
+class Surface(Input):
+    """What may be added to the velocity and the angular velocity of an obstacle's surface in each frame, (frames, 2, 3); it is
+    read as zeros, and cannot be written."""
+
+    def read(self, world: int = 0) -> np.ndarray:
+        fluids = self.recording.fluids
+        moving = [d.obstacles.shapes for d in fluids.method.domains if d.obstacles and d.obstacles.moving] if fluids else []
+        if not any(thing.path == self.path for shapes in moving for thing in shapes.things):
+            raise refuse("surface", self.path)
+        return np.zeros((self.recording.frames, 2, 3))

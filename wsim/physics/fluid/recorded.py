@@ -82,7 +82,8 @@ class Recorded:
         return (frames + 1) * sum(a.capacity for k in range(len(self.adjoints)) for a in self.arrays(k).values())
 
     def allot(self, frames: int) -> None:
-        self.kept = [{name: wp.zeros((frames + 1, a.size), dtype=a.dtype, device=a.device) for name, a in self.arrays(k).items()}
+        self.kept = [{name: wp.zeros((frames + 1, a.size), dtype=a.dtype, device=a.device)
+                      for name, a in self.arrays(k).items()}
                      for k in range(len(self.adjoints))]
 
     def keep(self, frame: int) -> None:
@@ -171,7 +172,8 @@ class Losses:
                 have = ", ".join(n for n, called in FIELDS.items() if not called or called in arrays)
                 raise SceneError(Problem(path, f"has no field {name!r}; there are {have}"))
             if values.shape != shape or not np.isfinite(values).all():
-                raise SceneError(Problem(path, f"derivatives by {name} must be finite with shape {shape}; found {values.shape}"))
+                raise SceneError(Problem(path, f"derivatives by {name} must be finite with shape {shape}; found "
+                                         f"{values.shape}"))
             if name == "velocity":
                 found += [(arrays[NAMES[a]], layout.uncentered(values[..., axis], a)) for a, axis in enumerate(layout.axes)]
             else:
@@ -186,7 +188,7 @@ class Losses:
         """A frame was undone: what sources and what moves got in it."""
         found = []
         for a in self.recorded.adjoints:
-            of = [a.sources.numbers] if a.sources.sources else []
+            of = [each.numbers for each in (a.sources, a.obstacles) if each is not None and each.numbers is not None]
             found.append(tuple(wp.clone(array) for array in of))
             for array in of:
                 array.zero_()

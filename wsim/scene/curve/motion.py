@@ -198,6 +198,13 @@ class Turns:
         R = rotation.matrix(q)
         return R @ S, np.cross(omega[:, None, :], (R @ S).swapaxes(1, 2)).swapaxes(1, 2) + R @ dS
 
+    def by_pace(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(times within the keys [s], how it turns in world axes [rad] a unit of `pace`) at times (n,) [s]."""
+        motion = self.motion
+        k, s, _, _, _, _ = motion.path.place(t)
+        inside = motion.times[k] + s * motion.path.pieces.span[k]
+        return inside, self.between(k, self.pace.sampled(inside) - k)[1]
+
     def end(self, side: int) -> np.ndarray:
         """Angular velocity [rad/s] in world axes at the first or the last key, from within."""
         k = np.array([-side % (len(self.q) - 1)])

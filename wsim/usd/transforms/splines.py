@@ -32,8 +32,8 @@ def curve_of(spline, units: Units, factor: float = 1.0) -> Curve:
     if spline.IsEmpty() or spline.HasValueBlocks():
         raise ValueError("its spline has no knots" if spline.IsEmpty() else "its spline has value blocks")
     own = TS.Spline(spline)
-    if own.HasInnerLoops():
-        own.BakeInnerLoops()
+    if own.HasLoops() and not own.HasExtrapolatingLoops() or own.HasExtrapolatingLoops() and own.HasInnerLoops():
+        own.BakeInnerLoops()                                  # asked for last: USD warns of what is deprecated at each question
     if own.HasRegressiveTangents():
         own.AdjustRegressiveTangents()
     knots = list(own.GetKnots().values())

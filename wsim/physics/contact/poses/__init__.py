@@ -95,6 +95,10 @@ class Poses:
         for array, every, values in zip(columns, self.found, (pose, step, ball, stride), strict=True):
             every[:, own] = values
             array.assign(every.astype(self.dtype))
+        for k in number:
+            mesh = rows.meshes[k]
+            if mesh is not None and mesh.moves and "skin" in mesh.device:
+                mesh.device["skin"].widen(c, np.flatnonzero(rows.collider == k))
 
     def _evaluate(self, name: str, many: np.ndarray, time: float, dt: float, gap: np.ndarray | None) -> None:
         """Of `many`, on the device. gap: where something changed."""

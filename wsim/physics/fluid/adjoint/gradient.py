@@ -4,10 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from wsim.kernels.fluid.adjoint import sources as kernels
+from wsim.kernels.fluid.adjoint import covering as kernels
 from wsim.physics.fluid.adjoint.launches import AIR, ROWS
 from wsim.physics.fluid.grid.domain import LIVE
 from wsim.physics.fluid.measure import NAMES
+from wsim.scene.values.coverage import refuse
 
 FIELDS = {"smoke": "smoke", "temperature": "heat"}
 SOURCE = {"smoke": kernels.SMOKE, "temperature": kernels.HEAT, "expansion": kernels.EXPANSION}
@@ -23,8 +24,10 @@ class FluidGradient:
         self.frames = [[tuple(array.numpy() for array in own) for own in frame] for frame in losses.frames[::-1]]
 
     def value(self, path: str, name: str, world: int = 0) -> Any:
-        """Gradient with respect to a value of a fluid or a source. Raises SceneError where there is no such one, or nothing of
-        it runs."""
+        """Gradient with respect to a value of a fluid, a source or an obstacle. Raises SceneError where there is no such one, or
+        nothing of it runs."""
+        if name == "surface":
+            return self.surface(path, world)
         self.recorded.runs(path, name)
         if any(fluid.path == path for fluid, _ in self.method.pairs):
             return self.fluid(self.recorded.row(path, world), name)
@@ -73,12 +76,28 @@ class FluidGradient:
         return found
 
     def gravity(self, world: int) -> np.ndarray:
-        """[s^2/m], (3,)."""
+        """Gradient with respect to gravity [s^2/m], (3,)."""
         found = np.zeros(3)
         for k, (_, of) in enumerate(self.method.pairs):
             if of == world:
                 for a, axis in enumerate(self.method.layouts[k].axes):
                     found[axis] += self.numbers[k][a]
+        return found
+
+    # what moves
+
+    def surface(self, path: str, world: int = 0) -> np.ndarray:
+        """Gradient with respect to what may be added to the velocity [s/m] and the angular velocity [s/rad] of an obstacle's
+        surface in each frame, (frames, 2, 3), where it is as it is: of all fluids of a world. Raises SceneError for others."""
+        found = np.zeros((len(self.frames), 2, 3))
+        for k, domain in enumerate(self.method.domains):
+            things = domain.obstacles.shapes.things if domain.obstacles and domain.obstacles.moving else []
+            for j, thing in enumerate(things if domain.world == world else ()):
+                if thing.path == path:
+                    found += np.stack([frame[k][-1][j][:6].reshape(2, 3) for frame in self.frames])
+        if not any(thing.path == path for d in self.method.domains if d.obstacles and d.obstacles.moving
+                   for thing in d.obstacles.shapes.things):
+            raise refuse("surface", path)
         return found
 
     # sources

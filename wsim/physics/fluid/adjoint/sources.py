@@ -1,9 +1,11 @@
-"""Adjoint of `wsim.physics.fluid.grid.sources.Sources`, and of decay where nothing is emitted: kernels/fluid/adjoint/sources.py."""
+"""Adjoint of `wsim.physics.fluid.grid.sources.Sources`, and of decay where nothing is emitted:
+kernels/fluid/adjoint/sources.py, driving.py."""
 
 from typing import Any
 
 import warp as wp
 
+from wsim.kernels.fluid.adjoint import covering, driving
 from wsim.kernels.fluid.adjoint import sources as kernels
 from wsim.kernels.fluid.forces import COOLING, SMOKE_DECAY
 from wsim.physics.fluid.adjoint.launches import TIMED, Launches
@@ -13,12 +15,13 @@ RATES = {"smoke": SMOKE_DECAY, "heat": COOLING}
 
 
 class SourcesAdjoint:
-    """numbers: of each source, summed over the steps of a frame: rows of `kernels.NUMBERS`, float64."""
+    """numbers: of each source, summed over the steps of a frame: rows of `covering.NUMBERS`, float64."""
 
     def __init__(self, launches: Launches, expansion: wp.array | None):
         self.launches, domain = launches, launches.domain
         self.domain, self.sources = domain, domain.sources
         dim, real, module, self.by_expansion = domain.layout.dim, launches.real, launches.module, expansion
+        self.numbers = None
         if self.sources is None:
             self.decay = {name: kernels.decay(RATES[name], real, module) for name in domain.scalars}
             return
@@ -27,10 +30,10 @@ class SourcesAdjoint:
         self.Emitted = kernels.state(real)
         self.emit_kernel = kernels.emit(dim, kinds, carried, real, module)
         self.emitted = kernels.emitted(dim, kinds, carried, expansion is not None, real, module)
-        self.driven = [kernels.driven(dim, a, kinds, real, module) for a in range(len(self.sources.drive))]
-        self.gather = kernels.collect(module)
-        self.part = domain.threads.zeros(launches.parts, kernels.Numbers)
-        self.numbers = domain.threads.zeros(len(self.sources.sources), kernels.Numbers)
+        self.driven = [driving.driven(dim, a, kinds, real, module) for a in range(len(self.sources.drive))]
+        self.gather = covering.collect(module)
+        self.part = domain.threads.zeros(launches.parts, covering.Numbers)
+        self.numbers = domain.threads.zeros(len(self.sources.sources), covering.Numbers)
 
     def back(self, u: Any, scalars: dict[str, wp.array], by: Any, by_scalars: dict[str, wp.array]) -> None:
         """u, scalars: as the step has found them. by, by_scalars: cotangents behind the sources, become those before."""

@@ -1,10 +1,11 @@
 """Adjoint of a step of a fluid (`wsim.physics.fluid.grid.domain.Domain`), and of a frame of them, the last step first.
 
-    u' = P y,  y = V(A(u1) v1 + h/2 a(s')),  u1 = 2 w - u,  v1 = 2 w - v,  s' = A(w) s,  w = P v,  v = V(A(u) u + h/2 a(s))
+    u' = P y,  y = V(A(u1) v1 + h/2 a(s')),  u1 = 2 w - u,  v1 = 2 w - v,  s' = A(w) s,
+    w = P v,  v = V(A(u) u + h/2 a(s))
 
-Each line is undone from left to right: P and V by the solves that they were (projection.py), A by transport.py, the forces a by
-forces.py, then the sources. Velocities before and behind the first projection are those that the frame has left (trace.py); what
-costs no solve is made once more.
+All of it is undone from left to right: P and V by the solves that they were (projection.py), A by transport.py, the forces a by
+forces.py, then the sources. Velocities before and behind the first projection are those that the frame has left (trace.py);
+what costs no solve is made once more.
 """
 
 from typing import Any
@@ -14,6 +15,7 @@ import warp as wp
 from wsim.kernels.fluid.adjoint import reflection
 from wsim.physics.fluid.adjoint.forces import ForcesAdjoint
 from wsim.physics.fluid.adjoint.launches import Launches
+from wsim.physics.fluid.adjoint.obstacles import ObstaclesAdjoint
 from wsim.physics.fluid.adjoint.projection import ProjectionAdjoint, ViscosityAdjoint
 from wsim.physics.fluid.adjoint.sources import SourcesAdjoint
 from wsim.physics.fluid.adjoint.trace import Trace
@@ -34,6 +36,8 @@ class DomainAdjoint:
         self.viscosity = ViscosityAdjoint(run) if domain.viscosity else None
         self.sources = SourcesAdjoint(run, self.projection.by_expansion)
         self.forces = ForcesAdjoint(run)
+        moving = domain.obstacles is not None and domain.obstacles.moving
+        self.obstacles = ObstaclesAdjoint(run, self.projection.by_solid) if moving else None
         self.u, self.v, self.w, self.ahead = (domain.faces() for _ in range(4))
         self.by_v, self.by_w = domain.faces(), domain.faces()
         self.scalars, self.spare = ({name: threads.zeros(q.size) for name, q in domain.scalars.items()} for _ in range(2))
@@ -59,6 +63,8 @@ class DomainAdjoint:
             self._reflected(trace)
         else:
             self._split(trace)
+        if self.obstacles:
+            self.obstacles.back()
         trace.fetch("u", self.u)
         self._begun(trace)
         self.sources.back(self.u, self.scalars, self.by, self.by_scalars)
@@ -72,7 +78,7 @@ class DomainAdjoint:
         domain, sources = self.domain, self.domain.sources
         trace.fetch("u", self.u)
         self._begun(trace)
-        if domain.obstacles and domain.obstacles.moving:
+        if self.obstacles:
             domain.obstacles.update()
             domain.pressure.multigrid.refresh()
             domain.pressure.find_region()

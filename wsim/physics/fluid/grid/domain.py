@@ -60,15 +60,14 @@ class Domain:
         expansion = self.sources.expansion if self.sources else None
         self.pressure = Pressure(threads, layout, self.grid, open_, solid, expansion, self.work, self.words)
         self.pressure.tolerance = fluid.tolerance
-        self.viscosity = (Viscosity(threads, self.pressure, fluid.slip, self.work, self.sizes, self.words)
+        self.viscosity = (Viscosity(threads, self.pressure, (fluid.slip, fluid.layers), self.work, self.sizes, self.words)
                           if fluid.viscosity > 0.0 else None)
         self.reflects = fluid.advection == "reflection"
         scheme = "cubic" if self.reflects else fluid.advection
         self.swirling, self.lifts = fluid.vorticity > 0.0, "_".join(name for name in ("smoke", "heat") if name in scalars)
         self.lifting = filled(forces.lifting(real), live=self.live, **scalars)
         self.pushed = bool(self.lifts) and not self.swirling and scheme not in PAIRS           # on the way
-        layers = fluid.viscosity > 0.0 and not fluid.slip and not model.gradients        # beside walls; adjoints lack it
-        sharp = layers and scheme == "cubic" and layout.dim == 2
+        sharp = fluid.layers and fluid.viscosity > 0.0 and not fluid.slip and scheme == "cubic" and layout.dim == 2
         how = How(scheme, not self.reflects, sharp=sharp, pushed=self.lifts * self.pushed, lifting=self.lifting)
         self.carry = [Transport(threads, layout, self.grid, a, how, self.work) for a in range(layout.dim)]
         how = How(fluid.scalar_advection, both=len(scalars) == 2)

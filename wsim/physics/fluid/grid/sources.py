@@ -49,8 +49,9 @@ class Sources:
             if v is not None:
                 velocity[k, :self.layout.dim] = np.asarray(v)[axes]
         self.table.velocity.assign(velocity)
-        self.strengths = [Curve(s.strength.times, np.broadcast_to(np.asarray(new["strength"], np.float64), s.strength.values.shape))
-                          if "strength" in new else s.strength for s, new in zip(self.sources, changed, strict=True)]
+        curves = [(s.strength, np.asarray(new.get("strength", s.strength.values), np.float64))
+                  for s, new in zip(self.sources, changed, strict=True)]
+        self.strengths = [Curve(curve.times, np.broadcast_to(values, curve.values.shape)) for curve, values in curves]
         self.shapes.shift = np.array(now("place")) - [s.place for s in self.sources]
 
     def pose(self, time: float, dt: float) -> None:
