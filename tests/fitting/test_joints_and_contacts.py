@@ -1,4 +1,4 @@
-"""Fits of rigid bodies that touch and are joined: friction and the stiffness of a drive, from where markers on them were seen."""
+"""Fits of rigid bodies that touch and are joined: friction and the stiffness of a drive, from markers on them."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -58,9 +58,9 @@ SHEET, STEPS = "test_a_sheet_that_stretches_shears_and_bends", "test_a_sheet_by_
 SLOPES = "gradient/test_coverage.py::test_every_value_has_the_slope_of_differences"
 PUSH = "test_a_force_over_time_moves_by_its_integral_and_has_exact_derivatives"
 FALL = "test_a_sheet_that_falls_on_a_turning_collider_and_slides"
+JOINED, TOUCHED = "gradient/rigid/test_joints.py", "gradient/rigid/test_contacts.py"
 FREELY, AIRY, PATHS = "gradient/test_bodies.py", "gradient/test_fluids.py", "gradient/test_paths.py"
 EVERY = f"{AIRY}::test_every_value_has_the_slope_of_differences"
-FREELY, JOINED, TOUCHED = (f"gradient/test_{name}.py" for name in ("bodies", "joints", "rigid_contacts"))
 BLOCK, SOLID = f"{BAR}::test_a_soft_bar", f"{BAR}::test_a_soft_bar_by_implicit_steps"
 
 COVERED: list[Covered] = [
@@ -90,15 +90,15 @@ COVERED: list[Covered] = [
     Covered(THROUGH, "loads", *(f"{LOADED}::{PUSH}",) * 3),
     Covered(THROUGH, "wind (drag and lift)", *(f"{SWEPT}::test_wind",) * 3),
     Covered(THROUGH, "free motion of rigid bodies", rigid=f"{FREELY}::test_a_free_symmetric_top_by_its_closed_form"),
-    Covered(THROUGH, "advection-reflection of fluids, their projection round obstacles that stand, forces, viscosity, "
-            "confinement, sources", fluid=f"{AIRY}::test_fifty_steps_round_an_obstacle"),
-    Covered(THROUGH, "other advection of fluids (cubic, MacCormack, BFECC, linear)",
-            fluid=f"{AIRY}::test_schemes_that_carry_there_and_back"),
     Covered(THROUGH, "joints of rigid bodies, their limits and drives",
             rigid=f"{JOINED}::test_every_kind_of_joint_has_the_slope_of_differences"),
     Covered(THROUGH, "contacts and friction of rigid bodies that are solved to a residual (contact_tolerance)",
             rigid=f"{TOUCHED}::test_every_contact_has_the_slope_of_differences"),
     Covered(THROUGH, "impacts of rigid bodies, at their time", rigid=f"{TOUCHED}::test_a_ball_bounces_when_it_comes"),
+    Covered(THROUGH, "advection-reflection of fluids, their projection round obstacles that stand, forces, viscosity, "
+            "confinement, sources", fluid=f"{AIRY}::test_fifty_steps_round_an_obstacle"),
+    Covered(THROUGH, "other advection of fluids (cubic, MacCormack, BFECC, linear)",
+            fluid=f"{AIRY}::test_schemes_that_carry_there_and_back"),
 
     Covered(BY, "Cloth.positions Cloth.velocities Cloth.stretch Cloth.bend Cloth.weft Cloth.shear Cloth.damping Cloth.density",
             f"{CHAIN}::{SHEET}", f"{SWEPT}::{SHEET}", f"{CHAIN}::{STEPS}"),
@@ -197,8 +197,8 @@ REFUSED: dict[str, Refused] = {
     "features": Refused("manifolds that change with the smallest motion", "touches by other features when it is moved by a ten "
                         "thousandth of its size, and has no derivative of one side; move it, or another shape, a little"),
     "idle": Refused("air in which no point moves", "nothing that moves here knows {name}; leave it out"),
-    "surface": Refused("surfaces in air where no collider moves", "is no obstacle of air in which one moves: its surface has no "
-                       "velocity with a derivative"),
+    "surface": Refused("surfaces in air where no collider moves", "is no obstacle of air in which one moves: its surface has "
+                       "no velocity with a derivative"),
     "still": Refused("values of fluids and sources of which nothing runs", "nothing of its {name} runs: {why}"),
     "load": Refused("loads that there are not", "there is no load; give the scene one"),
     "pin": Refused("anything but stiffness and damping of a soft pin", "is no soft pin with a derivative with respect to "

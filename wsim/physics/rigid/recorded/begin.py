@@ -23,7 +23,7 @@ def refuse_contacts(scene) -> None:
 
 
 def recorded(method) -> Recorded:
-    """What records a method's bodies (`wsim.physics.rigid.method.Rigid`)."""
+    """Recorder of a method's bodies (`wsim.physics.rigid.method.Rigid`)."""
     if not (method.joints or method.contacts):
         return Recorded(method)
     from wsim.physics.rigid.recorded.islands import RecordedIslands

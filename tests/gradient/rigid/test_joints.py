@@ -198,7 +198,7 @@ def test_islands_of_worlds_are_apart():
 def test_a_humanoid_that_falls_has_the_slope_of_differences():
     """Sixteen bodies, fifteen joints with limits and drives, five frames of a jump; nothing is touched."""
     from wsim.usd.load import load
-    scene = load(Path(__file__).resolve().parents[2] / "scenes/humanoid.usda")
+    scene = load(Path(__file__).resolve().parents[3] / "scenes/humanoid.usda")
     scene.iterations = 8
     for body in scene.things("Body"):
         for collider in body.colliders:
