@@ -103,7 +103,7 @@ class Skeleton(Compared):
 
     @property
     def moves(self) -> bool:
-        """Whether joints or blend shapes do."""
+        """True if joints or blend shapes do."""
         return len(self.times) > 1 or (self.weights is not None and self.weights.moves)
 
     def later(self, delay: float) -> "Skeleton":
