@@ -40,9 +40,10 @@ RIGID = {"dominoes": 31, "pyramid": 56, "humanoid": 16, "arch": 18, "racket": 1,
 CURVES = {"camera_path": 1, "easing_chart": 9}                         # cloths
 FLUID = {"plume": ((20, 35, 20), 1), "smoke_rings": ((35, 20, 20), 2), "vortex_pair": ((128, 64, 1), 1),
          "cavity": ((64, 64, 1), 1)}                                   # cells, sources
+LIQUID = {"dam_break": ((30, 18, 9), 7776)}          # cells, particles
 scenes = pytest.mark.parametrize("name", CONTENT)
 soft_scenes = pytest.mark.parametrize("name", SOFT)
-every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT, *RIGID, *FLUID, *CURVES])
+every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT, *RIGID, *FLUID, *LIQUID, *CURVES])
 
 
 def area(cloth) -> float:
@@ -71,7 +72,7 @@ def test_files_are_what_the_generator_writes(name):
 
 
 def test_every_scene_file_is_generated():
-    assert {path.stem for path in FOLDER.glob("*.usda")} == set(SCENES) == {*CONTENT, *SOFT, *RIGID, *FLUID, *CURVES}
+    assert {path.stem for path in FOLDER.glob("*.usda")} == set(SCENES) == {*CONTENT, *SOFT, *RIGID, *FLUID, *LIQUID, *CURVES}
 
 
 @scenes
@@ -280,6 +281,21 @@ def test_a_tablecloth_shows_its_folds():
 def test_the_generator_writes_into_the_folder_it_is_given(tmp_path):
     done = subprocess.run([sys.executable, "-m", "tools.scenes", str(tmp_path)], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0 and len(list(tmp_path.glob("*.usda"))) == len(SCENES), done.stderr
+
+
+@pytest.mark.parametrize("name", LIQUID)
+def test_scenes_of_liquids_flow(name):
+    """Cells and particles as they say; a quarter of a second falls by as much as its height lets it."""
+    scene = load(FOLDER / f"{name}.usda")
+    assert not scene.notes and not check(scene)
+    (liquid,) = scene.things("Liquid")
+    sim = Simulation(scene, device="cpu")
+    first = sim.indicators()
+    assert (liquid.shape, first["liquid_particles"]) == LIQUID[name]
+    sim.run(6)
+    said = sim.indicators()
+    assert 1.0 < said["liquid_speed"] < 2.0 * np.sqrt(2.0 * 9.81 * 0.48) and not sim.warnings
+    assert said["liquid_particles"] == first["liquid_particles"] and said["liquid_energy"] < first["liquid_energy"]
 
 
 @pytest.mark.parametrize("name", FLUID)

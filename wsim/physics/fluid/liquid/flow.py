@@ -33,6 +33,7 @@ class Flow:
         for k, s in enumerate(sources):
             if s.velocity is not None:
                 velocity[k, :dim] = s.velocity[list(layout.axes)]
+        self.fastest = float(np.linalg.norm(velocity, axis=1).max())
         what = np.array([emission.SINK * (s.role == "sink") for s in sources], np.int32)
         self.table = filled(emission.sources(real), shapes=self.shapes.table, what=model.upload(what, int),
                             velocity=model.upload(velocity, types(real).vec3), strength=threads.zeros(n, types(real).vec2))

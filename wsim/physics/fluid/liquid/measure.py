@@ -3,9 +3,7 @@
 import numpy as np
 
 from wsim.physics.fluid.liquid.objects import ACROSS, Liquid
-from wsim.scene.samples import Particles
-
-DROPS = "_drops"           # behind the name of the domain: the prim of its particles
+from wsim.scene.samples import DROPS, Particles
 
 
 def width(liquid: Liquid) -> float:

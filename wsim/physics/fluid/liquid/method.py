@@ -1,6 +1,7 @@
 """Liquids on the device: for each liquid of each world a part "liquid k", whose rows are particles, and the steps of a frame
 (`wsim.physics.fluid.liquid.domain`)."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -115,7 +116,7 @@ class Liquids(Method):
 
     def retry(self, status: Status) -> list[Remedy]:
         wanted = status.said("liquid: room")
-        return [Remedy("grow", lambda k=k, n=int(n): self._more(k, n)) for k, n in enumerate(wanted)
+        return [Remedy("grow", partial(self._more, k, int(n))) for k, n in enumerate(wanted)
                 if n > self.parts[k].capacity]
 
     def _more(self, k: int, wanted: int) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wsim.physics.fluid.objects import Fluid
+from wsim.physics.fluid.objects import Cubes
 from wsim.physics.rigid.objects import vector
 from wsim.scene.bodies import Compared
 from wsim.scene.curve import Curve, Motion
@@ -21,7 +21,7 @@ ACROSS = 2                                                 # particles of a full
 
 
 @dataclass(eq=False)
-class Liquid(Compared):
+class Liquid(Cubes):
     """A box in which liquid moves, on a grid of cubes. Where an axis has one cell the liquid is flat, and costs no third axis.
 
     path        prim path
@@ -58,9 +58,6 @@ class Liquid(Compared):
     def __post_init__(self):
         self.low, self.high = (np.array(v, np.float64).reshape(3) for v in (self.low, self.high))
         self.sides = tuple(self.sides)
-
-    elements, shape, axes, cells, centers = Fluid.elements, Fluid.shape, Fluid.axes, Fluid.cells, Fluid.centers
-
 
 @dataclass(eq=False)
 class LiquidSource(Compared):
