@@ -7,7 +7,7 @@ import warp as wp
 import wsim
 from tests.physics.animation.make import bones, lump, scene_of, skin
 from tests.physics.animation.test_skinning import track
-from tools.bench.skinning import character, speed
+from tools.bench.contact.skinning import character, speed
 from wsim.physics.animation.objects import DUAL, LINEAR
 from wsim.scene import shapes
 

@@ -1,6 +1,6 @@
 """Skinning of many vertices beside a copy of the bytes that it must move, and a character under a cloth. Run:
 
-    python -m tools.bench.skinning [--device cuda:0] [--vertices 1000000] [--joints 200] [--frames 60]
+    python -m tools.bench.contact.skinning [--device cuda:0] [--vertices 1000000] [--joints 200] [--frames 60]
 
 The first prints microseconds a pose for linear blend and dual quaternions, in the order of the joints (as meshes are exported)
 and at random; the copy that it is held against moves the same bytes: bound points, joints (16 bits), weights, skinned points.
