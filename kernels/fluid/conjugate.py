@@ -42,7 +42,7 @@ def plain(real, module):
 
 
 @cache
-def multiply(dim: int, fractions: bool, real, module):
+def multiply(dim: int, fractions: bool | int, real, module):
     """Kernel over blocks of threads: w_out = A p, parts of p.w and of the sum of w."""
     Level, s, f = levels(real), stencil(dim, fractions, real), functions(dim, real)
 

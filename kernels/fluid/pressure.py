@@ -23,35 +23,16 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.fluid.grid import flat, functions, structs
+from wsim.kernels.fluid.solver.level import FREE, levels
 from wsim.kernels.math.real import types
 
 
 @cache
-def levels(real):
-    """Struct of an equation: cells, which axes are periodic, k of inner faces, factors on it at low and high sides; with
-    obstacles k of every face of an axis instead, before those factors."""
-    t = types(real)
-
-    @wp.struct
-    class Level:
-        n: wp.vec3i
-        periodic: wp.vec3i
-        k: t.vec3
-        low: t.vec3                        # 0 closed, 2 open, 1 periodic
-        high: t.vec3
-        x: wp.array(dtype=real)
-        y: wp.array(dtype=real)
-        z: wp.array(dtype=real)
-
-    return Level
-
-
-@cache
-def stencil(dim: int, fractions: bool, real) -> SimpleNamespace:
+def stencil(dim: int, fractions: bool | int, real) -> SimpleNamespace:
     """Functions of a cell i: couplings(level, i, axis) -> (k low, k high), 0 where there is no neighbour beyond but one of
     pressure 0 too; beside(level, x, i) -> (sum of k, sum of k x of the neighbours); product(level, x, i) -> (A x)_i;
     diagonal(level, i) -> sum of k."""
-    t, Level = types(real), levels(real)
+    t, Level, free = types(real), levels(real), fractions == FREE
 
     @wp.func
     def couplings(level: Level, i: wp.vec3i, axis: int):
@@ -155,6 +136,8 @@ def stencil(dim: int, fractions: bool, real) -> SimpleNamespace:
             own, sum = within(level, x, i)
         else:
             own, sum = at_side(level, x, i)
+        if wp.static(free):
+            own += level.own[flat(i, level.n)]
         return own, sum
 
     @wp.func
@@ -169,6 +152,8 @@ def stencil(dim: int, fractions: bool, real) -> SimpleNamespace:
             for a in range(wp.static(dim)):
                 low, high = couplings(level, i, a)
                 own += low + high
+            if wp.static(free):
+                own += level.own[flat(i, level.n)]
         return own
 
     @wp.func
@@ -177,7 +162,7 @@ def stencil(dim: int, fractions: bool, real) -> SimpleNamespace:
         return own * x[flat(i, level.n)] - sum
 
     return SimpleNamespace(couplings=couplings, beside=beside, product=product, diagonal=diagonal,
-                           name=f"{dim}d{'_fractions' * fractions}_{t.name}")
+                           name=f"{dim}d{'_fractions' * bool(fractions)}{'_free' * free}_{t.name}")
 
 
 @cache

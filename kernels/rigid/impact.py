@@ -13,9 +13,9 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
+from wsim.kernels.rigid.complementarity.impact_time import behind
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.impulse import formulas
-from wsim.kernels.rigid.complementarity.impact_time import behind
 from wsim.kernels.rigid.kinds import Kind, at_once, by_colour
 
 ROUNDS, MET = 64, 1.0e-4           # MET: part of the speed to which the sweeps go
@@ -24,8 +24,9 @@ SOONER = wp.constant(1.01)         # what the soft steps would catch in this sub
 
 
 def impacts(kind: Kind, meet, real, met: float = MET, rounds: int = ROUNDS, timed: bool = False):
-    """Function of a substep k of h [s], before its forces, of all contacts, which `kind` knows by their colours. met: part of the
-    speed to which the sweeps of a round go. timed: bodies go on from the time of their impact (complementarity/impact_time.py)."""
+    """Function of a substep k of h [s], before its forces, of all contacts, which `kind` knows by their colours. met: part of
+    the speed to which the sweeps of a round go. timed: they go on from the time of an impact (complementarity/impact_time.py).
+    """
     mark, strike = marks(real, met, timed)
     after = by_colour(kind, behind(real), meet, real)
     look, sweep = at_once(kind, mark, real), by_colour(kind, strike, meet, real)

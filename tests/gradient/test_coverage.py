@@ -5,7 +5,6 @@ import ast
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,13 +12,14 @@ import pytest
 from tests.gradient.test_gradients import net, sheet
 from tests.make.wheels import ROW
 from tests.make.wheels.objects import Wheel
-from wsim import Bulk, Fabric, Plane, Simulation, Sphere
+from tests.physics.animation.test_gradients import UNFOLLOWED, changed
+from wsim import Box, Bulk, Fabric, Plane, Simulation, Sphere
 from wsim.gradient.inputs.by_name import inputs
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
+from wsim.physics.rigid.joints.joint import Drive, revolute, spherical
 from wsim.physics.rigid.objects import Body
-from wsim.physics.rigid.recorded import refuse_contacts
-from wsim.scene import Collider, Pin, Scene, SceneError, Varying, methods, shapes
+from wsim.scene import Collider, Pin, Scene, SceneError, Surface, Varying, methods, shapes
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.nodal.loads import between
 from wsim.scene.values import table
@@ -27,8 +27,10 @@ from wsim.scene.values.coverage import BY, COVERED, REFUSED, row_of, summary, te
 
 TESTS = Path(__file__).resolve().parent.parent
 PATHS = {"Cloth": "/cloth", "Springs": "/net", "Soft": "/bar", "Collider": "/floor", "Pin": "/pin", "Scene": "",
-         "Body": "/thrown"}
-ONLY = {"Springs.rest_shape"}                 # lengths say the same
+         "Body": "/thrown", "Joint": "/hinge"}
+PATHS_OF = {f"{owner}.{name}" for owner in ("Pin", "Collider") for name in ("keys", "tangents", "handles")}
+ONLY = {"Springs.rest_shape", *PATHS_OF,     # lengths say the same; curves and skeletons have tests of their own
+        "Skeleton.turns", "Skeleton.weights"}
 IDLE = ("static_friction",)                  # what slides does not know it
 
 
@@ -197,11 +199,36 @@ def alone() -> Scene:
     return scene
 
 
-def resting() -> Scene:
-    scene = Scene()
+def resting(joint=False, mesh=False, cloth=False, sleep=0.0, tolerance=0.0) -> Scene:
+    scene = Scene(sleep_speed=sleep, contact_tolerance=tolerance or 1e-9 * mesh)
     scene.collider("/floor", Plane(), motion=flat())
-    scene.add(Body("/ball", [Collider("/ball/shape", Sphere(0.1))], Motion.at_place((0.0, 0.1, 0.0))))
+    ball = Body("/ball", [Collider("/ball/shape", Sphere(0.1))], Motion.at_place((0.0, 0.1, 0.0)))
+    scene.add(ball)
+    if joint:
+        scene.add(spherical("/hinge", None, ball))
+    if mesh:
+        points, quads = np.array([[x, -0.5 * x * z, z] for x in (-1.0, 1.0) for z in (-1.0, 1.0)]), [[0, 1, 3], [0, 3, 2]]
+        scene.collider("/rock", Surface(points, np.array([3, 3]), np.ravel(quads)))
+    if cloth:
+        scene.cloth("/cloth", *shapes.sheet(1.0, 1.0, 2, 2, horizontal=True))
     return scene
+
+
+def pressed() -> Recording:
+    """A drive that holds a hinge against its limit."""
+    scene = alone()
+    hinge = revolute("/hinge", None, scene.things("Body")[0], low=-0.01, high=0.01, at=(0.3, 0.0, 0.0), axis=(0.0, 0.0, 1.0),
+                     drives={"rotX": Drive(1000.0, 1.0, 1.0)})
+    scene.add(hinge)
+    return recorded(scene, 2)
+
+
+def flush() -> Recording:
+    """A box on another of its size, edge on edge: what is a corner, and what is cut off, is a matter of rounding."""
+    scene = Scene(contact_tolerance=1e-9)
+    for k, path in enumerate(("/lower", "/upper")):
+        scene.add(Body(path, [Collider(f"{path}/box", Box((0.5, 0.5, 0.5)))], Motion.at_place((0.0, k * 0.9999, 0.0))))
+    return recorded(scene)
 
 
 def turned() -> Scene:
@@ -232,13 +259,20 @@ CASES = {
     "restitution": ("/dull", lambda: run("explicit")[0].recording.backward({2: {"/net": np.ones((5, 3))}})
                     .restitution("/dull")),
     "impulses": ("/ball", lambda: Simulation(resting(), device="cpu", gradients=True)),
-    "joints": ("/hinge", lambda: refuse_contacts(Scene(others={"Joint": [SimpleNamespace(path="/hinge")]}), False)),
+    "held": ("/ball", lambda: Simulation(resting(joint=True), device="cpu", gradients=True)),
+    "meshes": ("/rock", lambda: Simulation(resting(mesh=True), device="cpu", gradients=True)),
+    "points": ("/ball", lambda: Simulation(resting(cloth=True), device="cpu", gradients=True)),
+    "sleep": ("/ball", lambda: Simulation(resting(sleep=0.05, tolerance=1e-9), device="cpu", gradients=True)),
+    "driven": ("/hinge", lambda: pressed().backward(twists={2: {"/thrown": np.ones((2, 3))}})),
+    "features": ("/lower", lambda: flush().backward(twists={1: {"/upper": np.ones((2, 3))}})),
     "idle": ("air_drag", lambda: inputs(recorded(alone()), ["air_drag"])),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),
     "load": ("loads", lambda: gradient(net()).load()),
     "pin": ("/pin", lambda: gradient(net()).pin("/pin", "stiffness")),
     "material": ("/chain", lambda: gradient(net()).material("stretch")),
+    **{key: (path, lambda change=change, name=name: inputs(recorded(changed(change)), [f"/man/bones:{name}"]))
+       for key, (path, change, name) in UNFOLLOWED.items()},
     "value": ("/pin", lambda: row_of(net(), "/pin", "stiffness")),
 }
 

@@ -15,6 +15,7 @@ from wsim.fitting.fields import field
 from wsim.fitting.parameter import parameters
 from wsim.gradient.inputs.by_name import KINDS, inputs
 from wsim.gradient.recording import Recording
+from wsim.physics.fluid.liquid.objects import Liquid
 from wsim.physics.fluid.objects import Fluid, Source
 from wsim.physics.rigid.joints.joint import Joint
 from wsim.physics.rigid.objects import Body
@@ -132,8 +133,10 @@ def test_a_toy_value_is_refused_for_gradients_by_its_row(row):
 # the table itself
 
 OWNERS = {"Cloth": (Cloth, Fabric), "Springs": (Springs,), "Soft": (Soft, Bulk), "Collider": (Collider,), "Pin": (Pin,),
-          "Load": (Load,), "Scene": (Scene,), "Body": (Body,), "Joint": (Joint,), "Fluid": (Fluid,), "Source": (Source,)}
+          "Load": (Load,), "Scene": (Scene,), "Body": (Body,), "Joint": (Joint,), "Fluid": (Fluid,), "Source": (Source,),
+          "Liquid": (Liquid,)}
 HELD = {"mass": "masses", "force": "curve", "traction": "curve", "shift": "motion", "targets": "motion", "points": "shape",
+        **dict.fromkeys(("keys", "tangents", "handles"), "motion"),
         "positions": "points", "rest_shape": "points", "static_friction": "colliders", "dynamic_friction": "colliders",
         "restitution": "colliders", "stiffness": "drives", "damping": "drives", "target": "drives"}
 

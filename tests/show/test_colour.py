@@ -6,7 +6,7 @@ from pxr import Usd, UsdGeom
 
 from tests.make.soft_bar import bar
 from tests.make.usda import Reader, cloth
-from wsim import Cloth, Fabric
+from wsim import Cloth, Fabric, load, save
 from wsim.cli import main
 from wsim.model.model import make_body
 from wsim.scene import SceneError
@@ -90,6 +90,26 @@ def test_a_run_writes_colours_of_each_frame(result):
     seen = visible(result)
     drawn = next(d for d in seen.drawn if d.look.path == "/cloth")
     assert drawn.colors is not None and drawn.colors(0.0) == pytest.approx(scale(np.zeros(4)))
+
+
+@pytest.mark.parametrize("kind", ["strain", "stress"])
+def test_the_surface_that_a_result_draws_of_a_solid_is_coloured(kind, tmp_path):
+    """Its points have the colours of the same points of the TetMesh, which hangs from one end: not all alike."""
+    from wsim.show.paint import paint
+    scene = bar()
+    scene.frames, scene.fps = 2, 10.0
+    save(scene, tmp_path / "scene.usda")
+    out = tmp_path / "out.usdc"
+    assert main(["run", str(tmp_path / "scene.usda"), "-o", str(out), "--device", "cpu", "--quiet"]) == 0
+    seen, path = visible(out), f"{scene.softs[0].path}_surface"
+    (drawn,) = [d for d in seen.drawn if d.look.path == path]
+    assert drawn.colors is None
+    paint(seen, kind, "cpu")
+    tets = UsdGeom.TetMesh(seen.stage.GetPrimAtPath(scene.softs[0].path))
+    x = np.array(tets.GetPointsAttr().Get(2.0))
+    all_ = scale(measured(make_body(load(out).softs[0], 0, 0, 0), x, kind))
+    nearest = np.linalg.norm(drawn.points(2.0)[:, None] - x[None], axis=2).argmin(axis=1)
+    assert drawn.colors(2.0) == pytest.approx(all_[nearest], abs=1e-5) and np.ptp(drawn.colors(2.0), axis=0).max() > 1e-3
 
 
 def test_contact_is_red_where_it_touches_and_blue_above(tmp_path, result):

@@ -37,11 +37,13 @@ SOFT = {
 }
 RIGID = {"dominoes": 31, "pyramid": 56, "humanoid": 16, "arch": 18, "racket": 1, "balls": 6, "card_house": 16,
          "ball_into_cloth": 3}                                         # bodies
+CURVES = {"camera_path": 1, "easing_chart": 9}                         # cloths
 FLUID = {"plume": ((20, 35, 20), 1), "smoke_rings": ((35, 20, 20), 2), "vortex_pair": ((128, 64, 1), 1),
          "cavity": ((64, 64, 1), 1)}                                   # cells, sources
+LIQUID = {"dam_break": ((30, 18, 9), 7776)}          # cells, particles
 scenes = pytest.mark.parametrize("name", CONTENT)
 soft_scenes = pytest.mark.parametrize("name", SOFT)
-every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT, *RIGID, *FLUID])
+every_scene = pytest.mark.parametrize("name", [*CONTENT, *SOFT, *RIGID, *FLUID, *LIQUID, *CURVES])
 
 
 def area(cloth) -> float:
@@ -70,7 +72,7 @@ def test_files_are_what_the_generator_writes(name):
 
 
 def test_every_scene_file_is_generated():
-    assert {path.stem for path in FOLDER.glob("*.usda")} == set(SCENES) == {*CONTENT, *SOFT, *RIGID, *FLUID}
+    assert {path.stem for path in FOLDER.glob("*.usda")} == set(SCENES) == {*CONTENT, *SOFT, *RIGID, *FLUID, *LIQUID, *CURVES}
 
 
 @scenes
@@ -149,6 +151,28 @@ def test_the_cape_clears_the_ball_and_its_collar_lies_on_it():
     gap = np.linalg.norm(cape.motion.points(cape.points) - ball.motion.at(0.0)[:3, 3], axis=1) - ball.shape.radius
     assert gap.min() > 0.5 * cape.material.thickness
     assert np.allclose(gap[scene.pins[0].points], 0.006, atol=1e-5)
+
+
+def test_balls_of_the_chart_are_on_their_graphs_and_the_camera_goes_evenly_round_its_sheet():
+    """Between frames too; the camera looks at the sheet to a degree."""
+    from pxr import Usd, UsdGeom
+
+    from tools.scenes.animation import LANES
+    from wsim.scene.curve.easing import eased
+    scene = load(FOLDER / "easing_chart.usda")
+    assert len(scene.cloths) == CURVES["easing_chart"] == len(LANES) and not scene.notes
+    for (_, easing, _), held in zip(LANES, scene.pins, strict=True):
+        s = np.linspace(0.013, 0.987, 41)
+        x, y, _ = (held.motion.sampled(0.5 + 2.5 * s)[:, :3, 3] - held.motion.at(0.0)[:3, 3]).T
+        np.testing.assert_allclose(x, 0.8 * s, atol=2e-6)                  # six digits in the file
+        np.testing.assert_allclose(y, 0.8 * eased(easing, s)[0], atol=5e-6)
+    stage = Usd.Stage.Open(str(FOLDER / "camera_path.usda"))
+    camera = UsdGeom.Xformable(stage.GetPrimAtPath("/World/Camera"))
+    M = np.array([np.array(camera.ComputeLocalToWorldTransform(code)) for code in np.linspace(0.0, 96.0, 193).tolist()])
+    step = np.linalg.norm(np.diff(M[:, 3, :3], axis=0), axis=1)
+    assert np.ptp(step) < 0.005 * step.mean()
+    to = np.array([0.0, 1.0, 0.0]) - M[:, 3, :3]
+    assert np.degrees(np.arccos((-M[:, 2, :3] * to).sum(axis=1) / np.linalg.norm(to, axis=1))).max() < 2.0
 
 
 def test_the_torso_is_as_wide_as_it_says():
@@ -257,6 +281,21 @@ def test_a_tablecloth_shows_its_folds():
 def test_the_generator_writes_into_the_folder_it_is_given(tmp_path):
     done = subprocess.run([sys.executable, "-m", "tools.scenes", str(tmp_path)], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0 and len(list(tmp_path.glob("*.usda"))) == len(SCENES), done.stderr
+
+
+@pytest.mark.parametrize("name", LIQUID)
+def test_scenes_of_liquids_flow(name):
+    """Cells and particles as they say; a quarter of a second falls by as much as its height lets it."""
+    scene = load(FOLDER / f"{name}.usda")
+    assert not scene.notes and not check(scene)
+    (liquid,) = scene.things("Liquid")
+    sim = Simulation(scene, device="cpu")
+    first = sim.indicators()
+    assert (liquid.shape, first["liquid_particles"]) == LIQUID[name]
+    sim.run(6)
+    said = sim.indicators()
+    assert 1.0 < said["liquid_speed"] < 2.0 * np.sqrt(2.0 * 9.81 * 0.48) and not sim.warnings
+    assert said["liquid_particles"] == first["liquid_particles"] and said["liquid_energy"] < first["liquid_energy"]
 
 
 @pytest.mark.parametrize("name", FLUID)

@@ -88,6 +88,11 @@ class Recording(Frames):
         """Measures a frame, and chooses how many are kept at a time."""
         S, F = self.plan.clock.substeps, self.frames
         self.cost, scalars = measured(self)
+        if self.bodies and self.bodies.whole:
+            if keep == "checkpoints":
+                raise SceneError(Problem("keep", "found 'checkpoints'; joints and contacts of bodies keep every substep: "
+                                         "allowed are auto, all"))
+            keep = "all"
         length = self.cost.choose(keep)
         self.checkpoints = length > 0
         self.group, self.cuts = max(length // S, 1) if length else F, [0, S]
@@ -260,8 +265,8 @@ class Recording(Frames):
                 self.warn(f"/: gradients: the worst {name} solve has left {value:.1e} of its right side; they are no better "
                           "than that. Take smaller substeps")
         if self.bodies and self.bodies.left > LEFT:
-            self.warn(f"/: gradients: contacts and joints of bodies were solved to {self.bodies.left:.1e} m/s; they are no better "
-                      "than that. Take smaller substeps, and a smaller contact_tolerance in float64")
+            self.warn(f"/: gradients: contacts and joints of bodies were solved to {self.bodies.left:.1e} m/s; they are no "
+                      "better than that. Take smaller substeps, more iterations, a smaller contact_tolerance in float64")
         if said := self.growth.check(self.start, self.sim.scene.fps, self.sim.precision):
             self.warn(said)
 

@@ -88,7 +88,7 @@ class Parameters:
             array.grad.zero_()
         return found + keys
 
-    def take_motions(self) -> wp.array | None:
+    def take_motions(self) -> wp.array | list[wp.array] | None:
         """Takes the motions of colliders, as `wsim.physics.contact.contacts_adjoint.ContactAdjoint.take_motion`."""
         return self.contact.take_motion() if self.contact else None
 

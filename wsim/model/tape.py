@@ -189,30 +189,6 @@ class Tape:
                 p.adjoint.shape(F)
         self.adjoints.append(backward)
 
-    def aside(self, arrays: list[wp.array], forward: Callable[[], None], backward: Callable[[list], list]) -> None:
-        """A step of the host: forward() takes arrays of the state from there; backward(gradients of what it has written) gives
-        those of what it has read, NumPy. No graph holds it."""
-        self.eager = True
-        read = [self.read(a) for a in arrays]
-        for a in arrays:
-            self.write(a, True)
-        wrote = [self.read(a) for a in arrays]                        # they are kept
-
-        def step() -> None:
-            for a, version in zip(arrays, read, strict=True):
-                wp.copy(a, without(version))
-            forward()
-            for a, version in zip(arrays, wrote, strict=True):
-                wp.copy(without(version), a)
-
-        def back() -> None:
-            found = backward([version.grad.numpy() for version in wrote])
-            for version, after, grad in zip(read, wrote, found, strict=True):
-                after.grad.zero_()
-                give(wp.array(grad, dtype=version.dtype, device=version.device), version.grad)
-        self.do(step)
-        self.adjoints.append(back)
-
     def do(self, step: Callable[[], None]) -> None:
         step()
         self.steps.append(step)
@@ -283,8 +259,6 @@ class Tape:
         self.end = self.slots.at
         for root in self.roots:
             kernel_cache.load(newton_adjoint.give(root.base.dtype).module, root.base.device)
-
-    # once more, and backwards
 
     def forward(self) -> None:
         for step in self.steps:

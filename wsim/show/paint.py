@@ -5,14 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from wsim.model.model import make_body
-from wsim.scene import Problem, SceneError
+from wsim.model.model import Body, make_body
+from wsim.scene import Problem, SceneError, Soft
 from wsim.scene.check.contact import kept
 from wsim.scene.skin import held
 from wsim.show.colour import KINDS, NEAR, measured, scale, through
 from wsim.show.prim import Drawn
 from wsim.show.visible import Visible
 from wsim.usd.load import read_stage
+from wsim.usd.prims.surface import OF, faces
 from wsim.usd.result.samples import Frame, particles_of
 
 
@@ -26,23 +27,38 @@ def paint(seen: Visible, kind: str, device=None) -> None:
     touched = [d for d in seen.drawn if d.kind == "collider"]
     if kind == "contact" and not touched and seen.floor is None:
         raise SceneError(Problem("colour", "there is no collider that is seen, so that nothing touches; take strain or stress"))
-    mine = [d for d in seen.drawn if d.kind in ("cloth", "soft") and d.look.path in {**bodies, **skins}]
+    within = _surfaces(seen, bodies)
+    mine = [d for d in seen.drawn if d.kind in ("cloth", "soft") and d.look.path in {**bodies, **skins, **within}]
     near = NEAR * max((float(np.linalg.norm(np.ptp(d.points(seen.times[0]), axis=0))) for d in mine), default=1.0)
     for d in mine:
-        body = bodies[skins[d.look.path].body if d.look.path in skins else d.look.path]
+        skin, (of, own) = skins.get(d.look.path), within.get(d.look.path, (d.look.path, None))
+        body = bodies[of if skin is None else skin.body]
         d.look = replace(d.look, colors=np.zeros((len(d.points(seen.times[0])), 3)), color_of=d.look.triangles)
         if kind == "contact":
             apart = {c: gap for c, path, gap, _ in kept(scene) if path == body.path}
             reaches = [(c, float(body.reach.max(initial=0.0)) + apart.get(c.look.path, 0.0)) for c in touched]
             d.colors = _touching(seen, d, reaches, float(body.reach.max(initial=0.0)), near, device)
         else:
-            d.colors = _measured(seen, body, kind, skins.get(d.look.path))
+            d.colors = _measured(seen, body, kind, skin, own)
 
 
-def _measured(seen: Visible, body, kind: str, skin) -> Callable[[float], np.ndarray]:
+def _surfaces(seen: Visible, bodies: dict[str, Body]) -> dict[str, tuple[str, np.ndarray]]:
+    """Meshes that a result draws in the place of TetMeshes: path of the TetMesh, and the numbers of their points in it."""
+    found = {}
+    for path in (d.look.path for d in seen.drawn):
+        of = seen.stage.GetPrimAtPath(path).GetCustomDataByKey(OF)
+        if of in bodies:
+            source = bodies[of].source
+            assert isinstance(source, Soft)
+            found[path] = of, faces(source.tets)[0]
+    return found
+
+
+def _measured(seen: Visible, body, kind: str, skin, own: np.ndarray | None) -> Callable[[float], np.ndarray]:
+    """own: the numbers of the mesh's points among those of the body; None: all."""
     def colors(t: float) -> np.ndarray:
         values = measured(body, _positions(seen, body.path, t), kind)
-        return scale(values if skin is None else through(skin, values))
+        return scale(through(skin, values) if skin is not None else values if own is None else values[own])
     return colors
 
 

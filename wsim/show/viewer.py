@@ -122,6 +122,7 @@ class Moved:
         self.things = {thing.path: thing for _, thing in every(scene) if getattr(thing, "colliders", None)}
         self.instances = {(thing.instancer, thing.instance): path for path, thing in self.things.items()
                           if getattr(thing, "instancer", "")}
+        self.poses: dict[str, np.ndarray] = {}
         for number, (path, thing) in enumerate(self.things.items()):
             for k, collider in enumerate(thing.colliders):
                 points, look = _shape(collider.shape, f"{path}/shape/{k}", number, "soft")
@@ -146,6 +147,10 @@ class Moved:
                 self._smoke(each)
 
     def _place(self, path: str, pose: np.ndarray) -> None:
+        """A pose holds until the next one: what rests sends nothing."""
+        if path in self.poses and np.array_equal(self.poses[path], pose):
+            return
+        self.poses[path] = pose
         transform = self.log.rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
         self.log.stream.log(f"world{path}/shape", transform)
 

@@ -113,7 +113,7 @@ def _skin(stage: Usd.Stage) -> None:
 def _smoke(prims: list[Usd.Prim], folder: str, meters: float, notes: list[str]) -> tuple[list[Usd.Prim], list["Smoke"]]:
     """The prims without volumes and domains of fluids; the volumes that are smoke."""
     volumes = [p for p in prims if p.GetTypeName() == "Volume"]
-    others = [p for p in prims if p.GetTypeName() != "Volume" and names.WSIM_DOMAIN not in applied(p)]
+    others = [p for p in prims if p.GetTypeName() != "Volume" and not {names.WSIM_DOMAIN, names.WSIM_LIQUID} & set(applied(p))]
     if not volumes:
         return others, []
     from wsim.show.smoke.read import smoke

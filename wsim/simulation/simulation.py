@@ -220,13 +220,12 @@ class Simulation:
         density of a cloth or soft body whose masses follow it; mass of springs; rest_shape [m] of a body, lengths [m] of
         springs (`wsim.physics.cloth.rest_shape`); actuation of springs that have muscles (a Curve, or values of its present
         keys); force or traction of a load (as actuation, or one (3,) for all times); static_friction, dynamic_friction of a
-        body or a collider; thickness and restitution of a collider (the latter where one throws back from the start); motion
-        (rigid) of a pin or collider; positions and velocities (world, author's order) of a body; velocity, spin, force, torque,
-        drag, spin_drag, mass, inertia of a rigid one, which goes on as fast, and friction and restitution of all its colliders;
-        stiffness, damping, target of a joint's drives, one or each in the order of its coordinates; lift, weight, vorticity, smoke_decay, cooling,
-        viscosity of a fluid; smoke, temperature, expansion of a source. Values are copied. Raises SceneError, with nothing
-        changed, if nothing of that path has it, for what a scene would not take, and for more than `counts.MOST` substeps.
-        """
+        body or a collider; thickness, restitution of a collider (where one throws back from the start); motion (rigid) of a pin
+        or collider; positions, velocities (world, author's order) of a body; velocity, spin, force, torque, drag, spin_drag,
+        mass, inertia of a rigid one, which goes on as fast, friction, restitution of its colliders; stiffness, damping, target
+        of a joint's drives; lift, weight, vorticity, smoke_decay, cooling, viscosity of a fluid; smoke, temperature, expansion
+        of a source. Values are copied. Raises SceneError, with nothing changed, where a scene would not take it, and over
+        `counts.MOST` substeps."""
         from wsim.simulation import live
         with GATE.alone():
             live.set_value(self, path, name, value, world)

@@ -21,7 +21,8 @@ from wsim.usd.transforms.splines import curve_of
 ROUNDED = 1e-6                     # of a value, how far a float is from its spline
 OWN = ("physics:", "wsim:")        # namespaces whose samples are looked at
 # sampled by nature, read elsewhere
-CURVES = ("wsim:reaction", "wsim:fluid:strength", *(row.usd.attribute for row in VALUES if row.form == "curve" and row.usd))
+CURVES = ("wsim:reaction", "wsim:fluid:strength", "wsim:liquid:strength",
+          *(row.usd.attribute for row in VALUES if row.form == "curve" and row.usd))
 
 
 def steady(reading: Reading, prim: Usd.Prim, *names: str) -> bool:

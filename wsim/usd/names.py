@@ -38,6 +38,8 @@ WSIM_SCENE, WSIM_CLOTH, WSIM_MATERIAL = table.AIR, table.FLAT, table.OWN
 WSIM_SPRINGS, WSIM_COLLIDER, WSIM_SOFT = "WsimSpringsAPI", "WsimColliderAPI", "WsimSoftAPI"
 WSIM_ATTACHMENT, WSIM_LOAD, WSIM_RIGID = "WsimAttachmentAPI", "WsimLoadAPI", "WsimRigidBodyAPI"
 WSIM_DOMAIN, WSIM_SOURCE = table.DOMAIN, table.SOURCE
+WSIM_LIQUID, WSIM_POUR = table.LIQUID, table.POUR
+WSIM_SKELETON, WSIM_CORRECTIVE = "WsimSkeletonAPI", "WsimCorrectiveAPI"
 
 # Fallbacks of the proposal, in SI units; the schemas are not registered, so USD cannot supply them.
 YOUNGS_MODULUS = 1.0e6      # [Pa]
@@ -132,6 +134,11 @@ OTHERS = (
     Entry("RigidBody", "drag", WSIM_RIGID, "wsim:linearDamping", "double", "1/s"),
     Entry("RigidBody", "spin_drag", WSIM_RIGID, "wsim:angularDamping", "double", "1/s"),
 
+    Entry("Skeleton", "driven", WSIM_SKELETON, "wsim:skel:bodyJoints", "token[]", uniform=True),
+    Entry("Corrective", "joint", WSIM_CORRECTIVE, "wsim:corrective:joint", "token", uniform=True),
+    Entry("Corrective", "rotation", WSIM_CORRECTIVE, "wsim:corrective:rotation", "quatf", uniform=True),
+    Entry("Corrective", "width", WSIM_CORRECTIVE, "wsim:corrective:width", "float", uniform=True),
+
     Entry("Fluid", "sides", WSIM_DOMAIN, "wsim:fluid:sides", "token[]", uniform=True),
     Entry("Fluid", "side_velocities", WSIM_DOMAIN, "wsim:fluid:sideVelocities", "vector3d[]", "m/s", uniform=True),
     Entry("Fluid", "slip", WSIM_DOMAIN, "wsim:fluid:slip", "bool", uniform=True),
@@ -146,6 +153,14 @@ OTHERS = (
     Entry("Source", "hold", WSIM_SOURCE, "wsim:fluid:hold", "bool", uniform=True),
     Entry("Source", "velocity", WSIM_SOURCE, "wsim:fluid:velocity", "vector3d", "m/s"),
     Entry("Source", "strength", WSIM_SOURCE, "wsim:fluid:strength", "double"),
+    Entry("Liquid", "sides", WSIM_LIQUID, "wsim:liquid:sides", "token[]", uniform=True),
+    Entry("Liquid", "transfer", WSIM_LIQUID, "wsim:liquid:transfer", "token", uniform=True),
+    Entry("Liquid", "volume", WSIM_LIQUID, "wsim:liquid:keepVolume", "bool", uniform=True),
+    Entry("Liquid", "steps", WSIM_LIQUID, "wsim:liquid:steps", "int", uniform=True),
+    Entry("Liquid", "most_steps", WSIM_LIQUID, "wsim:liquid:mostSteps", "int", uniform=True),
+    Entry("LiquidSource", "role", WSIM_POUR, "wsim:liquid:role", "token", uniform=True),
+    Entry("LiquidSource", "velocity", WSIM_POUR, "wsim:liquid:velocity", "vector3d", "m/s"),
+    Entry("LiquidSource", "strength", WSIM_POUR, "wsim:liquid:strength", "double"),
 
     Entry("Pin", "enabled", ATTACHMENT, "physics:attachmentEnabled", "bool"),
     Entry("Pin", "type0", ATTACHMENT, "physics:type0", "token", uniform=True),
@@ -182,6 +197,8 @@ PER_ELEMENT = {v.name: v.unit for v in table.of("Cloth").values() if v.each and 
 SRC0, SRC1 = "physics:src0", "physics:src1"                     # relationships of an attachment
 STEPS_HINT = "newton:timeStepsPerSecond"                        # read where wsim:substeps is not authored
 INTO = "wsim:fluid:domain"                                       # relationship of WsimFluidSourceAPI: one domain; none: all
+POURED = "wsim:liquid:domain"                                    # relationship of WsimLiquidSourceAPI: one domain; none: all
+DRIVERS = "wsim:skel:bodies"                                     # relationship of WsimSkeletonAPI: rigid bodies
 LOADED = "wsim:load:body"                                        # relationship of WsimLoadAPI: the body
 ORDER = "wsim:order"                                             # relationship of WsimSceneAPI: objects in their order
 

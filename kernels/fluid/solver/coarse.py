@@ -33,7 +33,7 @@ def rungs(real):
 
 
 @cache
-def coarse(dim: int, fractions: bool, sweeps: int, coarsest: int, real, module):
+def coarse(dim: int, fractions: bool | int, sweeps: int, coarsest: int, real, module):
     """Kernel of one block: x of the first of the rungs, of its b. sweeps, coarsest: of both colours, before and behind.
     sealed: the mean of the coarsest b is taken off, or no x has that residual."""
     Rung, p, f = rungs(real), passes(dim, fractions, real), functions(dim, real)

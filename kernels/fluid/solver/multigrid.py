@@ -20,12 +20,12 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.fluid.grid import flat, functions
-from wsim.kernels.fluid.pressure import levels, stencil
+from wsim.kernels.fluid.pressure import FREE, levels, stencil
 from wsim.kernels.math.real import types
 
 
 @cache
-def passes(dim: int, fractions: bool, real) -> SimpleNamespace:
+def passes(dim: int, fractions: bool | int, real) -> SimpleNamespace:
     """Functions: coloured(c, color, n) -> place of cell c of half of them, whose last axis may be n: none. fresh, swept, risen
     -> x of a cell; residual(level, coarse cell, halved, b, x) -> b of a coarse cell."""
     Level, s = levels(real), stencil(dim, fractions, real)
@@ -90,6 +90,8 @@ def passes(dim: int, fractions: bool, real) -> SimpleNamespace:
               x: wp.array(dtype=real), i: wp.vec3i):
         """With x and that of the coarse cell, y, around."""
         own = real(0.0)
+        if wp.static(fractions == FREE):
+            own += level.own[flat(i, level.n)]
         sum = real(0.0)
         for a in range(wp.static(dim)):
             low, high = s.couplings(level, i, a)
@@ -123,7 +125,7 @@ def passes(dim: int, fractions: bool, real) -> SimpleNamespace:
 
 
 @cache
-def sweep(dim: int, fractions: bool, fresh: bool, real, module):
+def sweep(dim: int, fractions: bool | int, fresh: bool, real, module):
     """Kernel over half of the cells: x of those of a colour. fresh: all others are taken for 0."""
     Level, p = levels(real), passes(dim, fractions, real)
 
@@ -152,7 +154,7 @@ def begin(dim: int, real, module):
 
 
 @cache
-def restrict(dim: int, fractions: bool, real, module):
+def restrict(dim: int, fractions: bool | int, real, module):
     """Kernel over coarse cells: b_out of the residuals of the fine ones. halved: by which factor each axis is."""
     Level, p, f = levels(real), passes(dim, fractions, real), functions(dim, real)
 
@@ -165,7 +167,7 @@ def restrict(dim: int, fractions: bool, real, module):
 
 
 @cache
-def rise(dim: int, fractions: bool, real, module):
+def rise(dim: int, fractions: bool | int, real, module):
     """Kernel over half of the fine cells: x_out of the black ones, with x + y around, y of the coarse cells."""
     Level, p = levels(real), passes(dim, fractions, real)
 
@@ -199,3 +201,21 @@ def coarsen(dim: int, axis: int, real, module):
         k_out[c] = sum / real(halved[wp.static(axis)])
 
     return wp.kernel(coarsen, name=f"coarsen_{'xyz'[axis]}_{dim}d_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def collect(dim: int, real, module):
+    """Kernel over coarse cells of a free surface: their own coupling, of the fine ones as `coarsen` has it of faces."""
+    f, t = functions(dim, real), types(real)
+
+    def collect(coarse: wp.vec3i, fine: wp.vec3i, halved: wp.vec3i, own: wp.array(dtype=real), own_out: wp.array(dtype=real)):
+        c = wp.tid()
+        at = f.place(c, coarse)
+        sum = real(0.0)
+        for i in range(at[0] * halved[0], wp.min((at[0] + 1) * halved[0], fine[0])):
+            for j in range(at[1] * halved[1], wp.min((at[1] + 1) * halved[1], fine[1])):
+                for k in range(at[2] * halved[2], wp.min((at[2] + 1) * halved[2], fine[2])):
+                    sum += own[flat(wp.vec3i(i, j, k), fine)]
+        own_out[c] = sum / real(wp.max(halved[0], wp.max(halved[1], halved[2])))
+
+    return wp.kernel(collect, name=f"collect_{dim}d_{t.name}", module=module, enable_backward=False)

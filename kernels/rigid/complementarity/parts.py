@@ -16,7 +16,7 @@ from wsim.kernels.rigid.passes import over_bodies, walks
 
 def converged_parts(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0,
                     bouncing: bool = False) -> list:
-    """Kernels placed, thrown, held, loosed of substep steps[0], of h [s]; others as `converged`. thrown: one round of impacts."""
+    """Kernels placed, thrown, held, loosed of substep steps[0], of h [s]; others as `converged`. thrown: a round of impacts."""
     Rig, w = whole(real), walks(kinds, real, meet, bouncing, met=FINE, timed=True, rounds=1)
     begun, placed, ended = over_bodies(real)
     prepare, warm, thrown = w.prepare, w.warm, w.thrown

@@ -1,4 +1,4 @@
-"""The substep of islands of joints in two launches, between which a recording looks: kernels/rigid/joint/steps.py has it in one.
+"""The substep of islands of joints in two launches, between which a recording looks (in one: kernels/rigid/joint/steps.py).
 
     held      forces, sweeps                    loosed      places, velocities along what is held
 """

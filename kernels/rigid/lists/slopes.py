@@ -1,7 +1,7 @@
 """Manifolds of a list of pairs with one of both bodies moved a little: how points, gaps and normals change with poses.
 
 Samples of a direction d (a shift along x, y, z, a turn about x, y, z; of A, then of B) are at -2, -1, 1 and 2 steps, for
-differences of order 4. A point is known by its key again; where it is not there, `there` is 0.
+differences of order 4. A point is known by its key again; where it is not there, 0 stands beside the gap.
 """
 
 import warp as wp
@@ -16,8 +16,8 @@ SAMPLES = wp.constant(48)          # 12 directions of 4
 
 
 def slopes(pairs, real, module):
-    """Kernel over (rows, SAMPLES): n and x (4 rows, SAMPLES), gap and there (4 rows, SAMPLES). step: [rad], and of a size
-    [m]; size (rows): that, and the gap up to which points are kept [m]."""
+    """Kernel over (rows, SAMPLES): n and x (4 rows, SAMPLES), gap with 1 where it is there (4 rows, SAMPLES). step: [rad],
+    and of a size [m]; size (rows): that, and the gap up to which points are kept [m]."""
     t = types(real)
     Rig, Hulls = whole(real), hulls(real)
     found, posed = narrow(pairs, real), posing(real)[1]
@@ -34,7 +34,7 @@ def slopes(pairs, real, module):
         return out
 
     def rigid_slopes(rig: Rig, H: Hulls, k: int, step: real, size: wp.array(dtype=t.vec2),
-                     n: wp.array2d(dtype=t.vec3), x: wp.array2d(dtype=t.vec3), gap: wp.array2d(dtype=real), there: wp.array2d(dtype=int)):
+                     n: wp.array2d(dtype=t.vec3), x: wp.array2d(dtype=t.vec3), gap: wp.array2d(dtype=t.vec2)):
         m, s = wp.tid()
         d = s // 4
         j = s % 4
@@ -55,10 +55,9 @@ def slopes(pairs, real, module):
                 at = 4 * m + i
                 if i < rig.c.count[m]:
                     for e in range(4):
-                        if e < f.count and f.key[e] == rig.c.key[at] and there[at, s] == 0:
-                            there[at, s] = 1
+                        if e < f.count and f.key[e] == rig.c.key[at] and gap[at, s][1] == real(0.0):
                             n[at, s] = f.n
                             x[at, s] = f.x[e] + wp.transform_get_translation(pose_a)
-                            gap[at, s] = f.gap[e]
+                            gap[at, s] = t.vec2(f.gap[e], real(1.0))
 
     return wp.kernel(rigid_slopes, name="rigid_slopes", module=module, enable_backward=False)

@@ -7,10 +7,11 @@
     /World/Pin:targets                       where a pin puts its points [m]: (frames, moments of a frame, n, 3), see
                                              `wsim.model.stage.Clock.moments`, or (n, 3) if it is still
     /World/Load:force, :traction             of a load [N], [Pa]: (3,), or (keys, 3) of its curve
+    /World/Bones:turns, :weights             of a skeleton that pins follow: `wsim.gradient.inputs.skeletons`
     gravity, wind                            (3,) [m/s^2], [m/s] of the whole scene
     air_drag                                 () [1/s]
-    friction, restitution, colliders' shifts: `wsim.gradient.inputs.contact`; of rigid bodies: `wsim.gradient.inputs.bodies`,
-    of fluids: `wsim.gradient.inputs.fluids`
+    friction, restitution, colliders' shifts: `wsim.gradient.inputs.contact`; keys, tangents and easing handles of pins and
+    colliders: `wsim.gradient.inputs.path`; of rigid bodies: `wsim.gradient.inputs.bodies`, of fluids: `.fluids`
 
 Elements are springs and tets in the author's order, hinges in the solver's. With several worlds a value may have one axis more,
 the worlds, in front; without it all worlds share the value. Points that are one particle (a weld, a tie) have one place: that
@@ -24,7 +25,9 @@ from wsim.gradient.inputs.bodies import BodyValue
 from wsim.gradient.inputs.contact import Shift, Touch
 from wsim.gradient.inputs.controls import Actuation, Loaded, Targets
 from wsim.gradient.inputs.fluids import FluidValue, Surface
+from wsim.gradient.inputs.path import Path
 from wsim.gradient.inputs.rest import Rest
+from wsim.gradient.inputs.skeletons import Turns, Weights
 from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
 from wsim.scene.methods import named
 from wsim.scene.nodal.masses import density_of
@@ -162,7 +165,8 @@ def inputs(recording, names) -> dict[str, Input]:
 
 KINDS: dict[str, type[Input]] = {"start": Start, "whole": Whole, "density": Density, "mass": Mass, "material": MaterialInput,
                                  "rest": Rest, "actuation": Actuation, "load": Loaded, "targets": Targets, "contact": Touch,
-                                 "shift": Shift, "surface": Surface, "body": BodyValue, "fluid": FluidValue}        # by `Value.gradient`
+                                 "shift": Shift, "surface": Surface, "path": Path, "body": BodyValue,
+                                 "fluid": FluidValue, "turns": Turns, "weights": Weights}    # by `Value.gradient`
 
 
 def _input(recording, name: str) -> Input:

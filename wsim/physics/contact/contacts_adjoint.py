@@ -53,6 +53,9 @@ class ContactAdjoint:
         lanes = int(np.clip(np.diff(starts).max() // EACH, 1, LANES))
         self.starts = wp.array(starts, dtype=int, device=model.device)
         self.sums = wp.zeros((len(model.bodies), contacts.rows.most, lanes), dtype=self.motion.dtype, device=model.device)
+        # where a motion is a curve within its frames: sums of each substep
+        self.steps = [wp.zeros_like(self.sums) for _ in range(contacts.table.step.shape[0])] if any(
+            not c.motion.plain for c in contacts.rows.colliders) else []
         self.wanted = zeros(1, int)
         self.found: SearchResult | None = None
         self.vjp = {contacts.search_kernel: lambda inputs: self.searched(inputs[2]),
@@ -83,6 +86,8 @@ class ContactAdjoint:
             o = self.gradients()
             o.x, o.d, o.d_out, o.a_out = at.x.grad, at.d.grad, d_out.grad, a_out.grad
             self.model.launch(self.search_kernel, self.contacts.count, [self.contacts.table, points, slots, at, o, at.k], [])
+            if self.steps:
+                self.sum(self.steps[at.k])
         return backward
 
     def projected(self):
@@ -147,11 +152,16 @@ class ContactAdjoint:
         for array in (self.friction, self.gap, self.motion):
             array.zero_()
 
-    def take_motion(self) -> wp.array:
+    def take_motion(self) -> wp.array | list[wp.array]:
         """Gradient with respect to the motions of an object's colliders in a frame, (objects, rows, lanes, 4, 3), which are
-        zeros then: shift and turn where it begins, and where it ends."""
-        self.model.launch(self.sum_kernel, self.sums.shape, [self.starts, self.contacts.count, self.motion], [self.sums])
+        zeros then: shift and turn where it begins, and where it ends. Where a motion is a curve: those of each substep."""
+        if self.steps:
+            return [wp.clone(step) for step in self.steps]
+        self.sum(self.sums)
         return wp.clone(self.sums)
+
+    def sum(self, out: wp.array) -> None:
+        self.model.launch(self.sum_kernel, out.shape, [self.starts, self.contacts.count, self.motion], [out])
 
     def by_rows(self, array: wp.array) -> np.ndarray:
         """A gradient of the points by the rows of their objects, (rows, points, ...) in float64."""

@@ -18,8 +18,9 @@ class ContactGradient:
         self.throws = bounce.restitution.numpy() > 0.0 if bounce else None
         self.clamped = [m is not None and m.least_gap > 0.0 and g <= m.least_gap
                         for g, m in zip(contacts.gap, self.meshes, strict=False)]      # of the first object
-        each = [sums.numpy().astype(np.float64).sum(axis=2) for sums in motions]
-        self.motions = np.stack(each)                                 # (frames, objects, rows, 4, 3)
+        each = np.stack([np.stack([part.numpy() for part in (sums if isinstance(sums, list) else [sums])]) for sums in motions])
+        self.steps = each.astype(np.float64).sum(axis=4)              # (frames, substeps or 1, objects, rows, 4, 3)
+        self.motions = self.steps.sum(axis=1)
 
     def rows(self, path: str) -> list[int]:
         """Rows of a collider among those of an object, which has all of them. Raises SceneError where there is none."""
@@ -29,19 +30,19 @@ class ContactGradient:
             raise SceneError(Problem(path, f"is no collider; there are {every}"))
         return found
 
-    def places(self, world: int) -> np.ndarray:
+    def of_world(self, world: int) -> np.ndarray:
         return np.concatenate([np.arange(b.first, b.last) for b in self.model.bodies if b.world == world])
 
     def friction(self, path: str | None, world: int) -> np.ndarray:
         if path in [c.path for c in self.colliders]:
-            found = self.by_friction[self.rows(str(path))][:, self.places(world)]
+            found = self.by_friction[self.rows(str(path))][:, self.of_world(world)]
         else:
             body = self.model.body(path, world)
             found = self.by_friction[:, body.first:body.last]
         return 0.5 * found.sum(axis=(0, 1))                           # of the mean of both
 
     def restitution(self, path: str, world: int) -> float:
-        part = np.ix_(np.array(self.rows(path)), self.places(world))
+        part = np.ix_(np.array(self.rows(path)), self.of_world(world))
         if self.by_restitution is None or self.throws is None or not self.throws[part].all():
             raise refuse("restitution", path)
         return float(self.by_restitution[part].sum())
@@ -49,7 +50,21 @@ class ContactGradient:
     def thickness(self, path: str, world: int) -> float:
         """0 of an open mesh that keeps more than its thickness in any case."""
         rows = [r for r in self.rows(path) if not self.clamped[r]]
-        return float(self.gap[rows][:, self.places(world)].sum())
+        return float(self.gap[rows][:, self.of_world(world)].sum())
+
+    def places(self, path: str, world: int) -> tuple[np.ndarray, np.ndarray]:
+        """By the place of a collider, and by a small turn about it, at the start of each substep of a frame and at the end of
+        its last, (frames, substeps + 1, 3): from e0 s0 + e1 s1 and b0 s0 + b1 s1 with b the part of the frame at either end of
+        a substep and e = 1 - b. Of linear keys the substep is the frame."""
+        objects = [k for k, b in enumerate(self.model.bodies) if b.world == world]
+        rows = self.steps[:, :, objects][:, :, :, self.rows(path)].sum(axis=(2, 3))            # (frames, substeps, 4, 3)
+        n = rows.shape[1]
+        both, late = rows[:, :, :2] + rows[:, :, 2:], rows[:, :, 2:]
+        last = n * late - np.arange(n)[None, :, None, None] * both
+        found = np.zeros((len(rows), n + 1, 2, 3))
+        found[:, :-1] += both - last
+        found[:, 1:] += last
+        return found[:, :, 0], found[:, :, 1]
 
     def motion(self, path: str, world: int) -> np.ndarray:
         objects = [k for k, b in enumerate(self.model.bodies) if b.world == world]

@@ -46,8 +46,8 @@ def _domain(reading: Reading, prim: Usd.Prim) -> Fluid | None:
         reading.fail(path, f"has {names.WSIM_DOMAIN} and {names.COLLISION}: an obstacle that fills its own domain; take "
                      f"{names.COLLISION} off")
         return None
-    box = _box(reading, prim)
-    if box is None:
+    found_box = box(reading, prim, names.WSIM_DOMAIN)
+    if found_box is None:
         return None
     found: dict[str, Any] = read_values(prim, "Fluid", units)
     found |= {name: value for name in SETTINGS if (value := read(prim, "Fluid", name, units)) is not None}
@@ -56,7 +56,7 @@ def _domain(reading: Reading, prim: Usd.Prim) -> Fluid | None:
             reading.fail(path, f"{names.row('Fluid', name).attribute} has {len(found[name])} entries; author {count}, for -x, "
                          "+x, -y, +y, -z, +z")
             return None
-    fluid = Fluid(path, *box, found.pop("cell", None) or float((box[1] - box[0]).max()) / CELLS, **found)
+    fluid = Fluid(path, *found_box, found.pop("cell", None) or float((found_box[1] - found_box[0]).max()) / CELLS, **found)
     for name in START:
         value = read(prim, "Fluid", name, units)
         if value is not None and len(value) != fluid.cells:
@@ -68,8 +68,8 @@ def _domain(reading: Reading, prim: Usd.Prim) -> Fluid | None:
     return fluid
 
 
-def _box(reading: Reading, prim: Usd.Prim) -> tuple[np.ndarray, np.ndarray] | None:
-    """Corners of the world box [m]; None where there is none (reported)."""
+def box(reading: Reading, prim: Usd.Prim, api: str) -> tuple[np.ndarray, np.ndarray] | None:
+    """Corners of the world box [m] of a domain with that API; None where there is none (reported)."""
     path, units = str(prim.GetPath()), reading.units
     if prim.IsA(UsdGeom.Cube):
         half = 0.5 * size(UsdGeom.Cube(prim).GetSizeAttr(), reading.start)
@@ -78,7 +78,7 @@ def _box(reading: Reading, prim: Usd.Prim) -> tuple[np.ndarray, np.ndarray] | No
         attribute = prim.GetAttribute("extent")
         value = attribute.Get(reading.start) if attribute else None
         if value is None or np.shape(value) != (2, 3):
-            reading.fail(path, f"is a {prim.GetTypeName() or 'prim without a type'} with {names.WSIM_DOMAIN} and no extent; "
+            reading.fail(path, f"is a {prim.GetTypeName() or 'prim without a type'} with {api} and no extent; "
                          "make it a Cube, or author float3[] extent, the two corners of its box")
             return None
         local = np.array(value, np.float64)
@@ -123,14 +123,14 @@ def _source(reading: Reading, prim: Usd.Prim) -> Source | None:
     values: dict[str, Any] = read_values(prim, "Source", units)
     values |= {name: value for name in ("hold", "velocity") if (value := read(prim, "Source", name, units)) is not None}
     if authored(prim, "Source", "strength"):
-        values["strength"] = _strength(prim, units)
+        values["strength"] = strength(prim, "Source", units)
     return Source(path, *found, fluid="".join(targets), **values)
 
 
-def _strength(prim: Usd.Prim, units: Units) -> Curve:
+def strength(prim: Usd.Prim, owner: str, units: Units) -> Curve:
     """Keys at the samples; of one that is not sampled a single one."""
-    attribute = prim.GetAttribute(names.row("Source", "strength").attribute)
-    return read_curve(attribute, units, lambda code: read(prim, "Source", "strength", units, code))
+    attribute = prim.GetAttribute(names.row(owner, "strength").attribute)
+    return read_curve(attribute, units, lambda code: read(prim, owner, "strength", units, code))
 
 
 def author(stage: Usd.Stage, thing: Fluid | Source, units: Units) -> None:
@@ -140,17 +140,23 @@ def author(stage: Usd.Stage, thing: Fluid | Source, units: Units) -> None:
         _author_domain(stage, thing, units)
 
 
-def _author_domain(stage: Usd.Stage, fluid: Fluid, units: Units) -> None:
-    cube = UsdGeom.Cube.Define(stage, fluid.path)
+def author_box(stage: Usd.Stage, thing: Any, units: Units, api: str) -> Usd.Prim:
+    """A Cube that is the box of a domain."""
+    cube = UsdGeom.Cube.Define(stage, thing.path)
     prim, M = cube.GetPrim(), np.eye(4)
     cube.CreatePurposeAttr(UsdGeom.Tokens.guide)
     cube.CreateExtentAttr([(-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)])
-    M[:3, 3] = 0.5 * (fluid.low + fluid.high)
+    M[:3, 3] = 0.5 * (thing.low + thing.high)
     author_motion(prim, Motion.still(M), units, 0)
     UsdGeom.Xformable(prim).AddScaleOp(UsdGeom.XformOp.PrecisionDouble).Set(
-        tuple((0.5 * (fluid.high - fluid.low) / units.metres).tolist()))
-    prim.SetCustomDataByKey(BOX, Vt.DoubleArray((np.concatenate([fluid.low, fluid.high]) / units.metres).tolist()))
-    prim.AddAppliedSchema(names.WSIM_DOMAIN)
+        tuple((0.5 * (thing.high - thing.low) / units.metres).tolist()))
+    prim.SetCustomDataByKey(BOX, Vt.DoubleArray((np.concatenate([thing.low, thing.high]) / units.metres).tolist()))
+    prim.AddAppliedSchema(api)
+    return prim
+
+
+def _author_domain(stage: Usd.Stage, fluid: Fluid, units: Units) -> None:
+    prim = author_box(stage, fluid, units, names.WSIM_DOMAIN)
     plain = Fluid(fluid.path, fluid.low, fluid.high, 0.0)
     for name in (*names.fields("Fluid"), *SETTINGS, *START):
         value = getattr(fluid, name)
@@ -175,9 +181,9 @@ def _author_source(stage: Usd.Stage, source: Source, units: Units) -> None:
         if value is not None and value is not getattr(plain, name) and not np.array_equal(value, getattr(plain, name)):
             write(prim, "Source", name, value, units)
     if source.strength != plain.strength:
-        _author_strength(prim, source.strength, units)
+        author_strength(prim, "Source", source.strength, units)
 
 
-def _author_strength(prim: Usd.Prim, curve: Curve, units: Units) -> None:
-    attribute = attribute_of(prim, names.row("Source", "strength"))
-    author_curve(attribute, curve, units, lambda value, code: write(prim, "Source", "strength", value, units, time=code))
+def author_strength(prim: Usd.Prim, owner: str, curve: Curve, units: Units) -> None:
+    attribute = attribute_of(prim, names.row(owner, "strength"))
+    author_curve(attribute, curve, units, lambda value, code: write(prim, owner, "strength", value, units, time=code))

@@ -125,8 +125,8 @@ class Contacts:
         self.work = filled(self.Work, **self.seen, spread=zeros(n, t.mat33), turn=zeros(n, t.mat33), p0=zeros(n, t.vec3),
                            L0=zeros(n, t.vec3), touched=zeros(n, int), r_a=zeros(4 * room, t.vec3),
                            r_b=zeros(4 * room, t.vec3), now=zeros(4 * room, real), K=zeros(4 * room, t.vec3),
-                           A=zeros(room, t.mat44),
-                           goal=zeros(4 * room, real), hit=zeros(4 * room, real), when=zeros(4 * room, real), scrape=zeros(4 * room, t.vec3),
+                           A=zeros(room, t.mat44), scrape=zeros(4 * room, t.vec3),
+                           goal=zeros(4 * room, real), hit=zeros(4 * room, real), when=zeros(4 * room, real),
                            order=zeros(room, int), starts=zeros(SERIAL + 2, int), place=zeros(SERIAL + 2, int),
                            colours=zeros(1, int), flags=zeros(2, int), taken=zeros(n, wp.int64), first=zeros(n, int))
         self.work.listed = self.first[len(self.owners) - 1:]

@@ -38,7 +38,7 @@ class Rigid(Method):
         super().__init__("rigid")
         self.model, scene = b.model, b.scene
         if b.model.gradients:
-            from wsim.physics.rigid.recorded.bodies import refuse_contacts
+            from wsim.physics.rigid.recorded.begin import refuse_contacts
             refuse_contacts(scene)
         worlds = range(b.model.worlds)
         self.bodies: list[tuple[Body, int]] = [(body, world) for world in worlds for body in scene.things("Body")]
@@ -86,7 +86,7 @@ class Rigid(Method):
         elif not b.model.gradients:
             self.kernel = self.joints.alone() if self.joints else motion.free(b.model.real, b.model.module)
         if b.model.gradients:
-            from wsim.physics.rigid.recorded.bodies import recorded
+            from wsim.physics.rigid.recorded.begin import recorded
             self.recorded = self.offers["recorded bodies"] = recorded(self)
         if points:
             from wsim.physics.rigid.touch.points import Touch

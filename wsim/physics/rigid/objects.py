@@ -9,6 +9,7 @@ under its `contact_tolerance` [m/s] (0: after `iterations` of them).
 
 from dataclasses import dataclass, field, replace
 from importlib import import_module
+from typing import Any
 
 import numpy as np
 
@@ -77,11 +78,11 @@ class Body(Compared):
         found = {getattr(c, name) for c in self.colliders}
         return found.pop() if len(found) == 1 else None
 
-    def given(self, name: str, value) -> "Body":
+    def given(self, name: str, value: Any) -> "Body":
         """A copy with another value."""
         if name not in SURFACE:
             return replace(self, **{name: value})
-        return replace(self, colliders=[replace(c, **{name: float(value)}) for c in self.colliders])
+        return replace(self, colliders=[replace(c, **{name: value}) for c in self.colliders])
 
     @property
     def written(self) -> str:

@@ -249,7 +249,7 @@ def collider(thing: Collider) -> list[Problem]:
 
 
 def _poses(path: str, shape: Surface) -> Iterator[Problem]:
-    if shape.poses is None:
+    if shape.poses is None or hasattr(shape.poses, "skeleton"):         # checked with its skeleton
         return
     values = shape.poses.values
     if values.shape[1:] != shape.points.shape:

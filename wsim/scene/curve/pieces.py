@@ -55,8 +55,9 @@ def eased(times: np.ndarray, p: np.ndarray, q: np.ndarray, names: list) -> Piece
     way = q - p
     part = cubic.hermite(p, q, column(3.0 * y[:, 0], p) * way, column(3.0 * (1.0 - y[:, 1]), p) * way)
     plain = column(code != BEZIER, p)
-    return Pieces(code, x, tuple(np.where(plain, line, of) for line, of in zip((p, way, 0.0 * p, 0.0 * p), part, strict=True)),
-                  np.diff(times))
+    line = p, way, 0.0 * p, 0.0 * p
+    a, b, c, d = (np.where(plain, own, of) for own, of in zip(line, part, strict=True))
+    return Pieces(code, x, (a, b, c, d), np.diff(times))
 
 
 def hermite(times: np.ndarray, p: np.ndarray, q: np.ndarray, leave: np.ndarray, arrive: np.ndarray, widths=None) -> Pieces:
@@ -75,10 +76,10 @@ def hermite(times: np.ndarray, p: np.ndarray, q: np.ndarray, leave: np.ndarray, 
 def formed(pieces: Pieces, p: np.ndarray, q: np.ndarray, form: np.ndarray) -> Pieces:
     """The pieces with those that are "linear" or "hold" instead of "curve", by form (pieces,)."""
     line, hold = column(form == "linear", p), column(form == "hold", p)
-    part = tuple(np.where(hold, h, np.where(line, m, c)) for h, m, c in zip(
+    a, b, c, d = (np.where(hold, h, np.where(line, m, c)) for h, m, c in zip(
         (p, 0.0 * p, 0.0 * p, 0.0 * p), (p, q - p, 0.0 * p, 0.0 * p), pieces.part, strict=True))
     code = np.where(form == "hold", HOLD, np.where(form == "linear", STRAIGHT, pieces.code))
-    return Pieces(code, pieces.x, part, pieces.span)
+    return Pieces(code, pieces.x, (a, b, c, d), pieces.span)
 
 
 def hull(pieces: Pieces) -> np.ndarray:

@@ -58,8 +58,10 @@ SHEET, STEPS = "test_a_sheet_that_stretches_shears_and_bends", "test_a_sheet_by_
 SLOPES = "gradient/test_coverage.py::test_every_value_has_the_slope_of_differences"
 PUSH = "test_a_force_over_time_moves_by_its_integral_and_has_exact_derivatives"
 FALL = "test_a_sheet_that_falls_on_a_turning_collider_and_slides"
-FREELY, AIRY = "gradient/test_bodies.py", "gradient/test_fluids.py"
+JOINED, TOUCHED = "gradient/rigid/test_joints.py", "gradient/rigid/test_contacts.py"
+FREELY, AIRY, PATHS = "gradient/test_bodies.py", "gradient/test_fluids.py", "gradient/test_paths.py"
 EVERY = f"{AIRY}::test_every_value_has_the_slope_of_differences"
+BONES = "physics/animation/test_gradients.py"
 BLOCK, SOLID = f"{BAR}::test_a_soft_bar", f"{BAR}::test_a_soft_bar_by_implicit_steps"
 
 COVERED: list[Covered] = [
@@ -77,6 +79,8 @@ COVERED: list[Covered] = [
     Covered(THROUGH, "ties", f"{BAR}::test_a_bar_with_a_cloth_laid_on_it"),
     Covered(THROUGH, "hard pins", f"{CHAIN}::test_where_a_pin_puts_its_points", f"{SWEPT}::test_a_chain",
             f"{CHAIN}::test_where_a_pin_puts_its_points"),
+    Covered(THROUGH, "skinning, linear and of dual quaternions, to pins",
+            *(f"{BONES}::test_angles_and_weights_have_the_slope_of_differences",) * 3),
     Covered(THROUGH, "soft pins", *(f"{SWEPT}::test_soft_pins",) * 3),
     Covered(THROUGH, "strain limits and tethers", f"{RESTS}::test_strain_limits_and_tethers",
             f"{LIVE}::test_by_a_strain_limit", f"{LIMITS}::test_a_sheet_that_is_pulled"),
@@ -89,6 +93,11 @@ COVERED: list[Covered] = [
     Covered(THROUGH, "loads", *(f"{LOADED}::{PUSH}",) * 3),
     Covered(THROUGH, "wind (drag and lift)", *(f"{SWEPT}::test_wind",) * 3),
     Covered(THROUGH, "free motion of rigid bodies", rigid=f"{FREELY}::test_a_free_symmetric_top_by_its_closed_form"),
+    Covered(THROUGH, "joints of rigid bodies, their limits and drives",
+            rigid=f"{JOINED}::test_every_kind_of_joint_has_the_slope_of_differences"),
+    Covered(THROUGH, "contacts and friction of rigid bodies that are solved to a residual (contact_tolerance)",
+            rigid=f"{TOUCHED}::test_every_contact_has_the_slope_of_differences"),
+    Covered(THROUGH, "impacts of rigid bodies, at their time", rigid=f"{TOUCHED}::test_a_ball_bounces_when_it_comes"),
     Covered(THROUGH, "advection-reflection of fluids, their projection round obstacles that stand, forces, viscosity, "
             "confinement, sources", fluid=f"{AIRY}::test_fifty_steps_round_an_obstacle"),
     Covered(THROUGH, "other advection of fluids (cubic, MacCormack, BFECC, linear)",
@@ -116,6 +125,8 @@ COVERED: list[Covered] = [
     Covered(BY, "Scene.wind", *(f"{SWEPT}::test_wind",) * 3),
     Covered(BY, "Pin.targets", f"{CHAIN}::test_where_a_pin_puts_its_points", f"{SWEPT}::test_soft_pins",
             f"{CHAIN}::test_where_a_pin_puts_its_points"),
+    Covered(BY, "Skeleton.turns Skeleton.weights", *(f"{BONES}::test_angles_and_weights_have_the_slope_of_differences",) * 3),
+    Covered(BY, "Pin.keys Pin.tangents Pin.handles", *(f"{PATHS}::test_by_what_the_path_of_a_pin_is_made_of",) * 3),
     Covered(BY, "Load.force Load.traction", *(f"{LOADED}::{PUSH}",) * 3),
     Covered(BY, "Cloth.static_friction Cloth.dynamic_friction Springs.static_friction Springs.dynamic_friction",
             f"{SLID}::{FALL}", f"{SLID}::{FALL}", f"{SOLVED}::{FALL}"),
@@ -126,9 +137,13 @@ COVERED: list[Covered] = [
             f"{SOLVED}::test_what_is_thrown_back"),
     Covered(BY, "Collider.shift", *(f"{MESH}::test_by_the_motion_of_a_collider",) * 2,
             f"{SOFT}::test_by_the_motion_of_a_collider"),
+    Covered(BY, "Collider.keys Collider.tangents Collider.handles",
+            *(f"{PATHS}::test_by_what_the_path_of_a_collider_is_made_of",) * 3),
 
     Covered(BY, "Body.velocity Body.spin Body.force Body.torque Body.drag Body.spin_drag Body.mass Body.inertia",
             rigid=f"{FREELY}::test_every_value_of_a_body_has_the_slope_of_differences"),
+    Covered(BY, "Body.dynamic_friction Body.restitution", rigid=f"{TOUCHED}::test_a_box_slides_by_its_friction"),
+    Covered(BY, "Joint.stiffness Joint.damping Joint.target", rigid=f"{JOINED}::test_drives_have_the_slope_of_differences"),
 
     Covered(BY, "Fluid.lift Fluid.weight Fluid.vorticity Fluid.viscosity Fluid.smoke_decay Fluid.cooling Fluid.side_velocities",
             fluid=EVERY),
@@ -171,21 +186,34 @@ REFUSED: dict[str, Refused] = {
     "impulses": Refused("contacts of rigid bodies after a number of sweeps", "can meet {other}, and impulses after a number of "
                         "sweeps have no derivative: give the scene a contact_tolerance (wsim:contactTolerance), 1e-10 m/s in "
                         "float64, or switch collisions off (physics:collisionEnabled, Collider.meets)"),
-    "held": Refused("contacts of rigid bodies beside joints", "can meet {other} where there are joints, and such contacts are not "
-                    "solved to a residual: no derivative; switch collisions off (physics:collisionEnabled, Collider.meets)"),
-    "meshes": Refused("contacts of rigid bodies with triangle meshes", "is a mesh of triangles that rigid bodies meet, which has "
-                      "no derivative; put convex shapes in its place (physics:approximation)"),
-    "points": Refused("contacts of rigid bodies with cloth, springs and soft bodies", "can meet {other}, and contacts of bodies "
-                      "and points have no derivative; switch its collisions off (physics:collisionEnabled, Collider.meets)"),
+    "held": Refused("contacts of rigid bodies beside joints", "can meet {other} where there are joints, and such contacts "
+                    "are not solved to a residual: no derivative; switch collisions off (physics:collisionEnabled, "
+                    "Collider.meets)"),
+    "meshes": Refused("contacts of rigid bodies with triangle meshes", "is a mesh of triangles that rigid bodies meet, which "
+                      "has no derivative; put convex shapes in its place (physics:approximation)"),
+    "points": Refused("contacts of rigid bodies with cloth, springs and soft bodies", "can meet {other}, and contacts "
+                      "of bodies and points have no derivative; switch its collisions off (physics:collisionEnabled, "
+                      "Collider.meets)"),
     "sleep": Refused("bodies that may fall asleep", "may fall asleep in contact, which has no derivative; give the scene a "
                      "sleep_speed (wsim:sleepSpeed) of 0"),
     "driven": Refused("drives that push a joint against its limit", "its drive pushes it against a limit, which has no "
                       "derivative; widen the limit, or take the drive out"),
     "features": Refused("manifolds that change with the smallest motion", "touches by other features when it is moved by a ten "
                         "thousandth of its size, and has no derivative of one side; move it, or another shape, a little"),
+    "skinned": Refused("joint angles and blend weights of a skeleton that moves a collider", "is a collider that follows "
+                       "{bones}: with respect to {name}, what touches a mesh that joints move has no derivative yet; let pins "
+                       "alone follow that skeleton"),
+    "followed": Refused("a skeleton that no pin follows", "no pin follows it, so that nothing here knows its joints"),
+    "corrective": Refused("joint angles of a mesh with corrective shapes", "follows a mesh with a corrective shape, which "
+                          "{bones} drives: with respect to its turns that has no derivative yet; leave the shape out"),
+    "scaled": Refused("joint angles of scaled joints under dual quaternions", "follows dual quaternions of {bones}, whose "
+                      "joints are scaled: with respect to turns that has no derivative yet; take classicLinear"),
+    "unanimated": Refused("joint angles where no joint is animated", "has no joint that is animated; give it translations and "
+                          "rotations at a key"),
+    "shapes": Refused("weights of blend shapes that there are not", "has no blend shapes with a weight; give it some"),
     "idle": Refused("air in which no point moves", "nothing that moves here knows {name}; leave it out"),
-    "surface": Refused("surfaces in air where no collider moves", "is no obstacle of air in which one moves: its surface has no "
-                       "velocity with a derivative"),
+    "surface": Refused("surfaces in air where no collider moves", "is no obstacle of air in which one moves: its surface has "
+                       "no velocity with a derivative"),
     "still": Refused("values of fluids and sources of which nothing runs", "nothing of its {name} runs: {why}"),
     "load": Refused("loads that there are not", "there is no load; give the scene one"),
     "pin": Refused("anything but stiffness and damping of a soft pin", "is no soft pin with a derivative with respect to "

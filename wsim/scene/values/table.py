@@ -17,6 +17,7 @@ BODIES = ("Cloth", "Springs", "Soft")
 SHEET, SOLID, RUB = "PhysicsSurfaceDeformableMaterialAPI", "PhysicsVolumeDeformableMaterialAPI", "PhysicsMaterialAPI"
 OWN, AIR, FLAT = "WsimMaterialAPI", "WsimSceneAPI", "WsimClothAPI"
 DOMAIN, SOURCE = "WsimFluidDomainAPI", "WsimFluidSourceAPI"
+LIQUID, POUR = "WsimLiquidDomainAPI", "WsimLiquidSourceAPI"
 MATERIALS = (SHEET, SOLID, RUB, OWN)                 # schemas of materials: what they say is no attribute of the prim itself
 DAMPING = {"Cloth": OWN, "Springs": "WsimSpringsAPI", "Soft": OWN}
 FRICTION = ("static_friction", "dynamic_friction")
@@ -83,9 +84,13 @@ VALUES: list[Value] = [
     *(Value(owner, "motion", "m", ANY, "motion", each=Each("frames", Theta("plain"), 0.05), why=f"it is no array; take {what}")
       for owner, what in (("Pin", "targets"), ("Collider", "shift"))),
     Value("Pin", "targets", "m", ANY, "array", live=False, gradient="targets"),
+    *(Value(owner, name, unit, ANY, "array", live=False, gradient="path") for owner in ("Pin", "Collider") for name, unit in (
+        ("keys", "m"), ("tangents", "m/s"), ("handles", "1"))),
     Value("Collider", "points", "m", ANY, "array", live=False, why="the shape of a mesh that deforms has none yet"),
     Value("Collider", "shift", "m", ANY, "array", live=False, gradient="shift"),
     Value("Collider", "surface", "m/s", ANY, "array", live=False, gradient="surface"),
+    Value("Skeleton", "turns", "rad", ANY, "array", live=False, gradient="turns"),
+    Value("Skeleton", "weights", "1", ANY, "array", live=False, gradient="weights"),
 
     *(Value("Body", name, unit, ANY, "vector", fit=PLAIN, gradient="body") for name, unit in (
         ("velocity", "m/s"), ("spin", "rad/s"), ("force", "N"), ("torque", "N m"))),
@@ -117,6 +122,10 @@ VALUES: list[Value] = [
     *(Value("Source", name, unit, ANY, "vector", fit=Theta("plain"), gradient="fluid") for name, unit in (
         ("velocity", "m/s"), ("place", "m"))),
     Value("Source", "strength", "1", ANY, "factor", fit=Theta("plain"), gradient="fluid"),
+    *(Value("Liquid", name, unit, POSITIVE, live=False, why=AIRY, usd=Usd(LIQUID, f"wsim:liquid:{called}"))
+      for name, called, unit in (("cell", "cellSize", "m"), ("density", "density", "kg/m^3"), ("tolerance", "tolerance", "1"),
+                                 ("cfl", "cfl", "1"))),
+    Value("Liquid", "flip", "1", Range(high=1.0, closed=True), live=False, why=AIRY, usd=Usd(LIQUID, "wsim:liquid:flip")),
 
     Value("Cloth", "thickness", "m", POSITIVE, live=False, usd=Usd(OWN, "wsim:thickness"), why=FIXED),
     *(Value("Cloth", name, "1", live=False, usd=Usd(FLAT, f"wsim:{name}"), why=f"{FIXED}, and no input; take air_coefficient()")

@@ -12,12 +12,13 @@ Other motions within a stack are written as matrices at their keys and at the fr
 """
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
 from wsim.scene.curve import Curve, Motion, Part, Stack
 from wsim.scene.curve.stack import ELEMENTS, SCALE, SHIFT, TURN
 from wsim.usd.stage import Reading, Units
 from wsim.usd.transforms.curves import author_curve, read_curve
+from wsim.usd.transforms.matrix import row_matrix
 
 NAMES = {SHIFT: "translate", TURN: "rotate", SCALE: "scale"}
 KINDS = {name: what for what, name in NAMES.items()}
@@ -94,10 +95,3 @@ def author_stack(prim: Usd.Prim, stack: Stack, units: Units, write_matrix) -> li
                 write_matrix(attribute, A)
         ops.append(UsdGeom.XformOp(attribute))
     return ops
-
-
-def row_matrix(M: np.ndarray, units: Units) -> Gf.Matrix4d:
-    """Matrix as USD has it: acting on rows, lengths in stage units."""
-    M = np.array(M, np.float64)
-    M[:3, 3] /= units.metres
-    return Gf.Matrix4d(*M.T.ravel().tolist())

@@ -6,7 +6,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.fluid.pressure import levels
+from wsim.kernels.fluid.pressure import FREE, levels
 from wsim.kernels.fluid.solver import coarse
 from wsim.kernels.fluid.solver import multigrid as kernels
 from wsim.kernels.math.real import types
@@ -42,11 +42,13 @@ def halving(n: tuple[int, ...], periodic: tuple[int, ...]) -> tuple[int, ...]:
 
 class Multigrid:
     """of: couplings of the faces of each axis, where there are obstacles; x, b: of the finest level, solution and residual.
-    cycles: False where only the finest level is asked for."""
+    cycles: False where only the finest level is asked for. own: of a free surface, couplings of the cells themselves."""
 
-    def __init__(self, threads: Threads, layout: Layout, of: Any, x: wp.array, b: wp.array, cycles: bool = True):
-        self.threads, self.layout, self.fractions, self.sealed = threads, layout, of is not None, False
-        self.grids = self._build(of, x, b, cycles)
+    def __init__(self, threads: Threads, layout: Layout, of: Any, x: wp.array, b: wp.array, cycles: bool = True,
+                 own: wp.array | None = None):
+        self.threads, self.layout, self.sealed = threads, layout, False
+        self.fractions = FREE if own is not None else int(of is not None)
+        self.grids = self._build(of, (x, b), cycles, own)
         if cycles:
             self._kernels()
 
@@ -60,6 +62,7 @@ class Multigrid:
         self.fresh = kernels.sweep(dim, has, True, real, module) if has else kernels.begin(dim, real, module)
         self.restrict, self.rise = kernels.restrict(dim, has, real, module), kernels.rise(dim, has, real, module)
         self.coarsen = [kernels.coarsen(dim, a, real, module) for a in range(dim)] if has else []
+        self.collect = kernels.collect(dim, real, module) if has == FREE else None
         self.coarse = coarse.coarse(dim, has, SWEEPS, COARSEST, real, threads.module_of(coarse.BLOCK))
         self.table = self._table()
 
@@ -71,7 +74,7 @@ class Multigrid:
             found.append(filled(Rung, level=grid.table, halved=wp.vec3i(*halved), x=grid.x, b=grid.b))
         return wp.array(found, dtype=Rung, device=self.threads.model.device)
 
-    def _build(self, of: Any, x: wp.array, b: wp.array, deep: bool) -> list[Grid]:
+    def _build(self, of: Any, finest: tuple[wp.array, wp.array], deep: bool, own: wp.array | None) -> list[Grid]:
         layout, real = self.layout, self.threads.model.real
         Level, vec3 = levels(real), types(real).vec3
         k: tuple[float, ...] = (1.0, 1.0, 1.0)
@@ -84,8 +87,10 @@ class Multigrid:
             for a in range(layout.dim if self.fractions else 0):
                 size = prod(m + (i == a and not layout.periodic[i]) for i, m in enumerate(n))
                 setattr(table, AXES[a], getattr(of, AXES[a]) if not found else self.threads.zeros(size))
-            own = (x, b) if not found else (self.threads.zeros(prod(n)), self.threads.zeros(prod(n)))
-            found.append(Grid(table, n, halved, *own))
+            if own is not None:
+                table.own = own if not found else self.threads.zeros(prod(n))
+            both = finest if not found else (self.threads.zeros(prod(n)), self.threads.zeros(prod(n)))
+            found.append(Grid(table, n, halved, *both))
             halved = halving(n, layout.periodic)
             if max(halved) == 1 or not deep:
                 return found
@@ -101,6 +106,9 @@ class Multigrid:
                 k_out = getattr(below.table, AXES[a])
                 k = getattr(fine.table, AXES[a])
                 self.threads.over(kernel, k_out.size, [*shapes, wp.vec3i(*below.halved), k], [k_out])
+            if self.collect:
+                self.threads.over(self.collect, below.cells, [wp.vec3i(*below.n), wp.vec3i(*fine.n), wp.vec3i(*below.halved),
+                                                              fine.table.own], [below.table.own])
 
     def cycle(self) -> None:
         """x of the finest level becomes close to A^-1 b."""
@@ -134,4 +142,4 @@ class Multigrid:
     @property
     def launches(self) -> int:
         """Number of launches of a cycle."""
-        return self.first * (4 * SWEEPS + int(self.fractions)) + 1
+        return self.first * (4 * SWEEPS + bool(self.fractions)) + 1

@@ -12,6 +12,7 @@ a revolute one all but rotX, a prismatic one all but transX, a spherical one the
 
 from dataclasses import dataclass, field, replace
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -104,8 +105,8 @@ class Joint(Compared):
 
     def given(self, name: str, value) -> "Joint":
         """A copy with another stiffness, damping or target of its drives."""
-        each = np.broadcast_to(np.asarray(value, np.float64), len(self.drives))
-        new = {axis: replace(self.drives[axis], **{name: float(v)}) for axis, v in zip(self.driven(), each, strict=True)}
+        each: list[Any] = np.broadcast_to(np.asarray(value, np.float64), len(self.drives)).tolist()
+        new = {axis: replace(self.drives[axis], **{name: v}) for axis, v in zip(self.driven(), each, strict=True)}
         return replace(self, drives=new)
 
     def locked(self, name: str) -> bool:

@@ -124,7 +124,8 @@ class Joints:
 
     def _sides(self, masses: list) -> list[tuple[np.ndarray, np.ndarray]]:
         """Frames of all joints of the first world on a, then b, one joint after the other."""
-        return [_frame(j, k, masses, row) for j, pair in zip(self.joints, self.pairs, strict=True) for k, row in enumerate(pair)]
+        return [_frame(j, k, masses, row) for j, pair in zip(self.joints, self.pairs, strict=True)
+                for k, row in enumerate(pair)]
 
     def weigh(self, masses: list) -> None:
         """Other masses, moments and principal axes of the bodies."""

@@ -1,4 +1,4 @@
-"""What points of contact do in a substep, as functions of all that they read (kernels/rigid/contact.py, soft_step.py, impact.py).
+"""What points of contact do in a substep, as functions of all that they read (see kernels/rigid/contact.py).
 
     rest along n     u_n + bias + soft A_ii P = 0 of what pushes, else P
     rest across n    u_t = 0 of what sticks; rub + mu P u_t / |u_t| = 0 of what slips
@@ -80,8 +80,8 @@ def response(t: Touching, mass: np.ndarray) -> np.ndarray:
 
 @dataclass
 class Points:
-    """Constants of all points in a substep: skin (points, 2) [m], given (points, 12); pushes (points,): what has an impulse along
-    n; way (points,): NONE, STICKS or SLIPS."""
+    """Constants of all points in a substep: skin (points, 2) [m], given (points, 12); pushes (points,): what has an impulse
+    along n; way (points,): NONE, STICKS or SLIPS."""
 
     h: float
     q: tuple[np.ndarray, np.ndarray]
@@ -133,7 +133,8 @@ class Points:
         speed = np.sqrt(np.where(square.real > 0.0, square, 1.0e-300))
         along = np.where(self.pushes, u[..., 0] - before - (1.0 + v["e"][..., 0]) * speed, f[..., 0])
         given = impulse(t, f)
-        when = np.where(self.pushes & (t.gap.real > 0.0), 2.0 * t.gap / np.where(self.pushes, speed - before, 1.0), 0.0)[..., None]
+        near = self.pushes & (t.gap.real > 0.0)
+        when = np.where(near, 2.0 * t.gap / np.where(near, speed - before, 1.0), 0.0)[..., None]
         way = [-when * v["mass"][..., 4 * s:4 * s + 1] * given[..., 6 * s:6 * s + 3] for s in (0, 1)]
         turn = [-when * acted(t.S[s], given[..., 6 * s + 3:6 * s + 6]) for s in (0, 1)]
         return {"impulse": given, "rest": np.concatenate([along[..., None], self.rubbed(f, u, v["mu"])], axis=-1),
@@ -141,8 +142,8 @@ class Points:
 
 
 def made(v: Values, q: tuple[np.ndarray, np.ndarray], skin: np.ndarray, apart: np.ndarray) -> Values:
-    """geo of points as their manifold is made, of n (3), x (3) (the midpoint from where a's centre stands), gap, pose; apart: b's
-    centre from a's, (points, 3) [m] (kernels/rigid/lists/rows.py)."""
+    """geo of points as their manifold is made, of n (3), x (3) (the midpoint from where a's centre stands), gap, pose; apart:
+    b's centre from a's, (points, 3) [m] (kernels/rigid/lists/rows.py)."""
     n, half, p = v["n"], 0.5 * v["gap"], v["pose"]
     arm_a = v["x"] + (half + skin[:, :1]) * n - p[..., :3]
     arm_b = v["x"] - (half + skin[:, 1:]) * n - apart - p[..., 6:9]

@@ -15,8 +15,8 @@ from wsim.kernels.math.real import types
 from wsim.kernels.rigid.lists.slopes import SAMPLES, slopes
 from wsim.model.stage import Clock
 from wsim.physics.rigid.recorded.contact_formulas import NONE, SLIPS, STICKS, Points, made, tangents
-from wsim.physics.rigid.recorded.local import Values, derivatives, residual
 from wsim.physics.rigid.recorded.joints import taken_back
+from wsim.physics.rigid.recorded.local import Values, derivatives, residual
 from wsim.physics.rigid.recorded.substep import Bodies, Cotangents, Elements, behind, within
 from wsim.scene.values.coverage import refuse
 
@@ -159,15 +159,12 @@ class ContactParts:
     def elements(self, name: str, h: float, kept: dict, f: np.ndarray, values: Values, some: np.ndarray) -> Elements:
         """Elements of a part of a substep; some (points,): those that may act."""
         m, pushes = kept["made"], some & (f[:, 0] > 0.0)
-        for way in (STICKS, SLIPS):
-            one = self.constants(h, kept, f, pushes, np.full(len(f), way))
-            rest = np.linalg.norm(residual(getattr(one, name), values)[:, 1:], axis=1)
-            if way == STICKS:
-                sticks = rest
+        each = [self.constants(h, kept, f, pushes, np.full(len(f), way)) for way in (STICKS, SLIPS)]
+        sticks, slips = (np.linalg.norm(residual(getattr(one, name), values)[:, 1:], axis=1) for one in each)
         w = values["mass"][:, 0] + values["mass"][:, 4]
         most = values["mu"][:, 0] * f[:, 0]
         inside = np.linalg.norm(f[:, 1:], axis=1) < (1.0 - 1.0e-7) * most
-        way = np.where(pushes & (most > 0.0), np.where(inside | (sticks < w * rest), STICKS, SLIPS), NONE)
+        way = np.where(pushes & (most > 0.0), np.where(inside | (sticks < w * slips), STICKS, SLIPS), NONE)
         one = self.constants(h, kept, f, pushes, way)
         self.look(residual(getattr(one, name), values), way, w)
         bodies = np.where(m.frames < self.n, m.frames, -1)
@@ -192,8 +189,8 @@ class ContactParts:
         values = {"pose": poses[0], "momentum": self.both(kept["momentum"], m), "f": kept["held"], **shared}
         first = within({"held": self.elements("held", h, kept, kept["held"], values, some)}, b, h, cot, {"held": f})
         for before, after, f, hit in reversed(kept["rounds"]):
-            values = {"pose": poses[0], "entering": self.both(before.momentum, m), "momentum": self.both(after.momentum, m), "f": f,
-                      **shared, "force": self.both(b.push, m), "e": self.restitution(m)}
+            values = {"pose": poses[0], "entering": self.both(before.momentum, m), "f": f, **shared,
+                      "momentum": self.both(after.momentum, m), "force": self.both(b.push, m), "e": self.restitution(m)}
             thrown = {"thrown": self.elements("thrown", h, kept, f, values, hit)}
             behind(thrown, self.n, cot, "pose", turn(before.q, after.q), first)
         cot.pose += first
@@ -270,20 +267,21 @@ class ContactParts:
         size = np.where(np.isfinite(size), size, 1.0)
         near = np.full(room, -np.inf)
         np.maximum.at(near, m.at // 4, m.geo[:, 15])
-        sizes = wp.array(np.stack([size, near + 8.0 * STEP * size], axis=1).astype(method.model.dtype), dtype=t.vec2, device=device)
+        limits = np.stack([size, near + 8.0 * STEP * size], axis=1).astype(method.model.dtype)
+        sizes = wp.array(limits, dtype=t.vec2, device=device)
         n, x = (wp.zeros((4 * room, int(SAMPLES)), dtype=t.vec3, device=device) for _ in range(2))
-        gap = wp.zeros((4 * room, int(SAMPLES)), dtype=real, device=device)
-        there = wp.zeros((4 * room, int(SAMPLES)), dtype=int, device=device)
-        wp.launch(self.slopes, (room, int(SAMPLES)), [c.rig(), c.hulls, m.k, STEP, sizes], [n, x, gap, there], device=device)
+        gap = wp.zeros((4 * room, int(SAMPLES)), dtype=t.vec2, device=device)
+        wp.launch(self.slopes, (room, int(SAMPLES)), [c.rig(), c.hulls, m.k, STEP, sizes], [n, x, gap], device=device)
         for name, values in now.items():
             part[name].assign(values)
         for name, values in before.items():
             getattr(c.list, name).assign(values)
-        if (lost := there.numpy()[m.at] == 0).any():
+        gaps = gap.numpy()[m.at]
+        if (lost := gaps[..., 1] == 0.0).any():
             k = m.frames[np.argwhere(lost)[0, 0]].min()
             raise refuse("features", method.bodies[k][0].path)
         steps = STEP * np.where(np.arange(12) % 6 < 3, size[m.at // 4][:, None], 1.0)
-        every = np.concatenate([n.numpy()[m.at], x.numpy()[m.at], gap.numpy()[m.at][..., None]], axis=2)
+        every = np.concatenate([n.numpy()[m.at], x.numpy()[m.at], gaps[..., :1]], axis=2)
         return np.einsum("pdso,s->pod", every.reshape(len(m.at), 12, 4, 7), FOUR) / steps[:, None, :]
 
     def collected(self, total: Cotangents) -> dict[str, np.ndarray]:

@@ -1,8 +1,8 @@
-"""Bodies of a recording that joints and contacts move: each substep is launched in parts, between which its state is kept on the
-host, and its adjoint (wsim/physics/rigid/recorded/substep.py) runs there, in float64.
+"""Bodies of a recording that joints and contacts move: each substep is launched in parts, between which its state is kept on
+the host, and its adjoint (wsim/physics/rigid/recorded/substep.py) runs there, in float64.
 
-Kept are some 60 numbers a body, 60 a joint and 40 a point of contact for each substep. Frames of such a recording are not replayed
-as graphs. `left` is the largest residual of what was differentiated: gradients are as right as it is small.
+Kept are some 60 numbers a body, 60 a joint and 40 a point of contact for each substep. Frames of such a recording are not
+replayed as graphs. `left` is the largest residual of what was differentiated: gradients are as right as it is small.
 """
 
 from dataclasses import replace
@@ -15,6 +15,7 @@ from wsim.model.stage import Clock
 from wsim.physics.rigid.joints.joint import LIVE
 from wsim.physics.rigid.meetings import read, rows_of
 from wsim.physics.rigid.objects import SURFACE
+from wsim.physics.rigid.recorded.aside import aside
 from wsim.physics.rigid.recorded.bodies import TABLES, BodyGradient, Losses, Recorded
 from wsim.physics.rigid.recorded.substep import Bodies, Cotangents
 
@@ -40,6 +41,8 @@ class State:
 class RecordedIslands(Recorded):
     """The recording of bodies in islands, as `Recorded`; parts: what joints and contacts do
     (`wsim.physics.rigid.recorded.joints.JointParts` and others)."""
+
+    whole = True
 
     def __init__(self, method):
         super().__init__(method)
@@ -70,7 +73,7 @@ class RecordedIslands(Recorded):
             self.parts.step(now, kept)
             kept["end"] = self.state()
             self.model.tape = before
-        tape.aside(self.arrays, forward, lambda grads: self.back(now.h, kept, grads))
+        aside(tape, self.arrays, forward, lambda grads: self.back(now.h, kept, grads))
 
     def state(self) -> State:
         return State(self.arrays, self.method.part.count)

@@ -1,4 +1,4 @@
-"""What joints do in a substep, as functions of all that they read (kernels/rigid/joint): impulses at the places where it begins,
+"""What joints do in a substep, as functions of all that they read (kernels/rigid/joint): impulses where it begins,
 coordinates where it ends, velocities behind it.
 
     rest of a lock or limit     g(x', q') - goal - what is left of an error = 0
@@ -19,8 +19,18 @@ from wsim.kernels.rigid.joint.rows import PULL, SPIN
 from wsim.kernels.rigid.joint.steps import FAST
 from wsim.kernels.rigid.joint.tables import ACCELERATION, DRIVEN, HELD, HIGHEST, LOCKED, LOWEST
 from wsim.physics.rigid.recorded.local import Values
-from wsim.physics.rigid.recorded.rotation import (acted, angle, back, conjugate, length, matrix, multiply, rates, skew,
-                                                  swing_twist, turned)
+from wsim.physics.rigid.recorded.rotation import (
+    acted,
+    back,
+    conjugate,
+    length,
+    matrix,
+    multiply,
+    rates,
+    skew,
+    swing_twist,
+    turned,
+)
 
 MOST = np.array([float(PULL)] * 3 + [float(SPIN)] * 3)
 
@@ -57,11 +67,11 @@ class Placed:
 def placed(t: Tables, pose: np.ndarray, q: tuple[np.ndarray, np.ndarray], quarters: np.ndarray) -> Placed:
     """Frames as `lined` of kernels/rigid/joint/frames.py."""
     x, Q, p = [], [], []
-    for s in (0, 1):
-        x.append(pose[..., 6 * s:6 * s + 3] + (t.apart if s else 0.0))
-        own = turned(q[s], pose[..., 6 * s + 3:6 * s + 6])
-        p.append(x[s] + acted(matrix(own), t.at[s] + 0.0 * x[s]))
-        Q.append(multiply(own, t.turn[s] + 0.0 * own))
+    for k in (0, 1):
+        x.append(pose[..., 6 * k:6 * k + 3] + (t.apart if k else 0.0))
+        own = turned(q[k], pose[..., 6 * k + 3:6 * k + 6])
+        p.append(x[k] + acted(matrix(own), t.at[k] + 0.0 * x[k]))
+        Q.append(multiply(own, t.turn[k] + 0.0 * own))
     A = matrix(Q[0])
     axis = np.swapaxes(A, -1, -2) + 0.0
     to = p[1] - p[0]
@@ -126,7 +136,7 @@ def moved(momentum: np.ndarray, S: list, mass: np.ndarray, given: np.ndarray) ->
 
 def response(J: tuple, S: list, mass: np.ndarray) -> np.ndarray:
     """A_jj (..., 6, 6) of a joint by itself."""
-    A = 0.0
+    A: np.ndarray = np.zeros((6, 6))
     for s in (0, 1):
         w = mass[..., 4 * s, None, None] * np.eye(3)
         zero = np.zeros_like(w)
@@ -188,8 +198,8 @@ class Substep:
         goal = np.where((self.acts == int(HIGHEST)), t.high, t.low)
         goal = np.where(np.isfinite(goal), goal, 0.0)
         error = left(now.g - goal, h)
-        error = np.where((self.acts == int(LOWEST)) & (error.real > 0.0) | (self.acts == int(HIGHEST)) & (error.real < 0.0), 0.0,
-                         error)
+        inside = (self.acts == int(LOWEST)) & (error.real > 0.0) | (self.acts == int(HIGHEST)) & (error.real < 0.0)
+        error = np.where(inside, 0.0, error)
         k, c = driven(t, response(J, S, v["mass"]), v)
         spring = h * (h * k + c) * rate + h * (k * (now.g - v["target"]) - c * t.speed) + v["f"]
         lock = (then - goal - error) / h
@@ -205,10 +215,12 @@ class Substep:
         return np.where(part.real > 1.0, 1.0, np.where(part.real < 0.0, 0.0, part))
 
     def loosed(self, v: Values) -> Values:
-        """The same behind the places, of then, momentum, f, before (impulses that rows have given), mass."""
+        """The same behind the places, of then, momentum, f, before (impulses that rows have given), mass. All rows are solved
+        for together (guess), and those that would then pull at their limit give back what they have given."""
         end = placed(self.t, v["then"], self.Q, self.quarters)
         J, S = rows_of(end), spreads(v["then"], self.Q, v["mass"])
         rate = acted(np.concatenate(J, axis=-1), moved(v["momentum"], S, v["mass"], self.given))
         eased = float(EASE) * np.einsum("...ii->...i", response(J, S, v["mass"])) * v["f"]
-        rest = np.where(self.acts > 0, rate + eased, np.where(self.full, v["f"] + v["before"], v["f"]))
-        return {"impulse": impulses(J, v["f"]), "rest": rest}
+        taken = np.where(self.full, -v["before"], v["f"])
+        rest = np.where(self.acts > 0, rate + eased, v["f"])
+        return {"impulse": impulses(J, taken), "guess": impulses(J, v["f"]), "rest": rest}

@@ -1,4 +1,4 @@
-"""Derivatives of what a joint or a contact does, by all that it reads: complex steps of one function for all of them at once."""
+"""Derivatives of what a joint or a contact does, by all that it reads: complex steps of a function for all of them at once."""
 
 from collections.abc import Callable
 

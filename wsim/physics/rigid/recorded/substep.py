@@ -154,7 +154,8 @@ class Island:
         """Adds what elements read besides, of the cotangents of impulses and shifts of bodies (6 n,) and of rests."""
         for name, e in self.kinds.items():
             own = self.own[name]
-            parts = {out: b[self.rows(name)] if out == "rest" else np.append(b, 0.0)[self.columns(name)] for out, b in by.items()}
+            parts = {out: b[self.rows(name)] if out == "rest" else np.append(b, 0.0)[self.columns(name)]
+                     for out, b in by.items()}
             for given in {given for _, given in e.jac if given not in KNOWN} if len(own) else ():
                 more = np.zeros((len(e.bodies), e.jac["rest", given].shape[2]))
                 more[own] = sum(np.einsum("eoi,eo->ei", e.jac[out, given][own], b) for out, b in parts.items()
@@ -176,9 +177,9 @@ def solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def behind(kinds: dict[str, Elements], n: int, cot: Cotangents, place: str = "then", turn: np.ndarray | None = None,
            first: np.ndarray | None = None) -> dict[str, np.ndarray]:
-    """Adjoint of M' = M + I'(y', f'), 0 = r'(y', M', f', f): cot is that of y' and M', and becomes that of y' and M. Of impacts,
-    which shift bodies: of y and M, turned by `turn` (n, 3), where I' and r' read other poses, whose cotangents `first` takes.
-    Returns what each kind's f has of it, (elements, rows)."""
+    """Adjoint of M' = M + I'(y', f'), 0 = r'(y', M', f', f): cot is that of y' and M', and becomes that of y' and M. Of
+    impacts, which shift bodies: of y and M, turned by `turn` (n, 3), where I' and r' read other poses, whose cotangents `first`
+    takes. Returns what each kind's f has of it, (elements, rows)."""
     given = {name: np.zeros((len(e.bodies), e.rows)) for name, e in kinds.items()}
     by_shift, into = cot.pose.copy(), cot.pose if first is None else first
     if turn is not None:
@@ -188,10 +189,11 @@ def behind(kinds: dict[str, Elements], n: int, cot: Cotangents, place: str = "th
         if one.count == 0:
             continue
         M, Y = cot.momentum[bodies].ravel(), by_shift[bodies].ravel()
-        C, by_M = one.block("impulse", "f"), one.block("rest", "momentum")
-        rest = solved(one.block("rest", "f") + by_M @ C, -(M @ C + Y @ one.block("shift", "f")))
+        by_M, parts = one.block("rest", "momentum"), [("impulse", M), ("shift", Y)]
+        guess = "guess" if any(("guess", "f") in e.jac for e in kinds.values()) else "impulse"
+        rest = solved(one.block("rest", "f") + by_M @ one.block(guess, "f"), -sum(b @ one.block(out, "f") for out, b in parts))
+        parts = [("impulse", M if guess == "guess" else M + rest @ by_M), ("rest", rest), ("shift", Y), ("guess", rest @ by_M)]
         M = M + rest @ by_M
-        parts = (("impulse", M), ("rest", rest), ("shift", Y))
         into[bodies] += sum(b @ one.block(out, place) for out, b in parts).reshape(-1, 6)
         cot.momentum[bodies] = (M + sum(b @ one.block(out, "entering") for out, b in parts)).reshape(-1, 6)
         f = sum(b @ one.block(out, "before") for out, b in parts)
@@ -215,8 +217,8 @@ def along(turn: np.ndarray) -> np.ndarray:
 
 
 def within(kinds: dict[str, Elements], b: Bodies, h: float, cot: Cotangents, given: dict[str, np.ndarray]) -> np.ndarray:
-    """Adjoint of the substep up to M and y', of whose cotangents cot becomes that of y and (p, L); given: that of f. Returns the
-    cotangents of poses that elements read, which are not in that of y."""
+    """Adjoint of the substep up to M and y', of whose cotangents cot becomes that of y and (p, L); given: that of f. Returns
+    the cotangents of poses that elements read, which are not in that of y."""
     n, forces, places = len(b.w), b.forces(h), b.places(h)
     pose, first, momentum = np.zeros((n, 6)), np.zeros((n, 6)), np.zeros((n, 6))
     placing, after = np.zeros((n, 6)), cot.pose.copy()
@@ -250,7 +252,8 @@ def within(kinds: dict[str, Elements], b: Bodies, h: float, cot: Cotangents, giv
     cot.momentum = sum(np.einsum("noi,no->ni", forces[out, "momentum"], by) for out, by in (("kick", momentum),
                                                                                           ("back", placing)))
     for name in FORCES:
-        cot.add(name, sum(np.einsum("noi,no->ni", forces[out, name], by) for out, by in (("kick", momentum), ("back", placing))))
+        cot.add(name, sum(np.einsum("noi,no->ni", forces[out, name], by)
+                          for out, by in (("kick", momentum), ("back", placing))))
     for name in ("w", "inverse"):
         cot.add(name, np.einsum("noi,no->ni", places["pose", name], after))
     return first

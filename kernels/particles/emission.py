@@ -1,0 +1,190 @@
+"""Particles that come and go: sources keep their shape full, sinks empty theirs.
+
+A cell has ACROSS parts along each axis. Where the middle of a part is within a source and no particle is near, one is put
+there, with the velocity of the source: as many come as the flow makes room for. Near is, along every axis, less than
+1/2 - d / 2 cells, d being how far the source's velocity goes in a step: what flows off is then 1/2 - d / 2 to 1/2 + d / 2 cells
+apart, 1/2 on average. New ones are counted by cell, then put behind those that are there, in the order of cells: the same in
+every run.
+
+    strength    of each at the start and at the end of the frame; it acts while above 0
+"""
+
+# ruff: noqa: UP018, SIM102
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.fluid import shapes as moved
+from wsim.kernels.fluid.grid import flat, functions, structs
+from wsim.kernels.math.real import types
+from wsim.kernels.particles.sort import tables
+from wsim.kernels.particles.transfers import stencils
+
+SINK = 1                 # what a source is; 0: it gives
+LEAST = 0.25             # cells, however fast the source is
+
+
+@cache
+def sources(real):
+    t, S = types(real), moved.structs(real)
+
+    @wp.struct
+    class Sources:
+        shapes: S.Shapes
+        what: wp.array(dtype=int)
+        velocity: wp.array(dtype=t.vec3)       # [m/s], along the axes of the grid
+        strength: wp.array(dtype=t.vec2)
+
+    return Sources
+
+
+@cache
+def reach(dim: int, kinds: tuple[str, ...], real):
+    """Function (sources, x, clock, what) -> which of that kind a place x [cells] is within; -1: none."""
+    t, Sources, s = types(real), sources(real), moved.functions(dim, kinds, real)
+
+    @wp.func
+    def reach(sources: Sources, x: t.vec3, clock: wp.array(dtype=real), what: int):
+        found = int(-1)
+        at = clock[1] + clock[0]
+        for k in range(sources.what.shape[0]):
+            both = sources.strength[k]
+            if sources.what[k] == what and both[0] + (both[1] - both[0]) * at / clock[3] > real(0.0):
+                if s.signed(sources.shapes, k, s.spot(sources.shapes, x), at) < real(0.0):
+                    found = k
+        return found
+
+    return reach
+
+
+@cache
+def drain(dim: int, kinds: tuple[str, ...], real, module):
+    """Kernel over rows: a particle within a sink is none any more."""
+    T, Sources, within = tables(real), sources(real), reach(dim, kinds, real)
+
+    def drain(dx: real, of: Sources, clock: wp.array(dtype=real), particles: T.Particles, id_out: wp.array(dtype=int)):
+        p = wp.tid()
+        if particles.id[p] >= 0:
+            if within(of, particles.x[p] / dx, clock, SINK) >= 0:
+                id_out[p] = -1
+
+    return wp.kernel(drain, name=f"particles_drain_{dim}d_{'_'.join(kinds)}_{types(real).name}", module=module,
+                     enable_backward=False)
+
+
+@cache
+def vacancies(dim: int, kinds: tuple[str, ...], real):
+    """Functions: middle(i, m) -> place of part m of cell i [cells]; vacancies(g, particles, cells, of, clock, i) -> bits of the
+    parts of cell i that lack a particle."""
+    t, S, T, s = types(real), structs(real), tables(real), stencils(dim, real)
+    Sources, within = sources(real), reach(dim, kinds, real)
+
+    @wp.func
+    def middle(i: wp.vec3i, m: int):
+        x = t.vec3(real(i[0]) + real(0.25) + real(0.5) * real(m % 2),
+                   real(i[1]) + real(0.25) + real(0.5) * real((m // 2) % 2), real(0.0))
+        if wp.static(dim == 3):
+            x[2] = real(i[2]) + real(0.25) + real(0.5) * real(m // 4)
+        return x
+
+    @wp.func
+    def free(g: S.Grid, particles: T.Particles, cells: T.Cells, i: wp.vec3i, x: t.vec3, least: real):
+        """Whether no particle is near x, a place in cell i."""
+        depth = int(wp.static(int(dim == 3)))
+        for a in range(i[0] - 1, i[0] + 2):
+            for b in range(i[1] - 1, i[1] + 2):
+                for d in range(i[2] - depth, i[2] + depth + 1):
+                    j, shift = s.image(g, wp.vec3i(a, b, d))
+                    if j[0] >= 0:
+                        c = flat(j, g.n)
+                        for k in range(cells.first[c], cells.first[c + 1]):
+                            away = particles.x[cells.order[k]] / g.dx + shift - x
+                            far = wp.max(wp.abs(away[0]), wp.abs(away[1]))
+                            if wp.static(dim == 3):
+                                far = wp.max(far, wp.abs(away[2]))
+                            if far < least:
+                                return False
+        return True
+
+    @wp.func
+    def vacancies(g: S.Grid, particles: T.Particles, cells: T.Cells, of: Sources, clock: wp.array(dtype=real), i: wp.vec3i):
+        bits = int(0)
+        for m in range(wp.static(2 ** dim)):
+            x = middle(i, m)
+            k = within(of, x, clock, 0)
+            if k >= 0:
+                way = wp.length(of.velocity[k]) * clock[0] / g.dx
+                least = wp.max(real(0.5) - real(0.5) * way, real(LEAST))
+                if free(g, particles, cells, i, x, least):
+                    bits = bits | (1 << m)
+        return bits
+
+    return middle, vacancies
+
+
+@cache
+def offer(dim: int, kinds: tuple[str, ...], real, module):
+    """Kernel over cells: how many particles come into each."""
+    S, T, f, Sources = structs(real), tables(real), functions(dim, real), sources(real)
+    _, lacking = vacancies(dim, kinds, real)
+
+    def offer(g: S.Grid, particles: T.Particles, cells: T.Cells, of: Sources, clock: wp.array(dtype=real),
+              count_out: wp.array(dtype=int)):
+        c = wp.tid()
+        bits = lacking(g, particles, cells, of, clock, f.place(c, g.n))
+        count = int(0)
+        for m in range(wp.static(2 ** dim)):
+            count += (bits >> m) & 1
+        count_out[c] = count
+
+    return wp.kernel(offer, name=f"particles_offer_{dim}d_{'_'.join(kinds)}_{types(real).name}", module=module,
+                     enable_backward=False)
+
+
+@cache
+def emit(dim: int, kinds: tuple[str, ...], affine: bool, real, module):
+    """Kernel over cells: the particles that come into each. numbers: rows that are used, id of the next one."""
+    t, S, T, f, Sources = types(real), structs(real), tables(real), functions(dim, real), sources(real)
+    middle, lacking = vacancies(dim, kinds, real)
+    within = reach(dim, kinds, real)
+
+    def emit(g: S.Grid, particles: T.Particles, cells: T.Cells, of: Sources, clock: wp.array(dtype=real),
+             first: wp.array(dtype=int), numbers: wp.array(dtype=int), out: T.Particles):
+        c = wp.tid()
+        if first[c + 1] > first[c]:
+            i = f.place(c, g.n)
+            bits = lacking(g, particles, cells, of, clock, i)
+            k = first[c]
+            for m in range(wp.static(2 ** dim)):
+                if ((bits >> m) & 1) != 0:
+                    row = numbers[0] + k
+                    if row < out.id.shape[0]:
+                        x = middle(i, m)
+                        out.x[row] = g.dx * x
+                        out.v[row] = of.velocity[within(of, x, clock, 0)]
+                        if wp.static(affine):
+                            out.C[row] = t.mat33()
+                        out.id[row] = numbers[1] + k
+                    k += 1
+
+    name = f"particles_emit{'_affine' * affine}_{dim}d_{'_'.join(kinds)}_{types(real).name}"
+    return wp.kernel(emit, name=name, module=module, enable_backward=False)
+
+
+@cache
+def counted(module):
+    """Kernels of one thread: used (first, last) -> numbers[0] where a frame begins; come (first, last, room) -> numbers after
+    an emission, and the rows that it wanted."""
+
+    def used(first: wp.array(dtype=int), last: int, numbers_out: wp.array(dtype=int)):
+        numbers_out[0] = first[last]
+
+    def come(first: wp.array(dtype=int), last: int, room: int, numbers_out: wp.array(dtype=int),
+             wanted_out: wp.array(dtype=int)):
+        n = numbers_out[0] + first[last]
+        wanted_out[0] = wp.max(wanted_out[0], n)
+        numbers_out[0] = wp.min(n, room)
+        numbers_out[1] = numbers_out[1] + first[last]
+
+    return [wp.kernel(f, name=f"particles_{f.__name__}", module=module, enable_backward=False) for f in (used, come)]

@@ -1,0 +1,78 @@
+"""How full cells are of particles, and where the surface of the liquid is.
+
+    f       sum of the weights of the particles about a cell's centre (kernels/particles/transfers.py), over what they are where
+            the liquid is at rest: the part of the hat about that centre which is liquid; 1 inside
+    phi     signed distance to the surface over dx, of a plane across an axis at s cells from the centre:
+            f = 1/2 + s - s |s| / 2,  so  phi = -s = -sign(f - 1/2) (1 - sqrt(1 - 2 |f - 1/2|)),  kept within -1 .. 1
+
+An obstacle takes a part of that hat, the same function of its own signed distance; f is of what is left.
+"""
+
+# ruff: noqa: UP018
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.fluid.grid import flat, functions, structs
+from wsim.kernels.math.real import types
+from wsim.kernels.particles.sort import tables
+from wsim.kernels.particles.transfers import stencils
+
+LEAST = 0.1              # of a hat that obstacles leave: below it f is of this part
+
+
+@cache
+def hats(dim: int, real):
+    """Function (g, particles, cells, i) -> sum of weights about the centre of cell i."""
+    t, S, T, s = types(real), structs(real), tables(real), stencils(dim, real)
+
+    @wp.func
+    def hats(g: S.Grid, particles: T.Particles, cells: T.Cells, i: wp.vec3i):
+        at = t.vec3(real(i[0]), real(i[1]), real(i[2]))
+        sum = real(0.0)
+        depth = int(wp.static(int(dim == 3)))
+        for a in range(i[0] - 1, i[0] + 2):
+            for b in range(i[1] - 1, i[1] + 2):
+                for d in range(i[2] - depth, i[2] + depth + 1):
+                    j, shift = s.image(g, wp.vec3i(a, b, d))
+                    if j[0] >= 0:
+                        c = flat(j, g.n)
+                        for k in range(cells.first[c], cells.first[c + 1]):
+                            away = at - shift - s.rows(g, -1, particles.x[cells.order[k]])
+                            w = s.hat(away[0]) * s.hat(away[1])
+                            if wp.static(dim == 3):
+                                w *= s.hat(away[2])
+                            sum += w
+        return sum
+
+    return hats
+
+
+@cache
+def fill(dim: int, obstacles: bool, real, module):
+    """Kernel over cells: f_out, phi_out. rest: weights of a full cell, of shape `nodes` the obstacles' distances phi [m]."""
+    S, T, f = structs(real), tables(real), functions(dim, real)
+    hats_of = hats(dim, real)
+
+    @wp.func
+    def left(g: S.Grid, shape: wp.vec3i, solid: wp.array(dtype=real), i: wp.vec3i):
+        """Part of the hat that is outside of obstacles."""
+        sum = real(0.0)
+        for m in range(wp.static(2 ** dim)):
+            sum += solid[flat(i + wp.vec3i(m % 2, (m // 2) % 2, m // 4), shape)]
+        s = wp.clamp(sum / (real(wp.static(2 ** dim)) * g.dx), real(-1.0), real(1.0))
+        return wp.max(real(0.5) + s - real(0.5) * s * wp.abs(s), real(LEAST))
+
+    def fill(g: S.Grid, particles: T.Particles, cells: T.Cells, rest: real, shape: wp.vec3i, solid: wp.array(dtype=real),
+             f_out: wp.array(dtype=real), phi_out: wp.array(dtype=real)):
+        c = wp.tid()
+        i = f.place(c, g.n)
+        part = hats_of(g, particles, cells, i) / rest
+        if wp.static(obstacles):
+            part = part / left(g, shape, solid, i)
+        s = real(1.0) - wp.sqrt(wp.max(real(1.0) - real(2.0) * wp.abs(part - real(0.5)), real(0.0)))
+        f_out[c] = part
+        phi_out[c] = wp.where(part > real(0.5), -s, s)
+
+    return wp.kernel(fill, name=f"particles_fill{'_obstacles' * obstacles}_{f.name}", module=module, enable_backward=False)

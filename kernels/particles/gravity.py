@@ -1,0 +1,20 @@
+"""Gravity on the faces of a liquid: u += h g where particles have mass."""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+
+
+@cache
+def pull(axis: int, real, module):
+    """Kernel over the faces of an axis."""
+
+    def pull(gravity: wp.array(dtype=real), clock: wp.array(dtype=real), mass: wp.array(dtype=real),
+             u_out: wp.array(dtype=real)):
+        c = wp.tid()
+        if mass[c] > real(0.0):
+            u_out[c] = u_out[c] + clock[0] * gravity[wp.static(axis)]
+
+    return wp.kernel(pull, name=f"particles_pull_{'xyz'[axis]}_{types(real).name}", module=module, enable_backward=False)

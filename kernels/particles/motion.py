@@ -1,0 +1,126 @@
+"""Motion of particles in the velocity of a grid: third-order Runge-Kutta (Ralston 1962), then what stops them.
+
+    k1 = u(x),  k2 = u(x + h k1 / 2),  k3 = u(x + 3 h k2 / 4),  x += h (2 k1 + 3 k2 + 4 k3) / 9  + d(x)
+
+    d        displacement that keeps the volume [m] (kernels/particles/surface.py), as the velocity on faces
+    sides    closed: they stay SKIN cells within; open: who passes is none any more; periodic: comes in at the other side
+    solid    signed distance of the obstacles at the grid's nodes [m]: who is within is put onto the surface, along the gradient
+"""
+
+# ruff: noqa: UP018
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.fluid.grid import flat, functions, structs
+from wsim.kernels.math.real import types
+from wsim.kernels.particles.sort import tables
+
+SKIN = 1e-3
+
+
+@cache
+def out_of(dim: int, real):
+    """Function (g, shape, solid, s) -> a place s [cells], out of the obstacles."""
+    t, S = types(real), structs(real)
+
+    @wp.func
+    def out_of(g: S.Grid, shape: wp.vec3i, solid: wp.array(dtype=real), s: t.vec3):
+        base = wp.vec3i(0, 0, 0)
+        f = t.vec3()
+        for b in range(wp.static(dim)):
+            base[b] = wp.clamp(int(wp.floor(s[b])), 0, g.n[b] - 1)
+            f[b] = s[b] - real(base[b])
+        phi = real(0.0)
+        n = t.vec3()
+        for m in range(wp.static(2 ** dim)):
+            i = base + wp.vec3i(m % 2, (m // 2) % 2, m // 4)
+            q = solid[flat(i, shape)]
+            w = t.vec3(real(1.0), real(1.0), real(1.0))
+            d = t.vec3()
+            for b in range(wp.static(dim)):
+                if i[b] > base[b]:
+                    w[b] = f[b]
+                    d[b] = real(1.0)
+                else:
+                    w[b] = real(1.0) - f[b]
+                    d[b] = real(-1.0)
+            phi += w[0] * w[1] * w[2] * q
+            n += q * t.vec3(d[0] * w[1] * w[2], w[0] * d[1] * w[2], w[0] * w[1] * d[2])
+        found = s
+        size = wp.length(n)
+        if phi < real(0.0) and size > real(0.0):
+            found = s - (phi / g.dx) * n / size
+        return found
+
+    return out_of
+
+
+@cache
+def fastest(real, module):
+    """Kernel over threads: the greatest part of a velocity, and `more` [m/s] on top, into most_out."""
+    T = tables(real)
+
+    def fastest(particles: T.Particles, threads: int, more: wp.array(dtype=real), most_out: wp.array(dtype=real)):
+        most = real(0.0)
+        for p in range(wp.tid(), particles.id.shape[0], threads):
+            if particles.id[p] >= 0:
+                v = particles.v[p]
+                most = wp.max(most, wp.max(wp.abs(v[0]), wp.max(wp.abs(v[1]), wp.abs(v[2]))))
+        most = most + more[0]
+        if most > most_out[0]:
+            wp.atomic_max(most_out, 0, most)
+
+    return wp.kernel(fastest, name=f"particles_fastest_{types(real).name}", module=module, enable_backward=False)
+
+
+@cache
+def move(dim: int, obstacles: bool, real, module):
+    """Kernel over rows: x a step on; a particle that leaves gets an id below 0."""
+    t, S, T, f = types(real), structs(real), tables(real), functions(dim, real)
+    outside = out_of(dim, real)
+
+    @wp.func
+    def within(g: S.Grid, at: t.vec3):
+        s = at
+        stays = int(1)
+        for b in range(wp.static(dim)):
+            n = real(g.n[b])
+            if g.periodic[b] != 0:
+                s[b] = s[b] - n * wp.floor(s[b] / n)
+            else:
+                if s[b] < real(SKIN):
+                    if (g.outside[b] & 1) != 0:
+                        if s[b] < real(0.0):
+                            stays = int(0)
+                    else:
+                        s[b] = real(SKIN)
+                if s[b] > n - real(SKIN):
+                    if (g.outside[b] & 2) != 0:
+                        if s[b] > n:
+                            stays = int(0)
+                    else:
+                        s[b] = n - real(SKIN)
+        return s, stays
+
+    def move(g: S.Grid, u: S.Faces, d: S.Faces, clock: wp.array(dtype=real), shape: wp.vec3i, solid: wp.array(dtype=real),
+             particles: T.Particles, out: T.Particles):
+        p = wp.tid()
+        if particles.id[p] >= 0:
+            s = particles.x[p] / g.dx
+            h = clock[0] / g.dx
+            a = f.velocity(g, u, s)
+            b = f.velocity(g, u, s + real(0.5) * h * a)
+            c = f.velocity(g, u, s + real(0.75) * h * b)
+            to = s + h * (real(2.0) * a + real(3.0) * b + real(4.0) * c) / real(9.0) + f.velocity(g, d, s) / g.dx
+            to, stays = within(g, to)
+            if wp.static(obstacles):
+                to, still = within(g, outside(g, shape, solid, to))
+                stays = stays * still
+            out.x[p] = g.dx * to
+            if stays == 0:
+                out.id[p] = -1
+
+    name = f"particles_move{'_obstacles' * obstacles}_{f.name}"
+    return wp.kernel(move, name=name, module=module, enable_backward=False)

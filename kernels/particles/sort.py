@@ -1,0 +1,199 @@
+"""Particles by cell: a counting sort on the device, the same in every run.
+
+    count    how many are in each cell, and for each particle which of its cell's it is (any order)
+    scan     first[c] = count[0] + .. + count[c - 1]; first[cells] is the number of all
+    place    order[first[c] + rank] = particle
+    settle   the particles of each cell in ascending order: what atomics have mixed is mended, so that sums over a cell's
+             particles have one order
+
+Integers alone are added atomically, and integers do not round. On a CPU threads come in ascending order, and `settle` is not
+needed. A particle whose id is below 0 is none.
+"""
+
+# ruff: noqa: UP018
+# int(0) makes a variable of what would be a constant.
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from wsim.kernels.fluid.grid import flat, functions, structs
+from wsim.kernels.math.real import types
+from wsim.kernels.solver.pcg import total
+
+
+@cache
+def tables(real) -> SimpleNamespace:
+    """Structs: Particles (one row each), Cells (which particles are in which cell)."""
+    t = types(real)
+
+    @wp.struct
+    class Particles:
+        x: wp.array(dtype=t.vec3)          # from the low corner, along the axes of the grid [m]
+        v: wp.array(dtype=t.vec3)          # [m/s]
+        C: wp.array(dtype=t.mat33)         # rows: gradient of each component of v [1/s], of affine transfers
+        id: wp.array(dtype=int)            # below 0: there is none
+
+    @wp.struct
+    class Cells:
+        first: wp.array(dtype=int)         # of each cell's particles in `order`, (cells + 1,)
+        order: wp.array(dtype=int)
+
+    return SimpleNamespace(Particles=Particles, Cells=Cells)
+
+
+@cache
+def where(dim: int, real):
+    """Function (g, x) -> cell of a place [m], within the grid."""
+    t, S = types(real), structs(real)
+
+    @wp.func
+    def where(g: S.Grid, x: t.vec3):
+        i = wp.vec3i(0, 0, 0)
+        for a in range(wp.static(dim)):
+            i[a] = wp.clamp(int(wp.floor(x[a] / g.dx)), 0, g.n[a] - 1)
+        return i
+
+    return where
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    __shared__ int part[32];
+    int sum = v;
+    unsigned lane = threadIdx.x & 31;
+    for (unsigned k = 1; k < 32; k <<= 1) {
+        int before = __shfl_up_sync(0xffffffffu, sum, k);
+        if (lane >= k) sum += before;
+    }
+    __syncthreads();
+    if (lane == 31) part[threadIdx.x >> 5] = sum;
+    __syncthreads();
+    sum -= v;
+    for (unsigned k = 0; k < (threadIdx.x >> 5); ++k) sum += part[k];
+    return sum;
+#else
+    return 0;
+#endif
+""")
+def ahead(v: int) -> int:
+    """Sum over the threads of a block before this one; every one must come. Blocks of whole warps."""
+    ...
+
+
+@cache
+def count(dim: int, real, module):
+    """Kernel over rows: particles of each cell, and which of them each is."""
+    S, T, f, cell = structs(real), tables(real), functions(dim, real), where(dim, real)
+
+    def count(g: S.Grid, particles: T.Particles, count_out: wp.array(dtype=int), rank_out: wp.array(dtype=int)):
+        p = wp.tid()
+        if particles.id[p] >= 0:
+            rank_out[p] = wp.atomic_add(count_out, flat(cell(g, particles.x[p]), g.n), 1)
+
+    return wp.kernel(count, name=f"particles_count_{f.name}", module=module, enable_backward=False)
+
+
+@cache
+def scan(module):
+    """Kernels over blocks of threads: parts (count) -> sum of each block's cells; starts (one block): sums before each, and of
+    all; first (count, starts) -> first."""
+
+    @wp.func
+    def share(n: int, blocks: int):
+        """Rows of a block: whole numbers of threads."""
+        return (n + blocks * wp.block_dim() - 1) // (blocks * wp.block_dim()) * wp.block_dim()
+
+    def parts(count: wp.array(dtype=int), blocks: int, part_out: wp.array(dtype=int)):
+        b = wp.tid() // wp.block_dim()
+        m = share(count.shape[0], blocks)
+        sum = int(0)
+        for c in range(b * m + wp.tid() % wp.block_dim(), wp.min((b + 1) * m, count.shape[0]), wp.block_dim()):
+            sum += count[c]
+        whole = int(total(wp.float64(sum)))
+        if wp.tid() % wp.block_dim() == 0:
+            part_out[b] = whole
+
+    def starts(part: wp.array(dtype=int), blocks: int, start_out: wp.array(dtype=int)):
+        m = share(blocks, 1) // wp.block_dim()
+        sum = int(0)
+        for k in range(wp.tid() * m, wp.min((wp.tid() + 1) * m, blocks)):
+            sum += part[k]
+        before = ahead(sum)
+        for k in range(wp.tid() * m, wp.min((wp.tid() + 1) * m, blocks)):
+            start_out[k] = before
+            before += part[k]
+
+    def first(count: wp.array(dtype=int), start: wp.array(dtype=int), blocks: int, first_out: wp.array(dtype=int)):
+        b = wp.tid() // wp.block_dim()
+        n = count.shape[0]
+        m = share(n, blocks)
+        before = start[b]
+        for k in range(m // wp.block_dim()):
+            c = b * m + k * wp.block_dim() + wp.tid() % wp.block_dim()
+            v = int(0)
+            if c < n:
+                v = count[c]
+            at = before + ahead(v)
+            if c < n:
+                first_out[c] = at
+            if c == n - 1:
+                first_out[n] = at + v
+            before += int(total(wp.float64(v)))
+
+    return [wp.kernel(f, name=f"particles_scan_{f.__name__}", module=module, enable_backward=False, grid_stride=False)
+            for f in (parts, starts, first)]
+
+
+@cache
+def place(dim: int, real, module):
+    """Kernel over rows: where each stands in the order."""
+    S, T, f, cell = structs(real), tables(real), functions(dim, real), where(dim, real)
+
+    def place(g: S.Grid, particles: T.Particles, first: wp.array(dtype=int), rank: wp.array(dtype=int),
+              order_out: wp.array(dtype=int)):
+        p = wp.tid()
+        if particles.id[p] >= 0:
+            order_out[first[flat(cell(g, particles.x[p]), g.n)] + rank[p]] = p
+
+    return wp.kernel(place, name=f"particles_place_{f.name}", module=module, enable_backward=False)
+
+
+@cache
+def settle(module):
+    """Kernel over cells: its particles in ascending order, by insertion: they come nearly so."""
+
+    def settle(first: wp.array(dtype=int), order_out: wp.array(dtype=int)):
+        c = wp.tid()
+        begin = first[c]
+        for k in range(begin + 1, first[c + 1]):
+            p = order_out[k]
+            m = int(k)
+            while m > begin and order_out[m - 1] > p:
+                order_out[m] = order_out[m - 1]
+                m -= 1
+            order_out[m] = p
+
+    return wp.kernel(settle, name="particles_settle", module=module, enable_backward=False)
+
+
+@cache
+def gather(affine: bool, real, module):
+    """Kernel over rows: the particles in order, one behind the other; rows beyond them are none."""
+    T = tables(real)
+
+    def gather(order: wp.array(dtype=int), count: wp.array(dtype=int), last: int, particles: T.Particles, out: T.Particles):
+        k = wp.tid()
+        if k < count[last]:
+            p = order[k]
+            out.x[k] = particles.x[p]
+            out.v[k] = particles.v[p]
+            if wp.static(affine):
+                out.C[k] = particles.C[p]
+            out.id[k] = particles.id[p]
+        else:
+            out.id[k] = -1
+
+    return wp.kernel(gather, name=f"particles_gather{'_affine' * affine}_{types(real).name}", module=module,
+                     enable_backward=False)

@@ -1,0 +1,237 @@
+"""The pressure of a liquid with a free surface, on the grid of kernels/fluid/pressure.py (Enright, Nguyen, Gibou, Fedkiw 2003;
+Gibou, Fedkiw, Cheng, Kang 2002: pressure 0 at the surface, order 2).
+
+    cell    liquid where phi < 0, else air, whose pressure is 0
+    face    between two liquid cells: coupling k = o; of a liquid cell and air: o / theta on the liquid cell alone ("own"),
+            theta = phi_l / (phi_l - phi_a): how far the surface is, in cells
+    u -= (p_n - p_c),  at the surface  u -= (0 - p_c) / theta
+
+Where no cell of a sealed box is air, `own` is GROUND everywhere: the equation has an answer, and p a mean of 0.
+"""
+
+# ruff: noqa: UP018
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from wsim.kernels.fluid.grid import flat, functions, structs
+from wsim.kernels.fluid.pressure import FREE, levels, stencil
+from wsim.kernels.math.real import types
+
+THETA = 1e-3             # least part of a cell, which keeps the equation finite
+GROUND = 1e-6
+PACKED = 0.5             # most of a cell that a step makes room for
+
+
+@cache
+def near(dim: int, real) -> SimpleNamespace:
+    """beside(g, i, axis, side) -> cell beyond a face (component -1: none); part(phi, c, n) -> theta of a liquid cell c and air
+    n; face(g, i, axis, side) -> row of that face."""
+    S, f = structs(real), functions(dim, real)
+
+    @wp.func
+    def beside(g: S.Grid, i: wp.vec3i, axis: int, side: int):
+        j = wp.vec3i(i[0], i[1], i[2])
+        j[axis] = i[axis] + side
+        if g.periodic[axis] != 0:
+            if j[axis] < 0:
+                j[axis] = g.n[axis] - 1
+            if j[axis] >= g.n[axis]:
+                j[axis] = 0
+        elif j[axis] >= g.n[axis]:
+            j[axis] = -1
+        return j
+
+    @wp.func
+    def part(phi: wp.array(dtype=real), c: int, n: int):
+        return wp.max(phi[c] / (phi[c] - phi[n]), real(THETA))
+
+    @wp.func
+    def face(g: S.Grid, i: wp.vec3i, axis: int, side: int):
+        """Row of a face of a cell; side 0 or 1."""
+        j = wp.vec3i(i[0], i[1], i[2])
+        j[axis] = i[axis] + side
+        if g.periodic[axis] != 0 and j[axis] == g.n[axis]:
+            j[axis] = 0
+        return flat(j, f.faces(g, axis))
+
+    return SimpleNamespace(beside=beside, part=part, face=face)
+
+
+@cache
+def couple(dim: int, axis: int, obstacles: bool, real, module):
+    """Kernel over the faces of an axis: k_out."""
+    S, f, at = structs(real), functions(dim, real), near(dim, real)
+
+    def couple(g: S.Grid, phi: wp.array(dtype=real), o: wp.array(dtype=real), k_out: wp.array(dtype=real)):
+        c = wp.tid()
+        i = f.place(c, f.faces(g, wp.static(axis)))
+        before = at.beside(g, i, wp.static(axis), -1)
+        both = real(1.0)
+        if i[wp.static(axis)] < g.n[wp.static(axis)]:
+            if phi[flat(i, g.n)] >= real(0.0):
+                both = real(0.0)
+        if before[wp.static(axis)] >= 0:
+            if phi[flat(before, g.n)] >= real(0.0):
+                both = real(0.0)
+        if wp.static(obstacles):
+            both *= o[c]
+        k_out[c] = both
+
+    name = f"surface_couple_{'xyz'[axis]}{'_obstacles' * obstacles}_{f.name}"
+    return wp.kernel(couple, name=name, module=module, enable_backward=False)
+
+
+@cache
+def own(dim: int, obstacles: bool, real, module):
+    """Kernel over cells: own_out; air_out is 1 where some cell has one."""
+    S, f, at = structs(real), functions(dim, real), near(dim, real)
+
+    def own(g: S.Grid, phi: wp.array(dtype=real), open: S.Faces, own_out: wp.array(dtype=real), air_out: wp.array(dtype=int)):
+        c = wp.tid()
+        i = f.place(c, g.n)
+        sum = real(0.0)
+        if phi[c] < real(0.0):
+            for a in range(wp.static(dim)):
+                for side in range(2):
+                    n = at.beside(g, i, a, 2 * side - 1)
+                    if n[a] >= 0:
+                        other = flat(n, g.n)
+                        if phi[other] >= real(0.0):
+                            o = real(1.0)
+                            if wp.static(obstacles):
+                                q = at.face(g, i, a, side)
+                                if a == 0:
+                                    o = open.x[q]
+                                elif a == 1:
+                                    o = open.y[q]
+                                else:
+                                    o = open.z[q]
+                            sum += o / at.part(phi, c, other)
+        own_out[c] = sum
+        if sum > real(0.0):
+            air_out[0] = 1
+
+    return wp.kernel(own, name=f"surface_own{'_obstacles' * obstacles}_{f.name}", module=module, enable_backward=False)
+
+
+@cache
+def ground(real, module):
+    """Kernel over cells of a sealed box: see GROUND."""
+
+    def ground(air: wp.array(dtype=int), phi: wp.array(dtype=real), own_out: wp.array(dtype=real)):
+        c = wp.tid()
+        if air[0] == 0 and phi[c] < real(0.0):
+            own_out[c] = real(GROUND)
+
+    return wp.kernel(ground, name=f"surface_ground_{types(real).name}", module=module, enable_backward=False)
+
+
+@cache
+def outflow(dim: int, obstacles: bool, moving: bool, real, module):
+    """Kernel over cells: the right-hand side [m/s] of the velocity in liquid cells, else 0."""
+    S, f, at, Level = structs(real), functions(dim, real), near(dim, real), levels(real)
+    s = stencil(dim, FREE, real)
+
+    @wp.func
+    def through(u: wp.array(dtype=real), o: wp.array(dtype=real), v: wp.array(dtype=real), c: int):
+        flux = u[c]
+        if wp.static(obstacles):
+            flux = o[c] * u[c]
+            if wp.static(moving):
+                flux += (real(1.0) - o[c]) * v[c]
+        return flux
+
+    @wp.func
+    def out(g: S.Grid, axis: int, i: wp.vec3i, u: wp.array(dtype=real), o: wp.array(dtype=real), v: wp.array(dtype=real)):
+        return through(u, o, v, at.face(g, i, axis, 1)) - through(u, o, v, at.face(g, i, axis, 0))
+
+    def outflow(g: S.Grid, u: S.Faces, open: S.Faces, solid: S.Faces, phi: wp.array(dtype=real), level: Level,
+                b_out: wp.array(dtype=real)):
+        c = wp.tid()
+        i = f.place(c, g.n)
+        sum = real(0.0)
+        if phi[c] < real(0.0) and s.diagonal(level, i) > real(0.0):
+            sum = out(g, 0, i, u.x, open.x, solid.x) + out(g, 1, i, u.y, open.y, solid.y)
+            if wp.static(dim == 3):
+                sum += out(g, 2, i, u.z, open.z, solid.z)
+        b_out[c] = -sum
+
+    name = f"surface_outflow{'_obstacles' * obstacles}{'_moving' * moving}_{f.name}"
+    return wp.kernel(outflow, name=name, module=module, enable_backward=False)
+
+
+@cache
+def crowding(dim: int, real, module):
+    """Kernel over cells: the right-hand side of a displacement [m] that makes room where f > 1 and, where all cells beside are
+    liquid, takes it where f < 1 (Kugelstadt, Longva, Thuerey, Bender 2019)."""
+    S, f, at, Level = structs(real), functions(dim, real), near(dim, real), levels(real)
+    s = stencil(dim, FREE, real)
+
+    def crowding(g: S.Grid, fill: wp.array(dtype=real), phi: wp.array(dtype=real), level: Level, b_out: wp.array(dtype=real)):
+        c = wp.tid()
+        i = f.place(c, g.n)
+        b = real(0.0)
+        if phi[c] < real(0.0) and s.diagonal(level, i) > real(0.0):
+            b = -wp.clamp(fill[c] - real(1.0), real(-PACKED), real(PACKED)) * g.dx
+            for a in range(wp.static(dim)):
+                for side in range(2):
+                    n = at.beside(g, i, a, 2 * side - 1)
+                    if n[a] >= 0:
+                        if phi[flat(n, g.n)] >= real(0.0):
+                            b = wp.min(b, real(0.0))
+        b_out[c] = -b
+
+    return wp.kernel(crowding, name=f"surface_crowding_{f.name}", module=module, enable_backward=False)
+
+
+@cache
+def push(dim: int, axis: int, obstacles: bool, moving: bool, real, module):
+    """Kernel over the faces of an axis: u_out = u less the gradient of p; known_out is 1 at faces of liquid, else 0. sides:
+    factors as of `levels`."""
+    t, S, f, at = types(real), structs(real), functions(dim, real), near(dim, real)
+
+    def push(g: S.Grid, low: t.vec3, high: t.vec3, p: wp.array(dtype=real), phi: wp.array(dtype=real), both: S.Faces,
+             u_out: wp.array(dtype=real), known_out: wp.array(dtype=int)):
+        c = wp.tid()
+        i = f.place(c, f.faces(g, wp.static(axis)))
+        before = at.beside(g, i, wp.static(axis), -1)
+        there = i[wp.static(axis)] < g.n[wp.static(axis)]
+        back = before[wp.static(axis)] >= 0
+        n = int(-1)
+        m = int(-1)
+        if there:
+            n = flat(i, g.n)
+            there = phi[n] < real(0.0)
+        if back:
+            m = flat(before, g.n)
+            back = phi[m] < real(0.0)
+        drop = real(0.0)
+        if there and back:
+            drop = p[n] - p[m]
+        elif there and m >= 0:
+            drop = p[n] / at.part(phi, n, m)
+        elif back and n >= 0:
+            drop = -p[m] / at.part(phi, m, n)
+        elif there:
+            drop = low[wp.static(axis)] * p[n]
+        elif back:
+            drop = -high[wp.static(axis)] * p[m]
+        known = int(0)
+        if there or back:
+            known = int(1)
+        u = u_out[c] - drop
+        if wp.static(obstacles):
+            closed = (m < 0 and low[wp.static(axis)] == real(0.0)) or (n < 0 and high[wp.static(axis)] == real(0.0))
+            if both.x[c] == real(0.0) and not closed:
+                known = int(0)
+                u = real(0.0)
+                if wp.static(moving):
+                    u = both.y[c]
+        u_out[c] = u
+        known_out[c] = known
+
+    name = f"surface_push_{'xyz'[axis]}{'_obstacles' * obstacles}{'_moving' * moving}_{f.name}"
+    return wp.kernel(push, name=name, module=module, enable_backward=False)

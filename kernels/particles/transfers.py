@@ -1,0 +1,196 @@
+"""Transfers between particles and a staggered grid: PIC (Harlow 1964), FLIP (Brackbill, Ruppel 1986), APIC (Jiang, Schroeder,
+Selle, Teran, Stomakhin 2015, section 5.3: one affine vector for each component of a staggered velocity).
+
+    to the grid       m_i = sum_p w_ip,   m_i u_i = sum_p w_ip (v_p + c_p . (x_i - x_p))            per component
+    back   pic        v_p = sum_i w_ip u_i
+           flip       v_p = s (v_p + sum_i w_ip (u_i - u_i before)) + (1 - s) sum_i w_ip u_i
+           apic       v_p = sum_i w_ip u_i,   c_p = sum_i u_i grad w_ip
+
+    w       product of hats 1 - |x_i - x_p| / dx: linear interpolation, whose weights sum to 1
+    c       gradient of a component [1/s]; 0 but of apic
+    s       part of flip; 1 keeps all noise
+
+Of all three the momentum on the grid is that of the particles, to rounding; apic keeps the angular momentum too. Both
+directions are gathers: a face reads the particles of the cells around it (`sort`), in one order. Within half a cell of a side
+that is not periodic a particle counts as if it stood at the last row of a component, in both directions.
+"""
+
+# ruff: noqa: UP018
+# int(0) makes a variable of what would be a constant.
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from wsim.kernels.fluid.grid import flat, functions, structs, wrapped
+from wsim.kernels.math.real import types
+from wsim.kernels.particles.sort import tables
+
+TRANSFERS = ("apic", "flip", "pic")
+
+
+@cache
+def stencils(dim: int, real) -> SimpleNamespace:
+    """reach(g, axis, i, b) -> (first, last) cell along axis b about row i of a component (-1: of the centres); rows(g, axis, x)
+    -> place of x [m] in rows, held within them; hat(d) -> weight at d rows; image(g, j) -> (cell that stands for j, whole
+    periods [m] that it is away; no cell: first component -1)."""
+    t, S, f = types(real), structs(real), functions(dim, real)
+
+    @wp.func
+    def reach(axis: int, i: int, b: int):
+        last = i + 1
+        if b == axis:
+            last = i
+        return i - 1, last
+
+    @wp.func
+    def rows(g: S.Grid, axis: int, x: t.vec3):
+        s = x / g.dx - f.offset(axis)
+        for b in range(wp.static(dim)):
+            if g.periodic[b] == 0:
+                n = g.n[b] - 1
+                if b == axis:
+                    n = g.n[b]
+                s[b] = wp.clamp(s[b], real(0.0), real(n))
+        return s
+
+    @wp.func
+    def hat(d: real):
+        return wp.max(real(1.0) - wp.abs(d), real(0.0))
+
+    @wp.func
+    def image(g: S.Grid, j: wp.vec3i):
+        """Shift in cells is added to the place of a particle there."""
+        i = wp.vec3i(0, 0, 0)
+        shift = t.vec3()
+        for b in range(wp.static(dim)):
+            i[b] = j[b]
+            if g.periodic[b] != 0:
+                i[b] = wrapped(j[b], g.n[b], 1)
+                shift[b] = real(j[b] - i[b])
+            elif j[b] < 0 or j[b] >= g.n[b]:
+                i[0] = -1
+                return i, shift
+        return i, shift
+
+    return SimpleNamespace(reach=reach, rows=rows, hat=hat, image=image)
+
+
+@cache
+def to_faces(dim: int, axis: int, affine: bool, real, module):
+    """Kernel over the faces of an axis: u_out [m/s], 0 where there is no particle; mass_out, in particles."""
+    t, S, T, f, s = types(real), structs(real), tables(real), functions(dim, real), stencils(dim, real)
+
+    def to_faces(g: S.Grid, particles: T.Particles, cells: T.Cells, u_out: wp.array(dtype=real),
+                 mass_out: wp.array(dtype=real)):
+        face = wp.tid()
+        i = f.place(face, f.faces(g, wp.static(axis)))
+        low = wp.vec3i(0, 0, 0)
+        high = wp.vec3i(0, 0, 0)
+        for b in range(wp.static(dim)):
+            first, last = s.reach(wp.static(axis), i[b], b)
+            low[b] = first
+            high[b] = last
+        at = t.vec3(real(i[0]), real(i[1]), real(i[2]))
+        mass = real(0.0)
+        sum = real(0.0)
+        for a in range(low[0], high[0] + 1):
+            for b in range(low[1], high[1] + 1):
+                for d in range(low[2], high[2] + 1):
+                    j, shift = s.image(g, wp.vec3i(a, b, d))
+                    if j[0] >= 0:
+                        c = flat(j, g.n)
+                        for k in range(cells.first[c], cells.first[c + 1]):
+                            p = cells.order[k]
+                            away = at - shift - s.rows(g, wp.static(axis), particles.x[p])
+                            w = s.hat(away[0]) * s.hat(away[1])
+                            if wp.static(dim == 3):
+                                w *= s.hat(away[2])
+                            if w > real(0.0):
+                                v = particles.v[p]
+                                value = v[wp.static(axis)]
+                                if wp.static(affine):
+                                    C = particles.C[p]
+                                    for m in range(wp.static(dim)):
+                                        value += C[wp.static(axis), m] * g.dx * away[m]
+                                mass += w
+                                sum += w * value
+        u = real(0.0)
+        if mass > real(0.0):
+            u = sum / mass
+        u_out[face] = u
+        mass_out[face] = mass
+
+    name = f"to_faces_{'xyz'[axis]}{'_affine' * affine}_{f.name}"
+    return wp.kernel(to_faces, name=name, module=module, enable_backward=False)
+
+
+@cache
+def sample(dim: int, affine: bool, real):
+    """Function (g, u, axis, x) -> (value of a component at x [m], its gradient [1/s])."""
+    t, S, f, s = types(real), structs(real), functions(dim, real), stencils(dim, real)
+
+    @wp.func
+    def sample(g: S.Grid, u: wp.array(dtype=real), axis: int, x: t.vec3):
+        shape = f.faces(g, axis)
+        at = s.rows(g, axis, x)
+        base = wp.vec3i(0, 0, 0)
+        for b in range(wp.static(dim)):
+            base[b] = int(wp.floor(at[b]))
+        value = real(0.0)
+        slope = t.vec3()
+        for m in range(wp.static(2 ** dim)):
+            i = base + wp.vec3i(m % 2, (m // 2) % 2, m // 4)
+            away = t.vec3(real(i[0]), real(i[1]), real(i[2])) - at
+            q = u[f.row(i[0], i[1], i[2], shape, g.periodic)]
+            w = t.vec3(s.hat(away[0]), s.hat(away[1]), real(1.0))
+            sign = t.vec3(real(2 * (m % 2) - 1), real(2 * ((m // 2) % 2) - 1), real(2 * (m // 4) - 1))
+            if wp.static(dim == 3):
+                w[2] = s.hat(away[2])
+            value += w[0] * w[1] * w[2] * q
+            if wp.static(affine):
+                slope[0] = slope[0] + sign[0] * w[1] * w[2] * q / g.dx
+                slope[1] = slope[1] + w[0] * sign[1] * w[2] * q / g.dx
+                if wp.static(dim == 3):
+                    slope[2] = slope[2] + w[0] * w[1] * sign[2] * q / g.dx
+        return value, slope
+
+    return sample
+
+
+@cache
+def to_particles(dim: int, transfer: str, real, module):
+    """Kernel over rows: v (and C) of each particle from u; of flip `before`, what `to_faces` had left, and the part s."""
+    S, T = structs(real), tables(real)
+    affine, flip = transfer == "apic", transfer == "flip"
+    read = sample(dim, affine, real)
+
+    @wp.func
+    def changed(g: S.Grid, u: wp.array(dtype=real), before: wp.array(dtype=real), axis: int, particles: T.Particles,
+                p: int, s: real, out: T.Particles):
+        value, slope = read(g, u, axis, particles.x[p])
+        if wp.static(flip):
+            old, none = read(g, before, axis, particles.x[p])
+            v = particles.v[p]
+            value = value + s * (v[axis] - old)
+        if wp.static(affine):
+            C = particles.C[p]
+            C[axis, 0] = slope[0]
+            C[axis, 1] = slope[1]
+            C[axis, 2] = slope[2]
+            out.C[p] = C
+        return value
+
+    def to_particles(g: S.Grid, u: S.Faces, before: S.Faces, s: real, particles: T.Particles, out: T.Particles):
+        p = wp.tid()
+        if particles.id[p] >= 0:
+            v = particles.v[p]
+            v[0] = changed(g, u.x, before.x, 0, particles, p, s, out)
+            v[1] = changed(g, u.y, before.y, 1, particles, p, s, out)
+            if wp.static(dim == 3):
+                v[2] = changed(g, u.z, before.z, 2, particles, p, s, out)
+            out.v[p] = v
+
+    name = f"to_particles_{transfer}_{dim}d_{types(real).name}"
+    return wp.kernel(to_particles, name=name, module=module, enable_backward=False)

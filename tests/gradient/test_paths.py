@@ -1,0 +1,89 @@
+"""Gradients by keys, tangents and easing handles of what pins and colliders follow, against differences in float64."""
+
+import numpy as np
+import pytest
+
+from wsim.gradient.inputs.by_name import inputs
+from wsim.gradient.recording import Recording
+from wsim.gradient.rollout.products import Rollout
+from wsim.scene import Scene, SceneError, Sphere, shapes
+from wsim.scene.curve import Motion
+from wsim.scene.fabric import Fabric
+from wsim.simulation.simulation import Simulation
+
+TIMES = np.array([0.0, 0.07, 0.13, 0.4])
+WAY = np.array([[0.0, 0, 0], [0.03, 0.02, 0.01], [0.02, -0.03, 0.05], [0.3, 0.1, 0.0]])
+SLOPES = np.array([[0.5, 0.1, 0], [0.2, -0.6, 0.3], [1.0, 0.2, 0.1], [0, 0, 0.0]])
+KINDS = {"catmull_rom": ("keys", {"kind": "catmull_rom", "alpha": 0.5}), "linear": ("keys", {"kind": "linear"}),
+         "tangents": ("tangents", {"kind": "hermite", "leave": SLOPES, "arrive": 0.5 * SLOPES}),
+         "handles": ("handles", {"kind": "eased", "easing": [(0.3, 0.1, 0.6, 1.2), "ease", (0.1, 0.4, 0.9, 0.7)]})}
+SOLVERS = {"explicit": ("leapfrog", 84), "xpbd": ("backward_euler", 3), "implicit": ("backward_euler", 3)}
+
+
+def sheet(solver: str) -> tuple[Scene, object]:
+    integrator, substeps = SOLVERS[solver]
+    scene = Scene(fps=30.0, frames=4, substeps=substeps, solver=solver, integrator=integrator,
+                  iterations=60 if solver == "implicit" else 6)
+    cloth = scene.cloth("/cloth", *shapes.sheet(0.4, 0.4, 4, 4, cut="quads"), material=Fabric(stretch=2.0, damping=1e-3))
+    return scene, cloth
+
+
+def pinned(solver: str, how: dict, soft: bool) -> Scene:
+    scene, cloth = sheet(solver)
+    corner = cloth.points[0].astype(np.float64)
+    turns = np.array([[0.0, 0, 0, 1], [0.0, 0, 0.1, 0.9949874371066199], [0, 0, 0, 1], [0, 0, 0, 1]])
+    scene.pin("/pin", cloth, [0, 3], motion=Motion.through(TIMES, WAY + corner, turns, **how),
+              **({"stiffness": 50.0} if soft else {}))
+    return scene
+
+
+def struck(solver: str, how: dict) -> Scene:
+    scene, cloth = sheet(solver)
+    scene.pin("/pin", cloth, [0, 3])
+    low = cloth.points.astype(np.float64).mean(axis=0) - [0.0, 0.0, 0.0]
+    normal = np.argmin(np.ptp(cloth.points, axis=0))
+    low[normal] -= 0.1
+    way = WAY.copy()
+    way[:, normal] += 0.02
+    scene.collider("/ball", Sphere(0.1), motion=Motion.through(TIMES, low + way, **how))
+    return scene
+
+
+def slope(scene: Scene, name: str) -> tuple[float, float]:
+    """Along a direction: of the gradient, and of differences of order 4."""
+    recording = Recording(Simulation(scene, device="cpu", precision="float64", gradients=True), 4)
+    f = Rollout(recording, [name], [2, 4])
+    s = np.random.default_rng(3).normal(size=f.run().shape)
+    found = f.vjp(s)[name]
+    base = f.values()[name]
+    way = np.random.default_rng(4).normal(size=base.shape)
+    step, losses = 1e-5, {}
+    for k in (-2, -1, 1, 2):
+        losses[k] = float((f.run({name: base + k * step * way}) * s).sum())
+    return float((found * way).sum()), (8.0 * (losses[1] - losses[-1]) - (losses[2] - losses[-2])) / (12.0 * step)
+
+
+@pytest.mark.parametrize("soft", [False, True], ids=["hard", "soft"])
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_by_what_the_path_of_a_pin_is_made_of(solver, kind, soft):
+    what, how = KINDS[kind]
+    found, expected = slope(pinned(solver, how, soft), f"/pin:{what}")
+    assert abs(expected) > 1e-3 and found == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", [k for k in KINDS if k != "linear"])
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_by_what_the_path_of_a_collider_is_made_of(solver, kind):
+    what, how = KINDS[kind]
+    found, expected = slope(struck(solver, how), f"/ball:{what}")
+    assert abs(expected) > 1e-3 and found == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(("name", "how", "said"), [
+    ("tangents", {"kind": "catmull_rom"}, "of kind catmull_rom, which has no tangents; kinds hermite and bezier"),
+    ("handles", {"kind": "eased", "easing": "bounce-out"}, "has no handles; kind eased has them")])
+def test_what_a_path_has_not_is_refused_with_what_would_have_it(name, how, said):
+    recording = Recording(Simulation(pinned("xpbd", how, False), device="cpu", precision="float64", gradients=True), 1)
+    with pytest.raises(SceneError, match=said):
+        inputs(recording, [f"/pin:{name}"])

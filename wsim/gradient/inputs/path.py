@@ -1,0 +1,121 @@
+"""Paths of pins and colliders as inputs of a recording: what a motion by keys (`wsim.scene.curve.Motion`) is made of.
+
+    /World/Pin:keys          (keys, 3) [m], the places of its keys, in the world
+    /World/Pin:tangents      (2, keys, 3) [m/s], slopes before and behind them, of kinds hermite and bezier
+    /World/Pin:handles       (pieces, 4) [1], (x1, y1, x2, y2) of an eased motion whose pieces all have handles
+
+and of a collider likewise; worlds share their colliders. Turns between keys stay as they are. Exact: what a pin or a collider
+does in each substep is pulled through the formula of its curve (`Curve.pulled`).
+"""
+
+import numpy as np
+
+from wsim.gradient.inputs.base import Input
+from wsim.scene import Problem, SceneError
+from wsim.scene.curve import Curve, Motion
+from wsim.scene.curve.easing import handles
+
+STEP = 1e-4                      # [m], [m/s], [1] by which one of them changes
+
+
+def taken(path: Curve, what: str) -> np.ndarray | None:
+    """The keys, tangents or handles of a path; None where it has none."""
+    if what == "keys":
+        return path.values.copy()
+    if what == "tangents":
+        return np.stack([path.how["arrive"], path.how["leave"]]) if "leave" in path.how else None
+    each = [handles(e) for e in path.how.get("easing", [])]
+    return np.array(each) if each and None not in each else None
+
+
+def given(motion: Motion, what: str, value: np.ndarray) -> Motion:
+    """The motion with other keys, tangents or handles."""
+    M = motion.values.copy()
+    if what == "keys":
+        M[:, :3, 3] = value
+        return motion.replaced(M)  # type: ignore[return-value]
+    four = [tuple(each) for each in value.tolist()] if what == "handles" else None
+    how: dict = {"arrive": value[0], "leave": value[1]} if what == "tangents" else {"easing": four}
+    return motion.replaced(M, **how)  # type: ignore[return-value]
+
+
+def pulled(motion: Motion, what: str, times: np.ndarray, by: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Gradient from those with respect to the places and to small turns about them, (n, 3) each, at times (n,) [s]. Handles say
+    how turns go on too."""
+    found = motion.path.pulled(times, by)
+    if what == "keys":
+        return found["values"]
+    if what == "tangents":
+        return np.stack([found["arrive"], found["leave"]])
+    inside, rate = motion.turns.by_pace(times)
+    return found["easing"] + motion.turns.pace.pulled(inside, (turn * rate).sum(axis=1))["easing"]
+
+
+class Path(Input):
+    """Keys, tangents or handles of a pin or a collider."""
+
+    def __init__(self, recording, name: str):
+        super().__init__(recording, name)
+        self.shared = self.row.owner == "Collider"
+
+    def motion(self, world: int = 0) -> Motion:
+        """Raises SceneError for what is no motion by keys."""
+        if self.shared:
+            found = next(c for c in self.sim.plan.find("contacts").rows.colliders if c.path == self.path).motion
+        else:
+            found = self.pin(world).motion
+        if not isinstance(found, Motion) or not hasattr(found, "path") or found.kind == "stack":
+            raise SceneError(Problem(self.name, "its motion is not by keys of its own: it hangs below what is animated, or was "
+                                     "given by other inputs; give it a Motion with keys"))
+        return found
+
+    def pin(self, world: int):
+        pins = self.recording.parameters.pins
+        return next(p for group in pins.groups.values() for p in group if p.pin.path == self.path and p.body.world == world)
+
+    def read(self, world: int = 0) -> np.ndarray:
+        motion = self.motion(world)
+        found = taken(motion.path, self.what)
+        if found is None:
+            need = {"tangents": "kinds hermite and bezier have slopes", "handles": "kind eased has them, where each piece has "
+                    "(x1, y1, x2, y2)"}[self.what]
+            raise SceneError(Problem(self.name, f"its motion is of kind {motion.kind}, which has no {self.what}; {need}"))
+        return found
+
+    def write(self, value) -> None:
+        if self.shared and np.shape(value) != self.read().shape:
+            raise SceneError(Problem(self.name, f"found shape {np.shape(value)}; allowed is {self.read().shape}: worlds share "
+                                     "their colliders"))
+        super().write(value)
+
+    def put(self, value: np.ndarray, world: int) -> None:
+        if self.shared and world:
+            return
+        try:
+            new = given(self.motion(world), self.what, value)
+        except ValueError as wrong:
+            raise SceneError(Problem(self.name, f"{wrong}")) from None
+        if self.shared:
+            self.sim.plan.find("contacts").move(self.path, new)
+        else:
+            self.pin(world).motion = new
+            self.recording.parameters.pins.changed, self.sim.graph = True, None
+
+    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
+        times, by, turn = self.ways(gradient, world)
+        return pulled(self.motion(world), self.what, times.ravel(), by.reshape(-1, 3), turn.reshape(-1, 3))
+
+    def ways(self, gradient, world: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Times [s], (frames, moments), and gradients by the place then and by a turn about it, (frames, moments, 3)."""
+        r, clock, fps = self.recording, self.sim.plan.clock, self.sim.scene.fps
+        start = (r.start + np.arange(r.frames)) / fps
+        if self.shared:
+            by, turn = gradient.touched(self.path).places(self.path, world)
+            return start[:, None] + clock.dt * np.arange(by.shape[1]) / (by.shape[1] - 1), by, turn
+        by, pin = gradient.targets(self.path, world), self.pin(world)
+        times = start[:, None] + clock.moments(not np.isfinite(pin.pin.stiffness))
+        arms = pin.locals @ pin.motion.sampled(times.ravel())[:, :3, :3].swapaxes(1, 2)
+        return times, by.sum(axis=2), np.cross(arms.reshape(by.shape), by).sum(axis=2)
+
+    def scale(self) -> float:
+        return STEP

@@ -1,0 +1,1 @@
+"""Liquids with a free surface: particles on the grid of a fluid."""

@@ -1,0 +1,125 @@
+"""What can be wrong with a liquid and its sources. NumPy only."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from wsim.physics.fluid.check import LEAST, LONG
+from wsim.physics.fluid.liquid.objects import KINDS, ROLES, TRANSFERS, Liquid, LiquidSource
+from wsim.physics.fluid.liquid.seeds import filling
+from wsim.physics.fluid.objects import SIDES
+from wsim.scene import Plane, Problem, Scene, Surface
+from wsim.scene.check.objects import error, number, rigid, surface, warning
+from wsim.scene.solids import row
+
+
+def check(thing: Liquid | LiquidSource, scene: Scene) -> Iterator[Problem]:
+    yield from _source(thing, scene) if isinstance(thing, LiquidSource) else _liquid(thing, scene)
+
+
+def _liquid(liquid: Liquid, scene: Scene) -> Iterator[Problem]:
+    path, size = liquid.path, liquid.high - liquid.low
+    if not (np.isfinite(liquid.low).all() and np.isfinite(liquid.high).all()):
+        yield error(path, "its box holds NaN or infinity", "finite numbers", "author another box")
+    elif not (size > 0.0).all():
+        yield error(path, f"its box is empty: {' x '.join(f'{v:g}' for v in size)} m", "high above low along each axis",
+                    "author another box; a flat liquid is one cell thick")
+    elif liquid.cell > 0.0:
+        yield from _cells(liquid)
+        yield from _filled(liquid, scene)
+    yield from _sides(liquid)
+    if liquid.transfer not in TRANSFERS:
+        yield error(path, f"transfer is '{liquid.transfer}'", ", ".join(TRANSFERS), "choose one of them")
+    yield from number(path, "steps", liquid.steps, 0)
+    yield from number(path, "most_steps", liquid.most_steps, 1)
+    if 0 < liquid.tolerance < 1e-7:
+        yield warning(path, f"tolerance is {liquid.tolerance:g}, which float32 does not reach", "1e-6 or more",
+                      "give a larger one, or float64")
+    for body in scene.things("Body"):
+        if any(c.meets for c in body.colliders):
+            yield warning(path, f"{body.path} passes through it: liquids do not meet rigid bodies that move by forces",
+                          "colliders, which may be animated", "animate the body as a collider, or leave it out")
+            break
+    for cloth in scene.bodies():
+        yield warning(path, f"{cloth.path} passes through it: liquids do not meet cloth, springs and soft bodies", "colliders",
+                      "give the cloth's shape as a collider, or leave it out")
+        break
+
+
+def _cells(liquid: Liquid) -> Iterator[Problem]:
+    path, shape, size = liquid.path, liquid.shape, liquid.high - liquid.low
+    if len(liquid.axes) < 2 or [n for n in shape if 1 < n < LEAST]:
+        yield error(path, f"it has {'x'.join(map(str, shape))} cells", f"{LEAST} or more along two or three axes, one along "
+                    "the third of a flat one", "give smaller cells, or a larger box")
+    if 8 * liquid.cells > LONG:
+        cell = liquid.cell * (8 * liquid.cells / LONG) ** (1.0 / 3.0)
+        yield error(path, f"it has {liquid.cells:.3g} cells of up to 8 particles", f"up to {LONG} particles",
+                    f"give cells of {cell:.3g} m or more")
+    if np.abs(size / liquid.cell - np.array(shape)).max() > 1e-3:
+        whole = tuple(np.round(liquid.low + liquid.cell * np.array(shape), 6).tolist())
+        yield warning(path, f"its box is {' x '.join(f'{v:.4g}' for v in size / liquid.cell)} cells", "whole numbers of cells",
+                      f"give high = {whole}, which it has")
+
+
+def _filled(liquid: Liquid, scene: Scene) -> Iterator[Problem]:
+    """Whether anything puts liquid into it."""
+    give = filling(liquid, scene) + filling(liquid, scene, "source")
+    if not give:
+        yield error(liquid.path, "nothing fills it: no LiquidSource of role start or source is of it", "one or more",
+                    "author WsimLiquidSourceAPI on a shape within its box, or add a LiquidSource")
+    elif not any(_meets(source, liquid) for source in give):
+        yield error(liquid.path, f"what fills it is outside of it: {', '.join(s.path for s in give)}", "shapes within its box",
+                    "move them, or enlarge the box")
+
+
+def _sides(liquid: Liquid) -> Iterator[Problem]:
+    path = liquid.path
+    if len(liquid.sides) != 6 or any(kind not in KINDS for kind in liquid.sides):
+        yield error(path, f"sides are {liquid.sides}", f"six of {', '.join(KINDS)}", "name what is at -x, +x, -y, +y, -z, +z")
+        return
+    for a, n in enumerate(liquid.shape):
+        low, high = liquid.sides[2 * a:2 * a + 2]
+        if (low == "periodic") != (high == "periodic"):
+            yield error(path, f"side {SIDES[2 * a]} is {low} and side {SIDES[2 * a + 1]} is {high}", "both of an axis periodic",
+                        "make the other one periodic too")
+        elif low == "periodic" and n > 1 and n % 2:
+            yield error(path, f"it is periodic along {'xyz'[a]}, with {n} cells", "an even number of cells there",
+                        "give one cell more or less")
+
+
+def _source(source: LiquidSource, scene: Scene) -> Iterator[Problem]:
+    path, liquids = source.path, scene.things("Liquid")
+    yield from rigid(path, source.motion, "put the scale into the shape's sizes")
+    if isinstance(source.shape, Surface):
+        yield from surface(source.shape, path)
+    else:
+        for name, value in row(source.shape).named(source.shape).items():
+            for v in np.atleast_1d(value):
+                yield from number(path, name, float(v), 0.0, name not in row(source.shape).vanishing)
+    if source.role not in ROLES:
+        yield error(path, f"role is '{source.role}'", ", ".join(ROLES), "choose one of them")
+    if source.velocity is not None and not np.isfinite(source.velocity).all():
+        yield error(path, "velocity holds NaN or infinity", "finite numbers", "author another velocity")
+    if not np.isfinite(source.strength.values).all():
+        yield error(path, "strength holds NaN or infinity", "finite numbers", "author another strength")
+    if source.liquid and source.liquid not in [x.path for x in liquids]:
+        yield error(path, f"it is of '{source.liquid}', which is no liquid here",
+                    ", ".join(x.path for x in liquids) or "none, the scene has no liquid", "name one of them, or none for all")
+    elif not liquids:
+        yield error(path, "it is a source of liquid, and there is no liquid", "a liquid", "add a Liquid")
+    elif not any(_meets(source, x) for x in liquids if source.liquid in ("", x.path)):
+        yield warning(path, "it is outside of its liquids, and stays there", "a place within one",
+                      "move it, or enlarge the box")
+
+
+def _meets(source: LiquidSource, liquid: Liquid) -> bool:
+    """Whether its ball touches the box at a key of its motion (of a start, at the first)."""
+    if isinstance(source.shape, Plane):
+        return True
+    if isinstance(source.shape, Surface):
+        ball = float(np.linalg.norm(source.shape.points, axis=1).max(initial=0.0))
+    else:
+        ball = row(source.shape).ball(source.shape)
+    places = source.motion.values[:1 if source.role == "start" else None, :3, 3]
+    nearest = np.clip(places, liquid.low, liquid.high)
+    return bool((np.linalg.norm(places - nearest, axis=1) <= ball).any())

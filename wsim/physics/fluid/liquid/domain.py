@@ -1,0 +1,177 @@
+"""One liquid of one world on the device, and a step of it:
+
+    particles by cell;  v -> u on faces;  u += h g;  u = P u;  u into the air;  u -> v, C;
+    x += h u (third order) + d,  d: displacement by which what is packed spreads
+"""
+
+from math import ceil, prod
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.fluid import pressure, steps
+from wsim.kernels.fluid.grid import structs
+from wsim.kernels.math.real import types
+from wsim.kernels.particles import extend, fill, motion, transfers
+from wsim.kernels.particles.gravity import pull
+from wsim.model.structs import filled
+from wsim.physics.fluid.grid.layout import Layout
+from wsim.physics.fluid.grid.multigrid import AXES
+from wsim.physics.fluid.grid.obstacles import Obstacles
+from wsim.physics.fluid.grid.shapes import Shapes
+from wsim.physics.fluid.grid.threads import Threads
+from wsim.physics.fluid.liquid.flow import Flow
+from wsim.physics.fluid.liquid.objects import ACROSS, Liquid
+from wsim.physics.fluid.liquid.order import Order
+from wsim.physics.fluid.liquid.surface import Surface
+
+SPREAD = 1e-2            # tolerance of the displacement: what it leaves the next step finds
+WAVE = 0.5               # [rad] of the shortest wave of the surface in a step: pressure is of the surface as the step began, so
+                         # that at 1.3 noise grows 4 times a step, at 0.6 slowly, and at 0.33 it dies out
+GIVEN = 0.5              # cells that what a source gives may cross in a step
+MARGIN = 2               # layers of faces beyond those that a particle may cross
+THREADS = 1 << 14        # that look for the fastest particle
+
+
+class Domain:
+    """particles: `Particles` of the state, of so many rows. words: of the frame's status: solves, missed, steps, room."""
+
+    def __init__(self, threads: Threads, liquid: Liquid, world: int, obstacles: list, sources: list, particles: Any, room: int,
+                 numbers: wp.array):
+        self.threads, self.liquid, self.world, self.layout = threads, liquid, world, Layout.of(liquid)
+        self.particles, self.words = particles, {}
+        layout, real, module, dim = self.layout, threads.model.real, threads.module, self.layout.dim
+        self.clock, self.going, self.done = threads.zeros(4), threads.zeros(1, int), threads.zeros(1, int)
+        self.speed, self.more, self.wave, self.gravity = (threads.zeros(n) for n in (1, 1, 1, 3))
+        self.grid = self._grid()
+        self.obstacles = (Obstacles(threads, layout, self.grid, Shapes(threads.model, obstacles, liquid.low, layout.axes,
+                                                                       liquid.cell, True), self.clock) if obstacles else None)
+        self.sizes = [prod(layout.faces(a)) for a in range(dim)]
+        self.u, self.d = self.faces(), self.faces()
+        self.before = self.faces() if liquid.transfer == "flip" else filled(structs(real).Faces)
+        self.mass, self.known = ([threads.zeros(n, dtype) for n in self.sizes] for dtype in (real, int))
+        self.phi, self.full = threads.zeros(layout.cells), threads.zeros(layout.cells)
+        self.order = Order(threads, layout, self.grid, liquid.transfer == "apic", room)
+        self.flow = Flow(threads, layout, self.grid, liquid, sources, self.order, numbers) if sources else None
+        self.surface = Surface(threads, layout, self.grid, self.obstacles, self.phi, self.full, self.words)
+        self._kernels(dim, real, module)
+
+    def _kernels(self, dim: int, real: Any, module: str) -> None:
+        some, affine = self.obstacles is not None, self.liquid.transfer == "apic"
+        self.to_faces = [transfers.to_faces(dim, a, affine, real, module) for a in range(dim)]
+        self.to_particles = transfers.to_particles(dim, self.liquid.transfer, real, module)
+        self.fill = fill.fill(dim, some, real, module)
+        self.pull = [pull(a, real, module) for a in range(dim)]
+        self.sides = [pressure.sides(dim, a, real, module) for a in range(dim)]
+        self.extend = [extend.extend(dim, a, real, module) for a in range(dim)]
+        self.move = motion.move(dim, some, real, module)
+        self.fastest = motion.fastest(real, module)
+        self.begin, self.next = steps.begin(real, module), steps.next(real, module)
+
+    def _grid(self) -> Any:
+        layout, model = self.layout, self.threads.model
+        outside = [0, 0, 0]
+        for a, axis in enumerate(layout.axes):
+            kinds = self.liquid.sides[2 * axis:2 * axis + 2]
+            outside[a] = sum(bit for bit, kind in zip((1, 2), kinds, strict=True) if kind == "open")
+        return filled(structs(model.real).Grid, n=wp.vec3i(*layout.n), periodic=wp.vec3i(*layout.periodic),
+                      outside=wp.vec3i(*outside), air=self.threads.zeros(7, types(model.real).vec3),
+                      dx=model.real(self.liquid.cell))
+
+    def faces(self) -> Any:
+        """Zeros on the faces."""
+        arrays = {AXES[a]: self.threads.zeros(n) for a, n in enumerate(self.sizes)}
+        return filled(structs(self.threads.model.real).Faces, **arrays)
+
+    def weigh(self, gravity: np.ndarray, dt: float) -> None:
+        """Uploads gravity [m/s^2], what it adds to a speed in a frame, and the speed that wants as many steps as waves do."""
+        along, cell = np.zeros(3), self.liquid.cell
+        along[:self.layout.dim] = np.asarray(gravity, np.float64)[list(self.layout.axes)]
+        self.gravity.assign(along.astype(self.threads.model.dtype))
+        self.more.assign(np.array([np.abs(along).max() * dt], self.threads.model.dtype))
+        waves = np.sqrt(np.pi * np.abs(along).max() / cell)
+        given = self.flow.fastest if self.flow else 0.0
+        self.wave.assign(np.array([self.liquid.cfl * max(cell * waves / WAVE, given / GIVEN)], self.threads.model.dtype))
+
+    def settle(self) -> None:
+        """Before the first frame, once kernels are there: obstacles that stand."""
+        if self.obstacles and not self.obstacles.moving:
+            self.obstacles.update()
+
+    @property
+    def launches(self) -> int:
+        """Of a step whose pressure takes one iteration."""
+        dim, volume = self.layout.dim, self.liquid.volume
+        return (self.order.launches + (5 + self.layers) * dim + self.surface.launches + 5
+                + volume * (self.surface.launches + self.layers * dim))
+
+    @property
+    def layers(self) -> int:
+        """Of faces beyond the liquid that velocities are extended to."""
+        return ceil(self.liquid.cfl) + MARGIN
+
+    # a frame
+
+    def frame(self, dt: float, least: int, most: int) -> None:
+        """Launches all steps of a frame [s]: least .. most of them."""
+        threads, liquid = self.threads, self.liquid
+        self.order.sort(self.particles)
+        self.order.pack(self.particles)
+        if self.flow:
+            self.flow.begin()
+        wp.copy(self.speed, self.wave)
+        self.done.zero_()
+        count = min(self.order.room, THREADS if threads.cuda else 1)
+        threads.over(self.fastest, count, [self.particles, count, self.more], [self.speed])
+        threads.over(self.begin, 1, [self.speed, threads.model.real(dt), threads.model.real(liquid.cfl * liquid.cell), least,
+                                     most], [self.clock, self.going, self.words["steps"]])
+        wp.capture_while(self.going, self._step)
+
+    def _step(self) -> None:
+        o, threads = self.obstacles, self.threads
+        if o and o.moving:
+            o.update()
+        if self.flow:
+            self.flow.act(self.particles, self.clock, self.words["room"])
+        else:
+            self.order.sort(self.particles)
+        self._to_grid()
+        self.surface.refresh()
+        self.surface.project(self.u, self.known, self.liquid.tolerance)
+        self._extend(self.u)
+        inputs = [self.grid, self.u, self.before, threads.model.real(self.liquid.flip), self.particles]
+        threads.over(self.to_particles, self.order.room, inputs, [self.particles])
+        if self.liquid.volume:
+            for a in range(self.layout.dim):
+                getattr(self.d, AXES[a]).zero_()
+            self.surface.spread(self.d, self.known, SPREAD)
+            self._extend(self.d)
+        inputs = [self.grid, self.u, self.d, self.clock, self._nodes(), o.phi if o else None, self.particles]
+        threads.over(self.move, self.order.room, inputs, [self.particles])
+        threads.over(self.next, 1, [self.done], [self.clock, self.going])
+
+    def _nodes(self) -> Any:
+        return wp.vec3i(*self.layout.nodes())
+
+    def _to_grid(self) -> None:
+        """Velocities and gravity on faces, and how full cells are."""
+        over, o = self.threads.over, self.obstacles
+        for a in range(self.layout.dim):
+            u = getattr(self.u, AXES[a])
+            over(self.to_faces[a], u.size, [self.grid, self.particles, self.order.cells], [u, self.mass[a]])
+            if self.liquid.transfer == "flip":
+                wp.copy(getattr(self.before, AXES[a]), u)
+            over(self.pull[a], u.size, [self.gravity, self.clock, self.mass[a]], [u])
+            if not self.layout.periodic[a]:
+                over(self.sides[a], 2 * self.layout.cells // self.layout.n[a],
+                     [self.grid, self.surface.low, self.surface.high], [u])
+        rest = self.threads.model.real(float(ACROSS ** self.layout.dim))
+        over(self.fill, self.layout.cells, [self.grid, self.particles, self.order.cells, rest, self._nodes(),
+                                            o.phi if o else None], [self.full, self.phi])
+
+    def _extend(self, u: Any) -> None:
+        for a, kernel in enumerate(self.extend):
+            out = getattr(u, AXES[a])
+            for layer in range(2, 2 + self.layers):
+                self.threads.over(kernel, out.size, [self.grid, layer, self.mass[a]], [out, self.known[a]])

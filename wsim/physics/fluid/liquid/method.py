@@ -1,0 +1,190 @@
+"""Liquids on the device: for each liquid of each world a part "liquid k", whose rows are particles, and the steps of a frame
+(`wsim.physics.fluid.liquid.domain`)."""
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from wsim.kernels.particles.sort import tables
+from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.state import Field, Part
+from wsim.model.status import Status
+from wsim.model.structs import filled
+from wsim.physics.fluid.grid.shapes import kinds
+from wsim.physics.fluid.grid.threads import Threads
+from wsim.physics.fluid.liquid import memory
+from wsim.physics.fluid.liquid.domain import Domain
+from wsim.physics.fluid.liquid.measure import measures, sample
+from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
+from wsim.physics.fluid.liquid.seeds import filling, seeds
+from wsim.scene.samples import Sample
+
+FIELDS = (Field("x", "m", True, "from the low corner, along the axes of the grid"), Field("v", "m/s", True, "velocity"))
+AFFINE = Field("C", "1/s", True, "rows: gradient of each component of v", "mat33")
+ID = Field("id", "1", True, "stays with a particle; below 0: there is none", "int")
+NUMBERS = Field("numbers", "1", True, "rows that are used, the next id", "int")
+WORDS = {"solves": 2, "missed": 1, "steps": 1, "room": 1}
+SPARE = 1 << 13          # rows more than particles at the start, where there are sources; a frame that lacks some is repeated
+
+
+def build(b) -> Method:
+    return Liquids(b)
+
+
+def acting(liquid: Liquid, scene) -> list[LiquidSource]:
+    return filling(liquid, scene, "source") + filling(liquid, scene, "sink")
+
+
+class Liquids(Method):
+    """`domains`: one for each liquid of each world."""
+
+    def __init__(self, b):
+        super().__init__("liquid")
+        self.model, self.scene, self.status, self.base = b.model, b.scene, b.status, b.clock.substeps
+        liquids = b.scene.things("Liquid")
+        self.pairs = [(liquid, world) for world in range(b.model.worlds) for liquid in liquids]
+        memory.refuse([liquid for liquid, _ in self.pairs], b)
+        self.threads = Threads(b.model)
+        self.gravity = np.tile(np.asarray(b.scene.gravity, np.float64), (b.model.worlds, 1))
+        starts = {id(liquid): seeds(liquid, b.scene) for liquid in liquids}
+        self.parts, self.numbers = [], []
+        for k, (liquid, world) in enumerate(self.pairs):
+            part, numbers = self._parts(k, liquid, world, *starts[id(liquid)])
+            b.state.add(part, numbers)
+            self.parts.append(part)
+            self.numbers.append(numbers)
+        for name, count in WORDS.items():
+            b.status.reserve(f"liquid: {name}", count * len(self.pairs))
+        self.domains = [self._domain(k) for k in range(len(self.pairs))]
+        self.settled = False
+        count = sum(part.count for part in self.parts)
+        cells = sum(liquid.cells for liquid, _ in self.pairs)
+        self.stages.append(Stage("liquids", "predict", self.advance, sum(d.launches for d in self.domains),
+                                 sum(p.bytes for p in self.parts), "frame", f"{count} particles, {cells} cells, "
+                                 f"{', '.join(sorted({liquid.transfer for liquid, _ in self.pairs}))}"))
+
+    # what there is
+
+    def _parts(self, k: int, liquid: Liquid, world: int, x: np.ndarray, v: np.ndarray) -> tuple[Part, Part]:
+        """Particles at the start, and their numbers."""
+        real, device = self.model.real, self.model.device
+        room = max(1, len(x) + (SPARE if acting(liquid, self.scene) else 0))
+        fields = (*FIELDS, *[AFFINE] * (liquid.transfer == "apic"), ID)
+        part = Part.allocate(f"liquid {k}", fields, len(x), real, device, room)
+        numbers = Part.allocate(f"liquid {k} numbers", (NUMBERS,), 2, real, device)
+        axes, dim = list(liquid.axes), len(liquid.axes)
+        for name, values in (("x", x - liquid.low), ("v", v)):
+            rows = np.zeros((room, 3), self.model.dtype)
+            rows[:len(x), :dim] = values[:, axes]
+            part.arrays[name].assign(rows)
+        part.arrays["id"].assign(np.where(np.arange(room) < len(x), np.arange(room), -1).astype(np.int32))
+        numbers.arrays["numbers"].assign(np.full(2, len(x), np.int32))
+        for each in (part, numbers):
+            each.rows = {(liquid.path, world): np.arange(each.capacity)}
+        return part, numbers
+
+    def _particles(self, k: int) -> Any:
+        return filled(tables(self.model.real).Particles, **self.parts[k].arrays)
+
+    def _domain(self, k: int) -> Domain:
+        liquid, world = self.pairs[k]
+        return Domain(self.threads, liquid, world, self.scene.colliders, acting(liquid, self.scene), self._particles(k),
+                      self.parts[k].capacity, self.numbers[k].arrays["numbers"])
+
+    # frames
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        if not self.settled:
+            for j, domain in enumerate(self.domains):
+                for name, count in WORDS.items():
+                    domain.words[name] = self.status.word(f"liquid: {name}")[count * j:count * (j + 1)]
+                domain.settle()
+            self.settled = True
+        for domain in self.domains:
+            domain.weigh(self.gravity[domain.world], clock.dt)
+            if domain.obstacles and domain.obstacles.moving:
+                domain.obstacles.shapes.pose(time, clock.dt)
+            if domain.flow:
+                domain.flow.pose(time, clock.dt)
+
+    def advance(self, clock: Clock) -> None:
+        more = max(1, clock.substeps // self.base)               # of a frame that is repeated with smaller steps
+        for domain in self.domains:
+            steps = domain.liquid.steps
+            domain.frame(clock.dt, more * max(1, steps), more * (steps or domain.liquid.most_steps))
+
+    def retry(self, status: Status) -> list[Remedy]:
+        wanted = status.said("liquid: room")
+        return [Remedy("grow", partial(self._more, k, int(n))) for k, n in enumerate(wanted)
+                if n > self.parts[k].capacity]
+
+    def _more(self, k: int, wanted: int) -> str:
+        self.grow(k, wanted + wanted // 4)
+        return f"{self.pairs[k][0].path} took {wanted} particles, more than there was room for"
+
+    def grow(self, k: int, room: int) -> None:
+        """Room for so many particles; those that there are stay."""
+        part, before = self.parts[k], self.parts[k].capacity
+        part.enlarge(room, self.model.real, self.model.device)
+        for array in (part.arrays["id"], part.saved["id"][1]):
+            array[before:].fill_(-1)
+        part.rows = {key: np.arange(room) for key in part.rows}
+        self.domains[k].particles = self._particles(k)
+        self.domains[k].order.grow(room)
+
+    def restored(self, fields) -> None:
+        for k, (liquid, _) in enumerate(self.pairs):
+            rows = len(fields.get(liquid.path, {}).get("id", ()))
+            if rows > self.parts[k].capacity:
+                self.grow(k, rows)
+
+    def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
+        missed = status.said("liquid: missed")
+        return [(("liquid", domain.liquid.path, domain.world), float(n),
+                 f"{domain.liquid.path}: {{worst}} solves of a frame missed the tolerance of the pressure; give a larger one, "
+                 "or float64") for domain, n in zip(self.domains, missed, strict=True) if n]
+
+    # what is told and set
+
+    def particles(self, k: int) -> dict[str, np.ndarray]:
+        """Of liquid k now, by id: id (n,), x world (n, 3) [m], v world (n, 3) [m/s], float64."""
+        liquid, arrays = self.pairs[k][0], self.parts[k].arrays
+        ids = arrays["id"].numpy()
+        order = np.argsort(ids, kind="stable")[np.count_nonzero(ids < 0):]
+        x, v = (np.zeros((len(order), 3)) for _ in range(2))
+        axes, dim = list(liquid.axes), len(liquid.axes)
+        x[:] = 0.5 * (liquid.low + liquid.high)
+        x[:, axes] = liquid.low[axes] + arrays["x"].numpy()[order][:, :dim].astype(np.float64)
+        v[:, axes] = arrays["v"].numpy()[order][:, :dim]
+        return {"id": ids[order], "x": x, "v": v}
+
+    def samples(self, world: int = 0) -> list[Sample]:
+        return [sample(liquid, self.particles(k)) for k, (liquid, of) in enumerate(self.pairs) if of == world]
+
+    def indicators(self, x, v) -> dict[str, float]:
+        """Of the first world: kinetic energy and that in gravity [J], greatest speed [m/s], particles, and the volume [m^3]
+        where the last step began; of the last frame: most iterations of one solve of the pressure, steps."""
+        found: dict[str, float] = {}
+        for k, domain in enumerate(self.domains):
+            if domain.world == 0:
+                phi = domain.phi.numpy() if self.settled else None
+                for name, value in measures(domain.liquid, self.particles(k), self.gravity[0], phi).items():
+                    found[name] = max(found.get(name, 0.0), value) if name == "liquid_speed" else found.get(name, 0.0) + value
+        said = {name: self.status.said(f"liquid: {name}") for name in WORDS}
+        return found | {"liquid_iterations": float(said["solves"][1::2].max()), "liquid_steps": float(said["steps"].max())}
+
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+        if path == "/" and name == "gravity":
+            self.gravity[slice(None) if world is None else world] = value
+            return True
+        return False
+
+
+def signature(b) -> list:
+    """What of the liquids decides their kernels."""
+    liquids = [(len(x.axes), x.transfer, x.volume, kinds(acting(x, b.scene)), sorted({s.role for s in acting(x, b.scene)}),
+                [side == "open" for side in x.sides], [side == "periodic" for side in x.sides])
+               for x in b.scene.things("Liquid")]
+    moved = any(c.motion.moves for c in b.scene.colliders)
+    return [sorted({str(x) for x in liquids}), kinds(b.scene.colliders), moved]

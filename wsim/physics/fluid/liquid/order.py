@@ -1,0 +1,60 @@
+"""The particles of a liquid by cell, on the device (kernels/particles/sort.py)."""
+
+from typing import Any
+
+from wsim.kernels.particles import sort
+from wsim.model.structs import filled
+from wsim.physics.fluid.grid.layout import Layout
+from wsim.physics.fluid.grid.threads import Threads
+
+
+class Order:
+    """`cells`: what kernels read. room: rows that there are."""
+
+    def __init__(self, threads: Threads, layout: Layout, grid: Any, affine: bool, room: int):
+        real, module, dim = threads.model.real, threads.module, layout.dim
+        self.threads, self.grid, self.affine, self.size = threads, grid, affine, layout.cells
+        self.count_kernel, self.place = sort.count(dim, real, module), sort.place(dim, real, module)
+        self.parts, self.starts, self.first_kernel = sort.scan(module)
+        self.settle = sort.settle(module) if threads.cuda else None
+        self.gather_kernel = sort.gather(affine, real, module)
+        self.tables = sort.tables(real)
+        self.blocks = threads.blocks(self.size)
+        self.count, self.first = threads.zeros(self.size, int), threads.zeros(self.size + 1, int)
+        self.part, self.start = threads.zeros(self.blocks, int), threads.zeros(self.blocks, int)
+        self.grow(room)
+
+    def grow(self, room: int) -> None:
+        """Arrays for so many rows."""
+        from wsim.kernels.math.real import types
+        t, zeros = types(self.threads.model.real), self.threads.zeros
+        self.room, self.rank, self.order = room, zeros(room, int), zeros(room, int)
+        self.cells = filled(self.tables.Cells, first=self.first, order=self.order)
+        self.aside = filled(self.tables.Particles, x=zeros(room, t.vec3), v=zeros(room, t.vec3), id=zeros(room, int),
+                            **({"C": zeros(room, t.mat33)} if self.affine else {}))
+
+    def scan(self, count: Any, first: Any) -> None:
+        """first[c]: sum of count before c, (cells + 1,)."""
+        self.threads.sum(self.parts, self.blocks, [count, self.blocks], [self.part])
+        self.threads.sum(self.starts, 1, [self.part, self.blocks], [self.start])
+        self.threads.sum(self.first_kernel, self.blocks, [count, self.start, self.blocks], [first])
+
+    def sort(self, particles: Any) -> None:
+        threads, cells = self.threads, self.cells
+        self.count.zero_()
+        threads.over(self.count_kernel, self.room, [self.grid, particles], [self.count, self.rank])
+        self.scan(self.count, self.first)
+        threads.over(self.place, self.room, [self.grid, particles, self.first, self.rank], [cells.order])
+        if self.settle:
+            threads.over(self.settle, self.size, [self.first], [cells.order])
+
+    def pack(self, particles: Any) -> None:
+        """Puts the particles themselves into that order, one behind the other; then they are to be sorted anew."""
+        import warp as wp
+        self.threads.over(self.gather_kernel, self.room, [self.order, self.first, self.size, particles, self.aside], [])
+        for name in ("x", "v", "id", *["C"] * self.affine):
+            wp.copy(getattr(particles, name), getattr(self.aside, name))
+
+    @property
+    def launches(self) -> int:
+        return 5 + bool(self.settle)

@@ -1,0 +1,74 @@
+"""Where the particles of a liquid start: a lattice of ACROSS along each edge of a cell, of what shapes fill. NumPy only."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from wsim.geometry.triangulate import triangulate
+from wsim.physics.fluid.liquid.objects import ACROSS, Liquid, LiquidSource
+from wsim.scene import Scene, Surface
+from wsim.scene.solids import row
+
+SLAB = 1 << 20             # places that are looked at at a time
+SAMPLES = 48               # along the longest edge of a box, by which the number of particles is estimated
+
+
+def filling(liquid: Liquid, scene: Scene, role: str = "start") -> list[LiquidSource]:
+    return [s for s in scene.things("LiquidSource") if s.role == role and s.liquid in ("", liquid.path)]
+
+
+def lattice(liquid: Liquid, count: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """First place and distance of places along each axis, `count` of them: world (3,) [m]."""
+    edge = liquid.cell * np.array(liquid.shape) / np.array(count)
+    return liquid.low + 0.5 * edge, edge
+
+
+def within(thing, first: np.ndarray, edge: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Whether places first + edge * k, low <= k < high, are inside the shape of a thing at the start, (places,) bool."""
+    index = np.stack(np.meshgrid(*(np.arange(a, b) for a, b in zip(low, high, strict=True)), indexing="ij"), -1).reshape(-1, 3)
+    M, shape = thing.motion.at(0.0), thing.shape
+    if not isinstance(shape, Surface):
+        return row(shape).distance(shape, (first + edge * index - M[:3, 3]) @ M[:3, :3]) < 0.0
+    from wsim.geometry.tetra.inside import Rays
+    triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
+    points = (shape.points.astype(np.float64) @ M[:3, :3].T + M[:3, 3] - first) / edge
+    return Rays(points, triangles, low, np.asarray(high) - 1).inside(index)
+
+
+def slabs(count: tuple[int, ...]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Boxes (low, high) of indices that make up the whole, each of about SLAB places."""
+    thick = max(1, SLAB // (count[1] * count[2]))
+    for a in range(0, count[0], thick):
+        yield np.array([a, 0, 0]), np.array([min(a + thick, count[0]), count[1], count[2]])
+
+
+def places(liquid: Liquid, scene: Scene, count: tuple[int, ...]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """(places (n, 3) world [m], velocities (n, 3) [m/s]) of a lattice of `count` that are filled, slab by slab."""
+    first, edge = lattice(liquid, count)
+    for low, high in slabs(count):
+        v = np.zeros((int(np.prod(high - low)), 3))
+        full = np.zeros(len(v), bool)
+        for source in filling(liquid, scene):
+            inside = within(source, first, edge, low, high)
+            v[inside] = 0.0 if source.velocity is None else source.velocity
+            full |= inside
+        for collider in scene.colliders:
+            if full.any():
+                full &= ~within(collider, first, edge, low, high)
+        index = np.stack(np.meshgrid(*(np.arange(a, b) for a, b in zip(low, high, strict=True)), indexing="ij"), -1)
+        yield (first + edge * index.reshape(-1, 3))[full], v[full]
+
+
+def seeds(liquid: Liquid, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Places (n, 3) world [m] and velocities (n, 3) [m/s] of all particles at the start."""
+    count = tuple(n * ACROSS if n > 1 else 1 for n in liquid.shape)
+    found = list(places(liquid, scene, count))
+    return np.concatenate([x for x, _ in found]), np.concatenate([v for _, v in found])
+
+
+def estimated(liquid: Liquid, scene: Scene) -> int:
+    """About how many particles there are at the start, of a coarse lattice."""
+    longest = max(liquid.shape)
+    count = tuple(max(1, min(ACROSS * n if n > 1 else 1, round(n * SAMPLES / longest))) for n in liquid.shape)
+    part = sum(len(x) for x, _ in places(liquid, scene, count)) / float(np.prod(count))
+    return round(part * liquid.cells * ACROSS ** len(liquid.axes))

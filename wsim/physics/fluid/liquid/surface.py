@@ -1,0 +1,103 @@
+"""The pressure of a liquid with a free surface (kernels/particles/surface.py): by conjugate gradients with a multigrid cycle,
+of the cells that are liquid in this step."""
+
+from math import prod
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels.fluid import conjugate
+from wsim.kernels.fluid.conjugate import CHECK, START, TURN
+from wsim.kernels.fluid.grid import structs
+from wsim.kernels.fluid.pressure import FREE
+from wsim.kernels.math.real import types
+from wsim.kernels.particles import surface
+from wsim.model.structs import filled
+from wsim.physics.fluid.grid.layout import Layout
+from wsim.physics.fluid.grid.multigrid import AXES, Multigrid
+from wsim.physics.fluid.grid.pressure import Conjugate
+from wsim.physics.fluid.grid.threads import Threads
+
+
+class Surface:
+    """obstacles: `wsim.physics.fluid.grid.obstacles.Obstacles`, or None. phi, fill: of the cells. words: of the status."""
+
+    def __init__(self, threads: Threads, layout: Layout, grid: Any, obstacles: Any, phi: wp.array, fill: wp.array,
+                 words: dict[str, wp.array]):
+        real, module, dim = threads.model.real, threads.module, layout.dim
+        self.threads, self.layout, self.grid, self.phi, self.fill = threads, layout, grid, phi, fill
+        some = (obstacles is not None, obstacles is not None and obstacles.moving)
+        none = filled(structs(real).Faces)
+        self.open, self.solid = (obstacles.open, obstacles.solid or none) if obstacles else (none, none)
+        self.k, self.own, self.air = self._faces(), threads.zeros(layout.cells), threads.zeros(1, int)
+        self.p, self.r, self.z, self.d, self.w = (threads.zeros(layout.cells) for _ in range(5))
+        self.low, self.high = types(real).vec3(*layout.low), types(real).vec3(*layout.high)
+        self.couple = [surface.couple(dim, a, some[0], real, module) for a in range(dim)]
+        self.own_kernel = surface.own(dim, some[0], real, module)
+        self.ground = surface.ground(real, module) if layout.sealed else None
+        self.outflow, self.crowding = surface.outflow(dim, *some, real, module), surface.crowding(dim, real, module)
+        self.push_kernels = [surface.push(dim, a, *some, real, module) for a in range(dim)]
+        self.spread_kernels = [surface.push(dim, a, some[0], False, real, module) for a in range(dim)]
+        self.multiply = conjugate.multiply(dim, FREE, real, module)
+        self.multigrid = Multigrid(threads, layout, self.k, self.z, self.r, own=self.own)
+        self.solver = Conjugate(threads, layout.cells, words)
+
+    def _faces(self) -> Any:
+        sizes = {AXES[a]: self.threads.zeros(prod(self.layout.faces(a))) for a in range(self.layout.dim)}
+        return filled(structs(self.threads.model.real).Faces, **sizes)
+
+    @property
+    def launches(self) -> int:
+        """Of a solve that takes one iteration."""
+        return self.multigrid.launches + 12
+
+    def refresh(self) -> None:
+        """The equation of the surface as it is now."""
+        for a, kernel in enumerate(self.couple):
+            out = getattr(self.k, AXES[a])
+            self.threads.over(kernel, out.size, [self.grid, self.phi, getattr(self.open, AXES[a])], [out])
+        n = self.layout.cells
+        self.air.zero_()
+        self.threads.over(self.own_kernel, n, [self.grid, self.phi, self.open], [self.own, self.air])
+        if self.ground:
+            self.threads.over(self.ground, n, [self.air, self.phi], [self.own])
+        self.multigrid.refresh()
+
+    def project(self, u: Any, known: list[wp.array], tolerance: float) -> None:
+        """Takes the divergence off u; known: faces of liquid."""
+        self.threads.over(self.outflow, self.layout.cells, [self.grid, u, self.open, self.solid, self.phi,
+                                                            self.multigrid.grids[0].table], [self.r])
+        self._solve(tolerance)
+        self._push(self.push_kernels, u, known)
+
+    def spread(self, d: Any, known: list[wp.array], tolerance: float) -> None:
+        """The displacement of faces [m] into d, which is 0, that brings the liquid to its density at rest."""
+        self.threads.over(self.crowding, self.layout.cells, [self.grid, self.fill, self.phi, self.multigrid.grids[0].table],
+                          [self.r])
+        self._solve(tolerance)
+        self._push(self.spread_kernels, d, known)
+
+    def _push(self, kernels: list, u: Any, known: list[wp.array]) -> None:
+        for a, kernel in enumerate(kernels):
+            out = getattr(u, AXES[a])
+            both = filled(structs(self.threads.model.real).Faces, x=getattr(self.open, AXES[a]), y=getattr(self.solid, AXES[a]))
+            self.threads.over(kernel, out.size, [self.grid, self.low, self.high, self.p, self.phi, both],
+                              [out, known[a]])
+
+    def _solve(self, tolerance: float) -> None:
+        self.tolerance = tolerance
+        self.p.zero_()
+        self.solver.sum(self.r, self.r)
+        self.solver.conclude(START, tolerance)
+        wp.capture_while(self.solver.going, self._iterate)
+
+    def _iterate(self) -> None:
+        s, threads, table = self.solver, self.threads, self.multigrid.grids[0].table
+        self.multigrid.cycle()                                 # of r into z
+        s.sum(self.r, self.z)
+        s.conclude(TURN)
+        threads.over(s.turn, self.layout.cells, [s.numbers, self.z], [self.d])
+        threads.sum(self.multiply, s.parts, [table, self.d], [self.w, s.part])
+        s.step(self.p, self.r, self.d, self.w)
+        s.conclude(CHECK, self.tolerance)
+

@@ -1,0 +1,95 @@
+"""Prims with WsimLiquidDomainAPI <-> `Liquid`, with WsimLiquidSourceAPI <-> `LiquidSource`; boxes and shapes as of the domains
+and sources of smoke (`wsim.physics.fluid.usd`)."""
+
+from typing import Any
+
+from pxr import Sdf, Usd, UsdGeom
+
+from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
+from wsim.physics.fluid.usd import CELLS, author_box, author_strength, box, strength
+from wsim.usd import names
+from wsim.usd.attributes import author as write
+from wsim.usd.attributes import authored, read, read_values
+from wsim.usd.prims.colliders import author_shape, has_shape, load_shape
+from wsim.usd.stage import Reading, Units, applied
+
+SETTINGS = ("sides", "transfer", "volume", "steps", "most_steps")
+
+
+def load(reading: Reading, prim: Usd.Prim) -> Liquid | LiquidSource | None:
+    path = str(prim.GetPath())
+    domain, source = (name in applied(prim) for name in (names.WSIM_LIQUID, names.WSIM_POUR))
+    if domain and source:
+        reading.fail(path, f"has {names.WSIM_LIQUID} and {names.WSIM_POUR}; a liquid that fills a domain is a prim of its own: "
+                     f"author {names.WSIM_POUR} on another Cube")
+        return None
+    if names.COLLISION in applied(prim):
+        reading.fail(path, f"has {names.WSIM_LIQUID if domain else names.WSIM_POUR} and {names.COLLISION}: there is no liquid "
+                     f"within an obstacle; take {names.COLLISION} off")
+        return None
+    if prim.IsInstanceProxy():
+        reading.fail(path, "is a liquid in an instance, whose contents cannot be written over; author instanceable = false on "
+                     "the instance")
+        return None
+    return _domain(reading, prim) if domain else _source(reading, prim)
+
+
+def _domain(reading: Reading, prim: Usd.Prim) -> Liquid | None:
+    path, units = str(prim.GetPath()), reading.units
+    ends = box(reading, prim, names.WSIM_LIQUID)
+    if ends is None:
+        return None
+    found: dict[str, Any] = read_values(prim, "Liquid", units)
+    found |= {name: value for name in SETTINGS if (value := read(prim, "Liquid", name, units)) is not None}
+    if len(found.get("sides", range(6))) != 6:
+        reading.fail(path, f"{names.row('Liquid', 'sides').attribute} has {len(found['sides'])} entries; author 6, for -x, +x, "
+                     "-y, +y, -z, +z")
+        return None
+    return Liquid(path, *ends, found.pop("cell", None) or float((ends[1] - ends[0]).max()) / CELLS, **found)
+
+
+def _source(reading: Reading, prim: Usd.Prim) -> LiquidSource | None:
+    path, units = str(prim.GetPath()), reading.units
+    if not has_shape(prim):
+        reading.fail(path, f"is a {prim.GetTypeName() or 'prim without a type'} with {names.WSIM_POUR}; it has a shape: a "
+                     "Plane, Sphere, Cube, Capsule, Cylinder, Cone or a closed Mesh")
+        return None
+    relationship = prim.GetRelationship(names.POURED)
+    targets = [str(target) for target in relationship.GetForwardedTargets()] if relationship else []
+    if len(targets) > 1:
+        reading.fail(path, f"{names.POURED} names {', '.join(targets)}; name one domain, or none for all")
+        return None
+    found = load_shape(reading, prim)
+    if found is None:
+        return None
+    values = {name: value for name in ("role", "velocity") if (value := read(prim, "LiquidSource", name, units)) is not None}
+    if authored(prim, "LiquidSource", "strength"):
+        values["strength"] = strength(prim, "LiquidSource", units)
+    return LiquidSource(path, *found, liquid="".join(targets), **values)
+
+
+def author(stage: Usd.Stage, thing: Liquid | LiquidSource, units: Units) -> None:
+    if isinstance(thing, LiquidSource):
+        _author_source(stage, thing, units)
+        return
+    prim = author_box(stage, thing, units, names.WSIM_LIQUID)
+    plain = Liquid(thing.path, thing.low, thing.high, 0.0)
+    for name in (*names.fields("Liquid"), *SETTINGS):
+        value = getattr(thing, name)
+        if value != getattr(plain, name):
+            write(prim, "Liquid", name, value, units)
+
+
+def _author_source(stage: Usd.Stage, source: LiquidSource, units: Units) -> None:
+    prim = author_shape(stage, source, units, 0)
+    UsdGeom.Imageable(prim).CreatePurposeAttr(UsdGeom.Tokens.guide)
+    prim.AddAppliedSchema(names.WSIM_POUR)
+    if source.liquid:
+        prim.CreateRelationship(names.POURED, False).SetTargets([Sdf.Path(source.liquid)])
+    plain = LiquidSource(source.path, source.shape)
+    if source.role != plain.role:
+        write(prim, "LiquidSource", "role", source.role, units)
+    if source.velocity is not None:
+        write(prim, "LiquidSource", "velocity", source.velocity, units)
+    if source.strength != plain.strength:
+        author_strength(prim, "LiquidSource", source.strength, units)

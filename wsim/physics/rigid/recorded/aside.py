@@ -1,0 +1,34 @@
+"""A step of the host on a tape: NumPy forward or backward, between arrays of the state."""
+
+from collections.abc import Callable
+
+import numpy as np
+import warp as wp
+
+from wsim.model.tape import Tape, give, without
+
+
+def aside(tape: Tape, arrays: list[wp.array], forward: Callable[[], None],
+          backward: Callable[[list[np.ndarray]], list[np.ndarray]]) -> None:
+    """forward() takes `arrays` of the state from there and writes them; backward(gradients of what it has written) gives those
+    of what it has read. No graph holds such a stretch (`Tape.eager`)."""
+    tape.eager = True
+    read = [tape.read(a) for a in arrays]
+    for a in arrays:
+        tape.write(a, True)
+    wrote = [tape.read(a) for a in arrays]                        # they are kept
+
+    def step() -> None:
+        for a, version in zip(arrays, read, strict=True):
+            wp.copy(a, without(version))
+        forward()
+        for a, version in zip(arrays, wrote, strict=True):
+            wp.copy(without(version), a)
+
+    def back() -> None:
+        found = backward([version.grad.numpy() for version in wrote])
+        for version, after, grad in zip(read, wrote, found, strict=True):
+            after.grad.zero_()
+            give(wp.array(grad, dtype=version.dtype, device=version.device), version.grad)
+    tape.do(step)
+    tape.adjoints.append(back)
