@@ -1,6 +1,6 @@
-"""Adjoint of cubics that go on beyond walls to which air sticks, `walled` of kernels/fluid/advection.py: a row beyond stands for
+"""Adjoint of cubics that go on beyond walls to which air sticks, `walled` of kernels/fluid/advection.py: a row beyond is
 
-    a + b q_row,    b = 1 or -1,    a of the walls' velocities:    q_row += W b v,    walls += W v da,    s += v grad W (a + b q)
+    a + b q_row,   b = 1 or -1,   a of the walls' velocities:   q_row += W b v,   walls += W v da,   s += v grad W (a + b q)
 
 with a bar over q, walls and s.
 """

@@ -9,8 +9,8 @@ from wsim.physics.fluid.adjoint.launches import AIR, PLAIN, Launches, slot
 
 
 class TransportAdjoint:
-    """Adjoint of one quantity: axis of a component, -1 of a scalar. how: clamped, with walls, a way back of order 3. lost: rows,
-    of air that came in."""
+    """Adjoint of one quantity: axis of a component, -1 of a scalar. how: clamped, with walls, a way back of order 3. lost:
+    rows, of air that came in."""
 
     def __init__(self, launches: Launches, transport: Any, axis: int, how: tuple[bool, bool, bool], lost: wp.array):
         dim, real, module = launches.domain.layout.dim, launches.real, launches.module
@@ -38,7 +38,8 @@ class TransportAdjoint:
 
     def _one(self, u: Any, q: wp.array, by: wp.array, part: float, u_out: Any, q_out: wp.array) -> None:
         run, lost = self.launches, self.lost[:q.size]
-        run.over(self.kernel, q.size, [run.domain.grid, u, self._carried(q, by, part), run.domain.clock], [u_out, q_out, lost, self.air])
+        run.over(self.kernel, q.size, [run.domain.grid, u, self._carried(q, by, part), run.domain.clock],
+                 [u_out, q_out, lost, self.air])
         if self.inflow:
             run.sum(lost, PLAIN, 1.0, slot(0, self.axis))
 
