@@ -30,7 +30,8 @@ LAYERS = ("kernels", "geometry", "scene", "usd", "model", "physics", "simulation
 METHODS = {"physics.motion.points", "physics.motion.explicit", "physics.motion.loads", "physics.solver.newton",
            "physics.solver.xpbd", "physics.cloth.air", "physics.cloth.muscles"}                  # never each other
 USD = ("physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.moving", "physics.rigid.joints.filters.usd",
-       "physics.rigid.joints.instances.usd", "physics.fluid.usd", "physics.fluid.liquid.usd")    # of methods
+       "physics.rigid.joints.instances.usd", "physics.fluid.usd", "physics.fluid.liquid.usd", "physics.animation.usd",
+       "physics.animation.write")                                                             # of methods
 WITHOUT_WARP = ("geometry", "scene", "usd", *USD, "simulation.duration", "simulation.interrupt",
                 "simulation.report", "show.camera", "show.image.png", "show.smoke.read", "show.prim", "show.shading",
                 "show.visible", "cli.arguments", "cli.inventory", "cli.progress")

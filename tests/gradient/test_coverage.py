@@ -12,10 +12,12 @@ import pytest
 from tests.gradient.test_gradients import net, sheet
 from tests.make.wheels import ROW
 from tests.make.wheels.objects import Wheel
+from tests.physics.animation.test_gradients import UNFOLLOWED, changed
 from wsim import Box, Bulk, Fabric, Plane, Simulation, Sphere
 from wsim.gradient.inputs.by_name import inputs
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
+from wsim.physics.fluid.objects import Fluid
 from wsim.physics.rigid.joints.joint import Drive, revolute, spherical
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Collider, Pin, Scene, SceneError, Surface, Varying, methods, shapes
@@ -28,7 +30,8 @@ TESTS = Path(__file__).resolve().parent.parent
 PATHS = {"Cloth": "/cloth", "Springs": "/net", "Soft": "/bar", "Collider": "/floor", "Pin": "/pin", "Scene": "",
          "Body": "/thrown", "Joint": "/hinge"}
 PATHS_OF = {f"{owner}.{name}" for owner in ("Pin", "Collider") for name in ("keys", "tangents", "handles")}
-ONLY = {"Springs.rest_shape", *PATHS_OF}     # lengths say the same; curves have a test of their own
+ONLY = {"Springs.rest_shape", *PATHS_OF,     # lengths say the same; curves and skeletons have tests of their own
+        "Skeleton.turns", "Skeleton.weights"}
 IDLE = ("static_friction",)                  # what slides does not know it
 
 
@@ -235,6 +238,12 @@ def turned() -> Scene:
     return scene
 
 
+def layered() -> Scene:
+    scene = Scene(frames=1)
+    scene.add(Fluid("/air", (0, 0, 0), (1, 1, 0.125), 0.125, slip=False, layers=True, viscosity=0.1))
+    return scene
+
+
 def moving():
     motion = Motion(np.arange(2) / 60.0, np.stack([np.eye(4), np.eye(4) + np.eye(4, k=3) * 0.01]))
     scene = net(integrator="leapfrog", pins=[Pin("/pin", "/chain", np.array([0]), motion=motion)])
@@ -266,9 +275,12 @@ CASES = {
     "idle": ("air_drag", lambda: inputs(recorded(alone()), ["air_drag"])),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),
+    "layers": ("/air", lambda: recorded(layered())),
     "load": ("loads", lambda: gradient(net()).load()),
     "pin": ("/pin", lambda: gradient(net()).pin("/pin", "stiffness")),
     "material": ("/chain", lambda: gradient(net()).material("stretch")),
+    **{key: (path, lambda change=change, name=name: inputs(recorded(changed(change)), [f"/man/bones:{name}"]))
+       for key, (path, change, name) in UNFOLLOWED.items()},
     "value": ("/pin", lambda: row_of(net(), "/pin", "stiffness")),
 }
 

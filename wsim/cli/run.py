@@ -46,8 +46,10 @@ def later(scene: Scene, delay: float) -> Scene:
     if delay == 0.0:
         return scene
     nets = [s if s.actuation is None else replace(s, actuation=_curve_later(s.actuation, delay)) for s in scene.springs]
-    return replace(scene, springs=nets, colliders=[_collider_later(c, delay) for c in scene.colliders],
-                   pins=[_pin_later(p, delay) for p in scene.pins],
+    bones = {id(b): b.later(delay) for b in scene.things("Skeleton")}
+    others = {**scene.others, "Skeleton": list(bones.values())} if bones else scene.others
+    return replace(scene, springs=nets, colliders=[_collider_later(c, delay, bones) for c in scene.colliders], others=others,
+                   pins=[_pin_later(p, delay, bones) for p in scene.pins],
                    loads=[replace(load, curve=_curve_later(load.curve, delay)) for load in scene.loads],
                    varying=[replace(v, curve=_curve_later(v.curve, delay)) for v in scene.varying])
 
@@ -60,14 +62,20 @@ def _curve_later(curve: Curve, delay: float) -> Curve:
     return curve.later(delay)
 
 
-def _pin_later(pin: Pin, delay: float) -> Pin:
-    return replace(pin, motion=_motion_later(pin.motion, delay))
+def _pin_later(pin: Pin, delay: float, bones: dict) -> Pin:
+    follows = pin.follows and replace(pin.follows, skin=_skin_later(pin.follows.skin, bones))
+    return replace(pin, motion=_motion_later(pin.motion, delay), follows=follows)
 
 
-def _collider_later(collider: Collider, delay: float) -> Collider:
+def _skin_later(skin, bones: dict):
+    return replace(skin, skeleton=bones[id(skin.skeleton)])
+
+
+def _collider_later(collider: Collider, delay: float, bones: dict) -> Collider:
     shape = collider.shape
     if isinstance(shape, Surface) and shape.poses is not None:
-        shape = replace(shape, poses=_curve_later(shape.poses, delay))
+        skinned = hasattr(shape.poses, "skeleton")
+        shape = replace(shape, poses=_skin_later(shape.poses, bones) if skinned else _curve_later(shape.poses, delay))
     return replace(collider, shape=shape, motion=_motion_later(collider.motion, delay))
 
 

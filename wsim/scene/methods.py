@@ -60,6 +60,8 @@ METHODS: list[Row] = [
         claims=("WsimFluidDomainAPI", "WsimFluidSourceAPI"), without="there is no fluid", gradients=True),
     Row("liquid", "wsim.physics.fluid.liquid", owns=("Liquid", "LiquidSource"), unseen=("LiquidSource",),
         claims=("WsimLiquidDomainAPI", "WsimLiquidSourceAPI"), without="there is no liquid"),
+    Row("bones", "wsim.physics.animation", owns=("Skeleton",), unseen=("Skeleton",), claims=("Skeleton",),
+        without="nothing follows a skeleton", gradients=True),
     Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),
     Row("watch", "wsim.physics.motion.overstretch", gradients=True),
     Row("muscles", "wsim.physics.cloth.muscles", without="no spring has an actuation", gradients=True),
@@ -70,6 +72,13 @@ METHODS: list[Row] = [
 def owner(name: str) -> Row | None:
     """The row that owns a dataclass of that name."""
     return next((row for row in METHODS if name in row.owns), None)
+
+
+def role(name: str, file: str) -> Any:
+    """A file of the folder that owns a dataclass of that name."""
+    row = owner(name)
+    assert row is not None
+    return row.role(file)
 
 
 def claimant(names) -> Row | None:
@@ -90,6 +99,11 @@ def things(scene) -> list:
 def carried(scene) -> list:
     """Colliders that move with things of methods, and are met."""
     return [c for _, thing in every(scene) for c in getattr(thing, "colliders", ()) if c.meets] if scene.others else []
+
+
+def moving(scene) -> bool:
+    """True if methods simulate something of a scene, besides what results hold nothing of."""
+    return any(type(thing).__name__ not in row.unseen for row, thing in every(scene)) if scene.others else False
 
 
 def collides(scene) -> bool:

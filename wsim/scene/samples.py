@@ -96,4 +96,26 @@ class Colour:
     values: np.ndarray
 
 
-Sample = Points | Transform | Instances | Particles | Quantity | Volume | Colour
+@dataclass(frozen=True)
+class Joints:
+    """Transforms of joints from their parents' spaces.
+
+    path           prim path of the Skeleton
+    joints         names, (joints,)
+    translations   (joints, 3) [m]
+    rotations      (joints, 4), unit quaternions (x, y, z, w)
+    scales         (joints, 3) [1]
+    shapes         names of blend shapes, (shapes,)
+    weights        of those, (shapes,) [1]; None: there are none
+    """
+
+    path: str
+    joints: tuple[str, ...]
+    translations: np.ndarray
+    rotations: np.ndarray
+    scales: np.ndarray
+    shapes: tuple[str, ...] = ()
+    weights: np.ndarray | None = None
+
+
+Sample = Points | Transform | Joints | Instances | Particles | Quantity | Volume | Colour

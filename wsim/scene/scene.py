@@ -7,11 +7,11 @@ where they are given or authored so, as most of USD is, else float64. A save fol
     scene = Scene(gravity=(0, -9.81, 0))
     flag = scene.cloth("/flag", *shapes.sheet(1.0, 1.0, 32, 32), material=Fabric(stretch=500.0))
     scene.pin("/pins", flag, points=range(33))
-    scene.sphere("/ball", 0.3, at=(0, -0.5, 0))
 """
 
 from dataclasses import dataclass, field, replace
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -36,6 +36,7 @@ class Pin(Compared):
     places      where they are held, (k, 3) [m] in the target's frame; None: where the points start
     stiffness   [N/m]; inf: hard, the points follow exactly
     damping     [N s/m], of a soft pin
+    follows     a `Follow`, places on a mesh that joints move, instead of motion and places
     """
 
     path: str
@@ -46,6 +47,7 @@ class Pin(Compared):
     places: np.ndarray | None = None
     stiffness: float = inf
     damping: float = 0.0
+    follows: Any = None
 
     def __post_init__(self):
         self.points = array(list(self.points) if isinstance(self.points, range) else self.points, np.int32, -1)
@@ -75,8 +77,7 @@ class Tie(Compared):
 
 @dataclass(eq=False)
 class Load(Compared):
-    """A force on points of a body, or a traction on triangles of a cloth or of the surface of a soft body, over time. A dead
-    load: it keeps its direction in the world, whatever the body does (`Soft.pressure` turns with the surface).
+    """A force on points of a body, or a traction on triangles, over time; dead: its direction stays (`Soft.pressure` turns).
 
     path        prim path
     body        prim path of the cloth, spring net or soft body
@@ -234,8 +235,7 @@ class Scene(Compared):
         return self.softs[-1]
 
     def collider(self, path: str, shape: Shape, at=(0.0, 0.0, 0.0), **more) -> Collider:
-        """Adds a collider at a place `at` (3,) [m], or with motion=Motion(...); see `Collider` for the fields. A `Plane()` that
-        is placed by `at` is a floor: it faces the scene's `up`."""
+        """Adds a collider at a place `at` (3,) [m], or with motion=...; a `Plane()` placed `at` one is a floor facing `up`."""
         if "motion" not in more:
             shape, more["motion"] = solids.upright(shape, self.up), Motion.at_place(at)
         self.colliders.append(Collider(path, shape, **more))
@@ -267,8 +267,8 @@ class Scene(Compared):
 
     def single(self) -> "Scene":
         """Doubles rounded to float32, for a run in float32: rest lengths are then those of the points that it begins with."""
-        names = ("cloths", "springs", "softs", "pins")
-        return replace(self, **{name: [single(thing) for thing in getattr(self, name)] for name in names})  # type: ignore
+        own = {name: [single(thing) for thing in getattr(self, name)] for name in ("cloths", "springs", "softs", "pins")}
+        return replace(self, **own)  # type: ignore[arg-type]
 
     def bodies(self) -> list[Cloth | Springs | Soft]:
         """Bodies whose points move: cloths, springs, soft bodies, in the order of the state's arrays."""

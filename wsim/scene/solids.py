@@ -15,7 +15,7 @@ import numpy as np
 
 from wsim.geometry import primitives
 from wsim.scene.bodies import Compared, array
-from wsim.scene.curve import Curve, Motion, then
+from wsim.scene.curve import Motion
 
 APPROXIMATIONS = ("none", "meshSimplification", "convexHull", "convexDecomposition", "boundingCube", "boundingSphere")
 SAME = 1e-6                # relative difference of scales that counts as none
@@ -101,13 +101,13 @@ class Surface(Compared):
     points     (n, 3) [m], own frame, float32
     counts     corners of each polygon, (faces,)
     indices    point of each corner, (sum of counts,)
-    poses      of a deforming mesh: points over time, a Curve with values (keys, n, 3) [m]; None: it keeps its shape
+    poses      of a deforming mesh: a Curve of points (keys, n, 3) [m], or a `Skinned` (wsim/physics/animation); None: none
     """
 
     points: np.ndarray
     counts: np.ndarray
     indices: np.ndarray
-    poses: Curve | None = None
+    poses: Any = None
 
     def __post_init__(self):
         self.points = array(self.points, np.float32, -1, 3)
@@ -149,10 +149,10 @@ class Collider(Compared):
 
     def __post_init__(self):
         if isinstance(self.shape, Plane) and self.shape.axis is not None:
-            turn = np.eye(4)
-            turn[:3, :3] = np.eye(3)[:, TURN[self.shape.axis]]
+            turn = np.eye(4)[:, [*TURN[self.shape.axis], 3]]
             self.shape = Plane()
             if not np.array_equal(turn, np.eye(4)):
+                from wsim.scene.curve import then
                 self.motion = then(self.motion, turn)
 
 

@@ -13,13 +13,13 @@ from pxr import Tf, Usd, UsdGeom
 
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.check.scene import check
-from wsim.scene.methods import claimant
+from wsim.scene.methods import claimant, moving
 from wsim.usd import names
 from wsim.usd.attributes import read
 from wsim.usd.load_varying import finish
 from wsim.usd.prims.cloth import load_cloth
 from wsim.usd.prims.colliders import load_collider
-from wsim.usd.prims.pins import is_tie, load_painted, load_pin, load_tie
+from wsim.usd.prims.pins import is_followed, is_tie, load_painted, load_pin, load_tie
 from wsim.usd.prims.springs import load_springs
 from wsim.usd.settings import frames_of, load_settings, note_range
 from wsim.usd.spelling import spelling
@@ -95,7 +95,7 @@ def _read(reading: Reading) -> Scene:
     by_path = {**{k: v for k, v in above.items() if v is not None}, **by_path}
     failed = any(problem.fatal for problem in reading.problems)
     for prim in found.attachments if not failed else ():
-        if is_tie(prim):
+        if is_tie(prim) and not is_followed(reading, prim):
             tie = load_tie(reading, prim, by_path)
             scene.ties += [tie] if tie is not None else []
             continue
@@ -267,7 +267,7 @@ def _finished(reading: Reading, scene: Scene, found: Prims) -> Scene:
         solid = [*scene.bodies(), *(skin for soft in scene.softs for skin in soft.skins), *scene.colliders]
         skinned(reading, [reading.stage.GetPrimAtPath(thing.path) for thing in solid])
     fatal = [problem for problem in reading.problems if problem.fatal]
-    if scene.bodies() or scene.others:
+    if scene.bodies() or moving(scene):
         note_range(reading)
         fatal += [problem for problem in check(scene) if problem.fatal]
     elif not fatal:                               # the notes say why: a reference without a file, a body left out

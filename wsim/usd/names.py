@@ -39,6 +39,7 @@ WSIM_SPRINGS, WSIM_COLLIDER, WSIM_SOFT = "WsimSpringsAPI", "WsimColliderAPI", "W
 WSIM_ATTACHMENT, WSIM_LOAD, WSIM_RIGID = "WsimAttachmentAPI", "WsimLoadAPI", "WsimRigidBodyAPI"
 WSIM_DOMAIN, WSIM_SOURCE = table.DOMAIN, table.SOURCE
 WSIM_LIQUID, WSIM_POUR = table.LIQUID, table.POUR
+WSIM_SKELETON, WSIM_CORRECTIVE = "WsimSkeletonAPI", "WsimCorrectiveAPI"
 
 # Fallbacks of the proposal, in SI units; the schemas are not registered, so USD cannot supply them.
 YOUNGS_MODULUS = 1.0e6      # [Pa]
@@ -133,9 +134,15 @@ OTHERS = (
     Entry("RigidBody", "drag", WSIM_RIGID, "wsim:linearDamping", "double", "1/s"),
     Entry("RigidBody", "spin_drag", WSIM_RIGID, "wsim:angularDamping", "double", "1/s"),
 
+    Entry("Skeleton", "driven", WSIM_SKELETON, "wsim:skel:bodyJoints", "token[]", uniform=True),
+    Entry("Corrective", "joint", WSIM_CORRECTIVE, "wsim:corrective:joint", "token", uniform=True),
+    Entry("Corrective", "rotation", WSIM_CORRECTIVE, "wsim:corrective:rotation", "quatf", uniform=True),
+    Entry("Corrective", "width", WSIM_CORRECTIVE, "wsim:corrective:width", "float", uniform=True),
+
     Entry("Fluid", "sides", WSIM_DOMAIN, "wsim:fluid:sides", "token[]", uniform=True),
     Entry("Fluid", "side_velocities", WSIM_DOMAIN, "wsim:fluid:sideVelocities", "vector3d[]", "m/s", uniform=True),
     Entry("Fluid", "slip", WSIM_DOMAIN, "wsim:fluid:slip", "bool", uniform=True),
+    Entry("Fluid", "layers", WSIM_DOMAIN, "wsim:fluid:layers", "bool", uniform=True),
     Entry("Fluid", "advection", WSIM_DOMAIN, "wsim:fluid:advection", "token", uniform=True),
     Entry("Fluid", "scalar_advection", WSIM_DOMAIN, "wsim:fluid:scalarAdvection", "token", uniform=True),
     Entry("Fluid", "pressure", WSIM_DOMAIN, "wsim:fluid:pressure", "token", uniform=True),
@@ -192,6 +199,7 @@ SRC0, SRC1 = "physics:src0", "physics:src1"                     # relationships 
 STEPS_HINT = "newton:timeStepsPerSecond"                        # read where wsim:substeps is not authored
 INTO = "wsim:fluid:domain"                                       # relationship of WsimFluidSourceAPI: one domain; none: all
 POURED = "wsim:liquid:domain"                                    # relationship of WsimLiquidSourceAPI: one domain; none: all
+DRIVERS = "wsim:skel:bodies"                                     # relationship of WsimSkeletonAPI: rigid bodies
 LOADED = "wsim:load:body"                                        # relationship of WsimLoadAPI: the body
 ORDER = "wsim:order"                                             # relationship of WsimSceneAPI: objects in their order
 

@@ -19,7 +19,8 @@ PLACES = {names.WSIM_SCENE: names.PHYSICS_SCENE, names.WSIM_MATERIAL: "Material"
           names.WSIM_SPRINGS: names.WSIM_SPRINGS, names.WSIM_SOFT: names.VOLUME_SIM, names.WSIM_COLLIDER: names.COLLISION,
           names.WSIM_ATTACHMENT: names.ATTACHMENT, names.WSIM_LOAD: names.WSIM_LOAD, names.WSIM_RIGID: names.RIGID_BODY,
           names.WSIM_DOMAIN: names.WSIM_DOMAIN, names.WSIM_SOURCE: names.WSIM_SOURCE,
-          names.WSIM_LIQUID: names.WSIM_LIQUID, names.WSIM_POUR: names.WSIM_POUR}
+          names.WSIM_LIQUID: names.WSIM_LIQUID, names.WSIM_POUR: names.WSIM_POUR,
+          names.WSIM_SKELETON: "Skeleton", names.WSIM_CORRECTIVE: "BlendShape"}
 SCHEMAS = tuple(v for v in vars(names).values() if isinstance(v, str) and v.startswith(("Physics", "Wsim")))
 DEFORMABLE = {names.BODY, names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM, names.SURFACE_MATERIAL, names.CURVES_MATERIAL,
               names.VOLUME_MATERIAL, names.ATTACHMENT, names.PHYSICS_SCENE, "Material"}    # whose physics: names wsim reads
@@ -28,7 +29,8 @@ DEFORMABLE = {names.BODY, names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM,
 def _places() -> dict[str, set[str]]:
     """Where each attribute of wsim is read."""
     found: dict[str, set[str]] = {names.ORDER: {names.PHYSICS_SCENE}, names.LOADED: {names.WSIM_LOAD},
-                                    names.INTO: {names.WSIM_SOURCE}, names.POURED: {names.WSIM_POUR}}
+                                    names.INTO: {names.WSIM_SOURCE}, names.POURED: {names.WSIM_POUR},
+                                    names.DRIVERS: {"Skeleton"}}
     for entry in TABLE:
         if entry.attribute.startswith(WSIM):
             found.setdefault(entry.attribute, set()).add(PLACES[entry.schema])

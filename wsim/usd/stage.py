@@ -68,6 +68,7 @@ class Reading:
     sampled: list = field(default_factory=list)          # paths of attributes that may differ from time to time
     followed: set = field(default_factory=set)           # those of them that became curves
     skinned: dict = field(default_factory=dict)          # what a skeleton moves: {path: wsim.usd.prims.skeletons.Bound}
+    bones: dict = field(default_factory=dict)            # skeletons that something follows: {path: Skeleton, None: broken}
     varying: list = field(default_factory=list)          # (where it was found, `wsim.scene.Varying`)
 
     @property

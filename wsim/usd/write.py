@@ -150,7 +150,7 @@ def _path_problems(scene: Scene) -> list[Problem]:
         if pin.target in {thing.path for thing in [*scene.bodies(), *_skins(scene)]}:
             problems.append(Problem(pin.path, f"hangs on {pin.target}, which is simulated; name an Xform or a "
                                               "collider"))
-        if pin.target and pin.target in moving and moving[pin.target] != pin.motion:
+        if pin.follows is None and pin.target and pin.target in moving and moving[pin.target] != pin.motion:
             problems.append(Problem(pin.path, f"hangs on {pin.target}, whose motion is another than the pin's; give "
                                     "both the same motion"))
         if pin.target:

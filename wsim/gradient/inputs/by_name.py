@@ -7,6 +7,7 @@
     /World/Pin:targets                       where a pin puts its points [m]: (frames, moments of a frame, n, 3), see
                                              `wsim.model.stage.Clock.moments`, or (n, 3) if it is still
     /World/Load:force, :traction             of a load [N], [Pa]: (3,), or (keys, 3) of its curve
+    /World/Bones:turns, :weights             of a skeleton that pins follow: `wsim.gradient.inputs.skeletons`
     gravity, wind                            (3,) [m/s^2], [m/s] of the whole scene
     air_drag                                 () [1/s]
     friction, restitution, colliders' shifts: `wsim.gradient.inputs.contact`; keys, tangents and easing handles of pins and
@@ -26,6 +27,7 @@ from wsim.gradient.inputs.controls import Actuation, Loaded, Targets
 from wsim.gradient.inputs.fluids import FluidValue, Surface
 from wsim.gradient.inputs.path import Path
 from wsim.gradient.inputs.rest import Rest
+from wsim.gradient.inputs.skeletons import Turns, Weights
 from wsim.scene import Cloth, Problem, SceneError, Soft, Springs
 from wsim.scene.methods import named
 from wsim.scene.nodal.masses import density_of
@@ -164,7 +166,7 @@ def inputs(recording, names) -> dict[str, Input]:
 KINDS: dict[str, type[Input]] = {"start": Start, "whole": Whole, "density": Density, "mass": Mass, "material": MaterialInput,
                                  "rest": Rest, "actuation": Actuation, "load": Loaded, "targets": Targets, "contact": Touch,
                                  "shift": Shift, "surface": Surface, "path": Path, "body": BodyValue,
-                                 "fluid": FluidValue}                                        # by `Value.gradient`
+                                 "fluid": FluidValue, "turns": Turns, "weights": Weights}    # by `Value.gradient`
 
 
 def _input(recording, name: str) -> Input:

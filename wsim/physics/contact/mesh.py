@@ -24,6 +24,11 @@ def volume(points: np.ndarray, triangles: np.ndarray) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
+def _seen(poses) -> np.ndarray:
+    """Shapes (k, n, 3) [m] that the bounding ball is of; of one that joints move, where it begins: the device sees the rest."""
+    return poses.at(0.0)[None] if hasattr(poses, "skeleton") else poses.values
+
+
 @dataclass
 class Mesh:
     """A Surface made ready: NumPy first, then (`place`) on a device."""
@@ -42,7 +47,7 @@ class Mesh:
         surface = collider.shape
         assert isinstance(surface, Surface)
         points = surface.points.astype(np.float64)
-        poses = points[None] if surface.poses is None else np.asarray(surface.poses.values, np.float64)
+        poses = points[None] if surface.poses is None else np.asarray(_seen(surface.poses), np.float64)
         if poses.shape[1:] != points.shape or not np.isfinite(poses).all() or not np.isfinite(points).all():
             raise SceneError(Problem(collider.path, f"the mesh has points of shape {poses.shape[1:]} over time and "
                                      f"{points.shape} at rest; they must be equal in shape and finite"))
@@ -62,8 +67,8 @@ class Mesh:
         low, high = poses.min(axis=(0, 1)), poses.max(axis=(0, 1))
         center = 0.5 * (low + high)
         radius = float(np.linalg.norm(poses - center, axis=-1).max())
-        return Mesh(surface, triangles, enclosed != 0.0, center, radius,
-                    0.5 * float((high - low).min()) if enclosed != 0.0 else 0.0)
+        inside = (high - low).min() if surface.poses is None or not hasattr(surface.poses, "skeleton") else 4.0 * radius
+        return Mesh(surface, triangles, enclosed != 0.0, center, radius, 0.5 * float(inside) if enclosed != 0.0 else 0.0)
 
     @property
     def moves(self) -> bool:
@@ -93,6 +98,9 @@ class Mesh:
     def upload(self, times: np.ndarray) -> np.ndarray:
         """Shapes at substep times [s] to the device; returns the greatest motion of a point in each substep [m]."""
         assert self.surface.poses is not None
+        if "skin" in self.device:                        # which tells how far its points go when it has launched them
+            self.device["skin"].upload(times)
+            return np.zeros(len(times) - 1)
         shapes = np.stack([self.surface.poses.at(t) for t in times]).astype(np.float32)
         self.device["track"].assign(shapes)
         return np.linalg.norm(np.diff(shapes, axis=0), axis=-1).max(axis=1).astype(np.float64)

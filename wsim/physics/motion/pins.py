@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -30,10 +30,12 @@ class _Pinned:
     """A pin of one world: its places in the arrays and its points in the target's frame."""
 
     def __init__(self, pin: Pin, body: Body):
-        self.pin, self.body, self.motion = pin, body, pin.motion
+        self.pin, self.body = pin, body
         self.places, ends = held(body, pin.points)
+        self.ends = ends
         self.part = len(pin.points) / len(self.places)       # of stiffness and damping: points between share them
         start = body.source.motion.points(body.source.points[pin.points], 0.0)
+        self.motion: Any = pin.motion if pin.follows is None else Following(pin.follows, ends)
         self.locals = spread(pin.places if pin.places is not None else _local(pin.motion, start), ends)
 
     def targets(self, time: float) -> np.ndarray:
@@ -47,10 +49,32 @@ class _Pinned:
 
     def table(self, times: np.ndarray) -> np.ndarray:
         """Places as `targets` has them, at times (n,) [s]: (n, points, 3)."""
+        if hasattr(self.motion, "follow"):
+            return self.motion.over(times) - self.body.origin
         if getattr(self.motion, "plain", True):
             return np.stack([self.targets(time) for time in times])
         M = self.motion.sampled(times)
         return self.locals @ M[:, :3, :3].swapaxes(1, 2) + (M[:, None, :3, 3] - self.body.origin)
+
+
+class Following:
+    """The places where a pin's points belong on a mesh that joints move, in the place of a `Motion`."""
+
+    def __init__(self, follow, ends: np.ndarray):
+        """follow: a `wsim.physics.animation.objects.Follow`; ends: points that each of those between is the middle of."""
+        self.follow, self.ends, self.plain = follow, ends, True
+
+    @property
+    def moves(self) -> bool:
+        return self.follow.moves
+
+    def points(self, local: np.ndarray, time: float) -> np.ndarray:
+        """World places [m] at `time` [s]."""
+        return self.over(np.array([time]))[0]
+
+    def over(self, times: np.ndarray) -> np.ndarray:
+        """World places [m] at some times [s], (times, points, 3)."""
+        return spread(self.follow.over(times).swapaxes(0, 1), self.ends).swapaxes(0, 1)
 
 
 def _local(motion: Motion, places: np.ndarray) -> np.ndarray:

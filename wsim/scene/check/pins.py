@@ -35,13 +35,15 @@ def held_twice(body: Cloth | Springs | Soft, pins: list[Pin]) -> Iterator[Proble
 
 def _times(pins: list[Pin]) -> list[float]:
     """Keys of their motions and the middles between [s], some of them where there are many."""
-    keys = np.unique(np.concatenate([p.motion.times for p in pins]))
+    keys = np.unique(np.concatenate([p.follows.skin.times if p.follows else p.motion.times for p in pins]))
     times = np.concatenate([keys, 0.5 * (keys[1:] + keys[:-1])])
     return times[:: -(-len(times) // TIMES)].tolist()
 
 
 def _places(body: Cloth | Springs | Soft, pin: Pin, t: float) -> np.ndarray:
     """Where a pin puts its points at a time [m], world, (k, 3)."""
+    if pin.follows is not None:
+        return pin.follows.over(np.array([t]))[0]
     if pin.places is not None:
         return pin.motion.points(pin.places, t)
     start, M = body.motion.points(body.points[pin.points]), pin.motion.at(0.0)

@@ -19,7 +19,7 @@ from wsim.scene.check import objects
 from wsim.scene.check.counts import MOST
 from wsim.scene.check.objects import array, error, number, rigid, values, warning
 from wsim.scene.integrator import SOLVERS, TABLE
-from wsim.scene.methods import collides, every
+from wsim.scene.methods import collides, every, moving
 
 SOFT_SOLVERS = tuple(name for name in ("auto", "implicit", "explicit") if name in SOLVERS)
 WEAK = 0.2         # [m/s^2] an eighth of the Moon's; 9.81 in a file of centimetres is 0.0981
@@ -41,6 +41,7 @@ def check(scene: Scene) -> list[Problem]:
         found += objects.collider(collider)
     for pin in scene.pins:
         found += _pin(pin, scene)
+    found += _without_skeleton(scene)
     for tie in scene.ties:
         from wsim.scene.check import ties
         found += ties.tie(tie, scene)
@@ -127,7 +128,7 @@ def _damping(scene: Scene) -> Iterator[Problem]:
 
 
 def _paths(scene: Scene) -> Iterator[Problem]:
-    if not scene.bodies() and not scene.others:
+    if not scene.bodies() and not moving(scene):
         yield error("/", "nothing here can move: no cloth, no spring net and no soft body", "at least one",
                     "apply PhysicsSurfaceDeformableSimAPI to a mesh, or let `wsim new cloth MESH -o SCENE` (or softbody) do it")
     skins = [skin for soft in scene.softs for skin in soft.skins]
@@ -156,6 +157,17 @@ def _pin(pin: Pin, scene: Scene) -> Iterator[Problem]:
     if bad.any():
         yield error(path, f"it holds point {pin.points[np.argmax(bad)]} of {pin.body}", f"0 to {len(body.points) - 1}",
                     "count from 0, in the order of the mesh's points")
+
+
+def _without_skeleton(scene: Scene) -> Iterator[Problem]:
+    """What follows a skeleton that is not in the scene."""
+    skins: list = [(c.path, getattr(c.shape, "poses", None)) for c in scene.colliders]
+    skins += [(p.path, p.follows.skin) for p in scene.pins if p.follows is not None]
+    there = [id(bones) for bones in scene.things("Skeleton")]
+    for path, skin in skins:
+        if hasattr(skin, "skeleton") and id(skin.skeleton) not in there:
+            yield error(path, f"it follows {skin.skeleton.path}, which is not in the scene", "a skeleton of the scene",
+                        "add it: scene.add(bones)")
 
 
 def _held(body: Cloth | Springs | Soft, pins: list[Pin]) -> list[Problem]:

@@ -61,6 +61,7 @@ FALL = "test_a_sheet_that_falls_on_a_turning_collider_and_slides"
 JOINED, TOUCHED = "gradient/rigid/test_joints.py", "gradient/rigid/test_contacts.py"
 FREELY, AIRY, PATHS = "gradient/test_bodies.py", "gradient/test_fluids.py", "gradient/test_paths.py"
 EVERY = f"{AIRY}::test_every_value_has_the_slope_of_differences"
+BONES = "physics/animation/test_gradients.py"
 BLOCK, SOLID = f"{BAR}::test_a_soft_bar", f"{BAR}::test_a_soft_bar_by_implicit_steps"
 
 COVERED: list[Covered] = [
@@ -78,6 +79,8 @@ COVERED: list[Covered] = [
     Covered(THROUGH, "ties", f"{BAR}::test_a_bar_with_a_cloth_laid_on_it"),
     Covered(THROUGH, "hard pins", f"{CHAIN}::test_where_a_pin_puts_its_points", f"{SWEPT}::test_a_chain",
             f"{CHAIN}::test_where_a_pin_puts_its_points"),
+    Covered(THROUGH, "skinning, linear and of dual quaternions, to pins",
+            *(f"{BONES}::test_angles_and_weights_have_the_slope_of_differences",) * 3),
     Covered(THROUGH, "soft pins", *(f"{SWEPT}::test_soft_pins",) * 3),
     Covered(THROUGH, "strain limits and tethers", f"{RESTS}::test_strain_limits_and_tethers",
             f"{LIVE}::test_by_a_strain_limit", f"{LIMITS}::test_a_sheet_that_is_pulled"),
@@ -122,6 +125,7 @@ COVERED: list[Covered] = [
     Covered(BY, "Scene.wind", *(f"{SWEPT}::test_wind",) * 3),
     Covered(BY, "Pin.targets", f"{CHAIN}::test_where_a_pin_puts_its_points", f"{SWEPT}::test_soft_pins",
             f"{CHAIN}::test_where_a_pin_puts_its_points"),
+    Covered(BY, "Skeleton.turns Skeleton.weights", *(f"{BONES}::test_angles_and_weights_have_the_slope_of_differences",) * 3),
     Covered(BY, "Pin.keys Pin.tangents Pin.handles", *(f"{PATHS}::test_by_what_the_path_of_a_pin_is_made_of",) * 3),
     Covered(BY, "Load.force Load.traction", *(f"{LOADED}::{PUSH}",) * 3),
     Covered(BY, "Cloth.static_friction Cloth.dynamic_friction Springs.static_friction Springs.dynamic_friction",
@@ -196,9 +200,22 @@ REFUSED: dict[str, Refused] = {
                       "derivative; widen the limit, or take the drive out"),
     "features": Refused("manifolds that change with the smallest motion", "touches by other features when it is moved by a ten "
                         "thousandth of its size, and has no derivative of one side; move it, or another shape, a little"),
+    "skinned": Refused("joint angles and blend weights of a skeleton that moves a collider", "is a collider that follows "
+                       "{bones}: with respect to {name}, what touches a mesh that joints move has no derivative yet; let pins "
+                       "alone follow that skeleton"),
+    "followed": Refused("a skeleton that no pin follows", "no pin follows it, so that nothing here knows its joints"),
+    "corrective": Refused("joint angles of a mesh with corrective shapes", "follows a mesh with a corrective shape, which "
+                          "{bones} drives: with respect to its turns that has no derivative yet; leave the shape out"),
+    "scaled": Refused("joint angles of scaled joints under dual quaternions", "follows dual quaternions of {bones}, whose "
+                      "joints are scaled: with respect to turns that has no derivative yet; take classicLinear"),
+    "unanimated": Refused("joint angles where no joint is animated", "has no joint that is animated; give it translations and "
+                          "rotations at a key"),
+    "shapes": Refused("weights of blend shapes that there are not", "has no blend shapes with a weight; give it some"),
     "idle": Refused("air in which no point moves", "nothing that moves here knows {name}; leave it out"),
     "surface": Refused("surfaces in air where no collider moves", "is no obstacle of air in which one moves: its surface has "
                        "no velocity with a derivative"),
+    "layers": Refused("layers along the walls of a fluid", "resolves layers along its walls, which has no derivative; leave its "
+                      "{name} False"),
     "still": Refused("values of fluids and sources of which nothing runs", "nothing of its {name} runs: {why}"),
     "load": Refused("loads that there are not", "there is no load; give the scene one"),
     "pin": Refused("anything but stiffness and damping of a soft pin", "is no soft pin with a derivative with respect to "

@@ -89,6 +89,8 @@ VALUES: list[Value] = [
     Value("Collider", "points", "m", ANY, "array", live=False, why="the shape of a mesh that deforms has none yet"),
     Value("Collider", "shift", "m", ANY, "array", live=False, gradient="shift"),
     Value("Collider", "surface", "m/s", ANY, "array", live=False, gradient="surface"),
+    Value("Skeleton", "turns", "rad", ANY, "array", live=False, gradient="turns"),
+    Value("Skeleton", "weights", "1", ANY, "array", live=False, gradient="weights"),
 
     *(Value("Body", name, unit, ANY, "vector", fit=PLAIN, gradient="body") for name, unit in (
         ("velocity", "m/s"), ("spin", "rad/s"), ("force", "N"), ("torque", "N m"))),

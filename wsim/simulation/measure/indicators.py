@@ -130,7 +130,7 @@ def closed(sim) -> bool:
 
 def _stays(sim, pin: Pin) -> bool:
     """Whether a pin is hard, does not move, and finds its points where it holds them."""
-    if pin.stiffness < inf or np.ptp(pin.motion.values, axis=0).any():
+    if pin.follows is not None or pin.stiffness < inf or np.ptp(pin.motion.values, axis=0).any():
         return False
     body = next(b for b in sim.scene.bodies() if b.path == pin.body)
     start = body.motion.points(body.points)

@@ -69,6 +69,8 @@ def load_shape(reading: Reading, prim: Usd.Prim) -> tuple[Shape, Motion] | None:
         reading.fail(path, f"{error}; give it scales other than zero")
         return None
     shape = _mesh(reading, prim, place, S) if sizes is None else _shape(reading, path, sizes, place, S)
+    if isinstance(shape, Surface) and hasattr(shape.poses, "skeleton"):
+        return shape, shape.poses.skeleton.motion
     return None if shape is None else (shape, authored.follow(place.frame))
 
 
@@ -202,6 +204,8 @@ def _mesh(reading: Reading, prim: Usd.Prim, place: Placement, S: np.ndarray) -> 
         indices = turned_over(counts, indices)
     codes, noted = attribute.GetTimeSamples(), read_times(attribute, units)
     poses = _follows(reading, prim)
+    if hasattr(poses, "skeleton"):                             # in the space of its skeleton
+        return Surface(poses.at(0.0), counts, indices, poses)
     if poses is not None:
         points = poses.at(0.0)
     elif len(codes) > 1 or (len(codes) == 1 and noted is not None):
@@ -215,7 +219,7 @@ def _mesh(reading: Reading, prim: Usd.Prim, place: Placement, S: np.ndarray) -> 
     return _stretched((points, counts, indices), place, S, poses)
 
 
-def _follows(reading: Reading, prim: Usd.Prim) -> Curve | None:
+def _follows(reading: Reading, prim: Usd.Prim):
     """Points of a mesh that a skeleton moves."""
     if prim.GetPath() not in reading.skinned:
         return None
@@ -280,7 +284,10 @@ def _author_surface(stage: Usd.Stage, path: str, shape: Surface, units: Units) -
     for field in ("points", "counts", "indices"):
         author(prim, "Cloth", field, getattr(shape, field), units)
     mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
-    if shape.poses is not None:
+    if hasattr(shape.poses, "skeleton"):
+        from wsim.scene.methods import role
+        role("Skeleton", "write").bind(stage, path, shape.poses, units)
+    elif shape.poses is not None:
         for time, value in zip(shape.poses.times.tolist(), shape.poses.values, strict=True):
             code = Usd.TimeCode(units.code(time))
             points = array(value, "point3f[]", units.metres)

@@ -1,5 +1,5 @@
 """PhysicsAttachment, point to xform <-> `Pin`; point to point <-> `Tie`: indices0 of src0 and indices1 of src1 are the same
-particles, one by one.
+particles, one by one. Points to points or faces of a mesh that a skeleton moves are a pin that follows it.
 
 src0 is the simulation geometry, indices0 its points; src1 is an Xform, still or animated, and coords1 are the places
 in its space (none: where the points are at the start). An attachment without src1 hangs on the world. Other kinds are
@@ -10,6 +10,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from wsim.scene import Cloth, Pin, Soft, Springs, Tie
+from wsim.scene.methods import role
 from wsim.usd import names
 from wsim.usd.attributes import author, read
 from wsim.usd.prims.painted import LEVELS, read_map
@@ -31,10 +32,12 @@ def load_pin(reading: Reading, prim: Usd.Prim, bodies: dict[str, Body]) -> Pin |
     if read(prim, "Pin", "enabled") is False:
         return None
     kinds = read(prim, "Pin", "type0") or "point", read(prim, "Pin", "type1") or "xform"
-    if kinds != ("point", "xform"):
-        reading.warn(path, f"attaches {kinds[0]} to {kinds[1]} and is left out: only point to xform is simulated yet")
-        return None
     source, target = _target(prim, names.SRC0), _target(prim, names.SRC1)
+    follows = is_followed(reading, prim)
+    if kinds != ("point", "xform") and not follows:
+        reading.warn(path, f"attaches {kinds[0]} to {kinds[1]} and is left out: only points are, to an xform or a mesh that a "
+                     "skeleton moves")
+        return None
     body = bodies.get(source)
     if body is None:
         reading.warn(path, f"attaches {source or 'nothing'}, which is not simulated as a cloth, spring net or soft "
@@ -47,19 +50,39 @@ def load_pin(reading: Reading, prim: Usd.Prim, bodies: dict[str, Body]) -> Pin |
         reading.warn(path, "has no physics:indices0: it holds no point and is left out")
         return None
     pin = Pin(str(path), body.path, points)
-    if not _hang(reading, prim, pin, target):
+    if not follows and not _hang(reading, prim, pin, target):
         return None
     points = particles(reading, prim, body, points, "physics:indices0")
     if points is None:
         return None
     pin.points = points
+    if follows and not _follow_mesh(reading, prim, pin, body, kinds[1]):
+        return None
     for field in ("stiffness", "damping"):
         value = read(prim, "Pin", field, units)
         if value is not None:
             setattr(pin, field, value)
-    if _follow(prim, pin, body, units):
+    if not follows and _follow(prim, pin, body, units):
         pin.places = None
     return pin
+
+
+def is_followed(reading: Reading, prim: Usd.Prim) -> bool:
+    """True if an attachment holds points to points or faces of a mesh that a skeleton moves."""
+    kind = read(prim, "Pin", "type1"), read(prim, "Pin", "type0") or "point"
+    return kind in (("point", "point"), ("face", "point")) and Sdf.Path(_target(prim, names.SRC1)) in reading.skinned
+
+
+def _follow_mesh(reading: Reading, prim: Usd.Prim, pin: Pin, body: Body, kind: str) -> bool:
+    """Sets the places on a skinned mesh that the pin holds points at; False if they are broken (reported)."""
+    if ((pin.points < 0) | (pin.points >= len(body.points))).any():
+        reading.fail(prim.GetPath(), f"physics:indices0 holds numbers outside of 0 to {len(body.points) - 1}; name points of "
+                     f"{body.path}")
+        return False
+    pin.target = _target(prim, names.SRC1)
+    x = body.motion.points(body.points[pin.points])
+    pin.follows = role("Skeleton", "usd").hang(reading, prim, reading.stage.GetPrimAtPath(pin.target), kind, x)
+    return pin.follows is not None
 
 
 def _target(prim: Usd.Prim, name: str) -> str:
@@ -174,7 +197,7 @@ def author_pin(stage: Usd.Stage, pin: Pin, body: Body, units: Units, frames: int
     """Defines the attachment of a pin and, where it has no target of its own, the Xform that it hangs on."""
     prim = stage.DefinePrim(pin.path, names.ATTACHMENT)
     target = pin.target or f"{pin.path}/{FRAME}"
-    if not stage.GetPrimAtPath(target) or not pin.target:
+    if pin.follows is None and (not stage.GetPrimAtPath(target) or not pin.target):
         author_motion(UsdGeom.Xform.Define(stage, target).GetPrim(), pin.motion, units, frames)
     prim.CreateRelationship(names.SRC0, False).SetTargets([Sdf.Path(pin.body)])
     prim.CreateRelationship(names.SRC1, False).SetTargets([Sdf.Path(target)])
@@ -182,9 +205,12 @@ def author_pin(stage: Usd.Stage, pin: Pin, body: Body, units: Units, frames: int
     author(prim, "Pin", "type0", "point")
     author(prim, "Pin", "type1", "xform")
     author(prim, "Pin", "points", vertices(pin.points, body))
-    places = author(prim, "Pin", "places", _places(pin, body) if pin.places is None else pin.places, units)
-    if pin.places is None:
-        places.SetCustomDataByKey(DERIVED, True)
+    if pin.follows is not None:
+        role("Skeleton", "write").attach(prim, target, pin.follows, units)
+    else:
+        places = author(prim, "Pin", "places", _places(pin, body) if pin.places is None else pin.places, units)
+        if pin.places is None:
+            places.SetCustomDataByKey(DERIVED, True)
     author(prim, "Pin", "stiffness", pin.stiffness, units)
     author(prim, "Pin", "damping", pin.damping, units)
 

@@ -1,5 +1,5 @@
-"""Meshes that a skeleton moves. One that collides follows: its points at the frames, and at the samples between them, are those
-that UsdSkel's skinning gives (linear blend or dual quaternions, blend shapes first), linear in between. What is simulated
+"""Meshes that a skeleton moves. One that collides follows, at all times (`wsim.physics.animation`); where its own points or
+what binds them are animated besides, at the frames and samples as UsdSkel skins it, linear in between. What is simulated
 stands where its points are authored, in the bind pose, while a viewer draws it where skinning puts it: where the two differ
 that is an error, and so it is of a shape that is no mesh.
 
@@ -9,11 +9,13 @@ indices do not). Results unbind what they write points of, else a viewer would s
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from wsim.scene.curve import Curve
+from wsim.scene.methods import role
 from wsim.usd.stage import Reading
 
 APART = 1e-4       # of the size of a mesh, by which skinning may move it
@@ -27,6 +29,7 @@ class Bound:
     skeleton: UsdSkel.SkeletonQuery
     query: UsdSkel.SkinningQuery
     cache: UsdSkel.Cache                     # of which the queries are
+    prim: Usd.Prim                           # of the skeleton; its query has that of the prototype, in an instance
     followed: bool = False
 
 
@@ -39,27 +42,42 @@ def bindings(roots: list[Usd.Prim]) -> dict[Sdf.Path, Bound]:
         for binding in cache.ComputeSkelBindings(root, Usd.TraverseInstanceProxies()):
             skeleton = cache.GetSkelQuery(binding.GetSkeleton())
             for query in binding.GetSkinningTargets():
-                found[query.GetPrim().GetPath()] = Bound(skeleton, query, cache)
+                found[query.GetPrim().GetPath()] = Bound(skeleton, query, cache, binding.GetSkeleton().GetPrim())
     return found
 
 
-def poses(reading: Reading, prim: Usd.Prim) -> Curve | None:
-    """Skinned points of a mesh [m], in its own space, (keys, n, 3); None where no skeleton moves it; errors are reported."""
+def poses(reading: Reading, prim: Usd.Prim) -> Any:
+    """Poses that a mesh follows: a `wsim.physics.animation.objects.Skinned`, in its skeleton's space; where its own points or
+    what binds them are animated, a Curve of points [m] in its own space. None where no skeleton moves it; errors are
+    reported."""
     bound = reading.skinned.get(prim.GetPath())
     if bound is None or not prim.IsA(UsdGeom.PointBased):
         return None
+    before = len(reading.problems)
     if _skinned(bound, reading.units.start) is not None and not _moved(reading, bound):
+        role("Skeleton", "usd").sound(reading, bound)
         return None
     bound.followed = True
+    if (skin := _followed(reading, bound, prim)) is not None:
+        return skin
+    if any(problem.fatal for problem in reading.problems[before:]):
+        return None
     samples = {*_samples(bound.skeleton), *UsdGeom.PointBased(prim).GetPointsAttr().GetTimeSamples()}
     start, end = reading.units.start, reading.units.start + reading.frames
     codes = sorted({*(start + np.arange(reading.frames + 1)).tolist(), *(c for c in samples if start < c < end)})
     values = [_skinned(bound, code) for code in codes]
     if any(v is None or not np.all(np.isfinite(v)) for v in values):
-        reading.fail(prim.GetPath(), f"cannot be skinned by {bound.skeleton.GetPrim().GetPath()} at all of its frames; author "
+        reading.fail(prim.GetPath(), f"cannot be skinned by {bound.prim.GetPath()} at all of its frames; author "
                      "joints, indices and weights that belong together, and finite transforms")
         return None
     return Curve(reading.units.time(np.array(codes)), np.array(values) * reading.units.metres)
+
+
+def _followed(reading: Reading, bound: Bound, prim: Usd.Prim):
+    """What the method of skeletons makes of a mesh that can be skinned, or None."""
+    if _skinned(bound, reading.units.start) is None:
+        return None
+    return role("Skeleton", "usd").follow(reading, bound, prim)
 
 
 def skinned(reading: Reading, prims: list[Usd.Prim]) -> None:
@@ -67,7 +85,7 @@ def skinned(reading: Reading, prims: list[Usd.Prim]) -> None:
     for prim in prims:
         bound = reading.skinned.get(prim.GetPath())
         if bound and not bound.followed and (found := _moved(reading, bound)):
-            reading.fail(prim.GetPath(), f"is bound to the skeleton {bound.skeleton.GetPrim().GetPath()}, which {found}; mesh "
+            reading.fail(prim.GetPath(), f"is bound to the skeleton {bound.prim.GetPath()}, which {found}; mesh "
                          "colliders alone follow a skeleton: it would stand in its bind pose. Write its skinned points into "
                          "points (UsdSkel.BakeSkinning does), or author an empty skel:skeleton on it to mean the bind pose")
 
@@ -80,7 +98,7 @@ def _moved(reading: Reading, bound: Bound) -> str:
     if query.HasBlendShapes() and animation and any(np.any(animation.ComputeBlendShapeWeights(code)) for code in codes):
         return "shapes it by blend shapes"
     for code in codes:
-        places = _places(skeleton, query, code)
+        places = _places(bound, code)
         if places is None:
             continue
         authored, put = places
@@ -115,7 +133,7 @@ def _skinned(bound: Bound, code: float) -> np.ndarray | None:
     if not query.ComputeSkinnedPoints(skeleton.ComputeSkinningTransforms(code), points, code):
         return None
     cache = UsdGeom.XformCache(Usd.TimeCode(code))
-    back = np.array(cache.GetLocalToWorldTransform(skeleton.GetPrim()) * cache.GetLocalToWorldTransform(prim).GetInverse())
+    back = np.array(cache.GetLocalToWorldTransform(bound.prim) * cache.GetLocalToWorldTransform(prim).GetInverse())
     return np.array(points, np.float64) @ back[:3, :3] + back[3, :3]
 
 
@@ -134,14 +152,15 @@ def _shaped(bound: Bound, points: Vt.Vec3fArray, code: float) -> bool:
                                                         shapes.ComputeSubShapePointOffsets(), points)
 
 
-def _places(skeleton: UsdSkel.SkeletonQuery, query: UsdSkel.SkinningQuery, code: float) -> tuple[np.ndarray, np.ndarray] | None:
+def _places(bound: Bound, code: float) -> tuple[np.ndarray, np.ndarray] | None:
     """Points in the world as authored, and as skinned [units], (n, 3) each; None where there is nothing to skin, or a binding
     that cannot be."""
-    prim, cache = query.GetPrim(), UsdGeom.XformCache(Usd.TimeCode(code))
+    skeleton, query, cache = bound.skeleton, bound.query, UsdGeom.XformCache(Usd.TimeCode(code))
+    prim = query.GetPrim()
     if not query.HasJointInfluences():
         return None
     transforms = skeleton.ComputeSkinningTransforms(code)
-    own, frame = (np.array(cache.GetLocalToWorldTransform(p)) for p in (prim, skeleton.GetPrim()))
+    own, frame = (np.array(cache.GetLocalToWorldTransform(p)) for p in (prim, bound.prim))
     if not prim.IsA(UsdGeom.PointBased):                       # rigid: a sphere, say
         local = np.eye(3)
         moved = np.array(query.ComputeSkinnedTransform(transforms, code))

@@ -6,6 +6,7 @@
     Particles   points, widths, ids, velocities, extent           of a UsdGeom.Points
     Quantity    an attribute double or double[]                   of any prim
     Colour      primvars:displayColor of each point               of a UsdGeom.PointBased
+    Joints      translations, rotations, scales of a SkelAnimation below a UsdSkel.Skeleton, see `wsim.usd.result.kinds.joints`
     Volume      assets filePath, a file a frame beside the layer  of a UsdVol.Volume, see `wsim.usd.result.kinds.volumes`
 """
 
@@ -17,7 +18,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from wsim.scene import Problem, SceneError
-from wsim.scene.samples import Colour, Instances, Particles, Points, Quantity, Sample, Transform, Volume
+from wsim.scene.samples import Colour, Instances, Joints, Particles, Points, Quantity, Sample, Transform, Volume
 from wsim.usd.result.kinds.beside import Beside
 from wsim.usd.result.kinds.instances import placed
 from wsim.usd.result.samples import Frame, particles_of
@@ -115,6 +116,11 @@ def _volume(prim: Usd.Prim, sample: Volume, code: float, beside: Beside) -> Writ
     return volume(prim, sample, code, beside)
 
 
+def _joints(prim: Usd.Prim, sample: Joints, code: float, beside: Beside) -> Written:
+    from wsim.usd.result.kinds.joints import animated
+    return animated(prim, sample, code, beside)
+
+
 def _colour(prim: Usd.Prim, sample: Colour, code: float, beside: Beside) -> Written:
     """The indices that a source may have for its own colours count no more."""
     primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex)
@@ -128,6 +134,7 @@ KINDS: dict[type, Row] = {
     Points: Row("Points", _points),
     Transform: Row("Xform", _transform),
     Instances: Row("PointInstancer", placed),
+    Joints: Row("Skeleton", _joints),
     Particles: Row("Points", _particles),
     Quantity: Row("", _value),
     Volume: Row("Volume", _volume),

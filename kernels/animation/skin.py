@@ -1,0 +1,204 @@
+"""Skinned points on the device, as wsim/physics/animation/skinning.py has them on the host.
+
+    linear   x_i = sum_c w_ic A_j(i,c) p_i
+    dual     x_i = Q_i (sum_c w_ic S_j) p_i,  Q_i = sum_c +-w_ic q_j / |...|         A_j = R_j S_j + t_j, q_j of (R_j, t_j)
+
+(Kavan, Collins, Zara, O'Sullivan 2008, Geometric skinning with approximate dual quaternion blending, section 4.) Influence c of
+point i stands at c n + i, so that neighbouring threads read neighbouring memory: joints as 16 bits, which 65536 joints fill,
+weights in the precision of the run (nothing is lost to either). Traffic of a point in float32: 12 m, one pose: 24 + 6 m bytes
+and, in its cache, the transforms.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.math.rotation import quaternion, rotate, rotation
+
+UNROLLED = 8           # influences of which the loop is written out
+
+
+@cache
+def skins(real):
+    """Table of a mesh."""
+    t = types(real)
+
+    @wp.struct
+    class Skin:
+        joint: wp.array(dtype=wp.uint16)          # of the influences, (m * points,)
+        weight: wp.array(dtype=t.scalar)          # (m * points,)
+        influences: int                           # m
+        first: int                                # joint of the skeleton among all joints
+        stretch: t.mat33                          # of the skeleton, behind all else
+
+    return Skin
+
+
+@cache
+def duals(real):
+    """Table of joints at some times: rotation and translation as a dual quaternion, and the stretch before it."""
+    t = types(real)
+
+    @wp.struct
+    class Duals:
+        turn: wp.array2d(dtype=t.quat)            # q, (times, joints)
+        shift: wp.array2d(dtype=t.quat)           # t q / 2
+        stretch: wp.array2d(dtype=t.mat33)        # S
+
+    return Duals
+
+
+@cache
+def linear(real, out, m: int, stretched: bool, module):
+    """Kernel over (times, points): linear blend by m influences (0: as many as the table says), written in `out`."""
+    t, o = types(real), types(out)
+    Skin, rows, unrolled = skins(real), wp.types.matrix((3, 4), real), m > 0
+
+    def blend_linear(skin: Skin, point: wp.array2d(dtype=t.vec3), A: wp.array2d(dtype=rows),
+                     x_out: wp.array2d(dtype=o.vec3)):
+        k, i = wp.tid()
+        n = point.shape[1]
+        p = point[wp.min(k, point.shape[0] - 1), i]
+        q = t.vec4(p[0], p[1], p[2], real(1.0))
+        x = t.vec3()
+        if unrolled:
+            for c in range(m):
+                x += skin.weight[c * n + i] * (A[k, skin.first + int(skin.joint[c * n + i])] * q)
+        else:
+            for c in range(skin.influences):
+                x += skin.weight[c * n + i] * (A[k, skin.first + int(skin.joint[c * n + i])] * q)
+        if stretched:
+            x = skin.stretch * x
+        x_out[k, i] = o.vec3(out(x[0]), out(x[1]), out(x[2]))
+
+    name = f"blend_linear_{m}_{stretched}_{t.name}_{o.name}"
+    return wp.kernel(blend_linear, name=name, module=module, enable_backward=False)
+
+
+@cache
+def parted(real, rigid: bool, module):
+    """Kernel over (times, joints): dual quaternion and stretch of A. rigid: A is a rotation and a translation."""
+    t, Duals, rows = types(real), duals(real), wp.types.matrix((3, 4), real)
+
+    def part_joints(A: wp.array2d(dtype=rows), duals_out: Duals):
+        k, j = wp.tid()
+        M = A[k, j]
+        F = t.mat33(M[0, 0], M[0, 1], M[0, 2], M[1, 0], M[1, 1], M[1, 2], M[2, 0], M[2, 1], M[2, 2])
+        one = real(1.0)
+        q = t.quat(real(0.0), real(0.0), real(0.0), one)
+        S = t.mat33(one, real(0.0), real(0.0), real(0.0), one, real(0.0), real(0.0), real(0.0), one)
+        if rigid:
+            e = quaternion(F)
+            q = t.quat(e[0], e[1], e[2], e[3])
+        else:
+            q = rotation(F - S, t.quat(real(0.0), real(0.0), real(0.0), real(0.0)))
+            back = wp.quat_inverse(q)
+            X = t.mat33()
+            for c in range(3):
+                column = rotate(back, t.vec3(F[0, c], F[1, c], F[2, c]))
+                for r in range(3):
+                    X[r, c] = column[r]
+            S = X
+        duals_out.turn[k, j] = q
+        duals_out.shift[k, j] = t.quat(M[0, 3], M[1, 3], M[2, 3], real(0.0)) * q * real(0.5)
+        duals_out.stretch[k, j] = S
+
+    return wp.kernel(part_joints, name=f"part_joints_{rigid}_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def dual(real, out, rigid: bool, module):
+    """Kernel over (times, points): dual quaternion blend, written in `out`."""
+    t, o, Skin, Duals = types(real), types(out), skins(real), duals(real)
+
+    def blend_dual(skin: Skin, point: wp.array2d(dtype=t.vec3), joints: Duals, x_out: wp.array2d(dtype=o.vec3)):
+        k, i = wp.tid()
+        n = point.shape[1]
+        p = point[wp.min(k, point.shape[0] - 1), i]
+        most = real(-1.0)
+        pivot = t.quat()
+        for c in range(skin.influences):
+            w = skin.weight[c * n + i]
+            if w > most:
+                most = w
+                pivot = joints.turn[k, skin.first + int(skin.joint[c * n + i])]
+        q = t.quat(real(0.0), real(0.0), real(0.0), real(0.0))
+        d = t.quat(real(0.0), real(0.0), real(0.0), real(0.0))
+        y = t.vec3()
+        for c in range(skin.influences):
+            j = skin.first + int(skin.joint[c * n + i])
+            w = skin.weight[c * n + i]
+            sign = w
+            if wp.dot(joints.turn[k, j], pivot) < real(0.0):
+                sign = -w
+            q = q + sign * joints.turn[k, j]
+            d = d + sign * joints.shift[k, j]
+            if not rigid:
+                y = y + w * (joints.stretch[k, j] * p)
+        if rigid:
+            y = p
+        size = wp.dot(q, q)
+        shift = d * t.quat(-q[0], -q[1], -q[2], q[3])
+        x = rotate(q * (real(1.0) / wp.sqrt(size)), y)
+        x = skin.stretch * (x + (real(2.0) / size) * t.vec3(shift[0], shift[1], shift[2]))
+        x_out[k, i] = o.vec3(out(x[0]), out(x[1]), out(x[2]))
+
+    name = f"blend_dual_{rigid}_{t.name}_{o.name}"
+    return wp.kernel(blend_dual, name=name, module=module, enable_backward=False)
+
+
+@cache
+def shapes(real, module):
+    """Kernel over (times, points): bound points and the offsets of blend shapes. first: of each point's offsets, (points + 1,);
+    part: number of the weight of each; weight: (times, parts)."""
+    t = types(real)
+
+    def shape_points(point: wp.array2d(dtype=t.vec3), first: wp.array(dtype=int), part: wp.array(dtype=int),
+                     offset: wp.array(dtype=t.vec3), weight: wp.array2d(dtype=t.scalar), point_out: wp.array2d(dtype=t.vec3)):
+        k, i = wp.tid()
+        p = point[0, i]
+        for e in range(first[i], first[i + 1]):
+            p = p + weight[k, part[e]] * offset[e]
+        point_out[k, i] = p
+
+    return wp.kernel(shape_points, name=f"shape_points_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def extents(module):
+    """Kernel over (substeps, points): the greatest distance from `center` at either end of a substep, and the greatest way in
+    it [m]. Maxima: the order does not matter; most points only look."""
+
+    def skin_extents(track: wp.array2d(dtype=wp.vec3f), center: wp.vec3f, far_out: wp.array(dtype=float),
+                     way_out: wp.array(dtype=float)):
+        k, i = wp.tid()
+        x = track[k, i]
+        y = track[k + 1, i]
+        far = wp.max(wp.length(x - center), wp.length(y - center))
+        way = wp.length(y - x)
+        if far > far_out[k]:
+            wp.atomic_max(far_out, k, far)
+        if way > way_out[k]:
+            wp.atomic_max(way_out, k, way)
+
+    return wp.kernel(skin_extents, name="skin_extents", module=module, enable_backward=False)
+
+
+@cache
+def widen(real, module):
+    """Kernel over (substeps, rows of a collider): the bounding ball and the stride of a mesh whose points the device has, in
+    place of the radius that the host took [m]."""
+    t = types(real)
+
+    def widen_balls(row: wp.array(dtype=int), far: wp.array(dtype=float), way: wp.array(dtype=float), radius: real,
+                    ball: wp.array2d(dtype=t.vec4), ball_out: wp.array2d(dtype=t.vec4),
+                    stride_out: wp.array2d(dtype=t.scalar)):
+        k, i = wp.tid()
+        r = row[i]
+        b = ball[k, r]
+        one = real(1.0) + real(1.0e-6)                      # rounding of float32
+        ball_out[k, r] = t.vec4(b[0], b[1], b[2], b[3] - radius + one * (real(far[k]) + real(way[k])))
+        stride_out[k, r] = one * real(way[k])
+
+    return wp.kernel(widen_balls, name=f"widen_balls_{t.name}", module=module, enable_backward=False)

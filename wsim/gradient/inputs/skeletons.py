@@ -1,0 +1,129 @@
+"""Joint angles and weights of blend shapes as inputs of a recording, through skinning to the pins that follow a skeleton. See
+`wsim.gradient.inputs.by_name`.
+
+    /World/Bones:turns       (keys, joints, 3) [rad], rotation vectors that are put behind the rotations of the keys
+    /World/Bones:weights     (keys, shapes) [1], of blend shapes
+
+Worlds share a skeleton; the gradient in one world is that of the points of that world.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wsim.geometry import rotation
+from wsim.gradient.inputs.base import Input
+from wsim.scene.methods import named
+from wsim.scene.values.coverage import refuse
+
+
+class Bones(Input):
+    """The targets of the pins that follow a skeleton. Raises SceneError, by path, where colliders follow it too, or nothing
+    does."""
+
+    shared = True
+
+    def __init__(self, recording, name: str):
+        super().__init__(recording, name)
+        scene = self.sim.scene
+        self.given = named(scene, self.path)
+        for collider in scene.colliders:
+            if getattr(getattr(collider.shape, "poses", None), "skeleton", None) is self.given:
+                raise refuse("skinned", collider.path, name=self.what, bones=self.path)
+        self.pins = recording.parameters.pins
+        self.followers = [p for group in (self.pins.groups.values() if self.pins else ()) for p in group
+                          if p.pin.follows is not None and p.pin.follows.skin.skeleton is self.given]
+        if not self.followers:
+            raise refuse("followed", self.path)
+        for p in self.followers:
+            self.check(p.pin)
+
+    def check(self, pin) -> None:
+        """Raises SceneError for what a pin follows that has no such derivative."""
+
+    @property
+    def bones(self):
+        """The skeleton as it is now."""
+        return self.followers[0].motion.follow.skin.skeleton
+
+    def put(self, value: np.ndarray, world: int) -> None:
+        bones = self.changed(value)
+        for p in self.followers:
+            p.motion.follow = replace(p.motion.follow, skin=replace(p.motion.follow.skin, skeleton=bones))
+        self.pins.changed, self.sim.graph = True, None
+
+    def changed(self, value: np.ndarray):
+        """The skeleton with another value."""
+        raise AssertionError(self.name)
+
+    def pulled(self, gradient, world: int) -> tuple[np.ndarray, np.ndarray]:
+        """Gradients by turns of the rotations that are, and by weights."""
+        from wsim.physics.animation.skinning_adjoint import gradients
+        total: list = []
+        for kind, group in self.pins.groups.items():
+            for p in (p for p in group if p in self.followers and p.body.world == world):
+                found = gradient.targets(p.pin.path, world)
+                times = self.times(kind == "hard")
+                by = found.reshape(len(times), -1, 3)
+                n = len(p.pin.points)
+                own = by[:, :n].copy()
+                for k, ends in enumerate(p.ends):                         # points between take half of both
+                    own[:, ends] += 0.5 * by[:, n + k, None]
+                total.append(gradients(p.motion.follow, times, own))
+        return tuple(sum(column) for column in zip(*total, strict=True))  # type: ignore[return-value]
+
+    def times(self, hard: bool) -> np.ndarray:
+        """Times of the rows of targets in the recording [s], those of its frames behind each other."""
+        r, clock, fps = self.recording, self.sim.plan.clock, self.sim.scene.fps
+        if not self.pins.moves:
+            return np.array([r.start / fps])
+        return np.concatenate([(r.start + f) / fps + clock.moments(hard) for f in range(r.frames)])
+
+
+class Turns(Bones):
+    """Rotation vectors behind the rotations of the joints at the keys."""
+
+    def check(self, pin) -> None:
+        skin = pin.follows.skin
+        if any(shape.joint >= 0 for shape in skin.blends):
+            raise refuse("corrective", pin.path, bones=self.path)
+        from wsim.physics.animation.skin import rigid
+        if skin.method != "classicLinear" and not rigid(skin):
+            raise refuse("scaled", pin.path, bones=self.path)
+        if self.given.translations is None:
+            raise refuse("unanimated", self.path)
+
+    def read(self, world: int = 0) -> np.ndarray:
+        back = rotation.conjugate(self.given.orientations)
+        return rotation.logarithm(rotation.multiply(back, self.bones.orientations))
+
+    def changed(self, value: np.ndarray):
+        return replace(self.bones, rotations=rotation.multiply(self.given.orientations, rotation.exponential(value)))
+
+    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
+        from wsim.physics.animation.skinning_adjoint import jacobian
+        by = self.pulled(gradient, world)[0]
+        return np.einsum("kjmi,kjm->kji", jacobian(self.read()), by).reshape(shape)
+
+    def scale(self) -> float:
+        return 0.05
+
+
+class Weights(Bones):
+    """Weights of blend shapes at their keys."""
+
+    def check(self, pin) -> None:
+        if self.given.weights is None:
+            raise refuse("shapes", self.path)
+
+    def read(self, world: int = 0) -> np.ndarray:
+        return np.array(self.bones.weights.values, np.float64)
+
+    def changed(self, value: np.ndarray):
+        return replace(self.bones, weights=replace(self.bones.weights, values=value.copy()))
+
+    def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
+        return self.pulled(gradient, world)[1].reshape(shape)
+
+    def scale(self) -> float:
+        return 0.05

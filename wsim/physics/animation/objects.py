@@ -1,0 +1,264 @@
+"""Skeletons and what follows them: joint trees with an animation, skinned points, points that are pinned to them. NumPy only.
+
+    bones = scene.add(Skeleton("/man/bones", ("hip", "hip/knee"), bind, times=..., translations=..., rotations=..., scales=...))
+    skin = Skinned(bones, points, joints, weights)
+    scene.collider("/man/body", Surface(skin.at(0.0), counts, indices, poses=skin), motion=bones.motion)
+
+Matrices act on columns; quaternions are (x, y, z, w). Formulas: `wsim.physics.animation.skinning`.
+"""
+
+from dataclasses import dataclass, field, replace
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from wsim.geometry import rotation
+from wsim.physics.animation import skinning
+from wsim.scene.bodies import Compared, array, reals
+from wsim.scene.curve import Curve, Motion
+
+LOOSE = 1e-4           # by which weights of a point may sum to something else than 1 before they are normalised
+LINEAR, DUAL = "classicLinear", "dualQuaternion"
+
+
+def parents_of(joints) -> np.ndarray:
+    """Parent of each joint, (joints,), -1 of a root, by names that are paths, as USD has them: the nearest that there is."""
+    number = {name: k for k, name in enumerate(joints)}
+    found = []
+    for name in joints:
+        above = name
+        while "/" in above:
+            above = above.rsplit("/", 1)[0]
+            if above in number:
+                break
+        found.append(number.get(above, -1) if above != name else -1)
+    return np.array(found, np.int32)
+
+
+def _matrices(value, n: int) -> np.ndarray:
+    return np.tile(np.eye(4), (n, 1, 1)) if value is None else np.ascontiguousarray(value, np.float64).reshape(-1, 4, 4)
+
+
+@dataclass(eq=False)
+class Skeleton(Compared):
+    """A tree of joints and how they move (USD: Skeleton, SkelAnimation). Keys are linear in between, rotations turn at constant
+    speed about a fixed axis; before the first and after the last they are held.
+
+    path            prim path
+    joints          names, (joints,): paths such as "hip/knee"
+    bind            where joints were when meshes were bound to them, (joints, 4, 4) [m], in the skeleton's space
+    rest            from its parent's space, of a joint that is not animated, (joints, 4, 4) [m]; None: as it was bound
+    parents         (joints,), -1 of a root; None: by the names
+    times           of keys [s], (keys,), increasing
+    translations    (keys, joints, 3) [m]; None: no joint is animated
+    rotations       (keys, joints, 4), unit quaternions (x, y, z, w)
+    scales          (keys, joints, 3) [1]
+    animated        whether a joint is, (joints,) bool; None: all, where there are translations
+    motion          its space to world over time, rigid, lengths [m]
+    stretch         (3, 3) [1], of skinned points before motion; None: 1
+    shapes          names of blend shapes with a weight over time
+    weights         Curve of values (keys, shapes) [1]; None: there are none
+    bodies          joints that rigid bodies drive: {joint: prim path of a Body}
+    """
+
+    path: str
+    joints: tuple[str, ...]
+    bind: np.ndarray
+    rest: Any = None
+    parents: Any = None
+    times: np.ndarray = field(default_factory=lambda: np.zeros(1))
+    translations: Any = None
+    rotations: Any = None
+    scales: Any = None
+    animated: Any = None
+    motion: Motion = field(default_factory=Motion.still)
+    stretch: Any = None
+    shapes: tuple[str, ...] = ()
+    weights: Curve | None = None
+    bodies: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self):
+        n = len(self.joints)
+        self.joints, self.shapes = tuple(self.joints), tuple(self.shapes)
+        self.bind = _matrices(self.bind, n)
+        self.parents = parents_of(self.joints) if self.parents is None else array(self.parents, np.int32, -1)
+        self.times = np.atleast_1d(np.asarray(self.times, np.float64))
+        keys = len(self.times)
+        given = self.translations is not None
+        if given:
+            self.translations = reals(self.translations, keys, -1, 3)
+            self.rotations = (np.tile([0.0, 0.0, 0.0, 1.0], (keys, n, 1)) if self.rotations is None
+                              else reals(self.rotations, keys, -1, 4))
+            self.scales = np.ones((keys, n, 3)) if self.scales is None else reals(self.scales, keys, -1, 3)
+        self.animated = np.full(n, given) if self.animated is None else array(self.animated, bool, -1)
+        if self.rest is None:
+            self.rest = skinning.local(self.bind, self.parents) if len(self.bind) == len(self.parents) else self.bind
+        self.rest = _matrices(self.rest, n)
+
+    @property
+    def orientations(self) -> np.ndarray:
+        """Rotations of length 1, (keys, joints, 4)."""
+        return rotation.normalized(self.rotations)
+
+    @property
+    def moves(self) -> bool:
+        """True if joints or blend shapes do."""
+        return len(self.times) > 1 or (self.weights is not None and self.weights.moves)
+
+    def later(self, delay: float) -> "Skeleton":
+        """The same animation, begun `delay` [s] later."""
+        weights = None if self.weights is None else self.weights.later(delay)
+        return replace(self, times=self.times + delay, motion=self.motion.later(delay), weights=weights)
+
+
+@dataclass(eq=False)
+class Shape(Compared):
+    """Offsets of some points of a mesh, at a weight of 1 and at weights between (USD: BlendShape, inbetweens).
+
+    name        as the skeleton's `shapes` have it
+    points      numbers of the points that it moves, (k,)
+    knots       weights at which offsets are given, increasing, 1 among them; at 0 there are none
+    offsets     (knots, k, 3) [m], in the mesh's space
+    joint       of a corrective shape: number of the joint that drives it; -1: none, the animation does
+    rotation    the joint's rotation from its parent's space at which the weight is 1, (x, y, z, w)
+    width       angle from there at which the weight is 0 [rad]; between, 1 - angle / width, smoothed
+    """
+
+    name: str
+    points: np.ndarray
+    offsets: np.ndarray
+    knots: np.ndarray = field(default_factory=lambda: np.ones(1))
+    joint: int = -1
+    rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    width: float = pi
+
+    def __post_init__(self):
+        self.points, self.knots = array(self.points, np.int32, -1), array(self.knots, np.float64, -1)
+        self.offsets = reals(self.offsets, len(self.knots), -1, 3)
+
+
+@dataclass(eq=False)
+class Skinned(Compared):
+    """Points that follow the joints of a skeleton; `Surface.poses` of a mesh collider, in the skeleton's space.
+
+    skeleton    `Skeleton` of the same scene
+    points      where they are bound, (n, 3) [m], in the mesh's space
+    joints      numbers of the joints that move each, (n, m)
+    weights     their parts, (n, m) [1], which sum to 1
+    geom        the mesh's space to the skeleton's when it was bound, (4, 4) [m]
+    method      "classicLinear" (linear blend) or "dualQuaternion"
+    blends      list of `Shape`, added before
+    """
+
+    skeleton: Skeleton
+    points: np.ndarray
+    joints: np.ndarray
+    weights: np.ndarray
+    geom: np.ndarray = field(default_factory=lambda: np.eye(4))
+    method: str = LINEAR
+    blends: list[Shape] = field(default_factory=list)
+
+    def __post_init__(self):
+        self.points = reals(self.points, -1, 3)
+        n = max(len(self.points), 1)
+        self.joints = array(self.joints, np.int32, n, -1)
+        self.weights = reals(self.weights, n, -1)
+        self.geom = array(self.geom, np.float64, 4, 4)
+
+    @property
+    def parts(self) -> np.ndarray:
+        """Weights (n, m), normalised where they sum to something else than 1 by more than LOOSE."""
+        sums = self.weights.sum(axis=1, keepdims=True)
+        return np.where(np.abs(sums - 1.0) > LOOSE, self.weights / np.where(sums > 0.0, sums, 1.0), self.weights)
+
+    @property
+    def times(self) -> np.ndarray:
+        """Keys of the joints and of the blend shapes [s]."""
+        weights = self.skeleton.weights
+        return self.skeleton.times if weights is None else np.union1d(self.skeleton.times, weights.times)
+
+    @property
+    def moves(self) -> bool:
+        return self.skeleton.moves
+
+    @property
+    def values(self) -> np.ndarray:
+        """Points at the keys, (keys, n, 3) [m]."""
+        return self.over(self.times)
+
+    def at(self, t: float) -> np.ndarray:
+        """Points at time t [s], (n, 3) [m], float64."""
+        return self.over(np.array([t]))[0]
+
+    def over(self, times: np.ndarray) -> np.ndarray:
+        """Points at some times [s], (times, n, 3) [m], in the skeleton's space."""
+        times = np.asarray(times, np.float64)
+        return skinning.skinned(self, skinning.transforms(self.skeleton, times), times)
+
+    def only(self, points: np.ndarray) -> "Skinned":
+        """Some of the points alone, in the order of their numbers (k,)."""
+        points = np.asarray(points)
+        blends = []
+        for shape in self.blends:
+            place = {p: k for k, p in enumerate(shape.points.tolist())}
+            here = [(i, place[p]) for i, p in enumerate(points.tolist()) if p in place]
+            if here:
+                own, of = (np.array(column) for column in zip(*here, strict=True))
+                blends.append(replace(shape, points=own, offsets=shape.offsets[:, of]))
+        return replace(self, points=self.points[points], joints=self.joints[points], weights=self.weights[points],
+                       blends=blends)
+
+
+@dataclass(eq=False)
+class Follow(Compared):
+    """Places on skinned points that a pin holds points at (USD: PhysicsAttachment, point to face or to point).
+
+        place = u x0 + v x1 + (1 - u - v) x2 + h n        of a triangle x0, x1, x2 with the unit normal n
+
+    skin        the mesh's `Skinned`
+    corners     points of the triangle of each place, (k, 3); three times one: that point
+    places      u, v [1] and h [m], (k, 3)
+    faces       of USD: numbers of faces, (k,); None: places are at points
+    """
+
+    skin: Skinned
+    corners: np.ndarray
+    places: np.ndarray
+    faces: np.ndarray | None = None
+
+    def __post_init__(self):
+        self.corners, self.places = array(self.corners, np.int32, -1, 3), reals(self.places, -1, 3)
+        self.faces = array(self.faces, np.int32, -1)
+
+    @property
+    def moves(self) -> bool:
+        return self.skin.moves or self.skin.skeleton.motion.moves
+
+    @staticmethod
+    def at_points(skin: Skinned, points) -> "Follow":
+        """The places at some of the skinned points, by their numbers (k,)."""
+        points = np.asarray(points, np.int32)
+        return Follow(skin, np.repeat(points[:, None], 3, axis=1), np.tile([1.0, 0.0, 0.0], (len(points), 1)))
+
+    @staticmethod
+    def near(skin: Skinned, triangles: np.ndarray, places: np.ndarray, faces=None) -> "Follow":
+        """The places at world places (k, 3) [m], each as it lies over the nearest triangle at the start. triangles: (t, 3);
+        faces: their numbers in the mesh, if they are not 0, 1, 2 ..."""
+        x = skin.skeleton.motion.points(skin.at(0.0))
+        chosen = np.array([skinning.nearest(x[triangles], place) for place in np.asarray(places, np.float64)], np.int32)
+        corners = np.asarray(triangles, np.int32)[chosen]
+        return Follow(skin, corners, skinning.coordinates(x[corners], np.asarray(places, np.float64)),
+                      chosen if faces is None else np.asarray(faces)[chosen])
+
+    def only_points(self) -> tuple[Skinned, np.ndarray]:
+        """The skinned points that matter, and the corners among them."""
+        points, corners = np.unique(self.corners, return_inverse=True)
+        return self.skin.only(points), corners.reshape(-1, 3)
+
+    def over(self, times: np.ndarray) -> np.ndarray:
+        """World places at some times [s], (times, k, 3) [m]."""
+        skin, corners = self.only_points()
+        motion = self.skin.skeleton.motion
+        local = skinning.placed(skin.over(times)[:, corners], self.places)
+        return np.stack([motion.points(x, t) for x, t in zip(local, times, strict=True)])
