@@ -18,8 +18,7 @@ from wsim.scene.values.coverage import refuse
 
 
 class Bones(Input):
-    """The targets of the pins that follow a skeleton. Raises SceneError, by path, where colliders follow it too, or nothing
-    does."""
+    """A value of a skeleton that pins follow. Raises SceneError, by path, where colliders follow it too, or nothing does."""
 
     shared = True
 

@@ -55,7 +55,7 @@ class Shapes:
 
 
 class Skin:
-    """The skin of one mesh. `upload` and `widen` are what `wsim.physics.contact` calls for a mesh of its kind."""
+    """Device tables of one mesh. `upload` and `widen` are what `wsim.physics.contact` calls for a mesh of its kind."""
 
     def __init__(self, bones, skin: Skinned, mesh=None, out=wp.float32):
         """bones: `wsim.physics.animation.method.Bones`; out: precision of the points that it writes."""
