@@ -36,15 +36,15 @@ def walled(dim: int, real):
         return row, side
 
     @wp.func
-    def one(g: S.Grid, axis: int, q: wp.array(dtype=real), shape: wp.vec3i, first: wp.vec3i, m: int, by: real,
+    def one(g: S.Grid, axis: int, q: wp.array(dtype=real), shape: wp.vec3i, at: wp.vec3i, by: real,
             q_out: wp.array(dtype=real), air_out: wp.array(dtype=wp.float64)):
-        """Value of row m of the 4^dim about, to which `by` is spread."""
+        """Value of the row at a place, within or beyond, to which `by` is spread."""
         value = real(1.0)
         wall = real(0.0)
         row = wp.vec3i()
         sides = wp.vec3i()
         for b in range(wp.static(dim)):
-            j, side = mirrored(g, axis, b, first[b] + ((m >> (2 * b)) & 3), shape[b])
+            j, side = mirrored(g, axis, b, at[b], shape[b])
             row[b] = j
             if side != 0 and b != axis:
                 sides[b] = 2 * b + side
@@ -90,11 +90,12 @@ def walled(dim: int, real):
             a = m & 3
             b = (m >> 2) & 3
             c = m >> 4
+            place = first + wp.vec3i(a, b, c)
             if wp.static(dim == 3):
-                value = one(g, axis, q, shape, first, m, by * wx[a] * wy[b] * wz[c], q_out, air_out)
+                value = one(g, axis, q, shape, place, by * wx[a] * wy[b] * wz[c], q_out, air_out)
                 slope += value * t.vec3(dx[a] * wy[b] * wz[c], wx[a] * dy[b] * wz[c], wx[a] * wy[b] * dz[c])
             else:
-                value = one(g, axis, q, shape, first, m, by * wx[a] * wy[b], q_out, air_out)
+                value = one(g, axis, q, shape, place, by * wx[a] * wy[b], q_out, air_out)
                 slope += value * t.vec3(dx[a] * wy[b], wx[a] * dy[b], real(0.0))
         return wp.cw_mul(slope, loose)
 
