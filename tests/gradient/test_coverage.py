@@ -200,9 +200,9 @@ def alone() -> Scene:
     return scene
 
 
-def still() -> Scene:
+def still(**more) -> Scene:
     scene = Scene()
-    scene.add(Fluid("/air", np.zeros(3), (0.4, 0.4, 0.1), 0.1, steps=1))
+    scene.add(Fluid("/air", np.zeros(3), (0.4, 0.4, 0.1), 0.1, steps=1, **more))
     return scene
 
 
@@ -244,6 +244,12 @@ def turned() -> Scene:
     return scene
 
 
+def layered() -> Scene:
+    scene = Scene(frames=1)
+    scene.add(Fluid("/air", (0, 0, 0), (1, 1, 0.125), 0.125, slip=False, layers=True, viscosity=0.1))
+    return scene
+
+
 def moving():
     motion = Motion(np.arange(2) / 60.0, np.stack([np.eye(4), np.eye(4) + np.eye(4, k=3) * 0.01]))
     scene = net(integrator="leapfrog", pins=[Pin("/pin", "/chain", np.array([0]), motion=motion)])
@@ -275,8 +281,10 @@ CASES = {
     "idle": ("air_drag", lambda: inputs(recorded(alone()), ["air_drag"])),
     "surface": ("/floor", lambda: inputs(run("explicit")[0].recording, ["/floor:surface"])),
     "still": ("/air", lambda: inputs(recorded(still()), ["/air:viscosity"])),
+    "layers": ("/air", lambda: recorded(still(layers=True, slip=False, viscosity=0.01))),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),
+    "layers": ("/air", lambda: recorded(layered())),
     "load": ("loads", lambda: gradient(net()).load()),
     "pin": ("/pin", lambda: gradient(net()).pin("/pin", "stiffness")),
     "material": ("/chain", lambda: gradient(net()).material("stretch")),

@@ -28,10 +28,12 @@ def slow_but(names: list[str], *fast: str) -> list:
 
 
 def fields(n: tuple[int, ...]) -> dict[str, np.ndarray]:
-    """Smooth ones, nowhere constant along an axis: there what is kept within the rows around has two derivatives."""
+    """Smooth ones, nowhere constant along an axis: there what is kept within the rows around has two derivatives; nor has it a
+    crest halfway between two rows, which are the same one then."""
     x, y, z = np.moveaxis((np.stack(np.meshgrid(*map(np.arange, n), indexing="ij"), -1) + 0.5) * CELL, -1, 0)
     deep = n[2] > 1
-    velocity = [0.3 * np.sin(2.0 * y + 1.0 + 0.7 * x + z), 0.4 * np.cos(3.0 * x - 0.6 * y), 0.2 * deep * np.sin(x + 2.0 * y)]
+    velocity = [0.3 * np.sin(2.0 * y + 1.0 + 0.7 * x + z), 0.4 * np.cos(3.0 * x - 0.6 * y + 0.13),
+                0.2 * deep * np.sin(x + 2.0 * y)]
     return {"velocity": np.stack(velocity, -1), "smoke": 1.0 + 0.5 * np.sin(3.0 * x + 1.0 + z) * np.cos(2.0 * y),
             "temperature": 5.0 + 3.0 * np.cos(2.1 * x - 1.3 * y + 0.2 * y * y + 0.9 + 0.5 * z)}
 
