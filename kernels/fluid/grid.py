@@ -288,4 +288,4 @@ def functions(dim: int, real) -> SimpleNamespace:
 
     return SimpleNamespace(place=place, faces=faces, linear=linear, cubic=cubic, around=around, offset=offset,
                            velocity=velocity, row=row, held=held, weights=weights, rows=rows, limited=limited,
-                           floors=floors, inner=inner, name=f"{dim}d_{t.name}")
+                           name=f"{dim}d_{t.name}")

@@ -7,21 +7,52 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.fluid.grid import structs
 from wsim.kernels.math.real import types
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    __shared__ float part[32];
+    float most = v;
+    for (unsigned k = 16; k > 0; k >>= 1) most = fmaxf(most, __shfl_xor_sync(0xffffffffu, most, k));
+    if ((threadIdx.x & 31) == 0) part[threadIdx.x >> 5] = most;
+    __syncthreads();
+    for (unsigned k = 0; k < blockDim.x >> 5; ++k) most = fmaxf(most, part[k]);
+    return most;
+#else
+    return v;
+#endif
+""")
+def most_of(v: float) -> float:
+    """Greatest of the threads of a block, the same in each; every one must come. Blocks of whole warps."""
+    ...
+
+
 @cache
-def fastest(real, module):
-    """Kernel over threads: the greatest |u| of a component into most_out; the order does not matter to a maximum."""
+def fastest(dim: int, real, module):
+    """Kernel over blocks of threads: the greatest |u| of all components into most_out; the order does not matter to a
+    maximum. In float32, which a step that is as long as the speed allows does not feel."""
+    S = structs(real)
 
-    def fastest(u: wp.array(dtype=real), threads: int, most_out: wp.array(dtype=real)):
+    @wp.func
+    def along(u: wp.array(dtype=real), first: int, threads: int):
         most = real(0.0)
-        for c in range(wp.tid(), u.shape[0], threads):
+        for c in range(first, u.shape[0], threads):
             most = wp.max(most, wp.abs(u[c]))
-        if most > most_out[0]:
-            wp.atomic_max(most_out, 0, most)
+        return most
 
-    return wp.kernel(fastest, name=f"fastest_{types(real).name}", module=module, enable_backward=False)
+    def fastest(u: S.Faces, threads: int, most_out: wp.array(dtype=real)):
+        c = wp.tid()
+        most = wp.max(along(u.x, c, threads), along(u.y, c, threads))
+        if wp.static(dim == 3):
+            most = wp.max(most, along(u.z, c, threads))
+        all = real(most_of(float(most)))
+        if c % wp.block_dim() == 0:
+            wp.atomic_max(most_out, 0, all)
+
+    return wp.kernel(fastest, name=f"fastest_{dim}d_{types(real).name}", module=module, enable_backward=False,
+                     grid_stride=False)
 
 
 @cache

@@ -2,7 +2,8 @@
 
 L is the sum of differences to the neighbours on the faces of an axis. Across a closed side, and inside obstacles, u is known
 and stays. Beside a wall that is not slippery, along which u runs, stands 2 w - u, w being the wall's velocity; beside any
-other, u.
+other, u. The change that is solved for is driven by the wall's friction to order 2, where asked for: there stands
+(8 w - 6 u + u') / 3 beside the wall, a parabola through w, u and the next u', and when nothing changes any more that holds.
 Solved for the change d = u' - u: (I - a L) d = a L u, by conjugate gradients (kernels/fluid/conjugate.py).
 """
 
@@ -23,7 +24,7 @@ from wsim.kernels.solver.pcg import total
 @cache
 def parts(dim: int, axis: int, fractions: bool, slip: bool, real) -> SimpleNamespace:
     """Functions: fixed(g, low, high, o, i) whether u of a face is known; spread(g, low, high, o, u, i, walls) -> (L u)_i, with
-    the velocities of walls (walls 1) or walls at rest (0)."""
+    the velocities of walls (walls 1; 2: to order 2) or walls at rest (0)."""
     t, S, f = types(real), structs(real), functions(dim, real)
 
     @wp.func
@@ -58,7 +59,11 @@ def parts(dim: int, axis: int, fractions: bool, slip: bool, real) -> SimpleNames
                             kind = high[b]
                         if kind == real(0.0) and b != wp.static(axis):
                             v = g.air[1 + 2 * b + side]
-                            sum += real(2.0) * (walls * v[wp.static(axis)] - own)
+                            if walls > real(1.0):
+                                j[b] = i[b] + 1 - 2 * side
+                                sum += (real(8.0) * v[wp.static(axis)] - real(9.0) * own + u[flat(j, shape)]) / real(3.0)
+                            else:
+                                sum += real(2.0) * (walls * v[wp.static(axis)] - own)
                 else:
                     c = flat(j, shape)
                     if wp.static(fractions and slip):
@@ -73,9 +78,10 @@ def parts(dim: int, axis: int, fractions: bool, slip: bool, real) -> SimpleNames
 
 
 @cache
-def begin(dim: int, axis: int, fractions: bool, slip: bool, real, module):
-    """Kernel over blocks of threads: r_out = a L u, parts of its square. part: of the step."""
+def begin(dim: int, axis: int, fractions: bool, slip: bool, real, module, second: bool = False):
+    """Kernel over blocks of threads: r_out = a L u, parts of its square. second: friction of walls to order 2."""
     t, S, f, s = types(real), structs(real), functions(dim, real), parts(dim, axis, fractions, slip, real)
+    walls = 2.0 if second else 1.0
 
     def begin(g: S.Grid, low: t.vec3, high: t.vec3, o: wp.array(dtype=real), u: wp.array(dtype=real),
               scale: wp.array(dtype=real), r_out: wp.array(dtype=real), part_out: wp.array(dtype=wp.vec2d)):
@@ -84,14 +90,15 @@ def begin(dim: int, axis: int, fractions: bool, slip: bool, real, module):
             i = f.place(c, f.faces(g, wp.static(axis)))
             r = real(0.0)
             if not s.fixed(g, low, high, o, i):
-                r = scale[0] * s.spread(g, low, high, o, u, i, real(1.0))
+                r = scale[0] * s.spread(g, low, high, o, u, i, real(walls))
             r_out[c] = r
             sum += wp.float64(r) * wp.float64(r)
         sum = total(sum)
         if wp.tid() % wp.block_dim() == 0:
             part_out[wp.tid() // wp.block_dim()] = wp.vec2d(sum, wp.float64(0.0))
 
-    return wp.kernel(begin, name=f"viscosity_begin_{s.name}", module=module, enable_backward=False, grid_stride=False)
+    return wp.kernel(begin, name=f"viscosity_begin{'_second' * second}_{s.name}", module=module, enable_backward=False,
+                     grid_stride=False)
 
 
 @cache

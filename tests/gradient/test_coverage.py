@@ -17,6 +17,7 @@ from wsim import Box, Bulk, Fabric, Plane, Simulation, Sphere
 from wsim.gradient.inputs.by_name import inputs
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
+from wsim.physics.fluid.objects import Fluid
 from wsim.physics.rigid.joints.joint import Drive, revolute, spherical
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Collider, Pin, Scene, SceneError, Surface, Varying, methods, shapes
@@ -237,6 +238,12 @@ def turned() -> Scene:
     return scene
 
 
+def layered() -> Scene:
+    scene = Scene(frames=1)
+    scene.add(Fluid("/air", (0, 0, 0), (1, 1, 0.125), 0.125, slip=False, layers=True, viscosity=0.1))
+    return scene
+
+
 def moving():
     motion = Motion(np.arange(2) / 60.0, np.stack([np.eye(4), np.eye(4) + np.eye(4, k=3) * 0.01]))
     scene = net(integrator="leapfrog", pins=[Pin("/pin", "/chain", np.array([0]), motion=motion)])
@@ -268,6 +275,7 @@ CASES = {
     "idle": ("air_drag", lambda: inputs(recorded(alone()), ["air_drag"])),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),
+    "layers": ("/air", lambda: recorded(layered())),
     "load": ("loads", lambda: gradient(net()).load()),
     "pin": ("/pin", lambda: gradient(net()).pin("/pin", "stiffness")),
     "material": ("/chain", lambda: gradient(net()).material("stretch")),

@@ -142,6 +142,7 @@ OTHERS = (
     Entry("Fluid", "sides", WSIM_DOMAIN, "wsim:fluid:sides", "token[]", uniform=True),
     Entry("Fluid", "side_velocities", WSIM_DOMAIN, "wsim:fluid:sideVelocities", "vector3d[]", "m/s", uniform=True),
     Entry("Fluid", "slip", WSIM_DOMAIN, "wsim:fluid:slip", "bool", uniform=True),
+    Entry("Fluid", "layers", WSIM_DOMAIN, "wsim:fluid:layers", "bool", uniform=True),
     Entry("Fluid", "advection", WSIM_DOMAIN, "wsim:fluid:advection", "token", uniform=True),
     Entry("Fluid", "scalar_advection", WSIM_DOMAIN, "wsim:fluid:scalarAdvection", "token", uniform=True),
     Entry("Fluid", "pressure", WSIM_DOMAIN, "wsim:fluid:pressure", "token", uniform=True),

@@ -12,7 +12,6 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.fluid.adjoint.grid import spreads
-from wsim.kernels.fluid.adjoint.walls import walled
 from wsim.kernels.fluid.advection import left
 from wsim.kernels.fluid.grid import functions, structs
 from wsim.kernels.math.real import types
@@ -74,23 +73,16 @@ def ways(dim: int, third: bool, real) -> SimpleNamespace:
 
 
 @cache
-def advect(dim: int, how: tuple[str, bool, bool, bool], real, module):
-    """Kernel over rows: adds to the cotangents u_out and q_out; lost_out: of air from outside; air_out: of walls. how: as of
-    `wsim.kernels.fluid.advection.advect`."""
-    scheme, clamped, walls, third = how
-    cubic, beyond = scheme == "cubic", walled(dim, real) if walls else None
+def advect(dim: int, cubic: bool, clamped: bool, third: bool, real, module):
+    """Kernel over rows: adds to the cotangents u_out and q_out; lost_out: of air from outside."""
     t, S, Carried, f = types(real), structs(real), tables(real), functions(dim, real)
     s, way, gone = spreads(dim, real), ways(dim, third, real), left(real)
 
     @wp.func
-    def handed(g: S.Grid, carried: Carried, shape: wp.vec3i, at: t.vec3, v: real, q_out: wp.array(dtype=real),
-               air_out: wp.array(dtype=wp.float64)):
+    def handed(carried: Carried, shape: wp.vec3i, periodic: wp.vec3i, at: t.vec3, v: real, q_out: wp.array(dtype=real)):
         slope = t.vec3()
-        periodic = g.periodic
         inside = bool(True)
-        if wp.static(cubic and walls):
-            slope = beyond(g, carried.axis, carried.q, shape, at, v, q_out, air_out)
-        elif wp.static(cubic):
+        if wp.static(cubic):
             if wp.static(clamped):
                 value = f.cubic(carried.q, shape, periodic, at)
                 least, most = f.around(carried.q, shape, periodic, at)
@@ -104,7 +96,7 @@ def advect(dim: int, how: tuple[str, bool, bool, bool], real, module):
         return slope
 
     def advect(g: S.Grid, u: S.Faces, carried: Carried, clock: wp.array(dtype=real), u_out: S.Faces,
-               q_out: wp.array(dtype=real), lost_out: wp.array(dtype=real), air_out: wp.array(dtype=wp.float64)):
+               q_out: wp.array(dtype=real), lost_out: wp.array(dtype=real)):
         c = wp.tid()
         v = carried.by[c]
         lost = real(0.0)
@@ -118,12 +110,12 @@ def advect(dim: int, how: tuple[str, bool, bool, bool], real, module):
             if gone(g, X):
                 lost = v
             else:
-                slope = handed(g, carried, shape, X - o, v, q_out, air_out)
+                slope = handed(carried, shape, g.periodic, X - o, v, q_out)
                 if slope[0] != real(0.0) or slope[1] != real(0.0) or slope[2] != real(0.0):
                     way.back(g, u, x, h, v * slope, u_out)
         lost_out[c] = lost
 
-    name = f"advect_adjoint_{scheme}{'_clamped' * clamped}{'_walls' * walls}{'_rk3' * third}_{f.name}"
+    name = f"advect_adjoint_{'cubic' if cubic else 'linear'}{'_clamped' * clamped}{'_rk3' * third}_{f.name}"
     return wp.kernel(advect, name=name, module=module, enable_backward=False)
 
 

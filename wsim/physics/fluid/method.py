@@ -21,6 +21,7 @@ from wsim.physics.fluid.grid.threads import Threads
 from wsim.physics.fluid.measure import centered, measures
 from wsim.physics.fluid.objects import Fluid, Source
 from wsim.scene.samples import Sample
+from wsim.scene.values.coverage import refuse
 
 NAMES = ("u", "v", "w")
 SCALARS = {"smoke": Field("smoke", "1", True, "of the air in a cell", "scalar"),
@@ -67,6 +68,9 @@ class Fluids(Method):
         self.settled, self.recorded = False, None
         self.offers["fluids"] = self
         if b.model.gradients:
+            for fluid in b.scene.things("Fluid"):
+                if fluid.layers:
+                    raise refuse("layers", fluid.path, name="layers")
             from wsim.physics.fluid.recorded import Recorded
             self.offers["recorded fluids"] = self.recorded = Recorded(self)
         cells = sum(layout.cells for layout in self.layouts)
@@ -229,7 +233,7 @@ class Fluids(Method):
 
 def signature(b) -> list:
     """Part of the fluids that decides their kernels."""
-    fluids: list[Any] = [(len(f.axes), f.advection, f.scalar_advection, f.pressure, sum(f.shape) <= MOST, f.slip,
+    fluids: list[Any] = [(len(f.axes), f.advection, f.scalar_advection, f.pressure, sum(f.shape) <= MOST, f.slip, f.layers,
                           f.viscosity > 0.0, f.vorticity > 0.0,
                           carried(f, reaching(f, b.scene)), [s.expansion != 0.0 for s in reaching(f, b.scene)],
                           [s.velocity is not None for s in reaching(f, b.scene)], kinds(reaching(f, b.scene)))

@@ -20,7 +20,7 @@ FORMS = ("curve", "linear", "hold")
 
 
 def completed(curve: Curve) -> dict:
-    """What the kind is given (`how`), with what follows from the rest. Raises ValueError where something cannot be."""
+    """Fields that the kind is given (`how`), with what follows from the rest. Raises ValueError where something cannot be."""
     if curve.kind not in KINDS:
         raise ValueError(f"no kind of curve is called {curve.kind!r}; there are {', '.join(KINDS)}")
     if extra := [name for name in curve.how if name not in KINDS[curve.kind]]:

@@ -75,15 +75,16 @@ def _axes(attribute: Usd.Attribute, units: Units, what: str, axes: str, kind: st
     return [Part(what, Curve(units.time(np.array(codes)), columns[letter], kind), "XYZ".index(letter)) for letter in order]
 
 
-def author_stack(prim: Usd.Prim, stack: Stack, units: Units, write_matrix) -> list[UsdGeom.XformOp]:
+def author_stack(prim: Usd.Prim, stack: Motion, units: Units, write_matrix) -> list[UsdGeom.XformOp]:
     """Ops of a stack, outermost first. write_matrix(attribute, motion): samples of a motion on a matrix attribute."""
     ops = []
+    assert isinstance(stack, Stack)
     for k, A in enumerate(stack.inner):
         if isinstance(A, Part) and A.what != ELEMENTS:
             name = f"xformOp:{NAMES[A.what]}{'XYZ'[A.axis]}:part{k}"
             attribute = prim.CreateAttribute(name, Sdf.ValueTypeNames.Double, False)
             factor = {SHIFT: units.metres, TURN: np.pi / 180.0, SCALE: 1.0}[A.what]
-            author_curve(attribute, A.curve, units, lambda v, code, a=attribute, f=factor: a.Set(float(v) / f, code), factor)
+            author_curve(attribute, A.curve, units, _setter(attribute, factor), factor)
         else:
             attribute = prim.CreateAttribute(f"xformOp:transform:part{k}", Sdf.ValueTypeNames.Matrix4d, False)
             if isinstance(A, np.ndarray):
@@ -95,3 +96,10 @@ def author_stack(prim: Usd.Prim, stack: Stack, units: Units, write_matrix) -> li
                 write_matrix(attribute, A)
         ops.append(UsdGeom.XformOp(attribute))
     return ops
+
+
+def _setter(attribute: Usd.Attribute, factor: float):
+    """Puts a value in SI units at a time code."""
+    def put(value, code) -> None:
+        attribute.Set(float(value) / factor, code)
+    return put

@@ -118,7 +118,8 @@ class Device:
         self.table, self.device, module = table, device, f"wsim_poses_{types(real).name}"
         if source == "tracks":
             from wsim.physics.contact.poses.tracks import Tracks
-            module, self.source = f"wsim_tracks_{types(real).name}", Tracks(device)
+            module = f"wsim_tracks_{types(real).name}"
+            self.source: Any = Tracks(device)
         else:
             self.source = Linear(device, module)
         self.movers, self.place = collider.Movers(), collider.place(real, module)

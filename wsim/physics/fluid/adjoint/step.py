@@ -42,11 +42,9 @@ class DomainAdjoint:
         self.by_v, self.by_w = domain.faces(), domain.faces()
         self.scalars, self.spare = ({name: threads.zeros(q.size) for name, q in domain.scalars.items()} for _ in range(2))
         lost = threads.zeros(max(*domain.sizes, domain.layout.cells))
-        walls = domain.reflects and domain.viscosity is not None and not domain.fluid.slip
-        how = not domain.reflects, walls, False
-        self.carry = [TransportAdjoint(run, t, a, how, lost) for a, t in enumerate(domain.carry)]
+        self.carry = [TransportAdjoint(run, t, a, not domain.reflects, False, lost) for a, t in enumerate(domain.carry)]
         t = domain.carry_scalar
-        self.carry_scalar = TransportAdjoint(run, t, -1, (True, False, THIRD[t.scheme]), lost)
+        self.carry_scalar = TransportAdjoint(run, t, -1, True, THIRD[t.scheme], lost)
         self.reflect, self.mirror = reflection.reflect(real, module), reflection.mirror(real, module)
         self.last, self.before = reflection.last(real, module), reflection.before(real, module)
 

@@ -5,20 +5,17 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.fluid.adjoint import advection as kernels
-from wsim.physics.fluid.adjoint.launches import AIR, PLAIN, Launches, slot
+from wsim.physics.fluid.adjoint.launches import PLAIN, Launches, slot
 
 
 class TransportAdjoint:
-    """Adjoint of one quantity: axis of a component, -1 of a scalar. how: clamped, with walls, a way back of order 3. lost: rows,
-    of air that came in."""
+    """Adjoint of one quantity: axis of a component, -1 of a scalar. lost: rows, of air that came in."""
 
-    def __init__(self, launches: Launches, transport: Any, axis: int, how: tuple[bool, bool, bool], lost: wp.array):
+    def __init__(self, launches: Launches, transport: Any, axis: int, clamped: bool, third: bool, lost: wp.array):
         dim, real, module = launches.domain.layout.dim, launches.real, launches.module
         self.launches, self.transport, self.axis, self.lost = launches, transport, axis, lost
-        shape = "cubic" if transport.scheme == "cubic" else "linear"
-        clamped, walls, third = how
-        self.kernel = kernels.advect(dim, (shape, shape == "cubic" and clamped, walls, third), real, module)
-        self.air = launches.numbers[AIR:]
+        cubic = transport.scheme == "cubic"
+        self.kernel = kernels.advect(dim, cubic, cubic and clamped, third, real, module)
         self.Carried = kernels.tables(real)
         self.inflow = bool(sum(launches.domain.grid.outside)) and axis >= 0
         if transport.pairs:
@@ -38,7 +35,7 @@ class TransportAdjoint:
 
     def _one(self, u: Any, q: wp.array, by: wp.array, part: float, u_out: Any, q_out: wp.array) -> None:
         run, lost = self.launches, self.lost[:q.size]
-        run.over(self.kernel, q.size, [run.domain.grid, u, self._carried(q, by, part), run.domain.clock], [u_out, q_out, lost, self.air])
+        run.over(self.kernel, q.size, [run.domain.grid, u, self._carried(q, by, part), run.domain.clock], [u_out, q_out, lost])
         if self.inflow:
             run.sum(lost, PLAIN, 1.0, slot(0, self.axis))
 

@@ -23,14 +23,13 @@ from wsim.physics.fluid.grid.obstacles import Obstacles
 from wsim.physics.fluid.grid.pressure import Pressure, label
 from wsim.physics.fluid.grid.shapes import Shapes
 from wsim.physics.fluid.grid.sources import Sources
-from wsim.physics.fluid.grid.threads import Threads
+from wsim.physics.fluid.grid.threads import BLOCK, Threads
 from wsim.physics.fluid.grid.transport import PAIRS, How, Transport
 from wsim.physics.fluid.grid.viscosity import Viscosity
 from wsim.physics.fluid.objects import Fluid, Source
 
 LIVE = {"lift": forces.LIFT, "weight": forces.WEIGHT, "vorticity": forces.VORTICITY, "smoke_decay": forces.SMOKE_DECAY,
         "cooling": forces.COOLING, "viscosity": forces.VISCOSITY}
-THREADS = 1 << 18        # that look for the fastest air
 
 
 class Domain:
@@ -61,15 +60,15 @@ class Domain:
         expansion = self.sources.expansion if self.sources else None
         self.pressure = Pressure(threads, layout, self.grid, open_, solid, expansion, self.work, self.words)
         self.pressure.tolerance = fluid.tolerance
-        self.viscosity = (Viscosity(threads, self.pressure, fluid.slip, self.work, self.sizes, self.words)
+        self.viscosity = (Viscosity(threads, self.pressure, (fluid.slip, fluid.layers), self.work, self.sizes, self.words)
                           if fluid.viscosity > 0.0 else None)
         self.reflects = fluid.advection == "reflection"
         scheme = "cubic" if self.reflects else fluid.advection
         self.swirling, self.lifts = fluid.vorticity > 0.0, "_".join(name for name in ("smoke", "heat") if name in scalars)
         self.lifting = filled(forces.lifting(real), live=self.live, **scalars)
         self.pushed = bool(self.lifts) and not self.swirling and scheme not in PAIRS           # on the way
-        walls = self.reflects and fluid.viscosity > 0.0 and not fluid.slip
-        how = How(scheme, not self.reflects, walls=walls, pushed=self.lifts * self.pushed, lifting=self.lifting)
+        sharp = fluid.layers and fluid.viscosity > 0.0 and not fluid.slip and scheme == "cubic" and layout.dim == 2
+        how = How(scheme, not self.reflects, sharp=sharp, pushed=self.lifts * self.pushed, lifting=self.lifting)
         self.carry = [Transport(threads, layout, self.grid, a, how, self.work) for a in range(layout.dim)]
         how = How(fluid.scalar_advection, both=len(scalars) == 2)
         self.carry_scalar = Transport(threads, layout, self.grid, -1, how, self.work)
@@ -86,7 +85,8 @@ class Domain:
             vec3 = types(real).vec3
             self.curl, self.confine = forces.curl(dim, real, module), forces.confine(dim, real, module)
             self.swirl, self.whirl = (self.threads.zeros(self.layout.cells, vec3) for _ in range(2))
-        self.fastest, self.begin, self.next = (make(real, module) for make in (steps.fastest, steps.begin, steps.next))
+        self.fastest = steps.fastest(dim, real, module)
+        self.begin, self.next = steps.begin(real, module), steps.next(real, module)
         from wsim.kernels.fluid import sources
         self.decay = {name: sources.decay(LIVE["smoke_decay" if name == "smoke" else "cooling"], real, module)
                       for name in (self.scalars if self.sources is None else ())}
@@ -154,10 +154,8 @@ class Domain:
         threads, real = self.threads, self.threads.model.real
         self.speed.zero_()
         self.done.zero_()
-        for a in range(self.layout.dim):
-            u = getattr(self.u, AXES[a])
-            count = min(u.size, THREADS if threads.cuda else 1)
-            threads.over(self.fastest, count, [u, count], [self.speed])
+        blocks = threads.blocks(max(self.sizes))
+        threads.sum(self.fastest, blocks, [self.u, blocks * (BLOCK if threads.cuda else 1)], [self.speed])
         threads.over(self.begin, 1, [self.speed, real(dt), real(self.fluid.cfl * self.fluid.cell), least, most],
                      [self.clock, self.going, self.words["steps"]])
         wp.capture_while(self.going, self._step)

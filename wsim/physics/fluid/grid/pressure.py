@@ -104,6 +104,8 @@ class Pressure:
         self.p.zero_()
         self.solver.sum(self.r, self.r)
         self.solver.conclude(START, self.tolerance)
+        if self.direct:
+            self._refine()                                     # almost always enough, and a loop costs a graph some us
         wp.capture_while(self.solver.going, self._refine if self.direct else self._iterate)
 
     def _refine(self) -> None:

@@ -17,12 +17,12 @@ THIRD = {"cubic": True, "linear": True, "maccormack": False, "bfecc": False}    
 class How:
     """scheme: of advection. clamped: what cubic rows give is kept within those around. pushed: what lifts the air on the way,
     by schemes that carry nothing back: "smoke", "heat", "smoke_heat", "" of `lifting`. both: two scalars are carried at once,
-    by such schemes. walls: air sticks to closed sides, and cubics of its velocity know that."""
+    by such schemes. sharp: velocities on the way back are cubics too."""
 
     scheme: str
     clamped: bool = True
     both: bool = False
-    walls: bool = False
+    sharp: bool = False
     pushed: str = ""
     lifting: Any = None
 
@@ -33,13 +33,12 @@ class Transport:
     def __init__(self, threads: Threads, layout: Layout, grid: Any, axis: int, how: How, work: dict[str, wp.array]):
         real, module, dim, scheme = threads.model.real, threads.module, layout.dim, how.scheme
         self.threads, self.grid, self.scheme, self.work = threads, grid, scheme, work
-        self.count = kernels.tiles(dim, layout.n if axis < 0 else layout.faces(axis))
         self.lifting = how.lifting or kernels.lifting(real)()
         self.pairs = scheme in PAIRS
         shape, third = "cubic" if scheme == "cubic" else "linear", axis < 0 and THIRD[scheme]
         self.both = how.both and not self.pairs
         self.advect = (kernels.advect_both(dim, shape, third, real, module) if self.both else
-                       kernels.advect(dim, axis, (shape, shape == "cubic" and how.clamped, how.walls, third), how.pushed, real,
+                       kernels.advect(dim, axis, (shape, shape == "cubic" and how.clamped, third, how.sharp), how.pushed, real,
                                       module))
         if self.pairs:
             self.correct = kernels.correct(dim, axis, scheme == "bfecc", real, module)
@@ -50,7 +49,7 @@ class Transport:
         real, n, over = self.threads.model.real, q.size, self.threads.over
 
         def advect(q: wp.array, part: float, out: wp.array) -> None:
-            over(self.advect, self.count, [self.grid, u, q, self.lifting, clock, real(part)], [out])
+            over(self.advect, n, [self.grid, u, q, self.lifting, clock, real(part)], [out])
         if not self.pairs:
             advect(q, part, out)
             return
@@ -64,4 +63,4 @@ class Transport:
 
     def carry_both(self, u: Any, q: tuple[wp.array, wp.array], clock: wp.array, out: tuple[wp.array, wp.array]) -> None:
         """Two scalars, over the whole step."""
-        self.threads.over(self.advect, self.count, [self.grid, u, *q, clock, self.threads.model.real(1.0)], [*out])
+        self.threads.over(self.advect, q[0].size, [self.grid, u, *q, clock, self.threads.model.real(1.0)], [*out])

@@ -15,15 +15,17 @@ TOLERANCE = 1e-4         # of the change, over what viscosity does in the step; 
 
 
 class Viscosity:
-    """work: arrays p, r, d, w with room for the faces of any axis, which the pressure uses in turn."""
+    """work: arrays p, r, d, w with room for the faces of any axis, which the pressure uses in turn. walls: `slip` and
+    `layers` of the fluid."""
 
-    def __init__(self, threads: Threads, pressure: Pressure, slip: bool, work: dict[str, wp.array], sizes: list[int],
-                 words: dict[str, wp.array]):
+    def __init__(self, threads: Threads, pressure: Pressure, walls: tuple[bool, bool], work: dict[str, wp.array],
+                 sizes: list[int], words: dict[str, wp.array]):
+        slip, layers = walls
         real, module, layout = threads.model.real, threads.module, pressure.layout
         self.threads, self.pressure, self.work = threads, pressure, work
         has = bool(pressure.multigrid.fractions)
-        self.begin, self.multiply = ([make(layout.dim, a, has, slip, real, module) for a in range(layout.dim)]
-                                     for make in (kernels.begin, kernels.multiply))
+        self.begin = [kernels.begin(layout.dim, a, has, slip, real, module, layers and not slip) for a in range(layout.dim)]
+        self.multiply = [kernels.multiply(layout.dim, a, has, slip, real, module) for a in range(layout.dim)]
         self.scaled, self.scale = kernels.scaled(real, module), threads.zeros(1)
         words["spreads"] = threads.zeros(2, int)
         self.solvers = [Conjugate(threads, n, words, "spreads") for n in sizes]

@@ -95,20 +95,20 @@ class Domain:
         self.wave.assign(np.array([self.liquid.cfl * max(cell * waves / WAVE, given / GIVEN)], self.threads.model.dtype))
 
     def settle(self) -> None:
-        """Before the first frame, once kernels are there: obstacles that stand."""
+        """Prepares the first frame, once kernels are there: obstacles that stand."""
         if self.obstacles and not self.obstacles.moving:
             self.obstacles.update()
 
     @property
     def launches(self) -> int:
-        """Of a step whose pressure takes one iteration."""
+        """Number of launches of a step whose pressure takes one iteration."""
         dim, volume = self.layout.dim, self.liquid.volume
         return (self.order.launches + (5 + self.layers) * dim + self.surface.launches + 5
                 + volume * (self.surface.launches + self.layers * dim))
 
     @property
     def layers(self) -> int:
-        """Of faces beyond the liquid that velocities are extended to."""
+        """Number of layers of faces beyond the liquid that velocities are extended to."""
         return ceil(self.liquid.cfl) + MARGIN
 
     # a frame

@@ -50,7 +50,7 @@ class Flow:
         self.threads.over(self.used, 1, [self.order.first, self.order.size], [self.numbers])
 
     def act(self, particles: Any, clock: wp.array, wanted: wp.array) -> None:
-        """What goes and comes in a step; sorts the particles."""
+        """Takes and adds particles in a step; sorts the particles."""
         order, over = self.order, self.threads.over
         if self.drain:
             over(self.drain, order.room, [self.grid.dx, self.table, clock, particles], [particles.id])

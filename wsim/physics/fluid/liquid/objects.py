@@ -32,7 +32,7 @@ class Liquid(Cubes):
                 "periodic" (both sides of an axis)
     density     of the liquid [kg/m^3]; only pressures [Pa] depend on it
     transfer    between particles and grid: "apic" (keeps angular momentum), "flip" or "pic" (damps)
-    flip        part of flip in it, the rest is pic; 1 keeps noise too
+    flip        part of flip in it [1], the rest is pic; 1 keeps noise too
     volume      particles are spread to the density at rest in each step, so that the liquid keeps its volume
     tolerance   of the pressure solve, residual over right-hand side [1]
     cfl         cells that liquid may cross in a step [1]: as many steps a frame as that and waves of its surface take, up to
