@@ -10,7 +10,6 @@ from wsim.physics.animation import skinning
 from wsim.physics.animation.objects import DUAL, LINEAR, Skeleton, Skinned
 from wsim.scene import Scene, Surface, shapes
 
-
 FAST = "CesiumMan.usdz", "float32"
 
 
