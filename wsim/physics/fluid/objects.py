@@ -33,9 +33,9 @@ class Fluid(Compared):
     side_velocities  of what is at a closed side, (6, 3) [m/s]: along it that of a wall that is not slippery, across it that of
                      air which is let through
     slip             walls and obstacles let viscous air slide along them; False: it sticks to them
-    layers           where it sticks: friction of closed sides to order 2 and, in a flat fluid, velocities between rows by cubics,
-                     which resolve the layers along walls (a lid at Re 1000 on 128 x 128 cells: 0.8 % off, without 1.3 %).
-                     Not with gradients
+    layers           where it sticks: friction of closed sides to order 2 and, in a flat fluid, velocities between rows by
+                     cubics, which resolve the layers along walls (a lid at Re 1000 on 128 x 128 cells: 0.8 % off, without
+                     1.3 %). Not with gradients
     density          of the air [kg/m^3]; only pressures [Pa] depend on it
     viscosity        kinematic [m^2/s]; 0: none
     lift             buoyancy of heat, acceleration against gravity by K over the air around, in units of g [1/K]
