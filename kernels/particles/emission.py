@@ -1,8 +1,10 @@
 """Particles that come and go: sources keep their shape full, sinks empty theirs.
 
-A cell has ACROSS parts along each axis. Where the middle of a part is within a source and no particle stands in that part, one
-is put there, with the velocity of the source: as many come as the flow makes room for. New ones are counted by cell, then put
-behind those that are there, in the order of cells: the same in every run.
+A cell has ACROSS parts along each axis. Where the middle of a part is within a source and no particle is near, one is put
+there, with the velocity of the source: as many come as the flow makes room for. Near is, along every axis, less than
+1/2 - d / 2 cells, d being how far the source's velocity goes in a step: what flows off is then 1/2 - d / 2 to 1/2 + d / 2 cells
+apart, 1/2 on average. New ones are counted by cell, then put behind those that are there, in the order of cells: the same in
+every run.
 
     strength    of each at the start and at the end of the frame; it acts while above 0
 """
@@ -17,8 +19,10 @@ from wsim.kernels.fluid import shapes as moved
 from wsim.kernels.fluid.grid import flat, functions, structs
 from wsim.kernels.math.real import types
 from wsim.kernels.particles.sort import tables
+from wsim.kernels.particles.transfers import stencils
 
 SINK = 1                 # what a source is; 0: it gives
+LEAST = 0.25             # cells, however fast the source is
 
 
 @cache
@@ -73,7 +77,7 @@ def drain(dim: int, kinds: tuple[str, ...], real, module):
 def vacancies(dim: int, kinds: tuple[str, ...], real):
     """Functions: middle(i, m) -> place of part m of cell i [cells]; vacancies(g, particles, cells, of, clock, i) -> bits of the
     parts of cell i that lack a particle."""
-    t, S, T = types(real), structs(real), tables(real)
+    t, S, T, s = types(real), structs(real), tables(real), stencils(dim, real)
     Sources, within = sources(real), reach(dim, kinds, real)
 
     @wp.func
@@ -85,27 +89,34 @@ def vacancies(dim: int, kinds: tuple[str, ...], real):
         return x
 
     @wp.func
-    def taken(g: S.Grid, particles: T.Particles, cells: T.Cells, i: wp.vec3i):
-        bits = int(0)
-        c = flat(i, g.n)
-        for k in range(cells.first[c], cells.first[c + 1]):
-            s = particles.x[cells.order[k]] / g.dx
-            m = int(0)
-            for b in range(wp.static(dim)):
-                if s[b] - real(i[b]) >= real(0.5):
-                    m += wp.static(1 << b)
-            bits = bits | (1 << m)
-        return bits
+    def free(g: S.Grid, particles: T.Particles, cells: T.Cells, i: wp.vec3i, x: t.vec3, least: real):
+        """Whether no particle is near x, a place in cell i."""
+        depth = int(wp.static(int(dim == 3)))
+        for a in range(i[0] - 1, i[0] + 2):
+            for b in range(i[1] - 1, i[1] + 2):
+                for d in range(i[2] - depth, i[2] + depth + 1):
+                    j, shift = s.image(g, wp.vec3i(a, b, d))
+                    if j[0] >= 0:
+                        c = flat(j, g.n)
+                        for k in range(cells.first[c], cells.first[c + 1]):
+                            away = particles.x[cells.order[k]] / g.dx + shift - x
+                            far = wp.max(wp.abs(away[0]), wp.abs(away[1]))
+                            if wp.static(dim == 3):
+                                far = wp.max(far, wp.abs(away[2]))
+                            if far < least:
+                                return False
+        return True
 
     @wp.func
     def vacancies(g: S.Grid, particles: T.Particles, cells: T.Cells, of: Sources, clock: wp.array(dtype=real), i: wp.vec3i):
         bits = int(0)
-        there = int(-1)
         for m in range(wp.static(2 ** dim)):
-            if within(of, middle(i, m), clock, 0) >= 0:
-                if there < 0:
-                    there = taken(g, particles, cells, i)
-                if (there & (1 << m)) == 0:
+            x = middle(i, m)
+            k = within(of, x, clock, 0)
+            if k >= 0:
+                way = wp.length(of.velocity[k]) * clock[0] / g.dx
+                least = wp.max(real(0.5) - real(0.5) * way, real(LEAST))
+                if free(g, particles, cells, i, x, least):
                     bits = bits | (1 << m)
         return bits
 

@@ -60,7 +60,7 @@ def room(place: str, names: str) -> set[str]:
     return {f"wsim.{place}.{name}" for name in names.split()}
 
 
-SCENE = (room("scene", "scene bodies solid solids curve fabric") | room("scene.check", "scene objects mesh")
+SCENE = (room("scene", "scene bodies solid solids curve.curve curve.motion fabric") | room("scene.check", "scene objects mesh")
          | room("scene.values", "table value") | room("geometry", "triangulate topology memo rotation"))
 LOADER = room("geometry", "primitives")       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt sweep_strain")

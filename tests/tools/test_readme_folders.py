@@ -115,10 +115,11 @@ def test_a_fit_is_a_command(tmp_path, capsys):
 
 
 def test_the_pictures_of_the_scenes_are_made_by_commands_that_there_are():
-    """One run and one picture for each scene, with options that the command line takes."""
+    """Of scenes and frames that there are, into pictures that are there, with options that the command line takes."""
     (loop,) = snippets("scenes")
     named = re.findall(r"([a-z_]+) (\d+)", loop.partition("; do")[0])
-    assert sorted(name for name, _ in named) == sorted(path.stem for path in (ROOT / "scenes").glob("*.usda"))
+    drawn = {path.stem for path in (ROOT / "scenes/pictures").glob("*.png")}
+    assert len(named) > 20 and {name for name, _ in named} <= drawn & {path.stem for path in (ROOT / "scenes").glob("*.usda")}
     from wsim.cli import parser
     for name, frame in named:
         assert 0 < int(frame) <= wsim.load(ROOT / "scenes" / f"{name}.usda").frames

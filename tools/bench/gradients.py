@@ -1,13 +1,16 @@
 """Gradients of whole runs: time of the backward pass over that of the forward pass, memory, and how right they are.
 
     python tools/bench/gradients.py [--device cuda:0|cpu] [--points 32,100] [--tets 2560] [--substeps 1024] [--side 32]
-                                    [--million] [--json FILE]
+                                    [--smoke 16,32] [--million] [--json FILE]
 
 sheet    points a side, springs of 1 kN/m, leapfrog, XPBD (as many substeps of an iteration), or XPBD over a ball (as many of
          an iteration, contacts with friction); bar  tets, corotational, leapfrog or BDF2 by Newton's method (64 substeps);
          bars with damping, under pressure, and of an eighth as many tets of ten nodes
 side     points a side of: a membrane with hinges in the wind; a sheet held by soft pins; a sheet of springs that bounces on
          a ball; one that falls on a mesh (leapfrog, what is stable)
+smoke    cells along x, y and z of air in which a source heats a plume under a ball: two steps a frame by reflection, pressure
+         by multigrid, to 1e-4 in float32, to 1e-12 in float64. The loss is the sum of squares of the last smoke, apart of its
+         gradient by the smoke at the start, slope by the source's place. cpu: as back/forward, of the process's time
 million  XPBD of a sheet of 1000 x 1000 points, a sweep a substep: time of both passes only
 keep     all: memory for every substep; checkpoints: for a segment at a time, which then runs twice
 ms       of the forward pass (recorded, replayed from graphs), and back/forward of the least of three passes each
@@ -35,11 +38,13 @@ from tools.bench.nets import reference  # noqa: E402
 from tools.bench.speed import hardware  # noqa: E402
 from wsim import Scene, Simulation  # noqa: E402
 from wsim.gradient.recording import Recording  # noqa: E402
+from wsim.physics.fluid.objects import Fluid, Source  # noqa: E402
 from wsim.scene import (  # noqa: E402
     Sphere,
     Surface,
     shapes,  # noqa: E402
 )
+from wsim.scene.curve import Motion  # noqa: E402
 from wsim.scene.fabric import Fabric  # noqa: E402
 from wsim.scene.solid import Bulk  # noqa: E402
 
@@ -190,9 +195,56 @@ def million(device: str | None) -> dict:
     return found
 
 
+def plume(n: int, tolerance: float) -> Scene:
+    cell, rng = 1.0 / n, np.random.default_rng(2)
+    scene = Scene(fps=24.0, gravity=(0.0, 0.0, -9.81))
+    scene.add(Fluid("/air", np.zeros(3), np.ones(3), cell, steps=2, tolerance=tolerance, smoke=rng.uniform(size=(n, n, n)),
+                    velocity=0.1 * np.ones((n, n, n, 3))))
+    scene.add(Source("/fire", Sphere(0.17), Motion.at_place((0.43, 0.52, 0.21)), smoke=2.0, temperature=60.0))
+    scene.collider("/ball", Sphere(0.15), at=(0.55, 0.46, 0.6))
+    return scene
+
+
+class Smoke(Loss):
+    """1/2 |smoke|^2 of the last frame."""
+
+    def backward(self):
+        return self.recording.backward(fluids={FRAMES: {"/air": {"smoke": self.recording.fluid(FRAMES, "/air")["smoke"]}}})
+
+    def value(self, place: np.ndarray) -> float:
+        self.sim.set("/fire", "place", place)
+        self.recording.run()
+        return 0.5 * float((self.recording.fluid(FRAMES, "/air")["smoke"] ** 2).sum())
+
+
+def smoke(n: int, device: str | None) -> list[dict]:
+    exact, way, rows = Smoke(plume(n, 1e-12), "float64", "auto", device), np.array([0.6, -0.48, 0.64]), []
+    gradient = exact.backward()
+    by, slope_ = gradient.value("/air", "smoke"), float(gradient.value("/fire", "place") @ way)
+    place = exact.sim.scene.things("Source")[0].place
+    slopes = [(exact.value(place + h * way) - exact.value(place - h * way)) / (2.0 * h) for h in STEPS]
+    for keep in ("all", "checkpoints"):
+        loss = Smoke(plume(n, 1e-4), "float32", keep, device)
+        found = loss.backward().value("/air", "smoke")
+        times, cpu = [], []
+        for what in (loss.recording.run, loss.backward):
+            began = time.process_time()
+            times.append(loss.seconds(what))
+            cpu.append(time.process_time() - began)
+        rows.append({"scene": f"smoke {n}", "cells": n**3, "steps": 2 * FRAMES, "keep": keep, "forward_ms": 1e3 * times[0],
+                     "back_over_forward": times[1] / times[0], "cpu": cpu[1] / cpu[0], "megabytes": loss.recording.bytes / 1e6,
+                     "share": loss.recording.bytes / loss.recording.cost.full,
+                     "apart": float(np.linalg.norm(found - by) / np.linalg.norm(by)),
+                     "slope": min(abs(slope_ / each - 1.0) for each in slopes), **loss.recording.residuals})
+        print("  ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in rows[-1].items()), flush=True)
+    return rows
+
+
 def table(args: argparse.Namespace) -> Iterator[list[dict]]:
     """Rows of every scene that was asked for."""
     each = max(1, args.substeps // FRAMES)
+    for n in map(int, filter(None, args.smoke.split(","))):
+        yield smoke(n, args.device)
     if args.million:
         yield [million(args.device)]
     for n in map(int, filter(None, args.points.split(","))):
@@ -215,6 +267,7 @@ def main() -> None:
     parser.add_argument("--tets", default="2560")
     parser.add_argument("--substeps", type=int, default=1024, help=f"of {FRAMES} frames, explicit")
     parser.add_argument("--side", type=int, default=32, help="0: none of those")
+    parser.add_argument("--smoke", default="", help="cells along an axis")
     parser.add_argument("--million", action="store_true")
     parser.add_argument("--json", default=None)
     args = parser.parse_args()

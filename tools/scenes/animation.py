@@ -11,7 +11,6 @@ from tools.usda import block, ground, listed, moved, number, pin, scene, setting
 from wsim.scene import shapes
 from wsim.scene.curve import Curve
 from wsim.scene.curve.arc import evenly
-from wsim.scene.fabric import fabric
 from wsim.usd.stage import Units
 from wsim.usd.transforms.splines import spline_of
 
@@ -66,7 +65,7 @@ def camera_path() -> str:
     n = 24
     return scene("A camera goes once round a sheet whose rail swings: splines of a key a second, at an even pace.", [
         settings(substeps=40, iterations=2, air_drag=0.3, comment="What is between keys is met in each substep."),
-        material("cotton", fabric("cotton"), damping=3e-4),
+        material("cotton", damping=3e-4),
         cloth("Sheet", shapes.sheet(1.0, 1.0, n, n, at=(0.0, 1.0, 0.0)), "cotton", (0.16, 0.42, 0.55), "Hangs on the rail."),
         block("Cylinder", "Rail", rail, comment="Swings by a spline with five keys; its velocity is smooth."),
         pin("Rings", "/World/Sheet", np.arange(0, n + 1, 4), "/World/Rail", "Seven points of the upper edge."),
@@ -101,7 +100,7 @@ def easing_chart() -> str:
                       "The upper edge." if k == 0 else "")]
     return scene("Nine easings: balls that go along their graphs in 2.5 s, with ribbons that say how suddenly.", [
         settings(substeps=32, iterations=2, air_drag=1.0, comment="Ribbons show accelerations: they lag behind what hurries."),
-        material("silk", fabric("silk"), damping=3e-4), *parts,
+        material("silk", damping=3e-4), *parts,
         block("Camera", "Camera", "float focalLength = 50\n" + moved(0.0, 2.45, 14.5),
               comment="From the front, so that the graphs are graphs.")], frames=FRAMES)
 

@@ -17,12 +17,6 @@ def domain(low, high, cell: float, lines: str, comment: str = AIR) -> str:
                  f"{number(cell)}\n{lines}", '["WsimFluidDomainAPI"]', comment)
 
 
-def tank(low, high, cell: float, lines: str, comment: str) -> str:
-    """As `domain`, of a liquid."""
-    text = domain(low, high, cell, lines, comment).replace("wsim:fluid:", "wsim:liquid:")
-    return text.replace("WsimFluidDomainAPI", "WsimLiquidDomainAPI").replace('"Air"', '"Tank"')
-
-
 def source(name: str, shape: tuple[str, str], at, lines: str, comment: str = "") -> str:
     """shape: its type and sizes."""
     kind, sizes = shape
@@ -103,23 +97,23 @@ def cavity() -> str:
         shown("Lid", (1.0, 0.02, 0.05), (0.5, 1.01, 0.0), "The lid, only to be seen."), view(0.5, 0.5, 5.0)], frames=144)
 
 
-def spot(*values: float) -> str:
-    return "(" + ", ".join(number(value) for value in values) + ")"
+def placed(low, high) -> str:
+    """Transform of a Cube of size 1 that is a box from corner to corner [m]."""
+    middle, size = ([number(f(a, b)) for a, b in zip(low, high, strict=True)]
+                    for f in (lambda a, b: 0.5 * (a + b), lambda a, b: b - a))
+    return (f"double size = 1\ndouble3 xformOp:translate = ({', '.join(middle)})\nfloat3 xformOp:scale = ({', '.join(size)})\n"
+            'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]')
 
 
 def dam_break() -> str:
-    low, middle = (-0.6, 0.0, -0.18), (-0.24, 0.48, 0.18)
-    water = block("Cube", "Water", 'uniform token purpose = "guide"\ndouble size = 1\n'
-                  f"double3 xformOp:translate = {spot(*(0.5 * (a + b) for a, b in zip(low, middle, strict=True)))}\n"
-                  f"float3 xformOp:scale = {spot(*(b - a for a, b in zip(low, middle, strict=True)))}\n"
-                  'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]', '["WsimLiquidSourceAPI"]',
-                  "What is full of water when the scene starts. wsim:liquid:role = \"source\" would keep it full.")
-    pillar = solid("Cube", "Pillar", "double size = 1\ndouble3 xformOp:translate = (0.18, 0.2, 0)\n"
-                   "float3 xformOp:scale = (0.1, 0.4, 0.1)\n"
-                   'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]',
-                   comment="An obstacle, to a part of a cell.")
-    box = tank(low, (0.6, 0.72, 0.18), 0.04, sides(*["closed"] * 6).replace("fluid", "liquid"),
-               "The box in which water moves, on a grid of cubes, between walls. Its particles are written beside it.")
+    low, high = (-0.6, 0.0, -0.18), (0.6, 0.72, 0.18)
+    water = block("Cube", "Water", 'uniform token purpose = "guide"\n' + placed(low, (-0.24, 0.48, 0.18)),
+                  '["WsimLiquidSourceAPI"]', "What is full of water when the scene starts. wsim:liquid:role = \"source\" would "
+                  "keep it full.")
+    pillar = solid("Cube", "Pillar", placed((0.13, 0.0, -0.05), (0.23, 0.4, 0.05)), comment="An obstacle, to a part of a cell.")
+    box = block("Cube", "Tank", f'uniform token purpose = "guide"\n{placed(low, high)}\ndouble wsim:liquid:cellSize = 0.04',
+                '["WsimLiquidDomainAPI"]', "The box in which water moves, on a grid of cubes, between walls. Its particles are "
+                "written as Points beside it.")
     drops = block("Points", "Tank_drops", "color3f[] primvars:displayColor = [(0.1, 0.32, 0.6)]", comment="What a result "
                   "puts its particles into: it is made where there is none. Its colour is theirs.")
     return scene("A column of water collapses, and runs against a pillar and up the wall.", [

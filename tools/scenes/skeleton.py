@@ -91,7 +91,7 @@ HEIGHT, JOINTS = 0.85, ("hips", "hips/chest", "hips/chest/head")
 
 def dummy() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """A tailor's dummy, up along y, with the front along z: points, counts, indices, weights of its joints."""
-    points, counts, indices = shapes.torso(HEIGHT)
+    points, counts, indices = shapes.torso(HEIGHT, 20)
     points = points[:, [0, 2, 1]] * (-1.0, 1.0, 1.0)
     s = points[:, 1] / HEIGHT
     chest = np.clip((s - 0.22) / 0.26, 0.0, 1.0)
@@ -129,7 +129,7 @@ def bones() -> str:
 
 
 def bone_cape() -> str:
-    columns, rows, tilt = 44, 22, radians(30.0)
+    columns, rows, tilt = 40, 20, radians(30.0)
     points, counts, indices, weights = dummy()
     sheet, sheet_counts, sheet_indices = shapes.sheet(1.0, 1.0, columns, rows)
     turn, along = radians(240.0) * sheet[:, 0], 0.52 * (0.5 - sheet[:, 1])

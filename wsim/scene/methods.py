@@ -102,7 +102,7 @@ def carried(scene) -> list:
 
 
 def moving(scene) -> bool:
-    """Whether methods simulate something of a scene, besides what results hold nothing of."""
+    """True if methods simulate something of a scene, besides what results hold nothing of."""
     return any(type(thing).__name__ not in row.unseen for row, thing in every(scene)) if scene.others else False
 
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-VOLUME = "_volume"
+VOLUME, DROPS = "_volume", "_drops"           # behind the name of a prim: where what its box holds is written
+BESIDE = ("", VOLUME, DROPS)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 
 from wsim.geometry import primitives
 from wsim.scene.bodies import Compared, array
-from wsim.scene.curve import Motion, then
+from wsim.scene.curve import Motion
 
 APPROXIMATIONS = ("none", "meshSimplification", "convexHull", "convexDecomposition", "boundingCube", "boundingSphere")
 SAME = 1e-6                # relative difference of scales that counts as none
@@ -149,10 +149,10 @@ class Collider(Compared):
 
     def __post_init__(self):
         if isinstance(self.shape, Plane) and self.shape.axis is not None:
-            turn = np.eye(4)
-            turn[:3, :3] = np.eye(3)[:, TURN[self.shape.axis]]
+            turn = np.eye(4)[:, [*TURN[self.shape.axis], 3]]
             self.shape = Plane()
             if not np.array_equal(turn, np.eye(4)):
+                from wsim.scene.curve import then
                 self.motion = then(self.motion, turn)
 
 

@@ -31,7 +31,11 @@ def settle(sim: Simulation) -> None:
     """Takes the substeps that the stiffest of the values need, of an explicit integrator: then every frame of a run, and of one
     that goes on in its middle, has as many."""
     for thing in sim.scene.varying if sim.plan.find("least") else ():
-        least, most = thing.curve.bounds()
+        read = thing.curve.values
+        if not thing.curve.plain:
+            from wsim.scene.check.varying import frames
+            read = np.concatenate([read, frames(thing, sim.scene)])
+        least, most = read.min(axis=0), read.max(axis=0)
         _put(sim, thing.path, thing.name, least if thing.name == "density" else most)
     follow(sim)
 

@@ -100,6 +100,7 @@ def slopes(r: Recording, gradient, name: str, step: float) -> tuple[float, float
     return float((found * way).sum()), float(np.reshape(losses, (4, 2)) @ (1, -1) @ WEIGHTS / step)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [kind for kind in SCENES if kind != "stack"])
 def test_every_contact_has_the_slope_of_differences(kind):
     """Residuals of 1e-12 m/s (1e-9 where many points stick), by steps of 2e-5, or 1e-3: what differences tell."""
@@ -116,6 +117,7 @@ def test_every_contact_has_the_slope_of_differences(kind):
         assert found == pytest.approx(expected, rel=1e-6, abs=1e-7 * size), name
 
 
+@pytest.mark.slow
 def test_a_stack_at_rest_has_the_slope_of_differences():
     """What is pushed a little stays where it is: a slope of places by a velocity, of 4e-6 s, is what sticking gives way by.
     Residuals of 5e-10 m/s and steps of 1e-3 m/s tell that to 5e-9 s."""
@@ -148,6 +150,7 @@ def test_a_box_slides_by_its_friction():
     assert found.value("/a", "mass") == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_box_that_has_come_to_rest_has_slid_as_far_as_it_was_fast():
     """x = v0^2 / 2 mu g of a small box, and v0 / mu g by v0: the step ends it within h v0."""
     mu, v0, frames = 0.3, 0.5, 15
@@ -162,7 +165,7 @@ def test_a_box_that_has_come_to_rest_has_slid_as_far_as_it_was_fast():
     assert both == pytest.approx(-v0**2 / (2.0 * mu**2 * G), rel=4.0 * late)
 
 
-@pytest.mark.parametrize("height", [0.2, 0.237, 0.251])
+@pytest.mark.parametrize("height", [0.2, *(pytest.param(height, marks=pytest.mark.slow) for height in (0.237, 0.251))])
 def test_a_ball_bounces_when_it_comes(height):
     """z = e u (T - t) - g (T - t)^2 / 2 with u = sqrt(2 g H), t = u / g: by H, by e and by g, whatever the step."""
     e, T = 0.6, 20 / 60.0
@@ -180,6 +183,7 @@ def test_a_ball_bounces_when_it_comes(height):
     assert found.value("/a", "velocity")[2] == pytest.approx(by_t * (1.0 / G), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_ball_rolls_down_by_five_sevenths():
     slope, t = 0.1, LAST / 60.0
     r = recording(ground(body("/a", Sphere(0.1), (0.0, 0.0, 0.1 - 1e-9)), slope=slope))
@@ -189,6 +193,7 @@ def test_a_ball_rolls_down_by_five_sevenths():
     assert found.value("/a", "dynamic_friction") == 0.0                       # it sticks
 
 
+@pytest.mark.slow
 def test_a_recording_goes_where_a_simulation_does_to_the_bit():
     for kind in ("bouncing ball", "box on box"):
         sim, r = Simulation(SCENES[kind](), device="cpu", precision="float64"), recording(SCENES[kind]())
@@ -211,6 +216,7 @@ def test_checkpoints_are_refused():
         Recording(Simulation(SCENES["rolling ball"](), device="cpu", precision="float64", gradients=True), 3, "checkpoints")
 
 
+@pytest.mark.slow
 def test_a_residual_that_is_left_is_warned_of():
     r = recording(ground(*SCENES["box on box"]().things("Body"), contact_tolerance=1e-3))
     r.backward(twists={LAST: {"/b": np.ones((2, 3))}})

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.conftest import first_and_slow
 from wsim.gradient.inputs.by_name import inputs
 from wsim.gradient.recording import Recording
 from wsim.physics.rigid.joints.joint import Drive, Joint, between, fixed, prismatic, revolute, spherical
@@ -113,6 +114,7 @@ def slopes(kind: str, name: str, step: float) -> tuple[float, float]:
     return float((found * way).sum()), float(np.reshape(losses, (4, 2)) @ (1, -1) @ WEIGHTS / step)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SCENES)
 def test_every_kind_of_joint_has_the_slope_of_differences(kind):
     """By differences of steps within which the same rows act; they tell up to 1e-8 of a slope."""
@@ -121,9 +123,11 @@ def test_every_kind_of_joint_has_the_slope_of_differences(kind):
         assert found == pytest.approx(expected, rel=1e-7, abs=2e-9), name
 
 
-@pytest.mark.parametrize("name", ["/first:stiffness", "/first:damping", "/first:target", "/second:stiffness", "/second:damping",
-                                  "/second:target"])
-@pytest.mark.parametrize("kind", ["driven", "driven D6"])
+DRIVES = [pytest.param(kind, f"/{path}:{name}", id=f"{kind} {path} {name}") for kind in ("driven", "driven D6")
+          for path in ("second", "first") for name in ("target", "stiffness", "damping")]
+
+
+@pytest.mark.parametrize("kind, name", first_and_slow(DRIVES))
 def test_drives_have_the_slope_of_differences(kind, name):
     if kind == "driven D6" and "first" in name:
         with pytest.raises(SceneError):
@@ -135,6 +139,7 @@ def test_drives_have_the_slope_of_differences(kind, name):
         assert inputs(recorded(kind), [name])[name].read().shape == (4,)
 
 
+@pytest.mark.slow
 def test_a_recording_goes_where_a_simulation_does_to_the_bit():
     for kind in ("spherical", "driven", "limits"):
         sim = Simulation(SCENES[kind](), device="cpu", precision="float64")
@@ -146,6 +151,7 @@ def test_a_recording_goes_where_a_simulation_does_to_the_bit():
             assert np.array_equal(method.part.arrays[name].numpy(), other.part.arrays[name].numpy())
 
 
+@pytest.mark.slow
 def test_a_pendulum_swings_by_its_period():
     """A point mass on a massless arm, 1e-3 rad wide: phi = a cos(w t), w^2 = g / l. d phi / d a = cos(w t), and by g
     -a t sin(w t) / 2 sqrt(g l): of second order in the step, 1e-6 of a for the width."""
@@ -184,6 +190,7 @@ def test_live_masses_reach_joints():
     assert np.abs(one.plan.method("rigid").poses() - two.plan.method("rigid").poses()).max() < 1e-13
 
 
+@pytest.mark.slow
 def test_islands_of_worlds_are_apart():
     r = Recording(Simulation(SCENES["driven"](), device="cpu", precision="float64", worlds=2, gradients=True), LAST)
     r.run()
@@ -195,6 +202,7 @@ def test_islands_of_worlds_are_apart():
         assert found.value("/first", name, 0) == 0.0
 
 
+@pytest.mark.slow
 def test_a_humanoid_that_falls_has_the_slope_of_differences():
     """Sixteen bodies, fifteen joints with limits and drives, five frames of a jump; nothing is touched."""
     from wsim.usd.load import load

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.conftest import first_and_slow
 from wsim.scene import Box, Scene
 from wsim.scene.curve import Curve, Motion
 from wsim.simulation.simulation import Simulation
@@ -34,9 +35,9 @@ def exact() -> tuple[np.ndarray, np.ndarray]:
     return state[:3], state[3:]
 
 
-@pytest.mark.parametrize(("integrator", "solver", "order", "least"), [
+@pytest.mark.parametrize(("integrator", "solver", "order", "least"), first_and_slow([
     ("leapfrog", "explicit", 2, 8), ("rk4", "explicit", 2, 8), ("backward_euler", "xpbd", 1, 64), ("bdf2", "implicit", 2, 16),
-    ("implicit_midpoint", "implicit", 2, 8), ("sdirk3", "implicit", 3, 8)])
+    ("implicit_midpoint", "implicit", 2, 8), ("sdirk3", "implicit", 3, 8)]))
 def test_what_hangs_on_a_spline_converges_with_the_order_of_the_integrator(integrator, solver, order, least):
     x, v = exact()
     errors = []
@@ -60,6 +61,7 @@ def table(substeps: int, integrator: str, solver: str, way: np.ndarray) -> Simul
     return Simulation(scene, **DOUBLE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("integrator", "solver"), [("leapfrog", "explicit"), ("backward_euler", "xpbd"), ("bdf2", "xpbd")])
 @pytest.mark.parametrize("axis", [0, 1], ids=["along", "up"])
 def test_velocities_and_impulses_of_a_carried_table_converge_to_those_of_its_curve(integrator, solver, axis):

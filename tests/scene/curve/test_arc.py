@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.conftest import first_and_slow
 from tests.scene.curve.test_motion import made
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.curve.arc import Arc, evenly
@@ -16,7 +17,7 @@ def test_the_length_of_a_parabola_is_its_closed_form():
     assert (t * np.sqrt(1 + 4 * t * t) + np.arcsinh(2 * t) / 2) / 2 == pytest.approx(0.3 * arc.whole, rel=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["linear", "catmull_rom", "monotone"])
+@pytest.mark.parametrize("kind", first_and_slow(["linear", "catmull_rom", "monotone"]))
 def test_an_even_path_has_gone_as_far_as_time_to_1e_6_of_the_whole(kind):
     rng = np.random.default_rng(3)
     path = Curve(np.array([0.0, 0.4, 2.0, 2.3, 5.0]), rng.normal(size=(5, 3)), kind)
@@ -33,6 +34,7 @@ def test_an_even_path_has_gone_as_far_as_time_to_1e_6_of_the_whole(kind):
         np.testing.assert_allclose(speed, arc.whole / 5.0, rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_a_motion_goes_along_with_its_turns_at_a_given_pace():
     motion, pace = made("catmull_rom", alpha=0.5), Curve([0.0, 3.0], [0.0, 1.0], "eased", easing="ease-in-out")
     even, arc = evenly(motion, pace), Arc(motion)

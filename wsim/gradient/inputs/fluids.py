@@ -92,7 +92,7 @@ class FluidValue(Input):
 
 
 class Surface(Input):
-    """What may be added to the velocity and the angular velocity of an obstacle's surface in each frame, (frames, 2, 3); it is
+    """An addition to the velocity and the angular velocity of an obstacle's surface in each frame, (frames, 2, 3); it is
     read as zeros, and cannot be written."""
 
     def read(self, world: int = 0) -> np.ndarray:

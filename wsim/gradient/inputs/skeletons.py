@@ -18,7 +18,7 @@ from wsim.scene.values.coverage import refuse
 
 
 class Bones(Input):
-    """Of the pins that follow a skeleton. Raises SceneError, by path, where colliders follow it too, or nothing does."""
+    """A value of a skeleton that pins follow. Raises SceneError, by path, where colliders follow it too, or nothing does."""
 
     shared = True
 
@@ -72,7 +72,7 @@ class Bones(Input):
         return tuple(sum(column) for column in zip(*total, strict=True))  # type: ignore[return-value]
 
     def times(self, hard: bool) -> np.ndarray:
-        """Of the rows of targets in the recording [s], those of its frames behind each other."""
+        """Times of the rows of targets in the recording [s], those of its frames behind each other."""
         r, clock, fps = self.recording, self.sim.plan.clock, self.sim.scene.fps
         if not self.pins.moves:
             return np.array([r.start / fps])

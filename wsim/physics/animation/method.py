@@ -25,12 +25,6 @@ def build(b: Build) -> Method:
     return Bones(b.model, b.scene.things("Skeleton"))
 
 
-def used(scene) -> list[Skinned]:
-    """What of a scene follows skeletons and is met."""
-    found = [getattr(c.shape, "poses", None) for c in scene.colliders]
-    return [poses for poses in found if isinstance(poses, Skinned)]
-
-
 def signature(b: Build) -> list:
     return []                                            # kernels stand in modules of their own
 

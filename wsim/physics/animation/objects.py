@@ -103,7 +103,7 @@ class Skeleton(Compared):
 
     @property
     def moves(self) -> bool:
-        """Whether joints or blend shapes do."""
+        """True if joints or blend shapes do."""
         return len(self.times) > 1 or (self.weights is not None and self.weights.moves)
 
     def later(self, delay: float) -> "Skeleton":
@@ -237,14 +237,14 @@ class Follow(Compared):
 
     @staticmethod
     def at_points(skin: Skinned, points) -> "Follow":
-        """At some of the skinned points, by their numbers (k,)."""
+        """The places at some of the skinned points, by their numbers (k,)."""
         points = np.asarray(points, np.int32)
         return Follow(skin, np.repeat(points[:, None], 3, axis=1), np.tile([1.0, 0.0, 0.0], (len(points), 1)))
 
     @staticmethod
     def near(skin: Skinned, triangles: np.ndarray, places: np.ndarray, faces=None) -> "Follow":
-        """At world places (k, 3) [m], each as it lies over the nearest triangle at the start. triangles: (t, 3); faces: their
-        numbers in the mesh, if they are not 0, 1, 2 ..."""
+        """The places at world places (k, 3) [m], each as it lies over the nearest triangle at the start. triangles: (t, 3);
+        faces: their numbers in the mesh, if they are not 0, 1, 2 ..."""
         x = skin.skeleton.motion.points(skin.at(0.0))
         chosen = np.array([skinning.nearest(x[triangles], place) for place in np.asarray(places, np.float64)], np.int32)
         corners = np.asarray(triangles, np.int32)[chosen]

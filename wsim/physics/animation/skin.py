@@ -15,7 +15,7 @@ RIGID = 1e-6           # how far axes of a transform may be from orthonormal tha
 
 
 def rigid(skin: Skinned) -> bool:
-    """Whether no joint of the skeleton is ever scaled or sheared."""
+    """True if no joint of the skeleton is ever scaled or sheared."""
     bones = skin.skeleton
     scales = np.ones(1) if bones.scales is None else bones.scales
     whole = np.concatenate([bones.rest, bones.bind])[:, :3, :3]
@@ -55,7 +55,7 @@ class Shapes:
 
 
 class Skin:
-    """Of one mesh. `upload` and `widen` are what `wsim.physics.contact` calls for a mesh of its kind."""
+    """Device tables of one mesh. `upload` and `widen` are what `wsim.physics.contact` calls for a mesh of its kind."""
 
     def __init__(self, bones, skin: Skinned, mesh=None, out=wp.float32):
         """bones: `wsim.physics.animation.method.Bones`; out: precision of the points that it writes."""

@@ -40,7 +40,7 @@ def levels(parents: np.ndarray) -> list[np.ndarray]:
 
 
 def flat(M: np.ndarray) -> np.ndarray:
-    """Whether each of the transforms (n, 4, 4) has no inverse."""
+    """True for each of the transforms (n, 4, 4) that has no inverse."""
     lengths = np.linalg.norm(M[:, :3, :3], axis=1)
     return ~(np.abs(np.linalg.det(M[:, :3, :3])) > 1e-12 * lengths.max(axis=1) ** 3)
 
@@ -120,7 +120,7 @@ def linear(p: np.ndarray, joints: np.ndarray, weights: np.ndarray, A: np.ndarray
 
 
 def duals(A: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of transforms (..., 4, 4): quaternions q (..., 4), their dual parts t q / 2 (..., 4), and stretches S (..., 3, 3)."""
+    """Quaternions q (..., 4) of transforms (..., 4, 4), their dual parts t q / 2 (..., 4), and stretches S (..., 3, 3)."""
     R, S = rotation.polar(A[..., :3, :3])
     q = rotation.quaternion(R)
     t = np.concatenate([A[..., :3, 3], np.zeros((*A.shape[:-2], 1))], axis=-1)
@@ -211,7 +211,7 @@ def coordinates(corners: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def nearest(corners: np.ndarray, x: np.ndarray) -> int:
-    """Which of the triangles (t, 3, 3) with an area is nearest to a place (3,)."""
+    """Number of the triangle among (t, 3, 3) with an area that is nearest to a place (3,)."""
     e0, e1 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     sound = np.linalg.norm(np.cross(e0, e1), axis=1) > 0.0
     away = x - corners[:, 0]

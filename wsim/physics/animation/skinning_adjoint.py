@@ -91,7 +91,7 @@ def _moved(q: np.ndarray, d: np.ndarray, p: np.ndarray) -> np.ndarray:
 
 
 def dual(skin: Skinned, p: np.ndarray, A: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """As `linear`, of joints that turn and shift and are not scaled."""
+    """N and gradients as `linear` has them, of joints that turn and shift and are not scaled."""
     q, d, _ = skinning.duals(A)
     joints, weights = skin.joints, skin.parts
     pivot = q[joints[np.arange(len(p)), np.argmax(weights, axis=1)]]
@@ -144,8 +144,8 @@ def part_slopes(knots: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def gradients(follow: Follow, times: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """By angles of the joints at the keys (keys, joints, 3) [1/rad], and by the weights of blend shapes (keys, shapes), from
-    gradients g (times, k, 3) [1/m] by `Follow.over(times)`."""
+    """Gradients by angles of the joints at the keys (keys, joints, 3) [1/rad], and by weights of blend shapes (keys, shapes),
+    from gradients g (times, k, 3) [1/m] by `Follow.over(times)`."""
     skin, corners = follow.only_points()
     bones, x = skin.skeleton, skin.over(times)
     turn = np.stack([bones.motion.at(t)[:3, :3] for t in times])
@@ -170,7 +170,8 @@ def gradients(follow: Follow, times: np.ndarray, g: np.ndarray) -> tuple[np.ndar
 
 
 def shape_gradients(skin: Skinned, times: np.ndarray, by_p: np.ndarray) -> np.ndarray:
-    """By weights of blend shapes at their keys, (keys, shapes), from gradients by points in the mesh's space (times, n, 3)."""
+    """Gradients by weights of blend shapes at their keys, (keys, shapes), from those by points in the mesh's space (times, n,
+    3)."""
     curve = skin.skeleton.weights
     found = np.zeros((0, 0) if curve is None else curve.values.shape)
     for shape in skin.blends if curve is not None else ():

@@ -27,7 +27,7 @@ UNIT = 1e-3            # by which a quaternion's length may differ from 1 withou
 
 
 def load(reading: Reading, prim: Usd.Prim) -> Skeleton | None:
-    """Of a Skeleton prim: what follows it has been read before."""
+    """The skeleton of a prim, if something that was read before follows it."""
     relationship = prim.GetRelationship(BODIES)
     if relationship and relationship.GetTargets():
         _driven(reading, prim)
@@ -221,7 +221,7 @@ def _shapes(reading: Reading, bound, bones: Skeleton) -> list[Shape]:
 
 
 def _corrective(reading: Reading, shape: UsdSkel.BlendShape, bones: Skeleton) -> dict:
-    """What drives a corrective shape; {}: the animation does."""
+    """Joint that drives a corrective shape; {}: the animation does."""
     prim = shape.GetPrim()
     joint = prim.GetAttribute(JOINT)
     if not joint or not joint.Get():

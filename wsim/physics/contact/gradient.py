@@ -53,9 +53,9 @@ class ContactGradient:
         return float(self.gap[rows][:, self.of_world(world)].sum())
 
     def places(self, path: str, world: int) -> tuple[np.ndarray, np.ndarray]:
-        """By the place of a collider, and by a small turn about it, at the start of each substep of a frame and at the end of
-        its last, (frames, substeps + 1, 3): from e0 s0 + e1 s1 and b0 s0 + b1 s1 with b the part of the frame at either end of
-        a substep and e = 1 - b. Of linear keys the substep is the frame."""
+        """Gradient with respect to the place of a collider and a small turn about it, at the start of each substep of a frame
+        and at the end of its last, (frames, substeps + 1, 3): from e0 s0 + e1 s1 and b0 s0 + b1 s1 with b the part of the
+        frame at either end of a substep and e = 1 - b. Of linear keys the substep is the frame."""
         objects = [k for k, b in enumerate(self.model.bodies) if b.world == world]
         rows = self.steps[:, :, objects][:, :, :, self.rows(path)].sum(axis=(2, 3))            # (frames, substeps, 4, 3)
         n = rows.shape[1]

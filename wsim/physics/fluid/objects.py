@@ -20,8 +20,48 @@ PRESSURE = ("auto", "direct", "multigrid")
 SCALARS = ("cubic", "maccormack", "bfecc", "linear")                     # of smoke and temperature
 
 
+class Cubes(Compared):
+    """A box along the world's axes, of cubes."""
+
+    path: str
+    low: np.ndarray
+    high: np.ndarray
+    cell: float
+    sides: tuple[str, ...]
+
+    @property
+    def elements(self) -> int:
+        """Cells."""
+        x, y, z = self.shape
+        return x * y * z
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Cells along x, y, z, at least one; (0, 0, 0) where the box or the cell is none."""
+        size = (self.high - self.low) / self.cell if self.cell > 0.0 else np.zeros(3)
+        if not (np.isfinite(size).all() and (size > 0.0).all()):
+            return 0, 0, 0
+        x, y, z = (max(1, round(float(v))) for v in size)
+        return x, y, z
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """Axes with more than one cell: two of a flat fluid."""
+        return tuple(a for a, n in enumerate(self.shape) if n > 1)
+
+    @property
+    def cells(self) -> int:
+        x, y, z = self.shape
+        return x * y * z
+
+    def centers(self) -> np.ndarray:
+        """Centres of the cells, world (nx, ny, nz, 3) [m]."""
+        index = np.stack(np.meshgrid(*(np.arange(n) for n in self.shape), indexing="ij"), -1)
+        return self.low + self.cell * (index + 0.5)
+
+
 @dataclass(eq=False)
-class Fluid(Compared):
+class Fluid(Cubes):
     """A box of air on a grid of cubes. Where an axis has one cell the fluid is flat, and costs no third axis.
 
     path             prim path
@@ -86,36 +126,6 @@ class Fluid(Compared):
         self.low, self.high = (np.array(v, np.float64).reshape(3) for v in (self.low, self.high))
         self.sides = tuple(self.sides)
         self.side_velocities = np.array(self.side_velocities, np.float64).reshape(6, 3)
-
-    @property
-    def elements(self) -> int:
-        """Cells."""
-        x, y, z = self.shape
-        return x * y * z
-
-    @property
-    def shape(self) -> tuple[int, int, int]:
-        """Cells along x, y, z, at least one; (0, 0, 0) where the box or the cell is none."""
-        size = (self.high - self.low) / self.cell if self.cell > 0.0 else np.zeros(3)
-        if not (np.isfinite(size).all() and (size > 0.0).all()):
-            return 0, 0, 0
-        x, y, z = (max(1, round(float(v))) for v in size)
-        return x, y, z
-
-    @property
-    def axes(self) -> tuple[int, ...]:
-        """Axes with more than one cell: two of a flat fluid."""
-        return tuple(a for a, n in enumerate(self.shape) if n > 1)
-
-    @property
-    def cells(self) -> int:
-        x, y, z = self.shape
-        return x * y * z
-
-    def centers(self) -> np.ndarray:
-        """Centres of the cells, world (nx, ny, nz, 3) [m]."""
-        index = np.stack(np.meshgrid(*(np.arange(n) for n in self.shape), indexing="ij"), -1)
-        return self.low + self.cell * (index + 0.5)
 
 
 @dataclass(eq=False)

@@ -58,7 +58,7 @@ class _Pinned:
 
 
 class Following:
-    """Where a pin's points belong on a mesh that joints move, in the place of a `Motion`."""
+    """Places of a pin's points on a mesh that joints move, used like a `Motion`."""
 
     def __init__(self, follow, ends: np.ndarray):
         """follow: a `wsim.physics.animation.objects.Follow`; ends: points that each of those between is the middle of."""

@@ -215,6 +215,9 @@ def muscles(net: Springs) -> Iterator[Problem]:
             yield error(path, "muscles without an actuation", "both, or none", "author wsim:actuation, or leave muscles out")
         return
     yield from array(path, "factors of actuation", curve.values.ravel(), (curve.values.size,), 0.0, True)
+    if not curve.plain and not (least := float(np.min(curve.bounds()[0]))) > 0.0:
+        yield error(path, f"factors of actuation down to {least:g} between or outside of their keys (kind {curve.kind})", "> 0",
+                    "take kind monotone, which stays between its keys, or hold it outside of them")
     if not np.isfinite(curve.times).all():
         yield error(path, "times of actuation that are no numbers", "finite ones", "author its keys again")
     groups, of = curve.values.shape[1], np.zeros(m, np.int32) if net.muscles is None else net.muscles

@@ -78,6 +78,15 @@ def varying(thing: Varying, scene: Scene) -> Iterator[Problem]:
         yield error(thing.path, f"{thing.name} has times that are not finite", "finite ones", "author its samples again")
     elif len(bad := values[~row.range.holds(values)]):
         yield error(thing.path, row.range.wrong(thing.name, bad[0]), "that range at every key", "author that sample again")
+    elif not thing.curve.plain and len(bad := (read := frames(thing, scene))[~row.range.holds(read)]):
+        yield error(thing.path, f"{row.range.wrong(thing.name, bad[0])}; a curve of kind {thing.curve.kind} leaves that range "
+                    "between its keys or outside of them", "that range at every frame",
+                    "take kind monotone, which stays between its keys, or hold it outside of them")
+
+
+def frames(thing: Varying, scene: Scene) -> np.ndarray:
+    """Values that the frames of a scene have, those at their middles."""
+    return thing.curve.sampled((np.arange(max(scene.frames, 1)) + 0.5) / scene.fps)
 
 
 def unfit(scene: Scene, what: str, path: str) -> list[Problem]:

@@ -1,7 +1,19 @@
-"""Values known for all time: curves by keys, motions of frames, easing. NumPy only."""
+"""Values known for all time: curves by keys, motions of frames, easing. NumPy only. Stacks of transforms are imported when they
+are asked for."""
 
-from wsim.scene.curve.curve import KINDS, Curve
+from typing import TYPE_CHECKING
+
+from wsim.scene.curve.curve import Curve
 from wsim.scene.curve.motion import Motion
-from wsim.scene.curve.stack import Part, Stack, then
 
-__all__ = ["KINDS", "Curve", "Motion", "Part", "Stack", "then"]
+if TYPE_CHECKING:
+    from wsim.scene.curve.stack import Part, Stack, then
+
+__all__ = ["Curve", "Motion", "Part", "Stack", "then"]
+
+
+def __getattr__(name: str):
+    if name in ("Part", "Stack", "then"):
+        from wsim.scene.curve import stack
+        return getattr(stack, name)
+    raise AttributeError(name)

@@ -19,17 +19,16 @@ period begins where the last ended), "reset", "oscillate". Times in [s] from the
 slopes.py.
 """
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wsim.kernels.animation import cubic, outside
-from wsim.scene.curve import given, gradient, pieces, slopes
-from wsim.scene.curve.easing import HOLD
-from wsim.scene.curve.given import FORMS, KINDS
-from wsim.scene.curve.slopes import column
+if TYPE_CHECKING:
+    from wsim.scene.curve.pieces import Pieces
 
-INSIDE = outside.outsides(np, float).inside
+# What is linear between keys and held outside needs this file alone: the others are imported by what they are for.
 
 
 def keyed(times, values) -> tuple[np.ndarray, np.ndarray]:
@@ -61,17 +60,9 @@ class Curve:
     def __init__(self, times, values, kind: str = "linear", before="held", after="held", **how):
         self.times, self.values = keyed(times, values)
         self.kind, self.before, self.after, self.how = kind, before, after, how
-        if kind not in KINDS:
-            raise ValueError(f"no kind of curve is called {kind!r}; there are {', '.join(KINDS)}")
-        if extra := [name for name in how if name not in KINDS[kind]]:
-            raise ValueError(f"a curve of kind {kind} has no {', '.join(extra)}; it takes "
-                             f"{', '.join(KINDS[kind]) or 'nothing'}")
-        if not self.plain:
+        if not self.plain or how:
+            from wsim.scene.curve import given
             self.values = self.values.astype(np.float64)
-            if not (np.isfinite(self.times).all() and np.isfinite(self.values).all()):
-                raise ValueError("the keys of a curve must be finite numbers")
-            for side in (before, after):
-                self.mode(side)
             self.how = given.completed(self)
         self.made: Any = None                # pieces and slopes, once asked for
 
@@ -85,49 +76,25 @@ class Curve:
         """True if there is more than one key, or it goes on outside of the only one."""
         return len(self.times) > 1 or not (isinstance(self.before, str) and isinstance(self.after, str))
 
-    def mode(self, side) -> int:
-        """Number of a way to go on outside of the keys, which is `before` or `after`. Raises ValueError for another."""
-        if isinstance(side, str):
-            if side not in outside.NAMES:
-                raise ValueError(f"outside of its keys a curve is {', '.join(outside.NAMES)} or has a slope, not {side!r}")
-            return outside.NAMES[side] if len(self.times) > 1 else outside.HELD
-        if np.shape(side) not in ((), self.values.shape[1:]) or not np.isfinite(side).all():
-            raise ValueError(f"a slope outside of keys is finite, one number or of shape {self.values.shape[1:]}, not {side}")
-        return outside.LINEAR
-
-    def replaced(self, values, times=None, **how) -> "Curve":
+    def replaced(self, values, times=None, **how) -> Curve:
         """The same curve with other values, (keys, ...), and times [s] or parts of `how`."""
         return type(self)(self.times if times is None else times, values, self.kind, self.before, self.after, **self.how | how)
 
-    def flat(self) -> "Curve":
+    def flat(self) -> Curve:
         """The same curve with values (keys, m), in float64."""
         n, how = len(self.times), {name: self.how[name] for name in ("leave", "arrive", "until") if name in self.how}
         more = {name: v.reshape(n, -1) for name, v in how.items()}
         return self.replaced(np.asarray(self.values, np.float64).reshape(n, -1), **more)
 
-    def scaled(self, s: float) -> "Curve":
+    def scaled(self, s: float) -> Curve:
         """Values times a number."""
         sides = [side if isinstance(side, str) else np.multiply(side, s) for side in (self.before, self.after)]
         return type(self)(self.times, self.values * s, self.kind, *sides, **{
             name: v * s if name in ("leave", "arrive", "until") else v for name, v in self.how.items()})
 
-    def later(self, delay: float) -> "Curve":
+    def later(self, delay: float) -> Curve:
         """The same values `delay` [s] later."""
         return self.replaced(self.values, self.times + delay)
-
-    def slopes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Slopes [unit/s] before and behind the keys, (keys, ...) each, of kinds that have some."""
-        if self.kind in slopes.RULES:
-            none = np.zeros_like(self.values)
-            return slopes.RULES[self.kind](self.times, self.values, **self.how) if len(self.times) > 1 else (none, none)
-        return self.how["arrive"], self.how["leave"]
-
-    @property
-    def pieces(self) -> pieces.Pieces:
-        """Pieces of a curve of two keys or more."""
-        if self.made is None:
-            self.made = _pieces(self)
-        return self.made
 
     def at(self, t: float) -> np.ndarray:
         """Value at time t [s], shape (...)."""
@@ -141,71 +108,26 @@ class Curve:
 
     def sampled(self, t) -> np.ndarray:
         """Values at times (n,) [s], (n, ...)."""
-        return self._found(np.atleast_1d(np.asarray(t, np.float64)))[0]
+        return _evaluate().found(self, np.atleast_1d(np.asarray(t, np.float64)))[0]
 
     def rate(self, t) -> np.ndarray:
         """Derivatives at times (n,) [s], (n, ...), the unit a second: at a key the one behind it, 0 where it is held."""
-        return self._found(np.atleast_1d(np.asarray(t, np.float64)))[1]
+        return _evaluate().found(self, np.atleast_1d(np.asarray(t, np.float64)))[1]
 
     def table(self, t) -> np.ndarray:
         """Table as `sampled` has it; what is linear by weights of the keys, as its gradients are."""
         return self.weights(t) @ self.values if self.plain else self.sampled(t)
-
-    def place(self, t: np.ndarray):
-        """(piece, fraction [1], periods to add, direction, mode, [s] beyond the end) of times (n,), of two keys or more."""
-        first, last = self.times[0], self.times[-1]
-        mode = np.where(t < first, self.mode(self.before), np.where(t >= last, self.mode(self.after), outside.HELD))
-        inside, n, way = INSIDE(t, first, last, mode)
-        k = np.where(way < 0.0, np.searchsorted(self.times, inside, "left"), np.searchsorted(self.times, inside, "right")) - 1
-        k = np.clip(k, 0, len(self.times) - 2)
-        return k, (inside - self.times[k]) / self.pieces.span[k], n, way, mode, t - inside
-
-    def _found(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        first, last, until = self.times[0], self.times[-1], self.until
-        if len(self.times) == 1:
-            value, rate = np.repeat(self.values, len(t), 0), np.zeros((len(t), *self.values.shape[1:]))
-            value[t < first] = until[0]
-            beyond, n, way, mode = t - first, np.zeros(len(t)), np.ones(len(t)), np.where(
-                t < first, self.mode(self.before), self.mode(self.after))
-        else:
-            k, s, n, way, mode, beyond = self.place(t)
-            value, rate = self.pieces.at(k, s)
-            rate = rate * column(way, rate)
-            value[(t >= last) & (mode < outside.REPEAT)] = self.values[-1]
-            value[(t < first) & (mode < outside.REPEAT)] = until[0]
-        rate[((t < first) | (t >= last)) & (mode < outside.REPEAT)] = 0.0
-        for side, at in ((0, (t < first) & (mode == outside.LINEAR)), (1, (t >= last) & (mode == outside.LINEAR))):
-            if at.any():
-                slope = self.slope(side)
-                value[at], rate[at] = value[at] + column(beyond[at], value) * slope, slope
-        if n.any():
-            each = np.where(column(n > 0.0, value), self.values[-1] - self.values[0], until[-1] - until[0])
-            value = value + column(n, value) * each
-        return value, rate
 
     @property
     def until(self) -> np.ndarray:
         """Values right before the keys, (keys, ...)."""
         return self.how.get("until", self.values)
 
-    def slope(self, side: int) -> np.ndarray:
-        """Slope [unit/s] of going on before (0) or after (1) the keys."""
-        given = (self.before, self.after)[side]
-        if not isinstance(given, str):
-            return np.broadcast_to(np.asarray(given, np.float64), self.values.shape[1:])
-        of, k = self.pieces, -side
-        if not np.array_equal(self.until[k], self.values[k]):          # USD: it jumps there, and is held
-            return np.zeros(self.values.shape[1:])
-        if self.kind in (*slopes.RULES, "hermite", "bezier") and self.how.get("form", FORMS[:1])[k] == "curve":
-            return self.slopes()[1 - side][k]
-        u, du = pieces.easing.warped(of.code[[k]], of.x[[k]], np.array([float(side)]))
-        b, c, d = (part[k] for part in of.part[1:])
-        return cubic.rate(b, c, d, u[0]) * (du[0] / of.span[k])
-
     def weights(self, times) -> np.ndarray:
         """Part of each key in the values at some times, (times, keys): the values are weights @ keys' values; slopes that were
         given are fixed. Raises ValueError where slopes are no linear function of the values."""
         if not self.plain:
+            from wsim.scene.curve import gradient
             return gradient.weights(self, np.atleast_1d(np.asarray(times, np.float64)))
         t = np.clip(np.asarray(times, np.float64), self.times[0], self.times[-1])
         found = np.zeros((len(t), len(self.times)))
@@ -221,20 +143,39 @@ class Curve:
         "values" (keys, ...); "leave" and "arrive" where slopes are given; "easing" (pieces, 4) of what has handles."""
         if self.plain:
             return {"values": np.tensordot(self.weights(np.atleast_1d(times)).T, by, 1)}
+        from wsim.scene.curve import gradient
         return gradient.pulled(self, np.atleast_1d(np.asarray(times, np.float64)), np.asarray(by, np.float64))
+
+    # what is not plain: wsim/scene/curve/evaluate.py
+
+    def mode(self, side) -> int:
+        """Number of a way to go on outside of the keys, which is `before` or `after`. Raises ValueError for another."""
+        return _evaluate().mode(self, side)
+
+    def slopes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Slopes [unit/s] before and behind the keys, (keys, ...) each, of kinds that have some."""
+        return _evaluate().slopes_of(self)
+
+    @property
+    def pieces(self) -> Pieces:
+        """Pieces of a curve of two keys or more."""
+        if self.made is None:
+            self.made = _evaluate().pieces_of(self)
+        return self.made
+
+    def place(self, t: np.ndarray):
+        """(piece, fraction [1], periods to add, direction, mode, [s] beyond the end) of times (n,), of two keys or more."""
+        return _evaluate().place(self, t)
+
+    def slope(self, side: int) -> np.ndarray:
+        """Slope [unit/s] of going on before (0) or after (1) the keys."""
+        return _evaluate().slope(self, side)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """The least and the largest value ever, (...) each: of pieces those of their control points, which hold them; infinite
         where it goes on outside of the keys."""
         low, high = self.values.min(axis=0), self.values.max(axis=0)
-        if self.kind != "linear" and len(self.times) > 1:
-            held = pieces.hull(self.pieces)
-            low, high = np.minimum(low, held.min(axis=0)), np.maximum(high, held.max(axis=0))
-        for side, of in enumerate((self.before, self.after)):
-            grows = self.slope(side) if self.mode(of) == outside.LINEAR else self.values[-1] - self.values[0]
-            step = grows * (2 * side - 1) if self.mode(of) in (outside.LINEAR, outside.REPEAT) else 0.0
-            low, high = np.where(np.less(step, 0.0), -np.inf, low), np.where(np.greater(step, 0.0), np.inf, high)
-        return low, high
+        return (low, high) if self.plain else _evaluate().widened(self, low, high)
 
     def __eq__(self, other) -> bool:
         return (type(self) is type(other) and np.array_equal(self.times, other.times)
@@ -252,14 +193,6 @@ def _same(a, b) -> bool:
         list(a) == list(b) if isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)) else np.array_equal(a, b))
 
 
-def _pieces(c: Curve) -> pieces.Pieces:
-    p = c.values[:-1].astype(np.float64)
-    q = c.until[1:].astype(np.float64)
-    if c.kind in ("linear", "hold"):
-        return pieces.straight(c.times, p, q, np.full(len(p), HOLD if c.kind == "hold" else 0))
-    if c.kind == "eased":
-        return pieces.eased(c.times, p, q, c.how["easing"])
-    arrive, leave = c.slopes()
-    widths = np.stack([c.how["leave_width"][:-1], c.how["arrive_width"][1:]], 1) if c.kind == "bezier" else None
-    found = pieces.hermite(c.times, p, q, leave[:-1], arrive[1:], widths)
-    return pieces.formed(found, p, q, np.array(c.how["form"])) if "form" in c.how and len(p) else found
+def _evaluate():
+    from wsim.scene.curve import evaluate
+    return evaluate

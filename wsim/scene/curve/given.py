@@ -20,7 +20,20 @@ FORMS = ("curve", "linear", "hold")
 
 
 def completed(curve: Curve) -> dict:
-    """`how` with what follows from the rest, checked."""
+    """Fields that the kind is given (`how`), with what follows from the rest. Raises ValueError where something cannot be."""
+    if curve.kind not in KINDS:
+        raise ValueError(f"no kind of curve is called {curve.kind!r}; there are {', '.join(KINDS)}")
+    if extra := [name for name in curve.how if name not in KINDS[curve.kind]]:
+        raise ValueError(f"a curve of kind {curve.kind} has no {', '.join(extra)}; it takes "
+                         f"{', '.join(KINDS[curve.kind]) or 'nothing'}")
+    if not (np.isfinite(curve.times).all() and np.isfinite(curve.values).all()):
+        raise ValueError("the keys of a curve must be finite numbers")
+    for side in (curve.before, curve.after):
+        curve.mode(side)
+    return _completed(curve)
+
+
+def _completed(curve: Curve) -> dict:
     how, n, kind = dict(curve.how), len(curve.times), curve.kind
     if kind == "eased":
         easing = how.setdefault("easing", "linear")

@@ -97,7 +97,13 @@ def _onward(curve: Curve, side: int, by: np.ndarray, sums: _Sums) -> None:
 def _height(curve: Curve, k: np.ndarray, u: np.ndarray) -> np.ndarray:
     """y(u) [1] of easings with handles."""
     y = _four(curve)[:, 1::2][k]
-    return cubic.value(*cubic.hermite(0.0, 1.0, 3.0 * y[:, 0], 3.0 * (1.0 - y[:, 1])), u)
+    return _unit(y[:, 0], y[:, 1], u)[0]
+
+
+def _unit(first: np.ndarray, second: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(value, rate) at u (n,) of the cubics of control values 0, first, second, 1."""
+    a, b, c, d = cubic.hermite(0.0, 1.0, 3.0 * first, 3.0 * (1.0 - second))
+    return cubic.value(a, b, c, d, u), cubic.rate(b, c, d, u)
 
 
 def _four(curve: Curve) -> np.ndarray:
@@ -112,7 +118,7 @@ def _handles(curve: Curve, k: np.ndarray, u: np.ndarray, by: np.ndarray, sums: _
     ends = curve.until
     rise = (by * (ends[k + 1] - curve.values[k])).reshape(len(k), -1).sum(1)
     one, two = 3.0 * u * (1.0 - u)**2, 3.0 * u * u * (1.0 - u)
-    of = [cubic.rate(*cubic.hermite(0.0, 1.0, 3.0 * a, 3.0 * (1.0 - b))[1:], u) for a, b in ((y1, y2), (x1, x2))]
+    of = [_unit(a, b, u)[1] for a, b in ((y1, y2), (x1, x2))]
     ratio = of[0] / np.where(of[1] * easing.easing.LIMIT > 1.0, of[1], 1.0 / easing.easing.LIMIT)
     np.add.at(sums.handles, k, (rise * np.stack([-ratio * one, one, -ratio * two, two])).T)
 
@@ -142,9 +148,8 @@ def weights(curve: Curve, t: np.ndarray) -> np.ndarray:
     if curve.kind == "monotone" or curve.how.get("alpha") is not None:
         raise ValueError(f"slopes of a curve of kind {curve.kind} {curve.how or ''} are no linear function of its values: "
                          "there are no weights of its keys; take `Curve.pulled`, or catmull_rom without alpha")
-    eye, how = np.eye(len(curve.times)), dict(curve.how)
-    for name in ("leave", "arrive", "until"):
-        if name in how:
-            how[name] = np.zeros_like(eye) if name != "until" else eye
+    eye: np.ndarray = np.eye(len(curve.times))
+    flat = {"leave": np.zeros_like(eye), "arrive": np.zeros_like(eye), "until": eye}
+    how = curve.how | {name: value for name, value in flat.items() if name in curve.how}
     sides = [s if isinstance(s, str) else 0.0 for s in (curve.before, curve.after)]
     return type(curve)(curve.times, eye, curve.kind, *sides, **how).sampled(t)

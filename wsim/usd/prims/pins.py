@@ -68,7 +68,7 @@ def load_pin(reading: Reading, prim: Usd.Prim, bodies: dict[str, Body]) -> Pin |
 
 
 def is_followed(reading: Reading, prim: Usd.Prim) -> bool:
-    """Whether an attachment holds points to points or faces of a mesh that a skeleton moves."""
+    """True if an attachment holds points to points or faces of a mesh that a skeleton moves."""
     kind = read(prim, "Pin", "type1"), read(prim, "Pin", "type0") or "point"
     return kind in (("point", "point"), ("face", "point")) and Sdf.Path(_target(prim, names.SRC1)) in reading.skinned
 

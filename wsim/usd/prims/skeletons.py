@@ -47,7 +47,7 @@ def bindings(roots: list[Usd.Prim]) -> dict[Sdf.Path, Bound]:
 
 
 def poses(reading: Reading, prim: Usd.Prim) -> Any:
-    """What a mesh follows: a `wsim.physics.animation.objects.Skinned`, in its skeleton's space; where its own points or what
+    """Skinned points: a `wsim.physics.animation.objects.Skinned`, in its skeleton's space; where its own points or what
     binds them are animated, a Curve of points [m] in its own space. None where no skeleton moves it; errors are reported."""
     bound = reading.skinned.get(prim.GetPath())
     if bound is None or not prim.IsA(UsdGeom.PointBased):
@@ -73,7 +73,7 @@ def poses(reading: Reading, prim: Usd.Prim) -> Any:
 
 
 def _followed(reading: Reading, bound: Bound, prim: Usd.Prim):
-    """What the method of skeletons makes of a mesh that can be skinned, or None."""
+    """The `Skinned` of a mesh that can be, or None."""
     if _skinned(bound, reading.units.start) is None:
         return None
     return role("Skeleton", "usd").follow(reading, bound, prim)

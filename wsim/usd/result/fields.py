@@ -15,7 +15,6 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from wsim.scene import Cloth, Collider, Pin, Soft, Springs
-from wsim.scene.curve import then
 from wsim.scene.solid import Bulk
 from wsim.scene.values.per_tet import parted, values_of
 from wsim.usd import names
@@ -73,6 +72,7 @@ def _lead(prim: Usd.Prim, collider: Collider, units: Units) -> None:
     """A collider's motion, with what of its transform is no motion of the shape (scale, axis): at the start both are known."""
     W = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode(units.start)), np.float64).T
     W[:3, 3] *= units.metres
+    from wsim.scene.curve import then
     own = np.linalg.solve(collider.motion.at(0.0), W)
     author_motion(prim, then(collider.motion, own), units, 0)
 

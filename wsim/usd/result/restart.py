@@ -26,7 +26,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, Vt
 
 from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
 from wsim.scene.methods import every
-from wsim.scene.samples import VOLUME
+from wsim.scene.samples import BESIDE
 from wsim.usd.clips import joined
 from wsim.usd.prims.reactions import REACTION
 from wsim.usd.result import crate, provenance
@@ -132,11 +132,12 @@ class Result:
         return UsdGeom.PointBased(self._prim(path)).GetPointsAttr().GetTimeSamples()
 
     def codes(self, path: str) -> list[float]:
-        """Time codes of what is sampled on a prim: of points, else of whatever there is on it, below, and on its volume."""
+        """Time codes of what is sampled on a prim: of points, else of whatever there is on it, below, and on its volume or
+        particles."""
         prim = self.stage.GetPrimAtPath(path)
         if prim.IsA(UsdGeom.PointBased):
             return self.time_codes(path)
-        found = [p for p in (prim, self.stage.GetPrimAtPath(path + VOLUME)) if p]
+        found = [p for name in BESIDE if (p := self.stage.GetPrimAtPath(path + name))]
         return sorted({c for p in found for each in Usd.PrimRange(p) for attribute in each.GetAuthoredAttributes()
                        for c in attribute.GetTimeSamples()})
 

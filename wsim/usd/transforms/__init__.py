@@ -19,12 +19,12 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom
 
 from wsim.geometry.rotation import polar
 from wsim.scene import Problem, SceneError
-from wsim.scene.curve import Motion, Stack, then
+from wsim.scene.curve import Motion
 from wsim.usd.attributes import author_times, read_times
 from wsim.usd.stage import Reading, Units
 from wsim.usd.transforms.curves import note_kind, read_kind
+from wsim.usd.transforms.matrix import row_matrix
 from wsim.usd.transforms.splines import splined
-from wsim.usd.transforms.stack import author_stack, parts, row_matrix
 
 MATRIX_OP = "xformOp:transform"
 ROUNDING = 1e-14                   # of a matrix that is 1
@@ -57,6 +57,7 @@ class Placement:
         if self.exact is not None:
             own = np.linalg.solve(self.frame[0], frames[0])
             if np.abs(self.frame @ own - frames).max() <= RIGID * max(1.0, np.abs(frames).max()):
+                from wsim.scene.curve import then
                 return then(self.exact, own) if np.abs(own - np.eye(4)).max() > ROUNDING else self.exact
         return Motion(self.times, frames)
 
@@ -146,6 +147,8 @@ def _exact(reading: Reading, prim: Usd.Prim) -> Motion | None:
     chain = [x.GetOrderedXformOps() for x in _chain(prim)]
     if not any(splined(op.GetAttr()) for ops in chain for op in ops):
         return None
+    from wsim.scene.curve import Stack
+    from wsim.usd.transforms.stack import parts
     if UsdGeom.Xformable(prim) and _trailing(chain[0]):
         chain[0] = chain[0][:-1]
     try:
@@ -205,7 +208,8 @@ def split(linear: np.ndarray, mirror: int = 0) -> tuple[np.ndarray, np.ndarray]:
 def author_motion(prim: Usd.Prim, motion: Motion, units: Units, frames: int) -> None:
     """Writes local-to-world `motion` on a prim, whose stack is reset if anything above it has a transform."""
     xformable = UsdGeom.Xformable(prim)
-    if isinstance(motion, Stack):
+    if motion.kind == "stack":
+        from wsim.usd.transforms.stack import author_stack
         ops = author_stack(prim, motion, units, lambda attribute, own: _author_matrix(attribute, own, units, frames))
         xformable.SetXformOpOrder(ops, _placed_above(prim))
         return

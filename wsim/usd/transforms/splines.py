@@ -12,7 +12,6 @@ import numpy as np
 from pxr import Sdf, Ts, Usd
 
 from wsim.scene.curve import Curve
-from wsim.scene.curve.easing import BEZIER, HOLD, STRAIGHT
 from wsim.usd.stage import Units
 
 TS: Any = Ts                              # its stubs lack names
@@ -97,6 +96,7 @@ def _slopes(curve: Curve, made: list, k: int) -> tuple[tuple[float, float], tupl
 def _handles(curve: Curve, k: int):
     """(interpolation, (slope [unit/s], width [s]) behind the earlier key and before the later) of a piece; None if it has
     none."""
+    from wsim.scene.curve.easing import BEZIER, HOLD, STRAIGHT
     of = curve.pieces
     code, span = int(of.code[k]), float(of.span[k])
     b, c, d = (float(part[k]) for part in of.part[1:])

@@ -12,12 +12,13 @@ Other motions within a stack are written as matrices at their keys and at the fr
 """
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
 from wsim.scene.curve import Curve, Motion, Part, Stack
 from wsim.scene.curve.stack import ELEMENTS, SCALE, SHIFT, TURN
 from wsim.usd.stage import Reading, Units
 from wsim.usd.transforms.curves import author_curve, read_curve
+from wsim.usd.transforms.matrix import row_matrix
 
 NAMES = {SHIFT: "translate", TURN: "rotate", SCALE: "scale"}
 KINDS = {name: what for what, name in NAMES.items()}
@@ -74,15 +75,16 @@ def _axes(attribute: Usd.Attribute, units: Units, what: str, axes: str, kind: st
     return [Part(what, Curve(units.time(np.array(codes)), columns[letter], kind), "XYZ".index(letter)) for letter in order]
 
 
-def author_stack(prim: Usd.Prim, stack: Stack, units: Units, write_matrix) -> list[UsdGeom.XformOp]:
+def author_stack(prim: Usd.Prim, stack: Motion, units: Units, write_matrix) -> list[UsdGeom.XformOp]:
     """Ops of a stack, outermost first. write_matrix(attribute, motion): samples of a motion on a matrix attribute."""
     ops = []
+    assert isinstance(stack, Stack)
     for k, A in enumerate(stack.inner):
         if isinstance(A, Part) and A.what != ELEMENTS:
             name = f"xformOp:{NAMES[A.what]}{'XYZ'[A.axis]}:part{k}"
             attribute = prim.CreateAttribute(name, Sdf.ValueTypeNames.Double, False)
             factor = {SHIFT: units.metres, TURN: np.pi / 180.0, SCALE: 1.0}[A.what]
-            author_curve(attribute, A.curve, units, lambda v, code, a=attribute, f=factor: a.Set(float(v) / f, code), factor)
+            author_curve(attribute, A.curve, units, _setter(attribute, factor), factor)
         else:
             attribute = prim.CreateAttribute(f"xformOp:transform:part{k}", Sdf.ValueTypeNames.Matrix4d, False)
             if isinstance(A, np.ndarray):
@@ -96,8 +98,8 @@ def author_stack(prim: Usd.Prim, stack: Stack, units: Units, write_matrix) -> li
     return ops
 
 
-def row_matrix(M: np.ndarray, units: Units) -> Gf.Matrix4d:
-    """Matrix as USD has it: acting on rows, lengths in stage units."""
-    M = np.array(M, np.float64)
-    M[:3, 3] /= units.metres
-    return Gf.Matrix4d(*M.T.ravel().tolist())
+def _setter(attribute: Usd.Attribute, factor: float):
+    """Puts a value in SI units at a time code."""
+    def put(value, code) -> None:
+        attribute.Set(float(value) / factor, code)
+    return put

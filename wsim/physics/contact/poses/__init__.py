@@ -14,7 +14,7 @@ import warp as wp
 from wsim.geometry.rotation import axis_angle, polar
 from wsim.kernels.math.real import types
 from wsim.physics.contact.colliders import Rows
-from wsim.scene.curve import Motion, Stack
+from wsim.scene.curve import Motion
 
 # Moving colliders that the host evaluates. The device differs in the last bits of float64, so that scenes of few keep theirs.
 # Measured on one core at 10 substeps: the host takes 0.35 ms and 0.2 ms for each (4: 1.2 ms), the device 0.04 ms for 4.
@@ -63,7 +63,7 @@ class Poses:
         if changed:
             moving = np.array([c.motion.moves for c in rows.colliders])
             forming = np.array([m is not None and m.moves for m in rows.meshes])
-            known = np.array([type(c.motion) in (Motion, Stack) for c in rows.colliders])
+            known = np.array([type(c.motion) is Motion or c.motion.kind == "stack" for c in rows.colliders])
             plain = np.array([c.motion.plain for c in rows.colliders])
             self.many, self.tracks = (np.flatnonzero(moving & ~forming & known & own) for own in (plain, ~plain))
             few = moving | forming
@@ -118,7 +118,8 @@ class Device:
         self.table, self.device, module = table, device, f"wsim_poses_{types(real).name}"
         if source == "tracks":
             from wsim.physics.contact.poses.tracks import Tracks
-            module, self.source = f"wsim_tracks_{types(real).name}", Tracks(device)
+            module = f"wsim_tracks_{types(real).name}"
+            self.source: Any = Tracks(device)
         else:
             self.source = Linear(device, module)
         self.movers, self.place = collider.Movers(), collider.place(real, module)

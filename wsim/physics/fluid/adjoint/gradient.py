@@ -24,7 +24,7 @@ class FluidGradient:
         self.frames = [[tuple(array.numpy() for array in own) for own in frame] for frame in losses.frames[::-1]]
 
     def value(self, path: str, name: str, world: int = 0) -> Any:
-        """Gradient with respect to a value of a fluid, a source or an obstacle. Raises SceneError where there is no such one, or
+        """Gradient with respect to a value of a fluid, a source or an obstacle. Raises SceneError where there is none, or
         nothing of it runs."""
         if name == "surface":
             return self.surface(path, world)

@@ -8,7 +8,7 @@ from math import prod
 
 import numpy as np
 
-from wsim.physics.fluid.objects import Fluid
+from wsim.physics.fluid.objects import Cubes
 
 OPEN, CLOSED, AROUND = 2.0, 0.0, 1.0        # factors on the coupling at a side, see kernels/fluid/pressure.py
 
@@ -24,7 +24,7 @@ class Layout:
     high: tuple[float, float, float]
 
     @staticmethod
-    def of(fluid: Fluid) -> "Layout":
+    def of(fluid: Cubes) -> "Layout":
         axes = fluid.axes
         kinds = [fluid.sides[2 * a:2 * a + 2] for a in axes]
         factor = {"open": OPEN, "closed": CLOSED, "wind": CLOSED, "periodic": AROUND}

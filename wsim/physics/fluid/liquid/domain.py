@@ -29,6 +29,7 @@ from wsim.physics.fluid.liquid.surface import Surface
 SPREAD = 1e-2            # tolerance of the displacement: what it leaves the next step finds
 WAVE = 0.5               # [rad] of the shortest wave of the surface in a step: pressure is of the surface as the step began, so
                          # that at 1.3 noise grows 4 times a step, at 0.6 slowly, and at 0.33 it dies out
+GIVEN = 0.5              # cells that what a source gives may cross in a step
 MARGIN = 2               # layers of faces beyond those that a particle may cross
 THREADS = 1 << 14        # that look for the fastest particle
 
@@ -90,23 +91,24 @@ class Domain:
         self.gravity.assign(along.astype(self.threads.model.dtype))
         self.more.assign(np.array([np.abs(along).max() * dt], self.threads.model.dtype))
         waves = np.sqrt(np.pi * np.abs(along).max() / cell)
-        self.wave.assign(np.array([self.liquid.cfl * cell * waves / WAVE], self.threads.model.dtype))
+        given = self.flow.fastest if self.flow else 0.0
+        self.wave.assign(np.array([self.liquid.cfl * max(cell * waves / WAVE, given / GIVEN)], self.threads.model.dtype))
 
     def settle(self) -> None:
-        """Before the first frame, once kernels are there: obstacles that stand."""
+        """Prepares the first frame, once kernels are there: obstacles that stand."""
         if self.obstacles and not self.obstacles.moving:
             self.obstacles.update()
 
     @property
     def launches(self) -> int:
-        """Of a step whose pressure takes one iteration."""
+        """Number of launches of a step whose pressure takes one iteration."""
         dim, volume = self.layout.dim, self.liquid.volume
         return (self.order.launches + (5 + self.layers) * dim + self.surface.launches + 5
                 + volume * (self.surface.launches + self.layers * dim))
 
     @property
     def layers(self) -> int:
-        """Of faces beyond the liquid that velocities are extended to."""
+        """Number of layers of faces beyond the liquid that velocities are extended to."""
         return ceil(self.liquid.cfl) + MARGIN
 
     # a frame

@@ -33,6 +33,7 @@ class Flow:
         for k, s in enumerate(sources):
             if s.velocity is not None:
                 velocity[k, :dim] = s.velocity[list(layout.axes)]
+        self.fastest = float(np.linalg.norm(velocity, axis=1).max())
         what = np.array([emission.SINK * (s.role == "sink") for s in sources], np.int32)
         self.table = filled(emission.sources(real), shapes=self.shapes.table, what=model.upload(what, int),
                             velocity=model.upload(velocity, types(real).vec3), strength=threads.zeros(n, types(real).vec2))
@@ -49,7 +50,7 @@ class Flow:
         self.threads.over(self.used, 1, [self.order.first, self.order.size], [self.numbers])
 
     def act(self, particles: Any, clock: wp.array, wanted: wp.array) -> None:
-        """What goes and comes in a step; sorts the particles."""
+        """Takes and adds particles in a step; sorts the particles."""
         order, over = self.order, self.threads.over
         if self.drain:
             over(self.drain, order.room, [self.grid.dx, self.table, clock, particles], [particles.id])

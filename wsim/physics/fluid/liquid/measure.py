@@ -3,23 +3,21 @@
 import numpy as np
 
 from wsim.physics.fluid.liquid.objects import ACROSS, Liquid
-from wsim.scene.samples import Particles
-
-DROPS = "_drops"           # behind the name of the domain: the prim of its particles
+from wsim.scene.samples import DROPS, Particles
 
 
 def width(liquid: Liquid) -> float:
-    """Of a ball with the volume that a particle has at rest [m]."""
+    """Diameter of a ball with the volume that a particle has at rest [m]."""
     return liquid.cell / ACROSS * (6.0 / np.pi) ** (1.0 / 3.0)
 
 
 def mass(liquid: Liquid) -> float:
-    """Of a particle [kg]; a flat liquid is one cell thick."""
+    """Mass of a particle [kg]; a flat liquid is one cell thick."""
     return liquid.density * liquid.cell ** 3 / ACROSS ** len(liquid.axes)
 
 
 def sample(liquid: Liquid, particles: dict[str, np.ndarray]) -> Particles:
-    """Beside its domain."""
+    """Sample that stands beside its domain."""
     x = particles["x"]
     return Particles(liquid.path + DROPS, x, np.full(len(x), width(liquid)), particles["id"], particles["v"])
 

@@ -1,6 +1,7 @@
 """Liquids on the device: for each liquid of each world a part "liquid k", whose rows are particles, and the steps of a frame
 (`wsim.physics.fluid.liquid.domain`)."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -115,7 +116,7 @@ class Liquids(Method):
 
     def retry(self, status: Status) -> list[Remedy]:
         wanted = status.said("liquid: room")
-        return [Remedy("grow", lambda k=k, n=int(n): self._more(k, n)) for k, n in enumerate(wanted)
+        return [Remedy("grow", partial(self._more, k, int(n))) for k, n in enumerate(wanted)
                 if n > self.parts[k].capacity]
 
     def _more(self, k: int, wanted: int) -> str:
@@ -147,7 +148,7 @@ class Liquids(Method):
     # what is told and set
 
     def particles(self, k: int) -> dict[str, np.ndarray]:
-        """Of liquid k now, by id: id (n,), x world (n, 3) [m], v world (n, 3) [m/s], float64."""
+        """Particles of liquid k now, by id: id (n,), x world (n, 3) [m], v world (n, 3) [m/s], float64."""
         liquid, arrays = self.pairs[k][0], self.parts[k].arrays
         ids = arrays["id"].numpy()
         order = np.argsort(ids, kind="stable")[np.count_nonzero(ids < 0):]
@@ -162,8 +163,8 @@ class Liquids(Method):
         return [sample(liquid, self.particles(k)) for k, (liquid, of) in enumerate(self.pairs) if of == world]
 
     def indicators(self, x, v) -> dict[str, float]:
-        """Of the first world: kinetic energy and that in gravity [J], greatest speed [m/s], particles, and the volume [m^3]
-        where the last step began; of the last frame: most iterations of one solve of the pressure, steps."""
+        """Indicators of the first world: kinetic energy and that in gravity [J], greatest speed [m/s], particles, and the
+        volume [m^3] where the last step began; of the last frame: most iterations of one solve of the pressure, steps."""
         found: dict[str, float] = {}
         for k, domain in enumerate(self.domains):
             if domain.world == 0:
@@ -181,7 +182,7 @@ class Liquids(Method):
 
 
 def signature(b) -> list:
-    """What of the liquids decides their kernels."""
+    """Part of the liquids that decides their kernels."""
     liquids = [(len(x.axes), x.transfer, x.volume, kinds(acting(x, b.scene)), sorted({s.role for s in acting(x, b.scene)}),
                 [side == "open" for side in x.sides], [side == "periodic" for side in x.sides])
                for x in b.scene.things("Liquid")]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wsim.physics.fluid.objects import Fluid
+from wsim.physics.fluid.objects import Cubes
 from wsim.physics.rigid.objects import vector
 from wsim.scene.bodies import Compared
 from wsim.scene.curve import Curve, Motion
@@ -21,7 +21,7 @@ ACROSS = 2                                                 # particles of a full
 
 
 @dataclass(eq=False)
-class Liquid(Compared):
+class Liquid(Cubes):
     """A box in which liquid moves, on a grid of cubes. Where an axis has one cell the liquid is flat, and costs no third axis.
 
     path        prim path
@@ -32,7 +32,7 @@ class Liquid(Compared):
                 "periodic" (both sides of an axis)
     density     of the liquid [kg/m^3]; only pressures [Pa] depend on it
     transfer    between particles and grid: "apic" (keeps angular momentum), "flip" or "pic" (damps)
-    flip        part of flip in it, the rest is pic; 1 keeps noise too
+    flip        part of flip in it [1], the rest is pic; 1 keeps noise too
     volume      particles are spread to the density at rest in each step, so that the liquid keeps its volume
     tolerance   of the pressure solve, residual over right-hand side [1]
     cfl         cells that liquid may cross in a step [1]: as many steps a frame as that and waves of its surface take, up to
@@ -58,9 +58,6 @@ class Liquid(Compared):
     def __post_init__(self):
         self.low, self.high = (np.array(v, np.float64).reshape(3) for v in (self.low, self.high))
         self.sides = tuple(self.sides)
-
-    elements, shape, axes, cells, centers = Fluid.elements, Fluid.shape, Fluid.axes, Fluid.cells, Fluid.centers
-
 
 @dataclass(eq=False)
 class LiquidSource(Compared):

@@ -24,7 +24,7 @@ def lattice(liquid: Liquid, count: tuple[int, ...]) -> tuple[np.ndarray, np.ndar
 
 
 def within(thing, first: np.ndarray, edge: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Whether places first + edge * k, low <= k < high, are inside the shape of a thing at the start, (places,) bool."""
+    """True where places first + edge * k, low <= k < high, are inside the shape of a thing at the start, (places,) bool."""
     index = np.stack(np.meshgrid(*(np.arange(a, b) for a, b in zip(low, high, strict=True)), indexing="ij"), -1).reshape(-1, 3)
     M, shape = thing.motion.at(0.0), thing.shape
     if not isinstance(shape, Surface):

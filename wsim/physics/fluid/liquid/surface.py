@@ -48,7 +48,7 @@ class Surface:
 
     @property
     def launches(self) -> int:
-        """Of a solve that takes one iteration."""
+        """Number of launches of a solve that takes one iteration."""
         return self.multigrid.launches + 12
 
     def refresh(self) -> None:

@@ -3,7 +3,6 @@ and sources of smoke (`wsim.physics.fluid.usd`)."""
 
 from typing import Any
 
-import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
@@ -90,7 +89,7 @@ def _author_source(stage: Usd.Stage, source: LiquidSource, units: Units) -> None
     plain = LiquidSource(source.path, source.shape)
     if source.role != plain.role:
         write(prim, "LiquidSource", "role", source.role, units)
-    if source.velocity is not None and not np.array_equal(source.velocity, plain.velocity):
+    if source.velocity is not None:
         write(prim, "LiquidSource", "velocity", source.velocity, units)
     if source.strength != plain.strength:
         author_strength(prim, "LiquidSource", source.strength, units)

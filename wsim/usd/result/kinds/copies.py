@@ -8,19 +8,19 @@ from typing import Any
 from pxr import Sdf, Usd
 
 from wsim.scene import Problem, SceneError
-from wsim.scene.samples import VOLUME
+from wsim.scene.samples import BESIDE
 from wsim.usd.result.kinds.beside import Beside
 
 
 def copied(layer: Sdf.Layer, stage: Usd.Stage, restart: Any, things: Sequence[str], beside: Beside) -> set[float]:
-    """Copies all samples up to the restart at and below the prims `things`, and of their volumes, into the stage's edit target;
-    returns their codes.
+    """Copies all samples up to the restart at and below the prims `things`, and of their volumes and particles, into the
+    stage's edit target; returns their codes.
 
     layer       that of the result `restart` (`wsim.usd.result.restart.Restart`)
     Prims that the earlier result made are made again. Raises SceneError where a file that a sample names is missing.
     """
     codes: set[float] = set()
-    for path in (place for thing in things for place in (thing, thing + VOLUME)):
+    for path in (thing + name for thing in things for name in BESIDE):
         for spec in _sampled(layer, Sdf.Path(path)):
             prim = stage.GetPrimAtPath(spec.path.GetPrimPath())
             for above in spec.path.GetPrimPath().GetPrefixes() if not prim else ():

@@ -9,7 +9,7 @@ from wsim.geometry import rotation
 from wsim.physics.rigid.joints.moving import simulated
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Surface
-from wsim.scene.curve import Motion, Stack
+from wsim.scene.curve import Motion
 from wsim.usd import names
 from wsim.usd.result.kinds.instances import orientations
 from wsim.usd.stage import Reading, applied
@@ -118,6 +118,7 @@ def _scaled(body: Body, s: float, dense: bool) -> Body:
 
 def _apart(motion: Motion, s: float) -> Motion:
     if not motion.plain:
+        from wsim.scene.curve import Stack
         return Stack([np.diag([s, s, s, 1.0]), motion, np.diag([1.0 / s, 1.0 / s, 1.0 / s, 1.0])])
     values = motion.values.copy()
     values[:, :3, 3] *= s

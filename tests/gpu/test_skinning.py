@@ -1,0 +1,51 @@
+"""Skinning on a GPU: the points of the host's formulas, and within 1.5 times a copy of the bytes that it must move."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+import wsim
+from tests.physics.animation.make import bones, lump, scene_of, skin
+from tests.physics.animation.test_skinning import track
+from tools.bench.contact.skinning import character, speed
+from wsim.physics.animation.objects import DUAL, LINEAR
+from wsim.scene import shapes
+
+pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a GPU")
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("scaled", [False, True])
+@pytest.mark.parametrize("method", [LINEAR, DUAL])
+def test_points_are_those_of_the_host(method, scaled, precision):
+    rng = np.random.default_rng(3)
+    points, counts, indices = shapes.sphere(0.3, 12)
+    skinned = skin(rng, bones(rng, scaled), points, method=method, blends=[lump(rng)])
+    sim = wsim.Simulation(scene_of(skinned, counts, indices), device="cuda:0", precision=precision)
+    sim.run(2)
+    ours, times = track(sim)
+    want = skinned.over(times)
+    assert np.abs(ours - want).max() < (2e-6 if precision == "float32" else 4e-7) * np.abs(want).max()
+
+
+def test_runs_repeat_to_the_bit():
+    rng = np.random.default_rng(3)
+    points, counts, indices = shapes.sphere(0.3, 12)
+    skinned = skin(rng, bones(rng), points)
+    found = []
+    for _ in range(2):
+        sim = wsim.Simulation(scene_of(skinned, counts, indices), device="cuda:0")
+        sim.run(2)
+        found.append((sim.positions("/sheet"), track(sim)[0]))
+    assert all(np.array_equal(a, b) for a, b in zip(*found, strict=True))
+
+
+def test_a_million_vertices_take_at_most_half_more_than_their_copy():
+    rows = speed(wp.get_device("cuda:0"), 1_000_000, 200)
+    rows = [row for row in rows if (row["method"], row["order"]) == (LINEAR, "in order")]
+    assert rows[0]["times_copy"] < 1.5 and rows[0]["error"] < 2e-5
+
+
+def test_a_character_under_a_cloth_runs_at_sixty_frames_a_second():
+    row = character(wp.get_device("cuda:0"), 60)
+    assert row["frames_a_second"] >= 60.0 and row["penetration"] < 5e-3 and row["contacts"] > 100
