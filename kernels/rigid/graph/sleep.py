@@ -2,11 +2,13 @@
 
     speed^2 = |v|^2 + omega . L / m            twice the kinetic energy over the mass
 
-An island is a set of bodies that manifolds with points join, colliders aside. It wakes as one: by a body that is not calm (it
-comes near, or was set, or pushed by another force), and by a collider that moves. Islands are labelled by their first body:
-labels of a manifold's bodies are joined by the lesser, and paths shortened, until nothing changes (Shiloach and Vishkin 1982),
-so that they depend on the list alone. Bodies that sleep have no momentum; their manifolds have their number of points negative
-meanwhile, which no pass takes up, and keep their impulses for when they wake.
+An island is a set of bodies that joints, and manifolds with points, join, colliders and the world aside. It wakes as one: by a
+body that is not calm (it comes near, or was set, or pushed by another force), by a collider that moves, and by a joint that
+stirs: what it hangs on moves, or its drive has a speed. A broken joint still joins, as it does where joints are eliminated.
+Islands are labelled by their first body: labels of two bodies that are joined become the lesser, and paths are shortened, until
+nothing changes (Shiloach and Vishkin 1982), so that they depend on the lists alone. Bodies that sleep have no momentum; their
+manifolds have their number of points negative meanwhile, which no pass takes up, and keep their impulses for when they wake.
+Passes of joints leave out islands of joints that sleep (kernels/rigid/joint/passes.py).
 """
 
 import warp as wp
@@ -18,28 +20,47 @@ CALM = wp.constant(0.5)                # [s]
 ROUNDS = wp.constant(64)               # of joining labels: the number of bodies in a row doubles in each
 
 
-def islands(real, meet):
-    """Function: `label` of every body, the first of its island."""
-    Rig, manifolds_of = whole(real), manifolds(real)
+def edges(real):
+    """(joined, bonded): functions, whether manifold m joins two labels, and joint j of so many bodies `bond`, -1 for none."""
+    Rig = whole(real)
+
+    @wp.func
+    def united(f: int, g: int, rig: Rig):
+        """Whether bodies f and g had two labels, of which the greater becomes the lesser."""
+        a = rig.work.label[f]
+        b = rig.work.label[g]
+        if a != b:
+            wp.atomic_min(rig.work.label, wp.max(a, b), wp.min(a, b))
+        return a != b
 
     @wp.func
     def joined(m: int, rig: Rig):
-        """Whether manifold m joins two labels."""
         n = rig.b.w.shape[0]
         joins = bool(False)
         if rig.c.count[m] > 0:
             f = rig.s.frame[rig.c.a[m]]
             g = rig.s.frame[rig.c.b[m]]
             if f < n and g < n:
-                a = rig.work.label[f]
-                b = rig.work.label[g]
-                if a != b:
-                    wp.atomic_min(rig.work.label, wp.max(a, b), wp.min(a, b))
-                    joins = True
+                joins = united(f, g, rig)
         return joins
 
     @wp.func
-    def islands(i: int, threads: int, rig: Rig):
+    def bonded(j: int, bond: wp.array(dtype=wp.vec2i), rig: Rig):
+        joins = bool(False)
+        pair = bond[j]
+        if pair[0] >= 0 and pair[1] >= 0:
+            joins = united(pair[0], pair[1], rig)
+        return joins
+
+    return joined, bonded
+
+
+def islands(real, meet):
+    """Function: `label` of every body, the first of its island; bond: bodies of joints (joints,), -1 for none."""
+    Rig, manifolds_of, (joined, bonded) = whole(real), manifolds(real), edges(real)
+
+    @wp.func
+    def islands(i: int, threads: int, bond: wp.array(dtype=wp.vec2i), rig: Rig):
         for f in range(i, rig.b.w.shape[0], threads):
             rig.work.label[f] = f
         if i == 0:
@@ -48,6 +69,9 @@ def islands(real, meet):
         for r in range(int(ROUNDS)):
             for m in range(i, manifolds_of(rig), threads):
                 if joined(m, rig):
+                    rig.work.flags[r & 1] = 1
+            for j in range(i, bond.shape[0], threads):
+                if bonded(j, bond, rig):
                     rig.work.flags[r & 1] = 1
             meet()
             if rig.work.flags[r & 1] == 0:
@@ -123,11 +147,13 @@ def functions(real):
 
 def sleep(real, module, meet, threads: int = 0, cluster: int = 0):
     """Kernel, behind the making of manifolds for `time` [s] from substep k on: who sleeps until the next. Slow is what is no
-    faster than `speed` [m/s]. threads, cluster: as `wsim.kernels.rigid.passes.substeps`."""
+    faster than `speed` [m/s]. bond, stir: of joints (joints,), two bodies, -1 for none, and 1 where its island may not sleep.
+    threads, cluster: as `wsim.kernels.rigid.passes.substeps`."""
     Rig, manifolds_of, label = whole(real), manifolds(real), islands(real, meet)
     calmed, roused, settled, idle = functions(real)
 
-    def rigid_sleep(threads: int, k: int, time: real, speed: real, rig: Rig):
+    def rigid_sleep(threads: int, k: int, time: real, speed: real, rig: Rig, bond: wp.array(dtype=wp.vec2i),
+                    stir: wp.array(dtype=int)):
         i = wp.tid()
         n = rig.b.w.shape[0]
         count = manifolds_of(rig)
@@ -135,13 +161,16 @@ def sleep(real, module, meet, threads: int = 0, cluster: int = 0):
             calmed(f, time, speed, rig)
         if i == 0:
             rig.work.awake[0] = 0
-        label(i, threads, rig)
+        label(i, threads, bond, rig)
         meet()
         for f in range(i, n, threads):
             if rig.work.calm[f] < real(CALM):
                 rig.work.roused[rig.work.label[f]] = 1
         for m in range(i, count, threads):
             roused(m, k, rig)
+        for j in range(i, bond.shape[0], threads):
+            if stir[j] == 1:
+                rig.work.roused[rig.work.label[wp.max(bond[j][0], bond[j][1])]] = 1
         meet()
         for f in range(i, n, threads):
             settled(f, rig)

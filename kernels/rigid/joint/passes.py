@@ -1,4 +1,7 @@
-"""Passes of bodies that joints and contacts move: in each sweep the islands of joints, a thread each, then the contacts."""
+"""Passes of bodies that joints and contacts move: in each sweep the islands of joints, a thread each, then the contacts.
+
+The bodies of an island of joints sleep together (kernels/rigid/graph/sleep.py); one that sleeps has no passes.
+"""
 
 import warp as wp
 
@@ -28,10 +31,10 @@ def bodies(real):
     @wp.func
     def ended(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
         for b in range(i, rig.b.w.shape[0], threads):
-            if J.t.linked[b] == 1:
-                linked(b, h, rig.b, rig.now, J)
-            else:
+            if J.t.linked[b] == 0:
                 place(b, h, rig)
+            elif rig.work.asleep[b] == 0:
+                linked(b, h, rig.b, rig.now, J)
         placed(i, threads, k + 1, rig)
 
     return begun, placed, ended
@@ -43,9 +46,15 @@ def islands(real):
     placed_one, begun_one, solve_one, relax_one = f.placed, f.begun, f.solve, f.relax
 
     @wp.func
+    def acts(g: int, rig: Rig, J: Linked):
+        """Whether island g has joints, and is awake."""
+        return J.t.first_joint[g + 1] > J.t.first_joint[g] and rig.work.asleep[J.t.body[J.t.first_body[g]]] == 0
+
+    @wp.func
     def placed(i: int, threads: int, k: int, rig: Rig, J: Linked):
         for g in range(i, J.t.first_joint.shape[0] - 1, threads):
-            placed_one(g, k, rig.b, rig.now, J)
+            if rig.work.asleep[J.t.body[J.t.first_body[g]]] == 0:
+                placed_one(g, k, rig.b, rig.now, J)
 
     @wp.func
     def begun(i: int, threads: int, h: real, J: Linked):
@@ -55,13 +64,13 @@ def islands(real):
     @wp.func
     def solve(i: int, threads: int, k: int, sweep: int, h: real, rig: Rig, J: Linked):
         for g in range(i, J.t.first_joint.shape[0] - 1, threads):
-            if J.t.first_joint[g + 1] > J.t.first_joint[g]:
+            if acts(g, rig, J):
                 solve_one(g, k, sweep, wp.float64(h), rig.b, rig.now, J)
 
     @wp.func
     def relax(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
         for g in range(i, J.t.first_joint.shape[0] - 1, threads):
-            if J.t.first_joint[g + 1] > J.t.first_joint[g]:
+            if acts(g, rig, J):
                 relax_one(g, k, wp.float64(h), rig.now, J)
 
     return placed, begun, solve, relax

@@ -270,13 +270,17 @@ def functions(real):
 
 
 def jointed(real, module):
-    """Kernel of substeps steps[0] .. steps[1] of h [s], of steps[2] sweeps each, of islands of joints alone: a thread each."""
+    """Kernel of substeps steps[0] .. steps[1] of h [s], of steps[2] sweeps each, of islands of joints alone: a thread each.
+    asleep: 1 for bodies of islands that stay, or None."""
     Bodies, Moving = structs(real)
     f = functions(real)
     placed, begun, solve, relax, kicks, place = f.placed, f.begun, f.solve, f.relax, f.kicks, f.place
 
-    def rigid_joints(steps: wp.vec3i, h: real, b: Bodies, J: Linked, now: Moving):
+    def rigid_joints(steps: wp.vec3i, h: real, b: Bodies, J: Linked, asleep: wp.array(dtype=int), now: Moving):
         g = wp.tid()
+        if asleep:
+            if asleep[J.t.body[J.t.first_body[g]]] == 1:
+                return
         d = wp.float64(h)
         placed(g, steps[0], b, now, J)
         linked = J.t.first_joint[g + 1] > J.t.first_joint[g]

@@ -194,7 +194,7 @@ class Contacts:
     def advance(self, clock: Clock) -> None:
         """All substeps of a frame."""
         sleep = self.method.sleep
-        if sleep and self.device.is_cpu and not self.still.moving:
+        if sleep and self.device.is_cpu and not (self.still.moving or sleep.stirs):
             wp.capture_if(sleep.awake, self.awake, clock=clock)
         else:
             self.awake(clock)

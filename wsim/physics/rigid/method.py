@@ -50,7 +50,8 @@ class Rigid(Method):
         self.force, self.twist = (np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("force", "torque"))
         self._allocate(b)
         self._begin(frames)
-        self.sleep = self._sleep(b) if sleeps(scene) else None
+        recorded = b.model.gradients and acting(scene)              # such bodies do not sleep
+        self.sleep = self._sleep(b) if sleeps(scene) and not recorded else None
         self.Bodies, self.Moving = motion.structs(b.model.real)
         self.table, self.pushed = self._tables(), True
         self.offers = {"bodies": self}
@@ -58,6 +59,8 @@ class Rigid(Method):
         if acting(scene):
             from wsim.physics.rigid.joints.tables import Joints
             self.joints = Joints(b, self)
+            if self.sleep:
+                self.sleep.join(self.joints)
         self._stages(b)
 
     def _allocate(self, b) -> None:
@@ -283,7 +286,7 @@ class Rigid(Method):
 def signature(b) -> list:
     points = touches(b.scene)
     if not (points or meet(b.scene)):
-        return ["joints"] if acting(b.scene) else []
+        return ["joints", *["sleep"] * sleeps(b.scene)] if acting(b.scene) else []
     from wsim.physics.rigid.forms import chosen
     from wsim.physics.rigid.meetings import bounces, kinds
     own = [c for body in b.scene.things("Body") for c in meeting(body)]

@@ -3,8 +3,8 @@
 A body has a frame of its own, `motion` to the world at the start, and colliders that are fixed in it: their `motion` leads to
 the frame of the body, not to the world. Without colliders it meets nothing. Its mass, centre and inertia are those of its
 colliders of `density` unless they are given (`wsim.physics.rigid.mass`). Two settings are of the scene: below its `sleep_speed`
-[m/s] bodies that touch fall asleep together after half a second (0: never), and sweeps over contacts end where a residual is
-under its `contact_tolerance` [m/s] (0: after `iterations` of them).
+[m/s] bodies that touch or have joints fall asleep together after half a second (0: never), and sweeps over contacts end where
+a residual is under its `contact_tolerance` [m/s] (0: after `iterations` of them).
 """
 
 from dataclasses import dataclass, field, replace

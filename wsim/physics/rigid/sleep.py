@@ -1,7 +1,9 @@
 """Sleep of rigid bodies (kernels/rigid/graph/sleep.py), where a scene asks for it by `sleep_speed` or has some that start so.
 
-A frame in which everything sleeps and no collider moves is not stepped on a CPU; on a GPU its lists are made, and its passes
-have nothing to do. Bodies that joints hold, and scenes with points, do not sleep: what wakes them is not known here.
+A frame in which everything sleeps is not stepped on a CPU, where no collider moves and no joint ever stirs; on a GPU its lists
+are made, and its passes have nothing to do. A joint stirs while what it hangs on moves, or where its drive has a speed; another
+target, stiffness or damping of a drive wakes its bodies. Scenes with points do not sleep: what wakes bodies there is not known
+here.
 """
 
 from typing import Any
@@ -15,10 +17,11 @@ from wsim.model.state import Field, Part
 FIELDS = (Field("calm", "s", True, "how long the body has been slow, at most what sleep takes", "scalar"),
           Field("asleep", "", True, "1: it sleeps", "int"))
 AWAKE = (Field("awake", "", True, "0 while every body sleeps", "int"),)
+STIRS = 1e-9                 # [m/s], [rad/s] of what joints hang on: slower, it stands, but for rounding
 
 
 class Sleep:
-    """Sleep of the bodies of a method; `awake`: a word on the device, 0 while everything sleeps."""
+    """Sleep of the bodies of a method. awake: a word on the device, 0 while all sleep; stirs: whether a joint ever does."""
 
     def __init__(self, b, method):
         self.model, self.part, self.speed = b.model, method.part, b.scene.sleep_speed
@@ -35,6 +38,45 @@ class Sleep:
         self.awake.fill_(1)
         self.kernel: Any = None
         self.counted: Any = None
+        self.stirs = False
+        self.pairs = np.zeros((0, 2), np.int32)          # bodies of the joints of all worlds, -1 for none
+        self.driven = np.zeros(0, bool)                  # of joints: a drive has a speed
+        self._upload()
+
+    def _upload(self) -> None:
+        self.bond = wp.array(np.ascontiguousarray(self.pairs, np.int32), dtype=wp.vec2i, device=self.model.device)
+        self.stir = wp.array(self.driven.astype(np.int32), dtype=int, device=self.model.device)
+
+    def join(self, joints) -> None:
+        """Takes the joints of the method into the islands (`wsim.physics.rigid.joints.tables.Joints`)."""
+        t = joints.linked.t
+        self.pairs = np.stack([t.a.numpy(), t.b.numpy()], axis=1)
+        self.driven = ((t.drive.numpy() > 0) & (t.speed.numpy() != 0.0)).any(axis=1)
+        self.stirs = bool(self.driven.any()) or any(j.motion.moves for j in joints.joints)
+        self._upload()
+
+    def hung(self, v: np.ndarray, omega: np.ndarray) -> None:
+        """Takes velocities of what joints hang on, (substeps, joints, 3) [m/s], [rad/s], in the frame that comes."""
+        moves = (np.maximum(np.abs(v), np.abs(omega)) > STIRS).any(axis=(0, 2)) & (self.pairs.min(axis=1) < 0)
+        self.stir.assign((self.driven | moves).astype(np.int32))
+
+    def drive(self, before: np.ndarray, values: np.ndarray) -> None:
+        """Wakes the bodies of joints of which a row, (joints, 6), is another one than before."""
+        rows = self.pairs[(before != values).any(axis=1)].ravel()
+        if len(rows):
+            self.wake(rows[rows >= 0])
+
+    def alone(self) -> Any:
+        """Function (dt, bodies, joints, moving) -> asleep: settles what sleeps of islands of joints that meet nothing."""
+        from wsim.kernels.rigid.joint.rest import rest
+        kernel = rest(self.model.real, self.model.module)
+
+        def settle(dt: float, bodies, joints, now) -> wp.array:
+            calm, asleep = (self.part.arrays[name] for name in ("calm", "asleep"))
+            given = [dt, self.speed, bodies, joints.linked.t, self.stir]
+            self.model.launch(kernel, joints.islands, given, [now, calm, asleep])
+            return asleep
+        return settle
 
     def make(self, form) -> None:
         """Makes its kernels, as the passes of this form are launched."""
@@ -49,7 +91,7 @@ class Sleep:
 
     def settle(self, k: int, time: float, rig) -> None:
         """Settles what sleeps, behind the making of manifolds for `time` [s] from substep k on."""
-        self.form.launch(self.kernel, [self.form.threads, k, time, self.speed, rig], [])
+        self.form.launch(self.kernel, [self.form.threads, k, time, self.speed, rig, self.bond, self.stir], [])
 
     def end(self, room: int, rig) -> None:
         """Ends a frame, behind the substeps."""

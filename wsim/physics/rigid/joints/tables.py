@@ -86,6 +86,7 @@ class Joints:
         self.sweeps = max(SWEEPS, b.scene.iterations)
         self._tables(worlds)
         self.known: tuple = ()
+        self.settle: Any = None
 
     def _up(self, values, dtype):
         values = np.ascontiguousarray(values, np.int32 if dtype is int else np.float64)
@@ -141,11 +142,13 @@ class Joints:
         rows = self.drives(path, world) if name in LIVE else []
         if rows:
             array = getattr(self.linked.t, name)
-            values = array.numpy()
-            each = np.broadcast_to(np.asarray(value, np.float64), len(rows[0]))
+            values = np.array(array.numpy())
+            before, each = values.copy(), np.broadcast_to(np.asarray(value, np.float64), len(rows[0]))
             for row in rows:
                 values[tuple(np.array(row).T)] = each
             array.assign(values)
+            if self.method.sleep:
+                self.method.sleep.drive(before, values)
         return bool(rows)
 
     def drives(self, path: str, world: int | None = None) -> list[list[tuple[int, int]]]:
@@ -184,6 +187,10 @@ class Joints:
         values = [np.tile(each[:rows], (1, worlds, 1)) for each in (x, q, v, omega)]
         t = self.linked.t
         names = ("anchor_x", "anchor_q", "anchor_v", "anchor_o")
+        if self.method.sleep:
+            if self.known not in ((), known):
+                self.method.sleep.wake()
+            self.method.sleep.hung(np.tile(v, (1, worlds, 1)), np.tile(omega, (1, worlds, 1)))
         if self.known != known:
             t.moving = int(moves)
             for name, dtype in zip(names, (wp.vec3d, wp.quatd, wp.vec3d, wp.vec3d), strict=True):
@@ -201,12 +208,14 @@ class Joints:
     def alone(self):
         """Kernel of islands whose bodies touch nothing."""
         from wsim.kernels.rigid.joint.steps import jointed
+        self.settle = self.method.sleep.alone() if self.method.sleep else None
         return jointed(self.model.real, self.model.module)
 
     def advance(self, kernel, clock: Clock, bodies, now) -> None:
         """All substeps of a frame by that kernel."""
         steps = wp.vec3i(0, clock.substeps, self.sweeps)
-        self.model.launch(kernel, self.islands, [steps, clock.h, bodies, self.linked], [now])
+        asleep = self.settle(clock.dt, bodies, self, now) if self.settle else None
+        self.model.launch(kernel, self.islands, [steps, clock.h, bodies, self.linked, asleep], [now])
 
     def passes(self):
         """Function (name, what is given, contacts) that launches a pass of the islands (kernels/rigid/joint/passes.py)."""
