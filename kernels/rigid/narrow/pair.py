@@ -20,6 +20,7 @@ from wsim.kernels.rigid.narrow.box import box
 from wsim.kernels.rigid.narrow.capsule import box_capsule, capsules
 from wsim.kernels.rigid.narrow.clip import contact, structs
 from wsim.kernels.rigid.narrow.face import face
+from wsim.kernels.rigid.narrow.feature import features
 from wsim.kernels.rigid.narrow.gjk import apart
 from wsim.kernels.rigid.narrow.plane import plane
 from wsim.kernels.rigid.narrow.shape import CORNERS, KINDS, extent, hulls, shape
@@ -102,6 +103,7 @@ def completion(kinds: frozenset[str], real, outer: bool = False):
     radius, size = extent(real)
     place, touch, room = face(kinds, real), contact(real, corners, outer), 4 * corners
     vec3, Nearest = t.vec3, of.Nearest
+    hull, key_of = "hull" in kinds, features(real)
 
     @wp.func
     def completed(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: t.vec3, near: Nearest, margin: real):
@@ -124,6 +126,9 @@ def completion(kinds: frozenset[str], real, outer: bool = False):
             for i in range(count_b):
                 PB[i] = R * PB[i] + p
             m = touch(PA, sa, PB, sb, near, margin, wp.min(size(a, H), size(b, H)))
+            if hull:
+                if m.count == 1 and m.key[0] == 0:
+                    m.key[0] = key_of(a, b, H, R, near.n)
         return m
 
     return completed
