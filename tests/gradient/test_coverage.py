@@ -284,7 +284,6 @@ CASES = {
     "layers": ("/air", lambda: recorded(still(layers=True, slip=False, viscosity=0.01))),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),
-    "layers": ("/air", lambda: recorded(layered())),
     "load": ("loads", lambda: gradient(net()).load()),
     "pin": ("/pin", lambda: gradient(net()).pin("/pin", "stiffness")),
     "material": ("/chain", lambda: gradient(net()).material("stretch")),
