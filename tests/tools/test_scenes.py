@@ -286,6 +286,7 @@ def test_the_generator_writes_into_the_folder_it_is_given(tmp_path):
     assert done.returncode == 0 and len(list(tmp_path.glob("*.usda"))) == len(SCENES), done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LIQUID)
 def test_scenes_of_liquids_flow(name):
     """Cells and particles as they say; a quarter of a second falls by as much as its height lets it."""

@@ -86,8 +86,8 @@ def cavity() -> str:
     """The flow that grids are measured by: a lid that slides over a box of air, which sticks to its walls."""
     cell = 1.0 / 64.0
     walls = ("uniform bool wsim:fluid:slip = 0\nuniform bool wsim:fluid:layers = 1\n"
-             "uniform vector3d[] wsim:fluid:sideVelocities = [(0, 0, 0), (0, 0, 0), (0, 0, 0), (1, 0, 0), (0, 0, 0), "
-             "(0, 0, 0)]\ndouble wsim:fluid:viscosity = 0.0025\ndouble wsim:fluid:cfl = 1")
+             "uniform vector3d[] wsim:fluid:sideVelocities = [(0, 0, 0), (0, 0, 0), "
+             "(0, 0, 0), (1, 0, 0), (0, 0, 0), (0, 0, 0)]\ndouble wsim:fluid:viscosity = 0.0025\ndouble wsim:fluid:cfl = 1")
     air = domain((0.0, 0.0, -0.5 * cell), (1.0, 1.0, 0.5 * cell), cell, sides(*["closed"] * 6) + "\n" + walls,
                  AIR + " Its upper side slides to +x at 1 m/s and takes the air along: Reynolds number 400.")
     puff = "uniform bool wsim:fluid:hold = true\ndouble wsim:fluid:smoke = 30"

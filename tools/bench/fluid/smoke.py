@@ -1,6 +1,6 @@
 """Fluids: time of a step beside error and divergence, for each size, in one run.
 
-    python tools/bench/fluids.py [--device cuda:0|cpu] [--sizes 32,64,128] [--problems plume,ball,abc,pressure] [--steps 10]
+    python tools/bench/fluid/smoke.py [--device cuda:0|cpu] [--sizes 32,64,128] [--problems plume,ball] [--steps 10]
                                  [--precision float32] [--json FILE]
 
     plume      smoke that rises in an open box: reflection, 1e-4, pressure direct where the plan takes it so
@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT))
 from wsim import Scene, Simulation  # noqa: E402
 from wsim.physics.fluid.measure import divergence  # noqa: E402

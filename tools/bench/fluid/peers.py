@@ -1,6 +1,6 @@
 """Flows with a known answer by wsim and by PhiFlow, in one run: time of a step beside error.
 
-    python tools/fluid_peers.py [--peer-python X/bin/python] [--device cpu|cuda:0] [--json FILE]
+    python tools/bench/fluid/peers.py [--peer-python X/bin/python] [--device cpu|cuda:0] [--json FILE]
 
 X is an environment of PhiFlow's own (python -m venv X; X/bin/pip install phiflow==3.4.0), which runs this file for its rows; it
 has NumPy alone there, on the CPU. Without it wsim's rows are all.
@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[3]
 SIZE = 2.0 * np.pi
 PROBLEMS = {"taylor_green": (2, 64, 20, 2.0), "abc": (3, 32, 10, 1.0)}          # axes, cells along one, steps, seconds
 OURS = ("reflection", "cubic", "maccormack", "linear")

@@ -1,6 +1,6 @@
 """Liquids: time of a frame beside error, volume and energy, for each size and transfer, in one run.
 
-    python tools/bench/liquid.py [--device cuda:0|cpu] [--sizes 16,32] [--transfers apic,flip,pic]
+    python tools/bench/fluid/liquid.py [--device cuda:0|cpu] [--sizes 16,32] [--transfers apic,flip,pic]
                                  [--problems rest,ritter,slosh] [--precision float32] [--json FILE]
 
     rest      a tank half full, 0.5 s: error is the greatest speed left over that of a fall through its depth
@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT))
 from wsim import Scene, Simulation  # noqa: E402
 from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource  # noqa: E402
