@@ -281,6 +281,7 @@ CASES = {
     "idle": ("air_drag", lambda: inputs(recorded(alone()), ["air_drag"])),
     "surface": ("/floor", lambda: inputs(run("explicit")[0].recording, ["/floor:surface"])),
     "still": ("/air", lambda: inputs(recorded(still()), ["/air:viscosity"])),
+    "layers": ("/air", lambda: recorded(layered())),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),
     "load": ("loads", lambda: gradient(net()).load()),
