@@ -3,8 +3,8 @@
     impacts, forces, warm start, sweeps, places, sweeps without bias          see kernels/rigid/soft_step.py
 
 All passes of many substeps are one launch of threads that meet after each: one thread on a CPU, a block, or a cluster of
-blocks. Kinds (kernels/rigid/kinds.py) follow one another in a sweep in the order of their list. Each pass is called at one place
-of the kernel, within loops: a function of this size, which compilers put in wherever it is called, takes seconds at each place.
+blocks. Kinds (kernels/rigid/kinds.py) follow one another in a sweep in the order of their list. Each pass is called at one
+place of the kernel, within loops: compilers put a function in wherever it is called, and take their time at each place.
 """
 
 from collections.abc import Callable, Sequence

@@ -4,10 +4,10 @@ Warp 1.19 compiles a second variant of most CPU kernels, for arrays without gaps
 same bits, 0 to 5 % of run time. Its configuration has no word for it, so its question whether a kernel may have one is answered
 here, while a module of ours is loaded. Where Warp has no such question, nothing is changed.
 
-Functions that stand by themselves, `wp.func(inline=False)`, are long ones that are called seldom: those of a pair of bodies, once
-a frame, and passes over islands of joints. Put into what calls them, as Warp has all functions, they make kernels of such a size
-that LLVM takes up to half as long again. The bits are the same. A call copies the structs that it gives (4 kB of a Rig, 0.1 us):
-what a point or a contact calls in each sweep does not stand by itself. On a GPU, where a call spills what registers hold, none
+Functions that stand by themselves, `wp.func(inline=False)`, are long ones that are called seldom: those of a pair of bodies,
+once a frame, and passes over islands of joints. Put into what calls them, as Warp has all functions, they make kernels of such
+a size that LLVM takes up to half as long again. The bits are the same. A call copies the structs that it gives (4 kB of a Rig,
+0.1 us): what a contact calls in each sweep does not stand by itself. On a GPU, where a call spills what registers hold, none
 does: the word is left out there.
 """
 
