@@ -15,33 +15,35 @@ KEPT = 3
 
 
 @cache
-def extend(dim: int, axis: int, real, module):
+def extend(dim: int, real, module):
     """Kernel over the faces of an axis: known, the layer of each face, 1: it is the liquid's; 0: not yet. Faces of this layer
     are written, those of layers before are read."""
     S, f = structs(real), functions(dim, real)
 
-    def extend(g: S.Grid, layer: int, mass: wp.array(dtype=real), u_out: wp.array(dtype=real), known_out: wp.array(dtype=int)):
+    def extend(g: S.Grid, axis: int, layer: int, mass: wp.array(dtype=real), u_out: wp.array(dtype=real),
+               known_out: wp.array(dtype=int)):
         c = wp.tid()
         if known_out[c] == 0:
-            shape = f.faces(g, wp.static(axis))
+            shape = f.faces(g, axis)
             i = f.place(c, shape)
             sum = real(0.0)
             count = real(0.0)
-            for b in range(wp.static(dim)):
-                for side in range(2):
-                    j = wp.vec3i(i[0], i[1], i[2])
-                    j[b] = i[b] + 2 * side - 1
-                    if g.periodic[b] != 0:
-                        j[b] = (j[b] + shape[b]) % shape[b]
-                    if j[b] >= 0 and j[b] < shape[b]:
-                        n = flat(j, shape)
-                        at = known_out[n]
-                        if at > 0 and at < layer:
-                            sum += u_out[n]
-                            count += real(1.0)
+            around = int(wp.static(2 * dim))                   # a variable: the loop is compiled once
+            for m in range(around):
+                b = m // 2
+                j = wp.vec3i(i[0], i[1], i[2])
+                j[b] = i[b] + 2 * (m % 2) - 1
+                if g.periodic[b] != 0:
+                    j[b] = (j[b] + shape[b]) % shape[b]
+                if j[b] >= 0 and j[b] < shape[b]:
+                    n = flat(j, shape)
+                    at = known_out[n]
+                    if at > 0 and at < layer:
+                        sum += u_out[n]
+                        count += real(1.0)
             if count > real(0.0):
                 if layer < KEPT or mass[c] == real(0.0):
                     u_out[c] = sum / count
                 known_out[c] = layer
 
-    return wp.kernel(extend, name=f"extend_{'xyz'[axis]}_{f.name}", module=module, enable_backward=False)
+    return wp.kernel(extend, name=f"extend_{f.name}", module=module, enable_backward=False)

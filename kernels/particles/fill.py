@@ -59,7 +59,8 @@ def fill(dim: int, obstacles: bool, real, module):
     def left(g: S.Grid, shape: wp.vec3i, solid: wp.array(dtype=real), i: wp.vec3i):
         """Part of the hat that is outside of obstacles."""
         sum = real(0.0)
-        for m in range(wp.static(2 ** dim)):
+        corners = int(wp.static(2 ** dim))                     # a variable: the loop is compiled once
+        for m in range(corners):
             sum += solid[flat(i + wp.vec3i(m % 2, (m // 2) % 2, m // 4), shape)]
         s = wp.clamp(sum / (real(wp.static(2 ** dim)) * g.dx), real(-1.0), real(1.0))
         return wp.max(real(0.5) + s - real(0.5) * s * wp.abs(s), real(LEAST))

@@ -34,7 +34,8 @@ def out_of(dim: int, real):
             f[b] = s[b] - real(base[b])
         phi = real(0.0)
         n = t.vec3()
-        for m in range(wp.static(2 ** dim)):
+        corners = int(wp.static(2 ** dim))                     # a variable: the loop is compiled once
+        for m in range(corners):
             i = base + wp.vec3i(m % 2, (m // 2) % 2, m // 4)
             q = solid[flat(i, shape)]
             w = t.vec3(real(1.0), real(1.0), real(1.0))

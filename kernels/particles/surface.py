@@ -61,26 +61,26 @@ def near(dim: int, real) -> SimpleNamespace:
 
 
 @cache
-def couple(dim: int, axis: int, obstacles: bool, real, module):
+def couple(dim: int, obstacles: bool, real, module):
     """Kernel over the faces of an axis: k_out."""
     S, f, at = structs(real), functions(dim, real), near(dim, real)
 
-    def couple(g: S.Grid, phi: wp.array(dtype=real), o: wp.array(dtype=real), k_out: wp.array(dtype=real)):
+    def couple(g: S.Grid, axis: int, phi: wp.array(dtype=real), o: wp.array(dtype=real), k_out: wp.array(dtype=real)):
         c = wp.tid()
-        i = f.place(c, f.faces(g, wp.static(axis)))
-        before = at.beside(g, i, wp.static(axis), -1)
+        i = f.place(c, f.faces(g, axis))
+        before = at.beside(g, i, axis, -1)
         both = real(1.0)
-        if i[wp.static(axis)] < g.n[wp.static(axis)]:
+        if i[axis] < g.n[axis]:
             if phi[flat(i, g.n)] >= real(0.0):
                 both = real(0.0)
-        if before[wp.static(axis)] >= 0:
+        if before[axis] >= 0:
             if phi[flat(before, g.n)] >= real(0.0):
                 both = real(0.0)
         if wp.static(obstacles):
             both *= o[c]
         k_out[c] = both
 
-    name = f"surface_couple_{'xyz'[axis]}{'_obstacles' * obstacles}_{f.name}"
+    name = f"surface_couple{'_obstacles' * obstacles}_{f.name}"
     return wp.kernel(couple, name=name, module=module, enable_backward=False)
 
 
@@ -94,22 +94,23 @@ def own(dim: int, obstacles: bool, real, module):
         i = f.place(c, g.n)
         sum = real(0.0)
         if phi[c] < real(0.0):
-            for a in range(wp.static(dim)):
-                for side in range(2):
-                    n = at.beside(g, i, a, 2 * side - 1)
-                    if n[a] >= 0:
-                        other = flat(n, g.n)
-                        if phi[other] >= real(0.0):
-                            o = real(1.0)
-                            if wp.static(obstacles):
-                                q = at.face(g, i, a, side)
-                                if a == 0:
-                                    o = open.x[q]
-                                elif a == 1:
-                                    o = open.y[q]
-                                else:
-                                    o = open.z[q]
-                            sum += o / at.part(phi, c, other)
+            around = int(wp.static(2 * dim))                   # a variable: the loop is compiled once
+            for m in range(around):
+                a = m // 2
+                n = at.beside(g, i, a, 2 * (m % 2) - 1)
+                if n[a] >= 0:
+                    other = flat(n, g.n)
+                    if phi[other] >= real(0.0):
+                        o = real(1.0)
+                        if wp.static(obstacles):
+                            q = at.face(g, i, a, m % 2)
+                            if a == 0:
+                                o = open.x[q]
+                            elif a == 1:
+                                o = open.y[q]
+                            else:
+                                o = open.z[q]
+                        sum += o / at.part(phi, c, other)
         own_out[c] = sum
         if sum > real(0.0):
             air_out[0] = 1
@@ -176,30 +177,31 @@ def crowding(dim: int, real, module):
         b = real(0.0)
         if phi[c] < real(0.0) and s.diagonal(level, i) > real(0.0):
             b = -wp.clamp(fill[c] - real(1.0), real(-PACKED), real(PACKED)) * g.dx
-            for a in range(wp.static(dim)):
-                for side in range(2):
-                    n = at.beside(g, i, a, 2 * side - 1)
-                    if n[a] >= 0:
-                        if phi[flat(n, g.n)] >= real(0.0):
-                            b = wp.min(b, real(0.0))
+            around = int(wp.static(2 * dim))
+            for m in range(around):
+                a = m // 2
+                n = at.beside(g, i, a, 2 * (m % 2) - 1)
+                if n[a] >= 0:
+                    if phi[flat(n, g.n)] >= real(0.0):
+                        b = wp.min(b, real(0.0))
         b_out[c] = -b
 
     return wp.kernel(crowding, name=f"surface_crowding_{f.name}", module=module, enable_backward=False)
 
 
 @cache
-def push(dim: int, axis: int, obstacles: bool, moving: bool, real, module):
-    """Kernel over the faces of an axis: u_out = u less the gradient of p; known_out is 1 at faces of liquid, else 0. sides:
-    factors as of `levels`."""
-    t, S, f, at = types(real), structs(real), functions(dim, real), near(dim, real)
+def push(dim: int, obstacles: bool, moving: bool, real, module):
+    """Kernel over the faces of an axis: u_out = u less the gradient of p; known_out is 1 at faces of liquid, else 0. both: x
+    their openings, y the velocities of what covers them."""
+    S, f, at, Level = structs(real), functions(dim, real), near(dim, real), levels(real)
 
-    def push(g: S.Grid, low: t.vec3, high: t.vec3, p: wp.array(dtype=real), phi: wp.array(dtype=real), both: S.Faces,
+    def push(g: S.Grid, axis: int, level: Level, p: wp.array(dtype=real), phi: wp.array(dtype=real), both: S.Faces,
              u_out: wp.array(dtype=real), known_out: wp.array(dtype=int)):
         c = wp.tid()
-        i = f.place(c, f.faces(g, wp.static(axis)))
-        before = at.beside(g, i, wp.static(axis), -1)
-        there = i[wp.static(axis)] < g.n[wp.static(axis)]
-        back = before[wp.static(axis)] >= 0
+        i = f.place(c, f.faces(g, axis))
+        before = at.beside(g, i, axis, -1)
+        there = i[axis] < g.n[axis]
+        back = before[axis] >= 0
         n = int(-1)
         m = int(-1)
         if there:
@@ -216,15 +218,15 @@ def push(dim: int, axis: int, obstacles: bool, moving: bool, real, module):
         elif back and n >= 0:
             drop = -p[m] / at.part(phi, m, n)
         elif there:
-            drop = low[wp.static(axis)] * p[n]
+            drop = level.low[axis] * p[n]
         elif back:
-            drop = -high[wp.static(axis)] * p[m]
+            drop = -level.high[axis] * p[m]
         known = int(0)
         if there or back:
             known = int(1)
         u = u_out[c] - drop
         if wp.static(obstacles):
-            closed = (m < 0 and low[wp.static(axis)] == real(0.0)) or (n < 0 and high[wp.static(axis)] == real(0.0))
+            closed = (m < 0 and level.low[axis] == real(0.0)) or (n < 0 and level.high[axis] == real(0.0))
             if both.x[c] == real(0.0) and not closed:
                 known = int(0)
                 u = real(0.0)
@@ -233,5 +235,5 @@ def push(dim: int, axis: int, obstacles: bool, moving: bool, real, module):
         u_out[c] = u
         known_out[c] = known
 
-    name = f"surface_push_{'xyz'[axis]}{'_obstacles' * obstacles}{'_moving' * moving}_{f.name}"
+    name = f"surface_push{'_obstacles' * obstacles}{'_moving' * moving}_{f.name}"
     return wp.kernel(push, name=name, module=module, enable_backward=False)

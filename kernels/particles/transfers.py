@@ -78,18 +78,18 @@ def stencils(dim: int, real) -> SimpleNamespace:
 
 
 @cache
-def to_faces(dim: int, axis: int, affine: bool, real, module):
+def to_faces(dim: int, affine: bool, real, module):
     """Kernel over the faces of an axis: u_out [m/s], 0 where there is no particle; mass_out, in particles."""
     t, S, T, f, s = types(real), structs(real), tables(real), functions(dim, real), stencils(dim, real)
 
-    def to_faces(g: S.Grid, particles: T.Particles, cells: T.Cells, u_out: wp.array(dtype=real),
+    def to_faces(g: S.Grid, axis: int, particles: T.Particles, cells: T.Cells, u_out: wp.array(dtype=real),
                  mass_out: wp.array(dtype=real)):
         face = wp.tid()
-        i = f.place(face, f.faces(g, wp.static(axis)))
+        i = f.place(face, f.faces(g, axis))
         low = wp.vec3i(0, 0, 0)
         high = wp.vec3i(0, 0, 0)
         for b in range(wp.static(dim)):
-            first, last = s.reach(wp.static(axis), i[b], b)
+            first, last = s.reach(axis, i[b], b)
             low[b] = first
             high[b] = last
         at = t.vec3(real(i[0]), real(i[1]), real(i[2]))
@@ -103,17 +103,17 @@ def to_faces(dim: int, axis: int, affine: bool, real, module):
                         c = flat(j, g.n)
                         for k in range(cells.first[c], cells.first[c + 1]):
                             p = cells.order[k]
-                            away = at - shift - s.rows(g, wp.static(axis), particles.x[p])
+                            away = at - shift - s.rows(g, axis, particles.x[p])
                             w = s.hat(away[0]) * s.hat(away[1])
                             if wp.static(dim == 3):
                                 w *= s.hat(away[2])
                             if w > real(0.0):
                                 v = particles.v[p]
-                                value = v[wp.static(axis)]
+                                value = v[axis]
                                 if wp.static(affine):
                                     C = particles.C[p]
                                     for m in range(wp.static(dim)):
-                                        value += C[wp.static(axis), m] * g.dx * away[m]
+                                        value += C[axis, m] * g.dx * away[m]
                                 mass += w
                                 sum += w * value
         u = real(0.0)
@@ -122,7 +122,7 @@ def to_faces(dim: int, axis: int, affine: bool, real, module):
         u_out[face] = u
         mass_out[face] = mass
 
-    name = f"to_faces_{'xyz'[axis]}{'_affine' * affine}_{f.name}"
+    name = f"to_faces{'_affine' * affine}_{f.name}"
     return wp.kernel(to_faces, name=name, module=module, enable_backward=False)
 
 
@@ -140,7 +140,8 @@ def sample(dim: int, affine: bool, real):
             base[b] = int(wp.floor(at[b]))
         value = real(0.0)
         slope = t.vec3()
-        for m in range(wp.static(2 ** dim)):
+        corners = int(wp.static(2 ** dim))                     # a variable: the loop is compiled once
+        for m in range(corners):
             i = base + wp.vec3i(m % 2, (m // 2) % 2, m // 4)
             away = t.vec3(real(i[0]), real(i[1]), real(i[2])) - at
             q = u[f.row(i[0], i[1], i[2], shape, g.periodic)]

@@ -58,7 +58,7 @@ def slope(scene: Scene, name: str) -> tuple[float, float]:
     found = f.vjp(s)[name]
     base = f.values()[name]
     way = np.random.default_rng(4).normal(size=base.shape)
-    step, losses = 1e-5, {}
+    step, losses = 1e-6, {}
     for k in (-2, -1, 1, 2):
         losses[k] = float((f.run({name: base + k * step * way}) * s).sum())
     return float((found * way).sum()), (8.0 * (losses[1] - losses[-1]) - (losses[2] - losses[-2])) / (12.0 * step)

@@ -6,7 +6,9 @@ The residual is what each contact would still change if it were solved by itself
     friction   (K_11 + K_22) / 2 |Coulomb(rub, u) - rub|            0 where it sticks within the cone, or slips on it along u
 
 (the natural map of a complementarity problem: Cottle, Pang, Stone 1992, section 1.5). It is looked at after every EACH sweeps,
-of those with bias and of those without; they end under the tolerance, or after MOST.
+of those with bias and of those without; they end under the tolerance, or after MOST. Impacts know their time
+(impact_time.py beside this). What sticks by a static friction larger than the dynamic one may slip by the other in each second
+sweep: then nothing is under the tolerance.
 """
 
 from collections.abc import Callable, Sequence

@@ -10,6 +10,8 @@ from wsim.physics.animation import skinning
 from wsim.physics.animation.objects import DUAL, LINEAR, Skeleton, Skinned
 from wsim.scene import Scene, Surface, shapes
 
+FAST = "CesiumMan.usdz", "float32"
+
 
 def track(sim) -> tuple[np.ndarray, np.ndarray]:
     """World points of the one mesh at the substeps of the last frame, (times, n, 3), and the times [s]."""
@@ -21,9 +23,9 @@ def track(sim) -> tuple[np.ndarray, np.ndarray]:
     return np.stack([motion.points(x, t) for x, t in zip(found, times, strict=True)]), times
 
 
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("method", [LINEAR, DUAL])
-@pytest.mark.parametrize("asset", CHARACTERS)
+@pytest.mark.parametrize(("asset", "method", "precision"), [
+    pytest.param(asset, method, precision, marks=() if (asset, precision) == FAST else pytest.mark.slow)
+    for asset in CHARACTERS for method in (LINEAR, DUAL) for precision in ("float32", "float64")])
 def test_a_character_is_where_usd_skins_it_at_frames_and_between(tmp_path, asset, method, precision):
     """Of the size of the character 1e-5; frames of the source are 1 and more apart, substeps are not."""
     file, path = worn(tmp_path, asset, method)

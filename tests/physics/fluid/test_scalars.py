@@ -46,18 +46,20 @@ def blob(n: int) -> np.ndarray:
     return np.exp(-((x - 0.5) ** 2 + (y - 0.7) ** 2) / (2 * 0.07 ** 2))
 
 
-@pytest.mark.parametrize(("scheme", "most"), [("cubic", 0.39), *(pytest.param(*row, marks=pytest.mark.slow) for row in (
+@pytest.mark.parametrize(("scheme", "most"), [("cubic", 0.385), *(pytest.param(*row, marks=pytest.mark.slow) for row in (
     ("bfecc", 0.57), ("maccormack", 0.67)))])
 def test_the_slotted_disk_after_a_turn(scheme, most):
-    """Sum of what is wrong over the sum of the disk; `linear` has 1.11."""
+    """Sum of what is wrong over the sum of the disk; `linear` has 1.11. Cubics through four rows kept within the four around,
+    along circles that are exact, end 0.382 off in NumPy, so that no way back costs any of it."""
     start = zalesak(128)
     end = turned(128, start, scheme)
     assert np.abs(end - start).sum() / start.sum() <= most
     assert end.min() >= -1e-6 and end.max() <= 1.0 + 1e-6
 
 
-@pytest.mark.parametrize(("scheme", "most"), [("cubic", 0.045), ("bfecc", 0.145), ("maccormack", 0.19)])
+@pytest.mark.parametrize(("scheme", "most"), [("cubic", 0.0436), ("bfecc", 0.145), ("maccormack", 0.19)])
 def test_a_smooth_blob_after_a_turn(scheme, most):
+    """The same in NumPy: 0.0432."""
     start = blob(64)
     end = turned(64, start, scheme)
     assert np.abs(end - start).sum() / start.sum() <= most

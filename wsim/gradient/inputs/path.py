@@ -33,10 +33,10 @@ def given(motion: Motion, what: str, value: np.ndarray) -> Motion:
     M = motion.values.copy()
     if what == "keys":
         M[:, :3, 3] = value
-        return motion.replaced(M)  # type: ignore[return-value]
+        return motion.replaced(M)
     four = [tuple(each) for each in value.tolist()] if what == "handles" else None
     how: dict = {"arrive": value[0], "leave": value[1]} if what == "tangents" else {"easing": four}
-    return motion.replaced(M, **how)  # type: ignore[return-value]
+    return motion.replaced(M, **how)
 
 
 def pulled(motion: Motion, what: str, times: np.ndarray, by: np.ndarray, turn: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ import numpy as np
 
 from wsim.geometry import rotation
 from wsim.gradient.inputs.base import Input
+from wsim.scene.curve import Curve
 from wsim.scene.methods import named
 from wsim.scene.values.coverage import refuse
 
@@ -119,7 +120,7 @@ class Weights(Bones):
         return np.array(self.bones.weights.values, np.float64)
 
     def changed(self, value: np.ndarray):
-        return replace(self.bones, weights=replace(self.bones.weights, values=value.copy()))
+        return replace(self.bones, weights=Curve(self.bones.weights.times, value.copy()))
 
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
         return self.pulled(gradient, world)[1].reshape(shape)

@@ -109,7 +109,8 @@ class Skeleton(Compared):
     def later(self, delay: float) -> "Skeleton":
         """The same animation, begun `delay` [s] later."""
         weights = None if self.weights is None else self.weights.later(delay)
-        return replace(self, times=self.times + delay, motion=self.motion.later(delay), weights=weights)
+        motion: Any = self.motion.later(delay)
+        return replace(self, times=self.times + delay, motion=motion, weights=weights)
 
 
 @dataclass(eq=False)

@@ -157,12 +157,14 @@ def gradients(follow: Follow, times: np.ndarray, g: np.ndarray) -> tuple[np.ndar
     L = skinning.locals_(bones, times)
     W = skinning.worlds(bones.parents, L)
     A, base, offsets = W @ np.linalg.inv(bones.bind), skinning.bound(skin), skinning.blended(skin, times)
-    a, b, by_a, by_b = between(bones, times) if bones.translations is not None else (None,) * 4
+    turning = bones.translations is not None
+    around = between(bones, times) if turning else ()
     turns, by_p = np.zeros((len(bones.times), len(bones.joints), 3)), np.zeros_like(x)
     for k in range(len(times)):
         p = base if offsets is None else base + offsets[k] @ skin.geom[:3, :3].T
         N, by_p[k] = (linear if skin.method == LINEAR else dual)(skin, p, A[k], by_x[k])
-        if a is not None:
+        if turning:
+            a, b, by_a, by_b = around
             e = np.where(bones.animated[:, None], angles(bones, W[k], L[k], N), 0.0)
             turns[a[k]] += np.einsum("jmi,jm->ji", by_a[k], e)
             turns[b[k]] += np.einsum("jmi,jm->ji", by_b[k], e)
@@ -173,8 +175,10 @@ def shape_gradients(skin: Skinned, times: np.ndarray, by_p: np.ndarray) -> np.nd
     """Gradients by weights of blend shapes at their keys, (keys, shapes), from those by points in the mesh's space (times, n,
     3)."""
     curve = skin.skeleton.weights
-    found = np.zeros((0, 0) if curve is None else curve.values.shape)
-    for shape in skin.blends if curve is not None else ():
+    if curve is None:
+        return np.zeros((0, 0))
+    found = np.zeros(curve.values.shape)
+    for shape in skin.blends:
         if shape.joint < 0 and shape.name in skin.skeleton.shapes:
             slopes = part_slopes(shape.knots, skinning.shape_weights(skin, shape, times))
             each = np.einsum("tni,kni,tk->t", by_p[:, shape.points], shape.offsets, slopes)

@@ -21,7 +21,7 @@ slopes.py.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -76,7 +76,7 @@ class Curve:
         """True if there is more than one key, or it goes on outside of the only one."""
         return len(self.times) > 1 or not (isinstance(self.before, str) and isinstance(self.after, str))
 
-    def replaced(self, values, times=None, **how) -> Curve:
+    def replaced(self, values, times=None, **how) -> Self:
         """The same curve with other values, (keys, ...), and times [s] or parts of `how`."""
         return type(self)(self.times if times is None else times, values, self.kind, self.before, self.after, **self.how | how)
 
@@ -92,7 +92,7 @@ class Curve:
         return type(self)(self.times, self.values * s, self.kind, *sides, **{
             name: v * s if name in ("leave", "arrive", "until") else v for name, v in self.how.items()})
 
-    def later(self, delay: float) -> Curve:
+    def later(self, delay: float) -> Self:
         """The same values `delay` [s] later."""
         return self.replaced(self.values, self.times + delay)
 

@@ -129,7 +129,7 @@ def pulled(curve: Curve, t: np.ndarray, by: np.ndarray) -> dict[str, np.ndarray]
     if len(curve.times) == 1:
         return {"values": by.sum(0)[None]}                     # slopes outside are fixed
     _spread(curve, t, by, sums)
-    found = {"values": sums.values}
+    found: dict[str, np.ndarray] = {"values": sums.values}
     if "until" in curve.how:
         found["until"] = sums.until
     else:

@@ -9,6 +9,7 @@ The first is the outermost. Nothing between keys is approximated, whatever the n
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -92,8 +93,8 @@ class Stack(Motion):
         return Stack([Part(A.what, each(A.curve), A.axis) if isinstance(A, Part) else
                       A if isinstance(A, np.ndarray) else each(A) for A in self.inner])
 
-    def later(self, delay: float) -> Stack:
-        return self.mapped(lambda curve: curve.later(delay))
+    def later(self, delay: float) -> Self:
+        return self.mapped(lambda curve: curve.later(delay))  # type: ignore[return-value]
 
     def __eq__(self, other) -> bool:
         return isinstance(other, Stack) and len(self.inner) == len(other.inner) and all(

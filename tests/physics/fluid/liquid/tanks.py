@@ -59,7 +59,7 @@ def to_grid(sim: Simulation) -> None:
     d = method(sim).domains[0]
     d.order.sort(d.particles)
     for a in range(d.layout.dim):
-        d.threads.over(d.to_faces[a], d.sizes[a], [d.grid, d.particles, d.order.cells], [getattr(d.u, NAMES[a]), d.mass[a]])
+        d.threads.over(d.to_faces, d.sizes[a], [d.grid, a, d.particles, d.order.cells], [getattr(d.u, NAMES[a]), d.mass[a]])
         if d.liquid.transfer == "flip":
             getattr(d.before, NAMES[a]).assign(getattr(d.u, NAMES[a]))
 

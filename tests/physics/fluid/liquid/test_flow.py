@@ -43,6 +43,7 @@ def test_a_source_gives_as_much_as_flows_off():
     assert np.abs(found["v"][:, 0] - 1.0).max() < 0.05 and np.abs(found["v"][:, 1]).max() < 0.05
 
 
+@pytest.mark.slow
 def test_what_passes_an_open_side_is_gone_and_ids_stay():
     sim = Simulation(tap(), device="cpu")
     for _ in range(48):
@@ -57,6 +58,7 @@ def test_what_passes_an_open_side_is_gone_and_ids_stay():
     assert np.abs(ways[1] - ways[0] - np.array([1.0 / 24.0, 0.0, 0.0])).max() < 0.2 * CELL
 
 
+@pytest.mark.slow
 def test_a_source_is_shut_by_its_strength():
     shut = run(tap(strength=Curve(np.array([0.0, 0.25, 0.26]), np.array([1.0, 1.0, 0.0]))), 12)
     still = run(tap(strength=0.0), 12)
@@ -64,6 +66,7 @@ def test_a_source_is_shut_by_its_strength():
     assert still.indicators()["liquid_particles"] == 0.0 and count == pytest.approx(64 / 2 + 16 * 0.25 / CELL, rel=0.15)
 
 
+@pytest.mark.slow
 def test_a_sink_empties_its_shape():
     scene = tank((16, 16), [(0, 0), (1, 0.5)], cell=CELL)
     hole = Box((1.0, 2 * CELL, 1.0))

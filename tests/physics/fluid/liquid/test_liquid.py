@@ -52,6 +52,7 @@ def test_free_fall_is_exact(transfer):
     assert np.abs(found["v"][:, :2] - np.array([0.5, -G * k * h])).max() < 1e-10
 
 
+@pytest.mark.slow
 def test_the_front_of_a_dam_is_that_of_ritter():
     """Ritter 1892: behind a long reservoir of depth H the front runs at 2 sqrt(g H), once what falls has turned, and through
     the dam pass 8/27 sqrt(g) H^1.5 a second."""
@@ -72,6 +73,7 @@ MARTIN_MOYCE = np.array([(0.84, 1.22), (1.19, 1.44), (1.43, 1.67), (1.63, 1.89),
                          (2.32, 2.78), (2.51, 3.00), (2.65, 3.22), (2.83, 3.44), (2.98, 3.67), (3.11, 3.89), (3.33, 4.11)])
 
 
+@pytest.mark.slow
 def test_a_column_that_collapses_spreads_as_in_the_experiment():
     """Martin and Moyce 1952, table 2 (n^2 = 2): x / a over t sqrt(2 g / a). Their membrane takes 0.28 of that time to go, which
     nothing here does; but for this one number the fronts agree within 5 %."""
@@ -98,12 +100,14 @@ def slosh(volume: bool) -> list[float]:
     return [v / whole for v in found]
 
 
+@pytest.mark.slow
 def test_the_volume_is_kept_and_is_lost_where_it_is_not_asked_for():
     kept, lost = slosh(True), slosh(False)
     assert np.mean(kept[-24:]) == pytest.approx(1.0, abs=0.02)
     assert np.mean(lost[-24:]) < 0.9
 
 
+@pytest.mark.slow
 def test_no_particle_is_lost_and_energy_is_not_won():
     sim = Simulation(tank((24, 16, 8), [(0, 0, 0), (0.25, 0.4, 0.25)]), device="cpu")
     first = sim.indicators()
@@ -117,11 +121,13 @@ def test_no_particle_is_lost_and_energy_is_not_won():
     assert np.array_equal(particles(sim)["id"], np.arange(len(x)))
 
 
+@pytest.mark.slow
 def test_a_full_box_without_air_stays_as_it_is():
     sim = run(tank((16, 16), [(0, 0), (0.5, 0.5)]), 6)
     assert sim.indicators()["liquid_speed"] < 1e-3 and not sim.warnings
 
 
+@pytest.mark.slow
 def test_a_ball_in_a_pool_is_neither_wetted_nor_does_it_stir():
     scene = tank((32, 32), [(0, 0), (1, 0.5)])
     scene.collider("/ball", Sphere(0.12), at=(0.5, 0.25, 1 / 64))

@@ -44,6 +44,7 @@ def test_apic_keeps_angular_momentum(precision, bound):
     assert abs(kept("apic", precision) - 1.0) < bound
 
 
+@pytest.mark.slow
 def test_pic_loses_it_and_flip_a_part():
     """After 200 transfers pic has a tenth left."""
     pic, flip = kept("pic"), kept("flip", flip=0.99)

@@ -70,6 +70,7 @@ def test_a_restart_goes_on_to_the_bit(tmp_path, scene):
     assert all(np.array_equal(a[name], b[name]) for name in a)
 
 
+@pytest.mark.slow
 def test_a_stage_in_centimetres_has_the_same_water(tmp_path):
     stage = Usd.Stage.CreateNew(str(tmp_path / "s.usda"))
     UsdGeom.SetStageMetersPerUnit(stage, 0.01)
@@ -138,6 +139,7 @@ def test_gradients_are_refused_by_its_row():
         Simulation(tank((8, 8), [(0, 0), (0.1, 0.1)]), device="cpu", gradients=True)
 
 
+@pytest.mark.slow
 def test_without_a_liquid_nothing_of_it_is_there():
     """No import, no part, no stage; smoke brings none of it either."""
     import subprocess

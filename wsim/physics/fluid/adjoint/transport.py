@@ -46,7 +46,7 @@ class TransportAdjoint:
         ahead, turned, by_ahead, by_turned = (a[:n] for a in (self.ahead, self.turned, self.by_ahead, self.by_turned))
 
         def advect(q: wp.array, part: float, out: wp.array) -> None:
-            run.over(t.advect, t.count, [grid, u, q, t.lifting, clock, real(part)], [out])
+            run.over(t.advect, n, [grid, u, q, t.lifting, clock, real(part)], [out])
         advect(q, part, ahead)
         advect(ahead, -part, turned)
         p, middle = ahead, t.scheme == "bfecc"

@@ -59,12 +59,12 @@ class Domain:
 
     def _kernels(self, dim: int, real: Any, module: str) -> None:
         some, affine = self.obstacles is not None, self.liquid.transfer == "apic"
-        self.to_faces = [transfers.to_faces(dim, a, affine, real, module) for a in range(dim)]
+        self.to_faces = transfers.to_faces(dim, affine, real, module)
         self.to_particles = transfers.to_particles(dim, self.liquid.transfer, real, module)
         self.fill = fill.fill(dim, some, real, module)
-        self.pull = [pull(a, real, module) for a in range(dim)]
+        self.pull = pull(real, module)
         self.sides = [pressure.sides(dim, a, real, module) for a in range(dim)]
-        self.extend = [extend.extend(dim, a, real, module) for a in range(dim)]
+        self.extend = extend.extend(dim, real, module)
         self.move = motion.move(dim, some, real, module)
         self.fastest = motion.fastest(real, module)
         self.begin, self.next = steps.begin(real, module), steps.next(real, module)
@@ -159,10 +159,10 @@ class Domain:
         over, o = self.threads.over, self.obstacles
         for a in range(self.layout.dim):
             u = getattr(self.u, AXES[a])
-            over(self.to_faces[a], u.size, [self.grid, self.particles, self.order.cells], [u, self.mass[a]])
+            over(self.to_faces, u.size, [self.grid, a, self.particles, self.order.cells], [u, self.mass[a]])
             if self.liquid.transfer == "flip":
                 wp.copy(getattr(self.before, AXES[a]), u)
-            over(self.pull[a], u.size, [self.gravity, self.clock, self.mass[a]], [u])
+            over(self.pull, u.size, [a, self.gravity, self.clock, self.mass[a]], [u])
             if not self.layout.periodic[a]:
                 over(self.sides[a], 2 * self.layout.cells // self.layout.n[a],
                      [self.grid, self.surface.low, self.surface.high], [u])
@@ -171,7 +171,7 @@ class Domain:
                                             o.phi if o else None], [self.full, self.phi])
 
     def _extend(self, u: Any) -> None:
-        for a, kernel in enumerate(self.extend):
+        for a in range(self.layout.dim):
             out = getattr(u, AXES[a])
             for layer in range(2, 2 + self.layers):
-                self.threads.over(kernel, out.size, [self.grid, layer, self.mass[a]], [out, self.known[a]])
+                self.threads.over(self.extend, out.size, [self.grid, a, layer, self.mass[a]], [out, self.known[a]])

@@ -32,12 +32,12 @@ class Surface:
         self.k, self.own, self.air = self._faces(), threads.zeros(layout.cells), threads.zeros(1, int)
         self.p, self.r, self.z, self.d, self.w = (threads.zeros(layout.cells) for _ in range(5))
         self.low, self.high = types(real).vec3(*layout.low), types(real).vec3(*layout.high)
-        self.couple = [surface.couple(dim, a, some[0], real, module) for a in range(dim)]
+        self.couple = surface.couple(dim, some[0], real, module)
         self.own_kernel = surface.own(dim, some[0], real, module)
         self.ground = surface.ground(real, module) if layout.sealed else None
         self.outflow, self.crowding = surface.outflow(dim, *some, real, module), surface.crowding(dim, real, module)
-        self.push_kernels = [surface.push(dim, a, *some, real, module) for a in range(dim)]
-        self.spread_kernels = [surface.push(dim, a, some[0], False, real, module) for a in range(dim)]
+        self.push_kernel = surface.push(dim, *some, real, module)
+        self.spread_kernel = surface.push(dim, some[0], False, real, module)
         self.multiply = conjugate.multiply(dim, FREE, real, module)
         self.multigrid = Multigrid(threads, layout, self.k, self.z, self.r, own=self.own)
         self.solver = Conjugate(threads, layout.cells, words)
@@ -53,9 +53,9 @@ class Surface:
 
     def refresh(self) -> None:
         """The equation of the surface as it is now."""
-        for a, kernel in enumerate(self.couple):
+        for a in range(self.layout.dim):
             out = getattr(self.k, AXES[a])
-            self.threads.over(kernel, out.size, [self.grid, self.phi, getattr(self.open, AXES[a])], [out])
+            self.threads.over(self.couple, out.size, [self.grid, a, self.phi, getattr(self.open, AXES[a])], [out])
         n = self.layout.cells
         self.air.zero_()
         self.threads.over(self.own_kernel, n, [self.grid, self.phi, self.open], [self.own, self.air])
@@ -68,20 +68,20 @@ class Surface:
         self.threads.over(self.outflow, self.layout.cells, [self.grid, u, self.open, self.solid, self.phi,
                                                             self.multigrid.grids[0].table], [self.r])
         self._solve(tolerance)
-        self._push(self.push_kernels, u, known)
+        self._push(self.push_kernel, u, known)
 
     def spread(self, d: Any, known: list[wp.array], tolerance: float) -> None:
         """The displacement of faces [m] into d, which is 0, that brings the liquid to its density at rest."""
         self.threads.over(self.crowding, self.layout.cells, [self.grid, self.fill, self.phi, self.multigrid.grids[0].table],
                           [self.r])
         self._solve(tolerance)
-        self._push(self.spread_kernels, d, known)
+        self._push(self.spread_kernel, d, known)
 
-    def _push(self, kernels: list, u: Any, known: list[wp.array]) -> None:
-        for a, kernel in enumerate(kernels):
+    def _push(self, kernel: Any, u: Any, known: list[wp.array]) -> None:
+        for a in range(self.layout.dim):
             out = getattr(u, AXES[a])
             both = filled(structs(self.threads.model.real).Faces, x=getattr(self.open, AXES[a]), y=getattr(self.solid, AXES[a]))
-            self.threads.over(kernel, out.size, [self.grid, self.low, self.high, self.p, self.phi, both],
+            self.threads.over(kernel, out.size, [self.grid, a, self.multigrid.grids[0].table, self.p, self.phi, both],
                               [out, known[a]])
 
     def _solve(self, tolerance: float) -> None:
