@@ -282,7 +282,6 @@ CASES = {
     "surface": ("/floor", lambda: inputs(run("explicit")[0].recording, ["/floor:surface"])),
     "layers": ("/air", lambda: recorded(layered())),
     "still": ("/air", lambda: inputs(recorded(still()), ["/air:viscosity"])),
-    "layers": ("/air", lambda: recorded(layered())),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),
     "load": ("loads", lambda: gradient(net()).load()),
