@@ -280,6 +280,7 @@ CASES = {
     "features": ("/lower", lambda: flush().backward(twists={1: {"/upper": np.ones((2, 3))}})),
     "idle": ("air_drag", lambda: inputs(recorded(alone()), ["air_drag"])),
     "surface": ("/floor", lambda: inputs(run("explicit")[0].recording, ["/floor:surface"])),
+    "layers": ("/air", lambda: recorded(layered())),
     "still": ("/air", lambda: inputs(recorded(still()), ["/air:viscosity"])),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),
