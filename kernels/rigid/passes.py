@@ -3,7 +3,8 @@
     impacts, forces, warm start, sweeps, places, sweeps without bias          see kernels/rigid/soft_step.py
 
 All passes of many substeps are one launch of threads that meet after each: one thread on a CPU, a block, or a cluster of
-blocks. Kinds (kernels/rigid/kinds.py) follow one another in a sweep in the order of their list.
+blocks. Kinds (kernels/rigid/kinds.py) follow one another in a sweep in the order of their list. Each pass is called at one
+place of the kernel, within loops: compilers put a function in wherever it is called, and take their time at each place.
 """
 
 from collections.abc import Callable, Sequence
@@ -79,20 +80,23 @@ def substeps(kinds: Sequence[Kind], real, module, meet: Callable, threads: int =
         i = wp.tid()
         placed(i, threads, steps[0], rig)
         meet()
-        prepare(i, threads, steps[0], h, 1, rig)
-        meet()
-        for k in range(steps[0], steps[1]):
-            thrown(i, threads, k, h, rig)
-            begun(i, threads, h, rig)
-            meet()
-            warm(i, threads, k, h, 1, rig)
-            for _sweep in range(steps[2]):
-                solve(i, threads, k, h, 1, rig)
-            ended(i, threads, k, h, rig)
-            meet()
-            prepare(i, threads, k + 1, h, 0, rig)
-            meet()
-            solve(i, threads, k, h, 0, rig)
+        for k in range(steps[0] - 1, steps[1]):              # before the first, arms alone
+            if k >= steps[0]:
+                thrown(i, threads, k, h, rig)
+                begun(i, threads, h, rig)
+                meet()
+                warm(i, threads, k, h, 1, rig)
+            for sweep in range(steps[2] + 1):                # the last without bias
+                biased = int(1)
+                if sweep == steps[2]:
+                    biased = 0
+                    if k >= steps[0]:
+                        ended(i, threads, k, h, rig)
+                        meet()
+                    prepare(i, threads, k + 1, h, biased, rig)
+                    meet()
+                if k >= steps[0]:
+                    solve(i, threads, k, h, biased, rig)
 
     more = {"launch_bounds": threads} if threads else {}
     return wp.kernel(rigid_substeps, name="rigid_substeps", module=module, enable_backward=False, grid_stride=False,

@@ -200,9 +200,9 @@ def alone() -> Scene:
     return scene
 
 
-def still(**more) -> Scene:
+def still() -> Scene:
     scene = Scene()
-    scene.add(Fluid("/air", np.zeros(3), (0.4, 0.4, 0.1), 0.1, steps=1, **more))
+    scene.add(Fluid("/air", np.zeros(3), (0.4, 0.4, 0.1), 0.1, steps=1))
     return scene
 
 
@@ -280,11 +280,10 @@ CASES = {
     "features": ("/lower", lambda: flush().backward(twists={1: {"/upper": np.ones((2, 3))}})),
     "idle": ("air_drag", lambda: inputs(recorded(alone()), ["air_drag"])),
     "surface": ("/floor", lambda: inputs(run("explicit")[0].recording, ["/floor:surface"])),
+    "layers": ("/air", lambda: recorded(layered())),
     "still": ("/air", lambda: inputs(recorded(still()), ["/air:viscosity"])),
-    "layers": ("/air", lambda: recorded(still(layers=True, slip=False, viscosity=0.01))),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),
-    "layers": ("/air", lambda: recorded(layered())),
     "load": ("loads", lambda: gradient(net()).load()),
     "pin": ("/pin", lambda: gradient(net()).pin("/pin", "stiffness")),
     "material": ("/chain", lambda: gradient(net()).material("stretch")),

@@ -280,3 +280,22 @@ def test_by_the_turning_of_an_obstacle():
     assert found.shape == (2, 2, 3) and abs(expected) > 1e-3
     noise = 4e-16 * sum(map(abs, losses)) / step
     assert found[:, 1, 2].sum() == pytest.approx(expected, rel=1e-8, abs=noise) and noise < 1e-6 * abs(expected)
+
+
+def test_values_of_sources_and_sides_are_set_while_a_scene_runs():
+    sim = Simulation(plume(2), device="cpu", precision="float64")
+    for path, name, wrong, said in (("/fire", "strength", [1.0, 2.0], "one finite number, or 3, one a key"),
+                                    ("/fire", "strength", np.nan, "one finite number"), ("/fire", "place", 1.0, "three finite"),
+                                    ("/air", "side_velocities", np.zeros(3), r"allowed are finite numbers \(6, 3\)")):
+        with pytest.raises(SceneError, match=said):
+            sim.set(path, name, wrong)
+    sim.set("/fire", "strength", [0.0, 0.0, 0.0])
+    sim.set("/air", "side_velocities", np.zeros((6, 3)))
+    sim.step()
+    sources = sim.plan.method("fluid").domains[0].sources
+    assert not sources.table.strength.numpy().any()
+    sim.set("/fire", "strength", 0.5)
+    sim.set("/fire", "place", (0.3, 0.2, 0.025))
+    sim.step()
+    assert (sources.table.strength.numpy() == 0.5).all()
+    assert sources.shapes.table.place.numpy()[0] == pytest.approx((0.3, 0.2, 0.025), rel=1e-15)

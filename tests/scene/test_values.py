@@ -135,7 +135,8 @@ def test_a_toy_value_is_refused_for_gradients_by_its_row(row):
 OWNERS = {"Cloth": (Cloth, Fabric), "Springs": (Springs,), "Soft": (Soft, Bulk), "Collider": (Collider,), "Pin": (Pin,),
           "Load": (Load,), "Scene": (Scene,), "Body": (Body,), "Joint": (Joint,), "Fluid": (Fluid,), "Source": (Source,),
           "Liquid": (Liquid,)}
-HELD = {"mass": "masses", "force": "curve", "traction": "curve", "shift": "motion", "targets": "motion", "points": "shape",
+HELD = {"surface": "motion", "place": "motion",
+        "mass": "masses", "force": "curve", "traction": "curve", "shift": "motion", "targets": "motion", "points": "shape",
         **dict.fromkeys(("keys", "tangents", "handles"), "motion"),
         "positions": "points", "rest_shape": "points", "static_friction": "colliders", "dynamic_friction": "colliders",
         "restitution": "colliders", "stiffness": "drives", "damping": "drives", "target": "drives"}

@@ -148,7 +148,7 @@ def load(module, device, block_dim: int | None = None) -> None:
                 SEEN.add(place)
             if not Path(str(place[0]), module.get_module_identifier(1 if device.is_cpu else block_dim)).exists():
                 _probe()
-            with variants.single():
+            with variants.single(device.is_cpu):
                 wp.load_module(module, device=device, block_dim=block_dim)
         except SceneError:
             raise
@@ -193,7 +193,7 @@ def _again(module, device, block_dim: int | None) -> None:
     try:
         _remove(_folders(module.name))
         module.mark_modified()
-        with variants.single():
+        with variants.single(device.is_cpu):
             wp.load_module(module, device=device, block_dim=block_dim)
     except Exception as error:
         fault = _fault(error)

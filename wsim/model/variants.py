@@ -1,8 +1,14 @@
-"""Kernels of the CPU, each compiled once.
+"""How Warp is asked to compile kernels: on the CPU each once and in parts, on a GPU as ever.
 
-Warp 1.19 compiles a second variant of most, for arrays without gaps: a third of the time to compile a scene, the same bits,
-0 to 5 % of run time. Its configuration has no word for it, so its question whether a kernel may have one is answered here,
-while a module of ours is loaded. Where Warp has no such question, nothing is changed.
+Warp 1.19 compiles a second variant of most CPU kernels, for arrays without gaps: a third of the time to compile a scene, the
+same bits, 0 to 5 % of run time. Its configuration has no word for it, so its question whether a kernel may have one is answered
+here, while a module of ours is loaded. Where Warp has no such question, nothing is changed.
+
+Functions that stand by themselves, `wp.func(inline=False)`, are long ones that are called seldom: those of a pair of bodies,
+once a frame, and passes over islands of joints. Put into what calls them, as Warp has all functions, they make kernels of such
+a size that LLVM takes up to half as long again. The bits are the same. A call copies the structs that it gives (4 kB of a Rig,
+0.1 us): what a contact calls in each sweep does not stand by itself. On a GPU, where a call spills what registers hold, none
+does: the word is left out there.
 """
 
 from collections.abc import Iterator
@@ -11,17 +17,21 @@ from contextlib import contextmanager
 from warp._src import codegen
 
 QUESTION = "cpu_linear_contiguous_specialization_candidate"
+WORDS, APART = "_INLINE_ATTRS", "noinline"
 
 
 @contextmanager
-def single() -> Iterator[None]:
-    """Modules that are compiled inside have one variant of each kernel."""
-    answer = getattr(codegen, QUESTION, None)
-    if answer is None:
-        yield
-        return
-    setattr(codegen, QUESTION, lambda adj, block_dim: False)
+def single(cpu: bool = True) -> Iterator[None]:
+    """Modules that are compiled inside have one variant of each kernel; functions stand by themselves on a CPU alone."""
+    answer, words = getattr(codegen, QUESTION, None), getattr(codegen, WORDS, None)
+    if answer is not None:
+        setattr(codegen, QUESTION, lambda adj, block_dim: False)
+    if words is not None and not cpu:
+        setattr(codegen, WORDS, {word: code for word, code in words.items() if word != APART})
     try:
         yield
     finally:
-        setattr(codegen, QUESTION, answer)
+        if answer is not None:
+            setattr(codegen, QUESTION, answer)
+        if words is not None:
+            setattr(codegen, WORDS, words)

@@ -126,6 +126,11 @@ def _judged(sim: Simulation, row: Value, thing, path: str, value, world: int | N
         if not np.asarray(row.range.holds(values)).all():
             raise SceneError(Problem(path, row.range.wrong(name, float(values.min()))))
         return values
+    if row.form == "factor":
+        keys = thing.taken(name).shape
+        if values.shape not in ((), keys) or not np.isfinite(values).all():
+            raise SceneError(Problem(path, f"{name} is {value!r:.60}; allowed is one finite number, or {keys[0]}, one a key"))
+        return values
     good = np.asarray(row.range.holds(values))
     if not good.all():
         more = " (inf takes the constraints away: that needs another Simulation)" if row.range.endless else ""

@@ -99,20 +99,23 @@ def converged(kinds: Sequence[Kind], real, module, meet: Callable, threads: int 
         i = wp.tid()
         placed(i, threads, steps[0], rig)
         meet()
-        prepare(i, threads, steps[0], h, 1, rig)
-        meet()
-        for k in range(steps[0], steps[1]):
-            thrown(i, threads, k, h, rig)
-            begun(i, threads, h, rig)
-            meet()
-            warm(i, threads, k, h, 1, rig)
-            solved(i, threads, k, h, 1, tolerance, rig)
-            ended(i, threads, k, h, rig)
-            meet()
-            prepare(i, threads, k + 1, h, 0, rig)
-            meet()
-            solved(i, threads, k, h, 0, tolerance, rig)
-            meet()
+        rounds = int(2)                                      # with bias and without; no literal, which Warp would unroll
+        for k in range(steps[0] - 1, steps[1]):              # each pass at one place, see kernels/rigid/passes.py
+            if k >= steps[0]:
+                thrown(i, threads, k, h, rig)
+                begun(i, threads, h, rig)
+                meet()
+                warm(i, threads, k, h, 1, rig)
+            for relaxed in range(rounds):
+                if relaxed == 1:
+                    if k >= steps[0]:
+                        ended(i, threads, k, h, rig)
+                        meet()
+                    prepare(i, threads, k + 1, h, 0, rig)
+                    meet()
+                if k >= steps[0]:
+                    solved(i, threads, k, h, 1 - relaxed, tolerance, rig)
+                    meet()
 
     more = {"launch_bounds": threads} if threads else {}
     return wp.kernel(rigid_converged, name="rigid_converged", module=module, enable_backward=False, grid_stride=False,

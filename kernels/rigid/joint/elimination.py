@@ -45,7 +45,7 @@ def product(i: int, k: int, r_i: wp.vec3d, r_k: wp.vec3d, w: wp.float64, S: wp.m
     return found
 
 
-@wp.func
+@wp.func(inline=False)
 def factor(first: int, last: int, J: Linked):
     """Cholesky factors of the blocks of joints first .. last, in place."""
     six = int(6)

@@ -18,7 +18,7 @@ def bodies(real):
     Rig, (_, _, forces, place), (_, placed, _) = whole(real), body_steps(real), over_bodies(real)
     linked = functions(real).place
 
-    @wp.func
+    @wp.func(inline=False)
     def begun(i: int, threads: int, h: real, rig: Rig, J: Linked):
         half = real(0.5) * h
         for b in range(i, rig.b.w.shape[0], threads):
@@ -28,7 +28,7 @@ def bodies(real):
             J.dp[b] = double3(kicked(p, rig.b.push[b], rig.b.drag[b], half)) - double3(rig.now.p[b])
             J.dL[b] = double3(kicked(L, rig.b.torque[b], rig.b.spin_drag[b], half)) - double3(rig.now.L[b])
 
-    @wp.func
+    @wp.func(inline=False)
     def ended(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
         for b in range(i, rig.b.w.shape[0], threads):
             if J.t.linked[b] == 0:
@@ -50,24 +50,24 @@ def islands(real):
         """Whether island g has joints, and is awake."""
         return J.t.first_joint[g + 1] > J.t.first_joint[g] and rig.work.asleep[J.t.body[J.t.first_body[g]]] == 0
 
-    @wp.func
+    @wp.func(inline=False)
     def placed(i: int, threads: int, k: int, rig: Rig, J: Linked):
         for g in range(i, J.t.first_joint.shape[0] - 1, threads):
             if rig.work.asleep[J.t.body[J.t.first_body[g]]] == 0:
                 placed_one(g, k, rig.b, rig.now, J)
 
-    @wp.func
+    @wp.func(inline=False)
     def begun(i: int, threads: int, h: real, J: Linked):
         for g in range(i, J.t.first_joint.shape[0] - 1, threads):
             begun_one(g, wp.float64(h), J)
 
-    @wp.func
+    @wp.func(inline=False)
     def solve(i: int, threads: int, k: int, sweep: int, h: real, rig: Rig, J: Linked):
         for g in range(i, J.t.first_joint.shape[0] - 1, threads):
             if acts(g, rig, J):
                 solve_one(g, k, sweep, wp.float64(h), rig.b, rig.now, J)
 
-    @wp.func
+    @wp.func(inline=False)
     def relax(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
         for g in range(i, J.t.first_joint.shape[0] - 1, threads):
             if acts(g, rig, J):
@@ -115,35 +115,35 @@ def linked(kinds, real, module, meet, threads: int = 0, cluster: int = 0, bounci
     def rigid_linked(steps: wp.vec3i, h: real, threads: int, rig: Rig, J: Linked):
         i = wp.tid()
         placed(i, threads, steps[0], rig)
-        lined(i, threads, steps[0], rig, J)
         meet()
-        prepare(i, threads, steps[0], h, 1, rig)
-        meet()
-        for k in range(steps[0], steps[1]):
-            thrown(i, threads, k, h, rig)
-            begun(i, threads, h, rig, J)
-            reset(i, threads, h, J)
-            meet()
-            warm(i, threads, k, h, 1, rig)
-            for sweep in range(steps[2]):
-                if sweep == 0:
-                    joined(i, threads, k, sweep, h, rig, J)
+        n = steps[2]
+        for k in range(steps[0] - 1, steps[1]):              # each pass at one place, see kernels/rigid/passes.py
+            if k >= steps[0]:
+                thrown(i, threads, k, h, rig)
+                begun(i, threads, h, rig, J)
+                reset(i, threads, h, J)
+                meet()
+                warm(i, threads, k, h, 1, rig)
+            for turn in range(n + 3):                        # joints, n times contacts and joints; twice without bias
+                biased = int(1)
+                if turn > n:
+                    biased = 0
+                if turn == n + 1:
+                    if k >= steps[0]:
+                        ended(i, threads, k, h, rig, J)
+                        meet()
+                    lined(i, threads, k + 1, rig, J)
+                    prepare(i, threads, k + 1, h, biased, rig)
                     meet()
-                solve(i, threads, k, h, 1, rig)
-                meet()
-                joined(i, threads, k, sweep, h, rig, J)
-                meet()
-            ended(i, threads, k, h, rig, J)
-            meet()
-            lined(i, threads, k + 1, rig, J)
-            prepare(i, threads, k + 1, h, 0, rig)
-            meet()
-            loosed(i, threads, k, h, rig, J)
-            meet()
-            solve(i, threads, k, h, 0, rig)
-            meet()
-            loosed(i, threads, k, h, rig, J)
-            meet()
+                if k >= steps[0]:
+                    if turn != 0 and turn != n + 1:
+                        solve(i, threads, k, h, biased, rig)
+                        meet()
+                    if biased == 1:
+                        joined(i, threads, k, wp.max(turn - 1, 0), h, rig, J)
+                    else:
+                        loosed(i, threads, k, h, rig, J)
+                    meet()
 
     more = {"launch_bounds": threads} if threads else {}
     return wp.kernel(rigid_linked, name="rigid_linked", module=module, enable_backward=False, grid_stride=False,

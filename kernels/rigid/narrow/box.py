@@ -24,7 +24,7 @@ def box(real):
     t, Nearest = types(real), structs(real).Nearest
     vec3, mat33 = t.vec3, t.mat33
 
-    @wp.func
+    @wp.func(inline=False)
     def faces(a: vec3, b: vec3, R: mat33, p: vec3):
         """(greatest s, axis 0 to 2 of A, 3 to 5 of B)."""
         best = int(0)
@@ -44,7 +44,7 @@ def box(real):
                 most = s
         return most, best
 
-    @wp.func
+    @wp.func(inline=False)
     def edges(a: vec3, b: vec3, R: mat33, p: vec3):
         """(greatest s, 3 i + j of the axis A_i x B_j, the axis)."""
         best = int(-1)
@@ -95,7 +95,7 @@ def box(real):
         u = wp.clamp(s * c - wp.dot(r, v), -b[j], b[j])
         return real(0.5) * (A + s * e + o + u * v), 536870912 + (k * 4 + na) * 4 + nb
 
-    @wp.func
+    @wp.func(inline=False)
     def box(a: vec3, b: vec3, R: mat33, p: vec3):
         near = Nearest()
         most, best = faces(a, b, R, p)

@@ -49,7 +49,7 @@ def capsules(real):
     vec3 = t.vec3
     aside, nearest = finishing(real)
 
-    @wp.func
+    @wp.func(inline=False)
     def segments(a: vec3, b: vec3, r: vec3):
         """(s, t) of the nearest places of s a and r + t b, |a|, |b| > 0."""
         one = real(1.0)
@@ -69,7 +69,7 @@ def capsules(real):
         s = wp.clamp((ar + u * ab) / aa, -one, one)
         return s, wp.clamp((s * ab - br) / bb, -one, one)
 
-    @wp.func
+    @wp.func(inline=False)
     def capsules(size_a: vec3, size_b: vec3, R: t.mat33, p: vec3):
         a = vec3(real(0.0), real(0.0), wp.max(size_a[1], real(1.0e-6) * size_a[0]))
         b = wp.max(size_b[1], real(1.0e-6) * size_b[0]) * vec3(R[0, 2], R[1, 2], R[2, 2])
@@ -103,7 +103,7 @@ def box_capsule(real):
         return vec3(q[0] - wp.clamp(q[0], -half[0], half[0]), q[1] - wp.clamp(q[1], -half[1], half[1]),
                     q[2] - wp.clamp(q[2], -half[2], half[2]))
 
-    @wp.func
+    @wp.func(inline=False)
     def place(half: vec3, p: vec3, d: vec3):
         """t of the place of the segment nearest to the box."""
         one = real(1.0)
@@ -132,7 +132,7 @@ def box_capsule(real):
             found = low + (high - low) * (-at_low / (at_high - at_low))
         return found
 
-    @wp.func
+    @wp.func(inline=False)
     def inside(half: vec3, p: vec3, d: vec3):
         """(depth, outward axis) of the least way out of the box; a face, unless an edge is less by 1e-4 of the size."""
         best = vec3()
@@ -169,7 +169,7 @@ def box_capsule(real):
                 high = wp.min(high, wp.max(u, v))
         return p + (real(0.5) * (low + high)) * d
 
-    @wp.func
+    @wp.func(inline=False)
     def box_capsule(half: vec3, size: vec3, R: t.mat33, p: vec3):
         d = size[1] * vec3(R[0, 2], R[1, 2], R[2, 2])
         u = place(half, p, d)

@@ -219,7 +219,7 @@ def contact(real, corners: int, outer: bool = False):
             which = 0
         return which
 
-    @wp.func
+    @wp.func(inline=False)
     def contact(PA: vec3s, a: Side, PB: vec3s, b: Side, near: Nearest, margin: real, size: real):
         m = Manifold()
         which = reference(PA, a, PB, b, near, size)

@@ -34,7 +34,7 @@ def polytope(real) -> SimpleNamespace:
     vec3, vec3s, reals, threes, twos = (t.vec3, wp.array(dtype=t.vec3), wp.array(dtype=real), wp.array(dtype=wp.vec3i),
                                         wp.array(dtype=wp.vec2i))
 
-    @wp.func
+    @wp.func(inline=False)
     def put(V: vec3s, F: threes, N: vec3s, D: reals, slot: int, f: wp.vec3i, tiny: real):
         a = V[f[0]]
         b = V[f[1]]
@@ -65,7 +65,7 @@ def polytope(real) -> SimpleNamespace:
             left = count + 1
         return left
 
-    @wp.func
+    @wp.func(inline=False)
     def remove(F: threes, N: vec3s, D: reals, E: twos, faces: int, w: vec3, pushed: int, tiny: real):
         """(faces, edges) left."""
         left = int(faces)
@@ -91,7 +91,7 @@ def polytope(real) -> SimpleNamespace:
                 best = f
         return best
 
-    @wp.func
+    @wp.func(inline=False)
     def weights(V: vec3s, f: wp.vec3i, n: vec3, d: real):
         """Of the corners of a face at the place n d of its plane, clamped to the face."""
         q = d * n
@@ -116,7 +116,7 @@ def beginning(kinds: frozenset[str], real):
         pa = farthest(a, H, d)
         return pa - (R * farthest(b, H, -(wp.transpose(R) * d)) + p), pa
 
-    @wp.func
+    @wp.func(inline=False)
     def tetrahedron(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, start: vec3, V: vec3s, A: vec3s):
         """V, A: four places, the fifth the way out of D if it is flat. Returns (f, height): outward there, of the four."""
         d = start
@@ -173,7 +173,7 @@ def penetration(kinds: frozenset[str], real):
     far, tetrahedron = beginning(kinds, real)
     put, remove, nearest, weights = of.put, of.remove, of.nearest, of.weights
 
-    @wp.func
+    @wp.func(inline=False)
     def expanded(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, V: wp.array(dtype=vec3), A: wp.array(dtype=vec3),
                  radii: t.vec2):
         F = wp.zeros(shape=(FACES,), dtype=wp.vec3i)
@@ -217,7 +217,7 @@ def penetration(kinds: frozenset[str], real):
             vertices += 1
         return nearest_of(pa, pa - depth * n, -n, -depth, radii, left)
 
-    @wp.func
+    @wp.func(inline=False)
     def penetration(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, d: vec3):
         V = wp.zeros(shape=(VERTICES,), dtype=vec3)
         A = wp.zeros(shape=(VERTICES,), dtype=vec3)

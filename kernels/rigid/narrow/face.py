@@ -38,7 +38,7 @@ def flat_faces(real):
             P[c] = p
         return 4, 2 * k + wp.where(side < real(0.0), 1, 0), n
 
-    @wp.func
+    @wp.func(inline=False)
     def hull(s: Shape, H: Hulls, d: t.vec3, P: wp.array(dtype=t.vec3)):
         low = H.first[s.row]
         for i in range(low + 1, H.first[s.row + 1]):
@@ -106,7 +106,7 @@ def round_faces(real):
             u = t.vec3(d[0] / rho, d[1] / rho, real(0.0))
         return u
 
-    @wp.func
+    @wp.func(inline=False)
     def cylinder(s: Shape, d: t.vec3, P: wp.array(dtype=t.vec3)):
         rho = wp.sqrt(d[0] * d[0] + d[1] * d[1])
         n = t.vec3()
@@ -124,7 +124,7 @@ def round_faces(real):
             P[1] = t.vec3(u[0], u[1], s.size[1])
         return count, number, n
 
-    @wp.func
+    @wp.func(inline=False)
     def cone(s: Shape, d: t.vec3, P: wp.array(dtype=t.vec3)):
         rho = wp.sqrt(d[0] * d[0] + d[1] * d[1])
         R = s.size[0]

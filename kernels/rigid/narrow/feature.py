@@ -53,7 +53,7 @@ def features(real):
                 found = (31 * found + i + 1) % PRIME
         return found
 
-    @wp.func
+    @wp.func(inline=False)
     def features(a: Shape, b: Shape, H: Hulls, R: t.mat33, n: t.vec3):
         key = int(0)
         corners = (a.kind == BOX or a.kind == HULL) and (b.kind == BOX or b.kind == HULL)

@@ -181,7 +181,7 @@ def descent(kinds: frozenset[str], real):
                 found = True
         return found
 
-    @wp.func
+    @wp.func(inline=False)
     def descent(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, most: real):
         W = rows()
         A = rows()
@@ -253,7 +253,7 @@ def apart(kinds: frozenset[str], real):
         """Depth of the cores along n."""
         return wp.dot(n, R * farthest(b, H, wp.transpose(R) * n) + p) - wp.dot(n, farthest(a, H, -n))
 
-    @wp.func
+    @wp.func(inline=False)
     def apart(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, margin: real):
         """Where EPA ran out of room, B pushed out along n by twice the depth has nearest places with a better n: as long as the
         depth along it falls."""

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.animation import skeleton as kernels
+from wsim.kernels.math.real import types
 from wsim.model import kernel_cache
 from wsim.model.stage import Clock, Method, Methods
 from wsim.physics.animation import skinning
@@ -32,10 +33,10 @@ def signature(b: Build) -> list:
 class Tables:
     """Joints of skeletons on a device, and their transforms at some times."""
 
-    def __init__(self, skeletons: list[Skeleton], device):
+    def __init__(self, skeletons: list[Skeleton], device, real):
         self.skeletons, self.device = skeletons, device
-        module = "wsim_skeleton"
-        self.local, self.compose, self.module = kernels.local(module), kernels.compose(module), module
+        module = f"wsim_skeleton_{types(real).name}"
+        self.local, self.compose, self.bones = kernels.local(module), kernels.compose(module), kernels.bones(real, module)
         counts = [len(s.joints) for s in skeletons]
         self.start = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
         self.joints, self.count = kernels.Joints(), int(self.start[-1])
@@ -99,7 +100,7 @@ class Bones(Method):
     def __init__(self, model, skeletons: list[Skeleton]):
         super().__init__("bones")
         self.model, self.skeletons = model, skeletons
-        self.tables = Tables(skeletons, model.device)
+        self.tables = Tables(skeletons, model.device, model.real)
         self.skins: list[Skin] = []
         self.at: tuple | None = None
         self.A: Any = None
@@ -141,7 +142,6 @@ class Bones(Method):
             real = self.model.real
             if self.A is None or self.A.shape != world.shape:
                 self.A = wp.zeros(world.shape, dtype=wp.types.matrix((3, 4), real), device=self.model.device)
-            kernel = kernels.bones(real, self.tables.module)
-            wp.launch(kernel, world.shape, [self.tables.joints, world], [self.A], device=self.model.device)
+            wp.launch(self.tables.bones, world.shape, [self.tables.joints, world], [self.A], device=self.model.device)
             self.at = key
         return self.A

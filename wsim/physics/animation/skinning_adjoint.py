@@ -17,6 +17,8 @@ Between keys R = R_a exp(s phi), phi = log(R_a^-1 R_b):
 (Sola, Deray, Atchuthan 2018, A micro Lie theory, eq. 143, 144.) Gradients by the dual quaternion itself are by complex steps.
 """
 
+from typing import Any
+
 import numpy as np
 
 from wsim.geometry import rotation
@@ -158,7 +160,7 @@ def gradients(follow: Follow, times: np.ndarray, g: np.ndarray) -> tuple[np.ndar
     W = skinning.worlds(bones.parents, L)
     A, base, offsets = W @ np.linalg.inv(bones.bind), skinning.bound(skin), skinning.blended(skin, times)
     turning = bones.translations is not None
-    around = between(bones, times) if turning else ()
+    around: Any = between(bones, times) if turning else ()
     turns, by_p = np.zeros((len(bones.times), len(bones.joints), 3)), np.zeros_like(x)
     for k in range(len(times)):
         p = base if offsets is None else base + offsets[k] @ skin.geom[:3, :3].T

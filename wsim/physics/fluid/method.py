@@ -20,6 +20,7 @@ from wsim.physics.fluid.grid.shapes import kinds
 from wsim.physics.fluid.grid.threads import Threads
 from wsim.physics.fluid.measure import centered, measures
 from wsim.physics.fluid.objects import Fluid, Source
+from wsim.scene import Problem, SceneError
 from wsim.scene.samples import Sample
 from wsim.scene.values.coverage import refuse
 
@@ -203,6 +204,8 @@ class Fluids(Method):
         for k in hit:
             domain = self.domains[k]
             if path == "/" and name in ("wind", "gravity") or path == domain.fluid.path and name in (*LIVE, "side_velocities"):
+                if name == "side_velocities" and (np.shape(value) != (6, 3) or not np.isfinite(value).all()):
+                    raise SceneError(Problem(path, f"{name} has shape {np.shape(value)}; allowed are finite numbers (6, 3)"))
                 if path != "/":
                     self.numbers[k][name] = float(value) if name in LIVE else np.asarray(value, np.float64).reshape(6, 3)
                 domain.blow(self.wind[domain.world], self.gravity[domain.world], self.numbers[k])

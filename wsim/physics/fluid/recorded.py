@@ -28,9 +28,6 @@ class Recorded:
 
     def __init__(self, method: Any):
         self.method, self.model = method, method.model
-        for fluid, _ in method.pairs:
-            if fluid.layers and fluid.viscosity > 0.0 and not fluid.slip:
-                raise refuse("layers", fluid.path)
         self.adjoints = [DomainAdjoint(domain) for domain in method.domains]
         self.kept: list[dict[str, wp.array]] = []
         self.begun: dict[tuple[int, str], np.ndarray] = {}           # fields that were put where the recording begins

@@ -216,8 +216,6 @@ REFUSED: dict[str, Refused] = {
                        "no velocity with a derivative"),
     "layers": Refused("layers along the walls of a fluid", "resolves layers along its walls, which has no derivative; leave "
                       "its {name} False"),
-    "layers": Refused("viscous layers along walls of fluids", "has layers along walls (wsim:fluid:layers), whose advection and "
-                      "friction have no derivative; switch them off"),
     "still": Refused("values of fluids and sources of which nothing runs", "nothing of its {name} runs: {why}"),
     "load": Refused("loads that there are not", "there is no load; give the scene one"),
     "pin": Refused("anything but stiffness and damping of a soft pin", "is no soft pin with a derivative with respect to "

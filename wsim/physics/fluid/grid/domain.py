@@ -144,7 +144,8 @@ class Domain:
     @property
     def launches(self) -> int:
         """Number of launches of a step whose pressure takes one iteration."""
-        dim, solve = self.layout.dim, (self.pressure.direct or self.pressure.multigrid).launches + 12
+        p, dim = self.pressure, self.layout.dim
+        solve = p.direct.launches + 5 if p.direct else p.multigrid.launches + 12
         return (5 * dim + 2 * solve if self.reflects else 4 * dim + solve) + 2 * len(self.scalars) + 4
 
     # a frame

@@ -110,7 +110,8 @@ class Pressure:
 
     def _refine(self) -> None:
         s = self.solver
-        self.direct.cycle()                                    # of r into z
+        if self.direct:
+            self.direct.cycle()                                # of r into z
         self.threads.sum(self.multiply, s.parts, [self.multigrid.grids[0].table, self.z], [self.p, self.r, s.part])
         s.conclude(CHECK, self.tolerance, AGAIN)
 
