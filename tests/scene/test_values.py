@@ -15,6 +15,7 @@ from wsim.fitting.fields import field
 from wsim.fitting.parameter import parameters
 from wsim.gradient.inputs.by_name import KINDS, inputs
 from wsim.gradient.recording import Recording
+from wsim.physics.animation.objects import Skeleton
 from wsim.physics.fluid.liquid.objects import Liquid
 from wsim.physics.fluid.objects import Fluid, Source
 from wsim.physics.rigid.joints.joint import Joint
@@ -134,8 +135,8 @@ def test_a_toy_value_is_refused_for_gradients_by_its_row(row):
 
 OWNERS = {"Cloth": (Cloth, Fabric), "Springs": (Springs,), "Soft": (Soft, Bulk), "Collider": (Collider,), "Pin": (Pin,),
           "Load": (Load,), "Scene": (Scene,), "Body": (Body,), "Joint": (Joint,), "Fluid": (Fluid,), "Source": (Source,),
-          "Liquid": (Liquid,)}
-HELD = {"surface": "motion", "place": "motion",
+          "Liquid": (Liquid,), "Skeleton": (Skeleton,)}
+HELD = {"surface": "motion", "turns": "rotations", "place": "motion",
         "mass": "masses", "force": "curve", "traction": "curve", "shift": "motion", "targets": "motion", "points": "shape",
         **dict.fromkeys(("keys", "tangents", "handles"), "motion"),
         "positions": "points", "rest_shape": "points", "static_friction": "colliders", "dynamic_friction": "colliders",

@@ -23,14 +23,16 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Row:
-    """owns: names of its dataclasses; unseen: those of them that results hold nothing of; claims: names of USD types or applied
-    APIs that its `usd` reads; without: why it is left out where a scene lacks it; gradients: whether recordings differentiate
-    through it; pushes: whether it acts on points within a substep, as pairs of carriers do."""
+    """owns: names of its dataclasses; unseen: those of them that results hold nothing of; posed: whether they only pose what
+    others simulate; claims: names of USD types or applied APIs that its `usd` reads; without: why it is left out where a scene
+    lacks it; gradients: whether recordings differentiate through it; pushes: whether it acts on points within a substep, as
+    pairs of carriers do."""
 
     name: str
     folder: str
     owns: tuple[str, ...] = ()
     unseen: tuple[str, ...] = ()
+    posed: bool = False
     claims: tuple[str, ...] = ()
     without: str = ""
     gradients: bool = False
@@ -60,7 +62,7 @@ METHODS: list[Row] = [
         claims=("WsimFluidDomainAPI", "WsimFluidSourceAPI"), without="there is no fluid", gradients=True),
     Row("liquid", "wsim.physics.fluid.liquid", owns=("Liquid", "LiquidSource"), unseen=("LiquidSource",),
         claims=("WsimLiquidDomainAPI", "WsimLiquidSourceAPI"), without="there is no liquid"),
-    Row("bones", "wsim.physics.animation", owns=("Skeleton",), unseen=("Skeleton",), claims=("Skeleton",),
+    Row("bones", "wsim.physics.animation", owns=("Skeleton",), unseen=("Skeleton",), posed=True, claims=("Skeleton",),
         without="nothing follows a skeleton", gradients=True),
     Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),
     Row("watch", "wsim.physics.motion.overstretch", gradients=True),
@@ -102,8 +104,8 @@ def carried(scene) -> list:
 
 
 def moving(scene) -> bool:
-    """True if methods simulate something of a scene, besides what results hold nothing of."""
-    return any(type(thing).__name__ not in row.unseen for row, thing in every(scene)) if scene.others else False
+    """True if a scene holds something that methods simulate, or would."""
+    return any(not row.posed for row, _ in every(scene)) if scene.others else False
 
 
 def collides(scene) -> bool:
