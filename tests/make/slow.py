@@ -6,7 +6,7 @@ SLOW = {
     "fitting/test_fields.py": [
         "test_the_motion_of_a_pin_is_found_from_what_hangs_on_it",
         "test_a_soft_and_a_stiff_half_are_found_from_one_bent_shape", "test_noise_does_not_blow_up[smooth]",
-        "test_without_a_belief_noise_is_what_is_found"],
+        "test_without_a_belief_noise_is_what_is_found", "test_noise_does_not_blow_up[tv]"],
     "fitting/test_numbers_and_fields.py": [
         "test_a_number_and_a_field_are_found_together", "test_a_field_and_a_density_are_found_by_sweeps",
         "test_a_stiffness_field_is_found_from_scans_without_correspondence"],
@@ -14,9 +14,10 @@ SLOW = {
         "test_a_frame_takes_no_memory[implicit-backward_euler]", "test_a_frame_takes_no_memory[implicit-bdf2]",
         "test_a_frame_takes_no_memory[xpbd-bdf2]", "test_a_frame_takes_no_memory[xpbd-backward_euler]"],
     "gradient/rigid/test_contacts.py": [
-        "test_checkpoints_are_refused"],
+        "test_checkpoints_are_refused", "test_a_box_slides_by_its_friction"],
     "gradient/test_bounds.py": [
-        "test_jvp_at_the_end_of_a_range_is_from_the_side_that_is_allowed[/floor:dynamic_friction-leapfrog]"],
+        "test_jvp_at_the_end_of_a_range_is_from_the_side_that_is_allowed[/floor:dynamic_friction-leapfrog]",
+        "test_jvp_at_the_end_of_a_range_is_from_the_side_that_is_allowed[/cloth:dynamic_friction-leapfrog]"],
     "gradient/test_coverage.py": [
         "test_what_is_refused_raises_with_its_words_and_path[features]"],
     "gradient/test_gradients.py": [
@@ -27,12 +28,13 @@ SLOW = {
     "gradient/test_reaction_adjoint.py": [
         "test_a_soft_pin[solver0]", "test_wind[more0]", "test_wind[more1]",
         "test_looking_changes_nothing_and_gradients_repeat_to_the_bit[scene1]",
-        "test_a_bar_that_flows[corotational-more0-1e-07]"],
+        "test_a_bar_that_flows[corotational-more0-1e-07]", "test_muscles[sdirk3]", "test_muscles[rk4]"],
     "physics/carrier/test_balls.py": [
         "test_momentum_of_a_toy_carrier_and_a_cloth_is_kept[xpbd-backward_euler]",
         "test_momentum_of_a_toy_carrier_and_a_cloth_is_kept[implicit-backward_euler]",
         "test_momentum_of_a_toy_carrier_and_a_cloth_is_kept[implicit-implicit_midpoint]",
-        "test_momentum_of_a_toy_carrier_and_a_cloth_is_kept[explicit-rk4]"],
+        "test_momentum_of_a_toy_carrier_and_a_cloth_is_kept[explicit-rk4]",
+        "test_momentum_of_a_toy_carrier_and_a_cloth_is_kept[implicit-bdf2]"],
     "physics/cloth/test_element_adjoint.py": [
         "test_gradients_are_those_of_differences[dihedral-True]"],
     "physics/cloth/test_live_fabric.py": [
@@ -75,29 +77,46 @@ SLOW = {
         "test_a_sheet_thrown_at_a_sphere_never_gains_energy[implicit-bdf2-0.0]",
         "test_sensitivities_are_those_of_the_motion[midpoint-118-3]", "test_sensitivities_are_those_of_the_motion[rk4-118-3]",
         "test_a_sheet_thrown_at_a_sphere_has_the_gradients_of_its_scheme[xpbd-backward_euler]",
-        "test_a_sheet_thrown_at_a_sphere_has_the_gradients_of_its_scheme[xpbd-bdf2]"],
+        "test_a_sheet_thrown_at_a_sphere_has_the_gradients_of_its_scheme[xpbd-bdf2]",
+        "test_sensitivities_are_those_of_the_motion[leapfrog-90-2]"],
     "physics/contact/test_soft_contacts.py": [
         "test_a_bar_that_lands_and_slides[sphere-backward_euler]", "test_a_bar_that_sticks_is_carried[sheet-bdf2]",
         "test_a_bar_of_quadratic_tets_under_pressure"],
     "physics/contact/test_toy_shape.py": [
         "test_cloth_rests_on_it[implicit-more1]", "test_cloth_rests_on_it[explicit-more2]"],
+    "physics/fluid/test_accuracy.py": [
+        "test_other_schemes_lose_to_the_projection_what_reflection_keeps[bfecc-0.0342]",
+        "test_other_schemes_lose_to_the_projection_what_reflection_keeps[linear-0.0512]"],
     "physics/fluid/test_obstacles.py": [
-        "test_a_mesh_is_an_obstacle_as_its_shape_is"],
+        "test_a_mesh_is_an_obstacle_as_its_shape_is", "test_a_wall_thinner_than_a_cell_does_not_leak[0.0]"],
     "physics/joints/test_beside.py": [
         "test_islands_and_contacts_of_many_launches_give_the_bits_of_one",
         "test_bodies_of_a_joint_pass_through_each_other_unless_it_says_that_they_collide"],
     "physics/joints/test_humanoid.py": [
-        "test_worlds_of_joints_are_alike", "test_a_hinge_with_a_strong_damper_hardly_moves"],
+        "test_worlds_of_joints_are_alike", "test_a_hinge_with_a_strong_damper_hardly_moves",
+        "test_bodies_of_the_humanoid_move_together_as_if_nothing_held_them_in_free_fall"],
     "physics/motion/test_compensated.py": [
         "test_a_sheet_of_996_substeps_in_float32"],
     "physics/motion/test_explicit.py": [
         "test_membranes_and_hinges_agree_with_a_converged_implicit_solution"],
+    "physics/rigid/narrow/test_gjk.py": [
+        "test_hulls_face_to_face_touch_at_four_points_with_equal_gaps[f64]"],
     "physics/rigid/solver/test_colours.py": [
         "test_launches_of_passes_and_colours_give_the_bits_of_one_launch"],
     "physics/rigid/solver/test_converged.py": [
         "test_fixed_sweeps_come_near_to_the_converged_motion"],
+    "physics/rigid/solver/test_sleep.py": [
+        "test_a_column_sleeps_after_half_a_second_and_nothing_moves_any_more[coloured]",
+        "test_a_collider_that_moves_wakes_what_it_touches[coloured]"],
     "physics/rigid/standing/test_floors.py": [
-        "test_a_box_slides_over_triangles_as_far_as_friction_lets_it_and_does_not_catch[float64-1]"],
+        "test_a_box_slides_over_triangles_as_far_as_friction_lets_it_and_does_not_catch[float64-1]",
+        "test_a_box_slides_over_triangles_as_far_as_friction_lets_it_and_does_not_catch[float32-1]"],
+    "physics/rigid/standing/test_statics.py": [
+        "test_two_cards_that_lean_on_each_other_stand_where_friction_is_enough[1.05-True]"],
+    "physics/rigid/test_contact.py": [
+        "test_a_mesh_lies_as_its_hull_does"],
+    "physics/rigid/test_usd.py": [
+        "test_scenes_of_others_run_and_come_to_rest[box_on_plane-1-1.0]"],
     "physics/rigid/touch/test_blows.py": [
         "test_what_a_ball_gives_a_sheet_it_has_lost[0.01-xpbd]", "test_what_a_ball_gives_a_sheet_it_has_lost[100.0-xpbd]",
         "test_what_a_ball_gives_a_sheet_it_has_lost[0.01-xpbd bdf2]",
@@ -115,14 +134,17 @@ SLOW = {
         "test_a_blow_that_rebounds_keeps_a_part_of_the_speed[xpbd bdf2]",
         "test_a_blow_that_rebounds_keeps_a_part_of_the_speed[leapfrog]",
         "test_nothing_passes_at_twenty_metres_a_second[leapfrog]", "test_a_ball_in_a_sheet_comes_to_rest[0.01]",
-        "test_a_ball_in_a_sheet_comes_to_rest[100.0]", "test_runs_are_the_same_to_the_bit"],
+        "test_a_ball_in_a_sheet_comes_to_rest[100.0]", "test_runs_are_the_same_to_the_bit",
+        "test_a_blow_that_rebounds_keeps_a_part_of_the_speed[xpbd]", "test_nothing_passes_at_twenty_metres_a_second[xpbd]"],
     "physics/rigid/touch/test_scene.py": [
         "test_a_run_goes_on_to_the_bit_and_holds_points_and_transforms[way1]",
         "test_a_run_goes_on_to_the_bit_and_holds_points_and_transforms[way2]",
         "test_a_soft_cube_on_a_box_on_a_plane_rests[600.0]", "test_a_box_on_a_trampoline_net_rests",
         "test_newtons_method_repeats_what_it_has_not_foreseen", "test_a_soft_cube_on_a_box_on_a_plane_rests[100.0]"],
+    "physics/soft/test_plastic.py": [
+        "test_a_restart_and_a_repeated_frame_go_on_bit_for_bit[implicit-bdf2]"],
     "physics/soft/test_plastic_adjoint.py": [
-        "test_a_bar_that_flows[neo_hookean-more1-2e-06]", "test_by_the_yield[more1]"],
+        "test_a_bar_that_flows[neo_hookean-more1-2e-06]", "test_by_the_yield[more1]", "test_by_the_yield[more2]"],
     "physics/solver/test_newton_adjoint_contacts.py": [
         "test_a_sheet_that_falls_on_a_turning_collider_and_slides[plane-backward_euler]",
         "test_what_stands_on_its_feet_gives_way_by_statics", "test_a_sheet_that_slides_on_a_floor_along_a_wall",
@@ -148,5 +170,7 @@ SLOW = {
         "test_exactly_the_kernels_of_the_scene_are_compiled[shirt]", "test_a_change_of_the_scene_changes_just_its_kernels"],
     "tools/test_scenes.py": [
         "test_scenes_run[shirt]", "test_the_humanoid_comes_to_rest_with_its_joints_closed",
-        "test_rigid_scenes_stand_until_the_ball_comes_and_fall_then[arch-2.9-0.005-12]"],
+        "test_rigid_scenes_stand_until_the_ball_comes_and_fall_then[arch-2.9-0.005-12]",
+        "test_rigid_scenes_stand_until_the_ball_comes_and_fall_then[dominoes-0.0-0.001-30]",
+        "test_the_squeezed_cube_is_carried_by_friction"],
 }
