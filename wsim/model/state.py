@@ -16,7 +16,8 @@ from wsim.kernels.math.real import types
 
 @dataclass(frozen=True)
 class Field:
-    """type: "vec3", "mat33", "scalar" (of the simulation's precision), "int", "long" (64 bits)."""
+    """type: "vec3", "mat33", "scalar" (of the simulation's precision), "int", "long" (64 bits); "vec3d" and "double" are
+    float64 whatever that precision is."""
 
     name: str
     unit: str
@@ -25,7 +26,7 @@ class Field:
     type: str = "vec3"
 
     def dtype(self, real) -> type:
-        whole = {"int": int, "long": wp.int64}
+        whole = {"int": int, "long": wp.int64, "double": wp.float64, "vec3d": wp.vec3d}
         return whole[self.type] if self.type in whole else getattr(types(real), self.type)
 
 

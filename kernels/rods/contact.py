@@ -1,0 +1,121 @@
+"""Contact of a strand's points with colliders: a stiff spring along the normal, Coulomb friction by bristles (Cundall, Strack 1979).
+
+    phi < r:  N = k (r - phi),  k = STIFF max(m / h^2, A)             the deeper, the harder; sinks by N / k
+    F_t = -k s, |F_t| <= mu N,  s = what it has slid over the collider since it touched, cut back where it slips
+
+In Newton's system: k n n^T, and k (1 - n n^T) where it sticks, mu N / |s| (1 - n n^T) where it slips. Friction is with the collider
+that a point is deepest in. Colliders go straight from where they are at the start of a substep to where they are at its end.
+"""
+
+# Device code: an outer `if` on a Python bool drops its branch before it is compiled.
+# ruff: noqa: SIM102, UP018
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from wsim.kernels.contact.mesh import SHEET, SOLID
+from wsim.kernels.contact.shape import distance
+from wsim.kernels.rods.tables import Motion, Strands, Trial
+
+STIFF = wp.constant(wp.float64(30.0))
+FAR = wp.constant(wp.float64(1e9))
+
+
+@wp.struct
+class Colliders:
+    kind: wp.array(dtype=int)                       # as kernels/contact has it
+    size: wp.array(dtype=wp.vec3d)                  # [m]
+    mesh: wp.array(dtype=wp.uint64)                 # of a surface
+    friction: wp.array2d(dtype=wp.vec2d)            # static, dynamic, (colliders, strands)
+    thick: wp.array(dtype=wp.float64)               # kept beside the strand's radius [m]
+    frame: wp.array2d(dtype=wp.mat44d)              # own frame to world, (substeps + 1, colliders): at starts and ends of substeps
+
+
+@wp.struct
+class Touch:
+    """Forces of colliders on a point, and their stiffness; s: bristle in the end [m], deep: how far it is in the deepest [m]."""
+
+    f: wp.vec3d
+    K: wp.mat33d
+    s: wp.vec3d
+    deep: wp.float64
+
+
+@wp.func
+def rub(t: Touch, n: wp.vec3d, s: wp.vec3d, N: wp.float64, k: wp.float64, mu: wp.vec2d):
+    """Friction of a bristle s across n, under the normal force N."""
+    across = wp.identity(n=3, dtype=wp.float64) - wp.outer(n, n)
+    b = across * s
+    size = wp.length(b)
+    if k * size > mu[0] * N:
+        q = mu[1] * N / size
+        t.f = t.f - b * q
+        t.K = t.K + across * q
+        t.s = b * (q / k)
+    else:
+        t.f = t.f - b * k
+        t.K = t.K + across * k
+        t.s = b
+    return t
+
+
+@cache
+def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
+    """Function touch(C, S, Q, T, hh, at, i, k) -> Touch of a point in the substep at; hh: h^2. kinds: of colliders, "" none."""
+    convex = distance(tuple(name for name in kinds if name not in ("solid", "sheet")) or ("sphere",))
+    solid, sheet = "solid" in kinds, "sheet" in kinds
+
+    @wp.func
+    def signed(C: Colliders, c: int, q: wp.vec3d):
+        phi = FAR
+        n = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
+        if wp.static(solid):
+            if C.kind[c] == SOLID:
+                near = wp.mesh_query_point_sign_normal(C.mesh[c], wp.vec3f(q), float(1.0e6))
+                if near.result:
+                    p = wp.vec3d(wp.mesh_eval_position(C.mesh[c], near.face, near.u, near.v))
+                    phi = wp.float64(near.sign) * wp.length(q - p)
+                    n = wp.normalize(q - p) * wp.float64(near.sign)
+        if wp.static(sheet):
+            if C.kind[c] == SHEET:
+                near = wp.mesh_query_point_no_sign(C.mesh[c], wp.vec3f(q), float(1.0e6))
+                if near.result:
+                    p = wp.vec3d(wp.mesh_eval_position(C.mesh[c], near.face, near.u, near.v))
+                    phi = wp.length(q - p)
+                    n = wp.normalize(q - p)
+        if C.kind[c] < SOLID:
+            found, m = convex(C.kind[c], C.size[c], q)
+            phi = found
+            n = m
+        return phi, n
+
+    @wp.func
+    def touch(C: Colliders, S: Strands, Q: Motion, T: Trial, hh: wp.float64, at: int, i: int, k: int):
+        found = Touch()
+        found.deep = wp.float64(0.0)
+        normal = wp.vec3d()
+        slid = wp.vec3d()
+        best = int(-1)
+        stiff = STIFF * wp.max(S.m[i, k] / hh, S.A[wp.max(i - 1, 0), k])
+        x = T.x[i, k] + S.origin[k]
+        for c in range(C.kind.shape[0]):
+            frame = C.frame[at + 1, c]
+            q = wp.transform_point(wp.inverse(frame), x)
+            phi, m = signed(C, c, q)
+            deep = S.radius[i, k] + C.thick[c] - phi
+            if deep > wp.float64(0.0):
+                n = wp.transform_vector(frame, m)
+                found.f = found.f + n * (stiff * deep)
+                found.K = found.K + wp.outer(n, n) * stiff
+                if deep > found.deep:
+                    found.deep = deep
+                    best = c
+                    normal = n
+                    slid = (T.x[i, k] - Q.x[i, k]) - (x - wp.transform_point(C.frame[at, c], q))
+        if best >= 0:
+            found = rub(found, normal, Q.stick[i, k] + slid, stiff * found.deep, stiff, C.friction[best, k])
+        return found
+
+    return SimpleNamespace(touch=touch, name="_".join(kinds))

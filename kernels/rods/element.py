@@ -1,0 +1,87 @@
+"""Strains of a discrete elastic rod and their gradients. Bergou, Wardetzky, Robinson, Audoly, Grinspun 2008; Bergou, Audoly,
+Vouga, Wardetzky, Grinspun 2010 (section 4).
+
+    e, t, m1, m2   edge [m], its unit tangent, its material directors (m2 = t x m1)
+    kb = 2 t0 x t1 / (1 + t0.t1)                               curvature binormal of the point between edges 0 and 1
+    kappa = ((m2_0 + m2_1).kb / 2, -(m1_0 + m1_1).kb / 2)      integrated curvatures, 2 tan(half of the turn) [1]
+    twist                                                      angle from m1_0, transported along, to m1_1 [rad]
+
+Energies are those of integrated strains over the length that a point stands for: B |kappa - rest|^2 / (2 l), C (twist - rest)^2 / (2 l),
+and of an edge A (|e| / l - 1)^2 l / 2. Edges that fold back (t0.t1 = -1) have no curvature; it is held at FOLD.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+FOLD = wp.constant(wp.float64(1e-3))     # least 1 + t0.t1: a turn of 177 degrees at a point
+
+
+@wp.func
+def transport(a: wp.vec3d, b: wp.vec3d, v: wp.vec3d):
+    """The vector v turned by the least rotation from unit tangent a to b (parallel transport)."""
+    k = wp.cross(a, b)
+    c = wp.max(wp.float64(1.0) + wp.dot(a, b), FOLD)
+    return v + wp.cross(k, v) + wp.cross(k, wp.cross(k, v)) / c
+
+
+@wp.func
+def upright(t: wp.vec3d, m: wp.vec3d):
+    """The director m made a unit vector across t again."""
+    return wp.normalize(m - t * wp.dot(t, m))
+
+
+@wp.func
+def turned(t: wp.vec3d, m: wp.vec3d, angle: wp.float64):
+    """The director m across t, turned about t by an angle [rad]."""
+    return m * wp.cos(angle) + wp.cross(t, m) * wp.sin(angle)
+
+
+@wp.func
+def near(angle: wp.float64, last: wp.float64):
+    """The angle [rad] plus the whole turns that bring it nearest to the last one: twist beyond half a turn a point is kept."""
+    turn = wp.float64(6.283185307179586)
+    return angle + turn * wp.round((last - angle) / turn)
+
+
+@wp.func
+def twist(t0: wp.vec3d, t1: wp.vec3d, m0: wp.vec3d, m1: wp.vec3d, last: wp.float64):
+    """Twist [rad] from edge 0 to edge 1, nearest to the last one."""
+    p = transport(t0, t1, m0)
+    return near(wp.atan2(wp.dot(wp.cross(p, m1), t1), wp.dot(p, m1)), last)
+
+
+@cache
+def bend() -> SimpleNamespace:
+    """Struct Bend (strains of a point and their gradients) and function strains(t0, t1, l0, l1, m0, m1, last) -> Bend."""
+
+    @wp.struct
+    class Bend:
+        s: wp.vec3d            # kappa 1, kappa 2, twist
+        a: wp.mat33d           # rows: gradient of each by e0 [1/m]
+        b: wp.mat33d           # rows: by e1
+        u: wp.vec3d            # by the angle of edge 0 [1/rad]
+        w: wp.vec3d            # by that of edge 1
+
+    @wp.func
+    def strains(t0: wp.vec3d, t1: wp.vec3d, l0: wp.float64, l1: wp.float64, m0: wp.vec3d, m1: wp.vec3d, last: wp.float64):
+        half = wp.float64(0.5)
+        n0 = wp.cross(t0, m0)
+        n1 = wp.cross(t1, m1)
+        c = wp.max(wp.float64(1.0) + wp.dot(t0, t1), FOLD)
+        kb = wp.cross(t0, t1) * (wp.float64(2.0) / c)
+        t = (t0 + t1) / c
+        m = (m0 + m1) / c
+        n = (n0 + n1) / c
+        k1 = half * wp.dot(n0 + n1, kb)
+        k2 = -half * wp.dot(m0 + m1, kb)
+        f = Bend()
+        f.s = wp.vec3d(k1, k2, twist(t0, t1, m0, m1, last))
+        f.a = wp.matrix_from_rows((wp.cross(t1, n) - t * k1) / l0, (-wp.cross(t1, m) - t * k2) / l0, kb * (half / l0))
+        f.b = wp.matrix_from_rows((-wp.cross(t0, n) - t * k1) / l1, (wp.cross(t0, m) - t * k2) / l1, kb * (half / l1))
+        f.u = wp.vec3d(-half * wp.dot(kb, m0), -half * wp.dot(kb, n0), wp.float64(-1.0))
+        f.w = wp.vec3d(-half * wp.dot(kb, m1), -half * wp.dot(kb, n1), wp.float64(1.0))
+        return f
+
+    return SimpleNamespace(Bend=Bend, strains=strains)

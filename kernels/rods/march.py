@@ -1,0 +1,136 @@
+"""Substeps of strands, all of a frame in one launch, a thread each: a strand meets no other here.
+
+BDF2, the first step of all backward Euler; each substep is solved by Newton's method to TOLERANCE of the shortest edge, or MOST
+iterations. A point that touches goes on as if it had moved evenly: the step before would make it bounce.
+"""
+
+# Device code: an outer `if` on a Python bool drops its branch before it is compiled.
+# ruff: noqa: SIM102, UP018
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.rods.contact import Colliders, Touch, touching
+from wsim.kernels.rods.element import transport, turned, upright
+from wsim.kernels.rods.system import backward, forward, take
+from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
+
+TOLERANCE = wp.constant(wp.float64(1e-8))
+MOST = wp.constant(20)
+
+
+@wp.func
+def rule(Q: Motion, h: wp.float64, at: int, k: int):
+    """Numbers of BDF2 where there is a step before, else of backward Euler."""
+    p = Step()
+    p.h = h
+    p.at = at
+    before = wp.float64(Q.begun[0, k])
+    half = wp.float64(0.5) * before
+    p.a = wp.float64(1.0) + half
+    p.b = half
+    p.c = wp.float64(1.0) + half
+    p.e = wp.float64(1.0) + before
+    p.f = half
+    return p
+
+
+@wp.func
+def begin(S: Strands, H: Holds, Q: Motion, T: Trial, h: wp.float64, at: int, k: int):
+    """A first guess: free points go on as they did, held ones go where they are held."""
+    n = S.points[k]
+    for i in range(n):
+        row = S.hold[i, k]
+        if row < 0:
+            T.x[i, k] = Q.x[i, k] + Q.v[i, k] * h
+        else:
+            T.x[i, k] = wp.transform_point(H.frame[at, H.pin[row]], H.place[row]) - S.origin[k]
+    for i in range(n - 1):
+        T.phi[i, k] = Q.phi[i, k]
+        t = wp.normalize(T.x[i + 1, k] - T.x[i, k])
+        if S.stiff[i, k] == 1:
+            row = S.hold[i, k]
+            T.turn[i, k] = wp.float64(0.0)
+            T.d[i, k] = upright(t, wp.transform_vector(H.frame[at, H.pin[row]], H.director[row]))
+        else:
+            angle = Q.w[i, k][0] * h
+            old = wp.normalize(Q.x[i + 1, k] - Q.x[i, k])
+            T.d[i, k] = turned(t, upright(t, transport(old, t, Q.d[i, k])), angle)
+            T.turn[i, k] = angle
+
+
+@wp.func
+def spun(w: wp.vec3d, turn: wp.float64, p: Step):
+    """Spin [rad/s] after a turn [rad], the turn, the spin before."""
+    return wp.vec3d((turn * p.a - w[1] * p.b) / p.h, turn, w[0])
+
+
+@cache
+def finish(kinds: tuple[str, ...]):
+    """Function (S, C, Q, T, p, k) -> how deep it is in a collider [m]: velocities, and what the next substep remembers."""
+    meets, touch = bool(kinds), touching(kinds).touch if kinds else None
+
+    @wp.func
+    def finish(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, k: int):
+        deep = wp.float64(0.0)
+        for i in range(S.points[k]):
+            d = T.x[i, k] - Q.x[i, k]
+            v = (d * p.a - Q.s[i, k] * p.b) / p.h
+            u = Q.v[i, k]
+            if wp.static(meets):
+                t = Touch()
+                if S.hold[i, k] < 0:
+                    t = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
+                Q.stick[i, k] = t.s
+                if t.deep > wp.float64(0.0):
+                    v = d / p.h
+                    u = v
+                    deep = wp.max(deep, t.deep)
+            Q.s[i, k] = d
+            Q.u[i, k] = u
+            Q.v[i, k] = v
+            Q.x[i, k] = T.x[i, k]
+            Q.d[i, k] = T.d[i, k]
+            Q.phi[i, k] = T.phi[i, k]
+            Q.w[i, k] = spun(Q.w[i, k], T.turn[i, k], p)
+        Q.begun[0, k] = 1
+        return deep
+
+    return finish
+
+
+@cache
+def march(kinds: tuple[str, ...], module: str):
+    """Kernel over strands. said: (strands, 3): most iterations of a substep; greatest last correction over the shortest edge's
+    length; how deep a point is in a collider at the end of a substep [m]. kinds: of colliders, () for none."""
+    assemble, end = forward(kinds), finish(kinds)
+
+    @wp.kernel(enable_backward=False, module=module)
+    def march(S: Strands, H: Holds, C: Colliders, Q: Motion, T: Trial, h: wp.float64, substeps: int,
+              said: wp.array2d(dtype=wp.float64)):
+        k = wp.tid()
+        l = S.l[0, k]
+        for i in range(1, S.points[k] - 1):
+            l = wp.min(l, S.l[i, k])
+        most = int(0)
+        left = wp.float64(0.0)
+        deep = wp.float64(0.0)
+        for at in range(substeps):
+            p = rule(Q, h, at, k)
+            begin(S, H, Q, T, h, at, k)
+            z = l
+            count = int(0)
+            while count < MOST and z > TOLERANCE * l:
+                assemble(S, C, Q, T, p, k)
+                z = backward(S, T, k)
+                take(S, T, wp.min(wp.float64(1.0), l / wp.max(z, l * wp.float64(1e-12))), k)
+                count += 1
+            deep = wp.max(deep, end(S, C, Q, T, p, k))
+            most = wp.max(most, count)
+            left = wp.max(left, z / l)
+        said[k, 0] = wp.float64(most)
+        said[k, 1] = left
+        said[k, 2] = deep
+
+    return march

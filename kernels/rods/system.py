@@ -1,0 +1,226 @@
+"""Newton's system of one strand: forces, and the stiffness of Gauss and Newton, factored point by point.
+
+    M (c v1(d) - e v + f u) / h = F(x + d) + M g,    K = M a c / h^2 + sum over strains of k grad grad^T (+ tension across edges)
+
+Strains of a point know three points in a row, so that K has two blocks beside its diagonal; blocks are 4 x 4 (a point, and the
+angle of the edge behind it), eliminated from the first to the last without pivoting: K is positive definite. What Gauss and Newton
+leave out (strain times its second derivative) changes how fast iterations converge, not where to.
+"""
+
+# Device code: an outer `if` on a Python bool drops its branch before it is compiled.
+# ruff: noqa: SIM102, UP018
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.rods.contact import Colliders, touching
+from wsim.kernels.rods.element import bend, transport, turned, upright
+from wsim.kernels.rods.tables import Motion, Step, Strands, Trial
+
+TINY = wp.constant(wp.float64(1e-30))
+_bend = bend()
+Bend, strains = _bend.Bend, _bend.strains
+
+
+@wp.struct
+class Window:
+    """Blocks of three points in a row: diagonal, between the first and the second or third, second and third; right sides."""
+
+    D0: wp.mat44d
+    D1: wp.mat44d
+    D2: wp.mat44d
+    P: wp.mat44d
+    N: wp.mat44d
+    O: wp.mat44d
+    r0: wp.vec4d
+    r1: wp.vec4d
+    r2: wp.vec4d
+
+
+@wp.func
+def split(v: wp.vec3d, angle: wp.float64):
+    return wp.vec4d(v[0], v[1], v[2], angle)
+
+
+@wp.func
+def inertia(S: Strands, Q: Motion, T: Trial, p: Step, i: int, k: int):
+    """Diagonal block and right-hand side of a point and its edge."""
+    D = wp.identity(n=4, dtype=wp.float64)
+    r = wp.vec4d()
+    if i < S.points[k]:
+        m = S.m[i, k]
+        if S.hold[i, k] < 0:
+            v = ((T.x[i, k] - Q.x[i, k]) * p.a - Q.s[i, k] * p.b) / p.h
+            f = S.gravity[k] - (v * p.c - Q.v[i, k] * p.e + Q.u[i, k] * p.f) / p.h
+            r = split(f * m, wp.float64(0.0))
+        for c in range(3):
+            D[c, c] = m * p.a * p.c / (p.h * p.h)
+        I = S.I[i, k]
+        if I > wp.float64(0.0):
+            D[3, 3] = I * p.a * p.c / (p.h * p.h)
+            if S.stiff[i, k] == 0:
+                w = Q.w[i, k]
+                spin = (T.turn[i, k] * p.a - w[1] * p.b) / p.h
+                r[3] = -I * (spin * p.c - w[0] * p.e + w[2] * p.f) / p.h
+    return D, r
+
+
+@wp.func
+def stretch(S: Strands, w: Window, t: wp.vec3d, length: wp.float64, i: int, k: int):
+    """The window with an edge's tension between its first two points: A (|e| - l) along it, and across what tension gives."""
+    one = wp.float64(1.0)
+    tension = S.A[i, k] * (length - S.l[i, k])
+    across = wp.max(tension / wp.max(length, TINY), wp.float64(0.0))
+    H = wp.outer(t, t) * (S.A[i, k] - across) + wp.identity(n=3, dtype=wp.float64) * across
+    free0 = wp.where(S.hold[i, k] < 0, one, one - one)
+    free1 = wp.where(S.hold[i + 1, k] < 0, one, one - one)
+    for a in range(3):
+        for b in range(3):
+            w.D0[a, b] = w.D0[a, b] + H[a, b] * free0
+            w.D1[a, b] = w.D1[a, b] + H[a, b] * free1
+            w.P[a, b] = w.P[a, b] - H[a, b] * free0 * free1
+    f = split(t * tension, wp.float64(0.0))
+    w.r0 = w.r0 + f * free0
+    w.r1 = w.r1 - f * free1
+    return w
+
+
+@wp.func
+def flex(S: Strands, w: Window, f: Bend, i: int, k: int):
+    """The window with bending and twisting at point i, its middle one."""
+    zero = wp.float64(0.0)
+    free0 = wp.where(S.hold[i - 1, k] < 0, wp.float64(1.0), zero)
+    free1 = wp.where(S.hold[i, k] < 0, wp.float64(1.0), zero)
+    free2 = wp.where(S.hold[i + 1, k] < 0, wp.float64(1.0), zero)
+    spin0 = wp.where(S.stiff[i - 1, k] == 0, wp.float64(1.0), zero)
+    spin1 = wp.where(S.stiff[i, k] == 0, wp.float64(1.0), zero)
+    for c in range(3):
+        q = wp.where(c < 2, S.B[i, k], S.C[i, k])
+        g0 = split(f.a[c] * -free0, f.u[c] * spin0)
+        g1 = split((f.a[c] - f.b[c]) * free1, f.w[c] * spin1)
+        g2 = split(f.b[c] * free2, zero)
+        s = (f.s[c] - S.rest[i, k][c]) * q
+        w.r0 = w.r0 - g0 * s
+        w.r1 = w.r1 - g1 * s
+        w.r2 = w.r2 - g2 * s
+        w.D0 = w.D0 + wp.outer(g0, g0) * q
+        w.D1 = w.D1 + wp.outer(g1, g1) * q
+        w.D2 = w.D2 + wp.outer(g2, g2) * q
+        w.P = w.P + wp.outer(g0, g1) * q
+        w.N = w.N + wp.outer(g1, g2) * q
+        w.O = w.O + wp.outer(g0, g2) * q
+    return w
+
+
+@wp.func
+def eliminate(T: Trial, w: Window, i: int, k: int):
+    """The window moved on by a point, whose factors are stored."""
+    D = wp.inverse(w.D0)
+    L1 = D * w.P
+    L2 = D * w.O
+    y = D * w.r0
+    T.near[i, k] = L1
+    T.far[i, k] = L2
+    T.z[i, k] = y
+    Pt = wp.transpose(w.P)
+    Ot = wp.transpose(w.O)
+    new = Window()
+    new.D0 = w.D1 - Pt * L1
+    new.P = w.N - Pt * L2
+    new.D1 = w.D2 - Ot * L2
+    new.r0 = w.r1 - Pt * y
+    new.r1 = w.r2 - Ot * y
+    return new
+
+
+@cache
+def forward(kinds: tuple[str, ...]):
+    """Function (S, C, Q, T, p, k): assembles and eliminates, from the first point to the last. kinds: of colliders."""
+    meets, touch = bool(kinds), touching(kinds).touch if kinds else None
+
+    @wp.func
+    def point(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, i: int, k: int):
+        D, r = inertia(S, Q, T, p, i, k)
+        if wp.static(meets):
+            if i < S.points[k]:
+                if S.hold[i, k] < 0:
+                    t = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
+                    r = r + split(t.f, wp.float64(0.0))
+                    for a in range(3):
+                        for b in range(3):
+                            D[a, b] = D[a, b] + t.K[a, b]
+        return D, r
+
+    @wp.func
+    def forward(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, k: int):
+        n = S.points[k]
+        w = Window()
+        D, r = point(S, C, Q, T, p, int(0), k)
+        w.D0 = D
+        w.r0 = r
+        D, r = point(S, C, Q, T, p, int(1), k)
+        w.D1 = D
+        w.r1 = r
+        e = T.x[1, k] - T.x[0, k]
+        l0 = wp.length(e)
+        t0 = e / wp.max(l0, TINY)
+        for i in range(n):
+            D, r = point(S, C, Q, T, p, i + 2, k)
+            w.D2 = D
+            w.r2 = r
+            if i + 1 < n:
+                w = stretch(S, w, t0, l0, i, k)
+            if i + 2 < n:
+                e = T.x[i + 2, k] - T.x[i + 1, k]
+                l1 = wp.length(e)
+                t1 = e / wp.max(l1, TINY)
+                if S.stiff[i, k] + S.stiff[i + 1, k] < 2:
+                    f = strains(t0, t1, wp.max(l0, TINY), wp.max(l1, TINY), T.d[i, k], T.d[i + 1, k], T.phi[i + 1, k])
+                    T.phi[i + 1, k] = f.s[2]
+                    w = flex(S, w, f, i + 1, k)
+                l0 = l1
+                t0 = t1
+            w = eliminate(T, w, i, k)
+
+    return forward
+
+
+@wp.func
+def backward(S: Strands, T: Trial, k: int):
+    """Solves, from the last point to the first; the greatest correction of a point [m]."""
+    z1 = wp.vec4d()
+    z2 = wp.vec4d()
+    most = wp.float64(0.0)
+    n = S.points[k]
+    for j in range(n):
+        i = n - 1 - j
+        z = T.z[i, k] - T.near[i, k] * z1 - T.far[i, k] * z2
+        T.z[i, k] = z
+        most = wp.max(most, wp.length(wp.vec3d(z[0], z[1], z[2])))
+        z2 = z1
+        z1 = z
+    return most
+
+
+@wp.func
+def take(S: Strands, T: Trial, part: wp.float64, k: int):
+    """Moves by a part of the corrections; directors go along with their edges."""
+    n = S.points[k]
+    x0 = T.x[0, k]
+    z = T.z[0, k]
+    y0 = x0 + wp.vec3d(z[0], z[1], z[2]) * part
+    T.x[0, k] = y0
+    for i in range(n - 1):
+        x1 = T.x[i + 1, k]
+        z1 = T.z[i + 1, k]
+        y1 = x1 + wp.vec3d(z1[0], z1[1], z1[2]) * part
+        T.x[i + 1, k] = y1
+        if S.stiff[i, k] == 0:
+            t = wp.normalize(y1 - y0)
+            angle = z[3] * part
+            T.d[i, k] = turned(t, upright(t, transport(wp.normalize(x1 - x0), t, T.d[i, k])), angle)
+            T.turn[i, k] = T.turn[i, k] + angle
+        x0 = x1
+        y0 = y1
+        z = z1

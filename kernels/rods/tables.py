@@ -1,0 +1,75 @@
+"""Tables of strands: arrays of (points of the longest strand, strands), so that threads of neighbours read neighbours. All in
+float64: strains are differences of positions of 1e-9 of a strand's length.
+"""
+
+import warp as wp
+
+
+@wp.struct
+class Strands:
+    """What stays. An edge has the number of its first point; the last point has none."""
+
+    points: wp.array(dtype=int)                     # of each strand
+    l: wp.array2d(dtype=wp.float64)                 # rest length of an edge [m]
+    A: wp.array2d(dtype=wp.float64)                 # stretching stiffness of an edge over its length [N/m]
+    B: wp.array2d(dtype=wp.float64)                 # bending stiffness at a point over the length it stands for [N m]
+    C: wp.array2d(dtype=wp.float64)                 # twisting stiffness likewise [N m]
+    rest: wp.array2d(dtype=wp.vec3d)                # curvatures and twist at rest
+    m: wp.array2d(dtype=wp.float64)                 # mass of a point [kg]
+    I: wp.array2d(dtype=wp.float64)                 # inertia of an edge about itself [kg m^2]
+    hold: wp.array2d(dtype=int)                     # row of Holds of a point; -1: it is free
+    stiff: wp.array2d(dtype=int)                    # 1: both points of an edge are held by one pin, and its frame too
+    radius: wp.array2d(dtype=wp.float64)            # of a point [m]
+    origin: wp.array(dtype=wp.vec3d)                # what x is relative to [m], one for each strand
+    gravity: wp.array(dtype=wp.vec3d)               # [m/s^2], one for each strand
+
+
+@wp.struct
+class Holds:
+    """Points that pins hold, and directors of edges."""
+
+    pin: wp.array(dtype=int)
+    place: wp.array(dtype=wp.vec3d)                 # in the pin's frame [m]
+    director: wp.array(dtype=wp.vec3d)              # in the pin's frame
+    frame: wp.array2d(dtype=wp.mat44d)              # of pins at the ends of substeps, (substeps, pins)
+
+
+@wp.struct
+class Motion:
+    """What moves, of points and edges."""
+
+    x: wp.array2d(dtype=wp.vec3d)                   # position [m] relative to the strand's origin
+    v: wp.array2d(dtype=wp.vec3d)                   # velocity [m/s]
+    s: wp.array2d(dtype=wp.vec3d)                   # step before [m]
+    u: wp.array2d(dtype=wp.vec3d)                   # velocity before [m/s]
+    d: wp.array2d(dtype=wp.vec3d)                   # material director of an edge, across its tangent
+    phi: wp.array2d(dtype=wp.float64)               # twist at a point [rad]
+    begun: wp.array2d(dtype=int)                    # of a strand's first point, 1: there is a step before
+    stick: wp.array2d(dtype=wp.vec3d)               # bristle of a point that touches a collider [m]
+    w: wp.array2d(dtype=wp.vec3d)                   # of edges: spin about the tangent [rad/s], turn before [rad], spin before
+
+
+@wp.struct
+class Trial:
+    """A substep that is being solved for, and the factors of its system (blocks of 4: three of a point, one of its edge)."""
+
+    x: wp.array2d(dtype=wp.vec3d)
+    d: wp.array2d(dtype=wp.vec3d)
+    phi: wp.array2d(dtype=wp.float64)
+    turn: wp.array2d(dtype=wp.float64)              # of edges about their tangents in this substep [rad]
+    near: wp.array2d(dtype=wp.mat44d)               # factor towards the next point
+    far: wp.array2d(dtype=wp.mat44d)                # towards the one behind it
+    z: wp.array2d(dtype=wp.vec4d)                   # right-hand side, then correction
+
+
+@wp.struct
+class Step:
+    """Numbers of a substep: v1 = (a d - b s) / h, acceleration = (c v1 - e v + f u) / h. at: which one of the frame."""
+
+    h: wp.float64
+    a: wp.float64
+    b: wp.float64
+    c: wp.float64
+    e: wp.float64
+    f: wp.float64
+    at: int

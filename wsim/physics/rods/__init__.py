@@ -1,0 +1,1 @@
+"""Rods: ropes, hair and wires that stretch, bend and twist."""

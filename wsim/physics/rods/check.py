@@ -1,0 +1,99 @@
+"""What can be wrong with rods. NumPy only."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from wsim.physics.rods.objects import LEAST, Rods
+from wsim.scene import Problem, Scene, Surface
+from wsim.scene.check.objects import error, number, warning
+
+STOUT = 1.0           # diameter over length of an edge from which a strand is no thin rod
+
+
+def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
+    path, n = rods.path, len(rods.points)
+    if rods.counts.min(initial=2) < 2 or rods.counts.sum() != n or not n:
+        yield error(path, f"counts sum to {rods.counts.sum()}, the least is {rods.counts.min(initial=0)}",
+                    f"2 or more points a strand, {n} in all", "author curveVertexCounts again")
+        return
+    wrong = [*_arrays(rods)]
+    yield from wrong
+    for name, strict in (("young", True), ("density", True)):
+        yield from number(path, name, getattr(rods, name), 0.0, strict)
+    if not -1.0 < rods.poisson <= 0.5:
+        yield error(path, f"poisson is {rods.poisson:g}", "above -1, at most 0.5", "author another Poisson's ratio")
+    for name in ("stretch", "bend", "twist"):
+        if (value := getattr(rods, name)) is not None:
+            yield from number(path, name, value, 0.0, name == "stretch")
+    for name in ("static_friction", "dynamic_friction"):
+        yield from number(path, name, getattr(rods, name), 0.0)
+    if wrong:
+        return
+    yield from _edges(rods)
+    yield from _pins(rods)
+    for c in scene.colliders:
+        if isinstance(c.shape, Surface) and c.shape.poses is not None:
+            yield warning(path, f"the mesh {c.path} deforms, and strands meet its shape at the start", "colliders that move rigidly",
+                          "animate the prim, not its points")
+    if scene.bodies() or scene.things("Body"):
+        yield warning(path, "strands pass through cloth, soft bodies and rigid bodies, and through each other", "colliders",
+                      "give what they shall meet as a collider")
+
+
+def _arrays(rods: Rods) -> Iterator[Problem]:
+    path, n = rods.path, len(rods.points)
+    for name in ("points", "velocities", "rest_points", "directors", "rest_directors"):
+        value = getattr(rods, name)
+        if value is None:
+            continue
+        if len(value) != n:
+            yield error(path, f"{name} has {len(value)} values", f"{n}, one a point", "author it again")
+        elif not np.isfinite(value).all():
+            k = int(np.flatnonzero(~np.isfinite(value).all(axis=1))[0])
+            yield error(path, f"{name}[{k}] is {value[k].tolist()}", "finite numbers", "author it again")
+    for name, sizes in (("diameters", (1, n)), ("masses", (n,))):
+        value = getattr(rods, name)
+        if value is not None and (len(value) not in sizes or not (np.isfinite(value) & (value > 0.0)).all()):
+            yield error(path, f"{name} has {len(value)} values, the least is {value.min(initial=np.inf):g}",
+                        f"{' or '.join(map(str, sizes))} finite numbers > 0", "author it again")
+
+
+def _edges(rods: Rods) -> Iterator[Problem]:
+    """Edges without length, or shorter than they are thick."""
+    ends = np.cumsum(rods.counts)[:-1]
+    world = rods.motion.points(rods.points if rods.rest_points is None else rods.rest_points, 0.0)
+    length = np.linalg.norm(np.diff(world, axis=0), axis=1)
+    length[ends - 1] = np.inf
+    thick = np.broadcast_to(rods.diameters, len(rods.points))[:-1]
+    if length.min(initial=np.inf) <= 0.0:
+        k = int(np.argmin(length))
+        yield error(rods.path, f"points {k} and {k + 1} of a strand are in one place", "edges with a length",
+                    "remove the double point")
+    elif (stout := length < STOUT * thick).any():
+        k = int(np.argmax(stout))
+        yield warning(rods.path, f"{np.count_nonzero(stout)} edges are shorter than they are thick, such as that of point {k}: "
+                      f"{length[k]:.3g} m, {thick[k]:.3g} m thick", "thin rods", "give fewer points, or a smaller diameter")
+    if (short := rods.counts < LEAST).any():
+        yield warning(rods.path, f"{np.count_nonzero(short)} strands have {int(rods.counts.min())} points, and do not bend",
+                      f"{LEAST} or more", "give a point more")
+
+
+def _pins(rods: Rods) -> Iterator[Problem]:
+    n, held = len(rods.points), np.zeros(len(rods.points), int)
+    for pin in rods.pins:
+        if len(pin.points) == 0 or pin.points.min() < 0 or pin.points.max() >= n:
+            yield error(pin.path, f"holds points {pin.points.min(initial=0)} to {pin.points.max(initial=-1)} of {rods.path}",
+                        f"0 to {n - 1}", "name points that there are")
+            continue
+        if pin.places is not None and len(pin.places) != len(pin.points):
+            yield error(pin.path, f"has {len(pin.places)} places and {len(pin.points)} points", "one a point", "author it again")
+        if np.isfinite(pin.stiffness):
+            yield error(pin.path, f"its stiffness is {pin.stiffness:g} N/m", "inf: strands are held hard",
+                        "take physics:stiffness off, or tie them otherwise")
+        if pin.follows is not None:
+            yield error(pin.path, f"holds strands of {rods.path} at a mesh that a skeleton moves", "an xform",
+                        "attach them to an Xform that follows the joint")
+        np.add.at(held, pin.points, 1)
+    if (held > 1).any():
+        yield error(rods.path, f"point {int(np.argmax(held > 1))} is held by two pins", "one", "leave it to one of them")

@@ -1,0 +1,57 @@
+"""Colliders of strands on the device (kernels/rods/contact.py)."""
+
+import numpy as np
+import warp as wp
+
+from wsim.geometry.triangulate import triangulate
+from wsim.kernels.contact import shape as convex
+from wsim.kernels.contact.mesh import SHEET, SOLID
+from wsim.kernels.rods.contact import Colliders
+from wsim.model.structs import filled
+from wsim.physics.fluid.grid.shapes import kind
+from wsim.physics.rods.tables import Table
+from wsim.scene import Surface
+from wsim.scene.solids import row
+
+CODES = {"solid": SOLID, "sheet": SHEET}
+
+
+class Obstacles:
+    """Colliders of a scene, and where they are at the starts and ends of substeps."""
+
+    def __init__(self, colliders: list, table: Table, device, substeps: int):
+        self.colliders, self.device = colliders, device
+        self.meshes = [self._mesh(c.shape) if isinstance(c.shape, Surface) else None for c in colliders]
+        n = len(colliders)
+        names = [kind(c.shape) for c in colliders]
+        size = [(0.0, 0.0, 0.0) if isinstance(c.shape, Surface) else row(c.shape).size(c.shape) for c in colliders]
+        friction = np.zeros((n, table.strands, 2))
+        for own, (rods, _) in zip(table.own, table.pairs, strict=True):
+            mine = np.array([rods.static_friction, rods.dynamic_friction])
+            for j, c in enumerate(colliders):
+                friction[j, own] = 0.5 * (mine + (c.static_friction, c.dynamic_friction))
+        def up(values, dtype):
+            return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
+        self.table = filled(
+            Colliders, kind=up(np.array([CODES[k] if k in CODES else convex.code(k) for k in names], np.int32), int),
+            size=up(np.array(size, np.float64).reshape(-1, 3), wp.vec3d), friction=up(friction, wp.vec2d),
+            mesh=up(np.array([m.id if m else 0 for m in self.meshes], np.uint64), wp.uint64),
+            thick=up(np.array([c.thickness or 0.0 for c in colliders], np.float64), wp.float64))
+        self.resize(substeps)
+
+    def _mesh(self, shape: Surface) -> wp.Mesh:
+        triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
+        return wp.Mesh(points=wp.array(shape.points, dtype=wp.vec3f, device=self.device),
+                       indices=wp.array(triangles.ravel(), dtype=int, device=self.device))
+
+    def resize(self, substeps: int) -> None:
+        self.table.frame = wp.zeros((substeps + 1, len(self.colliders)), dtype=wp.mat44d, device=self.device)
+        self.posed = False
+
+    def pose(self, times: np.ndarray) -> None:
+        """Uploads where they are at some times [s], (substeps + 1,)."""
+        if self.posed and not any(c.motion.moves for c in self.colliders):
+            return
+        found = np.array([[c.motion.at(float(t)) for c in self.colliders] for t in times])
+        self.table.frame.assign(found)
+        self.posed = True

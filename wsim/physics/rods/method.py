@@ -1,0 +1,159 @@
+"""Rods on the device: the part "rods", a row a point of each strand of every world, in float64 whatever the precision of a
+simulation is: strains are differences of positions of 1e-9 of a strand's length. All substeps of a frame are one launch, a thread
+a strand (kernels/rods/march.py)."""
+
+import math
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.rods import tables
+from wsim.kernels.rods.march import march
+from wsim.model.stage import Clock, Method, Stage
+from wsim.model.state import Field, Part
+from wsim.model.status import Status
+from wsim.model.structs import filled
+from wsim.physics.fluid.grid.shapes import kinds
+from wsim.physics.rods.colliders import Obstacles
+from wsim.physics.rods.tables import Table
+from wsim.scene.samples import Points, Sample
+
+FIELDS = (Field("x", "m", True, "position relative to the strand's first point at the start", "vec3d"),
+          Field("v", "m/s", True, "velocity", "vec3d"), Field("s", "m", True, "step before this one", "vec3d"),
+          Field("u", "m/s", True, "velocity before this one", "vec3d"),
+          Field("d", "", True, "material director of the edge behind a point", "vec3d"),
+          Field("w", "rad/s", True, "spin of that edge about itself, its turn before, its spin before", "vec3d"),
+          Field("stick", "m", True, "bristle of a point that touches a collider", "vec3d"),
+          Field("phi", "rad", True, "twist at a point", "double"),
+          Field("begun", "1", True, "of a strand's first point, 1: there is a step before", "int"))
+LONGEST = 1.0 / 240.0         # [s] of a substep; a first mode of 2 Hz errs by 1e-3 in its frequency there
+THREADS = 32                  # of a block: 10k strands are few, and fill all processors so
+TOLERANCE = 1e-8              # kernels/rods/march.py
+
+
+def build(b) -> Method:
+    return Strands(b)
+
+
+def signature(b) -> list:
+    return []                                            # kernels stand in modules of their own
+
+
+def module(names: tuple[str, ...]) -> str:
+    """Module of the kernel that meets colliders of such kinds."""
+    return "_".join(("wsim_rods", *names))
+
+
+class Strands(Method):
+    """`table`: strands of all rods and worlds."""
+
+    def __init__(self, b):
+        super().__init__("rods")
+        self.model, device = b.model, b.model.device
+        rods = b.scene.things("Rods")
+        self.table = t = Table([(each, world) for world in range(b.model.worlds) for each in rods])
+        self.shortest = max(1, math.ceil(b.clock.dt / b.clock.substeps / LONGEST - 1e-9))
+        self.substeps = b.clock.substeps * self.shortest
+        names = kinds(b.scene.colliders)
+        self.kernel = march(names, module(names))
+        b.model.modules[module(names)] = THREADS
+        self._allocate(b)
+        self.strands, self.holds = t.strands_on(device), t.holds_on(device, self.substeps)
+        self.obstacles = Obstacles(b.scene.colliders, t, device, self.substeps)
+        self.weigh(np.tile(np.asarray(b.scene.gravity, np.float64), (b.model.worlds, 1)))
+        self.trial = self._trial()
+        self.said = wp.zeros((t.strands, 3), dtype=wp.float64, device=device)
+        points = sum(len(r.points) for r, _ in t.pairs)
+        self.stages.append(Stage("rods", "predict", self.advance, 1, self.part.bytes, "frame",
+                                 f"{t.strands} strands of {points} points, {self.substeps} substeps of BDF2 in one launch, "
+                                 "float64"))
+
+    def _allocate(self, b) -> None:
+        t, device = self.table, self.model.device
+        self.part = Part.allocate("rods", FIELDS, t.longest * t.strands, self.model.real, device)
+        self.part.rows = {(rods.path, world): place for (rods, world), place in zip(t.pairs, t.place, strict=True)}
+        for name, values in (("x", t.x), ("v", t.v), ("d", t.d), ("u", t.v), ("phi", t.phi[..., None])):
+            self.part.arrays[name].assign(values.reshape(-1, values.shape[-1]).squeeze(-1) if name == "phi" else
+                                          values.reshape(-1, 3))
+        b.state.add(self.part)
+
+    def moving(self) -> Any:
+        """The state as kernels have it."""
+        two = (self.table.longest, self.table.strands)
+        return filled(tables.Motion, **{f.name: self.part.arrays[f.name].reshape(two) for f in FIELDS})
+
+    def _trial(self) -> Any:
+        two, device = (self.table.longest, self.table.strands), self.model.device
+        types = {"x": wp.vec3d, "d": wp.vec3d, "phi": wp.float64, "turn": wp.float64, "near": wp.mat44d, "far": wp.mat44d,
+                 "z": wp.vec4d}
+        return filled(tables.Trial, **{name: wp.zeros(two, dtype=kind, device=device) for name, kind in types.items()})
+
+    def weigh(self, gravity: np.ndarray) -> None:
+        """Sets gravity (worlds, 3) [m/s^2]."""
+        self.gravity, found = gravity, np.zeros((self.table.strands, 3))
+        for own, (_, world) in zip(self.table.own, self.table.pairs, strict=True):
+            found[own] = gravity[world]
+        if self.strands.gravity is not None:
+            self.strands.gravity.assign(found)
+        else:
+            self.strands.gravity = wp.array(found, dtype=wp.vec3d, device=self.model.device)
+
+    # frames
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        n = clock.substeps * self.shortest
+        if n != self.substeps:                           # a frame that is repeated with smaller steps
+            self.substeps, self.holds = n, self.table.holds_on(self.model.device, n)
+            self.obstacles.resize(n)
+        times = time + clock.dt / n * np.arange(n + 1)
+        if self.table.pins:
+            self.holds.frame.assign(self.table.frames(times[1:]))
+        if self.obstacles.colliders:
+            self.obstacles.pose(times)
+
+    def advance(self, clock: Clock) -> None:
+        wp.launch(self.kernel, self.table.strands, [self.strands, self.holds, self.obstacles.table, self.moving(), self.trial,
+                                                    clock.dt / self.substeps, self.substeps], [self.said],
+                  device=self.model.device, block_dim=THREADS)
+
+    def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
+        left, found = self.said.numpy()[:, 1], []
+        for own, (rods, world) in zip(self.table.own, self.table.pairs, strict=True):
+            worst = float(left[own].max(initial=0.0))
+            if worst > TOLERANCE:
+                found.append((("rods", rods.path, world), worst, f"{rods.path}: Newton's method left corrections of {{worst:.1g}} "
+                              "of an edge's length in a substep; give more substeps"))
+        return found
+
+    # what is told and set
+
+    def points(self, k: int) -> tuple[np.ndarray, np.ndarray]:
+        """Positions [m] and velocities [m/s] of rods k, world, (n, 3) float64, in the author's order."""
+        place = self.table.place[k]
+        x, v = (self.part.arrays[name].numpy()[place] for name in ("x", "v"))
+        return x + self.table.origin[place % self.table.strands], v
+
+    def samples(self, world: int = 0) -> list[Sample]:
+        return [Points(rods.path, *self.points(k)) for k, (rods, of) in enumerate(self.table.pairs) if of == world]
+
+    def indicators(self, x, v) -> dict[str, float]:
+        """Indicators of the first world: the greatest strain of an edge, Newton's iterations and what they left in the last
+        frame, how deep points were in colliders [m]."""
+        t, own = self.table, [own for own, (_, world) in zip(self.table.own, self.table.pairs, strict=True) if world == 0]
+        which = np.concatenate([np.arange(s.start, s.stop) for s in own])
+        place = self.part.arrays["x"].numpy().reshape(t.longest, t.strands, 3)[:, which]
+        l = t.values["l"][:-1, which]
+        strain = np.abs(np.linalg.norm(np.diff(place, axis=0), axis=2) / np.where(l > 0.0, l, 1.0) - 1.0) * (l > 0.0)
+        said = self.said.numpy()[which]
+        found = {"rod_strain": float(strain.max(initial=0.0)), "rod_iterations": float(said[:, 0].max(initial=0.0)),
+                 "rod_residual": float(said[:, 1].max(initial=0.0))}
+        return found | ({"rod_penetration": float(said[:, 2].max(initial=0.0))} if self.obstacles.colliders else {})
+
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+        if path == "/" and name == "gravity":
+            gravity = self.gravity.copy()
+            gravity[slice(None) if world is None else world] = value
+            self.weigh(gravity)
+            return True
+        return False

@@ -1,0 +1,70 @@
+"""Rods of a scene: plain data in SI units, NumPy only.
+
+A prim holds many strands, all of one material, of round cross-section and any shape at rest. A strand's first and last points are
+free unless pins hold them; two points in a row held by one pin hold the frame of the edge between them too: it is clamped.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wsim.scene import Pin
+from wsim.scene.bodies import Compared, array, reals
+from wsim.scene.curve import Motion
+
+LEAST = 3                          # points of a strand that can bend
+
+
+@dataclass(eq=False)
+class Rods(Compared):
+    """Strands that stretch, bend and twist (Kirchhoff rods: cross-sections stay across their centre line).
+
+    path                prim path
+    points              (n, 3) [m], own frame, strand behind strand
+    counts              points of each strand, (strands,), 2 or more
+    diameters           of each point, (n,), or one for all, (1,) [m]
+    young               Young's modulus [Pa]               poisson   Poisson's ratio [1]
+    density             [kg/m^3]
+    stretch             stiffness E A [N]; None: from young and the diameter
+    bend, twist         stiffnesses E I and G J [N m^2]; None: likewise
+    motion              own frame to world at the start, lengths [m]
+    velocities          at the start, (n, 3) [m/s], own frame; None: at rest
+    rest_points         shape without strain, (n, 3) [m], own frame; None: points
+    directors           a direction across each edge, that of its first point, (n, 3), own frame: twist at the start; None: none
+    rest_directors      likewise without strain, (n, 3); None: none
+    masses              of each point, (n,) [kg]; None: from the density
+    static_friction     coefficient of friction [1] up to which a contact sticks
+    dynamic_friction    coefficient of friction of a contact that slides [1]
+    pins                `Pin`s of its points
+    """
+
+    path: str
+    points: np.ndarray
+    counts: np.ndarray
+    diameters: np.ndarray | float = 1e-3
+    young: float = 1e6
+    poisson: float = 0.3
+    density: float = 1000.0
+    stretch: float | None = None
+    bend: float | None = None
+    twist: float | None = None
+    motion: Motion = field(default_factory=Motion.still)
+    velocities: np.ndarray | None = None
+    rest_points: np.ndarray | None = None
+    directors: np.ndarray | None = None
+    rest_directors: np.ndarray | None = None
+    masses: np.ndarray | None = None
+    static_friction: float = 0.5
+    dynamic_friction: float = 0.5
+    pins: list[Pin] = field(default_factory=list)
+
+    def __post_init__(self):
+        self.points, self.counts = reals(self.points, -1, 3), array(self.counts, np.int32, -1)
+        self.diameters, self.masses = reals(self.diameters, -1), reals(self.masses, -1)
+        for name in ("velocities", "rest_points", "directors", "rest_directors"):
+            setattr(self, name, reals(getattr(self, name), -1, 3))
+
+    def pin(self, path: str, points, **more) -> Pin:
+        """Adds a pin of some points; see `Pin` for the fields."""
+        self.pins.append(Pin(path, self.path, points, **more))
+        return self.pins[-1]

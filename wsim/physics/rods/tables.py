@@ -1,0 +1,146 @@
+"""Strands of a scene on a device: constant tables, the start, and what pins hold (kernels/rods/tables.py)."""
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.rods import tables
+from wsim.model.structs import filled
+from wsim.physics.rods import shape
+from wsim.physics.rods.objects import Rods
+
+
+def material(rods: Rods) -> dict[str, np.ndarray]:
+    """Of each point: radius r [m], E A [N], E I, G J [N m^2], mass per length [kg/m], polar moment times density [kg m]."""
+    d = np.broadcast_to(np.asarray(rods.diameters, np.float64), len(rods.points))
+    area, I = np.pi * d**2 / 4.0, np.pi * d**4 / 64.0
+    shear = rods.young / (2.0 * (1.0 + rods.poisson))
+    say = {"A": (rods.stretch, rods.young * area), "B": (rods.bend, rods.young * I), "C": (rods.twist, 2.0 * shear * I)}
+    found = {name: np.full(len(d), own) if own is not None else derived for name, (own, derived) in say.items()}
+    return found | {"radius": 0.5 * d, "line": rods.density * area, "polar": 2.0 * rods.density * I}
+
+
+class Table:
+    """Strands of all rods and worlds, side by side: arrays (points of the longest, strands).
+
+    rods    the `Rods` and the world of each group of strands      own     its strands, a slice each
+    place   of each group: row of every point in the author's order, in the flat arrays
+    """
+
+    def __init__(self, pairs: list[tuple[Rods, int]]):
+        self.pairs = pairs
+        self.counts = np.concatenate([rods.counts for rods, _ in pairs])
+        self.longest, self.strands = int(self.counts.max()), len(self.counts)
+        ends = np.cumsum([len(rods.counts) for rods, _ in pairs])
+        self.own = [slice(end - len(rods.counts), end) for end, (rods, _) in zip(ends.tolist(), pairs, strict=True)]
+        self.place = [self._place(own) for own in self.own]
+        shape2 = (self.longest, self.strands)
+        self.values = {name: np.zeros(shape2) for name in ("l", "A", "B", "C", "m", "I", "radius")}
+        self.rest, self.x, self.v, self.d = (np.zeros((*shape2, 3)) for _ in range(4))
+        self.phi = np.zeros(shape2)
+        self.origin = np.zeros((self.strands, 3))
+        self.hold, self.stiff = np.full(shape2, -1, np.int32), np.zeros(shape2, np.int32)
+        self.pins: list = []
+        self.held: list[tuple[int, np.ndarray, np.ndarray]] = []       # (pin, place, director) a row
+        for own, (rods, _) in zip(self.own, pairs, strict=True):
+            self._hold(rods, own)
+            self._fill(rods, own)
+        self._directors()
+
+    def _place(self, own: slice) -> np.ndarray:
+        """Flat row, point number * strands + strand, of each point."""
+        counts = self.counts[own]
+        strand = np.repeat(np.arange(own.start, own.stop), counts)
+        number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        return number * self.strands + strand
+
+    def _hold(self, rods: Rods, own: slice) -> None:
+        """Rows of held points, and which edges one pin clamps."""
+        where, pin_of = self._place(own), np.full(self.hold.size, -1)
+        world = rods.motion.points(rods.points, 0.0)
+        for pin in rods.pins:
+            k = len(self.pins)
+            self.pins.append(pin)
+            M = pin.motion.at(0.0)
+            places = pin.places if pin.places is not None else (world[pin.points] - M[:3, 3]) @ np.linalg.inv(M[:3, :3]).T
+            for point, place in zip(pin.points.tolist(), np.asarray(places, np.float64), strict=True):
+                row = int(where[point])
+                if self.hold.flat[row] < 0:
+                    self.hold.flat[row], pin_of[row] = len(self.held), k
+                    self.held.append((k, place, np.zeros(3)))
+        pin_of = pin_of.reshape(self.hold.shape)
+        both = (pin_of[:-1] >= 0) & (pin_of[:-1] == pin_of[1:])
+        self.stiff[:-1] |= both.astype(np.int32)
+
+    def _fill(self, rods: Rods, own: slice) -> None:
+        """Strands of one count at a time: lengths, stiffnesses, masses, rest strains, start."""
+        of = material(rods)
+        x = rods.motion.points(rods.points, 0.0)
+        rest = x if rods.rest_points is None else rods.motion.points(rods.rest_points, 0.0)
+        R = rods.motion.at(0.0)[:3, :3]
+        v = np.zeros_like(x) if rods.velocities is None else np.asarray(rods.velocities, np.float64) @ R.T
+        first = np.cumsum(rods.counts) - rods.counts
+        for n in np.unique(rods.counts).tolist():
+            which = np.flatnonzero(rods.counts == n)
+            rows, at = first[which][:, None] + np.arange(n), own.start + which
+            X, X0 = x[rows], rest[rows]
+            def across(given, rows=rows):
+                return None if given is None else np.asarray(given, np.float64)[rows][:, :-1] @ R.T
+            m0 = shape.frames(X0, across(rods.rest_directors if rods.rest_directors is not None else
+                                         rods.directors if rods.rest_points is None else None))
+            m = shape.frames(X, across(rods.directors)) if rods.directors is not None else shape.carried(X0, m0, X)
+            self._strands(at, n, X, X0, m0, m, {name: value[rows] for name, value in of.items()},
+                          None if rods.masses is None else np.asarray(rods.masses, np.float64)[rows])
+            self.v[:n, at] = np.swapaxes(v[rows], 0, 1)
+
+    def _strands(self, at, n, X, X0, m0, m, of, masses) -> None:
+        l = np.linalg.norm(np.diff(X0, axis=1), axis=2)
+        edge = {name: 0.5 * (value[:, :-1] + value[:, 1:]) for name, value in of.items()}
+        free = l * (1 - self.stiff[:n - 1, at].T)                        # the length that bends
+        along = np.zeros((len(at), n))
+        along[:, 1:-1] = 0.5 * (free[:, :-1] + free[:, 1:])
+        inverse = np.divide(1.0, along, out=np.zeros_like(along), where=along > 0.0)
+        mass = edge["line"] * l
+        V = self.values
+        V["l"][:n - 1, at], V["A"][:n - 1, at] = l.T, (edge["A"] / l).T
+        V["B"][:n, at], V["C"][:n, at] = (of["B"] * inverse).T, (of["C"] * inverse).T
+        V["I"][:n - 1, at], V["radius"][:n, at] = (edge["polar"] * l).T, of["radius"].T
+        V["m"][:n, at] = masses.T if masses is not None else (
+            0.5 * (np.pad(mass, ((0, 0), (0, 1))) + np.pad(mass, ((0, 0), (1, 0))))).T
+        self.rest[:n, at] = np.swapaxes(shape.strains(X0, m0), 0, 1)
+        self.origin[at] = X[:, 0]
+        self.x[:n, at] = np.swapaxes(X - X[:, :1], 0, 1)
+        self.d[:n - 1, at] = np.swapaxes(m, 0, 1)
+        self.phi[:n, at] = shape.strains(X, m)[:, :, 2].T
+
+    def _directors(self) -> None:
+        """Directors of clamped edges in their pins' frames."""
+        for i, k in np.argwhere(self.stiff):
+            row = self.hold[i, k]
+            pin, place, _ = self.held[row]
+            M = self.pins[pin].motion.at(0.0)
+            self.held[row] = pin, place, np.linalg.inv(M[:3, :3]) @ self.d[i, k]
+
+    # on the device
+
+    def strands_on(self, device) -> tables.Strands:
+        """The constant tables."""
+        def up(values, dtype=wp.float64):
+            return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
+        return filled(tables.Strands, points=up(self.counts.astype(np.int32), int), rest=up(self.rest, wp.vec3d),
+                      hold=up(self.hold, int), stiff=up(self.stiff, int), origin=up(self.origin, wp.vec3d),
+                      **{name: up(value) for name, value in self.values.items()})
+
+    def holds_on(self, device, substeps: int) -> tables.Holds:
+        """Rows of held points; frames of pins, a row a substep, are zero yet."""
+        pin, place, director = zip(*self.held, strict=True) if self.held else ((0,), (np.zeros(3),), (np.zeros(3),))
+        return filled(tables.Holds, pin=wp.array(np.array(pin, np.int32), dtype=int, device=device),
+                      place=wp.array(np.array(place), dtype=wp.vec3d, device=device),
+                      director=wp.array(np.array(director), dtype=wp.vec3d, device=device),
+                      frame=wp.zeros((substeps, max(1, len(self.pins))), dtype=wp.mat44d, device=device))
+
+    def frames(self, times: np.ndarray) -> np.ndarray:
+        """Frames of pins at some times [s], (times, pins, 4, 4)."""
+        found = np.tile(np.eye(4), (len(times), max(1, len(self.pins)), 1, 1))
+        for k, pin in enumerate(self.pins):
+            found[:, k] = [pin.motion.at(float(t)) for t in times] if pin.motion.moves else pin.motion.at(0.0)
+        return found
