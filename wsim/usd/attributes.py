@@ -20,7 +20,7 @@ _ARRAYS = {"float[]": (Vt.FloatArray, np.float32, ()), "double[]": (Vt.DoubleArr
            "int[]": (Vt.IntArray, np.int32, ()),
            "int3[]": (Vt.Vec3iArray, np.int32, (3,)), "int4[]": (Vt.Vec4iArray, np.int32, (4,)),
            "point3f[]": (Vt.Vec3fArray, np.float32, (3,)), "vector3f[]": (Vt.Vec3fArray, np.float32, (3,)),
-           "vector3d[]": (Vt.Vec3dArray, np.float64, (3,))}
+           "normal3f[]": (Vt.Vec3fArray, np.float32, (3,)), "vector3d[]": (Vt.Vec3dArray, np.float64, (3,))}
 
 
 def authored(prim: Usd.Prim, owner: str, field: str) -> bool:

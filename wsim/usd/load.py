@@ -13,7 +13,7 @@ from pxr import Tf, Usd, UsdGeom
 
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.check.scene import check
-from wsim.scene.methods import claimant, moving
+from wsim.scene.methods import claimant, moving, role
 from wsim.usd import names
 from wsim.usd.attributes import read
 from wsim.usd.load_varying import finish
@@ -90,7 +90,8 @@ def _read(reading: Reading) -> Scene:
             collider = load_collider(reading, prim)
             if collider is not None:
                 scene.colliders.append(collider)
-    by_path = {thing.path: thing for thing in scene.bodies()}
+    rods = scene.things("Rods")
+    by_path = {thing.path: thing for thing in (*scene.bodies(), *rods)}
     above = {str(body.GetPath()): by_path.get(str(prim.GetPath())) for prim, body in pairs}
     by_path = {**{k: v for k, v in above.items() if v is not None}, **by_path}
     failed = any(problem.fatal for problem in reading.problems)
@@ -101,7 +102,7 @@ def _read(reading: Reading) -> Scene:
             continue
         pin = load_pin(reading, prim, by_path)
         if pin is not None:
-            scene.pins.append(pin)
+            next((each.pins for each in rods if each.path == pin.body), scene.pins).append(pin)
     if found.loads and not failed:
         from wsim.usd.prims.loads import load_load
         scene.loads += [load for prim in found.loads if (load := load_load(reading, prim, by_path)) is not None]
@@ -147,6 +148,10 @@ def _load_body(reading: Reading, scene: Scene, prim: Usd.Prim, body: Usd.Prim) -
         if cloth is not None:
             scene.cloths.append(cloth)
             scene.pins += load_painted(reading, prim, cloth)
+    elif names.WSIM_SPRINGS not in apis and (rods := role("Rods", "usd")).simulates(prim):
+        found = rods.load_rods(reading, prim, body)
+        if found is not None:
+            scene.add(found)
     else:
         springs = load_springs(reading, prim, body)
         if springs is not None:

@@ -130,6 +130,20 @@ OTHERS = (
     Entry("Springs", "masses", WSIM_SPRINGS, "wsim:masses", "float[]", "kg"),
     Entry("Springs", "muscles", WSIM_SPRINGS, "wsim:muscles", "int[]", uniform=True),
 
+    Entry("Rods", "points", "BasisCurves", "points", "point3f[]", "m"),
+    Entry("Rods", "counts", "BasisCurves", "curveVertexCounts", "int[]"),
+    Entry("Rods", "velocities", "BasisCurves", "velocities", "vector3f[]", "m/s"),
+    Entry("Rods", "directors", "BasisCurves", "normals", "normal3f[]"),
+    Entry("Rods", "rest_points", CURVES_SIM, "physics:restShapePoints", "point3f[]", "m"),
+    Entry("Rods", "rest_directors", CURVES_SIM, "physics:restNormals", "normal3f[]"),
+    Entry("Rods", "diameters", CURVES_SIM, "physics:thicknesses", "float[]", "m"),
+    Entry("Rods", "masses", CURVES_SIM, "physics:masses", "float[]", "kg"),
+    Entry("RodMaterial", "young", CURVES_MATERIAL, "physics:youngsModulus", "float", "Pa"),
+    Entry("RodMaterial", "poisson", CURVES_MATERIAL, "physics:poissonsRatio", "float"),
+    Entry("RodMaterial", "stretch", CURVES_MATERIAL, "physics:curvesStretchStiffness", "float", "N"),
+    Entry("RodMaterial", "bend", CURVES_MATERIAL, "physics:curvesBendStiffness", "float", "N m^2"),
+    Entry("RodMaterial", "twist", CURVES_MATERIAL, "physics:curvesTwistStiffness", "float", "N m^2"),
+
     Entry("RigidBody", "force", WSIM_RIGID, "wsim:force", "vector3d", "N"),
     Entry("RigidBody", "torque", WSIM_RIGID, "wsim:torque", "vector3d", "N m"),
     Entry("RigidBody", "drag", WSIM_RIGID, "wsim:linearDamping", "double", "1/s"),
@@ -207,8 +221,8 @@ ORDER = "wsim:order"                                             # relationship 
 # Names of UsdPhysics and of the proposal that stand on such prims and are not read, or not by a row.
 UNREAD = (
     SRC0, SRC1, FILTERED, "physics:coords0", "physics:collisionEnabled", "physics:approximation", "physics:simulationOwner",
-    "physics:startsAsleep", "physics:restNormals", "physics:restTriVertexIndices", "physics:restAdjTriPairs",
-    "physics:restBendAngles", "physics:curvesShearStiffness", "physics:curvesBendStiffness", "physics:curvesTwistStiffness",
+    "physics:startsAsleep", "physics:restTriVertexIndices", "physics:restAdjTriPairs",
+    "physics:restBendAngles", "physics:curvesShearStiffness",
 )
 
 _ROWS = {(row.owner, row.field): row for row in TABLE}

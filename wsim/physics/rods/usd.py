@@ -1,0 +1,154 @@
+"""BasisCurves with PhysicsCurvesDeformableSimAPI <-> `Rods`.
+
+Linear curves of open ends; normals are directors of the edges behind points, thicknesses are diameters. Stiffnesses that the material
+does not author follow from Young's modulus, Poisson's ratio and the diameter: E A, E I, G J. Shear is rigid. Mass: masses of points
+or segments, else the body's mass or density, else the material's density.
+"""
+
+import math
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from wsim.physics.rods.objects import Rods
+from wsim.usd import names
+from wsim.usd.attributes import author as write
+from wsim.usd.attributes import read
+from wsim.usd.prims.cloth import load_points
+from wsim.usd.prims.fabric import UNAUTHORED, author_friction, bind, bound, is_physical, load_friction
+from wsim.usd.prims.pins import author_pin
+from wsim.usd.stage import Reading, Units
+from wsim.usd.transforms import author_motion, placement
+
+STIFF = ("stretch", "bend", "twist")
+
+
+def simulates(prim: Usd.Prim) -> bool:
+    """True if curves are read as rods: linear ones with open ends."""
+    curves = UsdGeom.BasisCurves(prim)
+    return bool(curves) and curves.GetWrapAttr().Get() != UsdGeom.Tokens.periodic
+
+
+def load_rods(reading: Reading, prim: Usd.Prim, body: Usd.Prim) -> Rods | None:
+    """The rods of a BasisCurves prim; None if it cannot be read (which is reported)."""
+    path, units = prim.GetPath(), reading.units
+    if UsdGeom.BasisCurves(prim).GetTypeAttr().Get() != UsdGeom.Tokens.linear:
+        reading.fail(path, f"is a {UsdGeom.BasisCurves(prim).GetTypeAttr().Get()} BasisCurves; only type = linear can be simulated")
+        return None
+    points, rest = load_points(reading, prim, "Rods")
+    counts = read(prim, "Rods", "counts", units, reading.start)
+    if points is None or counts is None or counts.sum() != len(points) or counts.min(initial=2) < 2:
+        reading.fail(path, f"has {0 if points is None else len(points)} points and curveVertexCounts that sum to "
+                     f"{0 if counts is None else counts.sum()}; the two must agree, with 2 or more vertices a curve")
+        return None
+    given = read(prim, "Rods", "rest_points", units)
+    rods = Rods(str(path), points, counts, rest_points=rest if given is None else given, motion=placement(reading, prim).motion)
+    for field in ("velocities", "directors", "rest_directors"):
+        value = read(prim, "Rods", field, units, reading.start)
+        if value is not None and len(value) != len(points):
+            reading.fail(path, f"{names.row('Rods', field).attribute} has {len(value)} values; allowed is {len(points)} (one a "
+                         "point)")
+        elif value is not None:
+            setattr(rods, field, value)
+    rods.diameters = _of_points(reading, prim, "diameters", counts, names.THICKNESS)
+    _material(reading, prim, rods)
+    rods.masses = _masses(reading, prim, body, rods)
+    rods.static_friction, rods.dynamic_friction = load_friction(reading, prim)
+    return rods
+
+
+def _of_points(reading: Reading, prim: Usd.Prim, field: str, counts: np.ndarray, fallback: float) -> np.ndarray:
+    """Values of points, (n,) or (1,), of an attribute that gives them to all, curves, segments or points."""
+    n, values = int(counts.sum()), read(prim, "Rods", field, reading.units)
+    if values is None or len(values) == 0:
+        return np.array([fallback])
+    name = names.row("Rods", field).attribute
+    if not (np.isfinite(values) & (values > 0)).all():
+        reading.fail(prim.GetPath(), f"{name} holds {values.min():g}; allowed are finite numbers > 0")
+        return np.array([fallback])
+    if len(values) in (1, n):
+        return values
+    if len(values) == len(counts):
+        return np.repeat(values, counts)
+    if len(values) == n - len(counts):                       # of segments: a point has the mean of its own
+        total, number = _to_points(values, counts), _to_points(np.ones(len(values)), counts)
+        return total / number
+    reading.fail(prim.GetPath(), f"{name} has {len(values)} values; allowed is 1, {len(counts)} (curves), {n - len(counts)} "
+                 f"(segments) or {n} (points)")
+    return np.array([fallback])
+
+
+def _to_points(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Sum at each point of the values of its one or two segments."""
+    n = int(counts.sum())
+    start = np.delete(np.arange(n), np.cumsum(counts) - 1)
+    return np.bincount(start, values, n) + np.bincount(start + 1, values, n)
+
+
+def _material(reading: Reading, prim: Usd.Prim, rods: Rods) -> None:
+    """Elastic constants and density; fallbacks of the proposal where nothing says them."""
+    rods.young, rods.poisson, rods.density = names.YOUNGS_MODULUS, names.POISSONS_RATIO, names.DENSITY
+    material = bound(reading, prim)
+    if material is None or not is_physical(material):
+        reading.warn(prim.GetPath(), f"no physics material is bound: the fallbacks of {names.CURVES_MATERIAL} count (E = "
+                     f"{names.YOUNGS_MODULUS:g} Pa, density {names.DENSITY:g} kg/m^3); bind one by material:binding:physics")
+        return
+    for field in ("young", "poisson", *STIFF):
+        value = read(material, "RodMaterial", field, reading.units)
+        if value not in UNAUTHORED:
+            setattr(rods, field, value)
+    density = read(material, "Friction", "density", reading.units)
+    if density not in (*UNAUTHORED, 0.0):
+        rods.density = density
+
+
+def _masses(reading: Reading, prim: Usd.Prim, body: Usd.Prim, rods: Rods) -> np.ndarray | None:
+    """[kg] of each point; None: from the density, into which a density of the body goes."""
+    counts, n = rods.counts, len(rods.points)
+    values = read(prim, "Rods", "masses", reading.units)
+    if values is not None and len(values) == n:
+        return values
+    if values is not None and len(values) == n - len(counts):
+        return 0.5 * _to_points(values.astype(np.float64), counts)
+    if values is not None and len(values) > 1:
+        reading.fail(prim.GetPath(), f"physics:masses has {len(values)} values; allowed is 1, {n - len(counts)} (segments) or {n} "
+                     "(points)")
+        return None
+    total = float(values[0]) if values is not None and len(values) else read(body, "Body", "mass", reading.units)
+    density = read(body, "Body", "density", reading.units)
+    if density:
+        rods.density = density
+    if total and math.isfinite(total):
+        world = rods.motion.points(rods.points if rods.rest_points is None else rods.rest_points, 0.0)
+        length = np.delete(np.linalg.norm(np.diff(world, axis=0), axis=1), np.cumsum(counts)[:-1] - 1)
+        d = np.broadcast_to(rods.diameters, n)
+        area = np.delete(0.25 * np.pi * (0.5 * (d[:-1] + d[1:]))**2, np.cumsum(counts)[:-1] - 1)
+        of = area * length
+        return 0.5 * _to_points(of * (total / of.sum()), counts)
+    return None
+
+
+def author(stage: Usd.Stage, rods: Rods, units: Units) -> None:
+    """Defines the BasisCurves of rods, their material and their pins."""
+    curves = UsdGeom.BasisCurves.Define(stage, rods.path)
+    prim = curves.GetPrim()
+    curves.CreateTypeAttr(UsdGeom.Tokens.linear)
+    for schema in (names.BODY, names.CURVES_SIM):
+        prim.AddAppliedSchema(schema)
+    for field in ("points", "counts", "velocities", "rest_points", "directors", "rest_directors", "diameters", "masses"):
+        if (value := getattr(rods, field)) is not None:
+            write(prim, "Rods", field, value, units)
+    d = np.asarray(rods.diameters, np.float64)
+    curves.CreateWidthsAttr((d / units.metres).astype(np.float32).tolist())
+    curves.SetWidthsInterpolation(UsdGeom.Tokens.constant if len(d) == 1 else UsdGeom.Tokens.vertex)
+    curves.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(curves.GetPointsAttr().Get()))
+    author_motion(prim, rods.motion, units, 0)
+    material = author_friction(stage, f"{rods.path}_material", (rods.static_friction, rods.dynamic_friction), units)
+    material.AddAppliedSchema(names.CURVES_MATERIAL)
+    write(material, "Friction", "density", rods.density, units)
+    for field in ("young", "poisson", *STIFF):
+        if (value := getattr(rods, field)) is not None:
+            write(material, "RodMaterial", field, value, units)
+    bind(prim, material)
+    for pin in rods.pins:
+        author_pin(stage, pin, rods, units, 0)
