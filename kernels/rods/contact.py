@@ -1,10 +1,12 @@
 """Contact of a strand's points with colliders: a stiff spring along the normal, Coulomb friction by bristles (Cundall, Strack 1979).
 
-    phi < r:  N = k (r - phi),  k = STIFF max(m / h^2, A)             the deeper, the harder; sinks by N / k
+    N = k e,  e = r - phi,  k = STIFF max(m / h^2, A)                 sinks by N / k; where |e| < w = SOFT r it begins smoothly,
+                                                                     N = k (e + w)^2 / (4 w), else iterations go in and out
     F_t = -k s, |F_t| <= mu N,  s = what it has slid over the collider since it touched, cut back where it slips
 
-In Newton's system: k n n^T, and k (1 - n n^T) where it sticks, mu N / |s| (1 - n n^T) where it slips. Friction is with the collider
-that a point is deepest in. Colliders go straight from where they are at the start of a substep to where they are at its end.
+In Newton's system: k n n^T, and k (1 - n n^T) where it sticks, mu N / |s| (1 - n n^T) where it slips. The N of friction is that of
+the substep before: a point that an iteration leaves too deep would be thrown aside. Friction is with the collider that a point is
+deepest in. Colliders go straight from where they are at the start of a substep to where they are at its end.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -20,6 +22,7 @@ from wsim.kernels.contact.shape import distance
 from wsim.kernels.rods.tables import Motion, Strands, Trial
 
 STIFF = wp.constant(wp.float64(30.0))
+SOFT = wp.constant(wp.float64(0.05))
 FAR = wp.constant(wp.float64(1e9))
 
 
@@ -35,12 +38,14 @@ class Colliders:
 
 @wp.struct
 class Touch:
-    """Forces of colliders on a point, and their stiffness; s: bristle in the end [m], deep: how far it is in the deepest [m]."""
+    """Forces of colliders on a point, and their stiffness; s: bristle in the end [m], deep: how far it is in the deepest [m], with
+    the normal force N [N]."""
 
     f: wp.vec3d
     K: wp.mat33d
     s: wp.vec3d
     deep: wp.float64
+    N: wp.float64
 
 
 @wp.func
@@ -105,17 +110,22 @@ def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
             q = wp.transform_point(wp.inverse(frame), x)
             phi, m = signed(C, c, q)
             deep = S.radius[i, k] + C.thick[c] - phi
-            if deep > wp.float64(0.0):
+            w = SOFT * S.radius[i, k]
+            if deep > -w:
                 n = wp.transform_vector(frame, m)
-                found.f = found.f + n * (stiff * deep)
-                found.K = found.K + wp.outer(n, n) * stiff
-                if deep > found.deep:
+                e = wp.min(deep + w, w + w)
+                slope = stiff * e / (w + w)
+                N = slope * wp.float64(0.5) * e + stiff * wp.max(deep - w, wp.float64(0.0))
+                found.f = found.f + n * N
+                found.K = found.K + wp.outer(n, n) * slope
+                if N > found.N:
                     found.deep = deep
+                    found.N = N
                     best = c
                     normal = n
                     slid = (T.x[i, k] - Q.x[i, k]) - (x - wp.transform_point(C.frame[at, c], q))
         if best >= 0:
-            found = rub(found, normal, Q.stick[i, k] + slid, stiff * found.deep, stiff, C.friction[best, k])
+            found = rub(found, normal, Q.stick[i, k] + slid, Q.load[i, k], stiff, C.friction[best, k])
         return found
 
     return SimpleNamespace(touch=touch, name="_".join(kinds))

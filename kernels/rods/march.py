@@ -17,7 +17,8 @@ from wsim.kernels.rods.system import backward, forward, take
 from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
 
 TOLERANCE = wp.constant(wp.float64(1e-8))
-MOST = wp.constant(20)
+MOST = wp.constant(50)
+CALM, LEAST = wp.constant(wp.float64(0.3)), wp.constant(wp.float64(0.125))
 
 
 @wp.func
@@ -83,7 +84,8 @@ def finish(kinds: tuple[str, ...]):
                 if S.hold[i, k] < 0:
                     t = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
                 Q.stick[i, k] = t.s
-                if t.deep > wp.float64(0.0):
+                Q.load[i, k] = t.N
+                if t.N > wp.float64(0.0):
                     v = d / p.h
                     u = v
                     deep = wp.max(deep, t.deep)
@@ -120,11 +122,18 @@ def march(kinds: tuple[str, ...], module: str):
             p = rule(Q, h, at, k)
             begin(S, H, Q, T, h, at, k)
             z = l
+            before = l
+            share = wp.float64(1.0)
             count = int(0)
             while count < MOST and z > TOLERANCE * l:
                 assemble(S, C, Q, T, p, k)
                 z = backward(S, T, k)
-                take(S, T, wp.min(wp.float64(1.0), l / wp.max(z, l * wp.float64(1e-12))), k)
+                if z > (wp.float64(1.0) - CALM * share) * before:
+                    share = wp.max(wp.float64(0.5) * share, LEAST)
+                else:
+                    share = wp.min(wp.float64(2.0) * share, wp.float64(1.0))
+                take(S, T, share * wp.min(wp.float64(1.0), l / wp.max(z, l * wp.float64(1e-12))), k)
+                before = z
                 count += 1
             deep = wp.max(deep, end(S, C, Q, T, p, k))
             most = wp.max(most, count)

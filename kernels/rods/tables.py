@@ -46,6 +46,7 @@ class Motion:
     phi: wp.array2d(dtype=wp.float64)               # twist at a point [rad]
     begun: wp.array2d(dtype=int)                    # of a strand's first point, 1: there is a step before
     stick: wp.array2d(dtype=wp.vec3d)               # bristle of a point that touches a collider [m]
+    load: wp.array2d(dtype=wp.float64)              # normal force on it [N]
     w: wp.array2d(dtype=wp.vec3d)                   # of edges: spin about the tangent [rad/s], turn before [rad], spin before
 
 

@@ -14,6 +14,7 @@ from tools.scenes.bodies import BODY_SCENES
 from tools.scenes.cloth import SOFT, cloth, looks, material, thickness
 from tools.scenes.fluid import FLUID_SCENES
 from tools.scenes.rigid import RIGID_SCENES
+from tools.scenes.rods import ROD_SCENES
 from tools.scenes.skeleton import SKELETON_SCENES
 from tools.scenes.soft import SOFT_SCENES
 from tools.usda import block, ground, listed, moved, number, pin, scene, settings, solid
@@ -135,4 +136,4 @@ def shirt() -> str:
 
 
 SCENES = {"hanging_cloth": hanging_cloth, "flag": flag, "cape": cape, "tablecloth": tablecloth, "shirt": shirt,
-          **SOFT_SCENES, **RIGID_SCENES, **BODY_SCENES, **FLUID_SCENES, **ANIMATION_SCENES, **SKELETON_SCENES}
+          **SOFT_SCENES, **RIGID_SCENES, **BODY_SCENES, **FLUID_SCENES, **ANIMATION_SCENES, **SKELETON_SCENES, **ROD_SCENES}

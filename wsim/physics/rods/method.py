@@ -25,6 +25,7 @@ FIELDS = (Field("x", "m", True, "position relative to the strand's first point a
           Field("d", "", True, "material director of the edge behind a point", "vec3d"),
           Field("w", "rad/s", True, "spin of that edge about itself, its turn before, its spin before", "vec3d"),
           Field("stick", "m", True, "bristle of a point that touches a collider", "vec3d"),
+          Field("load", "N", True, "normal force of a collider on it", "double"),
           Field("phi", "rad", True, "twist at a point", "double"),
           Field("begun", "1", True, "of a strand's first point, 1: there is a step before", "int"))
 LONGEST = 1.0 / 240.0         # [s] of a substep; a first mode of 2 Hz errs by 1e-3 in its frequency there
