@@ -18,7 +18,7 @@ from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
 
 TOLERANCE = wp.constant(wp.float64(1e-8))
 MOST = wp.constant(50)
-CALM, LEAST = wp.constant(wp.float64(0.3)), wp.constant(wp.float64(0.125))
+CALM, LEAST = wp.constant(wp.float64(0.05)), wp.constant(wp.float64(0.125))
 
 
 @wp.func

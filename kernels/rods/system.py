@@ -4,7 +4,8 @@
 
 Strains of a point know three points in a row, so that K has two blocks beside its diagonal; blocks are 4 x 4 (a point, and the
 angle of the edge behind it), eliminated from the first to the last without pivoting: K is positive definite. What Gauss and Newton
-leave out (strain times its second derivative) changes how fast iterations converge, not where to.
+leave out (strain times its second derivative) changes how fast iterations converge, not where to; of it only what turns of edges
+about themselves add to their own stiffness is taken, where that is positive: of rods that are pulled straight it is most.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -110,6 +111,10 @@ def flex(S: Strands, w: Window, f: Bend, i: int, k: int):
         w.P = w.P + wp.outer(g0, g1) * q
         w.N = w.N + wp.outer(g1, g2) * q
         w.O = w.O + wp.outer(g0, g2) * q
+    a = (f.s[0] - S.rest[i, k][0]) * S.B[i, k]
+    b = (f.s[1] - S.rest[i, k][1]) * S.B[i, k]
+    w.D0[3, 3] = w.D0[3, 3] + wp.max(a * f.u[1] - b * f.u[0], zero) * spin0
+    w.D1[3, 3] = w.D1[3, 3] + wp.max(a * f.w[1] - b * f.w[0], zero) * spin1
     return w
 
 
