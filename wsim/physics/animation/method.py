@@ -99,8 +99,8 @@ class Bones(Method):
 
     def __init__(self, model, skeletons: list[Skeleton]):
         super().__init__("bones")
-        self.model, self.skeletons = model, skeletons
-        self.tables = Tables(skeletons, model.device, model.real)
+        self.model, self.skeletons = model, list(skeletons)
+        self.tables = Tables(self.skeletons, model.device, model.real)
         self.skins: list[Skin] = []
         self.at: tuple | None = None
         self.A: Any = None
@@ -133,6 +133,15 @@ class Bones(Method):
         moved = {body.path: poses[k] @ np.linalg.inv(body.motion.at(0.0))
                  for k, (body, of) in enumerate(self.bodies.bodies) if of == world}
         return [sample(bones, moved, self.now) for bones in self.driven]
+
+    def give(self, old: Skeleton, new: Skeleton) -> None:
+        """Puts a skeleton in the place of another one with the same joints and keys, from the next frame on."""
+        self.skeletons[[bones is old for bones in self.skeletons].index(True)] = new
+        self.tables.keys()
+        self.at = None
+        for skin in self.skins:
+            if skin.skin.skeleton is old:
+                skin.give(new)
 
     def transforms(self, times: np.ndarray) -> wp.array:
         """A of all joints at some times [s], (times, joints), in the precision of the run. Once a frame, for all meshes."""

@@ -1,5 +1,6 @@
 """A mesh that joints move, on the device: its points at the substeps of a frame, and how far they go."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -85,6 +86,12 @@ class Skin:
             self.extents, self.wider = kernels.extents(module), kernels.widen(real, module)
             self.center = wp.vec3f(*np.asarray(mesh.center, np.float32).tolist())
         kernel_cache.load(module, device)
+
+    def give(self, skeleton) -> None:
+        """Another skeleton with the same joints, bound as before: its shapes follow the weights of that one."""
+        self.skin = replace(self.skin, skeleton=skeleton)
+        if self.shapes:
+            self.shapes.skin = self.skin
 
     def points(self, times: np.ndarray, out: wp.array) -> None:
         """Launches the points at some times [s] into `out`, (times, n)."""

@@ -61,7 +61,7 @@ FALL = "test_a_sheet_that_falls_on_a_turning_collider_and_slides"
 JOINED, TOUCHED = "gradient/rigid/test_joints.py", "gradient/rigid/test_contacts.py"
 FREELY, AIRY, PATHS = "gradient/test_bodies.py", "gradient/test_fluids.py", "gradient/test_paths.py"
 EVERY = f"{AIRY}::test_every_value_has_the_slope_of_differences"
-BONES = "physics/animation/test_gradients.py"
+BONES, WORN = (f"physics/animation/test_{name}.py" for name in ("gradients", "collider_gradients"))
 BLOCK, SOLID = f"{BAR}::test_a_soft_bar", f"{BAR}::test_a_soft_bar_by_implicit_steps"
 
 COVERED: list[Covered] = [
@@ -81,6 +81,8 @@ COVERED: list[Covered] = [
             f"{CHAIN}::test_where_a_pin_puts_its_points"),
     Covered(THROUGH, "skinning, linear and of dual quaternions, to pins",
             *(f"{BONES}::test_angles_and_weights_have_the_slope_of_differences",) * 3),
+    Covered(THROUGH, "skinning, linear and of dual quaternions, to colliders",
+            *(f"{WORN}::test_joint_angles_have_the_slope_of_differences",) * 3),
     Covered(THROUGH, "soft pins", *(f"{SWEPT}::test_soft_pins",) * 3),
     Covered(THROUGH, "strain limits and tethers", f"{RESTS}::test_strain_limits_and_tethers",
             f"{LIVE}::test_by_a_strain_limit", f"{LIMITS}::test_a_sheet_that_is_pulled"),
@@ -200,10 +202,8 @@ REFUSED: dict[str, Refused] = {
                       "derivative; widen the limit, or take the drive out"),
     "features": Refused("manifolds that change with the smallest motion", "touches by other features when it is moved by a ten "
                         "thousandth of its size, and has no derivative of one side; move it, or another shape, a little"),
-    "skinned": Refused("joint angles and blend weights of a skeleton that moves a collider", "is a collider that follows "
-                       "{bones}: with respect to {name}, what touches a mesh that joints move has no derivative yet; let pins "
-                       "alone follow that skeleton"),
-    "followed": Refused("a skeleton that no pin follows", "no pin follows it, so that nothing here knows its joints"),
+    "followed": Refused("a skeleton that nothing follows", "no pin and no collider follows it, so that nothing here knows its "
+                        "joints"),
     "corrective": Refused("joint angles of a mesh with corrective shapes", "follows a mesh with a corrective shape, which "
                           "{bones} drives: with respect to its turns that has no derivative yet; leave the shape out"),
     "scaled": Refused("joint angles of scaled joints under dual quaternions", "follows dual quaternions of {bones}, whose "
