@@ -12,6 +12,7 @@ import pytest
 from tests.gradient.test_gradients import net, sheet
 from tests.make.wheels import ROW
 from tests.make.wheels.objects import Wheel
+from tests.physics.animation.test_dressed import clothed
 from tests.physics.animation.test_gradients import UNFOLLOWED, changed
 from wsim import Box, Bulk, Fabric, Plane, Simulation, Sphere
 from wsim.gradient.inputs.by_name import inputs
@@ -289,6 +290,7 @@ CASES = {
     "material": ("/chain", lambda: gradient(net()).material("stretch")),
     **{key: (path, lambda change=change, name=name: inputs(recorded(changed(change)), [f"/man/bones:{name}"]))
        for key, (path, change, name) in UNFOLLOWED.items()},
+    "dressed": ("/man/bones", lambda: Simulation(clothed(), device="cpu", gradients=True)),
     "value": ("/pin", lambda: row_of(net(), "/pin", "stiffness")),
 }
 

@@ -204,6 +204,8 @@ REFUSED: dict[str, Refused] = {
                         "thousandth of its size, and has no derivative of one side; move it, or another shape, a little"),
     "followed": Refused("a skeleton that nothing follows", "no pin and no collider follows it, so that nothing here knows its "
                         "joints"),
+    "dressed": Refused("what follows skeletons that rigid bodies drive", "rigid bodies drive its joints, and colliders or pins "
+                       "follow them: that has no derivative yet; animate the joints, or leave out gradients=True"),
     "corrective": Refused("joint angles of a mesh with corrective shapes", "follows a mesh with a corrective shape, which "
                           "{bones} drives: with respect to its turns that has no derivative yet; leave the shape out"),
     "scaled": Refused("joint angles of scaled joints under dual quaternions", "follows dual quaternions of {bones}, whose "
