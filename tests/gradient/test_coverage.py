@@ -30,7 +30,7 @@ from wsim.scene.values.coverage import BY, COVERED, REFUSED, row_of, summary, te
 TESTS = Path(__file__).resolve().parent.parent
 PATHS = {"Cloth": "/cloth", "Springs": "/net", "Soft": "/bar", "Collider": "/floor", "Pin": "/pin", "Scene": "",
          "Body": "/thrown", "Joint": "/hinge"}
-PATHS_OF = {f"{owner}.{name}" for owner in ("Pin", "Collider") for name in ("keys", "tangents", "handles")}
+PATHS_OF = {f"{owner}.{name}" for owner in ("Pin", "Collider") for name in ("keys", "tangents", "handles", "turns")}
 ONLY = {"Springs.rest_shape", *PATHS_OF,     # lengths say the same; curves and skeletons have tests of their own
         "Skeleton.turns", "Skeleton.weights"}
 IDLE = ("static_friction",)                  # what slides does not know it

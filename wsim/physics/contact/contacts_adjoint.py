@@ -28,6 +28,13 @@ class SearchResult:
     projected: int = 0
 
 
+def bends(motion, fps: float) -> bool:
+    """True if a motion turns, is a curve, or has keys within frames."""
+    at = motion.times * fps
+    turning = np.abs(motion.values[:, :3, :3] - motion.values[:1, :3, :3]).max(initial=0.0) > 0.0
+    return not motion.plain or motion.moves and bool(turning or np.abs(at - np.round(at)).max() > 1e-6)
+
+
 @dataclass
 class Touched:
     """Gradients of a frame by the corners of meshes on which its contacts were found, a row each: substep, point, row of the
@@ -73,9 +80,9 @@ class ContactAdjoint:
         lanes = int(np.clip(np.diff(starts).max() // EACH, 1, LANES))
         self.starts = wp.array(starts, dtype=int, device=model.device)
         self.sums = wp.zeros((len(model.bodies), contacts.rows.most, lanes), dtype=self.motion.dtype, device=model.device)
-        # where a motion is a curve within its frames: sums of each substep
+        # where a motion is no straight way within its frames: sums of each substep
         self.steps = [wp.zeros_like(self.sums) for _ in range(contacts.table.step.shape[0])] if any(
-            not c.motion.plain for c in contacts.rows.colliders) else []
+            bends(c.motion, model.scene.fps) for c in contacts.rows.colliders) else []
         self.corners = corners(model.real)()             # gradients by the corners of skinned meshes
         self.touched: list[Touched] = []                 # of frames, the last one first
         self.skinned = skinned

@@ -128,7 +128,7 @@ COVERED: list[Covered] = [
     Covered(BY, "Pin.targets", f"{CHAIN}::test_where_a_pin_puts_its_points", f"{SWEPT}::test_soft_pins",
             f"{CHAIN}::test_where_a_pin_puts_its_points"),
     Covered(BY, "Skeleton.turns Skeleton.weights", *(f"{BONES}::test_angles_and_weights_have_the_slope_of_differences",) * 3),
-    Covered(BY, "Pin.keys Pin.tangents Pin.handles", *(f"{PATHS}::test_by_what_the_path_of_a_pin_is_made_of",) * 3),
+    Covered(BY, "Pin.keys Pin.tangents Pin.handles Pin.turns", *(f"{PATHS}::test_by_what_the_path_of_a_pin_is_made_of",) * 3),
     Covered(BY, "Load.force Load.traction", *(f"{LOADED}::{PUSH}",) * 3),
     Covered(BY, "Cloth.static_friction Cloth.dynamic_friction Springs.static_friction Springs.dynamic_friction",
             f"{SLID}::{FALL}", f"{SLID}::{FALL}", f"{SOLVED}::{FALL}"),
@@ -139,7 +139,7 @@ COVERED: list[Covered] = [
             f"{SOLVED}::test_what_is_thrown_back"),
     Covered(BY, "Collider.shift", *(f"{MESH}::test_by_the_motion_of_a_collider",) * 2,
             f"{SOFT}::test_by_the_motion_of_a_collider"),
-    Covered(BY, "Collider.keys Collider.tangents Collider.handles",
+    Covered(BY, "Collider.keys Collider.tangents Collider.handles Collider.turns",
             *(f"{PATHS}::test_by_what_the_path_of_a_collider_is_made_of",) * 3),
 
     Covered(BY, "Body.velocity Body.spin Body.force Body.torque Body.drag Body.spin_drag Body.mass Body.inertia",
