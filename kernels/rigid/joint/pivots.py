@@ -8,10 +8,10 @@ that falls, of which its `active` names the piece (tables.py):
     where none of the first two:  under + A z >= 0 >= over + A z
 
 A drive at a limit gives what it gives at that rate, p = clamp(p_0 + (much - A z) / Gamma). All rows whose piece is wrong for
-the solution take their next one (block pivots: Portugal, Judice, Vicente 1994, A comparison of block pivoting and interior-point
-algorithms for linear least squares problems with nonnegative variables, section 3); where that has not made less of them
-wrong for TRIES times, the last of them alone (Murty 1974, which ends for every A that is symmetric and definite). The first
-guess is what acted in the sweep before: a sweep in which nothing changes is one solve.
+the solution take their next one (block pivots: Portugal, Judice, Vicente 1994, A comparison of block pivoting and
+interior-point algorithms for linear least squares problems with nonnegative variables, section 3); where that has not made
+less of them wrong for TRIES times, the last of them alone (Murty 1974, which ends for every A that is symmetric and definite).
+The first guess is what acted in the sweep before: a sweep in which nothing changes is one solve.
 """
 
 import warp as wp
