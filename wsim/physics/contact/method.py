@@ -65,7 +65,8 @@ class Contact(Method):
                         np.array([chord.breadth(b.rest, f - b.first) for b, f in zip(model.bodies, each, strict=True)]),
                         np.array([b.reach.min() for b in model.bodies]))
         self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
-                                 substeps=clock.substeps, dt=clock.dt, struck=points.struck)
+                                 substeps=clock.substeps, dt=clock.dt, struck=points.struck,
+                                 turned=model.gradients)
         self.contacts.launch = model.launch
         if movers is None:
             self.contacts.smooth(model.scene, points.integrator.explicit)
