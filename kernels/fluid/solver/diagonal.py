@@ -25,11 +25,21 @@ SIDE = 64                                 # of a tile
 
 PRODUCT = """
     typedef TYPE R;
-    const int M = size[0], N = size[1], K = size[2], batch = at[0], m0 = at[1], j0 = at[2];
+    const int M = size[0], N = size[1], K = size[2], batch = at[0], m0 = at[1], j0 = at[2], deep = at[3];
     const int me = LEFT ? span[0] : M, je = LEFT ? N : span[0], kb = span[2];
     const R* a = first.data + (LEFT ? 0 : batch * M * K);
     const R* b = second.data + (LEFT ? batch * K * N : 0);
     R* y = out.data + batch * M * N;
+    const R* l = values.data + (deep ? M / deep + deep : M);
+    auto row = [&](int m) -> R {
+        if (LEFT || !values.data || m >= me) return (R)0;
+        return deep ? values.data[m / deep] + values.data[M / deep + m % deep] : values.data[m];
+    };
+    auto over = [&](R v, R own, int n) -> R {
+        if (LEFT || !values.data) return v;
+        const R all = own + l[n];
+        return all > least ? v / all : (R)0;
+    };
 #if defined(__CUDA_ARCH__)
     __shared__ __align__(16) R A[16][68];
     __shared__ __align__(16) R B[16][64];
@@ -63,11 +73,11 @@ PRODUCT = """
     #pragma unroll
     for (int i = 0; i < 4; ++i) {
         const int m = m0 + 4 * z + i;
-        const R own = SUM;
+        const R own = row(m);
         #pragma unroll
         for (int j = 0; j < 8; ++j) {
             const int n = j0 + 4 * x + (j & 3) + 8 * (j & 4);
-            if (m < me && n < je) y[m * N + n] = OVER(sum[i][j], own, n);
+            if (m < me && n < je) y[m * N + n] = over(sum[i][j], own, n);
         }
     }
 #else
@@ -87,8 +97,8 @@ PRODUCT = """
         }
         for (int e = 0; e < 4 && i + e < rows; ++e) {
             const int m = m0 + i + e;
-            const R own = SUM;
-            for (int j = 0; j < columns; ++j) y[m * N + j0 + j] = OVER(sum[e][j], own, j0 + j);
+            const R own = row(m);
+            for (int j = 0; j < columns; ++j) y[m * N + j0 + j] = over(sum[e][j], own, j0 + j);
         }
     }
 #endif
@@ -119,34 +129,18 @@ FOLD = """
     for (int m = 0; m < 8; ++m) if (!(m & ~used)) out.data[AT(m)] = v[m];
     #undef AT
 """
-# of the eigenvalues of the axes, which stand one behind the other: the sum of a row m, which is of the axes before the last
-# (`deep`: of how many cells the middle one is, 0: there is none), and a number over it and that of place n along the last axis
-SUM = """values.data && m < me ? (deep ? values.data[m / deep] + values.data[M / deep + m % deep] : values.data[m]) : (R)0"""
-OVER = """
-    const R* l = values.data + (deep ? M / deep + deep : M);
-    auto over = [&](R v, R own, int n) -> R {
-        if (!values.data) return v;
-        const R all = own + l[n];
-        return all > least ? v / all : (R)0;
-    };
-"""
 
 
 @cache
 def tile(left: bool, real):
-    """Function (first, second, size, at, span, ..., out): one tile of a product, from place `at` (batch, row, column) up to the
-    row (left) or column span[0], summed over span[1] .. span[2]. Not left: over the eigenvalues, where there are some."""
+    """Function (first, second, size, at, span, values, least, out): one tile of a product, from place `at` (batch, row, column;
+    deep) up to the row (left) or column span[0], summed over span[1] .. span[2]. Not left: over the sum of the eigenvalues,
+    where there are some: `values` of all axes, one axis behind the other; deep: cells of the middle one, 0: there is none."""
     kind = "float" if real is wp.float32 else "double"
-    text = PRODUCT.replace("SUM", "(R)0").replace("OVER(sum[i][j], own, n)", "sum[i][j]") if left else PRODUCT
-    text = text.replace("OVER(sum[e][j], own, j0 + j)", "sum[e][j]") if left else text.replace("SUM", SUM).replace("OVER", "over")
-    if not left:
-        head, tail = text.split("#if defined", 1)
-        text = head + OVER + "#if defined" + tail
-    text = text.replace("TYPE", kind).replace("LEFT", str(int(left)))
 
-    @wp.func_native(text)
-    def tile(first: wp.array(dtype=real), second: wp.array(dtype=real), size: wp.vec3i, at: wp.vec3i, span: wp.vec3i,
-             values: wp.array(dtype=real), deep: int, least: real, out: wp.array(dtype=real)):
+    @wp.func_native(PRODUCT.replace("TYPE", kind).replace("LEFT", str(int(left))))
+    def tile(first: wp.array(dtype=real), second: wp.array(dtype=real), size: wp.vec3i, at: wp.vec4i, span: wp.vec3i,
+             values: wp.array(dtype=real), least: real, out: wp.array(dtype=real)):
         ...
 
     return tile
@@ -156,8 +150,8 @@ def tile(left: bool, real):
 def product(last: bool, real, module):
     """Kernel over blocks of threads, one for each tile (batch, rows, columns) of y_out (batch, M, N), size (M, N, K).
     last: y = x[b] Q, with x (batch, M, K) and Q (K, N), along the last axis of x; else y = Q^T x[b], with Q (K, M) and x
-    (batch, K, N). Q: blocks of `even` rows and columns, and of the others. values: what y is divided by; none: nothing, see
-    SUM; 0 where that is below `least`."""
+    (batch, K, N). Q: blocks of `even` rows and columns, and of the others. values: those that y is divided by; none: it is not;
+    y is 0 where they sum to less than `least`."""
     of = tile(not last, real)
 
     @wp.func
@@ -179,10 +173,10 @@ def product(last: bool, real, module):
         c = c - batch * own * across
         if wp.static(last):
             s = span(c % own, even, n)
-            of(x, Q, size, wp.vec3i(batch, c // own * SIDE, s[0]), wp.vec3i(s[1], s[2], s[3]), values, deep, least, y_out)
+            of(x, Q, size, wp.vec4i(batch, c // own * SIDE, s[0], deep), wp.vec3i(s[1], s[2], s[3]), values, least, y_out)
         else:
             s = span(c // across, even, n)
-            of(Q, x, size, wp.vec3i(batch, s[0], c % across * SIDE), wp.vec3i(s[1], s[2], s[3]), values, deep, least, y_out)
+            of(Q, x, size, wp.vec4i(batch, s[0], c % across * SIDE, deep), wp.vec3i(s[1], s[2], s[3]), values, least, y_out)
 
     return wp.kernel(product, name=f"diagonal_{'last' if last else 'along'}_{types(real).name}", module=module,
                      enable_backward=False, grid_stride=False)
