@@ -75,8 +75,8 @@ class Domain:
         sharp = fluid.layers and fluid.viscosity > 0.0 and not fluid.slip and scheme == "cubic" and layout.dim == 2
         how = How(scheme, not self.reflects, sharp=sharp, pushed=self.lifts * self.pushed, lifting=self.lifting)
         self.carry = [Transport(threads, layout, self.grid, a, how, self.work) for a in range(layout.dim)]
-        self.carry_scalar = (Transport(threads, layout, self.grid, -1, How(fluid.scalar_advection), self.work)
-                             if scalars and not self.tiles else self.tiles)
+        self.carry_scalar: Any = (Transport(threads, layout, self.grid, -1, How(fluid.scalar_advection), self.work)
+                                  if scalars and not self.tiles else self.tiles)
         self._kernels(real, module)
 
     def _kernels(self, real: Any, module: str) -> None:
