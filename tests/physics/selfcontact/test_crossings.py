@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from wsim.geometry.crossings import candidates, crossings
+from wsim.physics.selfcontact.crossings import candidates, crossings
 
 FLAT = [(0, 0, 0), (4, 0, 0), (0, 4, 0)]
 ULP = float(np.spacing(np.float32(1.0)))
@@ -55,12 +55,13 @@ def test_triangles_that_share_points_intersect_where_they_have_more_in_common(po
 
 
 def test_slivers_a_kilometre_away_are_decided_in_whole_numbers():
-    """Edges of 1 mm at 1000 m, where one rounding of float32 is 61 um: the height of the corner above the face is one of them."""
+    """Edges of 1 mm at 1000 m, where one rounding of float32 is 61 um: by one of them the corner is above the face."""
     for lift, hits in ((0.0, 1), (1.0, 0)):
         one = np.float32(1000.0)
         up = np.spacing(one) * np.float32(lift)
         flat = np.array([(one, one, one), (one + 1e-3, one, one), (one, one + 1e-3, one)], np.float32)
-        other = np.array([(one + 2.5e-4, one + 2.5e-4, one + up), (one, one, one + 1e-2), (one + 1e-3, one, one + 1e-2)], np.float32)
+        other = np.array([(one + 2.5e-4, one + 2.5e-4, one + up), (one, one, one + 1e-2), (one + 1e-3, one, one + 1e-2)],
+                         np.float32)
         assert found(flat, other) == hits
 
 

@@ -6,9 +6,9 @@ Two triangles that share no point intersect where an edge of one meets the other
 
 Floats are dyadic rationals: times a power of two they are whole numbers, in which Python's arithmetic knows no rounding.
 Candidates come from a grid; those that one of the 11 axes of the separating axis theorem (2 normals, 9 products of edges)
-separates in float64 by more than a bound of its rounding are left out first. Touching counts as intersecting. Triangles that share
-points intersect where they have more in common than these: then the edge of one that is opposite to the shared point meets
-the other. Independent of the device code whose results it judges; for tests and for what an author's start looks like.
+separates in float64 by more than a bound of its rounding are left out first. Touching counts as intersecting. Triangles that
+share points intersect where they have more in common than these: then the edge of one that is opposite to the shared point
+meets the other. Independent of the device code whose results it judges; for tests and for what an author's start looks like.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ ROUNDING = 64.0 * 2.0 ** -52           # of a projection, over what it is a sum 
 
 
 def crossings(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Pairs of triangles that intersect, (k, 2), ascending. points: (n, 3) in float32 or float64, any unit; triangles: (t, 3)."""
+    """Pairs of triangles that intersect, (k, 2), ascending. points: (n, 3), any unit; triangles: (t, 3)."""
     triangles = np.asarray(triangles, np.int64).reshape(-1, 3)
     corners = np.asarray(points, np.float64)[triangles]
     pairs = candidates(corners.min(axis=1), corners.max(axis=1))
