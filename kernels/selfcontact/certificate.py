@@ -25,78 +25,101 @@ from wsim.kernels.selfcontact import closest, pairs
 
 
 @cache
-def ends(real):
-    """Function: motion of point k, less that of o, and c of the pair of both, see above."""
+def bounds(real):
+    """Functions: least gap that a file needs of a pair; c, see above, of a pair whose points are at p1 .. p3 from its first."""
     t = types(real)
-    Surfaces = pairs.surfaces(real)
+    Surfaces, State = pairs.surfaces(real), states(real)
+    _, slack = pairs.reading(real)
+
+    @wp.func
+    def written(s: Surfaces, at: State, kind: int, ids: wp.vec4i):
+        first = slack(s, at.x, ids[0])
+        other = wp.max(slack(s, at.x, ids[2]), slack(s, at.x, ids[3]))
+        if kind == closest.POINT:
+            return first + wp.max(other, slack(s, at.x, ids[1]))
+        return wp.max(first, slack(s, at.x, ids[1])) + other
 
     @wp.func
     def one(a: t.vec3):
         return wp.abs(a[0]) + wp.abs(a[1]) + wp.abs(a[2])
 
     @wp.func
-    def rounding(s: Surfaces, d: wp.array(dtype=t.vec3), e: wp.array(dtype=t.vec3), k: int, o: int, r: t.vec3):
-        both = one(d[k] - e[k]) + one(d[o] - e[o]) + one(e[k]) + one(e[o])
-        return real(8.0) * s.ulp * (one(r) + both + one(s.shift[k] - s.shift[o]))
+    def rounding(s: Surfaces, at: State, ids: wp.vec4i, p1: t.vec3, p2: t.vec3, p3: t.vec3):
+        o = ids[0]
+        own = one(at.d[o] - at.e[o]) + one(at.e[o])
+        most = real(0.0)
+        for k in range(1, 4):
+            q = ids[k]
+            most = wp.max(most, one(at.d[q] - at.e[q]) + one(at.e[q]) + one(s.shift[q] - s.shift[o]))
+        return real(8.0) * s.ulp * (most + own + wp.max(one(p1), wp.max(one(p2), one(p3))))
 
-    return rounding
+    return written, rounding
 
 
 @cache
-def certify(real, module):
-    """Kernel: `bad` of every pair, and how many are not certified in words[BAD]. A pair that began nearer than s is let be (2):
-    nothing of it can be proven, and what holds it is its contact."""
+def inspect(real, module):
+    """Kernel: kind 0: normal, weights and gaps of all pairs where the substep begins, and no push; 1: `bad` of every pair where
+    it ends, and how many lack a proof in words[BAD]. A pair that began nearer than s is let be (2): nothing of it can be proven,
+    and what holds it is its contact. One kernel, since closest points and normals are most of what there is to compile."""
     t = types(real)
     vec3 = t.vec3
     Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
     place, _ = pairs.reading(real)
-    rounding, weights, least, normal = ends(real), closest.weights(real), closest.gap(real), closest.normal(real)
+    written, rounding = bounds(real)
+    weights, least, normal = closest.weights(real), closest.gap(real), closest.normal(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def certify_pairs(s: Surfaces, at: State, near: Pairs, words: wp.array(dtype=int)):
+    def inspect_pairs(s: Surfaces, at: State, ends: int, near: Pairs, words: wp.array(dtype=int)):
         i = wp.tid()
         if i >= wp.min(near.count[0], near.capacity):
             return
         ids = near.ids[i]
         kind = near.kind[i]
         o = ids[0]
-        p0, q0 = vec3(), vec3()
+        zero = vec3()
         p1 = place(s, at.x, at.e, ids[1], o)
         p2 = place(s, at.x, at.e, ids[2], o)
         p3 = place(s, at.x, at.e, ids[3], o)
-        move = at.d[o] - at.e[o]
-        q1 = p1 + ((at.d[ids[1]] - at.e[ids[1]]) - move)
-        q2 = p2 + ((at.d[ids[2]] - at.e[ids[2]]) - move)
-        q3 = p3 + ((at.d[ids[3]] - at.e[ids[3]]) - move)
-        c = rounding(s, at.d, at.e, ids[1], o, p1)
-        c = wp.max(c, rounding(s, at.d, at.e, ids[2], o, p2))
-        c = wp.max(c, rounding(s, at.d, at.e, ids[3], o, p3))
-        need = near.least[i] + real(2.0) * c
+        q1, q2, q3 = p1, p2, p3
         n = near.n[i]
-        if near.gap[i] < near.least[i] - real(2.0) * c:
-            near.bad[i] = 2
-            wp.atomic_add(words, pairs.CLOSER, 1)
-            return
-        if near.gap[i] > real(2.0) * c and least(kind, n, q0, q1, q2, q3) >= need:
+        need, c = real(0.0), real(0.0)
+        if ends > 0:
+            move = at.d[o] - at.e[o]
+            q1 = p1 + ((at.d[ids[1]] - at.e[ids[1]]) - move)
+            q2 = p2 + ((at.d[ids[2]] - at.e[ids[2]]) - move)
+            q3 = p3 + ((at.d[ids[3]] - at.e[ids[3]]) - move)
+            c = real(2.0) * rounding(s, at, ids, p1, p2, p3)
+            need = near.least[i] + c
             near.bad[i] = 0
+            if near.gap[i] < near.least[i] - c:
+                near.bad[i] = 2
+                wp.atomic_add(words, pairs.CLOSER, 1)
+                return
+            if near.gap[i] > c and least(kind, n, zero, q1, q2, q3) >= need:
+                return
+        b = weights(kind, zero, q1, q2, q3)
+        m, gap = normal(kind, b, zero, q1, q2, q3)
+        if ends == 0:
+            near.n[i] = m
+            near.b[i] = b
+            near.away[i] = wp.dot(m, b[1] * q1 + b[2] * q2 + b[3] * q3)
+            near.gap[i] = gap
+            near.least[i] = written(s, at, kind, ids)
+            near.push[i] = zero
+            near.on[i] = 0
             return
-        b = weights(kind, q0, q1, q2, q3)
-        m, end = normal(kind, b, q0, q1, q2, q3)
-        good = near.gap[i] > real(2.0) * c and end >= need
-        # the coefficient in the middle: n . R + m . r, of every i and j
-        a0, a1, a2, a3 = real(0.0), wp.dot(n, q1) + wp.dot(m, p1), wp.dot(n, q2) + wp.dot(m, p2), wp.dot(n, q3) + wp.dot(m, p3)
-        middle = wp.min(a0 - a2, a0 - a3)
+        # the coefficient in the middle: n . R + m . r of every i and j, the first point's being 0
+        a1, a2, a3 = wp.dot(n, q1) + wp.dot(m, p1), wp.dot(n, q2) + wp.dot(m, p2), wp.dot(n, q3) + wp.dot(m, p3)
+        middle = -wp.max(a2, a3)
         if kind == closest.POINT:
-            middle = wp.min(middle, a0 - a1)
+            middle = wp.min(middle, -a1)
         else:
             middle = wp.min(middle, wp.min(a1 - a2, a1 - a3))
-        if good and middle >= real(4.0) * c:
-            near.bad[i] = 0
-            return
-        near.bad[i] = 1
-        wp.atomic_add(words, pairs.BAD, 1)
+        if not (near.gap[i] > c and gap >= need and middle >= real(2.0) * c):
+            near.bad[i] = 1
+            wp.atomic_add(words, pairs.BAD, 1)
 
-    return certify_pairs
+    return inspect_pairs
 
 
 @cache

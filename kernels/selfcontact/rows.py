@@ -19,46 +19,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
-from wsim.kernels.selfcontact import closest, pairs
-
-
-@cache
-def begin(real, module):
-    """Kernel: normal, weights and gaps of all pairs where the substep begins. clear: pushes are zero, too."""
-    t = types(real)
-    Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
-    place, slack = pairs.reading(real)
-    weights, normal = closest.weights(real), closest.normal(real)
-
-    @wp.kernel(module=module, enable_backward=False)
-    def begin_pairs(s: Surfaces, at: State, clear: int, near: Pairs):
-        i = wp.tid()
-        if i >= wp.min(near.count[0], near.capacity):
-            return
-        ids = near.ids[i]
-        o = ids[0]
-        p0 = t.vec3()
-        p1 = place(s, at.x, at.e, ids[1], o)
-        p2 = place(s, at.x, at.e, ids[2], o)
-        p3 = place(s, at.x, at.e, ids[3], o)
-        b = weights(near.kind[i], p0, p1, p2, p3)
-        n, gap = normal(near.kind[i], b, p0, p1, p2, p3)
-        first = slack(s, at.x, o)
-        other = wp.max(slack(s, at.x, ids[2]), slack(s, at.x, ids[3]))
-        if near.kind[i] == closest.POINT:
-            other = wp.max(other, slack(s, at.x, ids[1]))
-        else:
-            first = wp.max(first, slack(s, at.x, ids[1]))
-        near.n[i] = n
-        near.b[i] = b
-        near.away[i] = wp.dot(n, b[1] * p1 + b[2] * p2 + b[3] * p3)
-        near.gap[i] = gap
-        near.least[i] = first + other
-        if clear > 0:
-            near.push[i] = t.vec3()
-            near.on[i] = 0
-
-    return begin_pairs
+from wsim.kernels.selfcontact import pairs
 
 
 @cache

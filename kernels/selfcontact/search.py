@@ -58,9 +58,18 @@ def listing(real):
     weights = closest.weights(real)
 
     @wp.func
-    def distance(kind: int, p0: t.vec3, p1: t.vec3, p2: t.vec3, p3: t.vec3):
-        b = weights(kind, p0, p1, p2, p3)
-        return wp.length(b[0] * p0 + b[1] * p1 + b[2] * p2 + b[3] * p3)
+    def distance(kind: int, p1: t.vec3, p2: t.vec3, p3: t.vec3):
+        """Of a pair whose first point is at 0."""
+        b = weights(kind, t.vec3(), p1, p2, p3)
+        return wp.length(b[1] * p1 + b[2] * p2 + b[3] * p3)
+
+    @wp.func
+    def sides(kind: int, a0: real, a1: real, a2: real, a3: real):
+        """Greatest numbers of both sides, their sum."""
+        other = wp.max(a2, a3)
+        if kind == closest.POINT:
+            return a0 + wp.max(other, a1)
+        return wp.max(a0, a1) + other
 
     @wp.func
     def length(f: Frames, i: int):
@@ -68,41 +77,40 @@ def listing(real):
 
     @wp.func
     def append(s: Surfaces, f: Frames, kind: int, ids: wp.vec4i, near: Pairs):
-        o = f.start[ids[0]]
-        away = distance(kind, f.start[ids[0]] - o, f.start[ids[1]] - o, f.start[ids[2]] - o, f.start[ids[3]] - o)
-        first = length(f, ids[0])
-        other = wp.max(length(f, ids[2]), length(f, ids[3]))
-        own = s.reach[ids[0]]
-        its = wp.max(s.reach[ids[2]], s.reach[ids[3]])
-        if kind == closest.POINT:
-            other = wp.max(other, length(f, ids[1]))
-            its = wp.max(its, s.reach[ids[1]])
-        else:
-            first = wp.max(first, length(f, ids[1]))
-            own = wp.max(own, s.reach[ids[1]])
-        keep = own + its
-        if away > keep + s.radius + first + other:
-            return
-        b = s.body[ids[0]]
-        if s.tied > 0 or (b == s.body[ids[1]] and b == s.body[ids[2]] and b == s.body[ids[3]]):
-            c = s.rest[ids[0]]
-            keep = wp.min(keep, real(REST) * distance(kind, t.vec3(), s.rest[ids[1]] - c, s.rest[ids[2]] - c,
-                                                      s.rest[ids[3]] - c))
+        i, j, k, o = ids[1], ids[2], ids[3], ids[0]
+        keep = sides(kind, s.reach[o], s.reach[i], s.reach[j], s.reach[k])
+        most = keep + s.radius + sides(kind, length(f, o), length(f, i), length(f, j), length(f, k))
+        b = s.body[o]
+        same = s.tied > 0 or (b == s.body[i] and b == s.body[j] and b == s.body[k])
+        c = f.start[o]
+        p1, p2, p3 = f.start[i] - c, f.start[j] - c, f.start[k] - c
+        step = int(0)
+        while step < 2:                                   # where they are, and at rest: a loop, so that it is compiled once
+            away = distance(kind, p1, p2, p3)
+            if step == 0 and away > most:
+                return
+            if step == 1:
+                keep = wp.min(keep, real(REST) * away)
+            step += 1
+            if not same:
+                step = 2
+            c = s.rest[o]
+            p1 = s.rest[i] - c
+            p2 = s.rest[j] - c
+            p3 = s.rest[k] - c
         slot = wp.atomic_add(near.count, 0, 1)
         if slot < near.capacity:
             near.kind[slot] = kind
             near.ids[slot] = ids
             near.keep[slot] = keep
             near.bad[slot] = 0
-            near.on[slot] = 0
-            near.push[slot] = t.vec3()
 
     return append
 
 
 @cache
 def reach(real, module):
-    """Kernels: points against triangles, edges against edges of a greater number. tree, root: of the boxes of triangles
+    """Kernel: points against triangles, or edges against edges of a greater number. tree, root: of the boxes of triangles
     (edges), and its nodes by world."""
     t = types(real)
     Surfaces, Frames, Pairs = pairs.surfaces(real), frames(real), pairs.lists(real)
@@ -113,34 +121,31 @@ def reach(real, module):
         return wp.vec3f(float(a[0] + more), float(a[1] + more), float(a[2] + more))
 
     @wp.kernel(module=module, enable_backward=False)
-    def search_points(s: Surfaces, f: Frames, tree: wp.uint64, root: wp.array(dtype=int), widest: real, near: Pairs):
-        i = s.point[wp.tid()]
-        low = corner(wp.min(f.start[i], f.goal[i]), -widest)
-        high = corner(wp.max(f.start[i], f.goal[i]), widest)
-        k = int(0)
-        query = wp.bvh_query_aabb(tree, low, high, root[s.world[i]])
-        while wp.bvh_query_next(query, k):
-            c = s.triangle[k]
-            if c[0] != i and c[1] != i and c[2] != i:
-                append(s, f, closest.POINT, wp.vec4i(i, c[0], c[1], c[2]), near)
-
-    @wp.kernel(module=module, enable_backward=False)
-    def search_edges(s: Surfaces, f: Frames, tree: wp.uint64, root: wp.array(dtype=int), widest: real, near: Pairs):
-        i = wp.tid()
-        c = s.edge[i]
-        a = c[0]
-        b = c[1]
+    def search_pairs(s: Surfaces, f: Frames, kind: int, tree: wp.uint64, root: wp.array(dtype=int), widest: real, near: Pairs):
+        own = wp.tid()
+        a, b = int(0), int(0)
+        if kind == closest.POINT:
+            a = s.point[own]
+            b = a
+        else:
+            a = s.edge[own][0]
+            b = s.edge[own][1]
         low = corner(wp.min(wp.min(f.start[a], f.goal[a]), wp.min(f.start[b], f.goal[b])), -widest)
         high = corner(wp.max(wp.max(f.start[a], f.goal[a]), wp.max(f.start[b], f.goal[b])), widest)
         k = int(0)
         query = wp.bvh_query_aabb(tree, low, high, root[s.world[a]])
         while wp.bvh_query_next(query, k):
-            if k > i:
+            ids = wp.vec4i(a, a, a, a)
+            if kind == closest.POINT:
+                c = s.triangle[k]
+                ids = wp.vec4i(a, c[0], c[1], c[2])
+            elif k > own:
                 e = s.edge[k]
-                if e[0] != a and e[0] != b and e[1] != a and e[1] != b:
-                    append(s, f, closest.EDGES, wp.vec4i(a, b, e[0], e[1]), near)
+                ids = wp.vec4i(a, b, e[0], e[1])
+            if ids[2] != a and ids[3] != a and ids[1] != ids[2] and ids[1] != ids[3] and (kind == closest.EDGES or ids[1] != a):
+                append(s, f, kind, ids, near)
 
-    return search_points, search_edges
+    return search_pairs
 
 
 @cache

@@ -17,7 +17,7 @@ class Guarantee:
     def __init__(self, model: Model, near: Near):
         real, module = model.real, model.module
         self.model, self.near, self.surfaces = model, near, near.surfaces
-        self.certify, self.share = certificate.certify(real, module), certificate.share(real, module)
+        self.inspect, self.share = certificate.inspect(real, module), certificate.share(real, module)
         self.project, self.proceed = certificate.project(real, module), certificate.proceed(module)
         self.add = pairs.settle_sums(real, module)
         self.claim, self.shorten = cut.claim(real, module), cut.shorten(real, module)
@@ -43,10 +43,17 @@ class Guarantee:
         self.near.word(pairs.OUT).zero_()
         again()
 
+    def begin(self, at) -> None:
+        """Looks at pairs where the substep begins."""
+        self.each(self.inspect, [self.surfaces.data, at, 0], [self.near.pairs, self.near.words])
+
+    def certify(self, at) -> None:
+        """Looks for a proof of every pair."""
+        self.each(self.inspect, [self.surfaces.data, at, 1], [self.near.pairs, self.near.words])
+
     def prove(self, at) -> None:
-        near = self.near
-        self.each(self.certify, [self.surfaces.data, at], [near.pairs, near.words])
-        self.model.launch(self.proceed, 1, [], [near.words, 0, cut.ROUNDS])
+        self.certify(at)
+        self.model.launch(self.proceed, 1, [], [self.near.words, 0, cut.ROUNDS])
 
     def push(self, at, d: wp.array) -> None:
         """One projection of what is not certified."""
@@ -54,7 +61,7 @@ class Guarantee:
         self.each(self.share, [data, at, near.pairs], [near.sums])
         self.each(self.project, [data, at, near.pairs], [near.sums])
         self.model.launch(self.add, len(points.points), [data.point, d], [near.sums, d])
-        self.each(self.certify, [data, at], [near.pairs, near.words])
+        self.certify(at)
         near.look(at)
         self.model.launch(self.proceed, 1, [], [near.words, 1, cut.ROUNDS])
 
@@ -66,6 +73,6 @@ class Guarantee:
         self.each(self.shorten, [data, at, near.frames, near.words, near.pairs], [near.sums])
         self.model.launch(self.cut, len(self.surfaces.points), [data, at, near.frames, near.words, near.sums], [d, said])
         near.word(pairs.OUT).zero_()
-        self.each(self.certify, [data, at], [near.pairs, near.words])
+        self.certify(at)
         near.look(at)
         self.model.launch(self.proceed, 1, [], [near.words, 2, cut.ROUNDS])

@@ -53,7 +53,7 @@ class SelfContact(Method):
         self.surfaces = Surfaces(b.model, self.points.constants.w)
         self.near = Near(b.model, self.surfaces)
         self.guarantee = Guarantee(b.model, self.near)
-        self.begin, self.lean, self.press = rows.begin(real, module), rows.lean(real, module), rows.press(real, module)
+        self.lean, self.press = rows.lean(real, module), rows.press(real, module)
         self.total = np.zeros(cut.SAID, np.int64)
         self.frames = self.repeats = 0
         self.often = self.fresh = False
@@ -73,10 +73,7 @@ class SelfContact(Method):
         """Makes the list if it does not hold on, and looks at where its pairs are."""
         import warp as wp
         wp.capture_if(self.near.word(pairs.SOON), lambda: self.near.search(self.at()))
-        wp.capture_if(self.near.word(pairs.NEAR), lambda: self.start(1))
-
-    def start(self, clear: int) -> None:
-        self.guarantee.each(self.begin, [self.surfaces.data, self.at(), clear], [self.near.pairs])
+        wp.capture_if(self.near.word(pairs.NEAR), lambda: self.guarantee.begin(self.at()))
 
     def touch(self, clock: Clock) -> None:
         import warp as wp
@@ -93,7 +90,7 @@ class SelfContact(Method):
     def keep(self, clock: Clock) -> None:
         def again() -> None:
             self.near.search(self.at())
-            self.start(1)
+            self.guarantee.begin(self.at())
         self.guarantee.keep(self.at(), self.state.d, again, self.status.word(SAID))
 
     # around a frame

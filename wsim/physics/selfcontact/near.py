@@ -107,9 +107,9 @@ class Near:
         self._boxes()
         self.pairs.count.zero_()
         widest = s.thickness + s.data.radius
-        for kernel, tree, root, n in zip(self.reach, self.trees, self.root, (len(s.points), len(s.edges)), strict=True):
+        for kind, (tree, root, n) in enumerate(zip(self.trees, self.root, (len(s.points), len(s.edges)), strict=True)):
             tree.refit()
-            launch(kernel, n, [s.data, f, tree.id, root, widest], [self.pairs])
+            launch(self.reach, n, [s.data, f, kind, tree.id, root, widest], [self.pairs])
         launch(self.listed, 1, [self.pairs.count], [self.words])
 
     def look(self, at, stop: int = 0) -> None:
