@@ -5,9 +5,9 @@ start and n1 that of the end, the plane with the normal (1 - t) n0 + t n1 separa
 
     n0 . r > 0,   n0 . R + n1 . r > 0,   n1 . R > 0           for every i of the first side and j of the second
 
-(Bernstein coefficients of a quadratic in t). Then no point meets a triangle and no edge another, and no triangles intersect that
-did not. Only differences of motions enter: a pair that flies, however fast, costs nothing. With n1 = n0 the middle one follows.
-The end keeps a gap s, by which rounding in a file cannot close it, and c, a bound of the rounding of all that is computed here:
+(Bernstein coefficients of a quadratic in t). Then no point meets a triangle and no edge another, and no triangles intersect
+that did not. Only differences of motions enter: a pair that flies, however fast, costs nothing. With n1 = n0 the middle one
+follows. The end keeps a gap s, by which rounding in a file cannot close it, and c, a bound of the rounding of all that is computed here:
 
     c = 8 u (|r| + |m_i| + |m_j| + |shift_i - shift_j|),   sums of absolute coordinates, m the motions, u = 2^-24 (2^-53)
 
@@ -26,7 +26,8 @@ from wsim.kernels.selfcontact import closest, pairs
 
 @cache
 def bounds(real):
-    """Functions: least gap that a file needs of a pair; c, see above, of a pair whose points are at p1 .. p3 from its first."""
+    """Functions: least gap that a file needs of a pair; c, see above, of one whose points are at p1 .. p3 from its first; the
+    least coefficient in the middle."""
     t = types(real)
     Surfaces, State = pairs.surfaces(real), states(real)
     _, slack = pairs.reading(real)
@@ -53,19 +54,26 @@ def bounds(real):
             most = wp.max(most, one(at.d[q] - at.e[q]) + one(at.e[q]) + one(s.shift[q] - s.shift[o]))
         return real(8.0) * s.ulp * (most + own + wp.max(one(p1), wp.max(one(p2), one(p3))))
 
-    return written, rounding
+    @wp.func
+    def between(kind: int, a1: real, a2: real, a3: real):
+        """Least coefficient in the middle; a: n . R + m . r of points, the first point's being 0."""
+        other = wp.max(a2, a3)
+        if kind == closest.POINT:
+            return -wp.max(other, a1)
+        return wp.min(-other, a1 - other)
+
+    return written, rounding, between
 
 
 @cache
 def inspect(real, module):
-    """Kernel: kind 0: normal, weights and gaps of all pairs where the substep begins, and no push; 1: `bad` of every pair where
-    it ends, and how many lack a proof in words[BAD]. A pair that began nearer than s is let be (2): nothing of it can be proven,
-    and what holds it is its contact. One kernel, since closest points and normals are most of what there is to compile."""
-    t = types(real)
-    vec3 = t.vec3
+    """Kernel: ends 0: normal, weights and gaps of all pairs where the substep begins, and no push; 1: `bad` of every pair where
+    it ends, and how many lack a proof in words[BAD]. A pair that began nearer than s is let be (2): nothing of it can be
+    proven, and what holds it is its contact. One kernel, since closest points and normals are most of what is compiled."""
+    vec3 = types(real).vec3
     Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
     place, _ = pairs.reading(real)
-    written, rounding = bounds(real)
+    written, rounding, between = bounds(real)
     weights, least, normal = closest.weights(real), closest.gap(real), closest.normal(real)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -108,14 +116,8 @@ def inspect(real, module):
             near.push[i] = zero
             near.on[i] = 0
             return
-        # the coefficient in the middle: n . R + m . r of every i and j, the first point's being 0
         a1, a2, a3 = wp.dot(n, q1) + wp.dot(m, p1), wp.dot(n, q2) + wp.dot(m, p2), wp.dot(n, q3) + wp.dot(m, p3)
-        middle = -wp.max(a2, a3)
-        if kind == closest.POINT:
-            middle = wp.min(middle, -a1)
-        else:
-            middle = wp.min(middle, wp.min(a1 - a2, a1 - a3))
-        if not (near.gap[i] > c and gap >= need and middle >= real(2.0) * c):
+        if not (near.gap[i] > c and gap >= need and between(kind, a1, a2, a3) >= real(2.0) * c):
             near.bad[i] = 1
             wp.atomic_add(words, pairs.BAD, 1)
 
@@ -125,7 +127,6 @@ def inspect(real, module):
 @cache
 def goal(real):
     """Function: what is lacking of a row of points k (first side) and j, < 0 where something is."""
-    t = types(real)
     Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
     place, _ = pairs.reading(real)
 
@@ -190,8 +191,9 @@ def project(real, module):
 
 @cache
 def proceed(module):
-    """Kernel: a pass over all pairs is over. Projections go on while pairs lack a proof and rounds are left; then cuts do, while
-    pairs lack one or points are out of their tubes. kind: 0 behind the first pass, 1 a projection, 2 a cut; most: cuts."""
+    """Kernel: a pass over all pairs is over. Projections go on while pairs lack a proof and rounds are left; then cuts do,
+    while pairs lack one or points are out of their tubes. kind: 0 behind the first pass, 1 a projection, 2 a cut; most: cuts.
+    """
     @wp.kernel(module=module, enable_backward=False)
     def proceed_rounds(words: wp.array(dtype=int), kind: int, most: int):
         bad = words[pairs.BAD]

@@ -6,9 +6,9 @@ b are those of the closest points, positive on the first side and negative on th
     sum_k b_k p_k = y - z,   y, z the closest points,   n = (y - z) / |y - z|,   gap = min_ij n . (p_i - p_j)
 
 over the points i of the first side and j of the second. Where y and z are exact, gap = |y - z| (separating plane of convex
-sets); any other n, by rounding or of parallel edges, gives a lower gap, and a proof that uses it stays one. Of points 6 um apart on
-edges of 16 mm the difference y - z is turned by rounding so much that nothing is left of the gap: n is rather made normal to
-the features that y and z are on, by their directions, and the best of what rounding leaves is taken.
+sets); any other n, by rounding or of parallel edges, gives a lower gap, and a proof that uses it stays one. Of points 6 um
+apart on edges of 16 mm the difference y - z is turned by rounding so much that nothing is left of the gap: n is rather made
+normal to the features that y and z are on, by their directions, and the best of what rounding leaves is taken.
 
 Ericson, Real-Time Collision Detection, 2005, 5.1.5 and 5.1.9. Degenerate triangles and edges give finite results.
 """

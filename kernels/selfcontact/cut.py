@@ -50,7 +50,6 @@ def claim(real, module):
 @cache
 def shorten(real, module):
     """Kernel: t of the points that are cut."""
-    t = types(real)
     Surfaces, Pairs, State, Sums, Frames = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real), frames(real)
     carry = carried(real)
 

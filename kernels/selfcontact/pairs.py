@@ -18,8 +18,8 @@ SCALE = 2.0 ** 50                        # of metres: sums are whole numbers of 
 SHARES = 4096                            # of weights, rounded up: 1 / SHARES too many is a sweep that much shorter
 # Words on the device: a search before the next solve; pairs are listed; projections go on; cuts go on; the round of either;
 # projections that a substep has at most; pairs without a proof; points out of their tubes; pairs that are let be, in this pass
-# and in the first of a substep; projections and cuts that the substep took; its number, by which points are marked as cut; lists
-# that were made in this substep
+# and in the first of a substep; projections and cuts that the substep took; its number, by which points are marked as cut;
+# lists that were made in this substep
 SOON, NEAR, GOING, LEFT, ROUND, ROUNDS, BAD, OUT, CLOSER, CLOSE, SWEPT, TURNED, EPOCH, MADE = range(14)
 WORDS = 14
 

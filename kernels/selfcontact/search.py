@@ -1,9 +1,9 @@
 """Search for near pairs: points against triangles, and edges against edges, by a tree over the boxes of each (Warp's).
 
-A pair is listed where the axes of its two sides (kernels/selfcontact/tubes.py) may come nearer than what it keeps and two tubes'
-radii. Pairs that share a point touch always, and are none. A pair keeps the sum of the half thicknesses of its sides, and at most
-REST times its distance in the rest shape: what is near by construction is not pushed apart. That limits forces only; no pair is
-left out of the proof for being near at rest.
+A pair is listed where the axes of its two sides (kernels/selfcontact/tubes.py) may come nearer than what it keeps and two
+tubes' radii. Pairs that share a point touch always, and are none. A pair keeps the sum of the half thicknesses of its sides,
+and at most REST times its distance in the rest shape: what is near by construction is not pushed apart. That limits forces
+only; no pair is left out of the proof for being near at rest.
 """
 
 from functools import cache
@@ -20,7 +20,6 @@ REST = 0.4
 @cache
 def boxes(real, module):
     """Kernels: boxes about the axes of the points of triangles, and of edges."""
-    vec3 = types(real).vec3
     Surfaces, Frames = pairs.surfaces(real), frames(real)
 
     @wp.func

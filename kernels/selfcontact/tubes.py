@@ -4,10 +4,10 @@ Best rigid motion of a substep, of points of mass m at p that go by f (least squ
 
     c = sum m p / M,   u = sum m f / M,   theta = I^-1 sum m (p - c) x (f - u),   R p = c + u + Rot(theta) (p - c)
 
-Sums are taken in a fixed order. When lists are made, A = 1 and the path of each point in the moving frame is an axis P Q; A takes
-on R each substep. While A^-1 p stays within beta of its axis, points of which the axes are farther apart than 2 beta do not
-meet, whatever A is. Between, p goes along a chord of what A makes of a straight line, and leaves it by |p - c| theta^2 / 8 at
-most, which counts too. A bad R costs searches and nothing else.
+Sums are taken in a fixed order. When lists are made, A = 1 and the path of each point in the moving frame is an axis P Q; A
+takes on R each substep. While A^-1 p stays within beta of its axis, points of which the axes are farther apart than 2 beta do
+not meet, whatever A is. Between, p goes along a chord of what A makes of a straight line, and leaves it by |p - c| theta^2 / 8
+at most, which counts too. A bad R costs searches and nothing else.
 """
 
 from functools import cache
@@ -43,7 +43,6 @@ def frames(real):
 @cache
 def tally(real, module):
     """Kernel: partial sums of moments about the last centre, of a stretch of points each: (LANES, COLUMNS)."""
-    t = types(real)
     Surfaces, State, Frames = pairs.surfaces(real), states(real), frames(real)
     row = wp.types.vector(COLUMNS, real)
 
@@ -150,7 +149,6 @@ def carried(real):
 @cache
 def axes(real, module):
     """Kernel: axes of the tubes, where lists are made: A before the substep is 1."""
-    t = types(real)
     Surfaces, State, Frames = pairs.surfaces(real), states(real), frames(real)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -171,7 +169,7 @@ def axes(real, module):
 
 @cache
 def watch(real, module):
-    """Kernel: counts points that are out of their tubes where the substep ends in words[OUT]; stop 1: what they do beside R
+    """Kernel: counts points that are out of their tubes where the substep ends, or began, in words[OUT]; stop 1: what they do beside R
     is to be cut; words[SOON] where one would leave it in the next substep."""
     t = types(real)
     Surfaces, State, Frames, Sums = pairs.surfaces(real), states(real), frames(real), pairs.sums(real)
@@ -196,7 +194,7 @@ def watch(real, module):
         sag = real(0.5) * wp.length(p - f.rigid[0]) * wp.dot(v, v)
         size = wp.length(p) + wp.length(wp.transform_get_translation(f.frame[1]))
         room = s.beta - sag - real(64.0) * s.ulp * size
-        if not (off(q1, f.start[i], f.goal[i]) <= room):
+        if not (wp.max(off(q0, f.start[i], f.goal[i]), off(q1, f.start[i], f.goal[i])) <= room):
             wp.atomic_add(words, pairs.OUT, 1)
             if stop > 0:
                 to.factor[i] = real(0.0)

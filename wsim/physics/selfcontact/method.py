@@ -1,9 +1,9 @@
-"""Surfaces that touch themselves and each other: contact rows among the constraints of a solver, and behind them the guarantee that
-no substep ends with an intersection that it did not begin with.
+"""Surfaces that touch themselves and each other: contact rows among the constraints of a solver, and behind them the guarantee
+that no substep ends with an intersection that it did not begin with.
 
-XPBD takes SWEEPS of the contact rows in each of its iterations; behind explicit steps and Newton's method they come as impulses,
-BEHIND of them (as pairs of carriers do). The guarantee is the same behind each solver: it changes displacements before velocities
-are made of them. Integrators whose substeps end elsewhere than where they solve are refused.
+XPBD takes SWEEPS of the contact rows in each of its iterations; behind explicit steps and Newton's method they come as
+impulses, BEHIND of them (as pairs of carriers do). The guarantee is the same behind each solver: it changes displacements
+before velocities are made of them. Integrators whose substeps end elsewhere than where they solve are refused.
 """
 
 from __future__ import annotations
@@ -35,9 +35,10 @@ RECOVERY = 0.5                   # [m/s] at which surfaces leave an overlap of t
 def build(b: Build) -> SelfContact:
     """Raises SceneError for an integrator that ends a substep elsewhere than where it solves."""
     if b.clock.integrator.rebounds:
-        raise SceneError(Problem("/", f"{b.clock.integrator.title or b.clock.integrator.name} ends a substep elsewhere than where "
-                                 "it solves, and surfaces with wsim:selfCollision are proven where that is; take "
-                                 "wsim:integrator = backward_euler, bdf2 or leapfrog"))
+        name = b.clock.integrator.title or b.clock.integrator.name
+        raise SceneError(Problem("/", f"{name} ends a substep elsewhere than where it solves, and surfaces with "
+                                 "wsim:selfCollision are proven where that is; take wsim:integrator = backward_euler, bdf2 or "
+                                 "leapfrog"))
     return SelfContact(b)
 
 
@@ -59,9 +60,9 @@ class SelfContact(Method):
         self.often = self.fresh = False
         within = b.choice.solver == "xpbd"
         self.sweeps = SWEEPS if within else BEHIND
-        n, m = len(self.surfaces.triangles), len(self.surfaces.edges)
+        what = f"{len(self.surfaces.triangles)} triangles, {len(self.surfaces.edges)} edges; where a point leaves its tube"
         self.stages = [
-            Stage("near pairs", "collide", self.find, 1, 0, what=f"{n} triangles, {m} edges; a search where a point leaves its tube"),
+            Stage("near pairs", "collide", self.find, 1, 0, what=what),
             Stage("self-contact", "solve", self.touch, 3 * self.sweeps, 0, "iteration" if within else "substep", "near pairs"),
             Stage("guarantee", "solve", self.keep, 8, 0, what="proof; projections and cuts of what lacks one")]
 
@@ -139,8 +140,8 @@ class SelfContact(Method):
         return found
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
-        """near_pairs: of surfaces, in the last list; least_gap [m] between them where the last substep began; searches, projected
-        and cut substeps, held ones, of all frames; repeated: frames, for what cuts took."""
+        """near_pairs: of surfaces, in the last list; least_gap [m] between them where the last substep began; searches,
+        projected and cut substeps, held ones, of all frames; repeated: frames, for what cuts took."""
         near = self.near.pairs
         count = min(int(near.count.numpy()[0]), near.capacity)
         total = {name: float(self.total[k]) for name, k in (("searches", cut.SEARCHES), ("projected", cut.PROJECTED),
