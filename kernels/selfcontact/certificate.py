@@ -7,7 +7,7 @@ start and n1 that of the end, the plane with the normal (1 - t) n0 + t n1 separa
 
 (Bernstein coefficients of a quadratic in t). Then no point meets a triangle and no edge another, and no triangles intersect
 that did not. Only differences of motions enter: a pair that flies, however fast, costs nothing. With n1 = n0 the middle one
-follows. The end keeps a gap s, by which rounding in a file cannot close it, and c, a bound of the rounding of all that is computed here:
+follows. The end keeps a gap s, by which rounding in a file cannot close it, and c, a bound of the rounding of what is computed:
 
     c = 8 u (|r| + |m_i| + |m_j| + |shift_i - shift_j|),   sums of absolute coordinates, m the motions, u = 2^-24 (2^-53)
 

@@ -169,8 +169,8 @@ def axes(real, module):
 
 @cache
 def watch(real, module):
-    """Kernel: counts points that are out of their tubes where the substep ends, or began, in words[OUT]; stop 1: what they do beside R
-    is to be cut; words[SOON] where one would leave it in the next substep."""
+    """Kernel: counts points that are out of their tubes where the substep ends, or began, in words[OUT]; stop 1: what they do
+    beside R is to be cut; words[SOON] where one would leave it in the next substep."""
     t = types(real)
     Surfaces, State, Frames, Sums = pairs.surfaces(real), states(real), frames(real), pairs.sums(real)
 

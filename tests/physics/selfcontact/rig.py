@@ -1,4 +1,4 @@
-"""Scenes of surfaces that touch, and how often they intersect by the exact test, on the float32 values that a file would hold."""
+"""Scenes of surfaces that touch, and how often they intersect by the exact test, on the float32 values of a file."""
 
 import numpy as np
 
