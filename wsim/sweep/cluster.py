@@ -10,6 +10,7 @@ says when one is lost. Here: what is handed out, what is tried again, and what w
 """
 
 import os
+import socket
 import sys
 from collections import deque
 from collections.abc import Iterable, Iterator
@@ -60,8 +61,6 @@ def versions() -> dict:
 
 def place(job) -> dict:
     """Where a worker runs, where it keeps kernels, and what it sees of the files of a job."""
-    import socket
-
     import warp as wp
 
     from wsim.model import kernel_cache
@@ -121,6 +120,7 @@ class Cluster:
                      include_dashboard=False, **quiet)
             return
         try:
+            answers(address)
             ray.init(address=address if address == "auto" or ":" in address else f"{address}:6379", **quiet)
         except Exception as error:
             first = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
@@ -224,6 +224,15 @@ class Cluster:
             return ray.get(ref), ""
         except Exception as error:
             return None, last(error)
+
+
+def answers(address: str) -> None:
+    """Raises OSError where nothing listens at an address: Ray itself would ask for minutes."""
+    if address == "auto" or "://" in address:
+        return
+    host, _, port = address.partition(":")
+    with socket.create_connection((host, int(port or 6379)), timeout=10.0):
+        pass
 
 
 def unlike(answer: dict) -> list[Problem]:
