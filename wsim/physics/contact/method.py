@@ -65,7 +65,7 @@ class Contact(Method):
                         np.array([b.reach.min() for b in model.bodies]))
         self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
                                  substeps=clock.substeps, dt=clock.dt, struck=points.struck)
-        self.contacts.launch = model.launch
+        self.contacts.launch, self.contacts.zero = model.launch, model.zero
         self.contacts.smooth(model.scene, points.integrator.explicit)
         self.contacts.adjoint = beside(model, Contacts.__module__, "ContactAdjoint", self.contacts, model)
         state.points.take(Field("mark", "", True, "whether a point touched or was inside", "int"), self.contacts.mark)
