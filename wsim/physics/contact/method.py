@@ -67,7 +67,7 @@ class Contact(Method):
         self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
                                  substeps=clock.substeps, dt=clock.dt, struck=points.struck,
                                  turned=model.gradients)
-        self.contacts.launch = model.launch
+        self.contacts.launch, self.contacts.zero = model.launch, model.zero
         if movers is None:
             self.contacts.smooth(model.scene, points.integrator.explicit)
         self.contacts.adjoint = beside(model, Contacts.__module__, "ContactAdjoint", self.contacts, model)
