@@ -65,6 +65,7 @@ METHODS: list[Row] = [
     Row("bones", "wsim.physics.animation", owns=("Skeleton",), unseen=("Skeleton",), posed=True, claims=("Skeleton",),
         without="nothing follows a skeleton", gradients=True),
     Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),
+    Row("selfcontact", "wsim.physics.selfcontact.method", without="no surface collides with itself", pushes=True),
     Row("watch", "wsim.physics.motion.overstretch", gradients=True),
     Row("muscles", "wsim.physics.cloth.muscles", without="no spring has an actuation", gradients=True),
     Row("loads", "wsim.physics.motion.loads", without="nothing is loaded", gradients=True),
@@ -125,7 +126,12 @@ def moving(scene) -> bool:
 
 def collides(scene) -> bool:
     """True if points may meet something."""
-    return bool(scene.colliders or carried(scene))
+    return bool(scene.colliders or carried(scene) or touches(scene))
+
+
+def touches(scene) -> bool:
+    """True if a surface collides with itself."""
+    return any(body.self_collision for body in (*scene.cloths, *scene.softs))
 
 
 def every(scene) -> Iterator[tuple[Row, Any]]:
