@@ -58,7 +58,6 @@ class Rigid(Method):
             self.sleep = Sleep(b, self)
         self.Bodies, self.Moving = motion.structs(b.model.real)
         self.table = self.given = self._tables()
-        self.pushed = True
         self.offers = {"bodies": self}
         self.joints: Any = None
         if acting(scene):
