@@ -5,6 +5,7 @@ from time import perf_counter
 
 from wsim.cli.commands import _hush, _load, _ready, _simulation
 from wsim.cli.progress import Progress
+from wsim.scene import Problem, SceneError
 from wsim.simulation.duration import duration
 
 
@@ -22,6 +23,11 @@ def sweep(args) -> int:
     from wsim.sweep.sweep import Sweep
 
     _hush()
+    if args.plot:
+        from wsim.sweep.pictures import needed
+        needed()
+    if args.sheet and args.keep == "none":
+        raise SceneError(Problem("--sheet", "draws results, and none is kept; give --keep last too"))
     variants: dict[str, dict[str, str]] = {}
     for prim, name, value in args.variant:
         variants.setdefault(prim, {})[name] = value
@@ -35,7 +41,8 @@ def sweep(args) -> int:
         each = (perf_counter() - began) / max(done - before, 1)
         progress.note(f"run {done}/{of}  {each:.3g} s/run  {duration(each * (of - done))} left")
     progress.say(f"{total} runs" + (f", {before} there already" if before else ""))
-    prepared.said = lambda text: (progress.clear(), print(text, file=sys.stderr)) if not args.quiet else None
+    if not args.quiet:
+        prepared.said = lambda text: print(text, file=sys.stderr)
     failed = 0
     try:
         for row in prepared.rows(told):
