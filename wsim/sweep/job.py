@@ -44,7 +44,8 @@ class Settings:
             value = getattr(self, name)
             if value is not None and (not isinstance(value, int) or value < least):
                 wrong.append(Problem(name, f"found {value!r}; allowed is a whole number from {least}"))
-        known: dict[str, tuple[str, ...] | None] = {"frames": None, "solver": SOLVERS, "integrator": INTEGRATORS, "substeps": None, "iterations": None}
+        known: dict[str, tuple[str, ...] | None] = {"frames": None, "substeps": None, "iterations": None, "solver": SOLVERS,
+                                                    "integrator": INTEGRATORS}
         for name, value in self.changes.items():
             options = known.get(name, ())
             if options is None and not (isinstance(value, int) and isfinite(value) and value >= 1):
