@@ -209,6 +209,11 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
     return plan
 
 
+def choice(scene: Scene, *, device, real) -> Choice:
+    """The choice that a simulation of a checked scene makes. Raises SceneError as it does."""
+    return _chosen(models.build(scene, 1, device, real)).choice
+
+
 def _chosen(model: Model) -> Build:
     """Constraints of every body, and the solver, integrator and steps that they are given."""
     scene = model.scene
