@@ -155,3 +155,11 @@ def sleeps(scene) -> bool:
 def touches(scene) -> bool:
     """True if bodies may touch points."""
     return bool(scene.bodies()) and any(meeting(body) for body in scene.things("Body"))
+
+
+def kept(b) -> tuple:
+    """Fields of bodies that points touch, besides those of all bodies."""
+    if not touches(b.scene):
+        return ()
+    from wsim.physics.rigid.touch import half
+    return half.kept(b.choice)
