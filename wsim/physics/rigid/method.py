@@ -16,7 +16,7 @@ from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.rigid.mass import Inertia, inertia, weighed
 from wsim.physics.rigid.objects import Body
-from wsim.physics.rigid.solids import acting, meet, meeting, sleeps, standing, touches
+from wsim.physics.rigid.solids import acting, kept, meet, meeting, sleeps, standing, touches
 from wsim.scene.methods import dressed
 from wsim.scene.samples import Sample, Transform
 
@@ -68,11 +68,7 @@ class Rigid(Method):
         self._stages(b)
 
     def _allocate(self, b) -> None:
-        fields: tuple[Field, ...] = FIELDS
-        if touches(b.scene) and b.choice.solver == "implicit":
-            from wsim.physics.rigid.touch.newton import KEPT
-            fields += KEPT
-        self.part = Part.allocate("bodies", fields, len(self.bodies), b.model.real, b.model.device)
+        self.part = Part.allocate("bodies", (*FIELDS, *kept(b)), len(self.bodies), b.model.real, b.model.device)
         rows: dict[tuple[str, int], list[int]] = {}
         for k, (body, world) in enumerate(self.bodies):
             rows.setdefault((body.written, world), []).append(k)
@@ -121,6 +117,12 @@ class Rigid(Method):
 
     def put(self, name: str, values: np.ndarray) -> None:
         self.part.arrays[name].assign(np.ascontiguousarray(values, self.model.dtype))
+        if f"{name}h" in self.part.arrays:
+            self.part.arrays[f"{name}h"].zero_()
+
+    def read(self, name: str) -> np.ndarray:
+        """p or L at the end of a frame, where points are read half a step on too (kernels/rigid/touch/half.py)."""
+        return self.get(name) + (self.get(f"{name}h") if f"{name}h" in self.part.arrays else 0.0)
 
     def get(self, name: str) -> np.ndarray:
         """A field of all bodies, float64."""
@@ -206,11 +208,11 @@ class Rigid(Method):
     def spins(self) -> np.ndarray:
         """Angular velocities now, world (n, 3) [rad/s]."""
         q, moments = self.turns(), np.array([m.moments for m in self.masses])
-        return rotation.rotate(q, rotation.rotate(rotation.conjugate(q), self.get("L")) / moments)
+        return rotation.rotate(q, rotation.rotate(rotation.conjugate(q), self.read("L")) / moments)
 
     def velocities(self) -> np.ndarray:
         """Velocities of the centres of mass now, (n, 3) [m/s]."""
-        return self.get("p") / np.array([m.mass for m in self.masses])[:, None]
+        return self.read("p") / np.array([m.mass for m in self.masses])[:, None]
 
     def weigh(self, rows: np.ndarray, name: str, value) -> None:
         """Another mass or inertia of bodies, which go on as fast as they are, linear and angular."""
@@ -248,7 +250,7 @@ class Rigid(Method):
         first = np.array([world == 0 for _, world in self.bodies])
         places = self.origin + self.get("x")
         mass = np.array([m.mass for m in self.masses])
-        energy = 0.5 * (self.get("p") * self.velocities()).sum(1) + 0.5 * (self.get("L") * self.spins()).sum(1)
+        energy = 0.5 * (self.read("p") * self.velocities()).sum(1) + 0.5 * (self.read("L") * self.spins()).sum(1)
         found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
         for each in filter(None, (self.contacts, self.touch)):
             found |= each.indicators()
