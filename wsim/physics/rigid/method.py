@@ -51,9 +51,8 @@ class Rigid(Method):
         self.force, self.twist = (np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("force", "torque"))
         self._allocate(b)
         self._begin(frames)
-        recorded = b.model.gradients and acting(scene)              # such bodies do not sleep
         self.sleep: Any = None
-        if sleeps(scene) and not recorded:
+        if sleeps(scene) and not (b.model.gradients and acting(scene)):          # what is recorded does not sleep
             from wsim.physics.rigid.sleep import Sleep
             self.sleep = Sleep(b, self)
         self.Bodies, self.Moving = motion.structs(b.model.real)
@@ -247,11 +246,10 @@ class Rigid(Method):
 
     def indicators(self, x, v) -> dict[str, float]:
         """Kinetic energy and that in gravity [J] of all bodies of the first world, and what contacts say."""
-        first = np.array([world == 0 for _, world in self.bodies])
-        places = self.origin + self.get("x")
+        first, places = np.array([world == 0 for _, world in self.bodies]), self.origin + self.get("x")
         mass = np.array([m.mass for m in self.masses])
-        energy = 0.5 * (self.read("p") * self.velocities()).sum(1) + 0.5 * (self.read("L") * self.spins()).sum(1)
-        found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
+        kinetic = 0.5 * ((self.read("p") * self.velocities()).sum(1) + (self.read("L") * self.spins()).sum(1))
+        found = {"rigid_energy": float((kinetic - mass * (places @ self.gravity[0]))[first].sum())}
         for each in filter(None, (self.contacts, self.touch)):
             found |= each.indicators()
         return found | (self.joints.indicators() if self.joints else {})
@@ -264,14 +262,14 @@ class Rigid(Method):
             self.gravity[slice(None) if world is None else world] = value
             self.given.push.assign(self._push().astype(self.model.dtype))
             return True
-        if path == "/" or len(hit) == 0 or name not in LIVE:
+        if path == "/" or not len(hit) or name not in LIVE:
             return any([other.set(path, name, value, world) for other in (self.joints, self.contacts) if other])
         if name in ("velocity", "spin"):
             field = "p" if name == "velocity" else "L"
             now = self.get(field)
             q, every = self.turns(), np.tile(value, (len(now), 1))
-            wanted = np.array([m.mass for m in self.masses])[:, None] * every if field == "p" else self.momentum(q, every)
-            now[hit] = wanted[hit]
+            mass = np.array([m.mass for m in self.masses])[:, None]
+            now[hit] = (mass * every if field == "p" else self.momentum(q, every))[hit]
             self.put(field, now)
             return True
         if name in ("mass", "inertia"):
