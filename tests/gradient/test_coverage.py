@@ -246,9 +246,10 @@ def turned() -> Scene:
     return scene
 
 
-def layered() -> Scene:
+def layered(**more) -> Scene:
     scene = Scene(frames=1)
-    scene.add(Fluid("/air", (0, 0, 0), (1, 1, 0.125), 0.125, slip=False, layers=True, viscosity=0.1))
+    more = more or {"layers": True}
+    scene.add(Fluid("/air", (0, 0, 0), (1, 1, 0.125), 0.125, slip=False, viscosity=0.1, **more))
     return scene
 
 
@@ -283,6 +284,8 @@ CASES = {
     "idle": ("air_drag", lambda: inputs(recorded(alone()), ["air_drag"])),
     "surface": ("/floor", lambda: inputs(run("explicit")[0].recording, ["/floor:surface"])),
     "layers": ("/air", lambda: recorded(layered())),
+    "margin": ("/air", lambda: recorded(layered(margin=0.5))),
+    "conserve": ("/air", lambda: recorded(layered(conserve=True, sides=("closed",) * 6))),
     "still": ("/air", lambda: inputs(recorded(still()), ["/air:viscosity"])),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),
