@@ -12,6 +12,7 @@ import pytest
 from tests.gradient.test_gradients import net, sheet
 from tests.make.wheels import ROW
 from tests.make.wheels.objects import Wheel
+from tests.physics.animation.test_dressed import clothed
 from tests.physics.animation.test_gradients import UNFOLLOWED, changed
 from wsim import Box, Bulk, Fabric, Plane, Simulation, Sphere
 from wsim.gradient.inputs.by_name import inputs
@@ -29,7 +30,7 @@ from wsim.scene.values.coverage import BY, COVERED, REFUSED, row_of, summary, te
 TESTS = Path(__file__).resolve().parent.parent
 PATHS = {"Cloth": "/cloth", "Springs": "/net", "Soft": "/bar", "Collider": "/floor", "Pin": "/pin", "Scene": "",
          "Body": "/thrown", "Joint": "/hinge"}
-PATHS_OF = {f"{owner}.{name}" for owner in ("Pin", "Collider") for name in ("keys", "tangents", "handles")}
+PATHS_OF = {f"{owner}.{name}" for owner in ("Pin", "Collider") for name in ("keys", "tangents", "handles", "turns")}
 ONLY = {"Springs.rest_shape", *PATHS_OF,     # lengths say the same; curves and skeletons have tests of their own
         "Skeleton.turns", "Skeleton.weights"}
 IDLE = ("static_friction",)                  # what slides does not know it
@@ -289,6 +290,7 @@ CASES = {
     "material": ("/chain", lambda: gradient(net()).material("stretch")),
     **{key: (path, lambda change=change, name=name: inputs(recorded(changed(change)), [f"/man/bones:{name}"]))
        for key, (path, change, name) in UNFOLLOWED.items()},
+    "dressed": ("/man/bones", lambda: Simulation(clothed(), device="cpu", gradients=True)),
     "value": ("/pin", lambda: row_of(net(), "/pin", "stiffness")),
 }
 

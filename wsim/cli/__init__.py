@@ -12,7 +12,7 @@ import signal
 import sys
 
 from wsim import __version__
-from wsim.cli import arguments
+from wsim.cli import arguments, sweep_options
 from wsim.cli.arguments import (
     drawing,
     fraction,
@@ -38,7 +38,7 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="wsim", description="A USD scene in, a simulated USD layer out.")
     top.add_argument("--version", action="version", version=f"wsim {__version__}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for add in (_run, _new, _check, _plan, _bench, _fit, _view, _picture, _schema):
+    for add in (_run, _new, _check, _plan, _bench, _fit, _sweep, _view, _picture, _schema):
         add(commands)
     for command in commands.choices.values():
         command.add_argument("--debug", action="store_true", help="show where an error came from")
@@ -184,6 +184,10 @@ def _fit(commands) -> None:
     _choices(fit)
 
 
+def _sweep(commands) -> None:
+    sweep_options.add(commands, _solver)
+
+
 def _view(commands) -> None:
     view = commands.add_parser("view", help="show a result (needs the extra `view`)")
     view.add_argument("result")
@@ -260,10 +264,10 @@ def _main(argv: list[str] | None) -> int:
         named = [f"--{name}" for name in CHOSEN if getattr(args, name) is not None]
         if named:
             parser().error(f"--error chooses {', '.join(CHOSEN)}: leave out {' '.join(named)}, or --error")
-    from wsim.cli import commands
+    from wsim.cli import commands, sweep
 
     try:
-        code = getattr(commands, args.command)(args)
+        code = getattr(sweep if args.command in sweep_options.COMMANDS else commands, args.command)(args)
         if code != INTERRUPTED:
             interrupt.check()
         return code

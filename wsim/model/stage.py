@@ -41,6 +41,8 @@ class Clock:
     starting: bool = True         # no history yet: the first substep of a run is backward Euler
     free: bool = False            # the frame has no contacts, see `wsim.physics.contact.clearance`
     after_free: bool = False      # the frame before had none, or left nothing near: no half step to go on from
+    touching: bool = False        # every frame has contacts: what one world does must not depend on what others touch
+    apart: bool = False           # what would change the steps of all worlds for one raises `wsim.simulation.retry.Company`
 
     @property
     def h(self) -> float:

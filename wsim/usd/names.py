@@ -99,6 +99,7 @@ OTHERS = (
     Entry("Cloth", "thicknesses", SURFACE_SIM, "physics:thicknesses", "float[]", "m"),
     Entry("Cloth", "model", WSIM_CLOTH, "wsim:model", "token", uniform=True),
     Entry("Cloth", "tethers", WSIM_CLOTH, "wsim:tethers", "bool", uniform=True),
+    Entry("Cloth", "self_collision", WSIM_CLOTH, "wsim:selfCollision", "bool", uniform=True),
 
     Entry("Elements", "masses", SURFACE_SIM, "physics:masses:elementType", "token", uniform=True),
     Entry("Elements", "thicknesses", SURFACE_SIM, "physics:thicknesses:elementType", "token", uniform=True),
@@ -115,6 +116,7 @@ OTHERS = (
     Entry("Soft", "masses_of", VOLUME_SIM, "physics:masses:elementType", "token", uniform=True),
     Entry("Soft", "quadratic", WSIM_SOFT, "wsim:quadratic", "bool", uniform=True),
     Entry("Soft", "filled", WSIM_SOFT, "wsim:filled", "float[]"),
+    Entry("Soft", "self_collision", WSIM_SOFT, "wsim:selfCollision", "bool", uniform=True),
 
     Entry("Part", "tets", "GeomSubset", "indices", "int[]"),
     Entry("Part", "kind", "GeomSubset", "elementType", "token", uniform=True),

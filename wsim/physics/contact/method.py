@@ -65,8 +65,9 @@ class Contact(Method):
                         np.array([chord.breadth(b.rest, f - b.first) for b, f in zip(model.bodies, each, strict=True)]),
                         np.array([b.reach.min() for b in model.bodies]))
         self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
-                                 substeps=clock.substeps, dt=clock.dt, struck=points.struck)
-        self.contacts.launch = model.launch
+                                 substeps=clock.substeps, dt=clock.dt, struck=points.struck,
+                                 turned=model.gradients)
+        self.contacts.launch, self.contacts.zero = model.launch, model.zero
         if movers is None:
             self.contacts.smooth(model.scene, points.integrator.explicit)
         self.contacts.adjoint = beside(model, Contacts.__module__, "ContactAdjoint", self.contacts, model)

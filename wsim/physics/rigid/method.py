@@ -17,6 +17,7 @@ from wsim.model.structs import filled
 from wsim.physics.rigid.mass import Inertia, inertia, weighed
 from wsim.physics.rigid.objects import Body
 from wsim.physics.rigid.solids import acting, kept, meet, meeting, sleeps, standing, touches
+from wsim.scene.methods import dressed
 from wsim.scene.samples import Sample, Transform
 
 FIELDS = (Field("x", "m", True, "centre of mass relative to where it was at the start"),
@@ -93,8 +94,8 @@ class Rigid(Method):
             self.stages = self.touch.stages
             self.offers["movers"] = self.touch
             return
-        rate = "substep" if self.recorded else "frame"
-        self.stages.append(Stage("rigid bodies", "predict", self.advance, launches, self.part.bytes, rate, what))
+        rate, phase = "substep" if self.recorded else "frame", "pose" if dressed(b.scene) else "predict"   # before followers
+        self.stages.append(Stage("rigid bodies", phase, self.advance, launches, self.part.bytes, rate, what))
 
     def _sleep(self, b) -> Any:
         from wsim.physics.rigid.sleep import Sleep

@@ -17,6 +17,7 @@ from wsim.geometry.memo import latest
 from wsim.geometry.triangulate import triangulate
 from wsim.physics.rigid.mass import volume
 from wsim.scene import Collider, Surface
+from wsim.scene.methods import dressed
 from wsim.scene.solids import Box, Capsule, Plane, Shape, Sphere, row
 
 MOST = 64                  # vertices of a hull: more are left out, those that stand out least
@@ -154,7 +155,10 @@ def sleeps(scene) -> bool:
 
 def touches(scene) -> bool:
     """True if bodies may touch points."""
-    return bool(scene.bodies()) and any(meeting(body) for body in scene.things("Body"))
+    if not scene.bodies():
+        return False
+    apart = dressed(scene)
+    return any(meeting(body) for body in scene.things("Body") if body.path not in apart)
 
 
 def kept(b) -> tuple:

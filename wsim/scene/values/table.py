@@ -85,7 +85,7 @@ VALUES: list[Value] = [
       for owner, what in (("Pin", "targets"), ("Collider", "shift"))),
     Value("Pin", "targets", "m", ANY, "array", live=False, gradient="targets"),
     *(Value(owner, name, unit, ANY, "array", live=False, gradient="path") for owner in ("Pin", "Collider") for name, unit in (
-        ("keys", "m"), ("tangents", "m/s"), ("handles", "1"))),
+        ("keys", "m"), ("tangents", "m/s"), ("handles", "1"), ("turns", "rad"))),
     Value("Collider", "points", "m", ANY, "array", live=False, why="the shape of a mesh that deforms has none yet"),
     Value("Collider", "shift", "m", ANY, "array", live=False, gradient="shift"),
     Value("Collider", "surface", "m/s", ANY, "array", live=False, gradient="surface"),
