@@ -49,7 +49,7 @@ def test_a_fluid_and_its_sources_come_back_equal(tmp_path, ending):
     """Every field of theirs is another than its default."""
     fluid, sources = everything()
     plain = Fluid("/a", LOW, HIGH, 0.0)
-    for column in columns(Fluid)[3:]: # conserve goes with neither wind nor bfecc: on its own below
+    for column in columns(Fluid)[3:]:                        # conserve is on its own below: no wind, no bfecc
         same = np.array_equal(getattr(fluid, column.name), getattr(plain, column.name))
         assert not same or column.name == "conserve", column.name
     scene = scene_of(fluid, *sources)

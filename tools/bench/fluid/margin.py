@@ -75,8 +75,8 @@ def main() -> None:
             part = run(name, args.cells, margin, args.device)
             off, fast = (100.0 * (part[key] / whole[key] - 1.0) for key in ("rise", "fastest"))
             smoke = np.abs(part["smoke"] - whole["smoke"]).sum() / whole["smoke"].sum()
-            print(f"{name:6} margin {margin:<5g} {part['cpu_s']:8.1f} CPU-s, share {part['share']:.3f}, off {off:+.2f} %, fastest "
-                  f"{fast:+.2f} %, smoke {smoke:.3f}", flush=True)
+            print(f"{name:6} margin {margin:<5g} {part['cpu_s']:8.1f} CPU-s, share {part['share']:.3f}, off {off:+.2f} %, "
+                  f"fastest {fast:+.2f} %, smoke {smoke:.3f}", flush=True)
 
 
 if __name__ == "__main__":
