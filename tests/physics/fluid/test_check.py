@@ -60,7 +60,7 @@ def test_a_source_that_gives_nothing_is_told(more, kind, words):
     assert any(p.startswith(f"{kind}: /s: ") and words in p for p in said(Fluid("/f", **ROOM), source))
 
 
-@pytest.mark.parametrize(("place", "filled"), [((0.5, 0.5, 0.5), True), ((0.5, 0.5, 2.0), False)])
+@pytest.mark.parametrize(("place", "filled"), [((0.5, 0.5, 0.5), True), ((0.5, 0.5, 5.0), False)])
 def test_an_obstacle_that_fills_the_box_is_warned_of_and_nothing_moves(place, filled):
     scene = Scene(frames=2, fps=20.0, gravity=(0.0, -9.81, 0.0))
     scene.add(Fluid("/f", (0, 0, 0), (1, 1, 0.125), 0.125))
