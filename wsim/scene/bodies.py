@@ -78,6 +78,7 @@ class Cloth(Compared):
     lift           aerodynamic lift coefficient [1], across the relative wind
     stretches      stiffness of each polygon, (faces,) [N/m], shear and weft in its ratio; None: the material's
     bends          of each polygon, (faces,) [N m]; None: the material's bend
+    self_collision    True: it passes neither through itself nor through other surfaces that say so
     """
 
     path: str
@@ -99,6 +100,7 @@ class Cloth(Compared):
     lift: float = 0.0
     stretches: np.ndarray | None = None
     bends: np.ndarray | None = None
+    self_collision: bool = False
 
     def __post_init__(self):
         self.points = reals(self.points, -1, 3)
@@ -193,6 +195,7 @@ class Soft(Compared):
     pressure       inside above that outside [Pa]: in its hollows, or where it has none on its surface
     quadratic      ten-node tets: accurate from 2 cells across, where four nodes need 4 and more
     skins          meshes that follow it, list of `Skin`
+    self_collision    True: its surface passes neither through itself nor through other surfaces that say so
     """
 
     path: str
@@ -210,6 +213,7 @@ class Soft(Compared):
     pressure: float = 0.0
     quadratic: bool = False
     skins: list[Skin] = field(default_factory=list)
+    self_collision: bool = False
 
     def __post_init__(self):
         self.points, self.tets = reals(self.points, -1, 3), array(self.tets, np.int32, -1, 4)

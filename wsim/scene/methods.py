@@ -65,6 +65,7 @@ METHODS: list[Row] = [
     Row("bones", "wsim.physics.animation", owns=("Skeleton",), unseen=("Skeleton",), posed=True, claims=("Skeleton",),
         without="nothing follows a skeleton", gradients=True),
     Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),
+    Row("selfcontact", "wsim.physics.selfcontact.method", without="no surface collides with itself", pushes=True),
     Row("watch", "wsim.physics.motion.overstretch", gradients=True),
     Row("muscles", "wsim.physics.cloth.muscles", without="no spring has an actuation", gradients=True),
     Row("loads", "wsim.physics.motion.loads", without="nothing is loaded", gradients=True),
@@ -100,7 +101,22 @@ def things(scene) -> list:
 
 def carried(scene) -> list:
     """Colliders that move with things of methods, and are met."""
-    return [c for _, thing in every(scene) for c in getattr(thing, "colliders", ()) if c.meets] if scene.others else []
+    if not scene.others:
+        return []
+    apart = dressed(scene)
+    return [c for _, thing in every(scene) if thing.path not in apart for c in getattr(thing, "colliders", ()) if c.meets]
+
+
+def followers(scene, thing) -> list[str]:
+    """Paths of the colliders and pins whose points follow a thing, such as a skeleton."""
+    return [*(c.path for c in scene.colliders if getattr(getattr(c.shape, "poses", None), "skeleton", None) is thing),
+            *(p.path for p in scene.pins if p.follows is not None and p.follows.skin.skeleton is thing)]
+
+
+def dressed(scene) -> set[str]:
+    """Paths of the bodies that drive what others follow: that meets points in their stead."""
+    driving = [thing for _, thing in every(scene) if getattr(thing, "bodies", None)]
+    return {path for thing in driving if followers(scene, thing) for path in thing.bodies.values()}
 
 
 def moving(scene) -> bool:
@@ -110,7 +126,12 @@ def moving(scene) -> bool:
 
 def collides(scene) -> bool:
     """True if points may meet something."""
-    return bool(scene.colliders or carried(scene))
+    return bool(scene.colliders or carried(scene) or touches(scene))
+
+
+def touches(scene) -> bool:
+    """True if a surface collides with itself."""
+    return any(body.self_collision for body in (*scene.cloths, *scene.softs))
 
 
 def every(scene) -> Iterator[tuple[Row, Any]]:

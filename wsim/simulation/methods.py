@@ -16,7 +16,7 @@ from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import Constraints
 from wsim.scene import Scene
-from wsim.scene.methods import METHODS, Row, carried
+from wsim.scene.methods import METHODS, Row, carried, touches
 from wsim.simulation.choice import Choice
 
 
@@ -88,6 +88,7 @@ NEEDED: dict[str, Callable[[Build], str]] = {
     "implicit": _solver("implicit"),
     "xpbd": _xpbd,
     "contact": _contact,
+    "selfcontact": lambda b: "surfaces collide with themselves" if touches(b.scene) and b.model.bodies else "",
     "watch": lambda b: "" if b.choice.solver == "explicit" or b.model.gradients or not b.model.bodies else "edges are watched",
     "muscles": lambda b: "springs have an actuation" if any(s.actuation for s in b.scene.springs) else "",
     "loads": lambda b: f"{len(b.scene.loads)} loads" if b.scene.loads else "",

@@ -99,6 +99,7 @@ OTHERS = (
     Entry("Cloth", "thicknesses", SURFACE_SIM, "physics:thicknesses", "float[]", "m"),
     Entry("Cloth", "model", WSIM_CLOTH, "wsim:model", "token", uniform=True),
     Entry("Cloth", "tethers", WSIM_CLOTH, "wsim:tethers", "bool", uniform=True),
+    Entry("Cloth", "self_collision", WSIM_CLOTH, "wsim:selfCollision", "bool", uniform=True),
 
     Entry("Elements", "masses", SURFACE_SIM, "physics:masses:elementType", "token", uniform=True),
     Entry("Elements", "thicknesses", SURFACE_SIM, "physics:thicknesses:elementType", "token", uniform=True),
@@ -115,6 +116,7 @@ OTHERS = (
     Entry("Soft", "masses_of", VOLUME_SIM, "physics:masses:elementType", "token", uniform=True),
     Entry("Soft", "quadratic", WSIM_SOFT, "wsim:quadratic", "bool", uniform=True),
     Entry("Soft", "filled", WSIM_SOFT, "wsim:filled", "float[]"),
+    Entry("Soft", "self_collision", WSIM_SOFT, "wsim:selfCollision", "bool", uniform=True),
 
     Entry("Part", "tets", "GeomSubset", "indices", "int[]"),
     Entry("Part", "kind", "GeomSubset", "elementType", "token", uniform=True),
@@ -148,6 +150,8 @@ OTHERS = (
     Entry("Fluid", "scalar_advection", WSIM_DOMAIN, "wsim:fluid:scalarAdvection", "token", uniform=True),
     Entry("Fluid", "pressure", WSIM_DOMAIN, "wsim:fluid:pressure", "token", uniform=True),
     Entry("Fluid", "steps", WSIM_DOMAIN, "wsim:fluid:steps", "int", uniform=True),
+    Entry("Fluid", "margin", WSIM_DOMAIN, "wsim:fluid:margin", "double", uniform=True),
+    Entry("Fluid", "conserve", WSIM_DOMAIN, "wsim:fluid:conserve", "bool", uniform=True),
     Entry("Fluid", "most_steps", WSIM_DOMAIN, "wsim:fluid:mostSteps", "int", uniform=True),
     Entry("Fluid", "velocity", WSIM_DOMAIN, "wsim:fluid:startVelocity", "vector3f[]", "m/s"),
     Entry("Fluid", "smoke", WSIM_DOMAIN, "wsim:fluid:startSmoke", "float[]"),

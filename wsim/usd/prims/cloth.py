@@ -20,7 +20,7 @@ from wsim.usd.prims.painted import author_maps, load_stiffness, load_thickness
 from wsim.usd.stage import Reading, Units
 from wsim.usd.transforms import author_motion, placement
 
-OWN = ("model", "weld", "tethers", "drag", "lift")            # of WsimClothAPI
+OWN = ("model", "weld", "tethers", "drag", "lift", "self_collision")            # of WsimClothAPI
 UNREAD = {"physics:restTriVertexIndices": "the triangles of the mesh count",
           "physics:restAdjTriPairs": "rest angles are flat or those of the rest shape",
           "physics:restBendAngles": "rest angles are flat or those of the rest shape"}

@@ -25,7 +25,7 @@ from wsim.usd.result.fields import load_fields
 from wsim.usd.stage import Reading, Units
 from wsim.usd.transforms import author_motion, placement
 
-OWN = ("pressure", "quadratic", "filled")                    # of WsimSoftAPI
+OWN = ("pressure", "quadratic", "filled", "self_collision")                    # of WsimSoftAPI
 TURNED = [0, 1, 3, 2]                                         # corners of a tet of the opposite winding
 
 

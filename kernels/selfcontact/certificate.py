@@ -1,0 +1,226 @@
+"""Proof that a pair does not pass through itself in a substep, and the projection of pairs that lack one.
+
+Points of a pair go linearly from p_i to q_i. With r = p_i - p_j at the start, R = q_i - q_j at the end, n0 the normal of the
+start and n1 that of the end, the plane with the normal (1 - t) n0 + t n1 separates the two sides for all t where
+
+    n0 . r > 0,   n0 . R + n1 . r > 0,   n1 . R > 0           for every i of the first side and j of the second
+
+(Bernstein coefficients of a quadratic in t). Then no point meets a triangle and no edge another, and no triangles intersect
+that did not. Only differences of motions enter: a pair that flies, however fast, costs nothing. With n1 = n0 the middle one
+follows. The end keeps a gap s, by which rounding in a file cannot close it, and c, a bound of the rounding of what is computed:
+
+    c = 8 u (|r| + |m_i| + |m_j| + |shift_i - shift_j|),   sums of absolute coordinates, m the motions, u = 2^-24 (2^-53)
+
+Projection: rows n0 . R >= s + (gap - s) / 10 between single points i and j of pairs that are not certified, as
+kernels/selfcontact/rows.py, by the same sums: momentum is kept.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.motion.points import states
+from wsim.kernels.selfcontact import closest, pairs
+
+
+@cache
+def bounds(real):
+    """Functions: least gap that a file needs of a pair; c, see above, of one whose points are at p1 .. p3 from its first; the
+    least coefficient in the middle."""
+    t = types(real)
+    Surfaces, State = pairs.surfaces(real), states(real)
+    _, slack = pairs.reading(real)
+
+    @wp.func
+    def written(s: Surfaces, at: State, kind: int, ids: wp.vec4i):
+        first = slack(s, at.x, ids[0])
+        other = wp.max(slack(s, at.x, ids[2]), slack(s, at.x, ids[3]))
+        if kind == closest.POINT:
+            return first + wp.max(other, slack(s, at.x, ids[1]))
+        return wp.max(first, slack(s, at.x, ids[1])) + other
+
+    @wp.func
+    def one(a: t.vec3):
+        return wp.abs(a[0]) + wp.abs(a[1]) + wp.abs(a[2])
+
+    @wp.func
+    def rounding(s: Surfaces, at: State, ids: wp.vec4i, p1: t.vec3, p2: t.vec3, p3: t.vec3):
+        o = ids[0]
+        own = one(at.d[o] - at.e[o]) + one(at.e[o])
+        most = real(0.0)
+        for k in range(1, 4):
+            q = ids[k]
+            most = wp.max(most, one(at.d[q] - at.e[q]) + one(at.e[q]) + one(s.shift[q] - s.shift[o]))
+        return real(8.0) * s.ulp * (most + own + wp.max(one(p1), wp.max(one(p2), one(p3))))
+
+    @wp.func
+    def between(kind: int, a1: real, a2: real, a3: real):
+        """Least coefficient in the middle; a: n . R + m . r of points, the first point's being 0."""
+        other = wp.max(a2, a3)
+        if kind == closest.POINT:
+            return -wp.max(other, a1)
+        return wp.min(-other, a1 - other)
+
+    return written, rounding, between
+
+
+@cache
+def inspect(real, module):
+    """Kernel: ends 0: normal, weights and gaps of all pairs where the substep begins, and no push; 1: `bad` of every pair where
+    it ends, and how many lack a proof in words[BAD]. A pair that began nearer than s is let be (2): nothing of it can be
+    proven, and what holds it is its contact. One kernel, since closest points and normals are most of what is compiled."""
+    vec3 = types(real).vec3
+    Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
+    place, _ = pairs.reading(real)
+    written, rounding, between = bounds(real)
+    weights, least, normal = closest.weights(real), closest.gap(real), closest.normal(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def inspect_pairs(s: Surfaces, at: State, ends: int, near: Pairs, words: wp.array(dtype=int)):
+        i = wp.tid()
+        if i >= wp.min(near.count[0], near.capacity):
+            return
+        ids = near.ids[i]
+        kind = near.kind[i]
+        o = ids[0]
+        zero = vec3()
+        p1 = place(s, at.x, at.e, ids[1], o)
+        p2 = place(s, at.x, at.e, ids[2], o)
+        p3 = place(s, at.x, at.e, ids[3], o)
+        q1, q2, q3 = p1, p2, p3
+        n = near.n[i]
+        need, c = real(0.0), real(0.0)
+        if ends > 0:
+            move = at.d[o] - at.e[o]
+            q1 = p1 + ((at.d[ids[1]] - at.e[ids[1]]) - move)
+            q2 = p2 + ((at.d[ids[2]] - at.e[ids[2]]) - move)
+            q3 = p3 + ((at.d[ids[3]] - at.e[ids[3]]) - move)
+            c = real(2.0) * rounding(s, at, ids, p1, p2, p3)
+            need = near.least[i] + c
+            near.bad[i] = 0
+            if near.gap[i] < near.least[i] - c:
+                near.bad[i] = 2
+                wp.atomic_add(words, pairs.CLOSER, 1)
+                return
+            if near.gap[i] > c and least(kind, n, zero, q1, q2, q3) >= need:
+                return
+        b = weights(kind, zero, q1, q2, q3)
+        m, gap = normal(kind, b, zero, q1, q2, q3)
+        if ends == 0:
+            near.n[i] = m
+            near.b[i] = b
+            near.away[i] = wp.dot(m, b[1] * q1 + b[2] * q2 + b[3] * q3)
+            near.gap[i] = gap
+            near.least[i] = written(s, at, kind, ids)
+            near.push[i] = zero
+            near.on[i] = 0
+            return
+        a1, a2, a3 = wp.dot(n, q1) + wp.dot(m, p1), wp.dot(n, q2) + wp.dot(m, p2), wp.dot(n, q3) + wp.dot(m, p3)
+        if not (near.gap[i] > c and gap >= need and between(kind, a1, a2, a3) >= real(2.0) * c):
+            near.bad[i] = 1
+            wp.atomic_add(words, pairs.BAD, 1)
+
+    return inspect_pairs
+
+
+@cache
+def goal(real):
+    """Function: what is lacking of a row of points k (first side) and j, < 0 where something is."""
+    Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
+    place, _ = pairs.reading(real)
+
+    @wp.func
+    def lack(s: Surfaces, at: State, near: Pairs, i: int, k: int, j: int):
+        s0 = near.least[i]
+        spare = wp.max(near.gap[i] - s0, real(0.0))
+        r = place(s, at.x, at.e, k, j) + ((at.d[k] - at.e[k]) - (at.d[j] - at.e[j]))
+        return wp.dot(near.n[i], r) - (s0 + real(0.1) * spare)
+
+    return lack
+
+
+@cache
+def share(real, module):
+    """Kernel: counts the rows that points have of pairs that are not certified."""
+    Surfaces, Pairs, State, Sums = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real)
+    lack = goal(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def share_rows(s: Surfaces, at: State, near: Pairs, to: Sums):
+        i = wp.tid()
+        if i >= wp.min(near.count[0], near.capacity) or near.bad[i] != 1:
+            return
+        ids = near.ids[i]
+        split = 1 + near.kind[i]
+        for k in range(split):
+            for j in range(split, 4):
+                if lack(s, at, near, i, ids[k], ids[j]) < real(0.0):
+                    wp.atomic_add(to.share, ids[k], pairs.SHARES)
+                    wp.atomic_add(to.share, ids[j], pairs.SHARES)
+
+    return share_rows
+
+
+@cache
+def project(real, module):
+    """Kernel: pushes pairs that are not certified, point by point."""
+    Surfaces, Pairs, State, Sums = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real)
+    lack, fixed = goal(real), pairs.fixed(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def project_rows(s: Surfaces, at: State, near: Pairs, to: Sums):
+        i = wp.tid()
+        if i >= wp.min(near.count[0], near.capacity) or near.bad[i] != 1:
+            return
+        ids = near.ids[i]
+        split = 1 + near.kind[i]
+        for k in range(split):
+            for j in range(split, 4):
+                a = ids[k]
+                b = ids[j]
+                C = lack(s, at, near, i, a, b)
+                W = (s.w[a] * real(to.share[a]) + s.w[b] * real(to.share[b])) / real(pairs.SHARES)
+                if C < real(0.0) and W > real(0.0):
+                    push = (-C / W) * near.n[i]
+                    fixed(to, a, s.w[a] * push)
+                    fixed(to, b, -s.w[b] * push)
+
+    return project_rows
+
+
+@cache
+def proceed(module):
+    """Kernel: a pass over all pairs is over. Projections go on while pairs lack a proof and rounds are left; then cuts do,
+    while pairs lack one or points are out of their tubes. kind: 0 behind the first pass, 1 a projection, 2 a cut; most: cuts.
+    """
+    @wp.kernel(module=module, enable_backward=False)
+    def proceed_rounds(words: wp.array(dtype=int), kind: int, most: int):
+        bad = words[pairs.BAD]
+        left = int(0)
+        if bad > 0 or words[pairs.OUT] > 0:
+            left = 1
+        turn = words[pairs.ROUND] + 1
+        if kind == 0:
+            turn = 0
+            words[pairs.CLOSE] = words[pairs.CLOSER]
+        going = int(0)
+        if kind < 2:
+            words[pairs.SWEPT] = turn
+            if bad > 0 and turn < words[pairs.ROUNDS]:
+                going = 1
+                left = 0
+            else:
+                turn = 0
+        else:
+            words[pairs.TURNED] = turn
+            if turn >= most:
+                left = 0
+        words[pairs.GOING] = going
+        words[pairs.LEFT] = left
+        words[pairs.ROUND] = turn
+        words[pairs.BAD] = 0
+        words[pairs.OUT] = 0
+        words[pairs.CLOSER] = 0
+
+    return proceed_rounds

@@ -1,0 +1,135 @@
+"""The last resort for pairs that projections leave without a proof: their points are cut towards the rigid motion R.
+
+With m_i the motion of a point beside R, n the normal of the start and s the gap that stays, points that are cut keep
+
+    m_i <- t_i m_i,   t_i = min over the pairs of i of  KEPT (gap - s) / |n . m_i|  where m_i closes the gap, else 1
+
+so that two that are cut keep a tenth of their gap, and one that flies with the others loses nothing. A point that was cut may
+now be in the way of one that was not: what is not certified then is cut, too, round by round; in round ALL everything is; in
+round HELD, which rounding alone can lead to, every point of a pair that lacks a proof stays, and in the last all points do,
+which needs no proof. Points that pins move are held back like others; the pin takes them on in the next substep.
+
+Motions are only ever made shorter (monotone), by minima, which need no order.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.motion.points import states
+from wsim.kernels.selfcontact import pairs
+from wsim.kernels.selfcontact.tubes import carried, frames
+
+KEPT = 0.45
+ALL, HELD, STILL = 8, 9, 10              # rounds from which on: all are cut; pairs without a proof are held; all are
+ROUNDS = 11
+# words that a frame leaves behind: pairs that there was no room for; substeps that were projected, of rounds; cut; most percent
+# of its motion that a point lost; substeps in which all were cut; in which some were held; pairs that began too near, at most;
+# searches; points that were cut
+WANTED, PROJECTED, TURNS, CUT, LOST, WHOLE, STAYED, CLOSE, SEARCHES, POINTS = range(10)
+SAID = 10
+
+
+@cache
+def claim(real, module):
+    """Kernel: points of pairs without a proof are cut from here on."""
+    Pairs, Sums = pairs.lists(real), pairs.sums(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def claim_points(words: wp.array(dtype=int), near: Pairs, to: Sums):
+        i = wp.tid()
+        if i < wp.min(near.count[0], near.capacity) and near.bad[i] == 1:
+            ids = near.ids[i]
+            for k in range(4):
+                to.cut[ids[k]] = words[pairs.EPOCH]
+
+    return claim_points
+
+
+@cache
+def shorten(real, module):
+    """Kernel: t of the points that are cut."""
+    Surfaces, Pairs, State, Sums, Frames = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real), frames(real)
+    carry = carried(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def shorten_motion(s: Surfaces, at: State, f: Frames, words: wp.array(dtype=int), near: Pairs, to: Sums):
+        i = wp.tid()
+        if i >= wp.min(near.count[0], near.capacity) or near.bad[i] == 2:
+            return
+        n = near.n[i]
+        ids = near.ids[i]
+        room = real(KEPT) * wp.max(near.gap[i] - near.least[i], real(0.0))
+        for k in range(4):
+            q = ids[k]
+            if to.cut[q] == words[pairs.EPOCH] or words[pairs.ROUND] >= ALL:
+                beside = (at.d[q] - at.e[q]) - carry(f, (at.x[q] + s.shift[q]) + at.e[q])
+                nearer = wp.dot(n, beside)
+                if k <= near.kind[i]:
+                    nearer = -nearer
+                if nearer > room:
+                    wp.atomic_min(to.factor, q, room / nearer)
+
+    return shorten_motion
+
+
+@cache
+def cut(real, module):
+    """Kernel: shortens motions. lost: words of the frame."""
+    t = types(real)
+    Surfaces, State, Frames, Sums = pairs.surfaces(real), states(real), frames(real), pairs.sums(real)
+    carry = carried(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def cut_motion(s: Surfaces, at: State, f: Frames, words: wp.array(dtype=int), to: Sums, d_out: wp.array(dtype=t.vec3),
+                   said: wp.array(dtype=int)):
+        i = s.point[wp.tid()]
+        turn = words[pairs.ROUND]
+        factor = to.factor[i]
+        to.factor[i] = real(1.0)
+        if turn == STILL or (turn == HELD and to.cut[i] == words[pairs.EPOCH]):
+            d_out[i] = at.e[i]
+            wp.atomic_max(said, LOST, 100)
+        elif factor < real(1.0):
+            rigid = carry(f, (at.x[i] + s.shift[i]) + at.e[i])
+            beside = (at.d[i] - at.e[i]) - rigid
+            d_out[i] = at.e[i] + (rigid + factor * beside)
+            whole = wp.length(at.d[i] - at.e[i])
+            if whole > real(0.0):
+                lost = (real(1.0) - factor) * wp.length(beside) / whole
+                wp.atomic_max(said, LOST, wp.min(int(real(100.0) * lost), 100))
+            wp.atomic_add(said, POINTS, 1)
+
+    return cut_motion
+
+
+@cache
+def tell(real, module):
+    """Kernel: what a substep needed, to the words of the frame, and the words of the next one."""
+    Pairs = pairs.lists(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def tell_frame(near: Pairs, words: wp.array(dtype=int), said: wp.array(dtype=int)):
+        if near.count[0] > near.capacity:
+            wp.atomic_max(said, WANTED, near.count[0])
+        rounds = words[pairs.SWEPT]
+        if rounds > 0:
+            said[PROJECTED] = said[PROJECTED] + 1
+            said[TURNS] = said[TURNS] + rounds
+        turn = words[pairs.TURNED]
+        if turn > 0:
+            said[CUT] = said[CUT] + 1
+        if turn > ALL:
+            said[WHOLE] = said[WHOLE] + 1
+        if turn > HELD:
+            said[STAYED] = said[STAYED] + 1
+        said[CLOSE] = wp.max(said[CLOSE], words[pairs.CLOSE])
+        words[pairs.CLOSE] = 0
+        words[pairs.SWEPT] = 0
+        words[pairs.TURNED] = 0
+        said[SEARCHES] = said[SEARCHES] + words[pairs.MADE]
+        words[pairs.MADE] = 0
+        words[pairs.EPOCH] = words[pairs.EPOCH] + 1
+
+    return tell_frame

@@ -1,0 +1,142 @@
+"""Tables of surfaces that may touch each other, the list of their near pairs, and how a launch reads the points of a pair.
+
+A point of a surface is p = x + e + shift: shift leads from the origin of its object to one that all surfaces share, in whole
+metres. Pairs are taken relative to their first point, so that only differences of coordinates are rounded.
+
+The list has no order that results depend on: what pairs add to a point is summed in whole numbers of UNIT metres
+(`fixed`), sums of which are the same in any order, so that results are bitwise the same from run to run and by any number of
+threads. What does not fit into 63 bits of them would be 8 km in a substep.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+
+SCALE = 2.0 ** 50                        # of metres: sums are whole numbers of 1 / SCALE
+SHARES = 4096                            # of weights, rounded up: 1 / SHARES too many is a sweep that much shorter
+# Words on the device: a search before the next solve; pairs are listed; projections go on; cuts go on; the round of either;
+# projections that a substep has at most; pairs without a proof; points out of their tubes; pairs that are let be, in this pass
+# and in the first of a substep; projections and cuts that the substep took; its number, by which points are marked as cut;
+# lists that were made in this substep
+SOON, NEAR, GOING, LEFT, ROUND, ROUNDS, BAD, OUT, CLOSER, CLOSE, SWEPT, TURNED, EPOCH, MADE = range(14)
+WORDS = 14
+
+
+@cache
+def surfaces(real):
+    """Struct of what never changes in a run, by point where nothing else is said."""
+    t = types(real)
+
+    @wp.struct
+    class Surfaces:
+        point: wp.array(dtype=int)                # places of the points of surfaces, (m,)
+        triangle: wp.array(dtype=wp.vec3i)        # places, (t,)
+        edge: wp.array(dtype=wp.vec2i)            # places, (k,)
+        w: wp.array(dtype=t.scalar)               # inverse mass [1/kg]
+        shift: wp.array(dtype=t.vec3)             # [m], see above
+        far: wp.array(dtype=t.vec3)               # from the origin of the prim's frame to that of the object [m]
+        unit: wp.array(dtype=t.scalar)            # bound of the rounding of a written coordinate over its distance there
+        reach: wp.array(dtype=t.scalar)           # half of the thickness [m]
+        friction: wp.array(dtype=t.vec2)          # static, dynamic
+        rest: wp.array(dtype=t.vec3)              # place in the rest shape of the body [m]
+        body: wp.array(dtype=int)
+        world: wp.array(dtype=int)
+        beta: t.scalar                            # radius of tubes [m]
+        radius: t.scalar                          # pairs nearer than this, but for tubes and paths, are listed [m]
+        tied: int                                 # 1: bodies share points, and `rest` is where they start
+        ulp: t.scalar                             # rounding of one operation
+
+    return Surfaces
+
+
+@cache
+def lists(real):
+    """Struct of near pairs, (capacity,)."""
+    t = types(real)
+
+    @wp.struct
+    class NearPairs:
+        capacity: int
+        count: wp.array(dtype=int)                # of pairs that were found, (1,); may be more than there is room for
+        kind: wp.array(dtype=int)                 # closest.POINT, closest.EDGES
+        ids: wp.array(dtype=wp.vec4i)             # places of the points
+        keep: wp.array(dtype=t.scalar)            # distance that the pair keeps [m]
+        n: wp.array(dtype=t.vec3)                 # normal where the substep begins
+        b: wp.array(dtype=t.vec4)                 # weights of its closest points
+        away: wp.array(dtype=t.scalar)            # distance there along n [m]
+        gap: wp.array(dtype=t.scalar)             # least n . (p_i - p_j) there [m]
+        least: wp.array(dtype=t.scalar)           # s, the gap that what is written needs [m]
+        push: wp.array(dtype=t.vec3)              # accumulated push [m kg]
+        on: wp.array(dtype=int)                   # 1: takes part in a sweep
+        bad: wp.array(dtype=int)                  # 1: not certified; 2: it was closer than s already, and is let be
+
+    return NearPairs
+
+
+@cache
+def sums(real):
+    """Struct of what pairs add up by point."""
+    @wp.struct
+    class Sums:
+        move: wp.array(dtype=wp.int64)            # displacement in 1 / SCALE metres, (3 points,)
+        share: wp.array(dtype=int)                # sum of weights in 1 / SHARES, (points,)
+        factor: wp.array(dtype=types(real).scalar)       # part of its motion that a point keeps, (points,)
+        cut: wp.array(dtype=int)                  # number of the substep in which its motion was cut last, (points,)
+
+    return Sums
+
+
+@cache
+def reading(real):
+    """Functions (place, step): of point k relative to point o at the start of the substep [m]; and how far k goes."""
+    t = types(real)
+    Surfaces = surfaces(real)
+
+    @wp.func
+    def place(s: Surfaces, x: wp.array(dtype=t.vec3), e: wp.array(dtype=t.vec3), k: int, o: int):
+        return ((x[k] - x[o]) + (s.shift[k] - s.shift[o])) + (e[k] - e[o])
+
+    @wp.func
+    def slack(s: Surfaces, x: wp.array(dtype=t.vec3), k: int):
+        """Bound of the rounding of a point in the file [m]: float32 in the frame of its prim."""
+        return s.unit[k] * wp.length(x[k] + s.far[k])
+
+    return place, slack
+
+
+@cache
+def fixed(real):
+    """Function: adds a displacement [m] to a point's sum."""
+    vec3, Sums = types(real).vec3, sums(real)
+
+    @wp.func
+    def fixed(to: Sums, k: int, move: vec3):
+        scale = real(SCALE)
+        wp.atomic_add(to.move, 3 * k, wp.int64(scale * move[0]))
+        wp.atomic_add(to.move, 3 * k + 1, wp.int64(scale * move[1]))
+        wp.atomic_add(to.move, 3 * k + 2, wp.int64(scale * move[2]))
+
+    return fixed
+
+
+@cache
+def settle_sums(real, module):
+    """Kernel: points go as pairs have summed up; the sums are zero again."""
+    t = types(real)
+    Sums = sums(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def add_sums(point: wp.array(dtype=int), d: wp.array(dtype=t.vec3), to: Sums, d_out: wp.array(dtype=t.vec3)):
+        i = point[wp.tid()]
+        if to.share[i] > 0:
+            scale = real(1.0 / SCALE)
+            move = t.vec3(real(to.move[3 * i]), real(to.move[3 * i + 1]), real(to.move[3 * i + 2]))
+            d_out[i] = d[i] + scale * move
+            to.share[i] = 0
+            to.move[3 * i] = wp.int64(0)
+            to.move[3 * i + 1] = wp.int64(0)
+            to.move[3 * i + 2] = wp.int64(0)
+
+    return add_sums

@@ -1,0 +1,93 @@
+"""Contact of near pairs with Coulomb friction, as sweeps over all pairs at once.
+
+    C = away + n . sum_k b_k (d_k - e_k) - keep        lam' = max(lam - C / W, 0)        dx_k = w_k b_k (P' - P)
+    T* = T - [sum_k b_k (d_k - a_k)]_t / W              T' = T* where |T*| <= mu_s lam', else mu_d lam' T* / |T*|
+
+P = lam n + T is the push of a pair [m kg]: every pair adds P b_k to its points, and sum_k b_k = 0, so that momentum is kept.
+n and b are those of the start of the substep. All pairs move at once (Jacobi), each as if its points were heavier:
+
+    W = sum_k |b_k| w_k B_k,   B_k = sum of |b_k| over the pairs of point k
+
+which bounds the rows of the matrix of all pairs (Gershgorin), so that sweeps settle; where pairs share no point it is the exact
+mass. As mass splitting (Tonge, Benevolenski, Voroshilov 2012), with shares by weight in place of counts. A pair that begins
+nearer than it is to be goes apart by `recovery` h at most.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.motion.points import states
+from wsim.kernels.selfcontact import pairs
+
+
+@cache
+def lean(real, module):
+    """Kernel: which pairs take part in a sweep; their weights are summed up by point."""
+    Pairs, State, Sums = pairs.lists(real), states(real), pairs.sums(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def lean_pairs(at: State, climb: real, near: Pairs, to: Sums):
+        i = wp.tid()
+        if i >= wp.min(near.count[0], near.capacity):
+            return
+        ids = near.ids[i]
+        b = near.b[i]
+        n = near.n[i]
+        C = near.away[i] - wp.min(near.keep[i], near.away[i] + climb)
+        for k in range(4):
+            C += b[k] * wp.dot(n, at.d[ids[k]] - at.e[ids[k]])
+        on = int(0)
+        if C < real(0.0) or wp.dot(near.push[i], n) > real(0.0):
+            on = 1
+            for k in range(4):
+                share = int(wp.ceil(wp.abs(b[k]) * real(pairs.SHARES)))
+                if share > 0:
+                    wp.atomic_add(to.share, ids[k], share)
+        near.on[i] = on
+
+    return lean_pairs
+
+
+@cache
+def press(real, module):
+    """Kernel: one sweep of the pairs that take part. friction: static, dynamic, the mean of the four points'."""
+    t = types(real)
+    Surfaces, Pairs, State, Sums = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real)
+    fixed = pairs.fixed(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def press_pairs(s: Surfaces, at: State, climb: real, near: Pairs, to: Sums):
+        i = wp.tid()
+        if i >= wp.min(near.count[0], near.capacity) or near.on[i] == 0:
+            return
+        ids = near.ids[i]
+        b = near.b[i]
+        n = near.n[i]
+        W = real(0.0)
+        C = near.away[i] - wp.min(near.keep[i], near.away[i] + climb)
+        slip = t.vec3()
+        mu = t.vec2()
+        for k in range(4):
+            q = ids[k]
+            W += wp.abs(b[k]) * s.w[q] * real(to.share[q]) / real(pairs.SHARES)
+            C += b[k] * wp.dot(n, at.d[q] - at.e[q])
+            slip += b[k] * (at.d[q] - at.a[q])
+            mu += real(0.5) * wp.abs(b[k]) * s.friction[q]
+        if W <= real(0.0):
+            return
+        push = near.push[i]
+        lam = wp.dot(push, n)
+        T = push - lam * n
+        lam = wp.max(lam - C / W, real(0.0))
+        T = T - (slip - wp.dot(slip, n) * n) / W
+        size = wp.length(T)
+        if size > mu[0] * lam:
+            T = (mu[1] * lam / size) * T
+        after = lam * n + T
+        near.push[i] = after
+        for k in range(4):
+            fixed(to, ids[k], (s.w[ids[k]] * b[k]) * (after - push))
+
+    return press_pairs

@@ -1,0 +1,159 @@
+"""Search for near pairs: points against triangles, and edges against edges, by a tree over the boxes of each (Warp's).
+
+A pair is listed where the axes of its two sides (kernels/selfcontact/tubes.py) may come nearer than what it keeps and two
+tubes' radii. Pairs that share a point touch always, and are none. A pair keeps the sum of the half thicknesses of its sides,
+and at most REST times its distance in the rest shape: what is near by construction is not pushed apart. That limits forces
+only; no pair is left out of the proof for being near at rest.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.selfcontact import closest, pairs
+from wsim.kernels.selfcontact.tubes import frames
+
+REST = 0.4
+
+
+@cache
+def boxes(real, module):
+    """Kernels: boxes about the axes of the points of triangles, and of edges."""
+    Surfaces, Frames = pairs.surfaces(real), frames(real)
+
+    @wp.func
+    def under(f: Frames, i: int):
+        a = wp.min(f.start[i], f.goal[i])
+        return wp.vec3f(float(a[0]), float(a[1]), float(a[2]))
+
+    @wp.func
+    def over(f: Frames, i: int):
+        a = wp.max(f.start[i], f.goal[i])
+        return wp.vec3f(float(a[0]), float(a[1]), float(a[2]))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def triangle_boxes(s: Surfaces, f: Frames, low: wp.array(dtype=wp.vec3f), high: wp.array(dtype=wp.vec3f)):
+        i = wp.tid()
+        c = s.triangle[i]
+        low[i] = wp.min(under(f, c[0]), wp.min(under(f, c[1]), under(f, c[2])))
+        high[i] = wp.max(over(f, c[0]), wp.max(over(f, c[1]), over(f, c[2])))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def edge_boxes(s: Surfaces, f: Frames, low: wp.array(dtype=wp.vec3f), high: wp.array(dtype=wp.vec3f)):
+        i = wp.tid()
+        c = s.edge[i]
+        low[i] = wp.min(under(f, c[0]), under(f, c[1]))
+        high[i] = wp.max(over(f, c[0]), over(f, c[1]))
+
+    return triangle_boxes, edge_boxes
+
+
+@cache
+def listing(real):
+    """Function: appends a pair to the list, if it may come near enough."""
+    t = types(real)
+    Surfaces, Frames, Pairs = pairs.surfaces(real), frames(real), pairs.lists(real)
+    weights = closest.weights(real)
+
+    @wp.func
+    def distance(kind: int, p1: t.vec3, p2: t.vec3, p3: t.vec3):
+        """Of a pair whose first point is at 0."""
+        b = weights(kind, t.vec3(), p1, p2, p3)
+        return wp.length(b[1] * p1 + b[2] * p2 + b[3] * p3)
+
+    @wp.func
+    def sides(kind: int, a0: real, a1: real, a2: real, a3: real):
+        """Greatest numbers of both sides, their sum."""
+        other = wp.max(a2, a3)
+        if kind == closest.POINT:
+            return a0 + wp.max(other, a1)
+        return wp.max(a0, a1) + other
+
+    @wp.func
+    def length(f: Frames, i: int):
+        return wp.length(f.goal[i] - f.start[i])
+
+    @wp.func
+    def append(s: Surfaces, f: Frames, kind: int, ids: wp.vec4i, near: Pairs):
+        i, j, k, o = ids[1], ids[2], ids[3], ids[0]
+        keep = sides(kind, s.reach[o], s.reach[i], s.reach[j], s.reach[k])
+        most = keep + s.radius + sides(kind, length(f, o), length(f, i), length(f, j), length(f, k))
+        b = s.body[o]
+        same = s.tied > 0 or (b == s.body[i] and b == s.body[j] and b == s.body[k])
+        c = f.start[o]
+        p1, p2, p3 = f.start[i] - c, f.start[j] - c, f.start[k] - c
+        step = int(0)
+        while step < 2:                                   # where they are, and at rest: a loop, so that it is compiled once
+            away = distance(kind, p1, p2, p3)
+            if step == 0 and away > most:
+                return
+            if step == 1:
+                keep = wp.min(keep, real(REST) * away)
+            step += 1
+            if not same:
+                step = 2
+            c = s.rest[o]
+            p1 = s.rest[i] - c
+            p2 = s.rest[j] - c
+            p3 = s.rest[k] - c
+        slot = wp.atomic_add(near.count, 0, 1)
+        if slot < near.capacity:
+            near.kind[slot] = kind
+            near.ids[slot] = ids
+            near.keep[slot] = keep
+            near.bad[slot] = 0
+
+    return append
+
+
+@cache
+def reach(real, module):
+    """Kernel: points against triangles, or edges against edges of a greater number. tree, root: of the boxes of triangles
+    (edges), and its nodes by world."""
+    t = types(real)
+    Surfaces, Frames, Pairs = pairs.surfaces(real), frames(real), pairs.lists(real)
+    append = listing(real)
+
+    @wp.func
+    def corner(a: t.vec3, more: real):
+        return wp.vec3f(float(a[0] + more), float(a[1] + more), float(a[2] + more))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def search_pairs(s: Surfaces, f: Frames, kind: int, tree: wp.uint64, root: wp.array(dtype=int), widest: real, near: Pairs):
+        own = wp.tid()
+        a, b = int(0), int(0)
+        if kind == closest.POINT:
+            a = s.point[own]
+            b = a
+        else:
+            a = s.edge[own][0]
+            b = s.edge[own][1]
+        low = corner(wp.min(wp.min(f.start[a], f.goal[a]), wp.min(f.start[b], f.goal[b])), -widest)
+        high = corner(wp.max(wp.max(f.start[a], f.goal[a]), wp.max(f.start[b], f.goal[b])), widest)
+        k = int(0)
+        query = wp.bvh_query_aabb(tree, low, high, root[s.world[a]])
+        while wp.bvh_query_next(query, k):
+            ids = wp.vec4i(a, a, a, a)
+            if kind == closest.POINT:
+                c = s.triangle[k]
+                ids = wp.vec4i(a, c[0], c[1], c[2])
+            elif k > own:
+                e = s.edge[k]
+                ids = wp.vec4i(a, b, e[0], e[1])
+            if ids[2] != a and ids[3] != a and ids[1] != ids[2] and ids[1] != ids[3] and (kind == closest.EDGES or ids[1] != a):
+                append(s, f, kind, ids, near)
+
+    return search_pairs
+
+
+@cache
+def listed(module):
+    """Kernel: a list was made: whether it holds pairs, and how many times so far."""
+    @wp.kernel(module=module, enable_backward=False)
+    def list_made(count: wp.array(dtype=int), words: wp.array(dtype=int)):
+        words[pairs.SOON] = 0
+        words[pairs.NEAR] = wp.min(count[0], 1)
+        words[pairs.MADE] = words[pairs.MADE] + 1
+
+    return list_made

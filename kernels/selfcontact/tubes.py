@@ -1,0 +1,205 @@
+"""The rigid motion that surfaces go by together, and tubes about what points do beside it, which say how long a list holds.
+
+Best rigid motion of a substep, of points of mass m at p that go by f (least squares of the mass times the error squared):
+
+    c = sum m p / M,   u = sum m f / M,   theta = I^-1 sum m (p - c) x (f - u),   R p = c + u + Rot(theta) (p - c)
+
+Sums are taken in a fixed order. When lists are made, A = 1 and the path of each point in the moving frame is an axis P Q; A
+takes on R each substep. While A^-1 p stays within beta of its axis, points of which the axes are farther apart than 2 beta do
+not meet, whatever A is. Between, p goes along a chord of what A makes of a straight line, and leaves it by |p - c| theta^2 / 8
+at most, which counts too. A bad R costs searches and nothing else.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.motion.points import states
+from wsim.kernels.selfcontact import pairs
+
+LANES, FOLD, COLUMNS = 256, 16, 16       # of the sums: partial sums, how many are one in a pass, numbers of each
+AHEAD = 4.0                              # substeps that an axis leads ahead at most
+LENGTH = 4.0                             # of beta, that it is made as long by, where a substep's own path is shorter
+RATE = 0.5                               # part of a radian that a substep turns by at most, else it is not turned with
+
+
+@cache
+def frames(real):
+    """Struct: rigid = (c, u, v), v the vector part of the quaternion of the substep's turn; A before and after the substep;
+    axes by point."""
+    t = types(real)
+
+    @wp.struct
+    class Frames:
+        rigid: wp.array(dtype=t.vec3)             # [m], [m], [1], (3,)
+        frame: wp.array(dtype=t.transform)        # A, R A, (2,)
+        start: wp.array(dtype=t.vec3)             # P [m], (points,)
+        goal: wp.array(dtype=t.vec3)              # Q [m], (points,)
+
+    return Frames
+
+
+@cache
+def tally(real, module):
+    """Kernel: partial sums of moments about the last centre, of a stretch of points each: (LANES, COLUMNS)."""
+    Surfaces, State, Frames = pairs.surfaces(real), states(real), frames(real)
+    row = wp.types.vector(COLUMNS, real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def tally_motion(s: Surfaces, at: State, f: Frames, out: wp.array2d(dtype=real)):
+        lane = wp.tid()
+        m = s.point.shape[0]
+        each = (m + LANES - 1) / LANES
+        c = f.rigid[0]
+        a = row()
+        for j in range(lane * each, wp.min((lane + 1) * each, m)):
+            i = s.point[j]
+            if s.w[i] > real(0.0):
+                mass = real(1.0) / s.w[i]
+                p = (at.x[i] + s.shift[i]) - c
+                d = at.d[i] - at.e[i]
+                turn = wp.cross(p, d)
+                a[0] = a[0] + mass
+                for k in range(3):
+                    a[1 + k] = a[1 + k] + mass * p[k]
+                    a[4 + k] = a[4 + k] + mass * d[k]
+                    a[7 + k] = a[7 + k] + mass * turn[k]
+                    a[10 + k] = a[10 + k] + mass * p[k] * p[k]
+                a[13] = a[13] + mass * p[0] * p[1]
+                a[14] = a[14] + mass * p[1] * p[2]
+                a[15] = a[15] + mass * p[2] * p[0]
+        for k in range(COLUMNS):
+            out[lane, k] = a[k]
+
+    return tally_motion
+
+
+@cache
+def fold(real, module):
+    """Kernel: sums of FOLD rows each."""
+    @wp.kernel(module=module, enable_backward=False)
+    def fold_sums(rows: wp.array2d(dtype=real), out: wp.array2d(dtype=real)):
+        i, k = wp.tid()
+        total = real(0.0)
+        for j in range(FOLD):
+            total += rows[i * FOLD + j, k]
+        out[i, k] = total
+
+    return fold_sums
+
+
+@cache
+def fit(real, module):
+    """Kernel: R from the sums, and A after the substep. fresh: A begins anew."""
+    t = types(real)
+    Frames = frames(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def fit_motion(a: wp.array2d(dtype=real), fresh: int, f: Frames):
+        zero, one = real(0.0), real(1.0)
+        c, u, theta = t.vec3(), t.vec3(), t.vec3()
+        M = a[0, 0]
+        if M > zero:
+            c = t.vec3(a[0, 1], a[0, 2], a[0, 3]) / M
+            u = t.vec3(a[0, 4], a[0, 5], a[0, 6]) / M
+            L = t.vec3(a[0, 7], a[0, 8], a[0, 9]) - M * wp.cross(c, u)
+            xx, yy, zz = a[0, 10] - M * c[0] * c[0], a[0, 11] - M * c[1] * c[1], a[0, 12] - M * c[2] * c[2]
+            xy, yz, zx = a[0, 13] - M * c[0] * c[1], a[0, 14] - M * c[1] * c[2], a[0, 15] - M * c[2] * c[0]
+            whole = real(1.001) * (xx + yy + zz)
+            turn = t.mat33(whole - xx, -xy, -zx, -xy, whole - yy, -yz, -zx, -yz, whole - zz)
+            if wp.determinant(turn) > zero:
+                theta = wp.inverse(turn) * L
+        size = wp.length(theta)
+        v = t.vec3()
+        if size > zero and size < real(RATE):
+            v = (wp.sin(real(0.5) * size) / size) * theta
+        before = f.frame[1]
+        if fresh > 0:
+            before = wp.transform_identity(dtype=real)
+        c = c + f.rigid[0]
+        q = t.quat(v[0], v[1], v[2], wp.sqrt(one - wp.dot(v, v)))
+        R = t.transform(c + u - wp.quat_rotate(q, c), q)
+        after = R * before
+        f.frame[0] = before
+        f.frame[1] = t.transform(wp.transform_get_translation(after), wp.normalize(wp.transform_get_rotation(after)))
+        f.rigid[0] = c
+        f.rigid[1] = u
+        f.rigid[2] = v
+
+    return fit_motion
+
+
+@cache
+def carried(real):
+    """Function: how far R takes a place p [m]; (Rot - 1) y = 2 w (v x y) + 2 v x (v x y), without cancellation."""
+    t = types(real)
+    Frames = frames(real)
+
+    @wp.func
+    def carried(f: Frames, p: t.vec3):
+        y = p - f.rigid[0]
+        v = f.rigid[2]
+        side = wp.cross(v, y)
+        return f.rigid[1] + real(2.0) * (wp.sqrt(real(1.0) - wp.dot(v, v)) * side + wp.cross(v, side))
+
+    return carried
+
+
+@cache
+def axes(real, module):
+    """Kernel: axes of the tubes, where lists are made: A before the substep is 1."""
+    Surfaces, State, Frames = pairs.surfaces(real), states(real), frames(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def lay_axes(s: Surfaces, at: State, f: Frames):
+        i = s.point[wp.tid()]
+        p = (at.x[i] + s.shift[i]) + at.e[i]
+        q = wp.transform_point(wp.transform_inverse(f.frame[1]), (at.x[i] + s.shift[i]) + at.d[i])
+        way = q - p
+        size = wp.length(way)
+        ahead = real(1.0)
+        if size > real(0.0):
+            ahead = wp.clamp(real(LENGTH) * s.beta / size, real(1.0), real(AHEAD))
+        f.start[i] = p
+        f.goal[i] = p + ahead * way
+
+    return lay_axes
+
+
+@cache
+def watch(real, module):
+    """Kernel: counts points that are out of their tubes where the substep ends, or began, in words[OUT]; stop 1: what they do
+    beside R is to be cut; words[SOON] where one would leave it in the next substep."""
+    t = types(real)
+    Surfaces, State, Frames, Sums = pairs.surfaces(real), states(real), frames(real), pairs.sums(real)
+
+    @wp.func
+    def off(p: t.vec3, a: t.vec3, b: t.vec3):
+        """Distance from p to the axis a b."""
+        d = b - a
+        size = wp.dot(d, d)
+        k = real(0.0)
+        if size > real(0.0):
+            k = wp.clamp(wp.dot(p - a, d) / size, real(0.0), real(1.0))
+        return wp.length(p - a - k * d)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def watch_tubes(s: Surfaces, at: State, f: Frames, stop: int, to: Sums, words: wp.array(dtype=int)):
+        i = s.point[wp.tid()]
+        p = at.x[i] + s.shift[i]
+        q0 = wp.transform_point(wp.transform_inverse(f.frame[0]), p + at.e[i])
+        q1 = wp.transform_point(wp.transform_inverse(f.frame[1]), p + at.d[i])
+        v = f.rigid[2]
+        sag = real(0.5) * wp.length(p - f.rigid[0]) * wp.dot(v, v)
+        size = wp.length(p) + wp.length(wp.transform_get_translation(f.frame[1]))
+        room = s.beta - sag - real(64.0) * s.ulp * size
+        if not (wp.max(off(q0, f.start[i], f.goal[i]), off(q1, f.start[i], f.goal[i])) <= room):
+            wp.atomic_add(words, pairs.OUT, 1)
+            if stop > 0:
+                to.factor[i] = real(0.0)
+                to.cut[i] = words[pairs.EPOCH]
+        if not (off(real(2.0) * q1 - q0, f.start[i], f.goal[i]) <= room):
+            words[pairs.SOON] = 1
+
+    return watch_tubes

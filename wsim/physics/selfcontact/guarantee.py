@@ -1,0 +1,78 @@
+"""No pair passes through itself in a substep: proof, projection, cut. See kernels/selfcontact/certificate.py and cut.py."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import warp as wp
+
+from wsim.kernels.selfcontact import certificate, cut, pairs
+
+if TYPE_CHECKING:
+    from wsim.model.model import Model
+    from wsim.physics.selfcontact.near import Near
+
+
+class Guarantee:
+    def __init__(self, model: Model, near: Near):
+        real, module = model.real, model.module
+        self.model, self.near, self.surfaces = model, near, near.surfaces
+        self.inspect, self.share = certificate.inspect(real, module), certificate.share(real, module)
+        self.project, self.proceed = certificate.project(real, module), certificate.proceed(module)
+        self.add = pairs.settle_sums(real, module)
+        self.claim, self.shorten = cut.claim(real, module), cut.shorten(real, module)
+        self.cut, self.tell = cut.cut(real, module), cut.tell(real, module)
+
+    def each(self, kernel, inputs: list, outputs: list) -> None:
+        """Launches a kernel over all pairs that there is room for."""
+        self.model.launch(kernel, self.near.pairs.capacity, inputs, outputs)
+
+    def keep(self, at, d: wp.array, again, said: wp.array) -> None:
+        """Makes the end of a substep one that is proven. again: launches what a new list needs; said: words of the frame."""
+        near = self.near
+        near.move(at, 0)
+        near.look(at)
+        wp.capture_if(near.word(pairs.OUT), lambda: self.anew(at, again))
+        wp.capture_if(near.word(pairs.NEAR), lambda: self.prove(at))
+        wp.capture_while(near.word(pairs.GOING), lambda: self.push(at, d))
+        wp.capture_while(near.word(pairs.LEFT), lambda: self.shrink(at, d, said))
+        self.model.launch(self.tell, 1, [near.pairs], [near.words, said])
+
+    def anew(self, at, again) -> None:
+        """Points left their tubes: a list along the paths that were solved for, in which they are."""
+        self.near.word(pairs.OUT).zero_()
+        again()
+
+    def begin(self, at) -> None:
+        """Looks at pairs where the substep begins."""
+        self.each(self.inspect, [self.surfaces.data, at, 0], [self.near.pairs, self.near.words])
+
+    def certify(self, at) -> None:
+        """Looks for a proof of every pair."""
+        self.each(self.inspect, [self.surfaces.data, at, 1], [self.near.pairs, self.near.words])
+
+    def prove(self, at) -> None:
+        self.certify(at)
+        self.model.launch(self.proceed, 1, [], [self.near.words, 0, cut.ROUNDS])
+
+    def push(self, at, d: wp.array) -> None:
+        """One projection of what is not certified."""
+        near, data, points = self.near, self.surfaces.data, self.surfaces
+        self.each(self.share, [data, at, near.pairs], [near.sums])
+        self.each(self.project, [data, at, near.pairs], [near.sums])
+        self.model.launch(self.add, len(points.points), [data.point, d], [near.sums, d])
+        self.certify(at)
+        near.look(at)
+        self.model.launch(self.proceed, 1, [], [near.words, 1, cut.ROUNDS])
+
+    def shrink(self, at, d: wp.array, said: wp.array) -> None:
+        """One round of cuts."""
+        near, data = self.near, self.surfaces.data
+        near.look(at, 1)
+        self.each(self.claim, [near.words, near.pairs], [near.sums])
+        self.each(self.shorten, [data, at, near.frames, near.words, near.pairs], [near.sums])
+        self.model.launch(self.cut, len(self.surfaces.points), [data, at, near.frames, near.words, near.sums], [d, said])
+        near.word(pairs.OUT).zero_()
+        self.certify(at)
+        near.look(at)
+        self.model.launch(self.proceed, 1, [], [near.words, 2, cut.ROUNDS])

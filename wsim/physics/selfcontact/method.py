@@ -1,0 +1,150 @@
+"""Surfaces that touch themselves and each other: contact rows among the constraints of a solver, and behind them the guarantee
+that no substep ends with an intersection that it did not begin with.
+
+XPBD takes SWEEPS of the contact rows in each of its iterations; behind explicit steps and Newton's method they come as
+impulses, BEHIND of them (as pairs of carriers do). The guarantee is the same behind each solver: it changes displacements
+before velocities are made of them. Integrators whose substeps end elsewhere than where they solve are refused.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wsim.kernels.motion.points import states
+from wsim.kernels.selfcontact import cut, pairs, rows
+from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.status import Status
+from wsim.model.structs import filled
+from wsim.physics.selfcontact.guarantee import Guarantee
+from wsim.physics.selfcontact.near import Near
+from wsim.physics.selfcontact.surfaces import Surfaces
+from wsim.scene import Problem, SceneError
+
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
+
+SAID = "self-contact"  # status words, see kernels/selfcontact/cut.py
+SWEEPS, BEHIND = 3, 12           # of contact rows: in an iteration of XPBD, behind another solver
+ROUNDS, MORE = 16, 3             # projections of what is not certified, at most; times as many in a frame that lost too much
+LOSS = 5                         # percent of its motion that a point may lose in a substep before the frame is repeated
+RECOVERY = 0.5                   # [m/s] at which surfaces leave an overlap of their thicknesses
+
+
+def build(b: Build) -> SelfContact:
+    """Raises SceneError for an integrator that ends a substep elsewhere than where it solves."""
+    if b.clock.integrator.rebounds:
+        name = b.clock.integrator.title or b.clock.integrator.name
+        raise SceneError(Problem("/", f"{name} ends a substep elsewhere than where it solves, and surfaces with "
+                                 "wsim:selfCollision are proven where that is; take wsim:integrator = backward_euler, bdf2 or "
+                                 "leapfrog"))
+    return SelfContact(b)
+
+
+class SelfContact(Method):
+    """Stages of the list, the rows and the guarantee."""
+
+    def __init__(self, b: Build):
+        super().__init__("selfcontact")
+        self.model, self.state, self.status = b.model, b.state, b.status
+        self.points = b.methods.find("points")
+        b.status.reserve(SAID, cut.SAID)
+        real, module = b.model.real, b.model.module
+        self.surfaces = Surfaces(b.model, self.points.constants.w)
+        self.near = Near(b.model, self.surfaces)
+        self.guarantee = Guarantee(b.model, self.near)
+        self.lean, self.press = rows.lean(real, module), rows.press(real, module)
+        self.total = np.zeros(cut.SAID, np.int64)
+        self.frames = self.repeats = 0
+        self.often = self.fresh = False
+        within = b.choice.solver == "xpbd"
+        self.sweeps = SWEEPS if within else BEHIND
+        what = f"{len(self.surfaces.triangles)} triangles, {len(self.surfaces.edges)} edges; where a point leaves its tube"
+        self.stages = [
+            Stage("near pairs", "collide", self.find, 1, 0, what=what),
+            Stage("self-contact", "solve", self.touch, 3 * self.sweeps, 0, "iteration" if within else "substep", "near pairs"),
+            Stage("guarantee", "solve", self.keep, 8, 0, what="proof; projections and cuts of what lacks one")]
+
+    def at(self):
+        s = self.state
+        return filled(states(self.model.real), x=s.x, e=s.e, d=s.d, a=self.points.anchor)
+
+    def find(self, clock: Clock) -> None:
+        """Makes the list if it does not hold on, and looks at where its pairs are."""
+        import warp as wp
+        wp.capture_if(self.near.word(pairs.SOON), lambda: self.near.search(self.at()))
+        wp.capture_if(self.near.word(pairs.NEAR), lambda: self.guarantee.begin(self.at()))
+
+    def touch(self, clock: Clock) -> None:
+        import warp as wp
+        wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock))
+
+    def sweep(self, clock: Clock) -> None:
+        """Sweeps over all pairs."""
+        near, data, at, d, climb = self.near, self.surfaces.data, self.at(), self.state.d, RECOVERY * clock.h
+        for _ in range(self.sweeps):
+            self.guarantee.each(self.lean, [at, climb, near.pairs], [near.sums])
+            self.guarantee.each(self.press, [data, at, climb, near.pairs], [near.sums])
+            self.model.launch(self.guarantee.add, len(self.surfaces.points), [data.point, d, near.sums], [d])
+
+    def keep(self, clock: Clock) -> None:
+        def again() -> None:
+            self.near.search(self.at())
+            self.guarantee.begin(self.at())
+        self.guarantee.keep(self.at(), self.state.d, again, self.status.word(SAID))
+
+    # around a frame
+
+    def enter(self, clock: Clock) -> None:
+        self.often, self.fresh = False, True
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        if self.fresh:
+            self.near.build()
+        self.near.allow(ROUNDS * MORE if self.often else ROUNDS)
+        self.fresh = False
+
+    def retry(self, status: Status) -> list[Remedy]:
+        said = status.said(SAID)
+        wanted = int(said[cut.WANTED])
+        if wanted:
+            return [Remedy("grow", lambda: self.grow(wanted))]
+        if said[cut.LOST] > LOSS and not self.often:
+            self.often = True
+            self.repeats += 1
+            return [Remedy("grow")]
+        return []
+
+    def grow(self, wanted: int) -> str:
+        before = self.near.pairs.capacity
+        if wanted <= before:
+            return ""
+        self.near.room(wanted + wanted // 2)
+        return f"{wanted} pairs of surfaces were near each other, and there was room for {before}"
+
+    def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
+        said = status.said(SAID)
+        self.total += said
+        self.frames += 1
+        found = []
+        if said[cut.CLOSE]:
+            found.append((("self-contact", "close"), float(said[cut.CLOSE]), "{worst} pairs of surfaces began a substep "
+                          "intersecting or closer than what a file can tell apart; they are held as they are"))
+        if said[cut.LOST] > LOSS:
+            found.append((("self-contact", "cut"), float(said[cut.LOST]), "surfaces were about to pass through each other, and "
+                          "a point lost {worst} % of its motion in a substep; give more substeps"))
+        if said[cut.STAYED]:
+            found.append((("self-contact", "held"), float(said[cut.STAYED]), "surfaces were held where they were in {worst} "
+                          "substeps: nothing else kept them from passing through each other; is something pinched?"))
+        return found
+
+    def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
+        """near_pairs: of surfaces, in the last list; least_gap [m] between them where the last substep began; searches,
+        projected and cut substeps, held ones, of all frames; repeated: frames, for what cuts took."""
+        near = self.near.pairs
+        count = min(int(near.count.numpy()[0]), near.capacity)
+        total = {name: float(self.total[k]) for name, k in (("searches", cut.SEARCHES), ("projected", cut.PROJECTED),
+                                                            ("cut", cut.CUT), ("held", cut.STAYED))}
+        gap = {"least_gap": float(near.gap.numpy()[:count].min())} if count else {}
+        return {"near_pairs": float(count), **gap, **total, "repeated": float(self.repeats)}

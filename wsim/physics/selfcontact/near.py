@@ -1,0 +1,118 @@
+"""The list of near pairs: when it is made, and what it holds on. See kernels/selfcontact/search.py and tubes.py."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import warp as wp
+
+from wsim.kernels.contact.search import roots
+from wsim.kernels.math.real import types
+from wsim.kernels.selfcontact import pairs, search, tubes
+from wsim.model.structs import filled
+
+if TYPE_CHECKING:
+    from wsim.model.model import Model
+    from wsim.physics.selfcontact.surfaces import Surfaces
+
+EACH = 4               # pairs a point that there is room for at first
+REBUILT = 48           # frames after which trees are built anew: boxes of what has folded overlap
+
+
+class Near:
+    """pairs: the list; words: what decides on the device (kernels/selfcontact/pairs.py); sums: what pairs add up."""
+
+    def __init__(self, model: Model, surfaces: Surfaces):
+        self.model, self.surfaces = model, surfaces
+        real, module, device, t = model.real, model.module, model.device, types(model.real)
+        self.tally, self.fold, self.fit = tubes.tally(real, module), tubes.fold(real, module), tubes.fit(real, module)
+        self.axes, self.watch = tubes.axes(real, module), tubes.watch(real, module)
+        self.boxes, self.reach, self.roots = search.boxes(real, module), search.reach(real, module), roots(module)
+        self.listed = search.listed(module)
+        zeros, n = partial(wp.zeros, device=device), model.points
+        self.words = zeros(pairs.WORDS, dtype=int)
+        self.sums = filled(pairs.sums(real), move=zeros(3 * n, dtype=wp.int64), share=zeros(n, dtype=int),
+                           factor=wp.ones(n, dtype=real, device=device), cut=zeros(n, dtype=int))
+        self.frames = filled(tubes.frames(real), rigid=zeros(3, dtype=t.vec3), frame=zeros(2, dtype=t.transform),
+                             start=zeros(n, dtype=t.vec3), goal=zeros(n, dtype=t.vec3))
+        self.moments = [zeros((rows, tubes.COLUMNS), dtype=real) for rows in (tubes.LANES, tubes.LANES // tubes.FOLD, 1)]
+        self.trees: list[wp.Bvh] = []
+        self.low, self.high = ([zeros(len(each), dtype=wp.vec3f) for each in (surfaces.triangles, surfaces.edges)]
+                               for _ in range(2))
+        self.groups = [model.upload(surfaces.world[each[:, 0]], int) for each in (surfaces.triangles, surfaces.edges)]
+        self.root = [zeros(model.worlds, dtype=int) for _ in range(2)]
+        self.age = self.rounds = 0
+        self.room(max(1024, EACH * len(surfaces.points)))
+
+    def room(self, capacity: int) -> None:
+        """Arrays for so many pairs; the list is to be made anew."""
+        zeros, t = partial(wp.zeros, capacity, device=self.model.device), types(self.model.real)
+        scalars, vectors = ("keep", "away", "gap", "least"), ("n", "push")
+        self.pairs = filled(
+            pairs.lists(self.model.real), capacity=capacity, count=wp.zeros(1, dtype=int, device=self.model.device),
+            ids=zeros(dtype=wp.vec4i), b=zeros(dtype=t.vec4), **{k: zeros(dtype=int) for k in ("kind", "on", "bad")},
+            **{k: zeros(dtype=t.scalar) for k in scalars}, **{k: zeros(dtype=t.vec3) for k in vectors})
+        words = self.words.numpy()
+        words[pairs.SOON], words[pairs.EPOCH] = 1, words[pairs.EPOCH] + 1
+        self.words.assign(words)
+
+    def build(self) -> None:
+        """Trees over boxes where the points start, or anew over what they hold; not captured."""
+        if self.trees:
+            self.age += 1
+            if self.age % REBUILT == 0:
+                for tree in self.trees:
+                    tree.rebuild()
+                self._roots()
+            return
+        start = self.surfaces.start(self.model).astype(self.model.dtype)
+        self.frames.start.assign(start)
+        self.frames.goal.assign(start)
+        self._boxes()
+        self.trees = [wp.Bvh(low, high, groups=g) for low, high, g in zip(self.low, self.high, self.groups, strict=True)]
+        self._roots()
+
+    def _roots(self) -> None:
+        for tree, root in zip(self.trees, self.root, strict=True):
+            self.model.launch(self.roots, len(root), [tree.id], [root])
+
+    def _boxes(self) -> None:
+        for kernel, low, high in zip(self.boxes, self.low, self.high, strict=True):
+            self.model.launch(kernel, len(low), [self.surfaces.data, self.frames], [low, high])
+
+    def allow(self, rounds: int) -> None:
+        """Projections that a substep has at most, in frames to come."""
+        if rounds != self.rounds:
+            self.rounds = rounds
+            self.word(pairs.ROUNDS).fill_(rounds)
+
+    def word(self, k: int) -> wp.array:
+        """One word, as conditions of a graph take it."""
+        return self.words[k:k + 1]
+
+    def move(self, at, fresh: int) -> None:
+        """The rigid motion of the substep, by what `at` holds; fresh 1: A begins anew."""
+        launch, m = self.model.launch, self.moments
+        launch(self.tally, tubes.LANES, [self.surfaces.data, at, self.frames], [m[0]])
+        for rows, out in zip(m[:-1], m[1:], strict=True):
+            launch(self.fold, (out.shape[0], tubes.COLUMNS), [rows], [out])
+        launch(self.fit, 1, [m[-1], fresh], [self.frames])
+
+    def search(self, at) -> None:
+        """Makes the list, along the paths that `at` holds."""
+        launch, s, f = self.model.launch, self.surfaces, self.frames
+        self.move(at, 1)
+        launch(self.axes, len(s.points), [s.data, at], [f])
+        self._boxes()
+        self.pairs.count.zero_()
+        widest = s.thickness + s.data.radius
+        for kind, (tree, root, n) in enumerate(zip(self.trees, self.root, (len(s.points), len(s.edges)), strict=True)):
+            tree.refit()
+            launch(self.reach, n, [s.data, f, kind, tree.id, root, widest], [self.pairs])
+        launch(self.listed, 1, [self.pairs.count], [self.words])
+
+    def look(self, at, stop: int = 0) -> None:
+        """Whether points are in their tubes where the substep ends."""
+        self.model.launch(self.watch, len(self.surfaces.points), [self.surfaces.data, at, self.frames, stop],
+                          [self.sums, self.words])
