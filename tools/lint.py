@@ -25,8 +25,8 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # Folders of wsim from the bottom up: a module imports from its own folder and the folders below. A new file needs no
 # place here, a new folder does.
-LAYERS = ("kernels", "geometry", "scene", "usd", "model", "physics", "simulation", "gradient", "show", "fitting", "bench",
-          "cli", "__init__", "__main__")
+LAYERS = ("kernels", "geometry", "scene", "usd", "model", "physics", "simulation", "gradient", "show", "fitting", "sweep",
+          "bench", "cli", "__init__", "__main__")
 METHODS = {"physics.motion.points", "physics.motion.explicit", "physics.motion.loads", "physics.solver.newton",
            "physics.solver.xpbd", "physics.cloth.air", "physics.cloth.muscles"}                  # never each other
 USD = ("physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.moving", "physics.rigid.joints.filters.usd",
@@ -35,12 +35,13 @@ USD = ("physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.mo
 WITHOUT_WARP = ("geometry", "scene", "usd", *USD, "simulation.duration", "simulation.interrupt",
                 "simulation.report", "show.camera", "show.image.png", "show.smoke.read", "show.prim", "show.shading",
                 "show.visible", "cli.arguments", "cli.inventory", "cli.progress")
-ONLY = {"rerun": ("show.viewer", "show.rerun_log"), "pxr": ("usd", "show", *USD), "matplotlib": ("bench",),
+ONLY = {"rerun": ("show.viewer", "show.rerun_log"), "pxr": ("usd", "show", *USD), "matplotlib": ("bench", "sweep.pictures"),
+        "ray": ("sweep.cluster",), "pyarrow": ("sweep.folder",),
         "torch": ("gradient.rollout.torch",), "jax": ("gradient.rollout.jax",),
         "PIL": ("show.image.animation",), "imageio": ("show.image.animation",)}     # who may import these packages
 
 ENTRIES = 15                     # files and folders in a folder
-MARKERS = ("py.typed",)          # not counted: nobody reads them
+MARKERS = ("py.typed",)          # not counted, as an empty __init__.py and links: nobody reads them
 FILE_LINES, TEST_LINES, FUNCTION_LINES, ARGUMENTS = 300, 400, 45, 8
 WORDS = re.compile(r"(?<![\w.:/$}<])/(?:tmp|root|home|opt|mnt|srv)/[\w.-]+|(?<!\w)share[d]/"
                    r"|\bTO[D]O\b|\bFIX[M]E\b|\bXX[X]\b|NotImplemented[E]rror|assert Tru[e]\b")
@@ -150,10 +151,16 @@ def entries(root: Path = ROOT, folders=("wsim", "kernels", "tests", "tools")) ->
         for folder in [root / top, *sorted((root / top).rglob("*"))]:
             if not folder.is_dir() or folder.is_symlink() or folder.name == "__pycache__" or not any(folder.glob("*.py")):
                 continue
-            found = [entry for entry in folder.iterdir() if entry.name not in MARKERS
+            found = [entry for entry in folder.iterdir() if not _marks(entry)
                      and (entry.is_file() or any(entry.glob("*.*")))]
             if len(found) > ENTRIES:
                 yield f"{folder.relative_to(root)}: {len(found)} entries, at most {ENTRIES}: make a room"
+
+
+def _marks(entry: Path) -> bool:
+    """Whether nobody reads an entry of a folder."""
+    empty = entry.name == "__init__.py" and not entry.stat().st_size
+    return entry.name in MARKERS or entry.is_symlink() or empty
 
 
 def cycles(files: dict[Path, str]) -> Iterator[str]:

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from wsim.scene.fabric import Fabric, fabric
     from wsim.scene.solid import Bulk
     from wsim.simulation.simulation import Simulation
+    from wsim.sweep.sweep import sweep  # type: ignore[no-redef]  # noqa: F401
     from wsim.usd import load, save  # type: ignore[no-redef]  # wsim.usd.load is a module too
     from wsim.usd.result.recorder import Recorder
 
@@ -47,7 +48,7 @@ _HOME = {
     "Curve": "wsim.scene.curve", "Motion": "wsim.scene.curve", "Bulk": "wsim.scene.solid",
     "Fabric": "wsim.scene.fabric", "fabric": "wsim.scene.fabric", "shapes": "wsim.scene.shapes",
     "load": "wsim.usd", "save": "wsim.usd", "Simulation": "wsim.simulation.simulation", "fit": "wsim.fitting.fit",
-    "Recorder": "wsim.usd.result.recorder",
+    "Recorder": "wsim.usd.result.recorder", "sweep": "wsim.sweep",
 }
 __all__ = [  # noqa: F822  (names of __getattr__)
     "Box", "Bulk", "Capsule", "Cloth", "Collider", "Cone", "Curve", "Cylinder", "Fabric", "Motion", "Pin", "Plane",
@@ -63,7 +64,7 @@ def __getattr__(name: str):
     from importlib import import_module
 
     module = import_module(home)
-    value = module if name == "shapes" else getattr(module, name)
+    value = module if name in ("shapes", "sweep") else getattr(module, name)
     globals()[name] = value
     return value
 

@@ -6,6 +6,9 @@ gradient by where the point is seen from it, y = x - o, N that by the normal, W 
     by s    -G +- W            by w    -y x G +- z x W (+ n x N at the end)       + at the end, - at the start of a substep
 
 A frame's shift and turn are linear in time between those where it begins and where it ends.
+
+Of a mesh whose points move besides, each contact leaves its gradients by the corners of the faces that it was found on
+(`corners`), in the mesh's own frame; sums over contacts are the host's, so that their order does not depend on threads.
 """
 
 from functools import cache
@@ -56,6 +59,20 @@ def moved(c: Any, row: int, k: int, x: Any, d: Any, G: Any, at: Any):
     e0 = one - b0
     e1 = one - b1
     return wp.matrix_from_rows(e0 * s0 + e1 * s1, e0 * w0 + e1 * w1, b0 * s0 + b1 * s1, b0 * w0 + b1 * w1)
+
+
+@cache
+def corners(real):
+    """Struct of gradients by corners of meshes, (substeps, slots): row of the table of colliders or -1, faces as
+    `mesh.look` has them, and in rows those by X, V and Y of kernels/contact/mesh.py [1/m]."""
+
+    @wp.struct
+    class Corners:
+        row: wp.array2d(dtype=int)
+        face: wp.array2d(dtype=wp.vec3i)
+        by: wp.array2d(dtype=wp.types.matrix((9, 3), real))
+
+    return Corners
 
 
 @cache

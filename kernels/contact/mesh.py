@@ -187,9 +187,9 @@ def settled(real):
 
 @cache
 def look(kinds: tuple[str, ...], real):
-    """Function (kind, mesh, deep, depth, q0, q1, most) -> (X, V, Y, what, sides), see above; what < 0: no face within `most`
-    [m] of q1. sides: 1, or -1 where the point is behind the face, or on the inner side of a closed mesh; 0, or the side of the
-    face that is crossed."""
+    """Function (kind, mesh, deep, depth, q0, q1, most) -> (X, V, Y, what, sides, faces), see above; what < 0: no face within
+    `most` [m] of q1. sides: 1, or -1 where the point is behind the face, or on the inner side of a closed mesh; 0, or the side
+    of the face that is crossed. faces: the nearest one, which of its corners is X_0, and the one that is crossed."""
     t, search, (corners, steps) = types(real), nearest(kinds), reading(real)
 
     @wp.func
@@ -200,11 +200,14 @@ def look(kinds: tuple[str, ...], real):
         what = int(-1)
         side = real(1.0)
         front = real(0.0)
+        faces = wp.vec3i(-1, 0, -1)
         face, sign = search(kind, mesh, wp.vec3f(q1), float(most), deep, float(depth))
         if face >= 0:
             what, first = part(corners(mesh, face, 0), q1)
             X = corners(mesh, face, first)
             V = steps(mesh, face, first)
+            faces[0] = face
+            faces[1] = first
             if what == INSIDE and wp.dot(normal(X), q1 - X[0]) < real(0.0):
                 side = -side
             if sign < float(0.0):
@@ -216,12 +219,13 @@ def look(kinds: tuple[str, ...], real):
                 ray = wp.mesh_query_ray(mesh, wp.vec3f(start), wp.vec3f((q1 - start) / length), float(length))
                 if ray.result:
                     Y = corners(mesh, ray.face, 0)
+                    faces[2] = ray.face
                     fall = wp.dot(normal(Y), q1 - start)
                     if fall < real(0.0):                      # a solid is entered through the front of a face
                         front = real(1.0)
                     if fall > real(0.0) and kind == SHEET:
                         front = real(-1.0)
-        return X, V, Y, what, t.vec2(side, front)
+        return X, V, Y, what, t.vec2(side, front), faces
 
     return look
 
@@ -240,7 +244,7 @@ def touch_mesh(kinds: tuple[str, ...], real):
         p = q1
         s0 = C
         slip = t.vec3()
-        X, V, Y, what, sides = find(kind, mesh, deep, depth, q0, q1, margin + r)
+        X, V, Y, what, sides, _faces = find(kind, mesh, deep, depth, q0, q1, margin + r)
         if what >= 0:
             C, n, p, s0, slip = formula(X, V, Y, what, sides, wp.matrix_from_rows(q0, q1), r)
         return C, n, p, s0, slip

@@ -25,7 +25,7 @@ import warp as wp
 
 from wsim.kernels.contact import collide, mesh
 from wsim.kernels.contact.collide import NEWTON_LIMIT, done, onward
-from wsim.kernels.contact.collider_gradients import moved, seen
+from wsim.kernels.contact.collider_gradients import corners, moved, seen
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import slots, tables
 from wsim.kernels.contact.project_adjoint import grads, read
@@ -133,15 +133,17 @@ def convex_adjoint(kinds: tuple[str, ...], real):
 @cache
 def mesh_adjoint(kinds: tuple[str, ...], real):
     """Function, as `convex_adjoint`, of `mesh.touch_mesh`; how: r, margin, depth; last row of G: by slip. The face is looked
-    for once more."""
+    for once more. Then gradients by X, V and Y in rows, and the faces, as `mesh.look` has them."""
     t, find, (_, faced) = types(real), mesh.look(kinds, real), products(kinds, real)
 
     @wp.func
     def mesh_adjoint(kind: int, surface: wp.uint64, ends: wp.types.matrix((2, 3), real), how: t.vec3, by: t.vec2, G: t.mat33):
-        X, V, Y, what, sides = find(kind, surface, 1, how[2], ends[0], ends[1], how[1] + how[0])
-        _X, _V, _Y, _what, _sides, by_ends, by_how, _G = wp.grad(faced)(
+        X, V, Y, what, sides, faces = find(kind, surface, 1, how[2], ends[0], ends[1], how[1] + how[0])
+        gX, gV, gY, _what, _sides, by_ends, by_how, _G = wp.grad(faced)(
             X, V, Y, what, sides, ends, t.vec3(how[0], by[0], by[1]), G)
-        return wp.matrix_from_rows(by_ends[0], by_ends[1], t.vec3(by_how[0], real(0.0), real(0.0)))
+        by_corners = wp.matrix_from_rows(gX[0], gX[1], gX[2], gV[0], gV[1], gV[2], gY[0], gY[1], gY[2])
+        found = wp.matrix_from_rows(by_ends[0], by_ends[1], t.vec3(by_how[0], real(0.0), real(0.0)))
+        return found, by_corners, faces
 
     return mesh_adjoint
 
@@ -190,15 +192,17 @@ def overlap(gb: Any, by_out: Any, how: Any, most: Any):
 
 
 @cache
-def search_adjoint(kinds: tuple[str, ...], real, module):
+def search_adjoint(kinds: tuple[str, ...], real, module, kept: bool = False):
     """Kernel over points: the adjoint of the search of substep k; gradients by d and a that it has moved are left where they
-    are, for the copies before it. Arguments: rows, points, slots, what was read (x, d), gradients, k."""
+    are, for the copies before it. Arguments: rows, points, slots, what was read (x, d), gradients, gradients by corners of
+    meshes, which are written where they are kept, k."""
     t, (meet, carry), (shapes, surfaces) = types(real), met(kinds, real), collide.split(kinds)
     of_convex, of_mesh = convex_adjoint(shapes, real), mesh_adjoint(surfaces, real)
     convex, meshes = bool(shapes), bool(surfaces)
     (Rows, Points), Slots, Read, Grads, vec3 = tables(real), slots(real), read(real), grads(real), t.vec3
+    Corners = corners(real)
 
-    def search(c: Rows, points: Points, s: Slots, at: Read, o: Grads, k: int):
+    def search(c: Rows, points: Points, s: Slots, at: Read, o: Grads, by_corners: Corners, k: int):
         i = wp.tid()
         x = at.x[i]
         d = at.d[i]
@@ -206,6 +210,9 @@ def search_adjoint(kinds: tuple[str, ...], real, module):
         by_x = vec3()
         by_d = vec3()
         count = s.count[i]
+        if kept:
+            for slot in range(s.capacity):
+                by_corners.row[k, slot * s.points + i] = -1
         for later in range(count):
             last = count - 1 - later
             carried = carry(c, points, s, i, last, k, x, d)
@@ -225,7 +232,11 @@ def search_adjoint(kinds: tuple[str, ...], real, module):
                     g = of_convex(kind, c.size[row], ends, vec3(how[0], how[1], c.width), by, G)
             if meshes:
                 if kind >= SOLID:
-                    g = of_mesh(kind, c.mesh[row], ends, vec3(how[0], how[1], c.size[row][0]), by, G)
+                    g, each, faces = of_mesh(kind, c.mesh[row], ends, vec3(how[0], how[1], c.size[row][0]), by, G)
+                    if kept:
+                        by_corners.row[k, j] = row
+                        by_corners.face[k, j] = faces
+                        by_corners.by[k, j] = each
             g0 = wp.quat_rotate(wp.transform_get_rotation(c.pose[k, row]), g[0])
             g1 = wp.quat_rotate(wp.transform_get_rotation(c.pose[k + 1, row]), g[1])
             place = (row - c.first[points.object[i]]) * s.points + i
@@ -238,4 +249,5 @@ def search_adjoint(kinds: tuple[str, ...], real, module):
         o.d[i] = o.d[i] + by_d
 
     need(kinds, real, module)
-    return wp.kernel(search, name=f"adjoint_search_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)
+    name = f"adjoint_search_{'_'.join(kinds)}{'_kept' * kept}_{t.name}"
+    return wp.kernel(search, name=name, module=module, enable_backward=False)

@@ -211,23 +211,6 @@ def advect(dim: int, axis: int, how: tuple[str, bool, bool, bool], pushed: str, 
 
 
 @cache
-def advect_both(dim: int, scheme: str, third: bool, real, module):
-    """Kernel over cells: `advect` of two scalars, which have the way back in common."""
-    S, f = structs(real), functions(dim, real)
-    back, at = backtrace(dim, -1, real, third), carried(dim, -1, scheme, True, real)
-
-    def advect_both(g: S.Grid, u: S.Faces, q: wp.array(dtype=real), r: wp.array(dtype=real), clock: wp.array(dtype=real),
-                    part: real, q_out: wp.array(dtype=real), r_out: wp.array(dtype=real)):
-        c = wp.tid()
-        X = back(g, u, f.place(c, g.n), part * clock[0])
-        q_out[c] = at(g, q, X)
-        r_out[c] = at(g, r, X)
-
-    return wp.kernel(advect_both, name=f"advect_both_{scheme}{'_rk3' * third}_{f.name}", module=module, enable_backward=False,
-                     launch_bounds=BOUNDS)
-
-
-@cache
 def correct(dim: int, axis: int, bfecc: bool, real, module):
     """Kernel over the rows: MacCormack's correction of p = A q by q' = A^-1 p, kept within the rows that p came of; bfecc: the
     same limit for p = A (q + (q - q') / 2), without a correction."""

@@ -13,6 +13,7 @@ import warp as wp
 from wsim.kernels.fluid import shapes as moved
 from wsim.kernels.fluid.forces import COOLING, SMOKE_DECAY
 from wsim.kernels.fluid.grid import functions, structs
+from wsim.kernels.fluid.passes.tiles import tiles
 from wsim.kernels.math.real import types
 
 RATES, HELD, SPEED, EXPANSION = 1, 2, 4, 8                  # bits of `what`
@@ -55,14 +56,17 @@ def reach(dim: int, kinds: tuple[str, ...], real):
 
 
 @cache
-def emit(dim: int, kinds: tuple[str, ...], carried: str, expanding: bool, real, module):
-    """Kernel over cells: smoke and heat, which `carried` names, a step on, and the expansion [1/s] in it."""
+def emit(dim: int, kinds: tuple[str, ...], carries: tuple[str, bool], expanding: bool, real, module):
+    """Kernel over cells: smoke and heat, which `carries` names, a step on, and the expansion [1/s] in it; and whether tiles
+    that hold some are marked."""
     t, S, f, Sources = types(real), structs(real), functions(dim, real), tables(real)
-    within = reach(dim, kinds, real)
+    within, tile = reach(dim, kinds, real), tiles(dim, real)
+    carried, marking = carries
     smoky, hot = "smoke" in carried, "heat" in carried
 
     def emit(g: S.Grid, sources: Sources, live: wp.array(dtype=real), clock: wp.array(dtype=real),
-             smoke_out: wp.array(dtype=real), heat_out: wp.array(dtype=real), expansion_out: wp.array(dtype=real)):
+             smoke_out: wp.array(dtype=real), heat_out: wp.array(dtype=real), expansion_out: wp.array(dtype=real),
+             holds_out: wp.array(dtype=int)):
         c = wp.tid()
         i = f.place(c, g.n)
         x = t.vec3(real(i[0]), real(i[1]), real(i[2])) + f.offset(-1)
@@ -89,10 +93,13 @@ def emit(dim: int, kinds: tuple[str, ...], carried: str, expanding: bool, real, 
             smoke_out[c] = s
         if wp.static(hot):
             heat_out[c] = q
+        if wp.static(marking):
+            if s != real(0.0) or q != real(0.0):
+                holds_out[tile(g, i)] = 1
         if wp.static(expanding):
             expansion_out[c] = e
 
-    name = f"emit_{carried}{'_expanding' * expanding}_{dim}d_{'_'.join(kinds)}_{t.name}"
+    name = f"emit_{carried}{'_tiles' * marking}{'_expanding' * expanding}_{dim}d_{'_'.join(kinds)}_{t.name}"
     return wp.kernel(emit, name=name, module=module, enable_backward=False)
 
 

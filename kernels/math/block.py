@@ -55,6 +55,29 @@ def meet_cluster():
     ...
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    __syncthreads();
+    if (threadIdx.x == 0) {
+        unsigned* count = (unsigned*)word.data;
+        const unsigned all = (unsigned)turn * gridDim.x;
+        __threadfence();
+        atomicAdd(count, 1u);
+        unsigned seen;
+        do {
+            asm volatile("ld.acquire.gpu.global.u32 %0, [%1];" : "=r"(seen) : "l"(count) : "memory");
+        } while (seen < all);
+        __threadfence();
+    }
+    __syncthreads();
+#endif
+""")
+def meet_grid(word: wp.array(dtype=int), turn: int):
+    """As `meet`, of all threads of a launch whose blocks run at the same time. word: one number, 0 before the launch; turn: of
+    the meeting, from 1 on."""
+    ...
+
+
 @wp.func
 def alone():
     """As `meet`, of one thread."""

@@ -12,6 +12,7 @@ import pytest
 from tests.gradient.test_gradients import net, sheet
 from tests.make.wheels import ROW
 from tests.make.wheels.objects import Wheel
+from tests.physics.animation.test_dressed import clothed
 from tests.physics.animation.test_gradients import UNFOLLOWED, changed
 from wsim import Box, Bulk, Fabric, Plane, Simulation, Sphere
 from wsim.gradient.inputs.by_name import inputs
@@ -29,7 +30,7 @@ from wsim.scene.values.coverage import BY, COVERED, REFUSED, row_of, summary, te
 TESTS = Path(__file__).resolve().parent.parent
 PATHS = {"Cloth": "/cloth", "Springs": "/net", "Soft": "/bar", "Collider": "/floor", "Pin": "/pin", "Scene": "",
          "Body": "/thrown", "Joint": "/hinge"}
-PATHS_OF = {f"{owner}.{name}" for owner in ("Pin", "Collider") for name in ("keys", "tangents", "handles")}
+PATHS_OF = {f"{owner}.{name}" for owner in ("Pin", "Collider") for name in ("keys", "tangents", "handles", "turns")}
 ONLY = {"Springs.rest_shape", *PATHS_OF,     # lengths say the same; curves and skeletons have tests of their own
         "Skeleton.turns", "Skeleton.weights"}
 IDLE = ("static_friction",)                  # what slides does not know it
@@ -160,8 +161,9 @@ def recordable(value) -> bool:
                          ids=lambda v: f"{v.owner}.{v.name}")
 def test_a_value_without_a_derivative_is_refused_with_its_reason(value):
     path = PATHS[value.owner] or "/"
+    recording = pressed() if value.owner == "Joint" else run("explicit")[0].recording
     with pytest.raises(SceneError) as said:
-        inputs(run("explicit")[0].recording, [f"{path}:{value.name}"])
+        inputs(recording, [f"{path}:{value.name}"])
     (problem,) = said.value.problems
     assert problem.path == path and value.why in problem.text and value.name in problem.text
 
@@ -244,9 +246,10 @@ def turned() -> Scene:
     return scene
 
 
-def layered() -> Scene:
+def layered(**more) -> Scene:
     scene = Scene(frames=1)
-    scene.add(Fluid("/air", (0, 0, 0), (1, 1, 0.125), 0.125, slip=False, layers=True, viscosity=0.1))
+    more = more or {"layers": True}
+    scene.add(Fluid("/air", (0, 0, 0), (1, 1, 0.125), 0.125, slip=False, viscosity=0.1, **more))
     return scene
 
 
@@ -281,6 +284,7 @@ CASES = {
     "idle": ("air_drag", lambda: inputs(recorded(alone()), ["air_drag"])),
     "surface": ("/floor", lambda: inputs(run("explicit")[0].recording, ["/floor:surface"])),
     "layers": ("/air", lambda: recorded(layered())),
+    "margin": ("/air", lambda: recorded(layered(margin=0.5))),
     "still": ("/air", lambda: inputs(recorded(still()), ["/air:viscosity"])),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),
@@ -289,6 +293,7 @@ CASES = {
     "material": ("/chain", lambda: gradient(net()).material("stretch")),
     **{key: (path, lambda change=change, name=name: inputs(recorded(changed(change)), [f"/man/bones:{name}"]))
        for key, (path, change, name) in UNFOLLOWED.items()},
+    "dressed": ("/man/bones", lambda: Simulation(clothed(), device="cpu", gradients=True)),
     "value": ("/pin", lambda: row_of(net(), "/pin", "stiffness")),
 }
 

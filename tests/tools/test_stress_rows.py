@@ -8,8 +8,8 @@ import pytest
 
 from tools.stress import acts, energy, examples, judge, rows, run, scenes, soft_rows, solvers, table
 from tools.stress.__main__ import chosen, verdict_of
-from wsim.model.separate import NUDGE, apart
 from wsim.scene.integrator import SOLVERS, TABLE
+from wsim.scene.nodal.separate import NUDGE, apart
 from wsim.simulation.simulation import Simulation
 
 SWEEPS = next(s for s in solvers.SOLVERS if s.name == "xpbd/backward_euler")

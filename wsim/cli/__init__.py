@@ -12,7 +12,7 @@ import signal
 import sys
 
 from wsim import __version__
-from wsim.cli import arguments
+from wsim.cli import arguments, sweep_options
 from wsim.cli.arguments import (
     drawing,
     fraction,
@@ -38,7 +38,7 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="wsim", description="A USD scene in, a simulated USD layer out.")
     top.add_argument("--version", action="version", version=f"wsim {__version__}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for add in (_run, _new, _check, _plan, _bench, _fit, _view, _picture, _schema):
+    for add in (_run, _new, _check, _plan, _bench, _fit, _sweep, _view, _picture, _schema):
         add(commands)
     for command in commands.choices.values():
         command.add_argument("--debug", action="store_true", help="show where an error came from")
@@ -166,8 +166,9 @@ def _bench(commands) -> None:
 def _fit(commands) -> None:
     fit = commands.add_parser("fit", help="find parameters of a scene from an observed motion, and how sure they are")
     fit.add_argument("scene")
-    fit.add_argument("--to", type=named, action="append", required=True, metavar="OBSERVED",
+    fit.add_argument("--to", type=named, action="append", default=[], metavar="OBSERVED",
                      help="USD file with sampled points")
+    sweep_options.add_many(fit)
     fit.add_argument("--parameters", type=named, required=True, metavar="A,B",
                      help="stretch,bend, say, or /World/Cloth:stretch; young[]: of each tet")
     fit.add_argument("-o", "--output", type=named, metavar="FITTED", help="layer over the scene with what was found")
@@ -182,6 +183,10 @@ def _fit(commands) -> None:
     fit.add_argument("--device", type=named, help="cpu, cuda:0 ... (default: the GPU if there is one)")
     fit.add_argument("--json", action="store_true", help="print the result as JSON")
     _choices(fit)
+
+
+def _sweep(commands) -> None:
+    sweep_options.add(commands, _solver)
 
 
 def _view(commands) -> None:
@@ -260,10 +265,12 @@ def _main(argv: list[str] | None) -> int:
         named = [f"--{name}" for name in CHOSEN if getattr(args, name) is not None]
         if named:
             parser().error(f"--error chooses {', '.join(CHOSEN)}: leave out {' '.join(named)}, or --error")
-    from wsim.cli import commands
+    if args.command == "fit" and bool(args.to) == bool(args.many):
+        parser().error("--to OBSERVED is one specimen, --many OBSERVED ... are several: give one of them")
+    from wsim.cli import commands, sweep
 
     try:
-        code = getattr(commands, args.command)(args)
+        code = getattr(*sweep_options.home(args, commands, sweep))(args)
         if code != INTERRUPTED:
             interrupt.check()
         return code

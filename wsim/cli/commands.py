@@ -291,9 +291,8 @@ def picture(args) -> int:
     from wsim.show.picture import picture as draw
 
     _ready()
-    frames = "all" if args.animate else args.frame
-    drawn = draw(args.result, args.output, frames=frames, size=args.size, sheet=args.sheet, device=args.device,
-                 camera=args.camera, colour=args.colour)
+    drawn = draw(args.result, args.output, frames="all" if args.animate else args.frame, size=args.size, sheet=args.sheet,
+                 device=args.device, camera=args.camera, colour=args.colour)
     for note in drawn.get("notes", ()):
         _say(str(note))
     print(f"{drawn['out']}: {count(len(drawn['frames']), 'frame')}, {drawn['size'][0]} x {drawn['size'][1]} pixels")

@@ -57,6 +57,13 @@ class Progress:
         self._draw(text)
         self.drawn = now
 
+    def note(self, text: str) -> None:
+        """A step of something that has no frames; no more often than others."""
+        now = self.clock()
+        if now - self.drawn >= (EVERY if self.logged else REDRAW):
+            self.drawn = now
+            self._draw(text)
+
     def clear(self) -> None:
         """Leaves an empty line behind."""
         self._draw("")
@@ -68,7 +75,7 @@ class Progress:
         if self.shown:
             self.stream.write(f"\r\x1b[2K{text}")
             self.stream.flush()
-        elif self.logged and text.startswith("frame"):
+        elif self.logged and text.startswith(("frame", "run")):
             self.stream.write(f"{text}\n")
             self.stream.flush()
 

@@ -4,46 +4,10 @@ What one copy holds is counted in a simulation of it. Little of that is shared b
 """
 
 from dataclasses import dataclass
-from types import FunctionType, MethodType
-from typing import Any
-
-import warp as wp
 
 from wsim.gradient import checkpoints
 from wsim.scene import Problem, SceneError
-
-
-def held(root: Any) -> int:
-    """Bytes of the arrays that an object of wsim holds: in its attributes, their tables, structs and functions."""
-    seen: dict[int, Any] = {}
-    sizes: dict[int, int] = {}
-    left = [root]
-    while left:
-        thing = left.pop()
-        if id(thing) in seen:
-            continue
-        seen[id(thing)] = thing                          # kept, so that no other has its id
-        if isinstance(thing, wp.array):
-            while isinstance(getattr(thing, "_ref", None), wp.array):        # a part of another
-                thing = thing._ref
-            sizes[thing.ptr or 0] = thing.capacity
-        else:
-            left += _within(thing)
-    return sum(sizes.values())
-
-
-def _within(thing: Any) -> list:
-    if isinstance(thing, dict):
-        return list(thing.values())
-    if isinstance(thing, (list, tuple, set)):
-        return list(thing)
-    if isinstance(thing, MethodType):
-        return [thing.__self__]
-    if isinstance(thing, FunctionType):
-        return [cell.cell_contents for cell in thing.__closure__ or ()]
-    if hasattr(thing, "_cls") and hasattr(thing._cls, "vars"):               # a struct of kernels
-        return [getattr(thing, name) for name in thing._cls.vars]
-    return list(getattr(thing, "__dict__", {}).values()) if type(thing).__module__.startswith("wsim.") else []
+from wsim.simulation.measure.memory import held  # noqa: F401  (what a copy holds)
 
 
 @dataclass

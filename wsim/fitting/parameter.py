@@ -78,7 +78,7 @@ class Parameter:
         """The scene with that value; the given one stays as it is."""
         for row, thing in self.rows(scene):
             if row.owner != "Scene":
-                scene = scene.exchanged(thing, _put(row, thing, value, self.axis))
+                scene = scene.exchanged(thing, put(row, thing, value, self.axis))
             else:
                 new = value if self.axis is None else _with(getattr(scene, self.what), self.axis, value)
                 scene = replace(scene, **{self.what: new})                                   # type: ignore[arg-type]
@@ -135,7 +135,7 @@ def _get(row: Value, thing, axis: int | None) -> float:
     return float(value[axis]) if axis is not None else float(np.mean(np.asarray(value, np.float64)))
 
 
-def _put(row: Value, thing, value: float, axis: int | None = None):
+def put(row: Value, thing, value: float, axis: int | None = None):
     """A copy of a body or load with that value; different stiffness of springs, and masses of points, keep their proportions.
     """
     if isinstance(thing, Load):

@@ -9,7 +9,6 @@ over    of a segment, whatever its length                       fixed    positio
 A frame is measured before it is recorded; where that would not fit, its first substep.
 """
 
-import os
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -18,6 +17,7 @@ from math import ceil, sqrt
 import warp as wp
 
 from wsim.scene import Problem, SceneError
+from wsim.simulation.measure.memory import free, size
 
 FULL = 1 << 30         # bytes up to which everything is kept, or so much of what is free on a GPU: segments run twice
 PART = 0.25
@@ -125,27 +125,6 @@ def measured(recording) -> tuple[Segments, tuple[float, ...]]:
     fixed = 6 * (F + 1) * sim.model.points * real + (recording.fluids.bytes(F) if recording.fluids else 0)
     return Segments(F, S, each, max(one - each, 0.0), sum(entries.values()), fixed, room, str(sim.device),
                     recording.plan.clock.integrator.solves), scalars
-
-
-def size(count: float) -> str:
-    """Bytes in words."""
-    for unit in ("bytes", "KiB", "MiB", "GiB"):
-        if count < 1024.0 or unit == "GiB":
-            break
-        count /= 1024.0
-    return f"{count:.4g} {unit}"
-
-
-def free(device) -> float:
-    """Bytes that are free on a device; inf where nobody knows."""
-    if device.is_cuda:
-        return float(device.free_memory)
-    try:
-        with open("/proc/meminfo", encoding="ascii") as file:
-            return 1024.0 * next(float(line.split()[1]) for line in file if line.startswith("MemAvailable"))
-    except (OSError, StopIteration, ValueError):
-        pages = getattr(os, "sysconf", lambda name: -1)("SC_AVPHYS_PAGES") if os.name == "posix" else -1
-        return float("inf") if pages < 0 else float(pages * os.sysconf("SC_PAGE_SIZE"))
 
 
 @contextmanager

@@ -13,6 +13,7 @@ import numpy as np
 from wsim.geometry import topology
 from wsim.geometry.sheet_ordering import order_of_points
 from wsim.geometry.triangulate import triangulate
+from wsim.model.launches import Launches
 from wsim.model.midnodes import held, links, spread, with_middles
 from wsim.scene import Cloth, Scene, Soft, Springs
 from wsim.scene.nodal.masses import cloth_masses, loose, soft_masses, soft_weights
@@ -57,7 +58,7 @@ class Body:
 
 
 @dataclass
-class Model:
+class Model(Launches):
     """Bodies of every world, and the tables over points and objects that every method reads."""
     scene: Scene
     worlds: int
@@ -74,6 +75,8 @@ class Model:
     tape: Any = None                     # `wsim.model.tape.Tape` that records what is launched
     vjp: dict = field(default_factory=dict)               # adjoints by hand, by kernel: see `wsim.model.vjp`
     plain: set[int] = field(default_factory=set)          # addresses of arrays that change, of which a tape keeps no gradients
+    recorder: Any = None                 # `wsim.physics.fused.recorder.Recorder` that writes down what would be launched
+    fuser: Any = None                    # `wsim.physics.fused.fuser.Fuser`: many substeps in one launch
 
     @property
     def points(self) -> int:
@@ -119,62 +122,6 @@ class Model:
     def stack(self, name: str) -> np.ndarray:
         """One field of all bodies in solver order."""
         return np.concatenate([getattr(b, name) for b in self.bodies])
-
-    @property
-    def block(self) -> int:
-        """Threads of a block on CUDA: small scenes end sooner in small blocks (10k points, 8 colours: 18.2 us with 64,
-        18.8 with 128, 20.2 with 256), a million points do not care. One size for a plan: each is compiled apart."""
-        return 64 if self.points < 100_000 else 128
-
-    def launch(self, kernel, dim: int | tuple[int, ...], inputs: list, outputs: list) -> None:
-        """Launches a kernel of this model's module."""
-        import warp as wp
-        how = {"device": self.device, **({"block_dim": self.block} if self.device.is_cuda else {})}
-        (self.tape or wp).launch(kernel, dim, inputs, outputs, **how)
-
-    def copy(self, into, source, *parts: int) -> None:
-        """Copies arrays of vectors, as `wp.copy`."""
-        import warp as wp
-        (self.tape or wp).copy(into, source, *parts)
-
-    @property
-    def sweep_module(self) -> str:
-        """Module of the kernels that one block runs. CUDA compiles a module for each block size, so they stand apart."""
-        return f"{self.module}_sweep" if self.device.is_cuda else self.module
-
-    def sweep(self, kernel, inputs: list, outputs: list) -> None:
-        """Launches a kernel of one block; on the CPU of one thread."""
-        import warp as wp
-
-        from wsim.kernels.math.block import BLOCK
-        if self.device.is_cuda:
-            self.launch_blocks(kernel, 1, BLOCK, inputs, outputs)
-        else:
-            wp.launch(kernel, 1, inputs, outputs, device=self.device)
-
-    def module_of(self, threads: int) -> str:
-        """Module of kernels with blocks of so many threads, on CUDA."""
-        name = f"{self.module}_{threads}"
-        self.modules[name] = threads
-        return name
-
-    def launch_blocks(self, kernel, blocks: int, threads: int, inputs: list, outputs: list) -> None:
-        """Launches so many blocks of a kernel on CUDA."""
-        import warp as wp
-        wp.launch(kernel, blocks * threads, inputs, outputs, device=self.device, block_dim=threads)
-
-    def load(self) -> None:
-        """Compiles the kernels that the plan has made, once: before the first launch, since a capture cannot."""
-        import warp as wp
-
-        from wsim.kernels.math.block import BLOCK
-        from wsim.model import kernel_cache
-        cuda = self.device.is_cuda
-        kernel_cache.load(self.module, self.device, self.block if cuda else None)
-        if cuda and wp.get_module(self.sweep_module).kernels:
-            kernel_cache.load(self.sweep_module, self.device, BLOCK)
-        for name, threads in self.modules.items():
-            kernel_cache.load(name, self.device, threads)
 
     def upload(self, values, dtype):
         """Device array of NumPy values, of the model's precision where dtype is a real type; with gradients if asked for."""

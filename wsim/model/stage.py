@@ -41,6 +41,8 @@ class Clock:
     starting: bool = True         # no history yet: the first substep of a run is backward Euler
     free: bool = False            # the frame has no contacts, see `wsim.physics.contact.clearance`
     after_free: bool = False      # the frame before had none, or left nothing near: no half step to go on from
+    touching: bool = False        # every frame has contacts: what one world does must not depend on what others touch
+    apart: bool = False           # what would change the steps of all worlds for one raises `wsim.simulation.retry.Company`
 
     @property
     def h(self) -> float:
@@ -153,6 +155,7 @@ class Method:
     name: str
     stages: list[Stage] = field(default_factory=list)
     subdivide: int = 1                                         # steps of its own in a substep, each all its phases
+    moved: bool = False                                        # a frame has other launches than its graph from now on
     remade: bool = False                                       # kernels that are not compiled yet, since a value was set
     offers: dict[str, Any] = field(default_factory=dict)       # what others may ask for, by name: see `Methods`
 

@@ -101,7 +101,22 @@ def things(scene) -> list:
 
 def carried(scene) -> list:
     """Colliders that move with things of methods, and are met."""
-    return [c for _, thing in every(scene) for c in getattr(thing, "colliders", ()) if c.meets] if scene.others else []
+    if not scene.others:
+        return []
+    apart = dressed(scene)
+    return [c for _, thing in every(scene) if thing.path not in apart for c in getattr(thing, "colliders", ()) if c.meets]
+
+
+def followers(scene, thing) -> list[str]:
+    """Paths of the colliders and pins whose points follow a thing, such as a skeleton."""
+    return [*(c.path for c in scene.colliders if getattr(getattr(c.shape, "poses", None), "skeleton", None) is thing),
+            *(p.path for p in scene.pins if p.follows is not None and p.follows.skin.skeleton is thing)]
+
+
+def dressed(scene) -> set[str]:
+    """Paths of the bodies that drive what others follow: that meets points in their stead."""
+    driving = [thing for _, thing in every(scene) if getattr(thing, "bodies", None)]
+    return {path for thing in driving if followers(scene, thing) for path in thing.bodies.values()}
 
 
 def moving(scene) -> bool:

@@ -27,7 +27,7 @@ from wsim.physics.cloth.constraints import of_body
 from wsim.physics.motion.stability import needed
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.integrator import TABLE, Integrator
-from wsim.scene.methods import collides
+from wsim.scene.methods import carried, collides
 from wsim.simulation import cost, sweep_strain
 
 DRIFT = 2.0            # RMS error of converged backward Euler over h sqrt(g L). 1 m cloth at 0.5 s, h of 1/240 to 1/960 s: 1.5
@@ -71,12 +71,14 @@ class Choice:
         return self.substeps // self.integrator.solves
 
 
-def choose(model: Model) -> Choice:
+def choose(model: Model, named: str = "") -> Choice:
     """The choice for a checked scene. Raises SceneError where a named explicit integrator is beyond its limit."""
     scene = model.scene
-    method = TABLE.get(scene.integrator)
+    method = TABLE.get(named or scene.integrator)
     if not model.bodies:
         return Choice("none", TABLE["backward_euler"], scene.substeps, scene.iterations, "there are no points")
+    if method and method.rebounds and carried(scene):
+        return replace(choose(model, "bdf2"), why=f"{method.name} rebounds from rigid bodies that points touch")
     if scene.solver == "explicit" or (method and method.explicit):
         return _explicit(model, method)
     if scene.softs:

@@ -14,10 +14,10 @@ import numpy as np
 
 from wsim.model.midnodes import places, spread
 from wsim.model.model import Body, edge_lengths
-from wsim.model.separate import apart
 from wsim.scene import Motion, Problem, SceneError, Soft
 from wsim.scene.check import objects
 from wsim.scene.methods import named, things
+from wsim.scene.nodal.separate import apart
 from wsim.scene.values import table
 from wsim.scene.values.value import Value
 from wsim.simulation import retry

@@ -18,14 +18,15 @@ from wsim.kernels.math.real import ADJOINT
 from wsim.model import model as models
 from wsim.model.midnodes import places
 from wsim.model.model import Model, edge_lengths
-from wsim.model.separate import apart
 from wsim.model.stage import FREE, MET, PHASES, Clock, Method, Methods, Stage
 from wsim.model.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, STAGED, Field, Part, State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import LOOKS, constrain
+from wsim.physics.fused import fuser
 from wsim.scene import Scene
 from wsim.scene.check import counts
 from wsim.scene.methods import METHODS
+from wsim.scene.nodal.separate import apart
 from wsim.simulation import cost
 from wsim.simulation.choice import Choice, choose
 from wsim.simulation.methods import PARTS, Build, built, needed, signature
@@ -107,15 +108,15 @@ class Plan:
         for phase in PHASES[:-1] if first == 0 else ():
             for stage in self.stages(phase, "frame"):
                 stage.launch(clock)
-        for k in range(first, last):
-            clock.k = k
-            self.substep()
+        self.model.repeat(self.substep, first, last)
         if last == clock.substeps:
             for stage in self.stages("deform", "frame"):
                 stage.launch(clock)
 
-    def substep(self) -> None:
+    def substep(self, k: int | None = None) -> None:
+        """Launches substep k, or the present one."""
         clock = self.clock
+        clock.k = clock.k if k is None else k
         self.subdivided()
         for phase in ("pose", "predict", "collide"):
             for stage in self.stages(phase, "substep"):
@@ -169,6 +170,8 @@ class Plan:
         if self.parted:
             lines.append(parted(self.table(FREE)))
         lines += kept([k for method in self.methods for k in method.kept()])
+        if m.fuser:
+            lines.append(m.fuser.why)
         if self.hard:
             lines.append(f"tethers and strain limits are {LOOKS}")
         return "\n".join(lines + [f"left out: {s['stage']}: {s['why']}" for s in self.skipped])
@@ -181,6 +184,8 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
     b = _chosen(model)
     b.reasons = {row.name: needed(row, b) for row in METHODS}
     model.module = _module(b) + ADJOINT * gradients
+    apart = fuser.wants(model, b.reasons, b.choice.solver)
+    model.fuser = None if apart else fuser.Fuser(model)
     if model.bodies:
         points = Part.allocate("points", _fields(b), model.points, real, device)
         points.rows = {(body.path, body.world): places(body) for body in model.bodies}
@@ -197,8 +202,16 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
         method.meet(b.methods)
     b.status.allocate()
     _start(model, b.state)
-    return Plan(model, b.state, b.clock, b.methods, b.status, b.choice, _skipped(b),
+    plan = Plan(model, b.state, b.clock, b.methods, b.status, b.choice, _skipped(b),
                 cost.seconds(model, cost.frame(model, b.choice)))
+    if model.fuser:
+        model.fuser.prepare(plan)
+    return plan
+
+
+def choice(scene: Scene, *, device, real) -> Choice:
+    """The choice that a simulation of a checked scene makes. Raises SceneError as it does."""
+    return _chosen(models.build(scene, 1, device, real)).choice
 
 
 def _chosen(model: Model) -> Build:

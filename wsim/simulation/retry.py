@@ -6,6 +6,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from wsim.scene import Problem, SceneError
 from wsim.scene.check import counts
 from wsim.scene.integrator import TABLE
@@ -16,6 +18,15 @@ from wsim.simulation.duration import duration
 if TYPE_CHECKING:
     from wsim.model.state import Part, State
     from wsim.simulation.simulation import Simulation
+
+
+class Company(Exception):
+    """A frame of several worlds asks for other steps, and they are to stay as they are (`Clock.apart`). worlds: those that ask
+    for them; none where that is not known."""
+
+    def __init__(self, worlds: set[int]):
+        super().__init__(f"worlds {sorted(worlds)} take other steps")
+        self.worlds = worlds
 
 
 def enter(sim: Simulation) -> None:
@@ -30,6 +41,9 @@ def begin(sim: Simulation) -> None:
         from wsim.simulation.varying import follow
         follow(sim)
     sim.plan.before_frame(sim.time)
+    for method in sim.plan.methods:
+        if method.moved:
+            sim.graph, method.moved = None, False
 
 
 def settle(sim: Simulation) -> None:
@@ -45,6 +59,8 @@ def mend(sim: Simulation) -> bool:
     if not said:
         return False
     kinds = {remedy.kind for remedy in said}
+    if sim.plan.clock.apart and kinds - {"grow"}:
+        raise Company(not_finite(sim))
     if "meet" in kinds:                                   # whatever else is wrong may come of that
         sim.plan.clock.free = False
         sim.forms["repeated"] += 1
@@ -62,6 +78,17 @@ def mend(sim: Simulation) -> bool:
         _give_way(sim, next((r.why for r in said if r.kind == "give way" and r.why), ""))
     sim.graph = sim.graph if kinds == {"doubt"} else None
     return bool(kinds - {"doubt"})
+
+
+def not_finite(sim: Simulation) -> set[int]:
+    """Worlds of which something that outlives a frame is not finite."""
+    found = set()
+    for part in sim.state.parts.values():
+        arrays = [part.arrays[f.name].numpy() for f in part.kept if f.type not in ("int", "long")]
+        good = [np.isfinite(a).reshape(len(a), -1).all(axis=1) for a in arrays if len(a)]
+        if good and not (whole := np.logical_and.reduce(good)).all():
+            found |= {world for (_, world), rows in part.rows.items() if not whole[rows].all()}
+    return found
 
 
 def _give_way(sim: Simulation, why: str) -> None:

@@ -21,6 +21,7 @@ from wsim.scene.check.scene import check
 from wsim.simulation import duration, interrupt, retry
 from wsim.simulation import plan as plans
 from wsim.simulation.measure import indicators as measure
+from wsim.simulation.measure import memory
 from wsim.simulation.measure.exceeded import Note, note
 
 PRECISIONS = {"float32": wp.float32, "float64": wp.float64}
@@ -57,6 +58,8 @@ class Simulation:
         self.seconds: dict[str, float] = {}
         self.graphs: dict[bool, wp.Graph] = {}           # of frames with contacts, and of those without
         self.watchers: list[Callable] = []     # called with (simulation) after every frame, see `record`
+        if memory.many(scene, worlds):
+            memory.Worlds.of(Simulation(scene, device=device, precision=precision), worlds).check()
         self._build()
         self.seconds["build"] = time.perf_counter() - began
 
@@ -76,7 +79,7 @@ class Simulation:
                 self.plan = plans.build(self.scene, device=self.device, real=PRECISIONS[self.precision], worlds=self.worlds,
                                         gradients=self.gradients)
         except RuntimeError as error:
-            raise _memory(error, self.device) from None
+            raise memory.refused(error, self.device) from None
         self.warnings += [w for w in duration.long(self.plan) if w not in self.warnings]
         self.model, self.state = self.plan.model, self.plan.state
         self.milliseconds: list[float] = []
@@ -106,7 +109,7 @@ class Simulation:
                 retry.begin(self)
                 self._replay()
             except RuntimeError as error:
-                raise _memory(error, self.device) from None
+                raise memory.refused(error, self.device) from None
             self.plan.status.wait()
             if not retry.mend(self):
                 break
@@ -222,8 +225,8 @@ class Simulation:
         keys); force or traction of a load (as actuation, or one (3,) for all times); static_friction, dynamic_friction of a
         body or a collider; thickness, restitution of a collider (where one throws back from the start); motion (rigid) of a pin
         or collider; positions, velocities (world, author's order) of a body; velocity, spin, force, torque, drag, spin_drag,
-        mass, inertia of a rigid one, which goes on as fast, friction, restitution of its colliders; stiffness, damping, target
-        of a joint's drives; lift, weight, vorticity, smoke_decay, cooling, viscosity, side_velocities of a fluid; smoke,
+        mass, inertia of a rigid one, which goes on as fast, friction, restitution of its colliders; stiffness, damping, target,
+        speed of a joint's drives; lift, weight, vorticity, smoke_decay, cooling, viscosity, side_velocities of a fluid; smoke,
         temperature, expansion, strength, place of a source. Values are copied. Raises SceneError, with nothing changed, where
         a scene would not take it, and over `counts.MOST` substeps."""
         from wsim.simulation import live
@@ -289,12 +292,3 @@ class Simulation:
     def report(self, profile: bool = True) -> dict:
         """Report of what ran and how well: device, precision, frames, times, errors, stages, what was skipped, warnings."""
         return measure.report(self, profile)
-
-
-def _memory(error: Exception, device) -> SceneError:
-    """A failed allocation in words; anything else as it is."""
-    if "alloc" in str(error).lower() or "memory" in str(error).lower():
-        return SceneError(Problem(str(device), f"out of memory ({error}); use a smaller scene, fewer worlds, "
-                                  "float32 or another device"))
-    raise error
-

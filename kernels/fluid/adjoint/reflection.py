@@ -1,4 +1,4 @@
-"""Adjoint of a reflection, kernels/fluid/reflection.py, and what adjoints of a step add and keep.
+"""Adjoint of a reflection, kernels/fluid/passes/reflection.py, and what adjoints of a step add and keep.
 
     v' = 2 w - v,  u' = 2 w - u:    w += 2 v' + 2 u',  v = -v',  u = -u'    with a bar over each
 """

@@ -5,16 +5,16 @@
 
 The order and what fills in are known on the host (wsim/physics/rigid/joints/islands.py): a chain of n joints costs n steps,
 loops some more. So a chain with a hundred times its weight at the end is solved as well as any other, where sweeps joint by
-joint need more than n^2. Rows that are not active are those of the identity. Joints that say the same twice (a plane four-bar
-loop has three rows too many) leave A singular: held rows have a part EASE of their diagonal added, which the next sweep makes
-up for, as it begins from what is left.
+joint need more than n^2. Rows without an equation (pivots.py) are those of the identity. Joints that say the same twice (a
+plane four-bar loop has three rows too many) leave A singular: held rows have a part EASE of their diagonal added, which the
+next sweep makes up for, as it begins from what is left.
 
 (Baraff 1996, Linear-time dynamics using Lagrange multipliers; George, Liu 1981, chapter 5.)
 """
 
 import warp as wp
 
-from wsim.kernels.rigid.joint.tables import DRIVEN, structs
+from wsim.kernels.rigid.joint.tables import DRIVEN, HELD, HIGHEST, structs
 
 EASE = wp.constant(wp.float64(1.0e-7))       # smaller: loops that do not quite close strain themselves more
 TINY = wp.constant(wp.float64(1.0e-300))
@@ -124,16 +124,23 @@ def solved(first: int, last: int, J: Linked):
 
 
 @wp.func
+def equation(i: int, r: int, J: Linked):
+    """Whether row r of joint i has one; others add what is known."""
+    return J.active[i, r] >= HELD and J.active[i, r] <= HIGHEST
+
+
+@wp.func
 def put_diagonal(i: int, A: mat66d, J: Linked):
     """A_ii with Gamma; what is not active stays as it is."""
     six = int(6)
     for r in range(six):
         for c in range(six):
             v = A[r, c]
-            if J.active[i, r] == 0 or J.active[i, c] == 0:
+            if not (equation(i, r, J) and equation(i, c, J)):
                 v = wp.float64(0.0)
             if r == c:
-                if J.active[i, r] == 0:
+                J.own[i, r] = A[r, r]
+                if not equation(i, r, J):
                     v = wp.float64(1.0)
                 elif J.active[i, r] == DRIVEN:
                     v += J.soft[i, r]
@@ -149,6 +156,6 @@ def put_below(block: int, k: int, i: int, A: mat66d, J: Linked):
     for r in range(six):
         for c in range(six):
             v = A[r, c]
-            if J.active[k, r] == 0 or J.active[i, c] == 0:
+            if not (equation(k, r, J) and equation(i, c, J)):
                 v = wp.float64(0.0)
             J.block[36 * block + 6 * r + c] = v

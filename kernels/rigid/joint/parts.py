@@ -25,8 +25,8 @@ def jointed_parts(real, module) -> list:
             kicks(J.t.body[m], h, b, now, J)
         if J.t.first_joint[g + 1] > J.t.first_joint[g]:
             begun(g, d, J)
-            for sweep in range(steps[2]):
-                solve(g, steps[0], sweep, d, b, now, J)
+            for _sweep in range(steps[2]):
+                solve(g, steps[0], d, b, now, J)
 
     def rigid_joints_loosed(steps: wp.vec3i, h: real, b: Bodies, J: Linked, now: Moving):
         g = wp.tid()

@@ -62,10 +62,10 @@ def islands(real):
             begun_one(g, wp.float64(h), J)
 
     @wp.func(inline=False)
-    def solve(i: int, threads: int, k: int, sweep: int, h: real, rig: Rig, J: Linked):
+    def solve(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
         for g in range(i, J.t.first_joint.shape[0] - 1, threads):
             if acts(g, rig, J):
-                solve_one(g, k, sweep, wp.float64(h), rig.b, rig.now, J)
+                solve_one(g, k, wp.float64(h), rig.b, rig.now, J)
 
     @wp.func(inline=False)
     def relax(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
@@ -94,8 +94,8 @@ def launched(real, module) -> dict:
     def linked_reset(h: real, rig: Rig, J: Linked):
         clear(wp.tid(), J.t.first_joint.shape[0], h, J)
 
-    def linked_joined(k: int, sweep: int, h: real, rig: Rig, J: Linked):
-        join(wp.tid(), J.t.first_joint.shape[0], k, sweep, h, rig, J)
+    def linked_joined(k: int, h: real, rig: Rig, J: Linked):
+        join(wp.tid(), J.t.first_joint.shape[0], k, h, rig, J)
 
     def linked_loosed(k: int, h: real, rig: Rig, J: Linked):
         loose(wp.tid(), J.t.first_joint.shape[0], k, h, rig, J)
@@ -140,7 +140,7 @@ def linked(kinds, real, module, meet, threads: int = 0, cluster: int = 0, bounci
                         solve(i, threads, k, h, biased, rig)
                         meet()
                     if biased == 1:
-                        joined(i, threads, k, wp.max(turn - 1, 0), h, rig, J)
+                        joined(i, threads, k, h, rig, J)
                     else:
                         loosed(i, threads, k, h, rig, J)
                     meet()

@@ -1,7 +1,7 @@
-"""Which rows of a joint act in a sweep, and what each must change: locks, limits and drives.
+"""What each row of a joint asks for in a sweep: locks, limits and drives.
 
     held      g(x + h v) = goal                      coordinates of the places that the velocities v lead to, not linearised
-    limited   the same at low or high, where v leads beyond it or the row pushes already; its impulse keeps one sign
+    limited   the same at low or high, where v would lead beyond it; its impulse keeps one sign
     driven    F = k (target - g - h g') + c (speed - g'), h F = P:   Gamma = 1 / (h (h k + c)),
               g' + bias + Gamma P = 0,  bias = (k (g - target) - c speed) / (h k + c);   |P| <= h most
     relaxed   g' = 0 of what is held, at the new places
@@ -11,15 +11,25 @@ Ciccotti, Berendsen 1977; Andersen 1983): of order 2, and no energy is lost. goa
 taken back at PULL or SPIN. A drive is backward Euler: stable for all k and c. That of an acceleration has k and c per effective
 mass, which is what the row moves while the locked rows of its joint stay (Schur complement of A_jj).
 
-An active set by signs: a row at the end of its range that is driven beyond it is left out, and so is one at 0 without cause
-(Hintermueller, Ito, Kunisch 2003). A row that is driven meets its limit from the second sweep on; its drive then stays as it
-is.
+Which of them act together is found by pivots (pivots.py). The first guess is what acts already, and limits that v leads beyond.
 """
 
 import warp as wp
 
 from wsim.kernels.rigid.joint.elimination import Linked, mat66d, product
-from wsim.kernels.rigid.joint.tables import ACCELERATION, DRIVEN, HELD, HIGHEST, LIMITED, LOCKED, LOWEST, NONE
+from wsim.kernels.rigid.joint.tables import (
+    ACCELERATION,
+    BOTTOM,
+    DRIVEN,
+    FAR,
+    HELD,
+    HIGHEST,
+    LIMITED,
+    LOCKED,
+    LOWEST,
+    NONE,
+    TOP,
+)
 
 PULL, SPIN = wp.constant(wp.float64(4.0)), wp.constant(wp.float64(10.0))     # [m/s], [rad/s] at which a joint closes, at most
 
@@ -85,28 +95,45 @@ def left(error: wp.float64, r: int, h: wp.float64):
 
 
 @wp.func
-def wanted(j: int, r: int, sweep: int, h: wp.float64, then: wp.float64, rate: wp.float64, J: Linked):
-    """(what acts, by how much its rate must change) of row r in a sweep; then: its coordinate at the end of the substep."""
+def ranged(j: int, r: int, h: wp.float64, then: wp.float64, J: Linked):
+    """under and over: rates by which a row goes beyond its ends; then: its coordinate at the end of the substep."""
     low = J.t.low[j, r]
     high = J.t.high[j, r]
     now = J.now[j, r]
-    hold = J.hold[j, r]
+    J.under[j, r] = (then - low - wp.min(left(now - low, r, h), wp.float64(0.0))) / h
+    J.over[j, r] = (then - high - wp.max(left(now - high, r, h), wp.float64(0.0))) / h
+
+
+@wp.func
+def wanted(j: int, r: int, h: wp.float64, then: wp.float64, rate: wp.float64, J: Linked):
+    """Sets what row r asks for in a sweep; what acts, by a first guess. then: its coordinate at the end of the substep."""
     kind = J.t.kind[j, r]
+    hold = J.hold[j, r]
+    J.under[j, r] = FAR
+    J.over[j, r] = -FAR
+    if J.broken[j] != 0:
+        return NONE
     if kind == LOCKED:
-        return HELD, -(then - low - left(now - low, r, h)) / h
-    if kind == LIMITED and (sweep > 0 or J.t.drive[j, r] == NONE):
-        under = (then - low - wp.min(left(now - low, r, h), wp.float64(0.0))) / h
-        over = (then - high - wp.max(left(now - high, r, h), wp.float64(0.0))) / h
-        if hold > wp.float64(0.0) or (hold == wp.float64(0.0) and under < wp.float64(0.0)):
-            return LOWEST, -under
-        if hold < wp.float64(0.0) or over > wp.float64(0.0):
-            return HIGHEST, -over
-    if J.t.drive[j, r] > NONE:
-        push = J.push[j, r]
-        much = -(rate + J.bias[j, r] + J.soft[j, r] * push)
-        if wp.abs(push) < h * J.t.most[j, r] or much * push < wp.float64(0.0):
-            return DRIVEN, much
-    return NONE, wp.float64(0.0)
+        low = J.t.low[j, r]
+        J.under[j, r] = (then - low - left(J.now[j, r] - low, r, h)) / h
+        return HELD
+    push = J.push[j, r]
+    driven = J.t.drive[j, r] > NONE
+    if driven:
+        J.much[j, r] = -(rate + J.bias[j, r] + J.soft[j, r] * push)
+    if kind == LIMITED:
+        ranged(j, r, h, then, J)
+        if hold > wp.float64(0.0) or (not driven and hold == wp.float64(0.0) and J.under[j, r] < wp.float64(0.0)):
+            return LOWEST
+        if hold < wp.float64(0.0) or (not driven and J.over[j, r] > wp.float64(0.0)):
+            return HIGHEST
+    if driven:
+        if push >= h * J.t.most[j, r] and J.much[j, r] >= wp.float64(0.0):
+            return TOP
+        if push <= -h * J.t.most[j, r] and J.much[j, r] <= wp.float64(0.0):
+            return BOTTOM
+        return DRIVEN
+    return NONE
 
 
 @wp.func
@@ -114,34 +141,21 @@ def relaxed(j: int, r: int, rate: wp.float64, J: Linked):
     """As `wanted`, behind the places."""
     kind = J.t.kind[j, r]
     hold = J.hold[j, r]
+    zero = wp.float64(0.0)
+    J.under[j, r] = FAR
+    J.over[j, r] = -FAR
+    if J.broken[j] != 0:
+        return NONE
     if kind == LOCKED:
-        return HELD, -rate
+        J.under[j, r] = rate
+        return HELD
     if kind == LIMITED:
-        zero = wp.float64(0.0)
-        if hold > zero or (hold == zero and J.now[j, r] <= J.t.low[j, r] and rate < zero):
-            return LOWEST, -rate
-        if hold < zero or (J.now[j, r] >= J.t.high[j, r] and rate > zero):
-            return HIGHEST, -rate
-    return NONE, wp.float64(0.0)
-
-
-@wp.func
-def taken(j: int, r: int, h: wp.float64, J: Linked):
-    """Impulse of row r that a solution adds, within what it may give; the sum is noted."""
-    more = J.rhs[j, r]
-    acts = J.active[j, r]
-    if acts == NONE:
-        return wp.float64(0.0)
-    if acts == DRIVEN:
-        before = J.push[j, r]
-        most = h * J.t.most[j, r]
-        J.push[j, r] = wp.clamp(before + more, -most, most)
-        return J.push[j, r] - before
-    before = J.hold[j, r]
-    after = before + more
-    if acts == LOWEST:
-        after = wp.max(after, wp.float64(0.0))
-    elif acts == HIGHEST:
-        after = wp.min(after, wp.float64(0.0))
-    J.hold[j, r] = after
-    return after - before
+        if hold > zero or hold == zero and J.now[j, r] <= J.t.low[j, r]:
+            J.under[j, r] = rate
+        if hold < zero or hold == zero and J.now[j, r] >= J.t.high[j, r]:
+            J.over[j, r] = rate
+        if hold > zero or J.under[j, r] < zero:
+            return LOWEST
+        if hold < zero or J.over[j, r] > zero:
+            return HIGHEST
+    return NONE

@@ -2,7 +2,7 @@
 
     placed   bodies' places and inertia, rows of joints, where a substep begins
     begun    impulses to 0, drives
-    solve    a sweep: where velocities lead to, rows that act, A (again where other rows act), impulses
+    solve    a sweep: where velocities lead to, what rows ask for, impulses that fit all of them (pivots.py)
     relax    velocities along what is held, at the new places; joints that broke
 
 Bodies that joints alone move are placed by their momentum less half of the kick of the forces, as free ones are; the rest of it
@@ -17,9 +17,10 @@ import warp as wp
 
 from wsim.kernels.math.rotation import matrix
 from wsim.kernels.rigid.joint.coordinates import place_of, unwound
-from wsim.kernels.rigid.joint.elimination import Linked, solved
-from wsim.kernels.rigid.joint.frames import ends_of, factored, lined
-from wsim.kernels.rigid.joint.rows import drive, relaxed, taken, wanted
+from wsim.kernels.rigid.joint.elimination import Linked
+from wsim.kernels.rigid.joint.frames import ends_of, lined
+from wsim.kernels.rigid.joint.pivots import settled
+from wsim.kernels.rigid.joint.rows import drive, relaxed, wanted
 from wsim.kernels.rigid.motion import double, double3, free_rotation, kicked, near, structs
 
 FAST = wp.constant(wp.float64(0.25))     # [rad] of a turn in a substep: RATTLE has no solution for a joint that turns much more
@@ -45,23 +46,6 @@ def broke(j: int, h: wp.float64, J: Linked):
     t = wp.transpose(J.turn[j]) * t
     if wp.length(f) > h * J.t.breaking[j][0] or wp.length(t) > h * J.t.breaking[j][1]:
         J.broken[j] = 1
-
-
-@wp.func
-def noted(j: int, r: int, acts: int, much: wp.float64, J: Linked):
-    """Sets what a row asks for, nothing where the joint is broken; 1 where it was another one."""
-    act = acts
-    ask = much
-    if J.broken[j] != 0:
-        act = 0
-        ask = wp.float64(0.0)
-    before = J.active[j, r]
-    J.active[j, r] = act
-    J.rhs[j, r] = ask
-    changed = int(0)
-    if act != before:
-        changed = 1
-    return changed
 
 
 @cache
@@ -135,28 +119,9 @@ def functions(real):
         return u, omega
 
     @wp.func
-    def given(g: int, h: wp.float64, now: Moving, J: Linked):
-        """The solution as impulses on the bodies of an island."""
-        for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
-            J.P[J.t.body[m]] = wp.vec3d()
-            J.T[J.t.body[m]] = wp.vec3d()
-        three = int(3)
-        for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
-            f = wp.vec3d()
-            t = wp.vec3d()
-            for r in range(three):
-                f[r] = taken(j, r, h, J)
-                t[r] = taken(j, 3 + r, h, J)
-            P = wp.transpose(J.axis[j]) * f
-            T = wp.transpose(J.turn[j]) * t
-            a = J.t.a[j]
-            b = J.t.b[j]
-            if a >= 0:
-                J.P[a] = J.P[a] - P
-                J.T[a] = J.T[a] - wp.cross(J.r_a[j], P) - T
-            if b >= 0:
-                J.P[b] = J.P[b] + P
-                J.T[b] = J.T[b] + wp.cross(J.r_b[j], P) + T
+    def given(g: int, driving: int, h: wp.float64, now: Moving, J: Linked):
+        """Impulses that fit all rows, on the bodies of an island."""
+        settled(g, driving, h, J)
         for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
             i = J.t.body[m]
             now.p[i] = rounded(double3(now.p[i]) + J.P[i], now.p[i])
@@ -185,8 +150,8 @@ def functions(real):
         return wp.clamp(wp.float64(2.0) - h * spin / FAST, wp.float64(0.0), wp.float64(1.0))
 
     @wp.func
-    def acts_of(j: int, k: int, sweep: int, h: wp.float64, now: Moving, J: Linked):
-        """Which rows of a joint act, and what each asks for; 1 where other ones do."""
+    def asked(j: int, k: int, h: wp.float64, now: Moving, J: Linked):
+        """What the rows of a joint ask for, and a first guess of which act."""
         at = place_of(ends_of(j, k + 1, J), J.t.form[j], J.t.cone[j])
         u, omega = rate_of(j, k, wp.float64(0.0), now, J)
         lead, whirl = rate_of(j, k, wp.float64(1.0), now, J)
@@ -195,30 +160,22 @@ def functions(real):
         omega = J.turn[j] * omega
         lead = J.axis[j] * lead
         whirl = J.turn[j] * whirl
-        other = int(0)
         three = int(3)
         for r in range(three):
             line = J.now[j, r] + h * lead[r]
-            acts, much = wanted(j, r, sweep, h, line + part * (at.shift[r] - line), u[r], J)
-            other += noted(j, r, acts, much, J)
+            J.next[j, r] = wanted(j, r, h, line + part * (at.shift[r] - line), u[r], J)
             line = J.now[j, 3 + r] + h * whirl[r]
             then_at = at.turned[r]
             if r == 0:
                 then_at = unwound(then_at, J.quarters[j])
-            acts, much = wanted(j, 3 + r, sweep, h, line + part * (then_at - line), omega[r], J)
-            other += noted(j, 3 + r, acts, much, J)
-        return other
+            J.next[j, 3 + r] = wanted(j, 3 + r, h, line + part * (then_at - line), omega[r], J)
 
     @wp.func
-    def solve(g: int, k: int, sweep: int, h: wp.float64, b: Bodies, now: Moving, J: Linked):
+    def solve(g: int, k: int, h: wp.float64, b: Bodies, now: Moving, J: Linked):
         then(g, h, b, now, J)
-        other = int(0)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
-            other += acts_of(j, k, sweep, h, now, J)
-        if other > 0:
-            factored(J.t.first_joint[g], J.t.first_joint[g + 1], J)
-        solved(J.t.first_joint[g], J.t.first_joint[g + 1], J)
-        given(g, h, now, J)
+            asked(j, k, h, now, J)
+        given(g, 1, h, now, J)
 
     @wp.func
     def relax(g: int, k: int, h: wp.float64, now: Moving, J: Linked):
@@ -228,13 +185,11 @@ def functions(real):
             u = J.axis[j] * u
             omega = J.turn[j] * omega
             for r in range(three):
-                acts, much = relaxed(j, r, u[r], J)
-                noted(j, r, acts, much, J)
-                acts, much = relaxed(j, 3 + r, omega[r], J)
-                noted(j, 3 + r, acts, much, J)
-        factored(J.t.first_joint[g], J.t.first_joint[g + 1], J)
-        solved(J.t.first_joint[g], J.t.first_joint[g + 1], J)
-        given(g, h, now, J)
+                J.next[j, r] = relaxed(j, r, u[r], J)
+                J.next[j, 3 + r] = relaxed(j, 3 + r, omega[r], J)
+                J.active[j, r] = -1
+                J.active[j, 3 + r] = -1
+        given(g, 0, h, now, J)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
             broke(j, h, J)
 
@@ -289,8 +244,8 @@ def jointed(real, module):
                 kicks(J.t.body[m], h, b, now, J)
             if linked:
                 begun(g, d, J)
-                for sweep in range(steps[2]):
-                    solve(g, k, sweep, d, b, now, J)
+                for _sweep in range(steps[2]):
+                    solve(g, k, d, b, now, J)
             for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
                 place(J.t.body[m], h, b, now, J)
             if linked:

@@ -13,6 +13,8 @@ import warp as wp
 FREE, LOCKED, LIMITED = wp.constant(0), wp.constant(1), wp.constant(2)
 NONE, FORCE, ACCELERATION = wp.constant(0), wp.constant(1), wp.constant(2)      # of a drive; of a row that is not active: NONE
 HELD, DRIVEN, LOWEST, HIGHEST = wp.constant(1), wp.constant(2), wp.constant(3), wp.constant(4)     # of an active row
+TOP, BOTTOM = wp.constant(5), wp.constant(6)           # of a drive that gives all that it has, up or down: no equation
+FAR = wp.constant(wp.float64(1.0e300))       # [m/s], [rad/s] beyond which a limit is that cannot be met
 
 
 @cache
@@ -76,7 +78,13 @@ def structs():
         push: wp.array2d(dtype=wp.float64)
         soft: wp.array2d(dtype=wp.float64)           # of a drive: Gamma, bias
         bias: wp.array2d(dtype=wp.float64)
-        active: wp.array2d(dtype=int)
+        under: wp.array2d(dtype=wp.float64)          # what a row asks for: rates beyond its lowest end, or of a lock
+        over: wp.array2d(dtype=wp.float64)           # beyond its highest
+        much: wp.array2d(dtype=wp.float64)           # of a drive
+        change: wp.array2d(dtype=wp.float64)         # of rates by what rhs adds
+        own: wp.array2d(dtype=wp.float64)            # diagonal of A
+        active: wp.array2d(dtype=int)                # what the factor is of
+        next: wp.array2d(dtype=int)                  # what is to act
         rhs: wp.array2d(dtype=wp.float64)
         block: wp.array(dtype=wp.float64)            # 36 a block: diagonal ones of all joints, then those below
 

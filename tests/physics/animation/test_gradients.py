@@ -6,11 +6,10 @@ import pytest
 from tests.physics.animation.make import bones, lump, skin
 from wsim import Fabric, Simulation
 from wsim.geometry.triangulate import triangulate
-from wsim.gradient.inputs.by_name import inputs
 from wsim.gradient.recording import Recording
 from wsim.gradient.rollout.products import Rollout
 from wsim.physics.animation.objects import DUAL, LINEAR, Follow, Shape
-from wsim.scene import Scene, SceneError, Surface, shapes
+from wsim.scene import Scene, shapes
 from wsim.scene.curve import Curve
 
 SOLVERS = {"explicit": {"solver": "explicit", "integrator": "leapfrog", "substeps": 60},
@@ -86,13 +85,6 @@ def test_angles_away_from_the_animation_have_the_slope_there():
     assert slope == pytest.approx((8.0 * (losses[1] - losses[-1]) - (losses[2] - losses[-2])) / (12.0 * step), rel=1e-6)
 
 
-def collided(scene: Scene) -> None:
-    """The mesh that pins follow is a collider too."""
-    skinned = scene.pins[0].follows.skin
-    points, counts, indices = shapes.sphere(0.3, 8)
-    scene.collider("/man/body", Surface(skinned.at(0.0), counts, indices, poses=skinned), motion=skinned.skeleton.motion)
-
-
 def scaled(scene: Scene) -> None:
     scene.things("Skeleton")[0].scales = 1.1 * scene.things("Skeleton")[0].scales
     for pin in scene.pins:
@@ -107,7 +99,6 @@ def still(scene: Scene) -> None:
 
 # key of `REFUSED`: path that is named, what is done to a scene, what is asked for
 UNFOLLOWED = {
-    "skinned": ("/man/body", collided, "turns"),
     "followed": ("/man/bones", lambda scene: scene.pins.clear(), "turns"),
     "corrective": ("/left", lambda scene: scene.pins[0].follows.skin.blends.append(lump(np.random.default_rng(0))), "turns"),
     "scaled": ("/left", scaled, "turns"),
@@ -120,9 +111,3 @@ def changed(change) -> Scene:
     scene = held("explicit")
     change(scene)
     return scene
-
-
-def test_a_collider_that_joints_move_is_refused_by_its_path():
-    recording = Recording(Simulation(changed(collided), device="cpu", precision="float64", gradients=True), 1)
-    with pytest.raises(SceneError, match="/man/body: is a collider that follows /man/bones: with respect to weights"):
-        inputs(recording, ["/man/bones:weights"])

@@ -1,7 +1,6 @@
 """Rigid bodies that drive the joints of a skeleton, and what a result says of them."""
 
 import numpy as np
-import pytest
 from pxr import Usd, UsdGeom
 
 import wsim
@@ -109,14 +108,3 @@ def test_a_run_goes_on_to_the_bit(tmp_path):
     np.testing.assert_array_equal(joints(second), joints(first))
     second.run(3)
     np.testing.assert_array_equal(joints(second), joints(whole))
-
-
-def test_what_follows_a_skeleton_that_bodies_drive_is_refused():
-    from wsim.scene import Surface
-    scene = ragdoll()
-    points, counts, indices = shapes.box((0.1, 0.5, 0.1), 2)
-    bones = scene.things("Skeleton")[0]
-    skinned = Skinned(bones, points, np.zeros((len(points), 1)), np.ones((len(points), 1)))
-    scene.collider("/man/skin", Surface(skinned.at(0.0), counts, indices, poses=skinned), motion=bones.motion)
-    with pytest.raises(wsim.SceneError, match="/man/skin: it follows /man/bones, whose joints rigid bodies drive"):
-        wsim.Simulation(scene, device="cpu")

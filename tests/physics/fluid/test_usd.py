@@ -34,7 +34,7 @@ def everything() -> tuple[Fluid, list[Source]]:
     still = Motion.still(moving.values[0])
     fluid = Fluid("/World/air", LOW, HIGH, 0.1, ("periodic", "periodic", "closed", "open", "wind", "wind"),
                   rng.normal(size=(6, 3)) * (np.arange(6) == 2)[:, None], False, True, 1.1, 0.01, 0.004, 0.3, 0.5, 0.1, 0.2,
-                  "cubic", "bfecc", "multigrid", 1e-5, 3.0, 7, 9,
+                  "cubic", "bfecc", "multigrid", 1e-5, 3.0, 7, 0.5, 9,
                   *(rng.random(n).astype(np.float32) for n in ((8, 8, 8, 3), (8, 8, 8), (8, 8, 8))))
     return fluid, [
         Source("/World/ball", Sphere(0.1), moving, "/World/air", 2.0, 30.0, True, (0.1, 0.0, -0.3), -0.5,
@@ -190,7 +190,7 @@ def test_fallbacks_and_tokens_of_the_schemas_are_those_of_the_objects():
     registry = Usd.SchemaRegistry()
     plain = {"Fluid": Fluid("/a", LOW, HIGH, 0.0, density=0.0), "Source": Source("/a", Sphere(1.0))}
     rows = [row for row in names.TABLE if row.owner in plain]
-    assert len(rows) == 22 + 6
+    assert len(rows) == 23 + 6
     for row in rows:
         attribute = registry.FindAppliedAPIPrimDefinition(row.schema).GetAttributeDefinition(row.attribute)
         value, wanted = attribute.GetFallbackValue(), getattr(plain[row.owner], row.field)

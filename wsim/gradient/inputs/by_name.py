@@ -7,11 +7,11 @@
     /World/Pin:targets                       where a pin puts its points [m]: (frames, moments of a frame, n, 3), see
                                              `wsim.model.stage.Clock.moments`, or (n, 3) if it is still
     /World/Load:force, :traction             of a load [N], [Pa]: (3,), or (keys, 3) of its curve
-    /World/Bones:turns, :weights             of a skeleton that pins follow: `wsim.gradient.inputs.skeletons`
+    /World/Bones:turns, :weights             of a skeleton that is followed: `wsim.gradient.inputs.skeletons`
     gravity, wind                            (3,) [m/s^2], [m/s] of the whole scene
     air_drag                                 () [1/s]
-    friction, restitution, colliders' shifts: `wsim.gradient.inputs.contact`; keys, tangents and easing handles of pins and
-    colliders: `wsim.gradient.inputs.path`; of rigid bodies: `wsim.gradient.inputs.bodies`, of fluids: `.fluids`
+    friction, restitution, colliders' shifts: `wsim.gradient.inputs.contact`; keys, tangents, easing handles and turns of
+    pins and colliders: `wsim.gradient.inputs.path`; of rigid bodies: `wsim.gradient.inputs.bodies`, of fluids: `.fluids`
 
 Elements are springs and tets in the author's order, hinges in the solver's. With several worlds a value may have one axis more,
 the worlds, in front; without it all worlds share the value. Points that are one particle (a weld, a tie) have one place: that

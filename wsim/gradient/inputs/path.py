@@ -3,19 +3,24 @@
     /World/Pin:keys          (keys, 3) [m], the places of its keys, in the world
     /World/Pin:tangents      (2, keys, 3) [m/s], slopes before and behind them, of kinds hermite and bezier
     /World/Pin:handles       (pieces, 4) [1], (x1, y1, x2, y2) of an eased motion whose pieces all have handles
+    /World/Pin:turns         (keys, 3) [rad], rotation vectors behind the rotations that its keys have when asked for
 
-and of a collider likewise; worlds share their colliders. Turns between keys stay as they are. Exact: what a pin or a collider
-does in each substep is pulled through the formula of its curve (`Curve.pulled`).
+and of a collider likewise; worlds share their colliders. Exact: what a pin or a collider does in each substep is pulled through
+the formula of its curve (`Curve.pulled`). Of turns, the derivatives of slerp and squad by a key are differences of order 8 of
+those formulas alone, in float64 over 0.02 rad: right to 1e-11; eight evaluations of the curve for each of their components.
 """
 
 import numpy as np
 
+from wsim.geometry import rotation
 from wsim.gradient.inputs.base import Input
 from wsim.scene import Problem, SceneError
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.curve.easing import handles
 
-STEP = 1e-4                      # [m], [m/s], [1] by which one of them changes
+STEP = 1e-4                      # [m], [m/s], [1], [rad] by which one of them changes
+TURN = 0.02                      # [rad] steps of differences of order 8, and their weights
+WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
 
 
 def taken(path: Curve, what: str) -> np.ndarray | None:
@@ -34,9 +39,34 @@ def given(motion: Motion, what: str, value: np.ndarray) -> Motion:
     if what == "keys":
         M[:, :3, 3] = value
         return motion.replaced(M)
+    if what == "turns":
+        return turned(motion, value)
     four = [tuple(each) for each in value.tolist()] if what == "handles" else None
     how: dict = {"arrive": value[0], "leave": value[1]} if what == "tangents" else {"easing": four}
     return motion.replaced(M, **how)
+
+
+def turned(motion: Motion, value: np.ndarray) -> Motion:
+    """The motion with rotation vectors (keys, 3) [rad] behind the rotations of its keys."""
+    M = motion.values.copy()
+    R, S = rotation.polar(M[:, :3, :3])
+    M[:, :3, :3] = R @ rotation.matrix(rotation.exponential(value)) @ S
+    return motion.replaced(M)
+
+
+def by_turns(motion: Motion, times: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Gradient by rotation vectors behind the keys, (keys, 3), from those by small turns in world axes at times (n,) [s]."""
+    def orientation(each: Motion) -> np.ndarray:
+        return rotation.quaternion(rotation.polar(each.sampled(times)[:, :3, :3])[0])
+    back, found = rotation.conjugate(orientation(motion)), np.zeros((len(motion.times), 3))
+    for key, axis in np.ndindex(found.shape):
+        for k, weight in enumerate(WEIGHTS, 1):
+            for sign in (1.0, -1.0):
+                step = np.zeros_like(found)
+                step[key, axis] = sign * k * TURN
+                way = rotation.logarithm(rotation.multiply(orientation(turned(motion, step)), back))
+                found[key, axis] += sign * weight / TURN * float((turn * way).sum())
+    return found
 
 
 def pulled(motion: Motion, what: str, times: np.ndarray, by: np.ndarray, turn: np.ndarray) -> np.ndarray:
@@ -47,16 +77,19 @@ def pulled(motion: Motion, what: str, times: np.ndarray, by: np.ndarray, turn: n
         return found["values"]
     if what == "tangents":
         return np.stack([found["arrive"], found["leave"]])
+    if what == "turns":
+        return by_turns(motion, times, turn)
     inside, rate = motion.turns.by_pace(times)
     return found["easing"] + motion.turns.pace.pulled(inside, (turn * rate).sum(axis=1))["easing"]
 
 
 class Path(Input):
-    """Keys, tangents or handles of a pin or a collider."""
+    """Keys, tangents, handles or turns of a pin or a collider."""
 
     def __init__(self, recording, name: str):
         super().__init__(recording, name)
         self.shared = self.row.owner == "Collider"
+        self.base = [self.motion(world) for world in range(self.sim.worlds)]       # which turns are put behind
 
     def motion(self, world: int = 0) -> Motion:
         """Raises SceneError for what is no motion by keys."""
@@ -75,6 +108,9 @@ class Path(Input):
 
     def read(self, world: int = 0) -> np.ndarray:
         motion = self.motion(world)
+        if self.what == "turns":
+            before, now = (rotation.polar(m.values[:, :3, :3])[0] for m in (self.base[world], motion))
+            return rotation.logarithm(rotation.quaternion(before.swapaxes(1, 2) @ now))
         found = taken(motion.path, self.what)
         if found is None:
             need = {"tangents": "kinds hermite and bezier have slopes", "handles": "kind eased has them, where each piece has "
@@ -92,7 +128,7 @@ class Path(Input):
         if self.shared and world:
             return
         try:
-            new = given(self.motion(world), self.what, value)
+            new = given(self.base[world] if self.what == "turns" else self.motion(world), self.what, value)
         except ValueError as wrong:
             raise SceneError(Problem(self.name, f"{wrong}")) from None
         if self.shared:
@@ -103,7 +139,11 @@ class Path(Input):
 
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
         times, by, turn = self.ways(gradient, world)
-        return pulled(self.motion(world), self.what, times.ravel(), by.reshape(-1, 3), turn.reshape(-1, 3))
+        found = pulled(self.motion(world), self.what, times.ravel(), by.reshape(-1, 3), turn.reshape(-1, 3))
+        if self.what == "turns":
+            from wsim.physics.animation.skinning_adjoint import jacobian
+            return np.einsum("kmi,km->ki", jacobian(self.read(world)), found)
+        return found
 
     def ways(self, gradient, world: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Times [s], (frames, moments), and gradients by the place then and by a turn about it, (frames, moments, 3)."""

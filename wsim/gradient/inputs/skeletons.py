@@ -1,5 +1,5 @@
-"""Joint angles and weights of blend shapes as inputs of a recording, through skinning to the pins that follow a skeleton. See
-`wsim.gradient.inputs.by_name`.
+"""Joint angles and weights of blend shapes as inputs of a recording, through skinning to the pins and the colliders that follow
+a skeleton. See `wsim.gradient.inputs.by_name`.
 
     /World/Bones:turns       (keys, joints, 3) [rad], rotation vectors that are put behind the rotations of the keys
     /World/Bones:weights     (keys, shapes) [1], of blend shapes
@@ -7,6 +7,7 @@
 Worlds share a skeleton; the gradient in one world is that of the points of that world.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -19,38 +20,39 @@ from wsim.scene.values.coverage import refuse
 
 
 class Bones(Input):
-    """A value of a skeleton that pins follow. Raises SceneError, by path, where colliders follow it too, or nothing does."""
+    """A value of a skeleton that pins or colliders follow. Raises SceneError, by path, where nothing does."""
 
     shared = True
 
     def __init__(self, recording, name: str):
         super().__init__(recording, name)
-        scene = self.sim.scene
-        self.given = named(scene, self.path)
-        for collider in scene.colliders:
-            if getattr(getattr(collider.shape, "poses", None), "skeleton", None) is self.given:
-                raise refuse("skinned", collider.path, name=self.what, bones=self.path)
+        self.given = named(self.sim.scene, self.path)
+        self.method = self.sim.plan.find("bones")
         self.pins = recording.parameters.pins
         self.followers = [p for group in (self.pins.groups.values() if self.pins else ()) for p in group
                           if p.pin.follows is not None and p.pin.follows.skin.skeleton is self.given]
-        if not self.followers:
+        self.skins = [(c.path, c.shape.poses) for c in self.sim.scene.colliders
+                      if getattr(getattr(c.shape, "poses", None), "skeleton", None) is self.given]
+        if not self.followers and not self.skins:
             raise refuse("followed", self.path)
-        for p in self.followers:
-            self.check(p.pin)
+        for path, skin in [*((p.pin.path, p.pin.follows.skin) for p in self.followers), *self.skins]:
+            self.check(path, skin)
 
-    def check(self, pin) -> None:
-        """Raises SceneError for what a pin follows that has no such derivative."""
+    def check(self, path: str, skin) -> None:
+        """Raises SceneError for what follows the skeleton and has no such derivative."""
 
     @property
     def bones(self):
         """The skeleton as it is now."""
-        return self.followers[0].motion.follow.skin.skeleton
+        return self.method.skeletons[self.sim.scene.things("Skeleton").index(self.given)]
 
     def put(self, value: np.ndarray, world: int) -> None:
         bones = self.changed(value)
+        self.method.give(self.bones, bones)
         for p in self.followers:
             p.motion.follow = replace(p.motion.follow, skin=replace(p.motion.follow.skin, skeleton=bones))
-        self.pins.changed, self.sim.graph = True, None
+        if self.followers:
+            self.pins.changed, self.sim.graph = True, None
 
     def changed(self, value: np.ndarray):
         """The skeleton with another value."""
@@ -58,9 +60,12 @@ class Bones(Input):
 
     def pulled(self, gradient, world: int) -> tuple[np.ndarray, np.ndarray]:
         """Gradients by turns of the rotations that are, and by weights."""
+        total = [*self.by_pins(gradient, world), *self.by_colliders(gradient, world)]
+        return tuple(sum(column) for column in zip(*total, strict=True))  # type: ignore[return-value]
+
+    def by_pins(self, gradient, world: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         from wsim.physics.animation.skinning_adjoint import gradients
-        total: list = []
-        for kind, group in self.pins.groups.items():
+        for kind, group in self.pins.groups.items() if self.pins else ():
             for p in (p for p in group if p in self.followers and p.body.world == world):
                 found = gradient.targets(p.pin.path, world)
                 times = self.times(kind == "hard")
@@ -69,8 +74,17 @@ class Bones(Input):
                 own = by[:, :n].copy()
                 for k, ends in enumerate(p.ends):                         # points between take half of both
                     own[:, ends] += 0.5 * by[:, n + k, None]
-                total.append(gradients(p.motion.follow, times, own))
-        return tuple(sum(column) for column in zip(*total, strict=True))  # type: ignore[return-value]
+                yield gradients(p.motion.follow, times, own)
+
+    def by_colliders(self, gradient, world: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        from wsim.physics.animation.skinning_adjoint import by_points
+        r, clock, fps = self.recording, self.sim.plan.clock, self.sim.scene.fps
+        for path, skin in self.skins:
+            now = replace(skin, skeleton=self.bones)
+            for frame in range(r.frames):
+                by = gradient.touched(path).corners(path, world, frame)
+                times = (r.start + frame) / fps + clock.dt * np.arange(len(by)) / (len(by) - 1)
+                yield by_points(now, times, by)
 
     def times(self, hard: bool) -> np.ndarray:
         """Times of the rows of targets in the recording [s], those of its frames behind each other."""
@@ -83,13 +97,12 @@ class Bones(Input):
 class Turns(Bones):
     """Rotation vectors behind the rotations of the joints at the keys."""
 
-    def check(self, pin) -> None:
-        skin = pin.follows.skin
+    def check(self, path: str, skin) -> None:
         if any(shape.joint >= 0 for shape in skin.blends):
-            raise refuse("corrective", pin.path, bones=self.path)
+            raise refuse("corrective", path, bones=self.path)
         from wsim.physics.animation.skin import rigid
         if skin.method != "classicLinear" and not rigid(skin):
-            raise refuse("scaled", pin.path, bones=self.path)
+            raise refuse("scaled", path, bones=self.path)
         if self.given.translations is None:
             raise refuse("unanimated", self.path)
 
@@ -112,7 +125,7 @@ class Turns(Bones):
 class Weights(Bones):
     """Weights of blend shapes at their keys."""
 
-    def check(self, pin) -> None:
+    def check(self, path: str, skin) -> None:
         if self.given.weights is None:
             raise refuse("shapes", self.path)
 

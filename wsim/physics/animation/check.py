@@ -10,6 +10,7 @@ from wsim.physics.animation import skinning
 from wsim.physics.animation.objects import DUAL, LINEAR, LOOSE, Follow, Skeleton, Skinned
 from wsim.scene import Problem, Scene
 from wsim.scene.check.objects import error, rigid, warning
+from wsim.scene.methods import dressed, followers
 
 UNIT = 1e-3            # by which a quaternion's length may differ from 1 without a word
 MOST = 1 << 16         # joints of a skeleton: their numbers have 16 bits on the device
@@ -121,12 +122,20 @@ def _bodies(bones: Skeleton, scene: Scene) -> Iterator[Problem]:
         if body not in there:
             yield error(bones.path, f"joint {joint} is driven by {body}, which is no rigid body here",
                         ", ".join(sorted(there)[:5]) or "none, the scene has none", "name a rigid body")
-    if bones.bodies:
-        skins = [c.path for c in scene.colliders if getattr(getattr(c.shape, "poses", None), "skeleton", None) is bones]
-        skins += [p.path for p in scene.pins if p.follows is not None and p.follows.skin.skeleton is bones]
-        for path in skins[:1]:
-            yield error(path, f"it follows {bones.path}, whose joints rigid bodies drive: where those go is not known before",
-                        "colliders and pins of skeletons that are animated", "let the bodies collide, and pin to their prims")
+    if bones.bodies and (skins := followers(scene, bones)):
+        apart = dressed(scene)
+        others = [b.path for b in scene.things("Body") if b.path not in apart and any(c.meets for c in b.colliders)]
+        if scene.bodies() and others:
+            yield error(others[0], f"can meet {scene.bodies()[0].path}, where {skins[0]} follows {bones.path}, whose joints "
+                        "other bodies drive: those take their frame before points do", "bodies that drive joints, or meet "
+                        "nothing", "switch its collisions off (physics:collisionEnabled, Collider.meets), or let it "
+                        "drive a joint")
+        meeting = [path for path in sorted(set(bones.bodies.values())) for b in scene.things("Body")
+                   if b.path == path and any(c.meets for c in b.colliders)]
+        if scene.bodies() and meeting:
+            yield warning(meeting[0], f"drives a joint of {bones.path}, and cloth and soft bodies do not meet it, but what "
+                          f"follows {bones.path} ({', '.join(skins[:3])})", "a skinned mesh that collides, in its stead",
+                          "let the mesh of the character collide")
 
 
 def _skin(path: str, skin: Skinned) -> Iterator[Problem]:
@@ -156,6 +165,16 @@ def _skin(path: str, skin: Skinned) -> Iterator[Problem]:
     if skin.method not in (LINEAR, DUAL):
         yield error(path, f"skinningMethod is '{skin.method}'", f"{LINEAR} or {DUAL}", "choose one of them")
     yield from _shapes(path, skin)
+    yield from _correctives(path, skin)
+
+
+def _correctives(path: str, skin: Skinned) -> Iterator[Problem]:
+    """Corrective shapes of joints that bodies drive."""
+    bones = skin.skeleton
+    for shape in skin.blends:
+        if 0 <= shape.joint < len(bones.joints) and bones.joints[shape.joint] in bones.bodies:
+            yield error(path, f"blend shape {shape.name} is driven by joint {bones.joints[shape.joint]}, which "
+                        f"{bones.bodies[bones.joints[shape.joint]]} drives", "joints that are animated", "leave the shape out")
 
 
 def _shapes(path: str, skin: Skinned) -> Iterator[Problem]:

@@ -103,8 +103,8 @@ class Skeleton(Compared):
 
     @property
     def moves(self) -> bool:
-        """True if joints or blend shapes do."""
-        return len(self.times) > 1 or (self.weights is not None and self.weights.moves)
+        """True if joints or blend shapes do, or may."""
+        return len(self.times) > 1 or bool(self.bodies) or (self.weights is not None and self.weights.moves)
 
     def later(self, delay: float) -> "Skeleton":
         """The same animation, begun `delay` [s] later."""

@@ -149,19 +149,25 @@ def gradients(follow: Follow, times: np.ndarray, g: np.ndarray) -> tuple[np.ndar
     """Gradients by angles of the joints at the keys (keys, joints, 3) [1/rad], and by weights of blend shapes (keys, shapes),
     from gradients g (times, k, 3) [1/m] by `Follow.over(times)`."""
     skin, corners = follow.only_points()
-    bones, x = skin.skeleton, skin.over(times)
-    turn = np.stack([bones.motion.at(t)[:3, :3] for t in times])
+    x = skin.over(times)
+    turn = np.stack([skin.skeleton.motion.at(t)[:3, :3] for t in times])
     by_corners = placed(x[:, corners], np.asarray(follow.places, np.float64), g @ turn)
     by_x = np.zeros_like(x)
     for k, each in enumerate(by_corners):
         np.add.at(by_x[k], corners, each)
+    return by_points(skin, times, by_x)
+
+
+def by_points(skin: Skinned, times: np.ndarray, by_x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Gradients as `gradients`, from those by `Skinned.over(times)`, (times, n, 3) [1/m]."""
+    bones = skin.skeleton
     by_x = by_x if bones.stretch is None else by_x @ bones.stretch
     L = skinning.locals_(bones, times)
     W = skinning.worlds(bones.parents, L)
     A, base, offsets = W @ np.linalg.inv(bones.bind), skinning.bound(skin), skinning.blended(skin, times)
     turning = bones.translations is not None
     around: Any = between(bones, times) if turning else ()
-    turns, by_p = np.zeros((len(bones.times), len(bones.joints), 3)), np.zeros_like(x)
+    turns, by_p = np.zeros((len(bones.times), len(bones.joints), 3)), np.zeros_like(by_x)
     for k in range(len(times)):
         p = base if offsets is None else base + offsets[k] @ skin.geom[:3, :3].T
         N, by_p[k] = (linear if skin.method == LINEAR else dual)(skin, p, A[k], by_x[k])

@@ -3,6 +3,8 @@ kernels/cloth/element.py, curvature.py, general.py."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -59,11 +61,12 @@ class Elements:
             from wsim.kernels.cloth import general
             self.kernel = general.corners(self.row.equation, real, module, damped)
 
-    def launch(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> None:
+    def passes(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> list[Callable[[], None]]:
+        """What is launched one after the other."""
         read: list = [self.data, x, pair, source, self.first]
+        launch, first = self.model.launch, list[Callable[[], None]]()
         if self.curvature:
             cur = self.curvature
-            self.model.launch(self.strained, cur.hinges, [self.data, x, pair, source, cur.data], [])
-            cur.launch_sums()
+            first = [partial(launch, self.strained, cur.hinges, [self.data, x, pair, source, cur.data], []), cur.launch_sums]
             read.append(cur.data)
-        self.model.launch(self.kernel, len(self.ids), read, [force])
+        return [*first, partial(launch, self.kernel, len(self.ids), read, [force])]

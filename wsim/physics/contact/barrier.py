@@ -9,6 +9,7 @@ A point of mass m that is by s nearer to a collider than both keep, 0 < s < w = 
 
 with v the fastest speeds of points and of colliders at first, H the way from any point to the furthest collider, T the scene's
 length: what falls from where the scene starts is stopped before s = w. What is faster meets the hard contact there.
+Where bodies that give way are met as well, all contacts are hard: what pushes a body must be an impulse that it takes.
 """
 
 from math import isinf
@@ -17,10 +18,16 @@ import numpy as np
 
 from wsim.scene import Scene, Surface
 from wsim.scene.check import signed_distance
+from wsim.scene.methods import carried
 from wsim.scene.solids import row
 
 MARGIN = 1.5
 LEAST = 5e-3           # [m^2/s^2] where nothing falls or moves at first: 0.1 m/s
+
+
+def width(scene: Scene) -> float:
+    """Distance over which contacts of a scene are soft [m]; 0: they are hard."""
+    return 0.0 if carried(scene) else scene.contact_width
 
 
 def energy(scene: Scene) -> float:
@@ -57,6 +64,6 @@ def _moves(scene: Scene) -> float:
 def stiffness(scene: Scene) -> float:
     """Stiffness of a point over its mass [1/s^2], of two colliders at once where there are as many; 0 where contacts are
     hard."""
-    if not (scene.colliders and scene.contact_width > 0.0):
+    if not (scene.colliders and width(scene) > 0.0):
         return 0.0
     return min(len(scene.colliders), 2) * 6.0 * energy(scene) / scene.contact_width**2

@@ -71,7 +71,7 @@ class Clearance:
     def enter(self, clock: Clock) -> None:
         """The form that a frame takes first."""
         known = self.said is not None and not clock.starting
-        near = self.said if known else bool(self.contacts.mark.numpy().any())
+        near = clock.touching or (self.said if known else bool(self.contacts.mark.numpy().any()))
         clock.free, clock.after_free = not near, self.whole and not near
 
     def hear(self) -> bool:

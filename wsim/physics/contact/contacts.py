@@ -61,15 +61,16 @@ class Contacts:
     """See the head of this file. Raises SceneError for a collider that makes no sense."""
 
     def __init__(self, bodies: Bodies, *, device, real, module="unique", substeps: int, dt: float,
-                 struck: wp.array | None = None):
-        """struck: (points,) real, becomes not 0 where a point leaves an overlap: its step is no motion, and a multistep
-        integrator forgets it."""
+                 struck: wp.array | None = None, turned: bool = False):
+        """turned: joints that move meshes may be set. struck: (points,) real, becomes not 0 where a point
+        leaves an overlap: its step is no motion, and a multistep integrator forgets it."""
         self.device, self.real, self.types = wp.get_device(device), real, types(real)
         self.launch: Callable = partial(wp.launch, device=self.device)    # (kernel, dim, inputs, outputs)
+        self.zero: Callable = wp.array.zero_
         self.adjoint: Any = None                         # `wsim.physics.contact.contacts_adjoint.ContactAdjoint`
         self.dtype = np.float32 if real is wp.float32 else np.float64
         surfaces = {id(c.shape): c for group in bodies.colliders for c in group if isinstance(c.shape, Surface)}
-        self.meshes = {key: Mesh.build(c) for key, c in surfaces.items()}
+        self.meshes = {key: Mesh.build(c, turned) for key, c in surfaces.items()}
         self.rows = Rows.build(bodies.colliders, bodies.origins, self.meshes)
         self.kinds = _kinds(self.rows.kind)
         self.gap, self.friction = self.rows.live(bodies.breadth, bodies.thin)
@@ -221,7 +222,7 @@ class Contacts:
         """Launches the search of substep k; writes d and a where points leave an overlap."""
         self.adjoint.shaped(k) if self.recorded else self.shape(k)
         if k == 1 and self.adjoint is None and "solid" in self.kinds:
-            self.table.deep.zero_()                      # what started inside is marked, and looked for as deep as before
+            self.zero(self.table.deep)                   # what started inside is marked, and looked for as deep as before
         self.launch(self.search_kernel, self.count, [self.table, self.points, self.read(x=x, d=d, a=a, k=k)],
                     [self.slots, d, a, self.push, self.struck])
 

@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.contact import project_adjoint as kernels
-from wsim.kernels.contact.collider_gradients import sums
+from wsim.kernels.contact.collider_gradients import corners, sums
 from wsim.kernels.contact.project import slots
 from wsim.kernels.contact.search_adjoint import search_adjoint
 from wsim.kernels.math.real import types
@@ -28,6 +28,32 @@ class SearchResult:
     projected: int = 0
 
 
+def bends(motion, fps: float) -> bool:
+    """True if a motion turns, is a curve, or has keys within frames."""
+    at = motion.times * fps
+    turning = np.abs(motion.values[:, :3, :3] - motion.values[:1, :3, :3]).max(initial=0.0) > 0.0
+    return not motion.plain or motion.moves and bool(turning or np.abs(at - np.round(at)).max() > 1e-6)
+
+
+@dataclass
+class Touched:
+    """Gradients of a frame by the corners of meshes on which its contacts were found, a row each: substep, point, row of the
+    table of colliders, faces (3,) and gradients (9, 3) of `wsim.kernels.contact.collider_gradients.corners`."""
+
+    substep: np.ndarray
+    point: np.ndarray
+    row: np.ndarray
+    face: np.ndarray
+    by: np.ndarray
+
+    @staticmethod
+    def of(found, points: int) -> "Touched":
+        row = found.row.numpy()
+        k, slot = np.nonzero(row >= 0)
+        by = found.by.numpy()[k, slot].astype(np.float64)
+        return Touched(k, slot % points, row[k, slot], found.face.numpy()[k, slot], by)
+
+
 class ContactAdjoint:
     """The adjoint of contacts with colliders. Lists are not kept: the search runs once more, of the same arrays, before the
     first adjoint that wants them. The side of a closed mesh that a point is on is always told by the winding number, whatever
@@ -39,7 +65,8 @@ class ContactAdjoint:
         recorded."""
         contacts.grow(contacts.rows.most)
         self.contacts, self.model, self.real = contacts, model, model.real
-        self.search_kernel = search_adjoint(contacts.kinds, model.real, model.module)
+        skinned = any(hasattr(m.surface.poses, "skeleton") for m in contacts.meshes.values())
+        self.search_kernel = search_adjoint(contacts.kinds, model.real, model.module, skinned)
         self.project_kernel, self.sum_kernel = (make(model.real, model.module) for make in (kernels.project_adjoint, sums))
         t, n = types(model.real), model.points
         size = contacts.push.size
@@ -53,9 +80,16 @@ class ContactAdjoint:
         lanes = int(np.clip(np.diff(starts).max() // EACH, 1, LANES))
         self.starts = wp.array(starts, dtype=int, device=model.device)
         self.sums = wp.zeros((len(model.bodies), contacts.rows.most, lanes), dtype=self.motion.dtype, device=model.device)
-        # where a motion is a curve within its frames: sums of each substep
+        # where a motion is no straight way within its frames: sums of each substep
         self.steps = [wp.zeros_like(self.sums) for _ in range(contacts.table.step.shape[0])] if any(
-            not c.motion.plain for c in contacts.rows.colliders) else []
+            bends(c.motion, model.scene.fps) for c in contacts.rows.colliders) else []
+        self.corners = corners(model.real)()             # gradients by the corners of skinned meshes
+        self.touched: list[Touched] = []                 # of frames, the last one first
+        self.skinned = skinned
+        if skinned:
+            shape, by = (contacts.table.step.shape[0], size), wp.types.matrix((9, 3), model.real)
+            for name, dtype in (("row", int), ("face", wp.vec3i), ("by", by)):
+                setattr(self.corners, name, wp.zeros(shape, dtype=dtype, device=model.device))
         self.wanted = zeros(1, int)
         self.found: SearchResult | None = None
         self.vjp = {contacts.search_kernel: lambda inputs: self.searched(inputs[2]),
@@ -85,7 +119,8 @@ class ContactAdjoint:
             push_out.grad.zero_()                            # pushes begin at zero
             o = self.gradients()
             o.x, o.d, o.d_out, o.a_out = at.x.grad, at.d.grad, d_out.grad, a_out.grad
-            self.model.launch(self.search_kernel, self.contacts.count, [self.contacts.table, points, slots, at, o, at.k], [])
+            self.model.launch(self.search_kernel, self.contacts.count,
+                              [self.contacts.table, points, slots, at, o, self.corners, at.k], [])
             if self.steps:
                 self.sum(self.steps[at.k])
         return backward
@@ -151,10 +186,14 @@ class ContactAdjoint:
     def zero(self) -> None:
         for array in (self.friction, self.gap, self.motion):
             array.zero_()
+        self.touched.clear()
 
     def take_motion(self) -> wp.array | list[wp.array]:
         """Gradient with respect to the motions of an object's colliders in a frame, (objects, rows, lanes, 4, 3), which are
-        zeros then: shift and turn where it begins, and where it ends. Where a motion is a curve: those of each substep."""
+        zeros then: shift and turn where it begins, and where it ends. Where a motion is a curve: those of each substep. Those
+        by corners of skinned meshes are read besides, which waits for the frame."""
+        if self.skinned:
+            self.touched.append(Touched.of(self.corners, self.contacts.count))
         if self.steps:
             return [wp.clone(step) for step in self.steps]
         self.sum(self.sums)

@@ -19,6 +19,8 @@ class ContactGradient:
         self.clamped = [m is not None and m.least_gap > 0.0 and g <= m.least_gap
                         for g, m in zip(contacts.gap, self.meshes, strict=False)]      # of the first object
         each = np.stack([np.stack([part.numpy() for part in (sums if isinstance(sums, list) else [sums])]) for sums in motions])
+        self.first, self.touched, self.object = rows.first, adjoint.touched[::-1], contacts.points.object.numpy()
+        self.substeps = contacts.table.step.shape[0]
         self.steps = each.astype(np.float64).sum(axis=4)              # (frames, substeps or 1, objects, rows, 4, 3)
         self.motions = self.steps.sum(axis=1)
 
@@ -65,6 +67,22 @@ class ContactGradient:
         found[:, :-1] += both - last
         found[:, 1:] += last
         return found[:, :, 0], found[:, :, 1]
+
+    def corners(self, path: str, world: int, frame: int) -> np.ndarray:
+        """Gradient with respect to the points of a skinned mesh, in its own frame, where a frame and each of its substeps
+        begins and where it ends, (substeps + 1, n, 3) [1/m]: contacts know X at the end of a substep and V = X - X before."""
+        (number,), t = self.rows(path), self.touched[frame]
+        mesh, own = self.meshes[number], self.of_world(world)
+        found = np.zeros((self.substeps + 1, len(mesh.surface.points), 3))
+        mine = (t.row - self.first[self.object[t.point]] == number) & np.isin(t.point, own)
+        k, face, by = t.substep[mine], t.face[mine], t.by[mine]
+        turned = (face[:, 1, None] + np.arange(3)) % 3
+        near, crossed = np.take_along_axis(mesh.triangles[face[:, 0]], turned, axis=1), mesh.triangles[face[:, 2]]
+        through = face[:, 2] >= 0
+        np.add.at(found, (k[:, None] + 1, near), by[:, :3] + by[:, 3:6])
+        np.add.at(found, (k[:, None], near), -by[:, 3:6])
+        np.add.at(found, (k[through, None] + 1, crossed[through]), by[through, 6:])
+        return found
 
     def motion(self, path: str, world: int) -> np.ndarray:
         objects = [k for k, b in enumerate(self.model.bodies) if b.world == world]

@@ -40,10 +40,12 @@ class Mesh:
     radius: float                        # [m]
     depth: float                         # no inside point is further from the surface [m]; 0: no inside
     device: dict = field(default_factory=dict)           # Warp objects: mesh, track
+    turned: bool = False                 # whether its joints may be set, so that it moves in any case
 
     @staticmethod
-    def build(collider: Collider) -> "Mesh":
-        """Raises SceneError where a mesh has no triangle with an area, a bad index or a point that is no number."""
+    def build(collider: Collider, turned: bool = False) -> "Mesh":
+        """turned: joints that move it may be set. Raises SceneError where a mesh has no triangle with an area, a bad index or a
+        point that is no number."""
         surface = collider.shape
         assert isinstance(surface, Surface)
         points = surface.points.astype(np.float64)
@@ -68,11 +70,12 @@ class Mesh:
         center = 0.5 * (low + high)
         radius = float(np.linalg.norm(poses - center, axis=-1).max())
         inside = (high - low).min() if surface.poses is None or not hasattr(surface.poses, "skeleton") else 4.0 * radius
-        return Mesh(surface, triangles, enclosed != 0.0, center, radius, 0.5 * float(inside) if enclosed != 0.0 else 0.0)
+        return Mesh(surface, triangles, enclosed != 0.0, center, radius, 0.5 * float(inside) if enclosed != 0.0 else 0.0,
+                    turned=turned and hasattr(surface.poses, "skeleton"))
 
     @property
     def moves(self) -> bool:
-        return self.surface.poses is not None and self.surface.poses.moves
+        return self.surface.poses is not None and (self.surface.poses.moves or self.turned)
 
     @property
     def least_gap(self) -> float:

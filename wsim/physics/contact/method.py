@@ -30,10 +30,11 @@ def faces(body) -> np.ndarray:
 
 def build(b: Build) -> Contact:
     """Raises SceneError where a smoothed contact is wanted of Newton's method."""
-    if b.scene.contact_width > 0.0 and b.choice.solver == "implicit":
+    movers = b.methods.find("movers")
+    if b.scene.contact_width > 0.0 and movers is None and b.choice.solver == "implicit":
         raise SceneError(Problem("/", f"contact_width is {b.scene.contact_width:g} m, and Newton's method has hard contacts; "
                                  "set it to 0, or wsim:solver = explicit or xpbd"))
-    contact = Contact(b.model, b.state, b.methods.find("points"), b.status, b.clock, b.methods.find("movers"))
+    contact = Contact(b.model, b.state, b.methods.find("points"), b.status, b.clock, movers)
     if b.free:
         from wsim.physics.contact.clearance import Clearance
         contact.part(Clearance(contact, b.clock, bool(b.methods.find("whole frames"))))
@@ -64,9 +65,11 @@ class Contact(Method):
                         np.array([chord.breadth(b.rest, f - b.first) for b, f in zip(model.bodies, each, strict=True)]),
                         np.array([b.reach.min() for b in model.bodies]))
         self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
-                                 substeps=clock.substeps, dt=clock.dt, struck=points.struck)
-        self.contacts.launch = model.launch
-        self.contacts.smooth(model.scene, points.integrator.explicit)
+                                 substeps=clock.substeps, dt=clock.dt, struck=points.struck,
+                                 turned=model.gradients)
+        self.contacts.launch, self.contacts.zero = model.launch, model.zero
+        if movers is None:
+            self.contacts.smooth(model.scene, points.integrator.explicit)
         self.contacts.adjoint = beside(model, Contacts.__module__, "ContactAdjoint", self.contacts, model)
         state.points.take(Field("mark", "", True, "whether a point touched or was inside", "int"), self.contacts.mark)
         self.status = status

@@ -8,6 +8,7 @@ at its end, and what they changed becomes a velocity. Frames without contacts: `
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -96,6 +97,7 @@ class Explicit(Method):
             pull.need_springs()
             make = kernels.stage if self.integrator.stages else kernels.leap
             self.kernel = make(real, module, pull.flags(), self.field)
+            self.kernel.own = pull.lanes * (not pull.springs)     # threads of a point, that read no other's place
             if not self.integrator.stages:
                 beside(model, "wsim.physics.motion.forces", "LeapAdjoint", pull, self.kernel)
         launches = self.integrator.forces * (1 + pull.launches + self.acts)
@@ -206,18 +208,16 @@ class Explicit(Method):
     def frame(self, clock: Clock) -> None:
         """All substeps, a launch for each evaluation of the forces."""
         self.start(clock)
-        source = 0
-        for k in range(clock.substeps):
-            clock.k = k
-            source = self.advance(clock, source)
-        self.close(clock, self.read_out(clock, source))
+        self.model.repeat(partial(self.one, clock), 0, clock.substeps)
+        self.last(clock)
 
     def side(self, clock: Clock) -> int:
         """The copy that this substep starts from; a march works on one."""
         return 0 if self.marches else clock.k * self.integrator.forces % 2
 
-    def one(self, clock: Clock) -> None:
-        """A substep of a frame."""
+    def one(self, clock: Clock, k: int | None = None) -> None:
+        """Substep k of a frame, or the present one."""
+        clock.k = clock.k if k is None else k
         self.advance(clock, self.side(clock))
 
     def last(self, clock: Clock) -> None:

@@ -5,6 +5,9 @@ much, and are gathered by a few threads; else on a CPU every spring stands once,
 (kernels/cloth/spring.py, kernels/motion/march_cpu.py).
 """
 
+from collections.abc import Callable
+from itertools import zip_longest
+
 import numpy as np
 import warp as wp
 
@@ -24,6 +27,7 @@ from wsim.physics.motion.packets import Packets
 from wsim.physics.motion.threads import Abreast, cores, orders
 
 FEW = 20_000           # points up to which padding to the largest number of springs is free: launches are all that counts
+CLUSTERED, GRID = 8192, 65_536      # threads of points where many substeps are one launch, of a cluster and of all blocks
 PADDED = 1.5           # entries over springs' ends that padding may cost above
 
 
@@ -80,7 +84,7 @@ class ForceGather:
         point = np.repeat(np.arange(n), np.diff(start))
         self.entry, other = spring, ids[spring].sum(1) - point
         most = int(np.diff(start).max())
-        self.lanes = _lanes(n, most) if self.shared else 1
+        self.lanes = _lanes(n, most, bool(model.fuser)) if self.shared else 1
         if self.alone:
             size = 16 if model.device.arch == LARGE and model.device.sm_count >= MANY else 8
             self.cluster = cluster_of(n, most, size, np.dtype(model.dtype).itemsize)
@@ -148,7 +152,7 @@ class ForceGather:
             starts, items = incident(np.concatenate([e.ids.ravel() for e in self.elements])[:, None], model.points)
             self.net.first, self.net.item = model.upload(starts.astype(np.int32), int), model.upload(items + first, int)
             if self.shared and not self.springs:
-                self.lanes = _lanes(model.points, int(np.diff(starts).max()))
+                self.lanes = _lanes(model.points, int(np.diff(starts).max()), bool(model.fuser))
         for e in self.elements:
             e.first, first = first, first + e.ids.size
             beside(model, __name__, "element_adjoint", self, e)
@@ -167,8 +171,11 @@ class ForceGather:
         """Forces that are not gathered on the way: those of elements, and on a CPU of springs."""
         if self.added:
             self.model.launch(self.pull, 1, [self.table, x, pair, source], [self.force, self.space])
-        for e in self.elements:
-            e.launch(x, pair, source, self.force)
+        passes = [e.passes(x, pair, source, self.force) for e in self.elements]
+        for each in zip_longest(*passes) if self.model.recorder else zip([launch for e in passes for launch in e]):
+            with self.model.together():
+                for launch in filter(None, each):
+                    launch()
 
     def given(self, lengths: wp.array) -> None:
         """Rest lengths as they are without muscles, which change `table.rest` from now on."""
@@ -205,10 +212,13 @@ def _clusters(device) -> bool:
     return device.is_cuda and min(device.arch, device.get_cuda_compile_arch()) >= 90
 
 
-def _lanes(n: int, most: int) -> int:
+def _lanes(n: int, most: int, fused: bool) -> int:
     """Threads that share a point on a GPU. H200, 12 springs a point, a launch: 1k points 4.3 us with 16, 4.6 with 4 and 10.3
-    with 1; 10k points 5.5 with 8, 5.9 with 4; 100k points 13.8 with 4, 23.7 with 8; 1M points 103 with 2, 120 with 1."""
+    with 1; 10k points 5.5 with 8, 5.9 with 4; 100k points 13.8 with 4, 23.7 with 8; 1M points 103 with 2, 120 with 1.
+    fused: threads stay for many substeps, and there are only so many of them."""
     few = 16 if n <= 8_000 else 8 if n <= 30_000 else 4 if n <= 100_000 else 2
+    while fused and few > 1 and few * n > (CLUSTERED if n <= CLUSTERED else GRID):
+        few //= 2
     return min(few, 1 << max(most - 1, 0).bit_length())
 
 
@@ -221,10 +231,11 @@ class Solid:
     def make(self, damped: bool) -> None:
         self.table.need_forces()
 
-    def launch(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> None:
+    def passes(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> list[Callable[[], None]]:
+        """What is launched one after the other."""
         n = len(x)
         self.table.place(self.first, 0)
-        self.table.forces(x, pair[source * n:(source + 1) * n], pair[(2 + source) * n:(3 + source) * n], force)
+        return [lambda: self.table.forces(x, pair[source * n:(source + 1) * n], pair[(2 + source) * n:(3 + source) * n], force)]
 
     def refresh(self) -> None:
         """Live parameters are written where they are set."""

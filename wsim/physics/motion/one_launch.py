@@ -107,6 +107,7 @@ class FreeFrames:
         if not m.integrator.stages:
             from wsim.kernels.motion.clearance import leap_bounded
             self.kernel = leap_bounded(real, self.model.module, self.pull.flags(), m.field)
+            self.kernel.own = self.pull.lanes * (not self.pull.springs)
         return Stage(name, "predict", m.frame, 3 + count * (launches + bool(m.integrator.stages)), size * count, "frame",
                      what, FREE)
 

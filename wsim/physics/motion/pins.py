@@ -193,7 +193,7 @@ class Pins(Method):
     def hold(self, clock: Clock) -> None:
         s = self.state
         if clock.i == 0:
-            self.model.tape.zero(self.lam) if self.model.tape else self.lam.zero_()
+            (self.model.tape or self.model).zero(self.lam)
         at = filled(kernels.states(self.model.real), x=s.x, d=s.d, a=self.points.anchor)
         self.model.launch(self.hold_kernel, self.lam.size, [self.soft, self.target["soft"], at, self.lam, clock.k, clock.g],
                           [s.d, self.lam])

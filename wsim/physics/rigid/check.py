@@ -81,11 +81,16 @@ def _support(first: Body, scene: Scene) -> Iterator[Problem]:
                       "Plane, or author physics:gravityMagnitude = 0")
 
 
+def of_points(scene: Scene) -> list[Body]:
+    """Bodies that points can touch."""
+    return [body for body in scene.things("Body") if any(c.meets for c in body.colliders)]
+
+
 def _beside(body: Body, scene: Scene) -> Iterator[Problem]:
-    if scene.bodies() and scene.contact_width > 0.0 and any(c.meets for c in body.colliders):
-        yield error(body.path, f"is a rigid body that cloth, springs or soft bodies touch, and contact_width is "
-                    f"{scene.contact_width:g} m: a potential before a contact knows no body that gives way", "0",
-                    "leave out wsim:contactWidth, or make the body kinematic")
+    if scene.bodies() and scene.contact_width > 0.0 and body is next(iter(of_points(scene)), None):
+        yield warning(body.path, f"is a rigid body that cloth, springs or soft bodies touch, and contact_width is "
+                      f"{scene.contact_width:g} m: a potential before a contact knows no body that gives way, and all contacts "
+                      "of this scene are hard", "0", "leave out wsim:contactWidth, or make the body kinematic")
     if body is scene.things("Body")[0] and scene.contact_tolerance > 0.0 and (touches(scene) or acting(scene)):
         yield warning("/", f"contact_tolerance is {scene.contact_tolerance:g} m/s, and sweeps are counted where there "
                       "are joints, or bodies touch cloth, springs or soft bodies", "0", "leave it out, and give iterations")

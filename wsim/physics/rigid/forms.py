@@ -132,10 +132,10 @@ class Form:
             self.walk("begun", h, rig, *joints)
             self.link("reset", h, rig, *joints)
             self.sweep("warm", k, h, 1, rig)
-            self.link("joined", k, 0, h, rig, *joints)
-            for sweep in range(steps[2]):
+            self.link("joined", k, h, rig, *joints)
+            for _sweep in range(steps[2]):
                 self.sweep("solve", k, h, 1, rig)
-                self.link("joined", k, sweep, h, rig, *joints)
+                self.link("joined", k, h, rig, *joints)
             self.walk("ended", k, h, rig, *joints)
             self.link("lined", k + 1, rig, *joints)
             self.prepare(k + 1, rig)

@@ -17,6 +17,7 @@ from wsim.model.structs import filled
 from wsim.physics.rigid.mass import Inertia, inertia, weighed
 from wsim.physics.rigid.objects import Body
 from wsim.physics.rigid.solids import acting, meet, meeting, sleeps, standing, touches
+from wsim.scene.methods import dressed
 from wsim.scene.samples import Sample, Transform
 
 FIELDS = (Field("x", "m", True, "centre of mass relative to where it was at the start"),
@@ -51,9 +52,12 @@ class Rigid(Method):
         self._allocate(b)
         self._begin(frames)
         recorded = b.model.gradients and acting(scene)              # such bodies do not sleep
-        self.sleep = self._sleep(b) if sleeps(scene) and not recorded else None
+        self.sleep: Any = None
+        if sleeps(scene) and not recorded:
+            from wsim.physics.rigid.sleep import Sleep
+            self.sleep = Sleep(b, self)
         self.Bodies, self.Moving = motion.structs(b.model.real)
-        self.table, self.pushed = self._tables(), True
+        self.table = self.given = self._tables()
         self.offers = {"bodies": self}
         self.joints: Any = None
         if acting(scene):
@@ -98,11 +102,8 @@ class Rigid(Method):
             self.offers["movers"] = self.touch
             return
         rate = "substep" if self.recorded else "frame"
-        self.stages.append(Stage("rigid bodies", "predict", self.advance, launches, self.part.bytes, rate, what))
-
-    def _sleep(self, b) -> Any:
-        from wsim.physics.rigid.sleep import Sleep
-        return Sleep(b, self)
+        phase = "pose" if dressed(b.scene) else "predict"            # before what follows them
+        self.stages.append(Stage("rigid bodies", phase, self.advance, launches, self.part.bytes, rate, what))
 
     def _begin(self, frames: np.ndarray) -> None:
         q = rotation.multiply(rotation.quaternion(frames[:, :3, :3]), np.array([m.axes for m in self.masses]))
@@ -138,9 +139,14 @@ class Rigid(Method):
         table = filled(self.Bodies, w=m.upload((1.0 / mass).astype(dtype), real),
                        inverse=m.upload((1.0 / moments).astype(dtype), vec3),
                        **{name: m.upload(value.astype(dtype), real) for name, value in columns.items()})
-        table.push = m.upload(self._push().astype(dtype), vec3)
-        table.torque = m.upload(self.twist.astype(dtype), vec3)
+        table.push, table.torque = (m.upload(value.astype(dtype), vec3) for value in (self._push(), self.twist))
         return table
+
+    def lend(self) -> Any:
+        """The table without what fluids add to `table` in each frame."""
+        from wsim.physics.rigid.touch.lent import lent
+        self.given = lent(self) if self.given is self.table else self.given
+        return self.given
 
     def _push(self) -> np.ndarray:
         """Weight and force [N], (n, 3)."""
@@ -221,7 +227,7 @@ class Rigid(Method):
         self.put("L", self.momentum(q, spins))
         self.table.w.assign(np.array([1.0 / m.mass for m in self.masses], self.model.dtype))
         self.table.inverse.assign(np.array([1.0 / m.moments for m in self.masses], self.model.dtype))
-        self.table.push.assign(self._push().astype(self.model.dtype))
+        self.given.push.assign(self._push().astype(self.model.dtype))
         if self.joints:
             self.joints.weigh(self.masses)
 
@@ -244,10 +250,8 @@ class Rigid(Method):
         mass = np.array([m.mass for m in self.masses])
         energy = 0.5 * (self.get("p") * self.velocities()).sum(1) + 0.5 * (self.get("L") * self.spins()).sum(1)
         found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
-        if self.contacts:
-            found |= self.contacts.indicators()
-        if self.touch:
-            found |= self.touch.indicators()
+        for each in filter(None, (self.contacts, self.touch)):
+            found |= each.indicators()
         return found | (self.joints.indicators() if self.joints else {})
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
@@ -256,7 +260,7 @@ class Rigid(Method):
             self.sleep.wake(None if path == "/" else hit)
         if path == "/" and name == "gravity":
             self.gravity[slice(None) if world is None else world] = value
-            self.table.push.assign(self._push().astype(self.model.dtype))
+            self.given.push.assign(self._push().astype(self.model.dtype))
             return True
         if path == "/" or len(hit) == 0 or name not in LIVE:
             return any([other.set(path, name, value, world) for other in (self.joints, self.contacts) if other])
@@ -271,10 +275,9 @@ class Rigid(Method):
         if name in ("mass", "inertia"):
             self.weigh(hit, name, value)
             return True
-        rows = {"force": self.force, "torque": self.twist}.get(name)
-        if rows is not None:
+        if (rows := {"force": self.force, "torque": self.twist}.get(name)) is not None:
             rows[hit] = value
-            array, values = (self.table.push, self._push()) if name == "force" else (self.table.torque, rows)
+            array, values = (self.given.push, self._push()) if name == "force" else (self.given.torque, rows)
         else:
             array = getattr(self.table, name)
             values = array.numpy()

@@ -17,6 +17,7 @@ from wsim.geometry.memo import latest
 from wsim.geometry.triangulate import triangulate
 from wsim.physics.rigid.mass import volume
 from wsim.scene import Collider, Surface
+from wsim.scene.methods import dressed
 from wsim.scene.solids import Box, Capsule, Plane, Shape, Sphere, row
 
 MOST = 64                  # vertices of a hull: more are left out, those that stand out least
@@ -147,11 +148,14 @@ def acting(scene) -> list:
 
 
 def sleeps(scene) -> bool:
-    """True if something may sleep: not beside points, where others may wake it."""
+    """True if something may sleep: not beside points and fluids, where others may wake it."""
     some = scene.sleep_speed > 0.0 or any(body.asleep for body in scene.things("Body"))
-    return some and not scene.bodies()
+    return some and not (scene.bodies() or scene.things("Liquid"))
 
 
 def touches(scene) -> bool:
     """True if bodies may touch points."""
-    return bool(scene.bodies()) and any(meeting(body) for body in scene.things("Body"))
+    if not scene.bodies():
+        return False
+    apart = dressed(scene)
+    return any(meeting(body) for body in scene.things("Body") if body.path not in apart)

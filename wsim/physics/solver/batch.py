@@ -33,7 +33,7 @@ class Batch(Table):
         self.damped = any(r.tau > 0.0 for r in rows)
         paths = {r.body.path for r in rows if r.body is not None}
         self.uniform = len(paths) == model.worlds == 1 and self.one() and not model.gradients and not sheet
-        self.fused = FUSE > 0 and (not model.device.is_cuda or int(np.diff(self.starts).max()) <= FUSE)
+        self.fused = FUSE > 0 and not model.fuser and (not model.device.is_cuda or int(np.diff(self.starts).max()) <= FUSE)
         self.remade = False
         self.adjoint: Any = None
         _, self.kernel = self.make()

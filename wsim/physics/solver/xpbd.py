@@ -147,7 +147,7 @@ class Xpbd(Method):
 
     def zero(self, clock: Clock) -> None:
         for batch in self.batches if not self.model.tape else ():
-            batch.lam.zero_()
+            self.model.zero(batch.lam)
 
     def project(self, batch: Batch, clock: Clock) -> None:
         s, a = self.state, self.points.anchor if batch.damped else None

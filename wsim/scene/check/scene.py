@@ -19,7 +19,7 @@ from wsim.scene.check import objects
 from wsim.scene.check.counts import MOST
 from wsim.scene.check.objects import array, error, number, rigid, values, warning
 from wsim.scene.integrator import SOLVERS, TABLE
-from wsim.scene.methods import collides, every, moving
+from wsim.scene.methods import carried, collides, every, moving
 
 SOFT_SOLVERS = tuple(name for name in ("auto", "implicit", "explicit") if name in SOLVERS)
 WEAK = 0.2         # [m/s^2] an eighth of the Moon's; 9.81 in a file of centimetres is 0.0981
@@ -103,8 +103,11 @@ def _method(scene: Scene) -> Iterator[Problem]:
         yield error("/", f"solver xpbd has no tetrahedra, of which {scene.softs[0].path} is made", ", ".join(SOFT_SOLVERS),
                     "choose one of them")
     if collides(scene) and scene.integrator in TABLE and TABLE[scene.integrator].rebounds:
-        yield error("/", f"integrator {scene.integrator} rebounds from colliders", "backward_euler, bdf2 or an explicit one",
-                    "choose one of them")
+        found, allowed = f"integrator {scene.integrator} rebounds from", "backward_euler, bdf2 or an explicit one"
+        if scene.bodies() and carried(scene):            # bodies that touch points: `wsim.simulation.choice` takes BDF2
+            yield warning("/", f"{found} rigid bodies that points touch: bdf2 takes its place", allowed, "name one of them")
+        else:
+            yield error("/", f"{found} colliders", allowed, "choose one of them")
     if "auto" in (scene.solver, scene.integrator):
         return
     fits = [name for name, m in TABLE.items() if m.explicit == (scene.solver == "explicit")]

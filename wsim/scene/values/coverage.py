@@ -61,7 +61,7 @@ FALL = "test_a_sheet_that_falls_on_a_turning_collider_and_slides"
 JOINED, TOUCHED = "gradient/rigid/test_joints.py", "gradient/rigid/test_contacts.py"
 FREELY, AIRY, PATHS = "gradient/test_bodies.py", "gradient/test_fluids.py", "gradient/test_paths.py"
 EVERY = f"{AIRY}::test_every_value_has_the_slope_of_differences"
-BONES = "physics/animation/test_gradients.py"
+BONES, WORN = (f"physics/animation/test_{name}.py" for name in ("gradients", "collider_gradients"))
 BLOCK, SOLID = f"{BAR}::test_a_soft_bar", f"{BAR}::test_a_soft_bar_by_implicit_steps"
 
 COVERED: list[Covered] = [
@@ -81,6 +81,8 @@ COVERED: list[Covered] = [
             f"{CHAIN}::test_where_a_pin_puts_its_points"),
     Covered(THROUGH, "skinning, linear and of dual quaternions, to pins",
             *(f"{BONES}::test_angles_and_weights_have_the_slope_of_differences",) * 3),
+    Covered(THROUGH, "skinning, linear and of dual quaternions, to colliders",
+            *(f"{WORN}::test_joint_angles_have_the_slope_of_differences",) * 3),
     Covered(THROUGH, "soft pins", *(f"{SWEPT}::test_soft_pins",) * 3),
     Covered(THROUGH, "strain limits and tethers", f"{RESTS}::test_strain_limits_and_tethers",
             f"{LIVE}::test_by_a_strain_limit", f"{LIMITS}::test_a_sheet_that_is_pulled"),
@@ -126,7 +128,7 @@ COVERED: list[Covered] = [
     Covered(BY, "Pin.targets", f"{CHAIN}::test_where_a_pin_puts_its_points", f"{SWEPT}::test_soft_pins",
             f"{CHAIN}::test_where_a_pin_puts_its_points"),
     Covered(BY, "Skeleton.turns Skeleton.weights", *(f"{BONES}::test_angles_and_weights_have_the_slope_of_differences",) * 3),
-    Covered(BY, "Pin.keys Pin.tangents Pin.handles", *(f"{PATHS}::test_by_what_the_path_of_a_pin_is_made_of",) * 3),
+    Covered(BY, "Pin.keys Pin.tangents Pin.handles Pin.turns", *(f"{PATHS}::test_by_what_the_path_of_a_pin_is_made_of",) * 3),
     Covered(BY, "Load.force Load.traction", *(f"{LOADED}::{PUSH}",) * 3),
     Covered(BY, "Cloth.static_friction Cloth.dynamic_friction Springs.static_friction Springs.dynamic_friction",
             f"{SLID}::{FALL}", f"{SLID}::{FALL}", f"{SOLVED}::{FALL}"),
@@ -137,7 +139,7 @@ COVERED: list[Covered] = [
             f"{SOLVED}::test_what_is_thrown_back"),
     Covered(BY, "Collider.shift", *(f"{MESH}::test_by_the_motion_of_a_collider",) * 2,
             f"{SOFT}::test_by_the_motion_of_a_collider"),
-    Covered(BY, "Collider.keys Collider.tangents Collider.handles",
+    Covered(BY, "Collider.keys Collider.tangents Collider.handles Collider.turns",
             *(f"{PATHS}::test_by_what_the_path_of_a_collider_is_made_of",) * 3),
 
     Covered(BY, "Body.velocity Body.spin Body.force Body.torque Body.drag Body.spin_drag Body.mass Body.inertia",
@@ -200,10 +202,10 @@ REFUSED: dict[str, Refused] = {
                       "derivative; widen the limit, or take the drive out"),
     "features": Refused("manifolds that change with the smallest motion", "touches by other features when it is moved by a ten "
                         "thousandth of its size, and has no derivative of one side; move it, or another shape, a little"),
-    "skinned": Refused("joint angles and blend weights of a skeleton that moves a collider", "is a collider that follows "
-                       "{bones}: with respect to {name}, what touches a mesh that joints move has no derivative yet; let pins "
-                       "alone follow that skeleton"),
-    "followed": Refused("a skeleton that no pin follows", "no pin follows it, so that nothing here knows its joints"),
+    "followed": Refused("a skeleton that nothing follows", "no pin and no collider follows it, so that nothing here knows its "
+                        "joints"),
+    "dressed": Refused("what follows skeletons that rigid bodies drive", "rigid bodies drive its joints, and colliders or pins "
+                       "follow them: that has no derivative yet; animate the joints, or leave out gradients=True"),
     "corrective": Refused("joint angles of a mesh with corrective shapes", "follows a mesh with a corrective shape, which "
                           "{bones} drives: with respect to its turns that has no derivative yet; leave the shape out"),
     "scaled": Refused("joint angles of scaled joints under dual quaternions", "follows dual quaternions of {bones}, whose "
@@ -216,6 +218,8 @@ REFUSED: dict[str, Refused] = {
                        "no velocity with a derivative"),
     "layers": Refused("layers along the walls of a fluid", "resolves layers along its walls, which has no derivative; leave "
                       "its {name} False"),
+    "margin": Refused("the part of a fluid that follows its smoke", "solves a part of its air alone, which has no derivative "
+                      "where that changes; leave its {name} 0"),
     "still": Refused("values of fluids and sources of which nothing runs", "nothing of its {name} runs: {why}"),
     "load": Refused("loads that there are not", "there is no load; give the scene one"),
     "pin": Refused("anything but stiffness and damping of a soft pin", "is no soft pin with a derivative with respect to "

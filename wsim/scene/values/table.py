@@ -85,7 +85,7 @@ VALUES: list[Value] = [
       for owner, what in (("Pin", "targets"), ("Collider", "shift"))),
     Value("Pin", "targets", "m", ANY, "array", live=False, gradient="targets"),
     *(Value(owner, name, unit, ANY, "array", live=False, gradient="path") for owner in ("Pin", "Collider") for name, unit in (
-        ("keys", "m"), ("tangents", "m/s"), ("handles", "1"))),
+        ("keys", "m"), ("tangents", "m/s"), ("handles", "1"), ("turns", "rad"))),
     Value("Collider", "points", "m", ANY, "array", live=False, why="the shape of a mesh that deforms has none yet"),
     Value("Collider", "shift", "m", ANY, "array", live=False, gradient="shift"),
     Value("Collider", "surface", "m/s", ANY, "array", live=False, gradient="surface"),
@@ -102,7 +102,8 @@ VALUES: list[Value] = [
       for kind in ("static", "dynamic")),
     Value("Body", "restitution", "1", Range(high=1.0, closed=True), fit=Theta("bounded", 0.0, 1.0), gradient="body"),
     *(Value("Joint", name, unit, fit=LOG, gradient="body") for name, unit in (("stiffness", "N/m"), ("damping", "N s/m"))),
-    Value("Joint", "target", "m", ANY, fit=PLAIN, gradient="body"),
+    Value("Joint", "target", "m", ANY, varies=True, needs=("driven",), fit=PLAIN, gradient="body"),
+    Value("Joint", "speed", "m/s", ANY, varies=True, needs=("driven",), why="no recording knows it yet; take target"),
     Value("Body", "density", "kg/m^3", POSITIVE, live=False, why=f"{FIXED}; take mass"),
 
     *(Value("Fluid", name, unit, ANY, usd=Usd(DOMAIN, f"wsim:fluid:{name}"), fit=Theta("plain", high=high), gradient="fluid")

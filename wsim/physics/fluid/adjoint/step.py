@@ -44,7 +44,7 @@ class DomainAdjoint:
         lost = threads.zeros(max(*domain.sizes, domain.layout.cells))
         self.carry = [TransportAdjoint(run, t, a, not domain.reflects, False, lost) for a, t in enumerate(domain.carry)]
         t = domain.carry_scalar
-        self.carry_scalar = TransportAdjoint(run, t, -1, True, THIRD[t.scheme], lost)
+        self.carry_scalar: Any = TransportAdjoint(run, t, -1, True, THIRD[t.scheme], lost) if t else None
         self.reflect, self.mirror = reflection.reflect(real, module), reflection.mirror(real, module)
         self.last, self.before = reflection.last(real, module), reflection.before(real, module)
 

@@ -26,46 +26,73 @@ def operator(n: int, low: float, high: float, periodic: bool) -> np.ndarray:
     return T
 
 
+def halves(n: int, low: float, high: float, periodic: bool) -> tuple[np.ndarray, np.ndarray, int]:
+    """Eigenvalues (n,) and eigenvectors (n, n) of T of one axis, and how many of them are even. Where its ends are alike,
+    `fold` has been applied to what they act on: the first ones stand for what is even, the others for what is odd."""
+    T = operator(n, low, high, periodic)
+    if low != high:
+        return *np.linalg.eigh(T), n
+    half = 0.5 ** 0.5 * np.ones(n)
+    B = np.diag(half * np.where(np.arange(n) < n // 2, 1.0, -1.0)) + np.diag(half)[::-1]
+    if n % 2:
+        B[n // 2] = np.eye(n)[n // 2]
+    T, even, Q, values = B @ T @ B, n - n // 2, np.zeros((n, n)), np.zeros(n)
+    for block in (slice(0, even), slice(even, n)):
+        values[block], Q[block, block] = np.linalg.eigh(T[block, block])
+    return values, Q, even
+
+
 class Direct:
     """x, b: solution and right-hand side; work: two arrays of as many cells."""
 
     def __init__(self, threads: Threads, layout: Layout, x: wp.array, b: wp.array, work: tuple[wp.array, wp.array]):
-        real, model = threads.model.real, threads.model
+        real, model, dim = threads.model.real, threads.model, layout.dim
         self.threads, self.layout, self.x, self.b = threads, layout, x, b
         self.work = tuple(w[:layout.cells] for w in work)
-        pairs = [np.linalg.eigh(operator(layout.n[a], layout.low[a], layout.high[a], bool(layout.periodic[a])))
-                 for a in range(layout.dim)]
-        values, self.least = np.concatenate([v for v, _ in pairs]), LEAST * sum(float(v.max()) for v, _ in pairs)
+        axes = [halves(layout.n[a], layout.low[a], layout.high[a], bool(layout.periodic[a])) for a in range(dim)]
+        self.even = [even for _, _, even in axes]
+        values = np.concatenate([v for v, _, _ in axes])
+        self.least = model.real(LEAST * sum(float(v.max()) for v, _, _ in axes))
         self.values = model.upload(values.astype(model.dtype), real)
         self.vectors = [(model.upload(np.ascontiguousarray(Q, model.dtype).ravel(), real),
-                         model.upload(np.ascontiguousarray(Q.T, model.dtype).ravel(), real)) for _, Q in pairs]
+                         model.upload(np.ascontiguousarray(Q.T, model.dtype).ravel(), real)) for _, Q, _ in axes]
         self.products = [kernels.product(last, real, threads.module) for last in (False, True)]
-        self.divide = kernels.divide(layout.dim, real, threads.module)
+        folded = [int(a < dim and self.even[a] < layout.n[a]) for a in range(3)]
+        some = [n - n // 2 if by else n for n, by in zip(layout.n, folded, strict=True)]
+        self.corner = [wp.vec3i(*layout.n), wp.vec3i(*some), wp.vec3i(*folded)]
+        self.some = prod(some)
+        self.folds, self.folded = kernels.fold(dim, real, threads.module), any(folded)
 
     def along(self, axis: int, back: bool, x: wp.array, y: wp.array) -> None:
-        """y = Q^T x along an axis; back: Q x."""
-        n, (Q, turned) = self.layout.n, self.vectors[axis]
+        """y = Q^T x along an axis, along the last one over the eigenvalues; back: Q x."""
+        n, even, (Q, turned) = self.layout.n, self.even[axis], self.vectors[axis]
         last = axis == self.layout.dim - 1
         batch, M, N = (1, prod(n[:axis]), n[axis]) if last else (prod(n[:axis]), n[axis], prod(n[axis + 1:]))
-        tiles = batch * -(-M // SIDE) * -(-N // SIDE)
-        self.threads.sum(self.products[last], tiles, [turned if back else Q, x, wp.vec3i(M, N, n[axis])], [y])
+        own = -(-even // SIDE) + -(-(n[axis] - even) // SIDE)
+        tiles = batch * own * -(-(M if last else N) // SIDE)
+        values = self.values if last and not back else None
+        self.threads.sum(self.products[last], tiles, [turned if back else Q, x, wp.vec3i(M, N, n[axis]), even, values,
+                                                      n[1] if self.layout.dim == 3 else 0, self.least], [y])
+
+    def fold(self, x: wp.array, y: wp.array) -> None:
+        self.threads.over(self.folds, self.some, [*self.corner, x], [y])
 
     def cycle(self) -> None:
         """x becomes A^-1 b."""
         dim, (one, two) = self.layout.dim, self.work
         now = self.b
-        for a in range(dim):
-            out = two if now is one else one
-            self.along(a, False, now, out)
-            now = out
-        least = self.threads.model.real(self.least)
-        self.threads.over(self.divide, self.layout.cells, [wp.vec3i(*self.layout.n), self.values, least], [now])
-        for a in range(dim):
-            out = self.x if a == dim - 1 else two if now is one else one
-            self.along(a, True, now, out)
-            now = out
+        if self.folded:
+            self.fold(now, two)
+            now = two
+        for back in (False, True):
+            for a in range(dim):
+                out = self.x if back and a == dim - 1 else two if now is one else one
+                self.along(a, back, now, out)
+                now = out
+        if self.folded:
+            self.fold(now, now)
 
     @property
     def launches(self) -> int:
         """Number of launches of a cycle."""
-        return 2 * self.layout.dim + 1
+        return 2 * self.layout.dim + 2 * self.folded

@@ -1,7 +1,7 @@
 """One fluid of one world on the device: its fields, and a step of them.
 
     sources, forces: as of the step's begin;   v = A(u) u + h/2 a,   w = P v,   scalars carried by w,
-    v' = A (2 w - v) + h/2 a,   u' = P v'                        (kernels/fluid/reflection.py)
+    v' = A (2 w - v) + h/2 a,   u' = P v'                        (kernels/fluid/passes/reflection.py)
 
 or, of the other schemes, v = A(u) u + h a,  u' = P v, scalars carried by u'. Viscosity acts before each projection.
 """
@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.kernels.fluid import forces, pressure, reflection, steps
+from wsim.kernels.fluid import forces, pressure, steps
 from wsim.kernels.fluid.forces import NUMBERS
 from wsim.kernels.fluid.grid import structs
+from wsim.kernels.fluid.passes import reflection
 from wsim.kernels.math.real import types
 from wsim.model.structs import filled
 from wsim.physics.fluid.grid.direct import MOST
@@ -24,6 +25,7 @@ from wsim.physics.fluid.grid.pressure import Pressure, label
 from wsim.physics.fluid.grid.shapes import Shapes
 from wsim.physics.fluid.grid.sources import Sources
 from wsim.physics.fluid.grid.threads import BLOCK, Threads
+from wsim.physics.fluid.grid.tiles import Tiles
 from wsim.physics.fluid.grid.transport import PAIRS, How, Transport
 from wsim.physics.fluid.grid.viscosity import Viscosity
 from wsim.physics.fluid.objects import Fluid, Source
@@ -55,7 +57,10 @@ class Domain:
         corner = fluid.low
         self.obstacles = (Obstacles(threads, layout, self.grid, Shapes(model, obstacles, corner, layout.axes, fluid.cell, True),
                                     self.clock) if obstacles else None)
-        self.sources = Sources(threads, layout, self.grid, sources, corner, fluid.cell, scalars) if sources else None
+        self.fastest = steps.fastest(layout.dim, real, module)
+        self.tiles = self._tiles() if scalars and fluid.scalar_advection not in PAIRS else None
+        self.sources = (Sources(threads, layout, self.grid, sources, corner, fluid.cell, scalars, self.tiles) if sources else
+                        None)
         open_, solid = (self.obstacles.open, self.obstacles.solid) if self.obstacles else (None, None)
         expansion = self.sources.expansion if self.sources else None
         self.pressure = Pressure(threads, layout, self.grid, open_, solid, expansion, self.work, self.words)
@@ -70,8 +75,8 @@ class Domain:
         sharp = fluid.layers and fluid.viscosity > 0.0 and not fluid.slip and scheme == "cubic" and layout.dim == 2
         how = How(scheme, not self.reflects, sharp=sharp, pushed=self.lifts * self.pushed, lifting=self.lifting)
         self.carry = [Transport(threads, layout, self.grid, a, how, self.work) for a in range(layout.dim)]
-        how = How(fluid.scalar_advection, both=len(scalars) == 2)
-        self.carry_scalar = Transport(threads, layout, self.grid, -1, how, self.work)
+        self.carry_scalar: Any = (Transport(threads, layout, self.grid, -1, How(fluid.scalar_advection), self.work)
+                                  if scalars and not self.tiles else self.tiles)
         self._kernels(real, module)
 
     def _kernels(self, real: Any, module: str) -> None:
@@ -85,11 +90,14 @@ class Domain:
             vec3 = types(real).vec3
             self.curl, self.confine = forces.curl(dim, real, module), forces.confine(dim, real, module)
             self.swirl, self.whirl = (self.threads.zeros(self.layout.cells, vec3) for _ in range(2))
-        self.fastest = steps.fastest(dim, real, module)
         self.begin, self.next = steps.begin(real, module), steps.next(real, module)
         from wsim.kernels.fluid import sources
         self.decay = {name: sources.decay(LIVE["smoke_decay" if name == "smoke" else "cooling"], real, module)
                       for name in (self.scalars if self.sources is None else ())}
+
+    def _tiles(self) -> Tiles:
+        return Tiles(self.threads, self.layout, self.grid, self.fluid.scalar_advection, list(self.scalars.values()),
+                     self.fastest, [self.work["p"], self.work["z"]])
 
     def _grid(self) -> Any:
         layout, model = self.layout, self.threads.model
@@ -146,7 +154,8 @@ class Domain:
         """Number of launches of a step whose pressure takes one iteration."""
         p, dim = self.pressure, self.layout.dim
         solve = p.direct.launches + 5 if p.direct else p.multigrid.launches + 12
-        return (5 * dim + 2 * solve if self.reflects else 4 * dim + solve) + 2 * len(self.scalars) + 4
+        scalars = self.tiles.launches if self.tiles else 2 * len(self.scalars)
+        return (5 * dim + 2 * solve if self.reflects else 4 * dim + solve) + scalars + 4
 
     # a frame
 
@@ -155,6 +164,8 @@ class Domain:
         threads, real = self.threads, self.threads.model.real
         self.speed.zero_()
         self.done.zero_()
+        if self.tiles:
+            self.tiles.mark()
         blocks = threads.blocks(max(self.sizes))
         threads.sum(self.fastest, blocks, [self.u, blocks * (BLOCK if threads.cuda else 1)], [self.speed])
         threads.over(self.begin, 1, [self.speed, real(dt), real(self.fluid.cfl * self.fluid.cell), least, most],
@@ -235,12 +246,10 @@ class Domain:
         self.pressure.solve(v)
 
     def _scalars(self, u: Any) -> None:
-        carry, room = self.carry_scalar, ("p", "z") if self.carry_scalar.both else ("d", "d")
-        pairs = [(q, self.work[name][:q.size]) for q, name in zip(self.scalars.values(), room, strict=False)]
-        if carry.both:
-            now, out = zip(*pairs, strict=True)
-            carry.carry_both(u, now, self.clock, out)
-        for q, out in pairs:
-            if not carry.both:
-                carry.carry(u, q, self.clock, 1.0, out)
+        if self.tiles:
+            self.tiles.carry(u, self.clock)
+            return
+        for q in self.scalars.values():
+            out = self.work["d"][:q.size]
+            self.carry_scalar.carry(u, q, self.clock, 1.0, out)
             wp.copy(q, out)

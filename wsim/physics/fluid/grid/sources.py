@@ -18,15 +18,16 @@ from wsim.scene.curve import Curve
 
 class Sources:
     def __init__(self, threads: Threads, layout: Layout, grid: Any, sources: list[Source], corner: np.ndarray, cell: float,
-                 scalars: dict[str, wp.array]):
+                 scalars: dict[str, wp.array], tiles: Any = None):
         real, module, dim, model = threads.model.real, threads.module, layout.dim, threads.model
         self.threads, self.layout, self.grid, self.sources, self.scalars = threads, layout, grid, sources, scalars
+        self.holds = tiles.holds if tiles else None
         self.shapes = Shapes(model, sources, corner, layout.axes, cell, False)
         kinds, n, vec3 = self.shapes.kinds, len(sources), types(real).vec3
         expanding = any(s.expansion != 0.0 for s in sources)
         self.expansion = threads.zeros(layout.cells) if expanding else None
         carried = "_".join(name for name in ("smoke", "heat") if name in scalars) or "nothing"
-        self.emit_kernel = kernels.emit(dim, kinds, carried, expanding, real, module)
+        self.emit_kernel = kernels.emit(dim, kinds, (carried, tiles is not None), expanding, real, module)
         self.drive = ([kernels.drive(dim, a, kinds, real, module) for a in range(dim)]
                       if any(s.velocity is not None for s in sources) else [])
         self.table = filled(kernels.tables(real), shapes=self.shapes.table, what=threads.zeros(n, int), smoke=threads.zeros(n),
@@ -64,7 +65,7 @@ class Sources:
         """Puts what sources emit into the scalars and into u in a step."""
         if self.emits:
             self.threads.over(self.emit_kernel, self.layout.cells, [self.grid, self.table, live, clock],
-                              [self.scalars.get("smoke"), self.scalars.get("heat"), self.expansion])
+                              [self.scalars.get("smoke"), self.scalars.get("heat"), self.expansion, self.holds])
         for a, kernel in enumerate(self.drive):
             out = getattr(u, AXES[a])
             self.threads.over(kernel, out.size, [self.grid, self.table, clock], [out])

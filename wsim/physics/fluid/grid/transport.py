@@ -16,12 +16,11 @@ THIRD = {"cubic": True, "linear": True, "maccormack": False, "bfecc": False}    
 @dataclass(frozen=True)
 class How:
     """scheme: of advection. clamped: what cubic rows give is kept within those around. pushed: what lifts the air on the way,
-    by schemes that carry nothing back: "smoke", "heat", "smoke_heat", "" of `lifting`. both: two scalars are carried at once,
-    by such schemes. sharp: velocities on the way back are cubics too."""
+    by schemes that carry nothing back: "smoke", "heat", "smoke_heat", "" of `lifting`. sharp: velocities on the way back
+    are cubics too."""
 
     scheme: str
     clamped: bool = True
-    both: bool = False
     sharp: bool = False
     pushed: str = ""
     lifting: Any = None
@@ -36,10 +35,8 @@ class Transport:
         self.lifting = how.lifting or kernels.lifting(real)()
         self.pairs = scheme in PAIRS
         shape, third = "cubic" if scheme == "cubic" else "linear", axis < 0 and THIRD[scheme]
-        self.both = how.both and not self.pairs
-        self.advect = (kernels.advect_both(dim, shape, third, real, module) if self.both else
-                       kernels.advect(dim, axis, (shape, shape == "cubic" and how.clamped, third, how.sharp), how.pushed, real,
-                                      module))
+        self.advect = kernels.advect(dim, axis, (shape, shape == "cubic" and how.clamped, third, how.sharp), how.pushed, real,
+                                     module)
         if self.pairs:
             self.correct = kernels.correct(dim, axis, scheme == "bfecc", real, module)
             self.compensate = kernels.compensate(real, module)
@@ -60,7 +57,3 @@ class Transport:
             over(self.compensate, n, [q, turned], [turned])
             advect(turned, part, ahead)
         over(self.correct, n, [self.grid, u, q, ahead, turned, clock, real(part)], [out])
-
-    def carry_both(self, u: Any, q: tuple[wp.array, wp.array], clock: wp.array, out: tuple[wp.array, wp.array]) -> None:
-        """Two scalars, over the whole step."""
-        self.threads.over(self.advect, q[0].size, [self.grid, u, *q, clock, self.threads.model.real(1.0)], [*out])

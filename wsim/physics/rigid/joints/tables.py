@@ -18,7 +18,7 @@ from wsim.physics.rigid.joints.joint import DISTANCE as LENGTH
 
 FIELDS = (Field("quarters", "", True, "quarter turns of the twist, counted on", "int"),
           Field("broken", "", True, "1: it broke", "int"))
-SWEEPS = 4                  # at least: limits that a drive pushes at are seen from the second on
+SWEEPS = 4                  # at least: of the places that velocities lead to, which are not linear in them
 ONE = np.array([0.0, 0.0, 0.0, 1.0])
 
 
@@ -138,8 +138,8 @@ class Joints:
             getattr(t, f"turn_{name}").assign(np.array([s[1] for sides in every for s in sides[k::2]]))
 
     def set(self, path: str, name: str, value, world: int | None) -> bool:
-        """Stiffness, damping or target of the drives of a joint."""
-        rows = self.drives(path, world) if name in LIVE else []
+        """Stiffness, damping, target or speed of the drives of a joint."""
+        rows = self.drives(path, world) if name in (*LIVE, "speed") else []
         if rows:
             array = getattr(self.linked.t, name)
             values = np.array(array.numpy())
@@ -162,11 +162,13 @@ class Joints:
     def _work(self, n: int, bodies: int) -> dict[str, Any]:
         def zeros(shape, dtype=wp.float64):
             return wp.zeros(shape, dtype=dtype, device=self.device)
-        found = {name: zeros((n, 6)) for name in ("now", "hold", "push", "soft", "bias", "rhs")}
+        found = {name: zeros((n, 6)) for name in ("now", "hold", "push", "soft", "bias", "rhs", "under", "over", "much",
+                                                      "change", "own")}
         found |= {name: zeros(bodies, wp.vec3d) for name in ("X", "dp", "dL", "P", "T")}
         found |= {name: zeros(n, wp.mat33d) for name in ("axis", "turn")}
         return found | {"Q": zeros(bodies, wp.quatd), "S": zeros(bodies, wp.mat33d), "touched": zeros(bodies, int),
-                        "r_a": zeros(n, wp.vec3d), "r_b": zeros(n, wp.vec3d), "active": zeros((n, 6), int),
+                        "r_a": zeros(n, wp.vec3d), "r_b": zeros(n, wp.vec3d),
+                        **{name: zeros((n, 6), int) for name in ("active", "next")},
                         "block": zeros(36 * self.order.blocks)}
 
     def before_frame(self, time: float, clock: Clock) -> None:

@@ -215,12 +215,11 @@ class Substep:
         return np.where(part.real > 1.0, 1.0, np.where(part.real < 0.0, 0.0, part))
 
     def loosed(self, v: Values) -> Values:
-        """The same behind the places, of then, momentum, f, before (impulses that rows have given), mass. All rows are solved
-        for together (guess), and those that would then pull at their limit give back what they have given."""
+        """The same behind the places, of then, momentum, f, before (impulses that rows have given), mass. Rows that would then
+        pull at their limit give back what they have given."""
         end = placed(self.t, v["then"], self.Q, self.quarters)
         J, S = rows_of(end), spreads(v["then"], self.Q, v["mass"])
         rate = acted(np.concatenate(J, axis=-1), moved(v["momentum"], S, v["mass"], self.given))
         eased = float(EASE) * np.einsum("...ii->...i", response(J, S, v["mass"])) * v["f"]
-        taken = np.where(self.full, -v["before"], v["f"])
-        rest = np.where(self.acts > 0, rate + eased, v["f"])
-        return {"impulse": impulses(J, taken), "guess": impulses(J, v["f"]), "rest": rest}
+        rest = np.where(self.acts > 0, rate + eased, v["f"] + np.where(self.full, v["before"], 0.0))
+        return {"impulse": impulses(J, v["f"]), "rest": rest}

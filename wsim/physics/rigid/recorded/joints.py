@@ -91,18 +91,10 @@ class JointSide:
         mid, last = kept["mid"], kept["last"]
         limited = self.t.kind == int(LIMITED)
         full = limited & (mid["hold"] != 0.0) & (last["hold"] == 0.0)
-        acts = np.where((last["active"] > 0) & (last["active"] != int(DRIVEN)), 1, 0)
-        full &= acts > 0
-        one, f = self.constants(h, kept, acts, full), np.where(full, last["rhs"], last["hold"] - mid["hold"])
+        acts = np.where(np.isin(last["active"], (int(HELD), int(LOWEST), int(HIGHEST))) & ~full, 1, 0)
+        one = self.constants(h, kept, acts, full)
         values = {"then": self.pose(kept["end"].x, kept["anchors"][1]), "momentum": self.both(kept["end"].momentum),
-                  "f": f, "before": mid["hold"], "mass": self.mass(b)}
-        if full.any():
-            given, momentum = one.loosed(values), kept["end"].momentum.copy()
-            more = given["guess"] - given["impulse"]
-            for s in (0, 1):
-                on = self.pairs[:, s] >= 0
-                np.add.at(momentum, self.pairs[on, s], more[on, 6 * s:6 * s + 6])
-            values["momentum"] = self.both(momentum)
+                  "f": last["hold"] - mid["hold"], "before": mid["hold"], "mass": self.mass(b)}
         self.look(residual(one.loosed, values))
         return Elements(self.pairs, derivatives(one.loosed, values))
 
@@ -142,7 +134,7 @@ class JointParts(JointSide):
             kept["mid"] = self.read("hold", "push", "broken", "quarters")
         r.model.launch(self.loosed_kernel, self.joints.islands, given, [now])
         if kept is not None:
-            kept["last"] = self.read("hold", "active", "rhs")
+            kept["last"] = self.read("hold", "active")
             kept["anchors"] = self.anchors(clock.k), self.anchors(clock.k + 1)
 
     def back(self, h: float, kept: dict, cot: Cotangents) -> None:

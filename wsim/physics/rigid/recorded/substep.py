@@ -190,10 +190,10 @@ def behind(kinds: dict[str, Elements], n: int, cot: Cotangents, place: str = "th
             continue
         M, Y = cot.momentum[bodies].ravel(), by_shift[bodies].ravel()
         by_M, parts = one.block("rest", "momentum"), [("impulse", M), ("shift", Y)]
-        guess = "guess" if any(("guess", "f") in e.jac for e in kinds.values()) else "impulse"
-        rest = solved(one.block("rest", "f") + by_M @ one.block(guess, "f"), -sum(b @ one.block(out, "f") for out, b in parts))
-        parts = [("impulse", M if guess == "guess" else M + rest @ by_M), ("rest", rest), ("shift", Y), ("guess", rest @ by_M)]
+        rest = solved(one.block("rest", "f") + by_M @ one.block("impulse", "f"),
+                      -sum(b @ one.block(out, "f") for out, b in parts))
         M = M + rest @ by_M
+        parts = [("impulse", M), ("rest", rest), ("shift", Y)]
         into[bodies] += sum(b @ one.block(out, place) for out, b in parts).reshape(-1, 6)
         cot.momentum[bodies] = (M + sum(b @ one.block(out, "entering") for out, b in parts)).reshape(-1, 6)
         f = sum(b @ one.block(out, "before") for out, b in parts)

@@ -168,7 +168,7 @@ class Touch:
     def joined(self, clock: Clock, **passes) -> None:
         """Passes of joints, a sweep where none is named; bodies are placed by all of their momentum, as points foresee."""
         if self.joints:
-            for name, given in (passes or {"joined": (clock.k, clock.i, clock.h)}).items():
+            for name, given in (passes or {"joined": (clock.k, clock.h)}).items():
                 self.joints(name, given, self.rigid.contacts)
 
     def end(self, clock: Clock) -> None:

@@ -1,0 +1,40 @@
+"""Many substeps in one launch of a cluster or a grid of blocks: the bits of launch by launch, twice the same, and the motion of
+the CPU. Skipped where there is no CUDA device."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+import wsim
+from tests.physics.fused.test_fused import SCENES
+from wsim.physics.fused import fuser
+from wsim.physics.fused.source import CLUSTER, GRID, Shape
+
+wp.init()
+pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")
+SHAPES = {"cluster": Shape(CLUSTER, 8, 256), "grid": Shape(GRID, 24, 128)}
+
+
+def end(name: str, precision: str, frames: int = 4):
+    sim = wsim.Simulation(SCENES[name](), device="cuda:0", precision=precision)
+    for _ in range(frames):
+        sim.step()
+    return sim.state.x.numpy(), sim.model.fuser
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("name", SCENES)
+def test_one_launch_leaves_the_bits(name, shape, precision, monkeypatch):
+    monkeypatch.setattr(fuser, "shape_of", lambda device, widest: SHAPES[shape])
+    x, fused = end(name, precision)
+    assert fused.launched > 0, fused.why
+    again, _ = end(name, precision)
+    assert np.array_equal(x, again)
+    monkeypatch.setattr(fuser.Fuser, "kernel", lambda self, steps: None)          # the same plan, launch by launch
+    apart, fused = end(name, precision)
+    assert fused.launched == 0 and np.array_equal(x, apart)
+    sim = wsim.Simulation(SCENES[name](), device="cpu", precision=precision)
+    for _ in range(4):
+        sim.step()
+    assert np.abs(x - sim.state.x.numpy()).max() < (2e-5 if precision == "float32" else 1e-9)

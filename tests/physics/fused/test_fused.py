@@ -1,0 +1,115 @@
+"""Many substeps in one launch: the same functions over the same arrays in the same order, so the same bits as launch by launch.
+On a CPU the kernel has one thread; the phases, the numbers that change and what is launched apart are those of a GPU."""
+
+import numpy as np
+import pytest
+
+import wsim
+from wsim.physics.fused import fuser
+from wsim.physics.fused.program import Numbers, phases
+from wsim.physics.fused.recorder import Recorder
+from wsim.scene import Motion, Plane, Scene, Sphere, shapes
+from wsim.scene.fabric import Fabric
+
+CLOTH = Fabric(stretch=300.0, shear=100.0, bend=1e-3, thickness=2e-3, damping=1e-4)
+
+
+def sheet(material=CLOTH, **more) -> Scene:
+    """A small sheet, held at two corners, one of which moves."""
+    scene = Scene(solver="explicit")
+    points, counts, indices = shapes.sheet(0.4, 0.4, 6, 6, horizontal=True)
+    cloth = scene.cloth("/cloth", points, counts, indices, material=material, **more)
+    scene.pin("/a", cloth, [0])
+    scene.pin("/b", cloth, [6], motion=Motion([0.0, 1.0], [np.eye(4), moved(0.0, 0.3, 0.0)]))
+    return scene
+
+
+def moved(*by) -> np.ndarray:
+    M = np.eye(4)
+    M[:3, 3] = by
+    return M
+
+
+def blown() -> Scene:
+    scene = sheet(drag=1.0, lift=0.5)
+    scene.wind = (0.0, 2.0, 1.0)
+    return scene
+
+
+def everything() -> Scene:
+    """All that cloth has: strain limits, tethers, wind, a soft pin, colliders of which one moves."""
+    scene = sheet(Fabric(**{**CLOTH.__dict__, "strain_limit": 0.05}), tethers=True, drag=1.0, lift=0.5)
+    scene.wind = (0.0, 2.0, 1.0)
+    scene.pin("/soft", "/cloth", [48], stiffness=50.0, damping=0.1)
+    scene.collider("/ball", Sphere(0.1), motion=Motion([0.0, 1.0], [moved(0.0, -0.12, 0.0), moved(0.0, 0.2, 0.0)]))
+    scene.collider("/floor", Plane(), at=(0.0, -0.2, 0.0))
+    return scene
+
+
+def cube() -> Scene:
+    scene = Scene(solver="explicit")
+    points, tets = shapes.block((0.2, 0.2, 0.2), 2, at=(0.0, 0.1005, 0.0))
+    scene.soft("/cube", points, tets)
+    scene.collider("/floor", Plane())
+    return scene
+
+
+SCENES = {"sheet": sheet, "blown": blown, "everything": everything, "cube": cube}
+
+
+def run(scene: Scene, precision: str, monkeypatch, fused: bool, frames: int = 3):
+    """Positions and velocities after some frames, and the simulation."""
+    if fused:
+        monkeypatch.setattr(fuser, "wants", lambda *given: "")
+    sim = wsim.Simulation(scene, device="cpu", precision=precision)
+    for _ in range(frames):
+        sim.step()
+    monkeypatch.undo()
+    return sim.state.x.numpy(), sim.state.v.numpy(), sim
+
+
+@pytest.mark.parametrize("name, precision", [("everything", "float32"),
+                                             *(pytest.param(*more, marks=pytest.mark.slow) for more in (
+                                                 ("cube", "float32"), ("sheet", "float64"), ("blown", "float32"),
+                                                 ("everything", "float64"), ("cube", "float64")))])
+def test_one_launch_of_many_substeps_leaves_the_bits(name, precision, monkeypatch):
+    x, v, _ = run(SCENES[name](), precision, monkeypatch, False)
+    x1, v1, sim = run(SCENES[name](), precision, monkeypatch, True)
+    assert sim.model.fuser.why.startswith("substeps in one launch"), sim.model.fuser.why
+    assert sim.model.fuser.launched > 0
+    assert np.array_equal(x, x1) and np.array_equal(v, v1)
+    assert np.abs(v1).max() > 1e-3                                   # something moves
+
+
+def test_numbers_go_by_a_step_take_turns_or_begin_otherwise():
+    def fits(*values) -> bool:
+        return Numbers(int, np.array(values, np.float64)).fit()
+    assert fits(3, 3, 3, 3) and fits(5, 3, 3, 3) and fits(0, 1, 0, 1, 0) and fits(7, 8, 9, 10, 11) and fits(9, 2, 4, 6, 8)
+    assert not fits(0, 1, 3, 7, 10) and not fits(0, 1, 1, 2, 1)
+
+
+def test_what_writes_only_its_own_point_needs_no_wait(monkeypatch):
+    """Leap, search, projection and correction of a cube's points stand in one phase behind that of its tets."""
+    _, _, sim = run(cube(), "float32", monkeypatch, True, frames=0)
+    assert sim.model.fuser.phases == 2
+    _, _, sim = run(sheet(), "float32", monkeypatch, True, frames=0)
+    assert sim.model.fuser.phases == 4                               # angles and membranes, curvatures, moments, points
+
+
+def test_launches_beside_each_other_share_a_phase():
+    recorder = Recorder(None)
+    recorder.opaque(print)
+    with recorder.together():
+        recorder.opaque(print)
+        recorder.opaque(print)
+    recorder.opaque(print)
+    assert [p.ops for p in phases(recorder.ops)] == [[0], [1, 2], [3]]
+
+
+def test_a_substep_that_differs_is_launched_apart(monkeypatch):
+    """With other numbers than a kernel knows, the frame is launched as ever, and says so."""
+    monkeypatch.setattr(Numbers, "fit", lambda self: False)
+    x, _, sim = run(cube(), "float32", monkeypatch, True, frames=1)
+    assert sim.model.fuser.launched == 0 and "substep to substep" in sim.model.fuser.why
+    want, _, _ = run(cube(), "float32", monkeypatch, False, frames=1)
+    assert np.array_equal(x, want)

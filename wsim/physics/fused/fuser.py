@@ -1,0 +1,146 @@
+"""Many substeps in one launch: what a substep launches, kernel by kernel, becomes one kernel that goes through all of them.
+
+A launch costs a GPU 2 microseconds, and a substep of explicit cloth has five to a dozen launches over a few thousand threads;
+a meeting of the threads that stay costs a fraction of it. So the launches of the substeps of a frame are written down
+(`recorder`), and where they differ in numbers alone (`program`), one kernel (`source`) takes them: the same functions over the
+same arrays in the same order, hence the same bits. What does not fit is launched as ever, and the plan says why.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+from typing import TYPE_CHECKING, Any
+
+import warp as wp
+
+from wsim.physics.fused.program import Program, longest
+from wsim.physics.fused.recorder import Op, Recorder, recorded
+from wsim.physics.fused.source import ALONE, CLUSTER, GRID, Shape, make
+
+if TYPE_CHECKING:
+    from wsim.model.model import Model
+
+LEAST = 4              # substeps that one launch takes at least
+TRIED = 8              # substeps from which the kernels of a frame follow
+# blocks and threads by the widest phase; see tools/results
+THREADS, CLUSTERED = 512, 16
+WIDE = 2 * THREADS * CLUSTERED           # items of a phase from which all multiprocessors take part
+LARGEST = 200_000      # items of a phase from which launches are no more what counts
+
+
+def shape_of(device, widest: int) -> Shape:
+    """Blocks and threads of a device for the widest phase of a program."""
+    if not device.is_cuda:
+        return Shape(ALONE, 1, 1)
+    clusters = min(device.arch, device.get_cuda_compile_arch()) >= 90
+    if clusters and widest <= WIDE:
+        return Shape(CLUSTER, CLUSTERED if device.arch == 90 and device.sm_count >= 64 else 8, THREADS)
+    return Shape(GRID, device.sm_count, THREADS // 2)
+
+
+class Fuser:
+    """Makes one launch of many substeps of a model. `why` says what it does, or why it does not."""
+
+    def __init__(self, model: Model, shape: Shape | None = None):
+        self.model, self.shape = model, shape
+        self.known: dict[tuple, set] = {}        # numbers that change, by form of a frame
+        self.kernels: dict[tuple, Any] = {}
+        self.tried, self.why = False, "nothing was tried"
+        self.word = wp.zeros(1, dtype=int, device=model.device)
+        self.phases, self.launched = 0, 0        # phases of a substep; launches of many substeps so far
+
+    def prepare(self, plan) -> None:
+        """Makes the kernels of a plan's frames, before they are compiled."""
+        clock, model = plan.clock, self.model
+        kept = {name: getattr(clock, name) for name in ("substeps", "k", "i", "starting", "free", "after_free")}
+        forms = [True, False] if plan.parted else [clock.free]
+        model.recorder, self.tried = Recorder(model), True
+        clock.substeps = min(clock.substeps, TRIED)
+        try:
+            for clock.free in forms:
+                for clock.starting in (True, False):
+                    plan.stretch(0, clock.substeps)
+        finally:
+            model.recorder, self.tried = None, False
+            for name, value in kept.items():
+                setattr(clock, name, value)
+
+    def repeat(self, run: Callable[[int], Any], first: int, last: int) -> None:
+        """Does what `run(k)` launches for each k in first .. last - 1."""
+        steps = recorded(self.model, run, first, last)
+        a, b = longest(steps)
+        found = self.kernel(steps[a:b]) if b - a >= LEAST else None
+        if self.tried:
+            return
+        for step in steps[:a]:
+            _launch(step)
+        if found:
+            kernel, given, shape = found
+            self.launched += 1
+            if shape.kind == GRID:
+                self.word.zero_()
+            how = {"block_dim": shape.threads} if self.model.device.is_cuda else {}
+            wp.launch(kernel, shape.lanes, [b - a, shape.lanes, self.word, *given], device=self.model.device, **how)
+        else:
+            for step in steps[a:b]:
+                _launch(step)
+        for step in steps[b:]:
+            _launch(step)
+
+    def kernel(self, steps: list[list[Op]]) -> tuple | None:
+        """Kernel, arguments and blocks of a run of substeps; None where they are launched as ever."""
+        if sum(map(len, steps[:1])) == 0:
+            return None
+        form = tuple(op.form for op in steps[0])
+        program = Program(steps, self.known.get(form))
+        if program.why:
+            self.why = program.why
+            return None
+        self.known[form] = program.varying
+        shape = self.shape or shape_of(self.model.device, program.widest)
+        if shape.kind == GRID and (len(program.phases) == 1 or program.widest > LARGEST):
+            self.why = "a launch for each pass: launches are not what counts"
+            return None
+        kernel, given = make(program, self.model.real, shape, self.module(shape))
+        key = form, kernel
+        if self.tried:
+            self.kernels[key] = kernel
+            self.phases = len(program.phases)
+            self.why = self.words(shape, steps[0])
+        elif key not in self.kernels:
+            self.why = "what a frame launches was not known when kernels were compiled"
+            return None
+        return kernel, given, shape
+
+    def module(self, shape: Shape) -> str:
+        """Module of the kernel: apart from those that it is made of."""
+        name = f"{self.model.module}_fused_{shape.kind}{shape.blocks}"
+        self.model.modules[name] = shape.threads
+        return name
+
+    def words(self, shape: Shape, ops: list[Op]) -> str:
+        blocks = "" if shape.kind == ALONE else f" of {shape.blocks} blocks of {shape.threads} threads"
+        return f"substeps in one launch{blocks}: {len(ops)} kernels in {self.phases} phases"
+
+
+def _launch(step: list[Op]) -> None:
+    for op in step:
+        op.launch()
+
+
+def wants(model: Model, reasons: dict[str, str], solver: str) -> str:
+    """Reason why the substeps of a plan are not fused, or "". reasons: of methods, as `wsim.simulation.methods.Build`."""
+    if not model.device.is_cuda:
+        return "on a CPU graphs replay launches at a tenth of the price"
+    if solver != "explicit":
+        return "steps are not explicit"
+    if model.gradients:
+        return "gradients are recorded launch by launch"
+    if any(m.yield_strain < inf for soft in model.scene.softs for m in soft.materials):
+        return "tets flow"
+    others = sorted(name for name, reason in reasons.items() if reason and name not in KNOWN)
+    return f"{', '.join(others)} cannot be fused" if others else ""
+
+
+KNOWN = {"points", "pins", "explicit", "aero", "xpbd", "contact", "watch", "bones"}

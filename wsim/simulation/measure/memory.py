@@ -1,0 +1,112 @@
+"""Memory that worlds of a scene take, known before they are made: so many times what one holds on its device.
+
+What one holds is counted in a simulation of it. Little of that is shared by all, so that many take a little less.
+"""
+
+import os
+from dataclasses import dataclass
+from types import FunctionType, MethodType
+from typing import Any
+
+import warp as wp
+
+from wsim.scene import Problem, Scene, SceneError
+
+LARGE = 200_000        # points, cells and particles of all worlds, from which it is counted before they are made
+
+
+def size(count: float) -> str:
+    """Bytes in words."""
+    for unit in ("bytes", "KiB", "MiB", "GiB"):
+        if count < 1024.0 or unit == "GiB":
+            break
+        count /= 1024.0
+    return f"{count:.4g} {unit}"
+
+
+def held(root: Any) -> int:
+    """Bytes of the arrays that an object of wsim holds: in its attributes, their tables, structs and functions."""
+    seen: dict[int, Any] = {}
+    sizes: dict[int, int] = {}
+    left = [root]
+    while left:
+        thing = left.pop()
+        if id(thing) in seen:
+            continue
+        seen[id(thing)] = thing                          # kept, so that no other has its id
+        if isinstance(thing, wp.array):
+            while isinstance(getattr(thing, "_ref", None), wp.array):        # a part of another
+                thing = thing._ref
+            sizes[thing.ptr or 0] = thing.capacity
+        else:
+            left += _within(thing)
+    return sum(sizes.values())
+
+
+def _within(thing: Any) -> list:
+    if isinstance(thing, dict):
+        return list(thing.values())
+    if isinstance(thing, (list, tuple, set)):
+        return list(thing)
+    if isinstance(thing, MethodType):
+        return [thing.__self__]
+    if isinstance(thing, FunctionType):
+        return [cell.cell_contents for cell in thing.__closure__ or ()]
+    if hasattr(thing, "_cls") and hasattr(thing._cls, "vars"):               # a struct of kernels
+        return [getattr(thing, name) for name in thing._cls.vars]
+    return list(getattr(thing, "__dict__", {}).values()) if type(thing).__module__.startswith("wsim.") else []
+
+
+@dataclass
+class Worlds:
+    """Memory for `count` worlds at once. each: bytes of one; free: bytes that are there; where: the device's name."""
+
+    count: int
+    each: int
+    free: float
+    where: str
+
+    @staticmethod
+    def of(one, count: int) -> "Worlds":
+        """So many worlds as a simulation of one, and what is free where it stands, without it."""
+        each = held(one)
+        return Worlds(count, each, free(one.device) + each, str(one.device))
+
+    @property
+    def fit(self) -> int:
+        """Worlds for which there is room."""
+        return int(min(self.free // max(self.each, 1), self.count))
+
+    def check(self) -> None:
+        """Raises SceneError where there is too little."""
+        if self.count * self.each > self.free:
+            need = size(self.count * self.each)
+            raise SceneError(Problem("worlds", f"{self.count} of {size(self.each)} each take {need}, and {size(self.free)} are "
+                                     f"free on {self.where}: {self.fit} fit"))
+
+
+def many(scene: Scene, worlds: int) -> bool:
+    """True if worlds of a scene are so much that their memory is counted first."""
+    others = [thing for found in scene.others.values() for thing in found]
+    one = sum(len(b.points) for b in scene.bodies()) + sum(getattr(thing, "elements", 1) for thing in others)
+    return worlds > 1 and worlds * one > LARGE
+
+
+def refused(error: Exception, device) -> SceneError:
+    """A failed allocation in words; anything else as it is."""
+    if "alloc" in str(error).lower() or "memory" in str(error).lower():
+        return SceneError(Problem(str(device), f"out of memory ({error}); use a smaller scene, fewer worlds, "
+                                  "float32 or another device"))
+    raise error
+
+
+def free(device) -> float:
+    """Bytes that are free on a device; inf where nobody knows."""
+    if device.is_cuda:
+        return float(device.free_memory)
+    try:
+        with open("/proc/meminfo", encoding="ascii") as file:
+            return 1024.0 * next(float(line.split()[1]) for line in file if line.startswith("MemAvailable"))
+    except (OSError, StopIteration, ValueError):
+        pages = getattr(os, "sysconf", lambda name: -1)("SC_AVPHYS_PAGES") if os.name == "posix" else -1
+        return float("inf") if pages < 0 else float(pages * os.sysconf("SC_PAGE_SIZE"))

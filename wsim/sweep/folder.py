@@ -1,0 +1,146 @@
+"""The folder of a sweep: what it is of, and its rows.
+
+    sweep.json      what tells it from others: scene, draws, settings, version
+    rows.jsonl      a line a run as it ends, flushed to the disk: what `--resume` goes on from; a line that was cut is left out
+    runs.csv        the table, in the order of runs, written anew beside it and renamed: valid at any time
+    runs.parquet    the same, where pyarrow is installed, at the end
+    results/        a result layer a run
+
+Columns are those of the draws, then of the runs; CIRCUMSTANCES are the last, and alone differ between two sweeps of one kind.
+Numbers are written so that they read back to the bit.
+"""
+
+import csv
+import io
+import json
+import os
+from importlib.util import find_spec
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from wsim.scene import Problem, SceneError
+from wsim.usd.result.atomic import replace_text, replacing
+
+Row = dict[str, Any]
+CIRCUMSTANCES = ("result", "seconds", "worker", "worlds", "tries")
+LAST = ("warnings", "seed", "version", "scene_hash", "state", *CIRCUMSTANCES)
+OFTEN = 2.0            # [s] between two writings of the table
+
+
+class Folder:
+    """Folder of a sweep. Raises SceneError where it holds another, or this one and it is not resumed."""
+
+    def __init__(self, path: str, identity: dict, names: list[str], *, resume: bool = False):
+        """names: of the draws' targets, in order."""
+        self.path, self.names, self.rows = Path(path), names, dict[int, Row]()
+        self.written = 0.0
+        self.path.mkdir(parents=True, exist_ok=True)
+        known = self._known()
+        if known is None:
+            if any(self.path.iterdir()):
+                raise SceneError(Problem(path, "holds other files and no sweep; give a folder that is empty or not there"))
+            replace_text(self.path / "sweep.json", json.dumps(identity, indent=1))
+        elif known != identity:
+            raise SceneError(Problem(path, f"holds another sweep ({differs(known, identity)}); give another folder"))
+        elif not resume:
+            raise SceneError(Problem(path, "holds this sweep already; go on with it by --resume, or give another folder"))
+        self._read()
+        self.journal = open(self.path / "rows.jsonl", "a", encoding="utf-8")           # noqa: SIM115  (closed by `close`)
+
+    def _known(self) -> dict | None:
+        try:
+            return json.loads((self.path / "sweep.json").read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError) as error:
+            raise SceneError(Problem(str(self.path / "sweep.json"), f"cannot be read ({error}); give another folder")) from None
+
+    def _read(self) -> None:
+        """Rows of an earlier sweep; failures are tried again. The journal is left with whole lines."""
+        file = self.path / "rows.jsonl"
+        if not file.exists():
+            return
+        good = []
+        for line in file.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True):
+            try:
+                row = json.loads(line)
+                if line.endswith("\n") and isinstance(row["run"], int):
+                    good.append(row)
+            except (ValueError, KeyError, TypeError):
+                pass
+        self.rows = {row["run"]: row for row in good if row["status"] == "done"}
+        replace_text(file, "".join(json.dumps(row) + "\n" for row in self.rows.values()))
+
+    def add(self, rows: list[Row]) -> None:
+        """Rows of runs that have ended: on the disk when this returns."""
+        if not rows:
+            return
+        self.journal.write("".join(json.dumps(row) + "\n" for row in rows))
+        self.journal.flush()
+        os.fsync(self.journal.fileno())
+        self.rows.update({row["run"]: row for row in rows})
+        if monotonic() - self.written > OFTEN:
+            self.write()
+
+    def write(self) -> None:
+        """Writes the table."""
+        replace_text(self.path / "runs.csv", text(list(self.ordered()), self.columns()))
+        self.written = monotonic()
+
+    def ordered(self) -> list[Row]:
+        return [self.rows[number] for number in sorted(self.rows)]
+
+    def columns(self) -> list[str]:
+        """Names of the columns: run, draws, status, errors as runs have them, and the last ones."""
+        found = dict.fromkeys(["run", *self.names, "status", "why", "frames"])
+        errors = dict.fromkeys(name for row in self.ordered() for name in row)
+        return [*found, *(name for name in errors if name not in found and name not in LAST), *LAST]
+
+    def close(self) -> None:
+        """Writes the table as it is now."""
+        self.journal.close()
+        self.write()
+        if find_spec("pyarrow") is not None:
+            parquet(self.ordered(), self.columns(), self.path / "runs.parquet")
+
+
+def text(rows: list[Row], columns: list[str]) -> str:
+    """Rows as CSV."""
+    out = io.StringIO()
+    write = csv.writer(out, lineterminator="\n")
+    write.writerow(columns)
+    write.writerows([[cell(row.get(name)) for name in columns] for row in rows])
+    return out.getvalue()
+
+
+def cell(value) -> str:
+    """A value as text that reads back to the bit; a vector as numbers with blanks between."""
+    if value is None:
+        return ""
+    if isinstance(value, (list, tuple)):
+        return " ".join(cell(v) for v in value)
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def parquet(rows: list[Row], columns: list[str], path: Path) -> None:
+    """Rows as Parquet; vectors and what is not of one type are text."""
+    import pyarrow
+    from pyarrow import parquet as files
+    table = {}
+    for name in columns:
+        values = [row.get(name) for row in rows]
+        kinds = {type(v) for v in values if v is not None}
+        plain = kinds <= {int, float} or kinds <= {str}
+        table[name] = values if plain else [None if v is None else cell(v) for v in values]
+    with replacing(path) as temporary:
+        files.write_table(pyarrow.table(table), str(temporary))
+
+
+def differs(known: dict, wanted: dict) -> str:
+    """Text about what tells two sweeps apart."""
+    names = [name for name in wanted if known.get(name) != wanted[name]]
+    short = [f"{name}: {known.get(name)!r:.60} there, {wanted[name]!r:.60} here" for name in names if name != "draws"]
+    draws = [f"{len(known.get('draws', []))} draws there, {len(wanted['draws'])} here" if
+             len(known.get("draws", [])) != len(wanted["draws"]) else "other draws"] if "draws" in names else []
+    return "; ".join(short + draws)

@@ -1,0 +1,115 @@
+"""Sweeps: one scene in many variations.
+
+    for row in wsim.sweep("flag.usda", ["/flag:stretch=log(100,10000,20)"], "stretches"):
+        print(row["/flag:stretch"], row["max_strain"])
+
+Every draw is checked before anything runs. Runs are handed out in parts, to this process or to workers of Ray; a row is on the
+disk before it is yielded. `wsim.sweep.folder` says what stands in the folder, `wsim.sweep.draws` how draws are written,
+`wsim.sweep.target` what may vary.
+"""
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+from wsim.scene import Problem, Scene, SceneError
+from wsim.sweep import draws as drawn
+from wsim.sweep.case import Cases, absolute, digest
+from wsim.sweep.draws import Draw
+from wsim.sweep.folder import Folder
+from wsim.sweep.job import Job, Settings
+
+Row = dict[str, Any]
+SHARES = 4             # parts that each worker gets at least, so that the last do not wait for one
+
+
+def sweep(scene: str | os.PathLike | Scene, vary: str | Iterable[str], folder: str | os.PathLike, *, latin: int | None = None,
+          seed: int = 0, resume: bool = False, settings: Settings | None = None,
+          told: Callable[[int, int], None] | None = None) -> Iterator[Row]:
+    """Runs a scene once for each draw and yields a row of each as it ends.
+
+    scene      a file, or a `Scene`
+    vary       axes: "TARGET=log(LOW,HIGH,N)", lin(...), list(A,B), "TARGET=FILE.csv", "FILE.csv"; a grid is their product
+    folder     of the table and results: not there, empty, or with `resume` that of this very sweep
+    latin      so many draws of a Latin hypercube instead of a grid; seed: of these draws
+    told       called with (runs that have ended, all of them)
+    Raises SceneError, before anything runs, with every draw that the checks refuse, and for a folder that holds another sweep.
+    A row has run, the values, status ("done" or "failed", why), errors, warnings, seconds, seed, version, scene_hash.
+    """
+    prepared = Sweep.prepared(scene, vary, folder, latin=latin, seed=seed, resume=resume, settings=settings)
+    return prepared.rows(told)
+
+
+class Sweep:
+    """A sweep that is checked and has its folder: `rows` runs it."""
+
+    def __init__(self, job: Job, draws: list[Draw], folder: Folder, base: Scene):
+        """base: the scene as it is loaded."""
+        self.job, self.draws, self.folder, self.base = job, draws, folder, base
+        self.said: Callable[[str], None] = lambda text: None          # called with what workers are
+
+    @staticmethod
+    def prepared(scene, vary, folder, *, latin: int | None = None, seed: int = 0, resume: bool = False,
+                 settings: Settings | None = None, variants: dict | None = None) -> "Sweep":
+        """See `sweep`; variants: of every run, as `wsim.load` takes them."""
+        settings = settings or Settings()
+        needed(settings)
+        axes = drawn.axes([vary] if isinstance(vary, str) else list(vary))
+        draws = [absolute(d) for d in (drawn.grid(axes) if latin is None else drawn.latin(axes, latin, seed))]
+        path = os.path.abspath(os.fspath(folder))
+        given = scene if isinstance(scene, Scene) else os.path.abspath(os.fspath(scene))
+        job = Job(given, variants or {}, path, seed, settings)
+        cases = Cases(job)
+        base = cases.scene()
+        cases.check(draws)
+        if not isinstance(given, Scene) and os.path.commonpath([path, given]) == path:
+            raise SceneError(Problem(path, "holds the scene itself; give another folder"))
+        names = list(dict.fromkeys(name for d in draws for name in d))
+        return Sweep(job, draws, Folder(path, job.identity(draws, digest(base)), names, resume=resume), base)
+
+    def rows(self, told: Callable[[int, int], None] | None = None) -> Iterator[Row]:
+        """Rows as runs end; those that an earlier sweep left come first. The table is whole whenever this stops."""
+        runs = [(k, d) for k, d in enumerate(self.draws) if k not in self.folder.rows]
+        done = len(self.folder.rows)
+        try:
+            yield from self.folder.ordered()
+            for found in self._parts(runs):
+                self.folder.add(found)
+                done += len(found)
+                if told:
+                    told(done, len(self.draws))
+                yield from found
+        finally:
+            self.folder.close()
+
+    def _parts(self, runs: list[tuple[int, Draw]]) -> Iterator[list[Row]]:
+        """Rows of parts as they end."""
+        if not runs:
+            return
+        if self.job.settings.remote:
+            from wsim.sweep.cluster import Cluster
+            with Cluster(self.job) as cluster:
+                for text in cluster.said:
+                    self.said(text)
+                yield from cluster.run(parts(runs, cluster.size, cluster.most))
+            return
+        worker = import_module(self.job.runs).Worker(self.job)
+        for part in parts(runs, 1, worker.most(self.base)):
+            yield worker.run(part)
+
+
+def needed(settings: Settings) -> None:
+    """Raises SceneError where workers are asked for and Ray is missing."""
+    if settings.remote and find_spec("ray") is None:
+        option = "--workers" if settings.address is None else "--address"
+        raise SceneError(Problem(option, "Ray is not installed; install it by: pip install \"wsim[sweep]\", or leave both out: "
+                                 "one process runs the same sweep"))
+
+
+def parts(runs: list[tuple[int, Draw]], workers: int, most: int) -> list[list[tuple[int, Draw]]]:
+    """Runs in parts of `most`, fewer where workers would wait for each other."""
+    size = max(1, most if workers == 1 else min(most, -(-len(runs) // (workers * SHARES))))
+    return [runs[k:k + size] for k in range(0, len(runs), size)]
+

@@ -1,0 +1,150 @@
+"""Targets: what of a scene a sweep varies, and how a scene, or one world of a running simulation, takes it.
+
+    /World/Cloth:stretch      a value of the table of values (`wsim.scene.values.table`), of one object
+    stretch                   of every object that has it; gravity, wind ... of the whole scene
+    gravity_y, /World/Load:force_x     one number of a vector
+    /World/Cloth:fabric       a variant set of a prim
+    start                     results whose last frame is the state to start from
+    file                      files of scenes, in the place of the scene
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from wsim.fitting import parameter
+from wsim.fitting.least_squares.bounds import LOG
+from wsim.scene import Load, Problem, Scene, SceneError
+from wsim.scene.check.varying import idle
+from wsim.scene.methods import named, things
+from wsim.scene.values import table
+from wsim.scene.values.value import Value, holder
+
+AXES = "xyz"
+FORMS = ("number", "factor", "vector", "curve")
+START, FILE = "start", "file"
+
+
+@dataclass(frozen=True)
+class Target:
+    """kind: "value", "variant", "start" or "file". path: "" of every object; what: the value or the variant set; axis: of a
+    vector."""
+
+    name: str
+    kind: str
+    path: str = ""
+    what: str = ""
+    axis: int | None = None
+
+    def rows(self, scene: Scene) -> list[tuple[Value, Any]]:
+        """Objects of a scene that have the value, each with its row; the scene itself for what is the whole scene's."""
+        found = [(row, scene) for row in [table.of("Scene").get(self.what)] if row is not None and self.whole(scene)]
+        for thing in things(scene):
+            row = table.of(type(thing).__name__).get(self.what)
+            if row is not None and self.path in ("", thing.path) and _held(row, thing):
+                found.append((row, thing))
+        return found
+
+    def whole(self, scene: Scene) -> bool:
+        """True if the path is that of the whole scene: none, "/", or a prim above its objects."""
+        return self.path in ("", "/") or (named(scene, self.path) is None
+                                          and any(t.path.startswith(f"{self.path}/") for t in things(scene)))
+
+    def written(self, scene: Scene, value) -> Scene:
+        """The scene with that value; the given one stays as it is. Raises SceneError for what it cannot have."""
+        for row, thing in self.rows(scene):
+            given = self._judged(row, getattr(thing, "path", "/"), value)
+            if isinstance(thing, Scene):
+                own: Any = given if self.axis is None else _with(getattr(thing, self.what), self.axis, given)
+                scene = replace(scene, **{self.what: own})
+                continue
+            try:
+                new = thing
+                for axis, number in _parts(given, self.axis):
+                    new = parameter.put(row, new, number, axis)
+            except (TypeError, ValueError) as error:
+                raise SceneError(Problem(thing.path, f"{self.what} cannot be {value}: {error}")) from None
+            scene = scene.exchanged(thing, new)
+        return scene
+
+    def _judged(self, row: Value, path: str, value):
+        """A number, or a vector where all of one is given."""
+        vector = self.axis is None and row.form in ("vector", "curve")
+        numbers: tuple
+        if vector and isinstance(value, tuple) and len(value) == 3:
+            numbers = value
+        elif not vector and isinstance(value, float):
+            numbers = (value,)
+        else:
+            wanted = "three numbers" if vector else "a number"
+            raise SceneError(Problem(path, f"{self.name} is {value!r:.60}; allowed is {wanted}"))
+        for number in numbers:
+            if wrong := row.range.wrong(self.what, number, True):
+                raise SceneError(Problem(path, wrong))
+        return numbers if vector else numbers[0]
+
+    def live(self, base: Scene, scene: Scene) -> list[tuple[str, str, Any]] | None:
+        """(path, name, value) of `Simulation.set` that make one world of `base` as `scene` is; None where a scene must be built
+        with it."""
+        rows = self.rows(base)
+        if any(not row.live or (not isinstance(thing, Scene) and idle(row, thing, base)) for row, thing in rows):
+            return None
+        if any(isinstance(thing, Scene) and row.needs and idle(row, thing, base) for row, thing in rows):
+            return None
+        found = parameter.Parameter(self.name, self.what, "" if self.whole(base) else self.path, "", LOG, self.axis).live(scene)
+        return found or None
+
+
+def _held(row: Value, thing) -> bool:
+    """Whether an object has a field for a value."""
+    if isinstance(thing, Load):
+        return thing.name == row.name
+    if hasattr(thing, "taken"):
+        return thing.taken(row.name) is not None
+    return row.name == "mass" and row.owner == "Springs" or hasattr(holder(thing, row.name), row.name)
+
+
+def _with(vector, axis: int, value: float) -> tuple[float, ...]:
+    return tuple(value if k == axis else float(v) for k, v in enumerate(vector))
+
+
+def _parts(given, axis: int | None) -> list[tuple[int | None, float]]:
+    return list(enumerate(given)) if isinstance(given, tuple) else [(axis, given)]
+
+
+def resolve(name: str, scene: Scene, sets) -> Target:
+    """Target of a name in a scene. sets(path): names of the variant sets of a prim. Raises SceneError for what is none, with
+    what there is."""
+    if name in (START, FILE):
+        return Target(name, name)
+    path, _, what = name.rpartition(":")
+    axis: int | None = None
+    if what[-2:-1] == "_" and what[-1] in AXES and any(r.name == what[:-2] and r.form != "number" for r in table.VALUES):
+        axis, what = AXES.index(what[-1]), what[:-2]
+    target = Target(name, "value", path, what, axis)
+    if rows := target.rows(scene):
+        wrong = next((row for row, _ in rows if row.form not in FORMS), None)
+        if wrong is None and not any(row.form == "curve" and not isinstance(thing, Load) for row, thing in rows):
+            return target
+        raise SceneError(Problem(path or name, f"{what} is no number and no vector; a sweep takes it from files "
+                                 "(file=list(...))"))
+    if path and what in sets(path):
+        return Target(name, "variant", path, what)
+    raise _unknown(name, path, what, scene, sets)
+
+
+def _unknown(name: str, path: str, what: str, scene: Scene, sets) -> SceneError:
+    thing = named(scene, path) if path else scene
+    if path and thing is None:
+        return SceneError(Problem(path, f"nothing of that path is simulated; there are "
+                                  f"{', '.join(['/', *(t.path for t in things(scene))])}"))
+    if path:
+        have = [r.name for r in table.VALUES if r.owner == type(thing).__name__ and r.form in FORMS
+                and (thing is scene or _held(r, thing))]
+        more = f"; variant sets {', '.join(sets(path))}" if sets(path) else ""
+        return SceneError(Problem(path, f"has no value {what!r}; there are {', '.join(have)}{more}"))
+    have = list(dict.fromkeys(r.name for t in things(scene) for r in table.VALUES if r.owner == type(t).__name__
+                              and r.form in FORMS and _held(r, t)))
+    have += [r.name for r in table.VALUES if r.owner == "Scene"]
+    there = ", ".join(dict.fromkeys(have))
+    return SceneError(Problem(name, f"is no value of anything here; there are {there}, of one object as "
+                              f"/World/Cloth:stretch; a variant set as /World/Prim:set; {START}, {FILE}"))

@@ -1,0 +1,170 @@
+"""Runs of a sweep in one process: scenes and kernels are loaded once, and runs that fit share one set of arrays as worlds.
+
+A run ends as `wsim run` of its scene would, to the bit, whatever its company (tests/sweep/test_worlds.py), but for one thing:
+where there are colliders every frame has contacts, so that no run depends on whether another touches something. Worlds of one
+simulation have the same base, solver, integrator and steps. Where a frame asks for what would change the steps of all (a
+position that is not finite, a missed residual), the runs that asked, or halves until it is known which, run apart.
+"""
+
+import os
+import socket
+import traceback
+from dataclasses import replace
+from time import perf_counter
+from typing import Any
+
+from wsim.model import kernel_cache
+from wsim.scene import Scene, SceneError
+from wsim.simulation import plan as plans
+from wsim.simulation.retry import Company
+from wsim.simulation.simulation import PRECISIONS, Simulation
+from wsim.sweep import case as cases
+from wsim.sweep.case import Case, Cases
+from wsim.sweep.draws import Draw
+from wsim.sweep.job import Job
+from wsim.sweep.world import Layers, World, worlds_of
+
+Row = dict[str, Any]
+SMALL = 4096           # points of one state on a CPU: more gain nothing there, and leave its caches
+FILES = 64             # result layers that grow at once
+
+
+class Worker:
+    """Runs cases of a job. `run` gives a row for each, in their order."""
+
+    def __init__(self, job: Job):
+        self.job, self.cases = job, Cases(job)
+        self.device = kernel_cache.device(job.settings.device)
+        self.real = PRECISIONS[job.settings.precision]
+        self.name = f"{socket.gethostname()}:{os.getpid()}"
+
+    # how runs are put together
+
+    def most(self, scene: Scene) -> int:
+        """Worlds that share arrays at most."""
+        asked, points = self.job.settings.worlds, sum(len(b.points) for b in scene.bodies())
+        if scene.others or not points:
+            return 1
+        most = asked or (4096 if self.device.is_cuda else max(1, SMALL // points))
+        if most > 1 and self.device.is_cuda:
+            from wsim.simulation.measure.memory import Worlds
+            most = min(most, max(1, Worlds.of(Simulation(scene, device=self.device, precision=self.job.settings.precision),
+                                              most).fit))
+        return min(most, FILES) if self.job.settings.keep == "all" else most
+
+    def run(self, runs: list[tuple[int, Draw]]) -> list[Row]:
+        """A row of each run."""
+        rows: dict[int, Row] = {}
+        groups: dict[tuple, list[tuple[int, Draw, Case]]] = {}
+        for number, draw in runs:
+            try:
+                case = self.cases.case(draw)
+                groups.setdefault((case.key, *self.stepped(case)), []).append((number, draw, case))
+            except Exception as error:
+                rows[number] = self._failed(number, draw, error)
+        for (_, *how), members in groups.items():
+            most = self.most(members[0][2].base)
+            for k in range(0, len(members), most):
+                for row in self._together(members[k:k + most], how):
+                    rows[row["run"]] = row
+        return [rows[number] for number, _ in runs]
+
+    def stepped(self, case: Case) -> tuple:
+        """Solver, integrator, substeps, iterations that its scene comes to."""
+        scene = case.scene.single() if self.job.settings.precision == "float32" else case.scene
+        if not scene.bodies() or scene.others or (scene.solver in ("xpbd", "implicit") and scene.integrator != "auto"):
+            return scene.solver, scene.integrator, scene.substeps, scene.iterations
+        choice = plans.choice(scene, device=self.device, real=self.real)
+        return choice.solver, choice.integrator.name, choice.steps, choice.iterations
+
+    def _together(self, members: list, how: list) -> list[Row]:
+        """Rows of runs as worlds; apart where they disturb each other."""
+        if len(members) == 1:
+            return [self._alone(*members[0])]
+        try:
+            return self._worlds(members, how)
+        except (Company, SceneError) as error:            # SceneError: a value that a running world does not take, or no memory
+            worlds = getattr(error, "worlds", set())
+            own, rest = ([m for k, m in enumerate(members) if (k in worlds) == inside] for inside in (True, False))
+            if own and rest:
+                return [self._alone(*m) for m in own] + self._together(rest, how)
+            half = len(members) // 2
+            return self._together(members[:half], how) + self._together(members[half:], how)
+
+    # runs
+
+    def _worlds(self, members: list, how: list) -> list[Row]:
+        """Rows of two runs or more. Raises Company where one would change the steps of the others."""
+        began = perf_counter()
+        solver, integrator, substeps, iterations = how
+        base = replace(members[0][2].base, solver=solver, integrator=integrator, substeps=substeps, iterations=iterations)
+        sim = Simulation(base, device=self.device, precision=self.job.settings.precision, worlds=len(members))
+        sim.plan.clock.touching = sim.plan.clock.apart = True
+        steps = sim.plan.clock.substeps
+        for world, (_, _, case) in enumerate(members):
+            cases.begin(sim, case, self.cases.started(case), world)
+        if sim.plan.clock.substeps != steps:              # a value that explicit steps are too long for by the bound
+            raise Company(set())
+        layers = Layers(self.job, [(number, draw, case) for number, draw, case in members])
+        self._frames(sim, layers)
+        found = worlds_of(sim)
+        files = layers.close(found)
+        each = (perf_counter() - began) / len(members)
+        return [self._row(number, draw, case, world, file, each, len(members))
+                for (number, draw, case), world, file in zip(members, found, files, strict=True)]
+
+    def _alone(self, number: int, draw: Draw, case: Case) -> Row:
+        """Row of one run, in a simulation of its own; tried again where it fails for another reason than its scene."""
+        tries, (row, certain) = 1, self._tried(number, draw, case)
+        while not certain and tries <= self.job.settings.retries:
+            tries, (row, certain) = tries + 1, self._tried(number, draw, case)
+        return {**row, "tries": tries}
+
+    def _tried(self, number: int, draw: Draw, case: Case) -> tuple[Row, bool]:
+        """Row of one run, and whether a failure is its scene's, so that it would fail again."""
+        began = perf_counter()
+        try:
+            sim = Simulation(case.scene, device=self.device, precision=self.job.settings.precision)
+            sim.plan.clock.touching = True
+            cases.begin(sim, case, self.cases.started(case))
+            layers = Layers(self.job, [(number, draw, case)])
+            self._frames(sim, layers)
+            found = worlds_of(sim)
+            return self._row(number, draw, case, found[0], layers.close(found)[0], perf_counter() - began, 1), True
+        except Exception as error:
+            return self._failed(number, draw, error, case, perf_counter() - began), isinstance(error, SceneError)
+
+    def _frames(self, sim: Simulation, layers: Layers) -> None:
+        """All frames. Layers of runs that do not come to their end are dropped."""
+        try:
+            layers.look(sim)
+            for _ in range(sim.scene.frames):
+                sim.step()
+                layers.look(sim)
+        except BaseException:
+            layers.drop()
+            raise
+
+    # rows
+
+    def _row(self, number: int, draw: Draw, case: Case, world: World, file: str, seconds: float, worlds: int) -> Row:
+        return {**self._head(number, draw), "status": "done", "why": "", "frames": case.scene.frames, **world.error,
+                "warnings": " | ".join(world.warnings), **self._tail(case), "state": world.state, "result": file,
+                "seconds": seconds, "worker": self.name, "worlds": worlds, "tries": 1}
+
+    def _failed(self, number: int, draw: Draw, error: Exception, case: Case | None = None, seconds: float = 0.0) -> Row:
+        said = error.problems if isinstance(error, SceneError) else []
+        last = traceback.extract_tb(error.__traceback__)[-1:] if not said else []
+        where = f" ({os.path.basename(last[0].filename)}, line {last[0].lineno})" if last else ""
+        why = " | ".join(f"{p.path}: {p.text}" for p in said) or f"{type(error).__name__}: {error}{where}"
+        return {**self._head(number, draw), "status": "failed", "why": why, "frames": 0, "warnings": "", **self._tail(case),
+                "state": "", "result": "", "seconds": seconds, "worker": self.name, "worlds": 1, "tries": 1}
+
+    def _head(self, number: int, draw: Draw) -> Row:
+        return {"run": number, **{name: list(v) if isinstance(v, tuple) else v for name, v in draw.items()}}
+
+    def _tail(self, case: Case | None) -> Row:
+        from wsim import __version__
+        return {"seed": self.job.seed, "version": __version__, "scene_hash": cases.digest(case.scene) if case else ""}
+
+
