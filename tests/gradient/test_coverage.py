@@ -285,6 +285,7 @@ CASES = {
     "surface": ("/floor", lambda: inputs(run("explicit")[0].recording, ["/floor:surface"])),
     "layers": ("/air", lambda: recorded(layered())),
     "margin": ("/air", lambda: recorded(layered(margin=0.5))),
+    "conserve": ("/air", lambda: recorded(layered(conserve=True, sides=("closed",) * 6))),
     "still": ("/air", lambda: inputs(recorded(still()), ["/air:viscosity"])),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),

@@ -73,7 +73,7 @@ class Fluids(Method):
         self.offers["fluids"] = self
         if b.model.gradients:
             for fluid in b.scene.things("Fluid"):
-                for name in ("layers", "margin"):
+                for name in ("layers", "margin", "conserve"):
                     if getattr(fluid, name):
                         raise refuse(name, fluid.path, name=name)
             from wsim.physics.fluid.recorded import Recorded
@@ -263,7 +263,7 @@ class Fluids(Method):
 def signature(b) -> list:
     """Part of the fluids that decides their kernels."""
     fluids: list[Any] = [(len(f.axes), f.advection, f.scalar_advection, f.pressure, sum(f.shape) <= MOST, f.slip, f.layers,
-                          f.margin > 0.0, f.viscosity > 0.0, f.vorticity > 0.0,
+                          f.margin > 0.0, f.conserve, f.viscosity > 0.0, f.vorticity > 0.0,
                           carried(f, reaching(f, b.scene)), [s.expansion != 0.0 for s in reaching(f, b.scene)],
                           [s.velocity is not None for s in reaching(f, b.scene)], kinds(reaching(f, b.scene)))
                          for f in b.scene.things("Fluid")]

@@ -16,7 +16,7 @@ from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.rigid.mass import Inertia, inertia, weighed
 from wsim.physics.rigid.objects import Body
-from wsim.physics.rigid.solids import acting, meet, meeting, sleeps, standing, touches
+from wsim.physics.rigid.solids import acting, kept, meet, meeting, sleeps, standing, touches
 from wsim.scene.methods import dressed
 from wsim.scene.samples import Sample, Transform
 
@@ -51,9 +51,8 @@ class Rigid(Method):
         self.force, self.twist = (np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("force", "torque"))
         self._allocate(b)
         self._begin(frames)
-        recorded = b.model.gradients and acting(scene)              # such bodies do not sleep
         self.sleep: Any = None
-        if sleeps(scene) and not recorded:
+        if sleeps(scene) and not (b.model.gradients and acting(scene)):          # what is recorded does not sleep
             from wsim.physics.rigid.sleep import Sleep
             self.sleep = Sleep(b, self)
         self.Bodies, self.Moving = motion.structs(b.model.real)
@@ -68,11 +67,7 @@ class Rigid(Method):
         self._stages(b)
 
     def _allocate(self, b) -> None:
-        fields: tuple[Field, ...] = FIELDS
-        if touches(b.scene) and b.choice.solver == "implicit":
-            from wsim.physics.rigid.touch.newton import KEPT
-            fields += KEPT
-        self.part = Part.allocate("bodies", fields, len(self.bodies), b.model.real, b.model.device)
+        self.part = Part.allocate("bodies", (*FIELDS, *kept(b)), len(self.bodies), b.model.real, b.model.device)
         rows: dict[tuple[str, int], list[int]] = {}
         for k, (body, world) in enumerate(self.bodies):
             rows.setdefault((body.written, world), []).append(k)
@@ -121,6 +116,12 @@ class Rigid(Method):
 
     def put(self, name: str, values: np.ndarray) -> None:
         self.part.arrays[name].assign(np.ascontiguousarray(values, self.model.dtype))
+        if f"{name}h" in self.part.arrays:
+            self.part.arrays[f"{name}h"].zero_()
+
+    def read(self, name: str) -> np.ndarray:
+        """p or L at the end of a frame, where points are read half a step on too (kernels/rigid/touch/half.py)."""
+        return self.get(name) + (self.get(f"{name}h") if f"{name}h" in self.part.arrays else 0.0)
 
     def get(self, name: str) -> np.ndarray:
         """A field of all bodies, float64."""
@@ -206,11 +207,11 @@ class Rigid(Method):
     def spins(self) -> np.ndarray:
         """Angular velocities now, world (n, 3) [rad/s]."""
         q, moments = self.turns(), np.array([m.moments for m in self.masses])
-        return rotation.rotate(q, rotation.rotate(rotation.conjugate(q), self.get("L")) / moments)
+        return rotation.rotate(q, rotation.rotate(rotation.conjugate(q), self.read("L")) / moments)
 
     def velocities(self) -> np.ndarray:
         """Velocities of the centres of mass now, (n, 3) [m/s]."""
-        return self.get("p") / np.array([m.mass for m in self.masses])[:, None]
+        return self.read("p") / np.array([m.mass for m in self.masses])[:, None]
 
     def weigh(self, rows: np.ndarray, name: str, value) -> None:
         """Another mass or inertia of bodies, which go on as fast as they are, linear and angular."""
@@ -245,11 +246,10 @@ class Rigid(Method):
 
     def indicators(self, x, v) -> dict[str, float]:
         """Kinetic energy and that in gravity [J] of all bodies of the first world, and what contacts say."""
-        first = np.array([world == 0 for _, world in self.bodies])
-        places = self.origin + self.get("x")
+        first, places = np.array([world == 0 for _, world in self.bodies]), self.origin + self.get("x")
         mass = np.array([m.mass for m in self.masses])
-        energy = 0.5 * (self.get("p") * self.velocities()).sum(1) + 0.5 * (self.get("L") * self.spins()).sum(1)
-        found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
+        kinetic = 0.5 * ((self.read("p") * self.velocities()).sum(1) + (self.read("L") * self.spins()).sum(1))
+        found = {"rigid_energy": float((kinetic - mass * (places @ self.gravity[0]))[first].sum())}
         for each in filter(None, (self.contacts, self.touch)):
             found |= each.indicators()
         return found | (self.joints.indicators() if self.joints else {})
@@ -262,14 +262,14 @@ class Rigid(Method):
             self.gravity[slice(None) if world is None else world] = value
             self.given.push.assign(self._push().astype(self.model.dtype))
             return True
-        if path == "/" or len(hit) == 0 or name not in LIVE:
+        if path == "/" or not len(hit) or name not in LIVE:
             return any([other.set(path, name, value, world) for other in (self.joints, self.contacts) if other])
         if name in ("velocity", "spin"):
             field = "p" if name == "velocity" else "L"
             now = self.get(field)
             q, every = self.turns(), np.tile(value, (len(now), 1))
-            wanted = np.array([m.mass for m in self.masses])[:, None] * every if field == "p" else self.momentum(q, every)
-            now[hit] = wanted[hit]
+            mass = np.array([m.mass for m in self.masses])[:, None]
+            now[hit] = (mass * every if field == "p" else self.momentum(q, every))[hit]
             self.put(field, now)
             return True
         if name in ("mass", "inertia"):

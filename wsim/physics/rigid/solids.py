@@ -159,3 +159,11 @@ def touches(scene) -> bool:
         return False
     apart = dressed(scene)
     return any(meeting(body) for body in scene.things("Body") if body.path not in apart)
+
+
+def kept(b) -> tuple:
+    """Fields of bodies that points touch, besides those of all bodies."""
+    if not touches(b.scene):
+        return ()
+    from wsim.physics.rigid.touch import half
+    return half.kept(b.choice)
