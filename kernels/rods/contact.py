@@ -5,8 +5,8 @@
     F_t = -k s, |F_t| <= mu N,  s = what it has slid over the collider since it touched, cut back where it slips
 
 In Newton's system: k n n^T, and k (1 - n n^T) where it sticks, mu N / |s| (1 - n n^T) where it slips. The N of friction is that of
-the substep before: a point that an iteration leaves too deep would be thrown aside. Friction is with the collider that a point is
-deepest in. Colliders go straight from where they are at the start of a substep to where they are at its end.
+the substep before, or where there was none at most what stops the point and bears its weight, twice: one that an iteration leaves
+too deep would be thrown aside. Friction is with the collider that a point is deepest in. Colliders go straight from where they are at the start of a substep to where they are at its end.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -125,7 +125,11 @@ def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
                     normal = n
                     slid = (T.x[i, k] - Q.x[i, k]) - (x - wp.transform_point(C.frame[at, c], q))
         if best >= 0:
-            found = rub(found, normal, Q.stick[i, k] + slid, Q.load[i, k], stiff, C.friction[best, k])
+            load = Q.load[i, k]
+            if load == wp.float64(0.0):
+                blow = wp.abs(wp.dot(normal, Q.v[i, k])) / wp.sqrt(hh) + wp.length(S.gravity[k])
+                load = wp.min(found.N, wp.float64(2.0) * S.m[i, k] * blow)
+            found = rub(found, normal, Q.stick[i, k] + slid, load, stiff, C.friction[best, k])
         return found
 
     return SimpleNamespace(touch=touch, name="_".join(kinds))

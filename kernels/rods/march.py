@@ -16,7 +16,7 @@ from wsim.kernels.rods.element import transport, turned, upright
 from wsim.kernels.rods.system import backward, forward, take
 from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
 
-TOLERANCE = wp.constant(wp.float64(1e-8))
+TOLERANCE = wp.constant(wp.float64(1e-6))
 MOST = wp.constant(50)
 CALM, LEAST = wp.constant(wp.float64(0.05)), wp.constant(wp.float64(0.125))
 

@@ -76,8 +76,9 @@ def stretch(S: Strands, w: Window, t: wp.vec3d, length: wp.float64, i: int, k: i
     H = wp.outer(t, t) * (S.A[i, k] - across) + wp.identity(n=3, dtype=wp.float64) * across
     free0 = wp.where(S.hold[i, k] < 0, one, one - one)
     free1 = wp.where(S.hold[i + 1, k] < 0, one, one - one)
-    for a in range(3):
-        for b in range(3):
+    m = int(3)                                           # of loops that are not written out: they compile ten times faster
+    for a in range(m):
+        for b in range(m):
             w.D0[a, b] = w.D0[a, b] + H[a, b] * free0
             w.D1[a, b] = w.D1[a, b] + H[a, b] * free1
             w.P[a, b] = w.P[a, b] - H[a, b] * free0 * free1
@@ -96,7 +97,8 @@ def flex(S: Strands, w: Window, f: Bend, i: int, k: int):
     free2 = wp.where(S.hold[i + 1, k] < 0, wp.float64(1.0), zero)
     spin0 = wp.where(S.stiff[i - 1, k] == 0, wp.float64(1.0), zero)
     spin1 = wp.where(S.stiff[i, k] == 0, wp.float64(1.0), zero)
-    for c in range(3):
+    m = int(3)
+    for c in range(m):
         q = wp.where(c < 2, S.B[i, k], S.C[i, k])
         g0 = split(f.a[c] * -free0, f.u[c] * spin0)
         g1 = split((f.a[c] - f.b[c]) * free1, f.w[c] * spin1)
@@ -121,13 +123,17 @@ def flex(S: Strands, w: Window, f: Bend, i: int, k: int):
 @wp.func
 def eliminate(T: Trial, w: Window, i: int, k: int):
     """The window moved on by a point, whose factors are stored."""
-    D = wp.inverse(w.D0)
-    L1 = D * w.P
-    L2 = D * w.O
-    y = D * w.r0
-    T.near[i, k] = L1
-    T.far[i, k] = L2
-    T.z[i, k] = y
+    L1 = wp.mat44d()
+    L2 = wp.mat44d()
+    y = wp.vec4d()
+    if i >= 0:
+        D = wp.inverse(w.D0)
+        L1 = D * w.P
+        L2 = D * w.O
+        y = D * w.r0
+        T.near[i, k] = L1
+        T.far[i, k] = L2
+        T.z[i, k] = y
     Pt = wp.transpose(w.P)
     Ot = wp.transpose(w.O)
     new = Window()
@@ -152,8 +158,9 @@ def forward(kinds: tuple[str, ...]):
                 if S.hold[i, k] < 0:
                     t = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
                     r = r + split(t.f, wp.float64(0.0))
-                    for a in range(3):
-                        for b in range(3):
+                    m = int(3)
+                    for a in range(m):
+                        for b in range(m):
                             D[a, b] = D[a, b] + t.K[a, b]
         return D, r
 
@@ -161,23 +168,18 @@ def forward(kinds: tuple[str, ...]):
     def forward(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, k: int):
         n = S.points[k]
         w = Window()
-        D, r = point(S, C, Q, T, p, int(0), k)
-        w.D0 = D
-        w.r0 = r
-        D, r = point(S, C, Q, T, p, int(1), k)
-        w.D1 = D
-        w.r1 = r
         e = T.x[1, k] - T.x[0, k]
         l0 = wp.length(e)
         t0 = e / wp.max(l0, TINY)
-        for i in range(n):
-            D, r = point(S, C, Q, T, p, i + 2, k)
+        for j in range(n + 2):
+            i = j - 2                                    # the first of the window's points; it is filled before it has one
+            D, r = point(S, C, Q, T, p, j, k)
             w.D2 = D
             w.r2 = r
-            if i + 1 < n:
+            if i >= 0 and i + 1 < n:
                 w = stretch(S, w, t0, l0, i, k)
-            if i + 2 < n:
-                e = T.x[i + 2, k] - T.x[i + 1, k]
+            if i >= 0 and i + 2 < n:
+                e = T.x[j, k] - T.x[i + 1, k]
                 l1 = wp.length(e)
                 t1 = e / wp.max(l1, TINY)
                 if S.stiff[i, k] + S.stiff[i + 1, k] < 2:

@@ -30,7 +30,7 @@ FIELDS = (Field("x", "m", True, "position relative to the strand's first point a
           Field("begun", "1", True, "of a strand's first point, 1: there is a step before", "int"))
 LONGEST = 1.0 / 240.0         # [s] of a substep; a first mode of 2 Hz errs by 1e-3 in its frequency there
 THREADS = 32                  # of a block: 10k strands are few, and fill all processors so
-TOLERANCE = 1e-8              # kernels/rods/march.py
+TOLERANCE = 1e-6              # kernels/rods/march.py
 
 
 def build(b) -> Method:
