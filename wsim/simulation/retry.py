@@ -62,6 +62,8 @@ def mend(sim: Simulation) -> bool:
         sim.plan.clock.free = False
         sim.forms["repeated"] += 1
         return True
+    if "refine" in kinds and _lost(sim):
+        return True
     if sim.plan.choice.solver == "explicit" and kinds & {"doubt", "refine"} and _switch(sim):
         return True
     for remedy in said:
@@ -86,6 +88,23 @@ def not_finite(sim: Simulation) -> set[int]:
         if good and not (whole := np.logical_and.reduce(good)).all():
             found |= {world for (_, world), rows in part.rows.items() if not whole[rows].all()}
     return found
+
+
+def _lost(sim: Simulation) -> bool:
+    """Takes worlds out that are not finite, where others are: each stands still at its start from here on, and the others do
+    not change. False where all of them are, so that steps are too long for any, or where there is more than points."""
+    broken = not_finite(sim) if sim.worlds > 1 and not sim.scene.others else set()
+    if not broken or len(broken | sim.lost.keys()) == sim.worlds:
+        return False
+    from wsim.simulation.live import begin_again
+    sim.state.restore()
+    begin_again(sim, broken, held=True)
+    sim.state.snapshot()
+    for world in sorted(broken):
+        sim.lost[world] = sim.frame + 1
+        sim.warnings.append(f"frame {sim.frame + 1}: world {world} stopped being a number and was taken out: it stands at its "
+                            "start until it is reset; the others go on")
+    return True
 
 
 def _give_way(sim: Simulation, why: str) -> None:

@@ -61,6 +61,7 @@ class Explicit(Method):
         self.pull = ForceGather(model, points.constants, self.rows, self.columns, staged=bool(self.integrator.stages),
                                 alone=not (self.integrator.stages or steps and (not free or model.device.is_cuda)))
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
+        self.by_world = not self.solids
         state.add(*(table.kept for table in self.solids if table.kept))
         self.acts = int(any(r.body and getattr(r.body.source, "actuation", None) for r in self.rows)) + bool(model.scene.loads)
         self.free: Any = None         # `wsim.physics.motion.one_launch.FreeFrames`
