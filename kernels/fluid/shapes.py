@@ -32,6 +32,7 @@ def structs(real) -> SimpleNamespace:
         turn: wp.array(dtype=t.quat)       # R, (x, y, z, w)
         speed: wp.array(dtype=t.vec3)      # V [m/s]
         spin: wp.array(dtype=t.vec3)       # W [rad/s]
+        body: wp.array(dtype=int)          # number of the rigid body that it is a part of; -1: none
         axes: wp.vec3i                     # of the world, of each axis of the grid
         dx: real                           # [m] edge of a cell
 

@@ -1,7 +1,7 @@
 """Rigid bodies: the same scenes by wsim, MuJoCo and Newton's solvers, time of a frame beside error, row by row.
 
     python tools/bench/rigid_peers.py [--peer-python X/bin/python] [--device cuda:0|cpu] [--json FILE] [--only NAME,...]
-                                      [--engines wsim,mujoco,...] [--rounds 3] [--again] [--table]
+                                      [--engines wsim,mujoco,...] [--rounds 3] [--limit 300] [--again] [--table]
 
 X is an environment of the peers' own; what it lacks is said and left out:
 
@@ -34,7 +34,7 @@ from tools.bench.rigid.settings import ENGINES, Engine, settings  # noqa: E402
 from tools.bench.rigid.table import line, slower, table  # noqa: E402
 from tools.bench.speed import hardware  # noqa: E402
 
-LIMIT = 300                      # [s] that one run of one row may take
+LIMIT = 300                      # [s] that one run of one row may take, where nothing else is said
 
 
 def present(engine: Engine, python: str) -> bool:
@@ -54,9 +54,9 @@ def run(row: dict, problem: Problem, scene: dict, args: argparse.Namespace, fold
     command = [python, str(ROOT / "tools/bench/rigid" / engine.runner), "scene.json", "setting.json", "out.npz", "--device",
                args.device if engine.gpu else "cpu"]
     try:
-        ended = subprocess.run(command, cwd=folder, timeout=LIMIT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+        ended = subprocess.run(command, cwd=folder, timeout=args.limit, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     except subprocess.TimeoutExpired:
-        return {"finite": False, "failed": f"took more than {LIMIT} s"}
+        return {"finite": False, "failed": f"not within {args.limit:g} s"}
     if not out.exists():
         said = ended.stderr.decode(errors="replace").strip().splitlines()
         return {"finite": False, "failed": said[-1] if said else f"exit code {ended.returncode}"}
@@ -130,6 +130,7 @@ def main() -> None:
     parser.add_argument("--only", default=None, help="scenes; all that suit the device where left out")
     parser.add_argument("--engines", default=",".join(ENGINES))
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--limit", type=float, default=LIMIT, help="seconds that one run of one row may take")
     parser.add_argument("--again", action="store_true", help="run rows that the file has once more")
     parser.add_argument("--table", action="store_true", help="print the file's rows as a table, run nothing")
     parser.add_argument("--json", type=Path, default=None)

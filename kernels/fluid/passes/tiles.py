@@ -128,9 +128,9 @@ def carry(dim: int, scheme: str, third: bool, both: bool, real, module):
 
 
 @cache
-def keep(dim: int, both: bool, real, module):
-    """Kernel over cells: scalars of those that are near become what `carry` has found, and mark their tiles."""
-    S, f, tile, least = structs(real), functions(dim, real), tiles(dim, real), LEAST[types(real).name]
+def some(real):
+    """Function q -> q, or 0 below LEAST."""
+    least = LEAST[types(real).name]
 
     @wp.func
     def some(q: real):
@@ -139,16 +139,24 @@ def keep(dim: int, both: bool, real, module):
             value = real(0.0)
         return value
 
+    return some
+
+
+@cache
+def keep(dim: int, both: bool, real, module):
+    """Kernel over cells: scalars of those that are near become what `carry` has found, and mark their tiles."""
+    S, f, tile, seen = structs(real), functions(dim, real), tiles(dim, real), some(real)
+
     def keep(g: S.Grid, near: wp.array(dtype=int), q: wp.array(dtype=real), r: wp.array(dtype=real),
              holds_out: wp.array(dtype=int), q_out: wp.array(dtype=real), r_out: wp.array(dtype=real)):
         c = wp.tid()
         m = tile(g, f.place(c, g.n))
         if near[m] != 0:
-            value = some(q[c])
+            value = seen(q[c])
             q_out[c] = value
             other = real(0.0)
             if wp.static(both):
-                other = some(r[c])
+                other = seen(r[c])
                 r_out[c] = other
             if value != real(0.0) or other != real(0.0):
                 holds_out[m] = 1

@@ -59,6 +59,7 @@ def structs(real):
         q: wp.array(dtype=real)                   # of slots: impulse along n that changes no place [N s]
         ahead: wp.array(dtype=wp.vec3d)           # of bodies: velocity and spin that contacts were found with, (2 bodies,)
         total: wp.array(dtype=wp.vec3d)           # impulse that points have got of a body, and its moment, (2 bodies,)
+        still: wp.array(dtype=wp.vec3d)           # the same of impulses that change no place
 
     @wp.struct
     class Points:
@@ -83,8 +84,7 @@ def structs(real):
 def place(real, module):
     """Kernel over rows of bodies: pose at substep k, what it will be by momenta, the way there, and the ball about it.
     arrived: 1 where bodies stand at the end of substep k: pose[k + 1] alone."""
-    t, Shapes, Rig = types(real), structs(real)[0], whole(real)
-    vec3d = wp.vec3d
+    t, Shapes, Rig, vec3d = types(real), structs(real)[0], whole(real), wp.vec3d
 
     @wp.func
     def rounded(p: vec3d, q: wp.quatd):
@@ -99,9 +99,7 @@ def place(real, module):
         at = shapes.place[j]
         own = wp.transform_get_translation(at)
         turn = wp.transform_get_rotation(at)
-        begin = shapes.begin[i] - shapes.origin[j]
-        e = double3(rig.now.e[i])
-        x0 = begin + double3(rig.now.x[i]) + e
+        x0 = (shapes.begin[i] - shapes.origin[j]) + double3(rig.now.x[i]) + double3(rig.now.e[i])
         p0 = x0 + rotate(q0, own)
         if arrived != 0:
             pose_out[k + 1, row] = rounded(p0, multiply(q0, turn))
@@ -133,9 +131,8 @@ def keys(real, module):
         j = wp.tid()
         body = bodies
         if j // s.points < s.count[j % s.points]:
-            found = of[s.row[j]]
-            if found >= 0:
-                body = found
+            if of[s.row[j]] >= 0:
+                body = of[s.row[j]]
         key_out[j] = body
         slot_out[j] = j
 
@@ -154,6 +151,8 @@ def begin(real, module):
         out.ahead[n + i] = wp.mat33d(rig.work.spread[i]) * double3(rig.now.L[i])
         out.total[i] = wp.vec3d()
         out.total[n + i] = wp.vec3d()
+        out.still[i] = wp.vec3d()
+        out.still[n + i] = wp.vec3d()
 
     return wp.kernel(touch_begin, name=f"touch_begin_{types(real).name}", module=module, enable_backward=False)
 
@@ -284,7 +283,10 @@ def take(real, module):
         if tid % lanes == 0 and rows.first[i + 1] > rows.first[i]:
             p = double3(rig.now.p[i]) - J
             L = double3(rig.now.L[i]) - T
-            if still == 0:
+            if still != 0:
+                found.still[i] = J
+                found.still[bodies + i] = T
+            else:
                 p += found.total[i]
                 L += found.total[bodies + i]
                 found.total[i] = J

@@ -27,6 +27,10 @@ def said(*things, wind=(0.0, 0.0, 0.0)) -> list[str]:
     ({"sides": ("open",) * 5}, "sides are"), ({"advection": "euler"}, "advection is 'euler'"),
     ({"smoke": np.zeros((3, 3, 3))}, "smoke at the start has shape (3, 3, 3)"), ({"most_steps": 0}, "most_steps is 0"),
     ({"velocity": np.full((10, 10, 10, 3), np.inf)}, "velocity holds NaN or infinity"),
+    ({"conserve": True}, "it conserves smoke, and air passes side -x, which is open"),
+    ({"conserve": True, "sides": ("closed",) * 6, "side_velocities": np.eye(6, 3)}, "air passes side -x, which is closed"),
+    ({"conserve": True, "sides": ("closed",) * 6, "scalar_advection": "linear"}, "smoke that is carried by linear"),
+    ({"margin": np.nan}, "margin is nan"), ({"margin": 0.5, "sides": ("closed",) * 6}, "no side is open"),
 ])
 def test_a_fluid_that_cannot_be_run_is_refused(more, words):
     assert any(p.startswith("error: /f: ") and words in p for p in said(Fluid("/f", **(ROOM | more))))
@@ -37,6 +41,7 @@ def test_a_fluid_that_cannot_be_run_is_refused(more, words):
     ({"tolerance": 1e-9}, "tolerance is 1e-09"),
     ({"sides": ("closed",) * 6, "side_velocities": np.eye(6, 3)}, "air comes in through closed sides"),
     ({"side_velocities": np.eye(6, 3)}, "side -x is open and has a velocity"),
+    ({"margin": 0.5, "velocity": np.ones((10, 10, 10, 3))}, "its air has a velocity at the start"),
 ])
 def test_a_fluid_that_is_seldom_meant_is_warned_of(more, words):
     found = said(Fluid("/f", **(ROOM | more)))

@@ -16,7 +16,7 @@ from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.rigid.mass import Inertia, inertia, weighed
 from wsim.physics.rigid.objects import Body
-from wsim.physics.rigid.solids import acting, meet, meeting, sleeps, standing, touches
+from wsim.physics.rigid.solids import acting, kept, meet, meeting, sleeps, standing, touches
 from wsim.scene.methods import dressed
 from wsim.scene.samples import Sample, Transform
 
@@ -51,10 +51,12 @@ class Rigid(Method):
         self.force, self.twist = (np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("force", "torque"))
         self._allocate(b)
         self._begin(frames)
-        recorded = b.model.gradients and acting(scene)              # such bodies do not sleep
-        self.sleep = self._sleep(b) if sleeps(scene) and not recorded else None
+        self.sleep: Any = None
+        if sleeps(scene) and not (b.model.gradients and acting(scene)):          # what is recorded does not sleep
+            from wsim.physics.rigid.sleep import Sleep
+            self.sleep = Sleep(b, self)
         self.Bodies, self.Moving = motion.structs(b.model.real)
-        self.table, self.pushed = self._tables(), True
+        self.table = self.given = self._tables()
         self.offers = {"bodies": self}
         self.joints: Any = None
         if acting(scene):
@@ -65,11 +67,7 @@ class Rigid(Method):
         self._stages(b)
 
     def _allocate(self, b) -> None:
-        fields: tuple[Field, ...] = FIELDS
-        if touches(b.scene) and b.choice.solver == "implicit":
-            from wsim.physics.rigid.touch.newton import KEPT
-            fields += KEPT
-        self.part = Part.allocate("bodies", fields, len(self.bodies), b.model.real, b.model.device)
+        self.part = Part.allocate("bodies", (*FIELDS, *kept(b)), len(self.bodies), b.model.real, b.model.device)
         rows: dict[tuple[str, int], list[int]] = {}
         for k, (body, world) in enumerate(self.bodies):
             rows.setdefault((body.written, world), []).append(k)
@@ -102,10 +100,6 @@ class Rigid(Method):
         phase = "pose" if dressed(b.scene) else "predict"            # before what follows them
         self.stages.append(Stage("rigid bodies", phase, self.advance, launches, self.part.bytes, rate, what))
 
-    def _sleep(self, b) -> Any:
-        from wsim.physics.rigid.sleep import Sleep
-        return Sleep(b, self)
-
     def _begin(self, frames: np.ndarray) -> None:
         q = rotation.multiply(rotation.quaternion(frames[:, :3, :3]), np.array([m.axes for m in self.masses]))
         spin = np.array([body.spin for body, _ in self.bodies])
@@ -122,6 +116,12 @@ class Rigid(Method):
 
     def put(self, name: str, values: np.ndarray) -> None:
         self.part.arrays[name].assign(np.ascontiguousarray(values, self.model.dtype))
+        if f"{name}h" in self.part.arrays:
+            self.part.arrays[f"{name}h"].zero_()
+
+    def read(self, name: str) -> np.ndarray:
+        """p or L at the end of a frame, where points are read half a step on too (kernels/rigid/touch/half.py)."""
+        return self.get(name) + (self.get(f"{name}h") if f"{name}h" in self.part.arrays else 0.0)
 
     def get(self, name: str) -> np.ndarray:
         """A field of all bodies, float64."""
@@ -140,9 +140,14 @@ class Rigid(Method):
         table = filled(self.Bodies, w=m.upload((1.0 / mass).astype(dtype), real),
                        inverse=m.upload((1.0 / moments).astype(dtype), vec3),
                        **{name: m.upload(value.astype(dtype), real) for name, value in columns.items()})
-        table.push = m.upload(self._push().astype(dtype), vec3)
-        table.torque = m.upload(self.twist.astype(dtype), vec3)
+        table.push, table.torque = (m.upload(value.astype(dtype), vec3) for value in (self._push(), self.twist))
         return table
+
+    def lend(self) -> Any:
+        """The table without what fluids add to `table` in each frame."""
+        from wsim.physics.rigid.touch.lent import lent
+        self.given = lent(self) if self.given is self.table else self.given
+        return self.given
 
     def _push(self) -> np.ndarray:
         """Weight and force [N], (n, 3)."""
@@ -202,11 +207,11 @@ class Rigid(Method):
     def spins(self) -> np.ndarray:
         """Angular velocities now, world (n, 3) [rad/s]."""
         q, moments = self.turns(), np.array([m.moments for m in self.masses])
-        return rotation.rotate(q, rotation.rotate(rotation.conjugate(q), self.get("L")) / moments)
+        return rotation.rotate(q, rotation.rotate(rotation.conjugate(q), self.read("L")) / moments)
 
     def velocities(self) -> np.ndarray:
         """Velocities of the centres of mass now, (n, 3) [m/s]."""
-        return self.get("p") / np.array([m.mass for m in self.masses])[:, None]
+        return self.read("p") / np.array([m.mass for m in self.masses])[:, None]
 
     def weigh(self, rows: np.ndarray, name: str, value) -> None:
         """Another mass or inertia of bodies, which go on as fast as they are, linear and angular."""
@@ -223,7 +228,7 @@ class Rigid(Method):
         self.put("L", self.momentum(q, spins))
         self.table.w.assign(np.array([1.0 / m.mass for m in self.masses], self.model.dtype))
         self.table.inverse.assign(np.array([1.0 / m.moments for m in self.masses], self.model.dtype))
-        self.table.push.assign(self._push().astype(self.model.dtype))
+        self.given.push.assign(self._push().astype(self.model.dtype))
         if self.joints:
             self.joints.weigh(self.masses)
 
@@ -241,15 +246,12 @@ class Rigid(Method):
 
     def indicators(self, x, v) -> dict[str, float]:
         """Kinetic energy and that in gravity [J] of all bodies of the first world, and what contacts say."""
-        first = np.array([world == 0 for _, world in self.bodies])
-        places = self.origin + self.get("x")
+        first, places = np.array([world == 0 for _, world in self.bodies]), self.origin + self.get("x")
         mass = np.array([m.mass for m in self.masses])
-        energy = 0.5 * (self.get("p") * self.velocities()).sum(1) + 0.5 * (self.get("L") * self.spins()).sum(1)
-        found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
-        if self.contacts:
-            found |= self.contacts.indicators()
-        if self.touch:
-            found |= self.touch.indicators()
+        kinetic = 0.5 * ((self.read("p") * self.velocities()).sum(1) + (self.read("L") * self.spins()).sum(1))
+        found = {"rigid_energy": float((kinetic - mass * (places @ self.gravity[0]))[first].sum())}
+        for each in filter(None, (self.contacts, self.touch)):
+            found |= each.indicators()
         return found | (self.joints.indicators() if self.joints else {})
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
@@ -258,25 +260,24 @@ class Rigid(Method):
             self.sleep.wake(None if path == "/" else hit)
         if path == "/" and name == "gravity":
             self.gravity[slice(None) if world is None else world] = value
-            self.table.push.assign(self._push().astype(self.model.dtype))
+            self.given.push.assign(self._push().astype(self.model.dtype))
             return True
-        if path == "/" or len(hit) == 0 or name not in LIVE:
+        if path == "/" or not len(hit) or name not in LIVE:
             return any([other.set(path, name, value, world) for other in (self.joints, self.contacts) if other])
         if name in ("velocity", "spin"):
             field = "p" if name == "velocity" else "L"
             now = self.get(field)
             q, every = self.turns(), np.tile(value, (len(now), 1))
-            wanted = np.array([m.mass for m in self.masses])[:, None] * every if field == "p" else self.momentum(q, every)
-            now[hit] = wanted[hit]
+            mass = np.array([m.mass for m in self.masses])[:, None]
+            now[hit] = (mass * every if field == "p" else self.momentum(q, every))[hit]
             self.put(field, now)
             return True
         if name in ("mass", "inertia"):
             self.weigh(hit, name, value)
             return True
-        rows = {"force": self.force, "torque": self.twist}.get(name)
-        if rows is not None:
+        if (rows := {"force": self.force, "torque": self.twist}.get(name)) is not None:
             rows[hit] = value
-            array, values = (self.table.push, self._push()) if name == "force" else (self.table.torque, rows)
+            array, values = (self.given.push, self._push()) if name == "force" else (self.given.torque, rows)
         else:
             array = getattr(self.table, name)
             values = array.numpy()

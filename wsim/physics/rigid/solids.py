@@ -148,9 +148,9 @@ def acting(scene) -> list:
 
 
 def sleeps(scene) -> bool:
-    """True if something may sleep: not beside points, where others may wake it."""
+    """True if something may sleep: not beside points and fluids, where others may wake it."""
     some = scene.sleep_speed > 0.0 or any(body.asleep for body in scene.things("Body"))
-    return some and not scene.bodies()
+    return some and not (scene.bodies() or scene.things("Liquid"))
 
 
 def touches(scene) -> bool:
@@ -159,3 +159,11 @@ def touches(scene) -> bool:
         return False
     apart = dressed(scene)
     return any(meeting(body) for body in scene.things("Body") if body.path not in apart)
+
+
+def kept(b) -> tuple:
+    """Fields of bodies that points touch, besides those of all bodies."""
+    if not touches(b.scene):
+        return ()
+    from wsim.physics.rigid.touch import half
+    return half.kept(b.choice)

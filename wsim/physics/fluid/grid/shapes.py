@@ -54,12 +54,12 @@ class Shapes:
     they must keep air apart (`walls`)."""
 
     def __init__(self, model: Model, things: list, corner: np.ndarray, axes: tuple[int, ...], cell: float, walls: bool):
-        self.things, self.corner, self.model = things, np.asarray(corner, np.float64), model
+        self.things, self.corner, self.model, self.cell = things, np.asarray(corner, np.float64), model, cell
         t, n = types(model.real), len(things)
         self.kinds = kinds(things)
         self.meshes = [self._mesh(thing.shape) if isinstance(thing.shape, Surface) else None for thing in things]
         least = 0.5 * sqrt(len(axes)) * cell if walls else 0.0
-        thick = [max(0.0, least - half_thickness(thing.shape)) for thing in things]
+        self.thick = thick = [max(0.0, least - half_thickness(thing.shape)) for thing in things]
         size = [(0.0, 0.0, 0.0) if isinstance(thing.shape, Surface) else row(thing.shape).size(thing.shape) for thing in things]
         dtype = model.dtype
         self.table = filled(
@@ -68,6 +68,7 @@ class Shapes:
             mesh=model.upload(np.array([m.id if m else 0 for m in self.meshes], np.uint64), wp.uint64),
             place=wp.zeros(n, dtype=t.vec3, device=model.device), turn=wp.zeros(n, dtype=t.quat, device=model.device),
             speed=wp.zeros(n, dtype=t.vec3, device=model.device), spin=wp.zeros(n, dtype=t.vec3, device=model.device),
+            body=model.upload(np.array([getattr(thing, "body", -1) for thing in things], np.int32), int),
             axes=wp.vec3i(*axes, *(0,) * (3 - len(axes))), dx=model.real(cell))
         self.shift = np.zeros((n, 3))                          # [m] added to where motions say that they are
         self.pose(0.0, 1.0)
@@ -81,9 +82,20 @@ class Shapes:
         return wp.Mesh(points=wp.array(shape.points, dtype=wp.vec3f, device=self.model.device),
                        indices=wp.array(triangles.ravel(), dtype=int, device=self.model.device))
 
+    def ball(self, k: int) -> float:
+        """Radius about its own origin that holds a shape [m]."""
+        shape = self.things[k].shape
+        own = np.linalg.norm(shape.points, axis=1).max(initial=0.0) if isinstance(shape, Surface) else row(shape).ball(shape)
+        return float(own) + self.thick[k]
+
     @property
     def moving(self) -> bool:
-        return any(thing.motion.moves for thing in self.things)
+        return any(thing.motion.moves for thing in self.things) or self.bodies
+
+    @property
+    def bodies(self) -> bool:
+        """Some are of rigid bodies (`wsim.physics.fluid.shells`)."""
+        return any(getattr(thing, "body", -1) >= 0 for thing in self.things)
 
     def pose(self, time: float, dt: float) -> None:
         """Uploads where the frame from `time` [s] begins, and how fast all moves through it, dt [s] long."""

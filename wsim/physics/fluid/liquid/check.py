@@ -35,11 +35,6 @@ def _liquid(liquid: Liquid, scene: Scene) -> Iterator[Problem]:
     if 0 < liquid.tolerance < 1e-7:
         yield warning(path, f"tolerance is {liquid.tolerance:g}, which float32 does not reach", "1e-6 or more",
                       "give a larger one, or float64")
-    for body in scene.things("Body"):
-        if any(c.meets for c in body.colliders):
-            yield warning(path, f"{body.path} passes through it: liquids do not meet rigid bodies that move by forces",
-                          "colliders, which may be animated", "animate the body as a collider, or leave it out")
-            break
     for cloth in scene.bodies():
         yield warning(path, f"{cloth.path} passes through it: liquids do not meet cloth, springs and soft bodies", "colliders",
                       "give the cloth's shape as a collider, or leave it out")

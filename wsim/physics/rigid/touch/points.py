@@ -23,6 +23,7 @@ from wsim.model.stage import Clock, Methods, Stage
 from wsim.model.structs import filled
 from wsim.physics.rigid.meetings import places_of
 from wsim.physics.rigid.solids import meeting
+from wsim.physics.rigid.touch.half import Half
 from wsim.scene import Collider, Motion
 
 LANES = 64                   # threads of a block that sum over the contacts of a body
@@ -62,6 +63,7 @@ class Touch:
         self.bounds = colour.bounds(b.model.module)
         self.joints = rigid.joints.passes() if rigid.joints else None
         self.foreseen: Any = None                        # `wsim.physics.rigid.touch.newton.Foreseen`
+        self.half: Half | None = None
         size, what = rigid.part.bytes, f"{len(rigid.bodies)} bodies: forces"
         self.stages = [Stage("rigid bodies", "predict", self.begin, 1, size, what=what),
                        Stage("rigid bodies: places", "finish", self.end, 2, size, what="and what pushed them apart")]
@@ -77,6 +79,9 @@ class Touch:
             from wsim.physics.rigid.touch.newton import Foreseen
             self.foreseen = Foreseen(self, others.find("assembly"), others.find("lanes"))
             terms.append(self.foreseen)
+        if "ph" in self.rigid.part.arrays:
+            self.half = Half(self)
+            others.find("impacts").append(self.half.before)
 
     def join(self, contact) -> None:
         """Takes the table of contacts that have the rows of bodies in them (`wsim.physics.contact.method.Contact`)."""
@@ -121,7 +126,7 @@ class Touch:
         self.rows = filled(Rows, first=zeros(n + 1, int), slot=slot, n=zeros(room, t.vec3), r=zeros(room, t.vec3),
                            slip=zeros(room, t.vec3), **{name: zeros(room, self.real) for name in ("base", "least", "mu", "f")})
         self.found = filled(self.Found, b=zeros(room, self.real), u=zeros(room, t.vec3), before=zeros(room, self.real),
-                            q=zeros(room, self.real), ahead=zeros(2 * n, wp.vec3d), total=zeros(2 * n, wp.vec3d))
+                            q=zeros(room, self.real), **{name: zeros(2 * n, wp.vec3d) for name in ("ahead", "still", "total")})
         table, work = self.rigid.table, self.rigid.contacts.work
         self.hubs = filled(Hubs, w=table.w, inverse=table.inverse, turn=work.turn, q=zeros(2 * n, wp.vec3d))
         self.V, self.left = zeros(2 * n, wp.vec3d), zeros(n, self.real)
@@ -181,6 +186,8 @@ class Touch:
             own.keep()
         if self.foreseen:
             self.foreseen.keep()
+        if self.half and clock.k + 1 == clock.substeps:
+            self.half.read(clock)
         if clock.k + 1 == clock.substeps:                # where measures look
             self.place(clock, 1)
 
