@@ -218,41 +218,6 @@ def _motion(path: str, value) -> Motion:
 
 # the state
 
-def begin_again(sim: Simulation, worlds: set[int], held: bool = False) -> None:
-    """Puts worlds back to the state of the scene's start. Live values stay, and what varies in time goes on; BDF2 and leapfrog
-    go on as if the velocity had been the same before. held: at rest, and held there."""
-    one = type(sim)(sim.given, device=sim.device, precision=sim.precision)
-    for part in sim.state.parts.values():
-        for f in part.kept:
-            now = part.arrays[f.name].numpy()
-            for (path, world), rows in part.rows.items():
-                if world in worlds:
-                    first = _first(one, part, path, f.name)
-                    if len(first) != len(rows):
-                        raise SceneError(Problem(path, "has grown since the start, so that no world is reset alone; reset all"))
-                    still = held and f.name in ("v", "u", "s", "b", "r")
-                    scale = sim.plan.clock.h if f.name == "s" else 1.0
-                    now[rows] = 0.0 * first if still else scale * first if scale != 1.0 else first
-            part.arrays[f.name].assign(now)
-    points = sim.plan.find("points")
-    if points is not None:
-        points.hold(one.plan.find("points").constants.w.numpy(), worlds, held)
-    sim.balance = None
-    if not held:
-        for world in worlds:
-            sim.lost.pop(world, None)
-
-
-def _first(one: Simulation, part, path: str, name: str) -> np.ndarray:
-    """A field at the start: of those that carry history, the velocity."""
-    name = {"s": "v", "u": "v", "b": "v"}.get(name, name) if part.name == "points" else name
-    names = {f.name for f in part.kept}
-    for other in one.state.parts.values():
-        if (path, 0) in other.rows and {f.name for f in other.kept} == names:
-            return other.arrays[name].numpy()[other.rows[path, 0]]
-    return np.zeros(0)
-
-
 def place(sim: Simulation, path: str | None, name: str, values: np.ndarray, world: int | None) -> None:
     """Positions or velocities of a body, (n, 3), in world space and the author's order, in one world or in all."""
     bodies = [b for b in sim.model.bodies if path in (None, b.path) and world in (None, b.world)]

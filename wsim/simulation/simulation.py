@@ -185,15 +185,13 @@ class Simulation:
         return capture.graph
 
     def reset(self, world: int | None = None) -> None:
-        """Sets the simulation back to the scene's initial state, with the scene's own parameters; or one world alone to its
-        state, while its live values stay and what varies in time goes on. Raises SceneError for a world that there is not."""
+        """Sets the simulation back to the scene's initial state, with the scene's own parameters; or one world alone, while its
+        live values stay and what varies in time goes on. Raises SceneError for a world that there is not."""
         if world is None:
-            self._build()
-        elif world in range(self.worlds):
-            from wsim.simulation import live
-            live.begin_again(self, {world})
-        else:
+            return self._build()
+        if world not in range(self.worlds):
             raise SceneError(Problem("world", f"there is no world {world}; allowed are 0 to {self.worlds - 1}"))
+        retry.begin_again(self, {world})
 
     # reading and setting
 

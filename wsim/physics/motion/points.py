@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -234,7 +235,7 @@ class Points(Method):
         self.send(bodies)
         return True
 
-    def hold(self, free: np.ndarray, worlds: set[int], held: bool) -> None:
+    def hold(self, free: np.ndarray, worlds: Iterable[int], held: bool) -> None:
         """Holds all points of worlds where they are, or lets those go that were free. free: inverse masses of one world at the
         start, (points of a world,)."""
         w, each = self.constants.w.numpy(), self.model.points // self.model.worlds
