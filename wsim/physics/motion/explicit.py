@@ -46,7 +46,7 @@ class Explicit(Method):
                  steps: bool, pins=None, free: bool = False):
         """rows: soft constraints of all bodies; pins: the method that knows the hard pins, or None; free: only contacts act
         within a substep, and some frames have none."""
-        super().__init__("explicit")
+        super().__init__("explicit", by_world=not model.scene.softs)
         self.model, self.state, self.points, self.status = model, state, points, points.status
         self.integrator: Integrator = points.integrator
         self.rows, self.pins, self.steps, self.apart = rows, pins, steps, free
@@ -61,7 +61,6 @@ class Explicit(Method):
         self.pull = ForceGather(model, points.constants, self.rows, self.columns, staged=bool(self.integrator.stages),
                                 alone=not (self.integrator.stages or steps and (not free or model.device.is_cuda)))
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
-        self.by_world = not self.solids
         state.add(*(table.kept for table in self.solids if table.kept))
         self.acts = int(any(r.body and getattr(r.body.source, "actuation", None) for r in self.rows)) + bool(model.scene.loads)
         self.free: Any = None         # `wsim.physics.motion.one_launch.FreeFrames`
