@@ -119,6 +119,21 @@ def test_workers_of_other_versions_are_refused(file, cluster, tmp_path, monkeypa
         list(wsim.sweep(file, VARY, tmp_path / "out", settings=settings(cluster)))
 
 
+def test_ray_adds_less_than_a_twentieth_to_runs_of_a_second(file, tmp_path):
+    """Ten runs one after another on one worker, from the first that is handed out to the last row."""
+    from wsim.sweep.cluster import Cluster
+    from wsim.sweep.job import Job
+    job = Job(file, {}, str(tmp_path), 0, Settings(device="cpu", workers=1), runs="tests.make.sleeper")
+    with Cluster(job) as workers:
+        next(iter(workers.run([[(0, {})]])))                     # the worker has made what it needs
+        began = time.perf_counter()
+        rows = [row for part in workers.run([[(k, {})] for k in range(10)]) for row in part]
+        whole = time.perf_counter() - began
+    bare = sum(row["seconds"] for row in rows)
+    print(f"{whole:.3f} s for {bare:.3f} s of runs: {100.0 * (whole / bare - 1.0):.2f} %")
+    assert len(rows) == 10 and whole < 1.05 * bare
+
+
 def test_an_address_where_nothing_answers_is_told(file, tmp_path):
     with pytest.raises(SceneError, match="no Ray cluster answers there"):
         list(wsim.sweep(file, VARY, tmp_path / "out", settings=Settings(device="cpu", address="127.0.0.1:1")))

@@ -16,7 +16,7 @@ from tools.lint import ROOT
 
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 PROSE = re.sub(r"^```.*?^```", "", TEXT, flags=re.M | re.S)
-FOLDERS = ("scenes", "tools", "tools/results", "wsim/fitting", "wsim/gradient", "wsim/physics")
+FOLDERS = ("scenes", "tools", "tools/results", "wsim/fitting", "wsim/gradient", "wsim/physics", "wsim/sweep")
 
 
 def section(title: str) -> str:

@@ -29,7 +29,8 @@ def hung(**more) -> Scene:
 
 def test_there_are_no_others():
     assert {folder: len(snippets(folder)) for folder in FOLDERS} == {
-        "scenes": 1, "tools": 0, "tools/results": 0, "wsim/fitting": 1, "wsim/gradient": 2, "wsim/physics": 3}
+        "scenes": 1, "tools": 0, "tools/results": 0, "wsim/fitting": 1, "wsim/gradient": 2, "wsim/physics": 3,
+        "wsim/sweep": 2}
 
 
 def test_loads_push_and_pull():
@@ -146,3 +147,19 @@ def test_the_pictures_of_the_scenes_are_made_by_commands_that_there_are():
     for command in commands:
         words = shlex.split(command.replace("$1", named[0][0]).replace("$2", named[0][1]), comments=True)
         assert words[0] == "wsim" and parser().parse_args(words[1:]).command in ("run", "picture")
+
+
+def test_a_sweep_is_run_from_the_command_line_and_from_python(tmp_path, monkeypatch, capsys):
+    """As its page has it, with fewer values and frames."""
+    command, code = snippets("wsim/sweep")
+    scene = hung()
+    scene.cloths[0].path = scene.pins[0].body = "/World/Flag"
+    scene.frames = 2
+    wsim.save(scene, str(tmp_path / "flag.usda"))
+    (tmp_path / "winds.csv").write_text("0,0,0\n")
+    monkeypatch.chdir(tmp_path)
+    asked = shlex.split(command.replace("10000,20", "1000,2").replace(" --plot max_strain", ""))[1:]
+    assert cli.main([*asked, "--device", "cpu"]) == 0
+    assert "2 runs, 0 failed" in capsys.readouterr().out and (tmp_path / "stretches" / "sheet.png").exists()
+    exec(compile(code.replace('"stretches"', '"others"'), "README.md", "exec"), {"wsim": wsim})
+    assert len(capsys.readouterr().out.splitlines()) == 3

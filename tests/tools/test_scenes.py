@@ -25,6 +25,8 @@ CONTENT = {
     "cape": (55 * 31, None, "leather", 55, (Sphere,), True),
     "tablecloth": (33 * 33, 0.64, "denim", 0, (Box, Plane), False),
     "shirt": (6436, 0.706, "cotton", 0, (Surface,), False),
+    "ribbon": (7 * 61, None, "denim", 0, (Plane,), False),
+    "twisted_cloth": (17 * 33, 0.32, "cotton", 34, (), True),
 }
 # points, tets, volume [m^3], model, pinned points, colliders
 SOFT = {

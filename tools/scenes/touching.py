@@ -30,7 +30,7 @@ def twisted_cloth() -> str:
     up = np.asarray(surface[0])[:, 1]
 
     def grip(name: str, sign: float, y: float) -> str:
-        keys = [(f, (0.0, sign * 180.0 * turns * eased(f, 4, 64), 0.0)) for f in range(0, frames + 1, 2)]
+        keys = [(f, (0.0, sign * 180.0 * turns * eased(f, 8, 64), 0.0)) for f in range(0, frames + 1, 2)]
         body = samples("float3", "xformOp:rotateXYZ", keys) + "\n" + moved(0, y, 0, "xformOp:rotateXYZ")
         return block("Xform", name, body, comment="Turns about the axis of the cloth.")
     return scene("A cloth is twisted into a rope: its ends turn against each other, 0.8 of a turn in all.", [

@@ -77,7 +77,7 @@ class Copies:
     def rewind(self) -> None:
         """Sets the copies back to the start; built anew where a frame has changed the scheme."""
         sim, clock = self.sim, self.sim.plan.clock
-        if sim.plan is not self.plan or clock.integrator != self.scheme:
+        if sim.plan is not self.plan or clock.integrator != self.scheme or sim.lost:
             sim.given = replace(sim.given, substeps=self.steps)
             sim.reset()
             self.keep()
@@ -116,7 +116,7 @@ class Copies:
                 sim.step()
             except SceneError as error:
                 raise Broken(sim.frame + 1, error.problems[0].text) from None
-            if sim.plan is not self.plan or sim.plan.clock.substeps != self.substeps:
+            if sim.lost or sim.plan is not self.plan or sim.plan.clock.substeps != self.substeps:
                 raise Broken(sim.frame, sim.warnings[-1] if sim.warnings else "the scheme has changed")
 
     def look(self, seen) -> np.ndarray:

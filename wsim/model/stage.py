@@ -148,6 +148,23 @@ class Remedy:
     why: str = ""
 
 
+@dataclass(frozen=True)
+class ByWorld:
+    """A live value of every world, (worlds,) or (worlds, 3)."""
+
+    values: np.ndarray
+
+    def rows(self, model, path: str) -> np.ndarray:
+        """Values for `Model.rows(path)`."""
+        found = [b for b in model.bodies if path in ("/", b.path)]
+        return np.repeat(self.values[[b.world for b in found]], [b.count if model.by_point else 1 for b in found], axis=0)
+
+
+def of_world(value, world: int):
+    """A live value as one world has it."""
+    return float(value.values[world]) if isinstance(value, ByWorld) else value
+
+
 @dataclass
 class Method:
     """Stages of one method, and what it offers around a frame. Every hook may stay as it is."""
@@ -158,6 +175,7 @@ class Method:
     moved: bool = False                                        # a frame has other launches than its graph from now on
     remade: bool = False                                       # kernels that are not compiled yet, since a value was set
     offers: dict[str, Any] = field(default_factory=dict)       # what others may ask for, by name: see `Methods`
+    by_world: bool = False                                     # `set` takes a `ByWorld` too
 
     def enter(self, clock: Clock) -> None:
         """A frame begins that has not been tried yet: which form it takes first."""

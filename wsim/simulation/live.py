@@ -14,6 +14,7 @@ import numpy as np
 
 from wsim.model.midnodes import places, spread
 from wsim.model.model import Body, edge_lengths
+from wsim.model.stage import ByWorld
 from wsim.scene import Motion, Problem, SceneError, Soft
 from wsim.scene.check import objects
 from wsim.scene.methods import named, things
@@ -26,8 +27,11 @@ if TYPE_CHECKING:
     from wsim.simulation.simulation import Simulation
 
 
-def set_value(sim: Simulation, path: str, name: str, value, world: int | None) -> None:
+def set_value(sim: Simulation, path: str, name: str, value, world) -> None:
     """See `Simulation.set`."""
+    if isinstance(world, (list, tuple, range)):
+        _set_each(sim, path, name, value, list(world))
+        return
     if world is not None and (isinstance(world, bool) or world not in range(sim.worlds)):
         raise SceneError(Problem(path, f"{name}: there is nothing in world {world} of {sim.worlds}; allowed are 0 to "
                                  f"{sim.worlds - 1}, or None for all"))
@@ -42,6 +46,39 @@ def set_value(sim: Simulation, path: str, name: str, value, world: int | None) -
     undo = _remembered(sim)
     if not any([m.set(path, name, value, world) for m in sim.plan.methods]):
         raise _unknown(sim, thing, path, name, world)
+    _settled(sim, name, undo)
+    sim.changes = [c for c in sim.changes if c[:2] != (path, name) or world not in (None, c[3])] + [(path, name, value, world)]
+
+
+def _set_each(sim: Simulation, path: str, name: str, given, worlds: list[int]) -> None:
+    """A value in each of several worlds. Of all worlds, numbers and vectors are uploaded once; others one after another."""
+    thing = named(sim.scene, path)
+    row = table.find(type(thing).__name__, name)
+    if len(given) != len(worlds):
+        raise SceneError(Problem(path, f"{name} has {len(given)} values for {len(worlds)} worlds; give one for each"))
+    if worlds != list(range(sim.worlds)) or row is None or not row.live or row.form not in ("number", "vector"):
+        for value, world in zip(given, worlds, strict=True):
+            set_value(sim, path, name, value, world)
+        return
+    values = [_judged(sim, row, thing, path, value, world) for value, world in zip(given, worlds, strict=True)]
+    if any(np.ndim(value) != (row.form == "vector") for value in values):         # a number for each element
+        for value, world in zip(values, worlds, strict=True):
+            set_value(sim, path, name, value, world)
+        return
+    undo, together, hit = _remembered(sim), ByWorld(np.array(values, np.float64)), False
+    for m in sim.plan.methods:
+        if m.by_world:
+            hit = m.set(path, name, together, None) or hit
+        else:
+            hit = any([m.set(path, name, value, world) for value, world in zip(values, worlds, strict=True)]) or hit
+    if not hit:
+        raise _unknown(sim, thing, path, name, None)
+    _settled(sim, name, undo)
+    sim.changes = [c for c in sim.changes if c[:2] != (path, name)] + [(path, name, v, k) for k, v in enumerate(values)]
+
+
+def _settled(sim: Simulation, name: str, undo: Callable[[], None]) -> None:
+    """What follows a value that was set; undone where it takes too many steps."""
     if any(m.remade for m in sim.plan.methods):
         sim.graph = None
         sim.seconds.pop("compile", None)
@@ -52,7 +89,6 @@ def set_value(sim: Simulation, path: str, name: str, value, world: int | None) -
     except SceneError:
         undo()
         raise
-    sim.changes = [c for c in sim.changes if c[:2] != (path, name) or world not in (None, c[3])] + [(path, name, value, world)]
 
 
 def _unknown(sim: Simulation, thing, path: str, name: str, world: int | None) -> SceneError:

@@ -9,7 +9,7 @@
 
 import hashlib
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -219,6 +219,11 @@ def _chosen(model: Model) -> Build:
     scene = model.scene
     constrain(model)
     choice = choose(model)
+    if scene.solver == "explicit" and choice.substeps > scene.substeps and scene.cloths:
+        from wsim.physics.fused.stiff_few import slow
+        if said := slow(model):
+            choice = choose(model)
+            choice = replace(choice, why="; ".join([choice.why, *map(str, said)]))
     counts.refuse("substeps a frame, for steps that are short enough," if choice.steps > scene.substeps else "substeps",
                   choice.steps, "take softer materials, larger masses or elements, or another solver")
     clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator)

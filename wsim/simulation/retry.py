@@ -65,6 +65,8 @@ def mend(sim: Simulation) -> bool:
         sim.plan.clock.free = False
         sim.forms["repeated"] += 1
         return True
+    if "refine" in kinds and _lost(sim):
+        return True
     if sim.plan.choice.solver == "explicit" and kinds & {"doubt", "refine"} and _switch(sim):
         return True
     for remedy in said:
@@ -89,6 +91,57 @@ def not_finite(sim: Simulation) -> set[int]:
         if good and not (whole := np.logical_and.reduce(good)).all():
             found |= {world for (_, world), rows in part.rows.items() if not whole[rows].all()}
     return found
+
+
+def _lost(sim: Simulation) -> bool:
+    """Takes worlds out that are not finite, where others are: each stands still at its start from here on, and the others do
+    not change. False where all of them are, so that steps are too long for any, or where there is more than points."""
+    broken = not_finite(sim) if sim.worlds > 1 and not sim.scene.others else set()
+    if not broken or len(broken | sim.lost.keys()) == sim.worlds:
+        return False
+    sim.state.restore()
+    begin_again(sim, broken, held=True)
+    sim.state.snapshot()
+    for world in sorted(broken):
+        sim.lost[world] = sim.frame + 1
+        sim.warnings.append(f"frame {sim.frame + 1}: world {world} stopped being a number and was taken out: it stands at its "
+                            "start until it is reset; the others go on")
+    return True
+
+
+def begin_again(sim: Simulation, worlds: set[int], held: bool = False) -> None:
+    """Puts worlds back to the state of the scene's start. Live values stay, and what varies in time goes on; BDF2 and leapfrog
+    go on as if the velocity had been the same before. held: at rest, and held there."""
+    one = type(sim)(sim.given, device=sim.device, precision=sim.precision)
+    for part in sim.state.parts.values():
+        for f in part.kept:
+            now = part.arrays[f.name].numpy()
+            for (path, world), rows in part.rows.items():
+                if world in worlds:
+                    first = _first(one, part, path, f.name)
+                    if len(first) != len(rows):
+                        raise SceneError(Problem(path, "has grown since the start, so that no world is reset alone; reset all"))
+                    still = held and f.name in ("v", "u", "s", "b", "r")
+                    scale = sim.plan.clock.h if f.name == "s" else 1.0
+                    now[rows] = 0.0 * first if still else scale * first if scale != 1.0 else first
+            part.arrays[f.name].assign(now)
+    points = sim.plan.find("points")
+    if points is not None:
+        points.hold(one.plan.find("points").constants.w.numpy(), worlds, held)
+    sim.balance = None
+    if not held:
+        for world in worlds:
+            sim.lost.pop(world, None)
+
+
+def _first(one: Simulation, part, path: str, name: str) -> np.ndarray:
+    """A field at the start: of those that carry history, the velocity."""
+    name = {"s": "v", "u": "v", "b": "v"}.get(name, name) if part.name == "points" else name
+    names = {f.name for f in part.kept}
+    for other in one.state.parts.values():
+        if (path, 0) in other.rows and {f.name for f in other.kept} == names:
+            return other.arrays[name].numpy()[other.rows[path, 0]]
+    return np.zeros(0)
 
 
 def _give_way(sim: Simulation, why: str) -> None:

@@ -6,7 +6,7 @@ grown or the variant switched, the graph captured again and the frame repeated. 
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from os import PathLike
 
@@ -73,6 +73,7 @@ class Simulation:
             self.scene = self.scene.single()
         self.forms = {"free": 0, "met": 0, "repeated": 0}        # frames without contacts, with them, tried without first
         self.notes: dict[tuple, Note] = {}     # frames that were beyond a bound, see `wsim.simulation.measure.exceeded`
+        self.lost: dict[int, int] = {}         # worlds that were taken out, each with the frame in which it broke
         self.changes: list[tuple] = []         # live parameters that were set, for another plan of the same scene
         try:
             with GATE.alone():
@@ -183,9 +184,14 @@ class Simulation:
         self.seconds["capture"] = time.perf_counter() - began
         return capture.graph
 
-    def reset(self) -> None:
-        """Sets the simulation back to the scene's initial state, with the scene's own parameters."""
-        self._build()
+    def reset(self, world: int | None = None) -> None:
+        """Sets the simulation back to the scene's initial state, with the scene's own parameters; or one world alone, while its
+        live values stay and what varies in time goes on. Raises SceneError for a world that there is not."""
+        if world is None:
+            return self._build()
+        if world not in range(self.worlds):
+            raise SceneError(Problem("world", f"there is no world {world}; allowed are 0 to {self.worlds - 1}"))
+        retry.begin_again(self, {world})
 
     # reading and setting
 
@@ -214,8 +220,8 @@ class Simulation:
         """Samples that methods hand to a result besides points, now (`wsim.scene.samples`)."""
         return [sample for method in self.plan.methods for sample in method.samples(world)]
 
-    def set(self, path: str, name: str, value, world: int | None = None) -> None:
-        """Sets a live value, from the next frame on, without rebuilding, of one world or of all (None).
+    def set(self, path: str, name: str, value, world: "int | Sequence[int] | None" = None) -> None:
+        """Sets a live value, from the next frame on, without rebuilding, of one world, of all (None), or one each of a list.
 
         Names, units, bounds: `wsim.scene.values.table`. "/" names the whole scene. gravity, air_drag, wind; stretch, weft,
         shear, bend, damping, strain_limit (a finite one), poisson (of the model "membrane") of a cloth; stiffness of springs;

@@ -159,10 +159,15 @@ def digest(scene: Scene) -> str:
                               sorted(start.items())])
 
 
-def begin(sim, case: Case, restart, world: int | None = None) -> None:
-    """Puts a simulation, or one world of it, at the start of a case."""
-    for path, name, value in case.lives if world is not None else ():
-        sim.set(path, name, value, world)
+def begin_all(sim, together: list[Case]) -> None:
+    """Gives every world of a simulation the live values of its case."""
+    lives = [{(path, name): value for path, name, value in case.lives} for case in together]
+    for path, name in lives[0]:
+        sim.set(path, name, [own[path, name] for own in lives], range(len(lives)))
+
+
+def begin(sim, restart, world: int | None = None) -> None:
+    """Puts a simulation, or one world of it, where an earlier run got to; None: the scene's own start."""
     if restart is None:
         return
     if named(sim.scene, "/") is not None and not restart.positions:

@@ -101,8 +101,9 @@ class Worker:
         sim = Simulation(base, device=self.device, precision=self.job.settings.precision, worlds=len(members))
         sim.plan.clock.touching = sim.plan.clock.apart = True
         steps = sim.plan.clock.substeps
-        for world, (_, _, case) in enumerate(members):
-            cases.begin(sim, case, self.cases.started(case), world)
+        cases.begin_all(sim, [case for _, _, case in members])
+        for world, (_, _, case) in enumerate(members) if members[0][2].start else ():
+            cases.begin(sim, self.cases.started(case), world)
         if sim.plan.clock.substeps != steps:              # a value that explicit steps are too long for by the bound
             raise Company(set())
         layers = Layers(self.job, [(number, draw, case) for number, draw, case in members])
@@ -126,7 +127,7 @@ class Worker:
         try:
             sim = Simulation(case.scene, device=self.device, precision=self.job.settings.precision)
             sim.plan.clock.touching = True
-            cases.begin(sim, case, self.cases.started(case))
+            cases.begin(sim, self.cases.started(case))
             layers = Layers(self.job, [(number, draw, case)])
             self._frames(sim, layers)
             found = worlds_of(sim)

@@ -11,7 +11,7 @@ from wsim.geometry import topology
 from wsim.kernels.cloth import air as kernels
 from wsim.kernels.math.real import types
 from wsim.model.model import Model
-from wsim.model.stage import Clock, Method, Stage
+from wsim.model.stage import ByWorld, Clock, Method, Stage
 from wsim.model.state import State
 from wsim.scene import Cloth, Scene
 
@@ -34,7 +34,7 @@ class Aero(Method):
 
     def __init__(self, model: Model, state: State, points):
         """points: the method that owns the tables of points and the anchor."""
-        super().__init__("aero")
+        super().__init__("aero", by_world=True)
         self.model, self.state, self.points, self.constants = model, state, points, points.constants
         real, module, t = model.real, model.module, types(model.real)
         cloths = [b for b in model.bodies if isinstance(b.source, Cloth) and (b.source.drag or b.source.lift)]
@@ -70,6 +70,6 @@ class Aero(Method):
         if name != "wind" or not rows:
             return False
         values = self.air.wind.numpy()
-        values[rows] = value
+        values[rows] = value.rows(self.model, path) if isinstance(value, ByWorld) else value
         self.air.wind.assign(values)
         return True

@@ -8,6 +8,7 @@ import numpy as np
 
 from wsim.geometry.sheet_ordering import color
 from wsim.model.model import Body, Model, hard_places
+from wsim.model.stage import of_world
 from wsim.physics.cloth.kind import TABLE, Kind, row
 from wsim.scene import Cloth, Problem, SceneError
 
@@ -113,13 +114,13 @@ def changed(model: Model, rows: list[Constraints], path: str, name: str, value, 
         return mine
     if name == "damping":
         for r in mine if damped else ():
-            r.tau = float(value)
+            r.tau = float(of_world(value, r.body.world))                                       # type: ignore[union-attr]
         return mine if damped else []
     if mine and name == "strain_limit":
         _check(mine[0].body)
     mine = [r for r in mine if name in r.stiffness]
     for r in mine:
-        r.stiffness = r.stiffness | {name: np.atleast_1d(np.asarray(value, np.float64))}
+        r.stiffness = r.stiffness | {name: np.atleast_1d(np.asarray(of_world(value, r.body.world), np.float64))}  # type: ignore[union-attr]
         r.rest = r.row.longest(r) if r.row.longest else r.rest
     return mine
 

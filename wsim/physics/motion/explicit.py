@@ -46,7 +46,7 @@ class Explicit(Method):
                  steps: bool, pins=None, free: bool = False):
         """rows: soft constraints of all bodies; pins: the method that knows the hard pins, or None; free: only contacts act
         within a substep, and some frames have none."""
-        super().__init__("explicit")
+        super().__init__("explicit", by_world=not model.scene.softs)
         self.model, self.state, self.points, self.status = model, state, points, points.status
         self.integrator: Integrator = points.integrator
         self.rows, self.pins, self.steps, self.apart = rows, pins, steps, free

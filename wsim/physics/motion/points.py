@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import points as kernels
 from wsim.model.model import Body, Model, hard_places
-from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
+from wsim.model.stage import ByWorld, Clock, Method, Methods, Remedy, Stage, of_world
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.model.structs import filled
@@ -112,7 +113,7 @@ class Points(Method):
     """Stages predict and finish, and the guard that no position stops being a number."""
 
     def __init__(self, model: Model, state: State, status: Status, struck: wp.array | None, integrator: Integrator):
-        super().__init__("points")
+        super().__init__("points", by_world=True)
         status.reserve(NOT_FINITE)
         self.model, self.state, self.status, self.struck = model, state, status, struck
         self.integrator = integrator
@@ -188,7 +189,7 @@ class Points(Method):
         rows = self.model.rows(path, world)
         bodies = [b for b in self.model.bodies if b.path == path and world in (None, b.world)]
         if name in ("density", "mass"):
-            return (self.weigh if name == "density" else self.scale)(bodies, float(value))
+            return (self.weigh if name == "density" else self.scale)(bodies, value)
         if name in AT_REST:
             from wsim.physics.cloth.rest_shape import reshape
             reshape(self.model, name, value, bodies, self.densities)
@@ -198,7 +199,7 @@ class Points(Method):
             return False
         array = self.constants.gravity if name == "gravity" else self.constants.decay
         values = array.numpy()
-        values[rows] = value
+        values[rows] = value.rows(self.model, path) if isinstance(value, ByWorld) else value
         array.assign(values)
         return True
 
@@ -212,7 +213,7 @@ class Points(Method):
             values[self.loads.point] = self.loads.own.numpy()
         return values[self.constants.object.numpy()]
 
-    def weigh(self, bodies: list[Body], density: float) -> bool:
+    def weigh(self, bodies: list[Body], density: float | ByWorld) -> bool:
         """Masses follow the density; False where a body has none (`wsim.scene.nodal.masses.density_of`), or shares points with
         another."""
         if not bodies or self.model.alias is not None or any(density_of(b.source) is None for b in bodies):
@@ -220,18 +221,29 @@ class Points(Method):
         for b in bodies:
             before = self.densities.get(b.number) or density_of(b.source)
             assert before is not None
-            b.masses, self.densities[b.number] = b.masses * (density / before), density
+            own = float(of_world(density, b.world))
+            b.masses, self.densities[b.number] = b.masses * (own / before), own
         self.send(bodies)
         return True
 
-    def scale(self, bodies: list[Body], mass: float) -> bool:
+    def scale(self, bodies: list[Body], mass: float | ByWorld) -> bool:
         """Points of spring nets get this mass [kg] together, in the proportions that they have."""
         if not bodies or self.model.alias is not None or not all(isinstance(b.source, Springs) for b in bodies):
             return False
         for b in bodies:
-            b.masses = b.masses * (mass / b.masses.sum())
+            b.masses = b.masses * (float(of_world(mass, b.world)) / b.masses.sum())
         self.send(bodies)
         return True
+
+    def hold(self, free: np.ndarray, worlds: Iterable[int], held: bool) -> None:
+        """Holds all points of worlds where they are, or lets those go that were free. free: inverse masses of one world at the
+        start, (points of a world,)."""
+        w, each = self.constants.w.numpy(), self.model.points // self.model.worlds
+        for world in worlds:
+            own = slice(world * each, (world + 1) * each)
+            masses = self.model.stack("masses")[own]
+            w[own] = 0.0 if held else np.where(free > 0.0, 1.0 / masses, 0.0)
+        self.constants.w.assign(w)
 
     def send(self, bodies: list[Body]) -> None:
         """Uploads their masses."""

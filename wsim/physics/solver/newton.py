@@ -59,6 +59,7 @@ class Implicit(Method):
         self.present: Any = list                   # rows, with muscles as they are
         self.adjoint = beside(model, __name__, "ImplicitAdjoint", self, self.every)
         self.offer()
+        self.by_world = not (self.assembly.solids or self.adjoint)
         what = [f"{b.size} {b.kind}" for b in own.tables.values()] + [f"{t.size} {t.name} {t.noun}" for t in own.solids]
         stage = Stage("newton", "solve", self.iterate, 8 + own.launches, own.bytes, "iteration", ", ".join(what) + own.why)
         self.stages.append(stage)

@@ -1,0 +1,52 @@
+"""Mass for the points of slivers: how much, for how much longer steps, and what stays."""
+
+import pytest
+
+import wsim
+from wsim.physics.fused.stiff_few import MOST, WORTH, slow, sums
+from wsim.physics.motion import frequency
+from wsim.scene import Scene, shapes
+from wsim.scene.fabric import Fabric
+
+SIDE = 72              # points of a side: two of them weigh a 2500th of it
+FABRIC = Fabric(stretch=500.0, shear=100.0, bend=1e-5, thickness=1e-3)
+
+
+def pinched(share: float) -> Scene:
+    """A sheet with one point moved towards its neighbour, to a share of their distance."""
+    points, counts, indices = shapes.sheet(1.0, 1.0, SIDE, SIDE)
+    a = 20 * (SIDE + 1) + 20
+    b = a + 1
+    points[b] = points[a] + share * (points[b] - points[a])
+    scene = Scene(solver="explicit")
+    scene.pin("/pin", scene.cloth("/cloth", points, counts, indices, material=FABRIC), range(SIDE + 1))
+    return scene
+
+
+def test_a_sliver_sets_the_step_no_more():
+    sim, scene = wsim.Simulation(pinched(0.05), device="cpu"), pinched(0.05)
+    scene.integrator, scene.substeps = "leapfrog", 2000              # a named integrator is taken as it is
+    alone = wsim.Simulation(scene, device="cpu")
+    (body,), (before,) = sim.model.bodies, alone.model.bodies
+    assert 0.0 < body.masses.sum() / before.masses.sum() - 1.0 <= MOST
+    assert (body.masses > before.masses).sum() < 20 and (body.masses >= before.masses).all()
+    assert frequency.bound(sim.model)[0] < frequency.bound(alone.model)[0] / WORTH
+    assert "more mass" in sim.plan.choice.why and "/cloth" in sim.plan.choice.why
+
+
+def test_no_point_is_faster_than_the_bound_after():
+    sim = wsim.Simulation(pinched(0.05), device="cpu")
+    (body,) = sim.model.bodies
+    square = (sums(sim.model, body) / body.masses)[SIDE + 1:]
+    assert square.max() == pytest.approx(frequency.bound(sim.model)[0]**2, rel=0.2)
+    assert not slow(sim.model)                                        # once is enough
+
+
+@pytest.mark.parametrize("settings", [{}, {"solver": "xpbd"}, {"integrator": "leapfrog", "substeps": 1000}])
+def test_a_mesh_of_like_triangles_and_other_solvers_keep_their_masses(settings):
+    scene = pinched(0.05 if settings else 1.0)
+    for name, value in settings.items():
+        setattr(scene, name, value)
+    sim = wsim.Simulation(scene, device="cpu")
+    assert sim.model.bodies[0].masses.sum() == pytest.approx(FABRIC.density * FABRIC.thickness, rel=1e-9)
+    assert "more mass" not in sim.plan.choice.why
