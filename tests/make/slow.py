@@ -87,6 +87,8 @@ SLOW = {
     "physics/fluid/test_accuracy.py": [
         "test_other_schemes_lose_to_the_projection_what_reflection_keeps[bfecc-0.0342]",
         "test_other_schemes_lose_to_the_projection_what_reflection_keeps[linear-0.0512]"],
+    "physics/fluid/test_bodies.py": [
+        "test_a_body_that_is_pushed_takes_as_much_air_along_as_it_displaces[cubic]"],
     "physics/fluid/liquid/test_bodies.py": [
         "test_the_buoyancy_of_what_is_as_dense_as_the_liquid_is_its_weight[shape1-7.8]",
         "test_a_light_body_rises_as_its_added_mass_lets_it[10.0]", "test_momentum_goes_from_a_stream_to_a_body"],
